@@ -42,7 +42,7 @@ from simmer_tui.calibrate.guided import WANTED, SessionPlanner, drive_guided, gu
 from simmer_tui.calibrate.measured_run import read_runs
 from simmer_tui.calibrate.parameters import main_axis
 from simmer_tui.calibrate.prediction import held_back, prediction_errors
-from simmer_tui.calibrate.written_set import knowledge_text, learned_spec, write_files
+from simmer_tui.calibrate.written_set import knowledge_of, learned_spec, write_files
 from simmer_tui.config.loader import load
 from simmer_tui.config.sets import bundled_folder
 from simmer_tui.errors import CalibrationError
@@ -309,7 +309,7 @@ def check_part(options: argparse.Namespace, folder: Path, report: Report, robots
     by_change: dict[str, list[bool]] = defaultdict(list)
     for robot in good:
         assert robot.found is not None, "it was learned"
-        knowledge = json.loads(knowledge_text(robot.found, robot.estimates))
+        knowledge = knowledge_of(robot.found, robot.estimates)
         spec = learned_spec(robot.found.run.spec, robot.estimates)
         configuration = replace(robot.found.run.configuration, simulation=spec)
         random = np.random.default_rng((11, robot.number))

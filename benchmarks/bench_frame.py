@@ -30,7 +30,7 @@ from simmer_tui.tui.maze.glyphs import blank_cells
 from simmer_tui.tui.maze.painter import Painter
 from simmer_tui.tui.maze.scene import Scene, SensorView
 from simmer_tui.tui.maze.viewport import Viewport, whole_maze
-from simmer_tui.tui.strips import changed_spans, make_strip
+from simmer_tui.tui.strips import changed_spans, make_strips
 from simmer_tui.tui.terminal import ColorDepth, GlyphMode
 
 MAZE = MazeSpec(
@@ -127,13 +127,11 @@ class Screen:
 
     def show(self, turn: int) -> None:
         cells = self.painter.cells(self.scenes[turn], self.viewport)
-        for row in {span.row for span in changed_spans(self.cells, cells, 6)}:
-            make_strip(cells, row, self.style)
+        make_strips(cells, [span.row for span in changed_spans(self.cells, cells)], self.style)
         self.cells = cells
 
     def repaint(self, _turn: int) -> None:
-        for row in range(self.viewport.rows):
-            make_strip(self.cells, row, self.style)
+        make_strips(self.cells, range(self.viewport.rows), self.style)
 
 
 def measure_times(frames: int) -> Iterator[dict[str, float | str]]:
@@ -157,12 +155,12 @@ def measure_times(frames: int) -> Iterator[dict[str, float | str]]:
             }
 
 
-def run_app(frames: int, cropped: bool) -> None:
+def run_app(frames: int, deltas: bool) -> None:
     """In the child: show `frames` scenes in a maze view, one after each refresh, and leave."""
     from textual.app import App, ComposeResult
 
     from simmer_tui.tui.maze.view import MazeView
-    from simmer_tui.tui.textual_internals import cropped_dirty_spans
+    from simmer_tui.tui.textual_internals import delta_updates
 
     scenes = iter(drive(frames))
 
@@ -180,20 +178,20 @@ def run_app(frames: int, cropped: bool) -> None:
             else:
                 self.query_one(MazeView).show(scene)
 
-    if cropped:
-        with cropped_dirty_spans():
+    if deltas:
+        with delta_updates():
             Bench().run()
     else:
         Bench().run()
 
 
-def bytes_on_pty(frames: int, columns: int, rows: int, *, cropped: bool) -> int:
+def bytes_on_pty(frames: int, columns: int, rows: int, *, deltas: bool) -> int:
     """Everything the app sends in a run of `frames` frames."""
     master, slave = pty.openpty()
     environment = dict(os.environ, COLUMNS=str(columns), LINES=str(rows), TERM="xterm-256color")
     environment["TEXTUAL_COLOR_SYSTEM"] = "truecolor"
     environment.pop("NO_COLOR", None)
-    command = [sys.executable, __file__, "--child", str(frames), *(["--cropped"] if cropped else [])]
+    command = [sys.executable, __file__, "--child", str(frames), *(["--deltas"] if deltas else [])]
     child = subprocess.Popen(command, stdin=slave, stdout=slave, stderr=slave, env=environment)
     os.close(slave)
     total = 0
@@ -210,12 +208,12 @@ def bytes_on_pty(frames: int, columns: int, rows: int, *, cropped: bool) -> int:
 
 def measure_bytes(frames: int) -> Iterator[dict[str, float | str]]:
     for columns, rows, shown in ((72, 20, "64x16"), (136, 36, "128x32"), (200, 52, "192x48")):
-        for cropped in (False, True):
-            few = bytes_on_pty(2, columns, rows, cropped=cropped)
-            many = bytes_on_pty(2 + frames, columns, rows, cropped=cropped)
+        for deltas in (False, True):
+            few = bytes_on_pty(2, columns, rows, deltas=deltas)
+            many = bytes_on_pty(2 + frames, columns, rows, deltas=deltas)
             yield {
                 "cells": shown,
-                "left edge cropped": "yes" if cropped else "no",
+                "written as deltas": "yes" if deltas else "no",
                 "kilobytes a frame": round((many - few) / frames / 1000, 1),
                 "kilobytes to start": round(few / 1000, 1),
             }
@@ -226,10 +224,10 @@ def main() -> None:
     parser.add_argument("--quick", action="store_true", help="fewer frames")
     parser.add_argument("--json", metavar="FILE", help="also write the numbers here")
     parser.add_argument("--child", type=int, help=argparse.SUPPRESS)
-    parser.add_argument("--cropped", action="store_true", help=argparse.SUPPRESS)
+    parser.add_argument("--deltas", action="store_true", help=argparse.SUPPRESS)
     options = parser.parse_args()
     if options.child is not None:
-        run_app(options.child, options.cropped)
+        run_app(options.child, options.deltas)
         return
     results: dict[str, list[dict[str, float | str]]] = {"time": [], "bytes": []}
     for name, measure, frames in (

@@ -1,17 +1,22 @@
 """Cost of logging, and the time until a long log can be moved about in.
 
-    python benchmarks/bench_runlog.py [--quick] [--json FILE]
+    python benchmarks/bench_runlog.py [--quick] [--against DIR] [--json FILE]
 
 Round trips over TCP with a log and without take turns in the same run, so that machines can be
 compared by the ratio. The long log is made of the lines of a real run, their times and numbers
 changed; it is opened as `replay` does, in a process of its own to see its memory. Goal: a report of a
 million commands takes at most 10 s of an idle core.
+
+With --against, `report --json` of a failed mission with beliefs, of 100,000 commands, takes turns with that
+of another checkout in DIR (`git worktree add DIR 592ca20`: before sensors and drives were held against the
+truth). Each reads a log that it has written itself, of the same run. Goal: 1.3 times its processor time.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import os
 import random
 import re
 import socket
@@ -36,6 +41,7 @@ from simmer_tui.runlog.writer import RunLog
 from simmer_tui.server import Server
 from simmer_tui.sim import Simulator, parse_command
 
+ROOT = Path(__file__).resolve().parent.parent
 PATTERN = ("u1", "u2", "u3", "u4", "i1", "g1", "o1", "c1", "d1-2", "r1-25")
 
 
@@ -90,6 +96,65 @@ def _rate(client: socket.socket, seconds: float) -> float:
             struct.unpack(">d", reply)
         count += len(texts)
     return count / elapsed
+
+
+_LONG_MISSION = {"time_limit": "1e9", "contacts": "1000000", "start": "[30.0, 42.0]", "heading": "0.0"}
+"""Lines of mission.toml for a mission that ends by its program alone."""
+_WANDER = f"{sys.executable} {ROOT / 'scripts' / 'wander.py'} --steps {{}} --start 30,42,0 --seed 3"
+_STEP = len(PATTERN)  # commands that wander.py sends a step: nine sensors and a movement
+
+
+def against(other: Path, folder: Path, rounds: int) -> dict[str, float]:
+    """Processor time of a report here and in another checkout, seconds (medians), and their ratio."""
+    logs = {
+        tree: _mission_log(tree, folder / f"mission{number}") for number, tree in enumerate((ROOT, other))
+    }
+    times: dict[Path, list[float]] = {tree: [] for tree in logs}
+    for number in range(rounds):
+        for tree in list(logs)[:: 1 if number % 2 else -1]:
+            begin = _children_time()
+            _simmer_tui(tree, "report", str(logs[tree]), "--json")
+            times[tree].append(_children_time() - begin)
+    ratios = [mine / theirs for mine, theirs in zip(times[ROOT], times[other], strict=True)]
+    return {
+        "here, s of a core (median)": statistics.median(times[ROOT]),
+        "there, s of a core (median)": statistics.median(times[other]),
+        "here, s of a core (least)": min(times[ROOT]),
+        "there, s of a core (least)": min(times[other]),
+        "ratio (median of the rounds)": statistics.median(ratios),
+    }
+
+
+def _mission_log(tree: Path, place: Path) -> Path:
+    """The log of 100,000 commands of wander.py in a mission that it does not do, written by a checkout."""
+    log = place.with_suffix(".jsonl")
+    _simmer_tui(tree, "init", str(place), "--from", "mission")
+    mission = place / "mission.toml"
+    lines = mission.read_text("utf-8").splitlines()
+    for key, value in _LONG_MISSION.items():
+        lines = [f"{key} = {value}" if line.startswith(f"{key} =") else line for line in lines]
+    mission.write_text("\n".join(lines), "utf-8")
+    _simmer_tui(
+        tree,
+        *("--config", str(place), "--no-ui", "--mission", "--seed", "5", "--port", "0", "--reply-port", "0"),
+        *("--log", str(log), "--run", _WANDER.format(100_000 // _STEP)),
+    )
+    return log
+
+
+def _simmer_tui(tree: Path, *arguments: str) -> None:
+    """Run the command of a checkout. A mission that failed is no error here."""
+    command = [sys.executable, "-m", "simmer_tui", *arguments]
+    environment = {**os.environ, "PYTHONPATH": str(tree)}
+    done = subprocess.run(command, check=False, capture_output=True, env=environment, cwd=tree)
+    if done.returncode > 1:
+        raise RuntimeError(f"{' '.join(command)}: {done.stderr.decode(errors='replace')[-500:]}")
+
+
+def _children_time() -> float:
+    """Processor time of all processes started and ended so far, seconds."""
+    times = os.times()
+    return times.children_user + times.children_system
 
 
 def make_long_log(path: Path, commands: int) -> None:
@@ -208,10 +273,25 @@ def _in_own_process(*arguments: str) -> dict[str, float]:
     return found
 
 
+def measured(folder: Path, options: argparse.Namespace) -> dict[str, dict[str, float]]:
+    """All figures asked for, by title."""
+    seconds, rounds = (0.5, 5) if options.quick else (1.0, 11)
+    if options.against:
+        other = options.against.resolve()
+        return {"a report of 100,000 commands, against another": against(other, folder, rounds)}
+    results = {"round trips a second": round_trips(folder, seconds, rounds)}
+    path = folder / "long.jsonl"
+    make_long_log(path, 100_000 if options.quick else 1_000_000)
+    results["a long log"] = _in_own_process("--open", str(path))
+    results["its report"] = _in_own_process("--report", str(path))
+    return results
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--quick", action="store_true", help="shorter runs, a log of 100,000 commands")
     parser.add_argument("--json", type=Path, help="write the numbers there too")
+    parser.add_argument("--against", type=Path, metavar="DIR", help="compare reports with another checkout's")
     parser.add_argument("--client", nargs=2, help=argparse.SUPPRESS)
     parser.add_argument("--open", type=Path, help=argparse.SUPPRESS)
     parser.add_argument("--report", type=Path, help=argparse.SUPPRESS)
@@ -225,13 +305,7 @@ def main() -> None:
         print(json.dumps(numbers))
         return
     with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        seconds, rounds = (0.5, 5) if options.quick else (1.0, 11)
-        results = {"round trips a second": round_trips(folder, seconds, rounds)}
-        path = folder / "long.jsonl"
-        make_long_log(path, 100_000 if options.quick else 1_000_000)
-        results["a long log"] = _in_own_process("--open", str(path))
-        results["its report"] = _in_own_process("--report", str(path))
+        results = measured(Path(name), options)
     for title, numbers in results.items():
         print(title)
         for name, value in numbers.items():

@@ -27,7 +27,7 @@ LOST, UNSURE, MISREAD, UNREAD = "lost", "unsure", "sensor misread", "sensor unre
 CLEARANCE, DRIVE_ERROR, HELD_BLOCK = "clearance", "drive error", "held block"
 MISSED, OUTSIDE, STUCK, SLOW = "missed grip", "dropped outside", "stuck", "too slow"
 NOWHERE, SENSOR, DRIVE = "got nowhere", "sensor wrong", "drive wrong"
-NOT_DONE, APART = "command not carried out", "cannot be told apart"
+NOT_DONE, APART = "command not carried out", "program or link"
 
 EXPLAINED = frozenset(
     (
@@ -106,6 +106,9 @@ class Hand:
     at: float = math.inf
     near: float = 0.0
     turn: float = 0.0  # deg, with the action "turn"
+    shift: float = 0.0  # in, with the actions "teleport" and "block"; 0: to another cell
+    holding: bool = False
+    """True if the moment is when the gripper holds the block."""
 
 
 @dataclass(frozen=True)
@@ -130,6 +133,10 @@ class Case:
     """Rules of the proxy, see `fault_proxy.py`."""
     cells: tuple[tuple[str, str, str, str], ...] = ()
     """Cells of the set that differ from the bundled one: file, code, column and value."""
+    known: tuple[tuple[str, str, str, str], ...] = ()
+    """Cells that differ in what the program knows of its robot."""
+    mirrored: bool = False
+    """True if the program's map has left and right exchanged."""
     settings: Mapping[str, object] = field(default_factory=dict)
     hand: Hand | None = None
     program: Mapping[str, Any] = field(default_factory=dict)

@@ -14,15 +14,17 @@ import json
 import math
 import os
 import random
+import re
 import shlex
 import shutil
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 from fault_answers import PLAIN, SOLVE, STEP6, STEP7, Case, Expected, Hand
+from fault_independent import INDEPENDENT
 from fault_kinds import KINDS, TOLD
 
 from simmer_tui.cli.headless import Headless
@@ -42,6 +44,7 @@ SCRIPTS = {
     STEP6: HERE.parent / "scripts" / "course" / "step6_block.py",
     PLAIN: HERE / "plain_mission.py",
 }
+_CENTRE = re.compile(r"(bot|block)_center *= *\[([\d.]+), *([\d.]+)\]")
 CLEAN = "clean"
 CELL = 12.0  # in
 LOADING = 3  # the value of the loading zone's cells in maze.csv
@@ -69,7 +72,7 @@ class Flight:
 
 def case_of(kind: str, seed: int) -> Case:
     """The fault of a kind as it is put into the run with a seed; none into a clean one."""
-    fault = {**KINDS, **TOLD}.get(kind)
+    fault = {**KINDS, **TOLD, **INDEPENDENT}.get(kind)
     return Case(Expected()) if fault is None else fault.draw(random.Random(f"{kind} {seed}"))
 
 
@@ -117,9 +120,9 @@ def _fly(name: Path, case: Case, program: str, seed: int) -> Flight:
     server = Server(configuration, plan=plan)
     hand = _HandOf(server, case.hand, random.Random(seed))
     server.engine.watch(hand.watch)
-    nominal = bundled_sets()[MISSION_SET]
     # The programs know the robot as it should be, not as it is.
-    environment = _CALM | {"SIMMER_CONFIG": str(nominal)} | dict(case.environment)
+    known = _known_set(name, case)
+    environment = _CALM | {"SIMMER_CONFIG": str(known)} | dict(case.environment)
     environment |= {"SIMMER_PROTOCOL": "packets"} if packets else {}
     front = Headless(server, quiet=True, has_program=True)
     with _as_surroundings(environment):
@@ -127,8 +130,9 @@ def _fly(name: Path, case: Case, program: str, seed: int) -> Flight:
         code = life.run()
     assert server.referee is not None, "the set has a mission"
     state = server.referee.state()
-    if directory.parent == name.parent:
-        shutil.rmtree(directory)
+    for made in (directory, known):
+        if made.parent == name.parent:
+            shutil.rmtree(made)
     return Flight(
         success=state.result is Result.SUCCESS,
         taken=state.goals[Goal.TAKEN] is not None,
@@ -167,17 +171,43 @@ def _set_of(name: Path, case: Case, program: str, seed: int) -> Path:
     """The folder of the robot's set: the bundled one, or one that was made from it."""
     if not case.cells and program != PLAIN:
         return bundled_sets()[MISSION_SET]
-    folder = name.with_suffix(".set")
+    folder = _made(name.with_suffix(".set"), case.cells)
+    if program == PLAIN:
+        _give_start(folder, random.Random(seed))
+    return folder
+
+
+def _known_set(name: Path, case: Case) -> Path:
+    """The folder of the set that the program knows: the bundled one, or a wrong one."""
+    if not case.known and not case.mirrored:
+        return bundled_sets()[MISSION_SET]
+    folder = _made(name.with_suffix(".known"), case.known)
+    if case.mirrored:
+        maze = folder / "maze.csv"
+        lines = maze.read_text("utf-8").splitlines()
+        turned = [line if line.startswith("#") else ",".join(line.split(",")[::-1]) for line in lines]
+        maze.write_text("\n".join(turned) + "\n", "utf-8")
+        # Robot and block stand elsewhere then, or the set would be refused.
+        settings = folder / "settings.toml"
+        settings.write_text(_CENTRE.sub(_mirrored_centre, settings.read_text("utf-8")), "utf-8")
+    return folder
+
+
+def _mirrored_centre(line: re.Match[str]) -> str:
+    """The line of settings.toml with the robot's or the block's place in the mirrored maze."""
+    return f"{line[1]}_center = [{8 * CELL - float(line[2])}, {line[3]}]"
+
+
+def _made(folder: Path, changed: Sequence[tuple[str, str, str, str]]) -> Path:
+    """A folder with the bundled set, but other values in some cells."""
     shutil.rmtree(folder, ignore_errors=True)
     with contextlib.redirect_stdout(io.StringIO()):
         simmer_tui(["init", str(folder), "--from", MISSION_SET])
     for file in ("sensors.csv", "drive.csv"):
-        cells = [cell[1:] for cell in case.cells if cell[0] == file]
+        cells = [cell[1:] for cell in changed if cell[0] == file]
         if cells:
             path = folder / file
             path.write_text(_with_cells(path.read_text("utf-8"), cells), "utf-8")
-    if program == PLAIN:
-        _give_start(folder, random.Random(seed))
     return folder
 
 
@@ -234,11 +264,17 @@ class _HandOf:
             and not simulator.holding
             and math.dist((block.x, block.y), (pose.x, pose.y)) < hand.near
         )
-        if simulator.time >= hand.at or near:
+        held = hand.holding and simulator.holding
+        if simulator.time >= hand.at or near or held:
             self._asked = True
             self._server.call(self._strike, hand)
 
     def _strike(self, hand: Hand) -> None:
+        if hand.action == "pause":
+            self.struck = True
+            for name in (ActionName.PAUSE, ActionName.RESUME):
+                self._server.engine.perform(Action(name))
+            return
         for action in self._tries(hand):
             if not self._server.engine.perform(action).refused:
                 self.struck = True
@@ -250,6 +286,10 @@ class _HandOf:
         pose = simulator.pose
         if hand.action == "turn":
             return [Action(ActionName.TELEPORT, (pose.x, pose.y, pose.heading + hand.turn))]
+        if hand.action == "reset":
+            return [Action(ActionName.RESET)]
+        if hand.shift:
+            return self._shifts(hand)
         cells = simulator.spec.maze.cells[::-1]
         free = [(x, y, value) for y, row in enumerate(cells) for x, value in enumerate(row) if value]
         # A block in another cell of the loading zone would be found again.
@@ -263,3 +303,17 @@ class _HandOf:
         if hand.action == "block":
             return [Action(ActionName.BLOCK, place) for place in far]
         return [Action(ActionName.TELEPORT, (*place, 90.0 * self._draw.randrange(4))) for place in far]
+
+    def _shifts(self, hand: Hand) -> list[Action]:
+        """Pushes of the robot or the block by the same way, in any direction."""
+        simulator = self._server.simulator
+        moves = [
+            (hand.shift * math.cos(math.radians(angle)), hand.shift * math.sin(math.radians(angle)))
+            for angle in range(0, 360, 30)
+        ]
+        self._draw.shuffle(moves)
+        if hand.action == "block":
+            block = simulator.block
+            return [Action(ActionName.BLOCK, (block.x + x, block.y + y)) for x, y in moves]
+        pose = simulator.pose
+        return [Action(ActionName.TELEPORT, (pose.x + x, pose.y + y, pose.heading)) for x, y in moves]

@@ -25,7 +25,7 @@ from fault_answers import (
     says,
 )
 
-_PERSON = ("person", "teleport", "by hand")
+PERSON = ("person", "teleport", "by hand")
 
 
 # -- people -----------------------------------------------------------------------------------
@@ -34,7 +34,7 @@ _PERSON = ("person", "teleport", "by hand")
 def hand_teleport(draw: random.Random) -> Case:
     """A person puts the robot into another cell: that is to be said, not that the program lost its way."""
     return Case(
-        Expected((says(words=_PERSON),), (says(LOST, UNSURE),)),
+        Expected((says(words=PERSON),), (says(LOST, UNSURE),)),
         hand=Hand("teleport", at=draw.uniform(12.0, 40.0)),
     )
 
@@ -43,7 +43,7 @@ def hand_turn(draw: random.Random) -> Case:
     """A person turns the robot on the spot."""
     turn = draw.choice((60.0, -60.0, 120.0, -120.0, 180.0))
     return Case(
-        Expected((says(words=_PERSON),), (says(LOST, UNSURE),)),
+        Expected((says(words=PERSON),), (says(LOST, UNSURE),)),
         hand=Hand("turn", at=draw.uniform(12.0, 40.0), turn=turn),
     )
 
@@ -52,7 +52,7 @@ def hand_block(draw: random.Random) -> Case:
     """A person takes the block away from before the robot, to where nobody looks for it. That the gripper
     closed on nothing is true, but half."""
     return Case(
-        Expected((says(words=_PERSON),), (says(MISSED),)),
+        Expected((says(words=PERSON),), (says(MISSED),)),
         hand=Hand("block", near=6.5),
     )
 
@@ -60,25 +60,25 @@ def hand_block(draw: random.Random) -> Case:
 # -- the program ------------------------------------------------------------------------------
 
 
-def _crash(*words: str, printed: str = "line ") -> Expected:
+def crash(*words: str, printed: str = "line ") -> Expected:
     """A crash counts with its exception, and with its line among what was printed; else in part."""
     return Expected(right=(says(CRASHED, words=words, printed=printed),), partly=(says(CRASHED),))
 
 
 def program_key_error(draw: random.Random) -> Case:
     """An exception in mid-run."""
-    return Case(_crash("KeyError"), program={"crash": "KeyError", "after": draw.randrange(60, 160)})
+    return Case(crash("KeyError"), program={"crash": "KeyError", "after": draw.randrange(60, 160)})
 
 
 def program_zero_division(draw: random.Random) -> Case:
     """An exception right at the beginning, after the first readings."""
-    return Case(_crash("ZeroDivisionError"), program={"crash": "ZeroDivisionError", "after": 3})
+    return Case(crash("ZeroDivisionError"), program={"crash": "ZeroDivisionError", "after": 3})
 
 
 def program_segfault(draw: random.Random) -> Case:
     """A signal ends it, as in an extension written in C: the signal is to be named."""
     signal = {"signal": 11, "after": draw.randrange(60, 160)}
-    return Case(_crash("signal 11", "SIGSEGV", "segmentation", printed=""), program=signal)
+    return Case(crash("signal 11", "SIGSEGV", "segmentation", printed=""), program=signal)
 
 
 def program_exit(draw: random.Random) -> Case:
@@ -113,7 +113,7 @@ def program_other_port(draw: random.Random) -> Case:
     )
 
 
-def _going_nowhere(draw: random.Random, loop: str) -> Case:
+def going_nowhere(draw: random.Random, loop: str) -> Case:
     """However it ends, by time or by the drift that took it to a wall, it got nowhere. `stuck` meant that and
     more before there was a kind for it."""
     partly = (says(STUCK), says(SLOW))
@@ -123,12 +123,12 @@ def _going_nowhere(draw: random.Random, loop: str) -> Case:
 
 def program_turning(draw: random.Random) -> Case:
     """It turns on the spot for ever."""
-    return _going_nowhere(draw, "turn")
+    return going_nowhere(draw, "turn")
 
 
 def program_to_and_fro(draw: random.Random) -> Case:
     """It goes to and fro for ever."""
-    return _going_nowhere(draw, "to and fro")
+    return going_nowhere(draw, "to and fro")
 
 
 def program_reading(draw: random.Random) -> Case:

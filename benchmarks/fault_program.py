@@ -7,8 +7,11 @@
 - `crash`: the exception of this name is raised;
 - `exit`: the program ends with this code, without a word;
 - `signal`: it ends itself by this signal;
-- `loop`: it does nothing else any more: "turn" on the spot, "to and fro", "read" a sensor;
+- `loop`: it does nothing else any more: "turn" on the spot, "to and fro", "read" a sensor, "square",
+  "refused": a drive that the robot has not;
 - `skip`: this command, such as "p1-0", is never sent;
+- `send`: these commands are sent once, and the script goes on as if they had not been;
+- `when`: the calls are counted from this command on;
 - `crash_at_end`: the exception is raised when the script has done all it does.
 """
 
@@ -24,7 +27,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from simmer_tui.client import Robot
+from simmer_tui.client import CommandRefusedError, Robot
 
 
 def turn(robot: Robot) -> None:
@@ -36,6 +39,24 @@ def turn(robot: Robot) -> None:
 def look(robot: Robot) -> None:
     """A look, and nothing else."""
     robot.read("u1")
+
+
+def square(robot: Robot) -> None:
+    """One corner of a small square, without a goal."""
+    robot.read("u1", "u3")
+    robot.drive("d1", 0.5)
+    robot.drive("r1", 90)
+
+
+def ask_in_vain(robot: Robot) -> None:
+    """A look, and a drive that is refused: the robot has none with this code."""
+    robot.read("u1")
+    with contextlib.suppress(CommandRefusedError):
+        robot.send("q9-5")
+
+
+STEPS = {"turn": turn, "read": look, "square": square, "refused": ask_in_vain}
+"""Loops that do the same from the beginning on, by name."""
 
 
 def swinging(robot: Robot) -> Callable[[Robot], None]:
@@ -58,6 +79,7 @@ class Interference:
     def __init__(self, fault: dict[str, Any]) -> None:
         self._fault = fault
         self._left = fault.get("after", 0)
+        self._counts = "when" not in fault
         self._mine = False
         """True while the fault itself drives the robot."""
 
@@ -70,12 +92,13 @@ class Interference:
         def call(robot: Robot, *arguments: Any) -> Any:
             if self._mine:
                 return method(robot, *arguments)
-            self._left -= 1
-            if self._left < 0:
-                self._strike(robot)
-            if "-".join(format(each, "g") if not isinstance(each, str) else each for each in arguments) == (
-                self._fault.get("skip")
-            ):
+            if self._counts:
+                self._left -= 1
+                if self._left < 0:
+                    self._strike(robot)
+            command = "-".join(each if isinstance(each, str) else format(each, "g") for each in arguments)
+            self._counts = self._counts or command == self._fault["when"]
+            if command == self._fault.get("skip"):
                 return None
             return method(robot, *arguments)
 
@@ -91,9 +114,13 @@ class Interference:
             os.kill(os.getpid(), fault["signal"])
         if "loop" in fault:
             self._mine = True
-            step = {"turn": turn, "read": look}.get(fault["loop"]) or swinging(robot)
+            step = STEPS.get(fault["loop"]) or swinging(robot)
             while True:
                 step(robot)
+        self._mine = True
+        for command in fault.pop("send", ()):
+            robot.send(command)
+        self._mine = False
 
 
 def exception(name: str) -> Exception:

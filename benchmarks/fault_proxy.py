@@ -9,6 +9,7 @@ alike. Both protocols and the belief port go through it. Standard library only, 
 A rule is a JSON object: `on` is "command", "reply" or "belief"; `do` is one of the functions below;
 `codes` are those it applies to (none: all), `from` is the number of the first command, or belief, that
 it applies to (0: from the beginning), `value` is what the function takes.
+With `every` it applies to one command in so many.
 """
 
 from __future__ import annotations
@@ -39,6 +40,8 @@ REPLIES: dict[str, Callable[[Any, float, list[float]], float]] = {
     "add": lambda value, reply, before: reply + value,
     "scale": lambda value, reply, before: reply * value,
     "constant": lambda value, reply, before: value,
+    "drift": lambda value, reply, before: reply + value * len(before),
+    "round": lambda value, reply, before: value * round(reply / value) if math.isfinite(reply) else reply,
     "late": lambda value, reply, before: before[-1 - value] if len(before) > value else before[0],
 }
 """Changes of a reply; `before` are the true replies of this code so far, this one the last."""
@@ -103,7 +106,10 @@ class Faults:
         return [
             rule
             for rule in self._rules
-            if rule["on"] == on and number > rule.get("from", 0) and code in rule.get("codes", (code,))
+            if rule["on"] == on
+            and number > rule.get("from", 0)
+            and number % rule.get("every", 1) == 0
+            and code in rule.get("codes", (code,))
         ]
 
 

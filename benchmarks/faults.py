@@ -1,11 +1,13 @@
 """Rates at which reports say rightly why a run failed: kinds of faults by seeds and programs.
 
     python benchmarks/faults.py [--kinds WORD,...] [--seeds N] [--programs NAME,...] [--jobs N]
-                                [--keep DIR] [--again] [--minutes M] [--json FILE]
+                                [--table NAME] [--first-seed N] [--misses] [--keep DIR] [--again]
+                                [--minutes M] [--json FILE]
 
 Faults are made by a proxy between program and simulator, by sets that differ from the bundled one, by
 people's hands and by programs. `fault_kinds.py` has the kinds and what counts as right for each, written
-down before any result was seen; `report --json` is compared with that, key by key.
+down before any result was seen; `report --json` is compared with that, key by key. `--table independent` has
+the kinds of `fault_independent.py` instead, one program a seed, with seeds of its own.
 
 Only runs count that fail, with a seed with which the same program does its work where there is no fault.
 They are counted as right, right in part, wrong (something else was named) and silent (nothing was), and
@@ -30,8 +32,9 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from fault_answers import CRASHED, PROGRAMS, Case, says
+from fault_answers import CRASHED, PROGRAMS, Case, Fault, says
 from fault_flights import CLEAN, case_of, flown, log_of, report_of
+from fault_independent import INDEPENDENT
 from fault_kinds import KINDS, TOLD, right_if_told
 
 from simmer_tui.report import causes
@@ -40,6 +43,8 @@ from simmer_tui.report.counterfactuals import Change, Counterfactual
 
 RIGHT, PARTLY, WRONG, SILENT = "right", "partly", "wrong", "silent"
 GRADES = (RIGHT, PARTLY, WRONG, SILENT)
+ALL = {**KINDS, **INDEPENDENT}
+"""The kinds of both tables. Their names differ, as their logs stand in one folder."""
 CLEAN_SEEDS = 25
 """Clean runs of each program: 100 with all four, and enough of them succeed for 10 seeds."""
 WOULD_HAVE_SAVED = {
@@ -141,7 +146,7 @@ def outcome_of(task: Task, keep: Path, *, again: bool = False) -> Outcome:
     failed, graded, first = flight.failed(task.program), "", ""
     if task.kind in TOLD:
         graded = first = RIGHT if right_if_told(task.kind, report) else WRONG
-    elif task.kind in KINDS and failed and flight.struck:
+    elif task.kind in ALL and failed and flight.struck:
         case = case_of(task.kind, task.seed)
         graded, first = grade(report, case), grade(report, case.as_first_written, crash_decides=False)
     named = [each for each in (verdict["cause"], verdict["second_cause"]) if each is not None]
@@ -209,6 +214,43 @@ def _silence() -> None:
         os.dup2(nowhere, stream)
 
 
+@dataclass(frozen=True)
+class Table:
+    """Kinds of faults that are flown together.
+
+    Args:
+        kinds: what is graded.
+        told: what runs that succeed are to say.
+        first_seed: the first of the clean runs' seeds.
+        rotates: one program a seed, each in its turn; else all programs.
+    """
+
+    kinds: Mapping[str, Fault]
+    told: Mapping[str, Fault]
+    first_seed: int = 1
+    rotates: bool = False
+
+
+TABLES = {
+    "first": Table(KINDS, TOLD),
+    # Seeds that the first table has not: a diagnosis may have been made to fit those.
+    "independent": Table(INDEPENDENT, {}, first_seed=101, rotates=True),
+}
+
+
+def rotating_tasks_of(kinds: Sequence[str], seeds: Mapping[str, Sequence[int]], count: int) -> list[Task]:
+    """`count` runs of each kind, each with the next of its programs."""
+    tasks = []
+    for number in range(count):
+        for offset, kind in enumerate(kinds):
+            programs = [each for each in ALL[kind].programs if seeds.get(each)]
+            if programs:
+                program = programs[(number + offset) % len(programs)]
+                usable = seeds[program]
+                tasks.append(Task(kind, program, usable[number % len(usable)]))
+    return list(dict.fromkeys(tasks))
+
+
 def tasks_of(kinds: Iterable[str], seeds: Mapping[str, Sequence[int]], count: int) -> list[Task]:
     """All runs of a table, seed by seed, so that one that is cut short has all kinds."""
     known = {**KINDS, **TOLD}
@@ -226,8 +268,8 @@ def tasks_of(kinds: Iterable[str], seeds: Mapping[str, Sequence[int]], count: in
 
 def tables(outcomes: Sequence[Outcome]) -> str:
     """The tables of kinds, of programs, of what is told beside, and of the clean runs."""
-    graded = [each for each in outcomes if each.kind in KINDS]
-    kinds = [kind for kind in KINDS if any(each.kind == kind for each in graded)]
+    graded = [each for each in outcomes if each.kind in ALL]
+    kinds = [kind for kind in ALL if any(each.kind == kind for each in graded)]
     lines = ["", _row("kind", "runs", "failed", *GRADES, "% right", "contradicted")]
     lines += [_counts(kind, [each for each in graded if each.kind == kind]) for kind in kinds]
     lines += [_counts("all", graded)]
@@ -237,7 +279,12 @@ def tables(outcomes: Sequence[Outcome]) -> str:
         _counts(f"all of {program}", [each for each in graded if each.program == program])
         for program in PROGRAMS
     ]
-    new = [each for each in graded if not KINDS[each.kind].known]
+    groups = dict.fromkeys(each.kind.partition(":")[0] for each in graded)
+    lines += [
+        _counts(f"all of {group}", [each for each in graded if each.kind.startswith(f"{group}:")])
+        for group in groups
+    ]
+    new = [each for each in graded if not ALL[each.kind].known]
     lines += [_counts(f"{len({each.kind for each in new})} kinds new here", new), ""]
     for kind in TOLD:
         told = Counter(each.grade for each in outcomes if each.kind == kind)
@@ -252,6 +299,18 @@ def _counts(name: str, outcomes: Sequence[Outcome]) -> str:
     share = f"{100 * grades[RIGHT] / len(counted):.0f}" if counted else "-"
     against = sum(each.contradicted for each in counted)
     return _row(name, len(outcomes), len(counted), *(grades[each] for each in GRADES), share, against)
+
+
+def misses(outcomes: Sequence[Outcome], keep: Path) -> str:
+    """A line for each report that is wrong, silent or contradicted: its log, what it said, what was true."""
+    return "\n".join(
+        f"{log_of(keep, each.kind, each.program, each.seed)} {each.grade}"
+        f"{' contradicted' if each.contradicted else ''}\n"
+        f"    said: {each.said or 'nothing'} [{' '.join(each.culprits)}]: {each.text}\n"
+        f"    true: {' '.join((ALL[each.kind].draw.__doc__ or '').split())}"
+        for each in outcomes
+        if each.kind in ALL and each.grade and (each.grade in (WRONG, SILENT) or each.contradicted)
+    )
 
 
 def _row(name: str, *cells: object) -> str:
@@ -281,21 +340,28 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Fly what is asked for, and print the tables."""
     options = _options(arguments)
     words = [word for word in options.kinds.split(",") if word]
-    kinds = [kind for kind in (*KINDS, *TOLD) if not words or any(word in kind for word in words)]
+    table = TABLES[options.table]
+    kinds = [kind for kind in (*table.kinds, *table.told) if not words or any(word in kind for word in words)]
     programs = [program for program in PROGRAMS if program in options.programs.split(",")]
     until = time.time() + 60.0 * options.minutes
     pilots = Pilots(options.keep, options.jobs, again=options.again, until=until)
     try:
-        clean = [Task(CLEAN, program, seed) for seed in range(1, options.clean + 1) for program in programs]
+        first = table.first_seed if options.first_seed is None else options.first_seed
+        clean = [
+            Task(CLEAN, program, seed) for seed in range(first, first + options.clean) for program in programs
+        ]
         outcomes = list(pilots.outcomes(clean, known=bool(words)))
         seeds = {
             program: sorted(each.seed for each in outcomes if each.program == program and not each.failed)
             for program in programs
         }
-        outcomes += pilots.outcomes(tasks_of(kinds, seeds, options.seeds))
+        arranged = rotating_tasks_of if table.rotates else tasks_of
+        outcomes += pilots.outcomes(arranged(kinds, seeds, options.seeds))
     finally:
         pilots.close()
     print(tables(outcomes))
+    if options.misses:
+        print("\n" + misses(outcomes, options.keep))
     if options.json is not None:
         options.json.write_text(json.dumps([asdict(each) for each in outcomes], indent=1))
     return 0
@@ -303,9 +369,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(description="How often a report says rightly why a run failed.")
+    parser.add_argument("--table", choices=TABLES, default="first", help="which kinds of faults")
+    parser.add_argument("--misses", action="store_true", help="print each report that was wrong or silent")
     parser.add_argument("--kinds", default="", metavar="WORD,...", help="only kinds with one of these words")
     parser.add_argument("--seeds", type=int, default=10, metavar="N", help="runs of a kind and program")
     parser.add_argument("--clean", type=int, default=CLEAN_SEEDS, metavar="N", help="clean runs of a program")
+    parser.add_argument("--first-seed", type=int, metavar="N", help="first seed of the clean runs")
     parser.add_argument("--programs", default=",".join(PROGRAMS), metavar="NAME,...")
     parser.add_argument("--jobs", type=int, default=1, metavar="N", help="runs at a time")
     parser.add_argument("--keep", type=Path, default=Path("faults"), metavar="DIR", help="folder of the logs")

@@ -47,7 +47,7 @@ A_SECOND = 5
 LINGER = 3.0
 """Seconds that the last one stays."""
 POSTER = 0.45
-"""How far into the run the moment is that a viewer without animation shows."""
+"""Share of the run at which the moment is that a viewer without animation shows."""
 QUADRANTS = " ▘▝▀▖▌▞▛▗▚▐▜▄▙▟█"
 STILLS = {
     "small": ((80, 24), "dark", GlyphMode.QUADRANT),
@@ -56,14 +56,16 @@ STILLS = {
     "light": ((120, 36), "light", GlyphMode.QUADRANT),
     "ascii": ((80, 24), "dark", GlyphMode.ASCII),
 }
-"""What the pictures of docs/screen.md show: size, theme, and what they are made of."""
+"""A picture of docs/screen.md: its size, its theme, and the run that it shows."""
 STILL_PACE = 10.0
+LAST_LOOKS = 20
+"""Looks for the end of the mission after the program has ended."""
 Piece = tuple[int, int, str, str, str, bool]
 """A part of a row: row, column, text, colours of letters and ground, bold."""
 
 
 async def pictures(app: SimmerApp, server: Server, size: tuple[int, int]) -> list[frozenset[Piece]]:
-    """What the screen shows, a few times a second, until the program has ended."""
+    """Pictures of the screen, a few times a second, until the program has ended."""
     over = threading.Event()
     seen: list[frozenset[Piece]] = []
     async with app.run_test(size=size):
@@ -77,8 +79,13 @@ async def pictures(app: SimmerApp, server: Server, size: tuple[int, int]) -> lis
             while not over.is_set():
                 seen.append(frozenset(pieces(rows_of(app.screen))))
                 await asyncio.sleep(1 / A_SECOND)
-            await asyncio.sleep(2 / A_SECOND)
-            seen.append(frozenset(pieces(rows_of(app.screen))))
+            # A busy machine shows the end of the mission a while after the program has ended.
+            for _ in range(LAST_LOOKS):
+                await asyncio.sleep(2 / A_SECOND)
+                last = frozenset(pieces(rows_of(app.screen)))
+                if any("MISSION" in piece[2] for piece in last):
+                    break
+            seen.append(last)
         finally:
             program.end()
     return seen

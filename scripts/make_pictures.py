@@ -23,12 +23,18 @@ ROOT = Path(__file__).resolve().parent.parent
 PICTURES = ROOT / "docs" / "pictures"
 STEPS = sorted((ROOT / "scripts" / "course").glob("step*.py"))
 SEED = 5
-OPTIONS = {6: ["--config", "mission"], 7: ["--mission"]}
-"""What the steps are run with besides; the others in the default set."""
+OPTIONS = {"6": ["--config", "mission"], "7": ["--mission"]}
+"""Further options of some steps; the others run in the default set."""
 
 
-def picture(number: int, program: Path, folder: Path) -> str:
+def step_of(program: Path) -> str:
+    """The step's number, as in its file's name: 3, 3b."""
+    return program.name.partition("_")[0].removeprefix("step")
+
+
+def picture(program: Path, folder: Path) -> str:
     """Run a step and draw what it did. Raises CalledProcessError if it failed."""
+    number = step_of(program)
     log = folder / f"step{number}.jsonl"
     ports = ["--port", "0", "--reply-port", "0", "--belief-port", "0"]
     command = [sys.executable, "-m", "simmer_tui", "--no-ui", "--quiet", *ports, "--seed", str(SEED)]
@@ -42,9 +48,9 @@ def main() -> int:
     """Write all of them; returns the exit code."""
     PICTURES.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory() as name:
-        for number, program in enumerate(STEPS, 1):
-            target = PICTURES / f"step{number}.svg"
-            target.write_text(picture(number, program, Path(name)), encoding="utf-8", newline="\n")
+        for program in STEPS:
+            target = PICTURES / f"step{step_of(program)}.svg"
+            target.write_text(picture(program, Path(name)), encoding="utf-8", newline="\n")
             print(f"Wrote {target.relative_to(ROOT)}, {target.stat().st_size / 1000:.0f} kB")
     return 0
 

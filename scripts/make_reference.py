@@ -19,17 +19,25 @@ from simmer_tui.calibrate import result_page
 from simmer_tui.cli import log_commands, machine_commands
 from simmer_tui.cli.command_line import ExitCode, default_text
 from simmer_tui.cli.main import COMMANDS, build_parser, command_named
-from simmer_tui.config import drive_csv, maze_csv, mission_toml, robot_csv, sensors_csv, set_document
+from simmer_tui.config import (
+    dialect_toml,
+    drive_csv,
+    maze_csv,
+    mission_toml,
+    robot_csv,
+    sensors_csv,
+    set_document,
+)
 from simmer_tui.config.csv_table import ENABLED
 from simmer_tui.config.settings import all_settings
 from simmer_tui.document.model import DataTable
 from simmer_tui.grade import site as grade_site
+from simmer_tui.operating.orders import CONSOLE_COMMANDS
 from simmer_tui.report import content, run_statistics
 from simmer_tui.sim.columns import BASE
 from simmer_tui.sim.sensors import KINDS
 from simmer_tui.trials import compare, sweep_summary, trials_summary
 from simmer_tui.tui.key_table import ANYWHERE, IN_LOG, WITH_THE_MOUSE
-from simmer_tui.tui.orders import CONSOLE_COMMANDS
 
 ROOT = Path(__file__).resolve().parent.parent
 PAGES = ROOT / "docs" / "reference"
@@ -38,6 +46,8 @@ _SETTING = "setting."  # what the options of settings are stored under
 _ERRORS = "Error"
 _COMPLAINTS = {"Problem": -1, "complain": 1, "refuse": 1}
 """Calls that report a problem, and the number of the argument with the message."""
+_OF_PYTHON = ("AssertionError", "AttributeError")
+"""Errors that no user meets."""
 _PLACE = "..."  # what stands for a value in a message
 
 Rows = Iterable[tuple[str, ...]]
@@ -100,11 +110,14 @@ def _command(parser: argparse.ArgumentParser, usage: str) -> list[str]:
     shown = " ".join(usage.split())
     if len(shown) > 110:  # with every option in it
         shown = f"{parser.prog} [options]"
-    parts = [f"{parser.description or ''}\n", f"    {shown}\n"]
+    about = (parser.description or "").partition("\n\n")[0]  # the list of commands is this page
+    parts = [f"{about}\n", f"    {shown}\n"]
     if own:
         parts.append(table(("argument", "meaning"), ((_argument(each), _help(parser, each)) for each in own)))
     if len(own) + 1 < len(parser._actions):
-        parts.append("And every option of a [setting](settings.md), which wins over the file.\n")
+        has_screen = any(group.title == "screen" for group in parser._action_groups)
+        but = "" if has_screen else " but those of screen and keys"
+        parts.append(f"And every option of a [setting](settings.md){but}, which wins over the file.\n")
     return parts
 
 
@@ -162,9 +175,9 @@ def files() -> str:
         (
             "# Files of a set\n",
             "A set is a folder with `maze.csv`, `robot.csv`, `sensors.csv`, `drive.csv` and `settings.toml`, "
-            "perhaps a `mission.toml` and a `floor.csv`. `simmer-tui init` writes one. In the CSV files rows "
-            "that begin with `#` are comments, columns without a header are notes, semicolons or tabs may "
-            "stand for commas.\n",
+            "perhaps a `mission.toml`, a `dialect.toml` and a `floor.csv`. `simmer-tui init` writes one. In "
+            "the CSV files rows that begin with `#` are comments, columns without a header are notes, "
+            "semicolons or tabs may stand for commas.\n",
             "## maze.csv\n",
             f"A value a cell of 12 x 12 in, the top row first; at most {maze_csv.MAX_CELLS} cells a side.\n",
             table(("value", "is", "meaning"), maze),
@@ -185,26 +198,49 @@ def files() -> str:
             table(("column", "meaning"), ((_code(each.name), each.help) for each in drive_csv.COLUMNS)),
             "## mission.toml\n",
             table(("key", "allowed", "meaning"), keys),
+            "## dialect.toml\n",
+            "The language of a team's own robot: [dialect.toml](../dialects.md).\n",
+            table(("key", "allowed", "meaning"), _dialect_keys()),
             "## settings.toml\n",
             "[Settings](settings.md).\n",
         )
     )
 
 
+def _dialect_keys() -> Iterator[tuple[str, ...]]:
+    tables = (("frame", dialect_toml.FRAME), ("reply", dialect_toml.REPLY), ("robot", dialect_toml.ROBOT))
+    for name, values in tables:
+        for value in values:
+            yield _code(f"{name}.{value.name}"), value.rule.allowed, value.help
+    for key in dialect_toml.HEAD_KEYS:
+        yield _code(f"frame.{key}"), "", "binary: see the page"
+    for name, keys in (
+        ("[[command]]", dialect_toml.COMMAND_KEYS),
+        ("[[stream]]", dialect_toml.STREAM_KEYS),
+        ("[unknown]", dialect_toml.UNKNOWN_KEYS),
+        ("a binary reply", dialect_toml.REPLY_KEYS),
+    ):
+        for key, meaning in keys.items():
+            yield f"{_code(key)} of {name}", "", meaning
+
+
 def _sensor_columns() -> Iterator[tuple[str, ...]]:
     columns = {column.name: column for column in BASE}
-    columns |= {column.name: column for kind in KINDS.values() for column in kind.columns}
     for name, meaning in sensors_csv.meanings().items():
-        column = columns.get(name)
-        if column is None:
+        of = {kind.name: column for kind in KINDS.values() for column in kind.columns if column.name == name}
+        if not of and name not in columns:
             allowed = ENABLED.rule.allowed if name == ENABLED.name else "text"
             yield _code(name), allowed, "all", meaning
             continue
-        having = [
-            kind.name for kind in KINDS.values() if column.field in {each.field for each in kind.columns}
-        ]
-        shown = "all" if len(having) == len(KINDS) else ", ".join(having)
-        yield _code(name), column.rule.allowed, shown, meaning
+        # A kind may allow another range than the others: a lidar more rays.
+        allowed_to: dict[str, list[str]] = {}
+        for kind, column in of.items():
+            allowed_to.setdefault(column.rule.allowed, []).append(kind)
+        allowed_to = allowed_to or {columns[name].rule.allowed: []}
+        common, *others = sorted(allowed_to, key=lambda each: -len(allowed_to[each]))
+        allowed = "; ".join((common, *(f"{', '.join(allowed_to[each])}: {each}" for each in others)))
+        shown = "all" if len(of) in (0, len(KINDS)) else ", ".join(of)
+        yield _code(name), allowed, shown, meaning
 
 
 # -- the screen ------------------------------------------------------------------------------------
@@ -278,7 +314,7 @@ ANSWERS: dict[str, tuple[DataTable, ...]] = {
 
 
 def messages() -> str:
-    """What errors say, found in the code: each message with `...` for what differs."""
+    """Messages of errors, found in the code, each with `...` for what differs."""
     parts = [
         "# Error messages\n",
         "Every message, where values stand as `...`. One of a set begins with its place, `file:line:column`; "
@@ -309,6 +345,8 @@ _ROOMS = {
     "report": "Reports",
     "trials": "Trials",
     "grade": "Grading",
+    "calibrate": "Calibration",
+    "dialect": "A team's own language: dialect.toml",
     "tui": "Orders in the console",
     "cli": "The command line",
 }
@@ -332,7 +370,7 @@ def _messages_of(path: Path) -> Iterator[str]:
                 # A method of another class may have the same name.
                 if len(node.args) > _COMPLAINTS.get(called, math.inf):
                     yield from _told(node.args[_COMPLAINTS[called]], names)
-                elif called.endswith(_ERRORS) and not called.startswith("_"):
+                elif called.endswith(_ERRORS) and not called.startswith("_") and called not in _OF_PYTHON:
                     yield from _told(node.args[0], names)
 
 
@@ -345,7 +383,7 @@ def _told(node: ast.expr, names: dict[str, list[str]]) -> Iterator[str]:
 
 
 def _texts(node: ast.expr, names: dict[str, list[str]]) -> list[str]:
-    """What an expression of text may be."""
+    """Texts that an expression may give."""
     if isinstance(node, ast.Constant) and isinstance(node.value, str):
         return [node.value]
     if isinstance(node, ast.JoinedStr):

@@ -2,7 +2,7 @@
 
 Makes a serial port of its own and prints its name (Linux, macOS):
 
-    python scripts/robot_emulator.py
+    python samples/robot_emulator.py
     simmer-tui --serial /dev/pts/3
 
 With `--port COM7` it talks on a port there is, with `--tcp 5000` to `--serial socket://localhost:5000`.
@@ -25,12 +25,13 @@ import struct
 import sys
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
 
 sys.path.append(str(Path(__file__).resolve().parent.parent))  # a clone's root; what is installed comes first
 from msgspec import structs
+from msgspec.structs import replace
 
 from simmer_tui.config import load_default
 from simmer_tui.config.loader import load
@@ -52,7 +53,7 @@ FLOATS |= {("float32", "big"): ">f", ("float32", "little"): "<f"}
 
 @dataclass(frozen=True)
 class Oddities:
-    """What a real robot does and no set describes. On every other cell of the maze, as on a
+    """Traits of a real robot that no set describes. On every other cell of the maze, as on a
     chessboard, wheels lose the fraction `slip` of each translation begun there, which encoders count
     all the same. A range reading is, with probability `stale`, that of the time before. Each movement is
     weaker than the one before by the fraction `weaken`, as the battery runs down, and ends `shortfall`
@@ -105,7 +106,7 @@ class Robot:
 
     @property
     def waiting(self) -> bool:
-        """Whether bytes have come that silence would make a command."""
+        """True if bytes have come that silence would make a command."""
         return bool(self._buffer) and not self._buffer.startswith(b"[")
 
     def receive(self, data: bytes) -> list[bytes]:
@@ -207,7 +208,7 @@ class Robot:
 
 
 class Wire(Protocol):
-    """Where bytes come from and go to. `read` returns none after `timeout` seconds without any."""
+    """Port that bytes come from and go to. `read` returns none after `timeout` seconds without any."""
 
     def read(self, timeout: float | None) -> bytes: ...
 

@@ -1,4 +1,4 @@
-"""What mkdocs.yml needs besides: links that lead out of docs/ go to the repository.
+"""Hooks for mkdocs.yml: links that lead out of docs/ go to the repository.
 
 On a code host `../scripts/solve.py` is the file beside; the site has only what is in docs/.
 """

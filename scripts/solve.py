@@ -1,7 +1,7 @@
 """Do the whole mission: find out where the robot is, fetch the block, set it down in the drop zone.
 
-    simmer-tui --mission --run "python scripts/solve.py"
-    simmer-tui --mission --realistic --drive-profile diff-dc --run "python scripts/solve.py"
+    simmer-tui --mission --run "python samples/solve.py"
+    simmer-tui --mission --realistic --drive-profile diff-dc --run "python samples/solve.py"
 
 A sample to learn from. It knows the maze and the robot (the configuration set, and the profiles chosen),
 not where it starts nor where the block lies. Readings take time, so it reads what it needs, where it
@@ -184,7 +184,7 @@ class Mission:
         return heading + turn, looks[turn]
 
     def promise(self, spot: FloatArray) -> float:
-        """How much looks from a place would tell, bits for each second it takes to get there; 0 if little."""
+        """Information in looks from a place, bits for each second it takes to get there; 0 if little."""
         way = self.ground.route(cell_at(self.pilot.place), cell_at(spot))
         if len(way) < 2:
             return 0.0
@@ -217,7 +217,7 @@ class Mission:
         return max(map(float, self.headings), key=room)
 
     def loaded(self) -> bool:
-        """Whether the gripper holds something; the sensor may err now and then."""
+        """True if the gripper holds something; the sensor may err now and then."""
         return self.pilot.mean(LOAD, 9) > 0.5
 
     def say(self, text: str) -> None:

@@ -1,4 +1,4 @@
-"""What the program believes: where the robot is, and where the block lies.
+"""Beliefs of the program: the robot's pose, and where the block lies.
 
 Both are the same idea. Keep many guesses; for each, work out what the sensors would say if it were
 true; give the guesses that explain the readings more weight. And both know which reading is worth its
@@ -77,7 +77,7 @@ class Localizer:
 
     @property
     def settled(self) -> bool:
-        """Whether the robot knows where it is."""
+        """True if the robot knows where it is."""
         off = wrapped(self.particles[:, 2] - self._mean_heading())
         return self.spread < 0.7 and float(self._weights @ off**2) < 4.0**2 and self.fit > DOUBTFUL
 
@@ -97,7 +97,7 @@ class Localizer:
         self.particles[:, 2] += turned
 
     def worth(self, turn: float = 0.0) -> FloatArray:
-        """How much a reading of each of the sensors would tell after a turn on the spot, bits: what
+        """Information in a reading of each sensor after a turn on the spot, bits: what
         normal errors leave of what normal guesses differ by, 1/2 log2(1 + (spread / error)^2)."""
         places = (self._random.uniform() + np.arange(SAMPLE)) / SAMPLE
         sample = self.particles[self._chosen(places)] + (0.0, 0.0, turn)
@@ -137,7 +137,7 @@ class Localizer:
             self._resample(wanted, 0.03 + 0.1 * blur)
 
     def _expected(self, poses: FloatArray, codes: Sequence[str]) -> FloatArray:
-        """What sensors would say at some poses, (n, k): infinity where they would hear nothing."""
+        """Expected readings at some poses, (n, k): infinity where there is no echo."""
         expected = self._simulator.true_ranges(poses, codes)
         farthest = np.array([self._simulator.sensor(code).max_range for code in codes])
         return np.where(expected > farthest, np.inf, expected)
@@ -162,7 +162,7 @@ class Localizer:
 
 
 class BlockFinder:
-    """Where the block may lie: a grid of guesses all over the cells of value 3, each with a weight.
+    """Belief of where the block lies: a grid of guesses all over the cells of value 3, each with a weight.
 
     `sensors` are the codes of two range sensors in the same place: one looks over the block, the other
     sees it. `simulator` is only asked how far the walls are.
@@ -204,14 +204,14 @@ class BlockFinder:
         return float(np.sqrt((self.weights @ (self.guesses - self.place) ** 2).sum()))
 
     def surprise(self, pose: FloatArray) -> float:
-        """How much a look from a pose would tell, bits."""
+        """Information that a look from a pose would give, bits."""
         likely = self.weights > 0.01 * self.weights.max()
         weights = self.weights[likely]
         expected = np.minimum(self._ranges(pose, self.guesses[likely], 5), self.wall(pose))
         return surprise(expected, weights / weights.sum())
 
     def wall(self, pose: FloatArray) -> float:
-        """How far both sensors would see from a pose if there were no block."""
+        """Ranges of both sensors from a pose if there were no block."""
         return float(self._simulator.true_ranges(pose[None, :], (self._high,))[0, 0])
 
     def update(self, pose: FloatArray, wall: float, low: float) -> None:
@@ -229,7 +229,7 @@ class BlockFinder:
         self.weights /= self.weights.sum()
 
     def _ranges(self, pose: FloatArray, guesses: FloatArray, rays: int) -> FloatArray:
-        """How far from the low sensor the block would be, (n,); infinite where it would not be seen:
+        """Distance of the block from the low sensor, (n,); infinite where it would not be seen:
         behind a wall, beside the fan of rays, or at an angle that sends no echo back."""
         sensor = self._sensor
         origin = pose[:2] + rotated(np.array((sensor.x, sensor.y)), pose[2])
@@ -250,7 +250,7 @@ class BlockFinder:
 
 
 def surprise(expected: FloatArray, weights: FloatArray) -> float:
-    """How hard a reading is to foretell: the entropy in bits of what the guesses expect, rounded."""
+    """Entropy of a reading, bits, over what the guesses expect, rounded."""
     rounded = np.where(np.isfinite(expected), np.round(expected), -1.0).astype(np.intp) + 1
     shares = np.bincount(rounded, weights)
     shares = shares[shares > 0.0]
@@ -258,7 +258,7 @@ def surprise(expected: FloatArray, weights: FloatArray) -> float:
 
 
 def effective(weights: FloatArray) -> float:
-    """How many equal particles would say as much as these."""
+    """Effective number of particles: so many of equal weight would say as much as these."""
     return 1.0 / float(weights @ weights)
 
 

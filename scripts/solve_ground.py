@@ -31,7 +31,7 @@ class Ground:
         self._walls = (np.array(walls) + 0.5) * CELL
 
     def is_free(self, cell: Cell) -> bool:
-        """Whether a robot can be there. What is outside the maze is wall."""
+        """True where a robot can be. Everything outside the maze is wall."""
         return self._values.get(cell, WALL) != WALL
 
     def cells(self, *values: int) -> list[Cell]:
@@ -73,14 +73,14 @@ class Ground:
         return way
 
     def clearance(self, points: FloatArray) -> FloatArray:
-        """How far each of the (n, 2) points is from the nearest wall, inches: (n,), 0 inside a wall."""
+        """Distances of (n, 2) points from the nearest wall, inches: (n,), 0 inside a wall."""
         beyond = np.abs(points[:, None, :] - self._walls[None, :, :]) - CELL / 2
         outside: FloatArray = np.hypot(*np.moveaxis(np.maximum(beyond, 0.0), 2, 0))
         return np.asarray(outside.min(axis=1))
 
 
 class Body:
-    """What must not touch a wall: the robot, a circle, and the block while it holds one ahead."""
+    """The body that must not touch a wall: the robot, a circle, and the block while it holds one ahead."""
 
     def __init__(self, ground: Ground, radius: float) -> None:
         self._ground = ground
@@ -99,7 +99,7 @@ class Body:
         self._corners = off @ np.array(((cos, -sin), (sin, cos)))
 
     def room(self, places: FloatArray, headings: FloatArray) -> float:
-        """How far the body is from all walls, inches, at all of (n, 2) places with (n,) headings."""
+        """Distances of the body from all walls, inches, at (n, 2) places with (n,) headings."""
         free = float(self._ground.clearance(places).min()) - self.radius
         if not self.loaded:
             return free
@@ -120,7 +120,7 @@ class Body:
         return self.room(np.tile(place, (len(headings), 1)), headings)
 
     def spot_to_turn(self, near: FloatArray, start: float, turn: float) -> FloatArray:
-        """Where around a place there is room enough for a turn, and as near to it as can be."""
+        """The nearest place around another with room enough for a turn."""
         steps = np.arange(-2.5, 2.6, 0.5)
         places = near + np.array([(x, y) for x in steps for y in steps])
         return max(

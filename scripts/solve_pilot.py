@@ -24,6 +24,8 @@ WORTH, MOST = 0.7, 3  # bits that a reading must promise; readings a look
 UNSURE = 0.6  # in, spread of the belief at which the robot turns to see more
 PEEKS = (30.0, -30.0)  # deg
 MARGIN = 0.4  # in, to the wall, with which the robot dares to turn
+AXES = {FORWARD: 0, TURN: 2}  # of (forward, left, turn)
+LEAST_UNIT = 0.2  # inches or degrees a unit; the worst drive that still moves, judged
 PRIOR = np.array((4.0, 100.0))  # in2, deg2: how far to drive until its own bias is believed
 
 
@@ -32,7 +34,7 @@ class LostError(Exception):
 
 
 class RobotLike(Protocol):
-    """What is needed of `simmer_tui.client.Robot`."""
+    """The part of `simmer_tui.client.Robot` that is needed here."""
 
     def read(self, code: str) -> float: ...
     def drive(self, code: str, value: float) -> None: ...
@@ -48,7 +50,7 @@ class RobotLike(Protocol):
 
 
 class DriveModel:
-    """What one inch or degree of each drive really does, learned while driving.
+    """True effect of one inch or degree of each drive, learned while driving.
 
     Each drive has a bias of its own: driving forward also turns the robot a little, say. `per_unit`
     of a drive is the motion (forward, left, turn) that one unit of it makes.
@@ -58,7 +60,9 @@ class DriveModel:
         self._weights = dict(zip(DRIVES, PRIOR, strict=True))
         self._sums = {
             drive: weight * motion
-            for (drive, weight), motion in zip(self._weights.items(), np.eye(3)[[0, 2]], strict=True)
+            for (drive, weight), motion in zip(
+                self._weights.items(), np.eye(3)[list(AXES.values())], strict=True
+            )
         }
 
     def learn(self, drive: str, value: float, motion: FloatArray) -> None:
@@ -69,8 +73,14 @@ class DriveModel:
     def per_unit(self, drive: str) -> FloatArray:
         return np.asarray(self._sums[drive] / self._weights[drive])
 
+    def command(self, drive: str, motion: float) -> float:
+        """Value of a command that makes a motion on the drive's own axis. A robot that does not move at all
+        would be asked for more and more: the value is at most five times the motion."""
+        unit = float(self.per_unit(drive)[AXES[drive]])
+        return motion / math.copysign(max(abs(unit), LEAST_UNIT), unit)
+
     def course(self, distance: float) -> float:
-        """Where `distance` inches of driving lead to, degrees to the left of the heading at first: the
+        """The pose after `distance` inches of driving, degrees to the left of the heading at first: the
         bias to that side, and half of what the robot turns on the way."""
         forward, left, turn = self.per_unit(FORWARD)
         return math.degrees(math.atan2(left, forward)) + float(turn) * distance / 2
@@ -89,7 +99,7 @@ class Pilot:
 
     @property
     def place(self) -> FloatArray:
-        """Where the robot's centre is, x and y."""
+        """The robot's centre, x and y."""
         return self.localizer.pose[:2]
 
     @property
@@ -140,11 +150,11 @@ class Pilot:
 
     def drive(self, distance: float) -> None:
         """Drive forward, or back, without looking."""
-        self._do(FORWARD, distance / float(self._model.per_unit(FORWARD)[0]))
+        self._do(FORWARD, self._model.command(FORWARD, distance))
 
     def turn(self, angle: float) -> None:
         """Turn on the spot, without looking."""
-        self._do(TURN, angle / float(self._model.per_unit(TURN)[2]))
+        self._do(TURN, self._model.command(TURN, angle))
 
     def _do(self, drive: str, value: float) -> None:
         self.robot.drive(drive, round(value, 3))

@@ -48,7 +48,7 @@ class Travel:
             self._pilot.go(stop, tolerance=0.5)
 
     def _stop(self, points: Sequence[FloatArray], index: int) -> FloatArray:
-        """Where to stop for one of the points of a way."""
+        """A place to stop at for one of the points of a way."""
         place, point = self._pilot.place, points[index]
         arrival = bearing(point - place)
         if not self._body.loaded:
@@ -59,12 +59,12 @@ class Travel:
         return point - min(self._ahead, float(np.hypot(*(point - place)))) * direction(arrival)
 
     def _is_clear(self, start: FloatArray, stop: FloatArray) -> bool:
-        """Whether the straight way from one place to another has room enough."""
+        """True if the straight way from one place to another has room enough."""
         return self._body.room_ahead(start, stop) > CLEAR
 
     def _detour(self, point: FloatArray) -> FloatArray:
-        """Where to go first if a point cannot be reached straight: there is most room on the way there,
-        for the turn, and for the way on."""
+        """The place to go to first if a point cannot be reached straight: most room on
+        the way there, for the turn, and for the way on."""
         place = self._pilot.place
         steps = np.arange(-12.0, 12.1, 1.5)
         spots = place + np.array([(x, y) for x in steps for y in steps if x or y])
@@ -107,5 +107,5 @@ class Travel:
 
 
 def bent(before: Cell, cell: Cell, after: Cell) -> bool:
-    """Whether three cells on a way are not in a line."""
+    """True if three cells on a way are not in a line."""
     return (before[0] + after[0], before[1] + after[1]) != (2 * cell[0], 2 * cell[1])

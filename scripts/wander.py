@@ -35,7 +35,7 @@ ODOMETER_OFFSET = 3  # in; o3 sits this far left of the centre, so that it count
 
 @dataclass
 class DeadReckoning:
-    """Where the robot should be by its gyroscope g1 and its odometer o3.
+    """The pose of the robot by its gyroscope g1 and its odometer o3.
 
     x and y in inches and heading in degrees, in the global frame; `spread` is how far off the
     position may be by now, in inches.

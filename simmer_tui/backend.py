@@ -8,10 +8,11 @@ from __future__ import annotations
 
 import asyncio
 from collections import deque
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Hashable, Sequence
 from functools import partial
 from typing import Protocol
+
+from msgspec import Struct
 
 from simmer_tui.engine import Engine
 from simmer_tui.events import Notice, NoticeKind
@@ -34,8 +35,7 @@ _AGAIN = 1.0
 """Seconds before the same sender is complained of again."""
 
 
-@dataclass(frozen=True, slots=True)
-class Message:
+class Message(Struct, frozen=True):
     """A client's message: its bytes, the commands in it (at least one), and the form in
     which the client wants the reply."""
 
@@ -69,12 +69,16 @@ class Backend(Protocol):
         """Late bytes that belong to the end of the session's previous message."""
         ...
 
+    def cut_waits(self, session: BackendSession) -> None:
+        """Nobody is there any more to read a session's answers: it waits no longer for time to pass."""
+        ...
+
     def forget(self, session: BackendSession) -> None:
         """Drop everything of a session that has not been answered yet."""
         ...
 
     def close(self) -> None:
-        """Give the robot back. Messages that were submitted are answered all the same."""
+        """Give the robot back. Messages that were submitted are still answered."""
         ...
 
 
@@ -88,7 +92,9 @@ class SimulatorBackend:
     def submit(self, message: Message, session: BackendSession, answered: Answered) -> None:
         sender = self._sessions.get(session)
         if sender is None:
-            sender = self._engine.session(answer_at_end=session.answer_at_end, lane=session.lane)
+            sender = self._engine.session(
+                answer_at_end=session.answer_at_end, lane=session.lane, driver=session.driver
+            )
             self._sessions[session] = sender
         commands = message.commands
         # Nearly every message is one command: it is answered without a list and a count.
@@ -102,8 +108,8 @@ class SimulatorBackend:
             if len(results) == len(commands):
                 answered(results, None)
 
-        for command in commands:
-            sender.submit(command, collect)
+        for place, command in enumerate(commands):
+            sender.submit(command, collect, () if place else commands)
 
     def urgent_part(self, message: Message) -> Message | None:
         """The commands that stop, unless no drive has come since the last stop."""
@@ -116,6 +122,11 @@ class SimulatorBackend:
     def trail(self, data: bytes, session: BackendSession) -> None:
         """Not needed: the command is already complete."""
 
+    def cut_waits(self, session: BackendSession) -> None:
+        sender = self._sessions.get(session)
+        if sender is not None:
+            self._engine.cut_waits(sender)
+
     def forget(self, session: BackendSession) -> None:
         sender = self._sessions.pop(session, None)
         if sender is not None:
@@ -126,11 +137,31 @@ class SimulatorBackend:
         self._engine.forget_drives()
 
 
+class ByteRobot(Protocol):
+    """A real robot that takes the bytes of a program unchanged."""
+
+    def joined(self, baud: float | None) -> None:
+        """A program has opened the port, at a rate in bits a second if it said one."""
+        ...
+
+    def wrote(self, data: bytes) -> None:
+        """The program has written bytes."""
+        ...
+
+    def left(self) -> None:
+        """The program has closed the port."""
+        ...
+
+
 class BackendSwitch:
     """The robot that clients drive at the moment; it may be replaced while they are connected."""
 
     def __init__(self, backend: Backend) -> None:
         self.backend = backend
+        self.byte_robot: ByteRobot | None = None
+        """The real robot, if it is one whose language is the team's own."""
+        self.program: Callable[[bytes], None] | None = None
+        """Takes that robot's bytes for the program that has the serial port open."""
 
     def open_session(
         self, *, answer_at_end: bool = True, lane: str = "", budget: CommandBudget | None = None
@@ -198,13 +229,12 @@ class CommandBudget:
             self._tell(Notice(NoticeKind.FAULT, f"{text}. Read each reply before the next command"))
 
 
-@dataclass(slots=True, eq=False)
-class _Pending:
+class _Pending(Struct, eq=False):
     """A message, and its answer once that is there. `counted` is the part of it that counts as waiting."""
 
     answered: Answered
-    counted: Message | None
-    refused: bool
+    counted: Message | None = None
+    refused: bool = False
     """True if nothing of it was passed on."""
     results: Sequence[CommandResult] | None = None
     data: bytes | None = None
@@ -222,6 +252,8 @@ class BackendSession:
     ) -> None:
         self.answer_at_end = answer_at_end
         self.lane = lane
+        self.driver: Hashable | None = None
+        """Whose velocities it sets, None for its own. It is known before the first message."""
         self._switch = switch
         self._budget = budget
         self._backends = [switch.backend]
@@ -241,18 +273,18 @@ class BackendSession:
         if self._budget is not None and not self._budget.has_room:
             self._submit_urgent(message, answered, self._budget)
             return
-        pending = self._wait(message, answered)
-        backend.submit(message, self, partial(self._answered, pending))
-
-    def _wait(self, message: Message | None, answered: Answered) -> _Pending:
-        pending = _Pending(answered, message, message is None)
+        pending = _Pending(answered)
         self._pending.append(pending)
+        backend.submit(message, self, partial(self._answered, pending))
+        # Most are answered by now, and never wait. An answer may also have closed the session.
+        if pending.results is None and self._pending:
+            self._count(pending, message)
+
+    def _count(self, pending: _Pending, message: Message) -> None:
+        """A message begins to wait."""
         if self._budget is not None:
-            if message is None:
-                self._budget.refused += 1
-            else:
-                self._budget.take(message)
-        return pending
+            self._budget.take(message)
+            pending.counted = message
 
     def _submit_urgent(self, message: Message, answered: Answered, budget: CommandBudget) -> None:
         """Pass on what of a message cannot wait, and answer the rest busy, in its turn."""
@@ -261,17 +293,20 @@ class BackendSession:
         urgent = backend.urgent_part(message)
         passed = urgent.commands if urgent is not None else ()
         refused = [None if each in passed else backend.refuse(each) for each in message.commands]
-        pending = self._wait(urgent, answered)
+        pending = _Pending(answered, refused=urgent is None)
+        self._pending.append(pending)
 
         def merge(results: Sequence[CommandResult], data: bytes | None) -> None:
             done = iter(results)
             merged = [next(done) if each is None else each for each in refused]
             self._answered(pending, merged, data)
 
-        if urgent is not None:
-            backend.submit(urgent, self, merge)
-        else:
+        if urgent is None:
+            budget.refused += 1
             merge((), None)
+        else:
+            self._count(pending, urgent)
+            backend.submit(urgent, self, merge)
 
     def _settle(self, pending: _Pending) -> None:
         """A message waits no more: its sender has room for another."""
@@ -282,6 +317,10 @@ class BackendSession:
     def trail(self, data: bytes) -> None:
         """Late bytes that belong to the end of the previous message."""
         self._backends[-1].trail(data, self)
+
+    def cut_waits(self) -> None:
+        """Nobody is there any more to read the answers."""
+        self._backends[-1].cut_waits(self)
 
     def close(self) -> None:
         """Drop everything that has not been answered yet."""
@@ -295,7 +334,8 @@ class BackendSession:
 
     def _answered(self, pending: _Pending, results: Sequence[CommandResult], data: bytes | None) -> None:
         pending.results, pending.data = results, data
-        self._settle(pending)
+        if pending.counted is not None:
+            self._settle(pending)
         if not self._handing_out:
             self._hand_out()
 
@@ -306,9 +346,14 @@ class BackendSession:
         while self._pending and (first := self._pending[0]).results is not None:
             if first.refused and self._budget is not None:
                 if not left:
-                    self._handing_out = True
-                    asyncio.get_running_loop().call_soon(self._hand_out)
-                    return
+                    try:
+                        loop = asyncio.get_running_loop()
+                    except RuntimeError:  # the run has ended: nobody is held up any more
+                        left = len(self._pending)
+                    else:
+                        self._handing_out = True
+                        loop.call_soon(self._hand_out)
+                        return
                 left -= 1
                 self._budget.refused -= 1
             self._pending.popleft()

@@ -15,6 +15,7 @@ Every error is a `RobotError`; its message says what to do. A `Robot` belongs to
 
 from __future__ import annotations
 
+import base64
 import contextlib
 import importlib
 import json
@@ -44,6 +45,8 @@ _INTERRUPT_INTERVAL = 0.5  # s; on Windows, Ctrl-C is seen only between two wait
 _REPLY_CONNECT_TIMEOUT = 3.0  # s
 _BELIEF_TIMEOUT = 0.2  # s; nobody may wait for what is only drawn
 _QUESTION_TIMEOUT = 1.0  # s; a simulator before this question was there never answers, and is asked only once
+_MOST_RANGES = 4000  # of a scan; a number above that is no count
+_MOST_STATES, _MOST_ROWS, _MOST_HEADINGS = 65536, 1000, 360  # of a grid; the simulator takes no more
 _EMPTY_READ_WAIT = 0.005  # s, between two reads while a reply is not there yet
 _BUSY_WAIT = 0.02  # s, between two tries while the robot still moves
 _TIMEOUTS = (TimeoutError, socket.timeout)  # one and the same only since Python 3.10
@@ -66,7 +69,8 @@ class RobotTimeoutError(RobotError):
 
 
 class CommandRefusedError(RobotError):
-    """The robot did nothing: it answered NaN, or the code driven by is a sensor's."""
+    """The robot did nothing: it answered NaN, or the code is a sensor's where a drive's is needed, or a
+    lidar's where one number is."""
 
 
 class UnknownCodeError(CommandRefusedError):
@@ -169,10 +173,11 @@ class Robot:
 
     def read(self, code: str, *more: str) -> float | tuple[float, ...]:
         """A reading of the sensor with this code, in the sensor's unit (inches, degrees); of several
-        codes the readings in their order, in one round trip.
+        codes the readings in their order, in one round trip. A lidar gives many numbers: see `scan`.
 
         Raises:
             UnknownCodeError: there is no such sensor, or it is disabled.
+            CommandRefusedError: a code is a lidar's.
         """
         codes = [_checked_code(each) for each in (code, *more)]
         commands = [self._link.checked(each) for each in codes]
@@ -185,6 +190,18 @@ class Robot:
                 known = known or "or it is disabled"
                 raise UnknownCodeError(f"the robot knows no sensor {each!r} ({known}): see its sensors.csv")
         return tuple(values) if more else values[0]
+
+    def scan(self, code: str) -> list[float]:
+        """All ranges of the last whole turn of the lidar with this code, inches, ray by ray; infinite where a
+        ray met nothing in reach. One ray alone is `send("sc-90")`, the one nearest to a bearing.
+
+        Raises:
+            UnknownCodeError: there is no such sensor, or it is disabled.
+            CommandRefusedError: the code is another sensor's or a drive's.
+        """
+        command = self._link.checked(_checked_code(code))
+        with self._exchange(command):
+            return self._link.scan(command, self.timeout)
 
     def drive(self, code: str, value: Number) -> Movement:
         """Move by `value` inches or degrees with the drive `code`, and return what the robot said of it;
@@ -212,6 +229,22 @@ class Robot:
         with self._exchange(command):
             return self._link.exchange([command], self.timeout)[0]
 
+    def sleep(self, seconds: Number) -> None:
+        """Let `seconds` of the robot's time pass, while it goes on as it was told; the simulator's time is
+        not this program's, so that `time.sleep` moves a driving robot hardly at all.
+
+        Raises:
+            CommandRefusedError: the simulator has no command to wait, or the robot is a real one that
+                answers it otherwise. Use `time.sleep` there.
+        """
+        number = _decimal(_finite("the seconds to sleep", seconds))
+        command = f"wt-{number}"
+        with self._exchange(command):
+            value = self._link.exchange([self._link.checked(command)], self.timeout + float(number))[0]
+        if not math.isinf(value):
+            why = self._reasons.why(command).reason or "it has no command to wait"
+            raise CommandRefusedError(f"the robot refused {command!r}: {why}. Use time.sleep({number}) there")
+
     def maze(self) -> tuple[tuple[int, ...], ...]:
         """The maze: rows of cells of 12 x 12 in, the first row on top; 0 wall, 1 empty, 2 robot start,
         3 block. Asked for as `configuration` is.
@@ -238,7 +271,7 @@ class Robot:
         except ImportError as error:
             raise RobotError(
                 f"maze and robot are read by SimMeR-TUI, which this Python does not have ({error}): "
-                "pip install simmer-tui"
+                "pip install 'simmer-tui @ git+https://github.com/simmer-tui/simmer-tui'"
             ) from error
         try:
             return told(os.environ)
@@ -247,12 +280,15 @@ class Robot:
 
     def believe(
         self,
-        x: Number,
-        y: Number,
-        heading: Number,
+        x: Number | None = None,
+        y: Number | None = None,
+        heading: Number | None = None,
         spread: Number | None = None,
         particles: Iterable[Iterable[float]] | None = None,
         note: str | None = None,
+        grid: Any = None,
+        bounds: Iterable[Number] | None = None,
+        first: Number | None = None,
     ) -> None:
         """Show where the program believes the robot to be, beside where it is, in the simulator's app.
 
@@ -260,19 +296,30 @@ class Robot:
         happens.
 
         Args:
-            x, y, heading: global frame, inches and degrees.
+            x, y, heading: global frame, inches and degrees. With a grid they may be left out: then they are
+                those of its best cell.
             spread: standard deviation of the position, inches.
             particles: rows of (x, y) or (x, y, heading); a numpy array will do.
             note: a short text shown beside it.
+            grid: probabilities, rows x columns or rows x columns x headings; a numpy array, or nested lists.
+                Row 1 is on top, as in maze.csv. They need not sum to 1. At most 65,536 states.
+            bounds: x0, y0, x1, y1 of the grid, inches; by default the whole maze.
+            first: its first heading, degrees, by default 0; the others follow counterclockwise.
 
         Raises:
-            InvalidInputError: a number is not finite, spread is negative, or particles have another shape.
+            InvalidInputError: a number is not finite, spread is negative, or particles or grid have another
+                shape.
         """
-        belief: dict[str, object] = {
-            "x": _finite("x", x),
-            "y": _finite("y", y),
-            "heading": _finite("heading", heading),
-        }
+        belief: dict[str, object] = {}
+        for name, value in (("x", x), ("y", y), ("heading", heading)):
+            if value is not None:
+                belief[name] = _finite(name, value)
+            elif grid is None:
+                raise InvalidInputError(f"{name} is missing: only a belief with a grid may leave it out")
+        if grid is not None:
+            belief["grid"] = _packed_grid(grid, bounds, first)
+        elif bounds is not None or first is not None:
+            raise InvalidInputError("bounds and first are those of a grid: there is none")
         if spread is not None:
             belief["spread"] = deviation = _finite("spread", spread)
             if deviation < 0:
@@ -369,6 +416,7 @@ class _Link(Protocol):
 
     def checked(self, command: str) -> str: ...
     def exchange(self, commands: Sequence[str], timeout: float) -> list[float]: ...
+    def scan(self, code: str, timeout: float) -> list[float]: ...
     def drive(self, code: str, number: str, timeout: float) -> Movement: ...
     def close(self) -> None: ...
 
@@ -404,17 +452,83 @@ class _BinaryLink:
 
     def exchange(self, commands: Sequence[str], timeout: float) -> list[float]:
         """The numbers that come back for commands sent in one go, in their order."""
+        reply = self._reply(commands, timeout)
+        return [float(number) for (number,) in self._number.iter_unpack(reply)]
+
+    def scan(self, code: str, timeout: float) -> list[float]:
+        reply = self._reply([code], timeout, scan=True)
+        ranges = [float(number) for (number,) in self._number.iter_unpack(reply)]
+        if math.isnan(ranges[0]):
+            raise _not_scanned(self._reasons.why(code), code)
+        return ranges[1:]
+
+    def _reply(self, commands: Sequence[str], timeout: float, *, scan: bool = False) -> bytes:
+        """The bytes that come back for commands sent in one go: of one that asks for a scan its count and its
+        numbers, of others a number each."""
         shown = " ".join(commands)
         deadline = time.monotonic() + timeout
         try:
             self._commands.settimeout(timeout)
             self._commands.sendall("".join(f"{command}\n" for command in commands).encode("ascii"))
-            reply = self._receive(shown, len(commands), timeout, deadline)
-            return [float(number) for (number,) in self._number.iter_unpack(reply)]
+            if scan:
+                return self._counted(shown, timeout, deadline)
+            size = len(commands) * self._number.size
+            # One byte more than is due: what is too long is no number, or a scan's.
+            reply = self._receive(shown, size, timeout, deadline, spare=1)
+            if len(reply) > size or self._begins_scan(commands, reply):
+                raise self._surplus(commands, shown, timeout, deadline, reply)
+            return reply
         except _TIMEOUTS as error:
             raise RobotTimeoutError(f"{shown!r} could not be sent within {timeout:g} s") from error
         except OSError as error:
             raise self._closed(shown) from error
+
+    def _counted(self, code: str, timeout: float, deadline: float) -> bytes:
+        """The reply to a lidar's code: a count and so many numbers, or one NaN."""
+        size = self._number.size
+        reply = self._receive(code, size, timeout, deadline, spare=(1 + _MOST_RANGES) * size)
+        [count] = self._number.unpack_from(reply)
+        if not math.isnan(count):
+            # A whole number may be another sensor's reading: then nothing follows, whoever waits.
+            if len(reply) == size and (not _is_count(count) or self._reasons.gives_scan(code) is False):
+                raise _no_lidar(code, f"{count:g}")
+            if _is_count(count):
+                size += int(count) * size
+                reply = self._receive(code, size, timeout, deadline, reply)
+        if len(reply) > size:
+            raise _too_much(code)
+        return reply
+
+    def _begins_scan(self, commands: Sequence[str], reply: bytes) -> bool:
+        """True if a lidar with few rays is among the commands: its scan fits in the room for the others'
+        numbers, which are still to come."""
+        numbers = [float(number) for (number,) in self._number.iter_unpack(reply)]
+        return any(
+            len(command) == 2
+            and _is_count(number)
+            and place + number < len(commands)
+            # Counters and sensors of yes or no give whole numbers too.
+            and self._reasons.gives_scan(command)
+            for place, (command, number) in enumerate(zip(commands, numbers))
+        )
+
+    def _surplus(
+        self, commands: Sequence[str], shown: str, timeout: float, deadline: float, reply: bytes
+    ) -> RobotError:
+        """More comes than a number a command. If that is a scan, all of it is read, and the connection goes
+        on."""
+        scans = [each for each in commands if len(each) == 2 and self._reasons.gives_scan(each)]
+        if not scans:
+            return _too_much(shown)
+        end, size = 0, self._number.size
+        for command in commands:
+            end += size
+            if command in scans:
+                reply = self._receive(shown, end, timeout, deadline, reply)
+                [count] = self._number.unpack_from(reply, end - size)
+                end += int(count) * size if _is_count(count) else 0
+        self._receive(shown, end, timeout, deadline, reply)
+        return _is_lidar(scans[0])
 
     def drive(self, code: str, number: str, timeout: float) -> Movement:
         command = f"{code}-{number}"
@@ -431,9 +545,10 @@ class _BinaryLink:
         self._replies.close()
         self._commands.close()
 
-    def _receive(self, command: str, count: int, timeout: float, deadline: float) -> bytes:
-        """Exactly so many numbers' bytes."""
-        size, reply = count * self._number.size, b""
+    def _receive(
+        self, command: str, size: int, timeout: float, deadline: float, reply: bytes = b"", spare: int = 0
+    ) -> bytes:
+        """The first `size` bytes of a reply, with what has come of it already, and at most `spare` more."""
         while len(reply) < size:
             remaining = deadline - time.monotonic()
             if remaining <= 0:
@@ -441,7 +556,7 @@ class _BinaryLink:
                 raise RobotTimeoutError(f"no reply to {command!r} within {timeout:g} s{hint}")
             ready = [key.fileobj for key, _ in self._selector.select(min(remaining, _INTERRUPT_INTERVAL))]
             if self._replies in ready:
-                piece = self._replies.recv(size + 1 - len(reply))
+                piece = self._replies.recv(size + spare - len(reply))
                 reply += piece
             elif self._commands in ready:
                 piece = self._commands.recv(1)
@@ -454,11 +569,6 @@ class _BinaryLink:
                 continue
             if not piece:
                 raise self._closed(command)
-        if len(reply) > size:
-            raise RobotError(
-                f"more came back for {command!r} than it asked for: "
-                "reply_format and byte_order must be the simulator's own (its settings.toml)"
-            )
         return reply
 
     @staticmethod
@@ -508,7 +618,25 @@ class _PacketLink:
         try:
             return words[answer] if answer in words else float(answer)
         except ValueError as error:
+            if ";" in answer:
+                raise _is_lidar(command) from None
             raise RobotError(f"the reply to {command!r} is {answer!r}, which is no number") from error
+
+    def scan(self, code: str, timeout: float) -> list[float]:
+        [answer] = self._ask([code], time.monotonic() + timeout, timeout)
+        if answer in ("Not Found", "False"):
+            why = self._reasons.why(code)
+            # A sensor that says yes or no says False, too.
+            if answer == "Not Found" or why.scan or why.kind != "sensor":
+                raise _not_scanned(why, code)
+        try:
+            ranges = [float(word) for word in answer.split(";")]
+        except ValueError:
+            raise _no_lidar(code, answer) from None
+        # One number may be the range of a lidar with one ray, or any other sensor's reading.
+        if len(ranges) == 1 and not self._reasons.gives_scan(code):
+            raise _no_lidar(code, answer)
+        return ranges
 
     def drive(self, code: str, number: str, timeout: float) -> Movement:
         self._until_accepted(code, number, timeout, ask=True)
@@ -594,11 +722,12 @@ class _PacketLink:
 
 
 class _Why(NamedTuple):
-    """What the simulator says of a refused command: the reason, and the kind of the code ("sensor", "drive",
-    "unknown"); both empty if nobody says it."""
+    """The simulator's answer about a refused command: the reason, and the kind of the code ("sensor",
+    "drive", "unknown"); both empty if nobody says it. `scan` is true for the code of a lidar."""
 
     reason: str = ""
     kind: str = ""
+    scan: bool = False
 
     @property
     def busy(self) -> bool:
@@ -626,10 +755,41 @@ def _sensor_driven(code: str, answer: str) -> CommandRefusedError:
     )
 
 
+def _too_much(shown: str) -> RobotError:
+    return RobotError(
+        f"more came back for {shown!r} than it asked for: reply_format and byte_order must be the "
+        "simulator's own (its settings.toml), or a code is a lidar's: see robot.scan"
+    )
+
+
+def _is_lidar(code: str) -> CommandRefusedError:
+    return CommandRefusedError(
+        f"{code!r} is a lidar, which answers with many numbers: robot.scan({code!r}) gives them all, "
+        f"robot.send('{code}-90') the one to the left"
+    )
+
+
+def _no_lidar(code: str, answer: str) -> CommandRefusedError:
+    return CommandRefusedError(
+        f"{code!r} is no lidar: it answered {answer}. Read it with robot.read({code!r})"
+    )
+
+
+def _not_scanned(why: _Why, code: str) -> CommandRefusedError:
+    if why.scan:
+        return CommandRefusedError(f"the robot refused {code!r}: {why.reason or 'it does not say why'}")
+    known = f"{code!r} is a drive" if why.kind == "drive" else why.reason or "or it is disabled"
+    return UnknownCodeError(f"the robot knows no lidar {code!r} ({known}): see its sensors.csv")
+
+
+def _is_count(number: float) -> bool:
+    return 1 <= number <= _MOST_RANGES and number.is_integer()
+
+
 class _Reasons:
     """Asks the simulator why it refused a command: a line on the belief port, answered by a line.
 
-    Asked only after a refusal, or after a drive that is answered with a finite number. Simulators
+    Asked only after a refusal, or after a reply that the command should not have. Simulators
     that do not answer are asked no more.
     """
 
@@ -639,9 +799,10 @@ class _Reasons:
         self._port = port
         self._given_up = False
         self._kinds: dict[str, str] = {}  # a real robot answers each drive with a number: asked once a code
+        self._scans: dict[str, bool | None] = {}
 
     def why(self, command: str) -> _Why:
-        """What the simulator says of a command."""
+        """The simulator's answer about a refused command."""
         if self._given_up:
             return _Why()
         answer = self._answer(command)
@@ -649,13 +810,20 @@ class _Reasons:
         if not isinstance(answer, dict) or self._port not in _listed(answer.get("ports")):
             self._given_up = True
             return _Why()
-        return _Why(str(answer.get("why", "")), str(answer.get("kind", "")))
+        return _Why(str(answer.get("why", "")), str(answer.get("kind", "")), answer.get("scan") is True)
 
     def is_sensor(self, code: str) -> bool:
         """True if the simulator says that a code is a sensor's."""
         if code not in self._kinds:
             self._kinds[code] = self.why(code).kind
         return self._kinds[code] == "sensor"
+
+    def gives_scan(self, code: str) -> bool | None:
+        """True if the simulator says that a code is a lidar's; None if nobody says."""
+        if code not in self._scans:
+            why = self.why(code)
+            self._scans[code] = why.scan if why.kind else None
+        return self._scans[code]
 
     def _answer(self, command: str) -> Any:
         deadline = time.monotonic() + _QUESTION_TIMEOUT
@@ -809,3 +977,81 @@ def _rows(particles: Iterable[Iterable[float]]) -> list[list[float]]:
             "particles must be rows of two or three finite numbers: (x, y) or (x, y, heading)"
         )
     return rows
+
+
+def _packed_grid(grid: Any, bounds: Iterable[Number] | None, first: Number | None) -> dict[str, object]:
+    """A grid as the simulator takes it: single precision in base64, a quarter of what a list takes."""
+    shape = getattr(grid, "shape", None)
+    # numpy is not imported for this: a grid may be nested lists.
+    sizes, data = _of_lists(grid) if shape is None else _of_array(grid, tuple(shape))
+    rows, cols, headings = sizes
+    packed: dict[str, object] = {"rows": rows, "cols": cols}
+    if headings > 1:
+        packed["headings"] = headings
+    if first is not None:
+        packed["first"] = _finite("first", first)
+    if bounds is not None:
+        edges = [_finite("each of bounds", each) for each in bounds]
+        if len(edges) != 4 or not (edges[0] < edges[2] and edges[1] < edges[3]):
+            raise InvalidInputError(f"bounds is {edges}: it must be x0, y0, x1, y1 with x0 < x1 and y0 < y1")
+        packed["bounds"] = edges
+    packed["f32"] = base64.b64encode(data).decode("ascii")
+    return packed
+
+
+def _of_array(grid: Any, shape: tuple[int, ...]) -> tuple[tuple[int, int, int], bytes]:
+    """Sizes and bytes of a numpy array."""
+    sizes = _grid_sizes(shape)
+    try:
+        most = _largest(float(grid.min()), float(grid.max()))
+        return sizes, (grid / most).astype("<f4").tobytes()
+    except (TypeError, AttributeError):
+        raise InvalidInputError("grid must be an array of numbers, or nested lists of them") from None
+
+
+def _of_lists(grid: Any) -> tuple[tuple[int, int, int], bytes]:
+    """Sizes and bytes of nested lists."""
+    try:
+        rows = [list(row) for row in grid]
+        cells = [cell for row in rows for cell in row]
+        deep = bool(cells) and hasattr(cells[0], "__len__")
+        lists = [list(cell) for cell in cells] if deep else []
+        numbers = [float(number) for cell in lists for number in cell] if deep else list(map(float, cells))
+    except (TypeError, ValueError, OverflowError):
+        raise InvalidInputError("grid must be rows of numbers, or rows of lists of numbers") from None
+    for what, each in (("row", rows), ("cell", lists)):
+        for number, one in enumerate(each, 1):
+            if len(one) != len(each[0]):
+                raise InvalidInputError(f"{what} {number} of grid has {len(one)} numbers, not {len(each[0])}")
+    columns = len(rows[0]) if rows else 0
+    sizes = _grid_sizes((len(rows), columns, len(lists[0])) if deep else (len(rows), columns))
+    if any(number != number for number in numbers):  # NaN: min and max would pass it by
+        raise InvalidInputError("grid holds a number that is not finite")
+    most = _largest(min(numbers), max(numbers))
+    return sizes, struct.pack(f"<{len(numbers)}f", *[number / most for number in numbers])
+
+
+def _largest(least: float, most: float) -> float:
+    """The largest probability. Divided by it, all fit into single precision."""
+    if not (math.isfinite(least) and math.isfinite(most)):
+        raise InvalidInputError("grid holds a number that is not finite")
+    if least < 0 or most <= 0:
+        raise InvalidInputError("probabilities must be 0 or more, and one of them more than 0")
+    return most
+
+
+def _grid_sizes(shape: tuple[int, ...]) -> tuple[int, int, int]:
+    if len(shape) not in (2, 3):
+        raise InvalidInputError("grid must have rows and columns, and may have headings")
+    rows, cols, headings = shape if len(shape) == 3 else (*shape, 1)
+    limits = (
+        ("rows", rows, _MOST_ROWS),
+        ("columns", cols, _MOST_ROWS),
+        ("headings", headings, _MOST_HEADINGS),
+    )
+    for name, size, most in limits:
+        if not 1 <= size <= most:
+            raise InvalidInputError(f"grid has {size} {name}: it may have 1 to {most}")
+    if rows * cols * headings > _MOST_STATES:
+        raise InvalidInputError(f"grid has {rows * cols * headings} states: it may have {_MOST_STATES}")
+    return int(rows), int(cols), int(headings)

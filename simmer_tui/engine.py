@@ -8,12 +8,13 @@ from __future__ import annotations
 
 import asyncio
 import math
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Hashable, Sequence
 
-from msgspec import structs
+from msgspec import Struct, structs
+from msgspec.structs import replace
 
 from simmer_tui import actions
+from simmer_tui.driving import Driving
 from simmer_tui.errors import SimmerError
 from simmer_tui.events import (
     Action,
@@ -24,8 +25,10 @@ from simmer_tui.events import (
     MovementPlanned,
     Notice,
     NoticeKind,
+    VelocityEnd,
     Watcher,
     Watchers,
+    WireMessage,
 )
 from simmer_tui.playback_throttle import PlaybackThrottle
 from simmer_tui.sessions import Answer, LinkDelay, Queued, Scheduler, Session, Stop, TimerQueue
@@ -40,8 +43,7 @@ PEOPLE = frozenset(("console", "keys"))
 """Command sources that bypass the simulated link."""
 
 
-@dataclass(frozen=True, slots=True)
-class _Movement:
+class _Movement(Struct, frozen=True):
     """A timed movement under way as planned, and the session that is answered when it ends."""
 
     outcome: CommandResult
@@ -83,10 +85,14 @@ class Engine:
         self.halts = 0
         """Count of stops of all motion by commands. Drives that came before such a stop and
         wait for their turn do not begin: counting makes a stop cost the same however many wait."""
+        self.exchanges = False
+        """True once something has gone over a dialect's line."""
         self.halted = False
         """True if no drive command has arrived since the last stop."""
         self._throttle: PlaybackThrottle | None = None
         self._watchers = Watchers(self._tell_fault)
+        self.driving = Driving(simulator, self.tell)
+        """Continuous motion, and those who wait."""
         self._scheduler = Scheduler(self._do)
         self._loop: asyncio.AbstractEventLoop | None = None
         self._origin = 0.0
@@ -94,10 +100,39 @@ class Engine:
         self._timer: asyncio.TimerHandle | None = None
         self._held: list[Session] = []
 
-    def session(self, *, answer_at_end: bool = True, lane: str = "") -> Session:
+    def session(
+        self, *, answer_at_end: bool = True, lane: str = "", driver: Hashable | None = None
+    ) -> Session:
         """A new sender of commands. Lanes take turns, and within a lane its sessions do. One with a name
-        is for any number of sessions, and bounded by time as well."""
-        return Session(self._scheduler.lane(lane), self._submitted, answer_at_end=answer_at_end)
+        is for any number of sessions, and bounded by time as well. `driver` is whose velocities it sets,
+        by default its own."""
+        return Session(
+            self._scheduler.lane(lane),
+            self._submitted,
+            self._session_closed,
+            answer_at_end=answer_at_end,
+            driver=driver,
+        )
+
+    def _session_closed(self, session: Session) -> None:
+        """A sender has left."""
+        self.cut_waits(session)
+        if session.driver is session:
+            self.driver_left(session)
+
+    def cut_waits(self, session: Session) -> None:
+        """A sender has gone: it waits no longer for time to pass."""
+        session.has_gone = True
+        if self.driving.waits:
+            self.now()
+            self.driving.forget(session)
+
+    def driver_left(self, driver: Hashable) -> None:
+        """Whoever drives has left: its velocity ends."""
+        if self.simulator.velocity.moves:
+            self.now()
+        self.driving.left(driver)
+        self._set_alarm()
 
     # -- watchers ----------------------------------------------------------------------------
 
@@ -111,6 +146,7 @@ class Engine:
 
     def tell(self, event: Event) -> None:
         """Pass an event to all watchers (see `Watchers.tell`)."""
+        self.exchanges = self.exchanges or isinstance(event, WireMessage)
         self._watchers.tell(event)
 
     def _tell_fault(self, text: str) -> None:
@@ -142,6 +178,7 @@ class Engine:
     def start(self, loop: asyncio.AbstractEventLoop) -> None:
         """Begin: simulated time runs from here."""
         self._loop = loop
+        self.driving.start(loop)
         self._scheduler.start(loop)
         self._set_clock()
 
@@ -149,7 +186,10 @@ class Engine:
         """Bring the simulator to the present and return simulated time."""
         # While paused, or with instant motion, simulated time moves only by what commands take.
         if self._passes and self._loop is not None:
-            self.simulator.advance((self._loop.time() - self._origin) * self.time_scale)
+            present = (self._loop.time() - self._origin) * self.time_scale
+            if not self.driving.catch_up(present):
+                # Computing takes longer than it lasts: simulated time falls behind rather than all else.
+                self._origin = self._loop.time() - self.simulator.time / self.time_scale
         return self.simulator.time
 
     @property
@@ -166,7 +206,7 @@ class Engine:
             self._set_timer()
             self._set_alarm()
 
-    def _later(self, time: float, call: Callable[[], None]) -> None:
+    def call_at(self, time: float, call: Callable[[], None]) -> None:
         """Have something done at a simulated time; a pause holds it up as well."""
         self._timers.add(time, call)
         self._set_alarm()
@@ -177,6 +217,8 @@ class Engine:
             self._alarm.cancel()
             self._alarm = None
         due = self._timers.due
+        # In instant motion time waits for commands.
+        due = min(due, self.simulator.next_event) if self.timed else due
         if due < math.inf and not self.paused:
             assert self._loop is not None, "timed motion needs a started engine"
             self._alarm = self._loop.call_at(self._origin + due / self.time_scale, self._settle, due)
@@ -184,8 +226,12 @@ class Engine:
     def _settle(self, until: float) -> None:
         """Do what is due by a simulated time."""
         self.now()
+        # The loop's clock may round to a hair before an event that it has woken us for.
+        if until < math.inf and (self.driving.waits or self.simulator.next_event <= until):
+            self.driving.catch_up(until)
         while self._timers.due <= until and self._timers.due < math.inf:
             self._timers.pop()()
+        self.driving.settle()
         self._set_alarm()
 
     # -- a replayed prefix ----------------------------------------------------------------------
@@ -219,15 +265,26 @@ class Engine:
         if self._timers.due < math.inf:  # of a run that begins anew nothing is left to come
             self._settle(math.inf if action.name.restarts else self.simulator.time)
         with self._scheduler.holding():  # no command comes before watchers have heard
+            drove = self.simulator.velocity.moves
             try:
                 text, refused = actions.apply(self.simulator, action), False
             except SimmerError as error:
                 text, refused = str(error), True
             else:
                 self._follow(action)
+                stops = action.name is ActionName.STOP
+                self.driving.ended(VelocityEnd.STOP if stops else VelocityEnd.PLACED, action.source, drove)
+                if stops or action.name.places:
+                    self.driving.cut()
             done = ActionDone(self.simulator.time, action, text, self.simulator.pose, refused)
             self.tell(done)
         return done
+
+    def drop(self, client: str) -> None:
+        """Tell that a client has been dropped that does not read its replies, and stop the robot: there may
+        be a stop among what it sent and nobody will read."""
+        self.tell(Notice(NoticeKind.FAULT, f"client {client} dropped: it does not read its replies"))
+        self.perform(Action(ActionName.STOP, source=f"client {client}"))
 
     def _follow(self, action: Action) -> None:
         """The engine's own part of an action."""
@@ -238,6 +295,8 @@ class Engine:
         elif action.name in (ActionName.PAUSE, ActionName.RESUME):
             self._scheduler.paused = action.name is ActionName.PAUSE
             self._scheduler.steps = 0
+            if not self.timed:
+                self.driving.pause(self.paused)
         # An action may have ended the movement (reset, teleport): its sender still waits for the answer.
         if self._movement is not None and not self.simulator.moving:
             self._movement_over(stopped_by=f"{action.name} from {action.source}")
@@ -262,6 +321,9 @@ class Engine:
         if self._movement is not None:
             self._settle(self._movement.trajectory.end_time)
             self._movement_over()
+        elif self.driving.waits and not self.timed:
+            self.simulator.advance(self.driving.first_over)
+            self.driving.settle()
         elif self._timers.due < math.inf:
             self.simulator.advance(self._timers.due)
             self._settle(self._timers.due)
@@ -271,16 +333,18 @@ class Engine:
 
     # -- commands ----------------------------------------------------------------------------
 
-    def _submitted(self, session: Session, command: Command, answer: Answer) -> None:
+    def _submitted(
+        self, session: Session, command: Command, answer: Answer, moment: Sequence[Command]
+    ) -> None:
         """A session has been given a command: it waits for its turn, unless it stops."""
         stop = None
         # A stop is done before its turn: behind a queue of drives it would come too late.
         if not command.stops:
-            self.halted = self.halted and not self.simulator.is_drive(command)
+            self.halted = self.halted and not self._sets_going(command)
         elif not self.halted:
             stop = self._take_stop(session, command)
         # Else there is nothing to stop, and it may wait for its turn: they come by the thousand.
-        session.queue.append(Queued(command, answer, self.halts, stop))
+        session.queue.append(Queued(command, answer, self.halts, stop, moment=moment))
         self._scheduler.wake(session)
 
     def _do(self, session: Session, queued: Queued) -> None:
@@ -290,14 +354,21 @@ class Engine:
             self._answer_stop(session, replace(queued, stop=stop), stop)
         elif not self._passes:
             command = self._meant_now(queued)
-            self._complete(session, queued.answer, self._execute(command, queued.there))
+            # People look on: a program's loop is what takes time.
+            if queued.moment and command.source not in PEOPLE:
+                self.simulator.begin_pass(queued.moment)
+            outcome = self._execute(command, queued.there, session=session)
+            if outcome.waits:
+                self._wait(session, queued.answer, outcome)
+            else:
+                self._complete(session, queued.answer, outcome)
         else:
             self._settle_due()
             there = self._way(queued.command) if queued.there is None else 0.0
             if there:
                 session.waiting = True
                 arrived = replace(queued, there=there)
-                self._later(
+                self.call_at(
                     self.simulator.time + there, lambda: self._resume(session, session.queue_first, arrived)
                 )
             else:
@@ -312,7 +383,7 @@ class Engine:
             session.queue.appendleft(queued)  # another's movement: wait for its end
             self._hold(session)
             return
-        outcome, came = self._begin(command), queued.there or 0.0
+        outcome, came = self._begin(command, session), queued.there or 0.0
         if outcome.status is Status.ACCEPTED and session.answer_at_end:
             self._movement = replace(self._under_way, session=session, answer=queued.answer, there=came)
             self._hold(session)
@@ -325,13 +396,16 @@ class Engine:
         command = queued.command
         # A drive from before a stop was meant for a robot that still moved. It is answered as a stop,
         # so that its sender gets a reply and the robot stays where it is.
-        if self.simulator.is_drive(command):
-            if queued.halts == self.halts:
-                if self.before_drive is not None:
-                    self.before_drive()
-            elif not self.simulator.moving:
-                return replace(command, stops=True)
+        if queued.halts == self.halts:
+            if self.before_drive is not None and self.simulator.is_drive(command):
+                self.before_drive()
+        elif self._sets_going(command) and not self.simulator.moving:
+            return replace(command, stops=True)
         return command
+
+    def _sets_going(self, command: Command) -> bool:
+        """True if a command has the robot move: a drive, or a velocity."""
+        return self.simulator.is_drive(command) or self.simulator.is_velocity(command)
 
     @property
     def _passes(self) -> bool:
@@ -358,7 +432,12 @@ class Engine:
         return self._link.way() if self._link is not None and command.source not in PEOPLE else 0.0
 
     def _execute(
-        self, command: Command, there: float | None = None, *, answers: bool = True
+        self,
+        command: Command,
+        there: float | None = None,
+        *,
+        answers: bool = True,
+        session: Session | None = None,
     ) -> CommandResult:
         """Do a whole command at once. `there` is what it has taken on the link already; else simulated
         time moves on by that. What nobody `answers` comes over no link."""
@@ -368,7 +447,10 @@ class Engine:
             there = self._way(command) if answers else 0.0
             if there:
                 simulator.advance(simulator.time + there)
-        outcome = simulator.begin(command)
+        # In timed motion a turn takes its time by itself.
+        if not self.timed:
+            simulator.wait_for_scan(command)
+        outcome = self.driving.begin(command, session)
         taken = outcome.time
         # Drawn even where nothing moves, so that the number of draws does not depend on the result.
         back = self._way(command) if answers else 0.0
@@ -383,9 +465,11 @@ class Engine:
             outcome = structs.replace(outcome, time=simulator.time, taken=taken, link=there + back)
         return outcome
 
-    def _begin(self, command: Command) -> CommandResult:
-        """Begin a command in real time; a movement then goes on by itself."""
-        outcome = self.simulator.begin(command)
+    def _begin(self, command: Command, session: Session | None = None) -> CommandResult:
+        """Begin a command in real time; a movement or a velocity then goes on by itself."""
+        outcome = self.driving.begin(command, session)
+        if outcome.velocity is not None:
+            self._set_alarm()
         if outcome.status is Status.ACCEPTED:
             self._movement = _Movement(outcome, self._tell_planned(outcome))
             self._set_timer()
@@ -415,7 +499,7 @@ class Engine:
         """A command that stops has been given: it is done when it has come over the link."""
         stop, there = Stop(), self._way(command)
         if there and self._passes:
-            self._later(self.now() + there, lambda: self._stop_arrives(session, command, stop, there))
+            self.call_at(self.now() + there, lambda: self._stop_arrives(session, command, stop, there))
             return stop
         if there:
             self.simulator.advance(self.simulator.time + there)
@@ -445,7 +529,7 @@ class Engine:
             session.queue.appendleft(queued)
         elif stop.back and self._passes:
             session.waiting = True
-            self._later(
+            self.call_at(
                 self.now() + stop.back,
                 lambda: self._resume(session, self._hand_over, session, queued.answer, outcome),
             )
@@ -484,7 +568,10 @@ class Engine:
 
     def stop_motion(self, by: str) -> None:
         """End the movement under way now, if there is one; `by` says who wants it."""
+        drove = self.simulator.velocity.moves
         self.simulator.stop()
+        self.driving.ended(VelocityEnd.STOP, by, drove)
+        self.driving.cut()
         if self._movement is not None:
             self._movement_over(stopped_by=by)
 
@@ -496,6 +583,9 @@ class Engine:
         self, session: Session, answer: Answer, outcome: CommandResult, there: float, back: float
     ) -> None:
         """Answer in real time: when a reading has been made, and the answer has come over the link."""
+        if outcome.waits:
+            self._wait(session, answer, outcome, there, back)
+            return
         took = outcome.reading.took if outcome.reading is not None else 0.0
         if not (took or there or back):
             self._complete(session, answer, outcome)
@@ -504,7 +594,32 @@ class Engine:
         due = outcome.time + took + back
         taken = outcome.time if outcome.taken is None else outcome.taken
         told = structs.replace(outcome, time=due, taken=taken, link=there + back)
-        self._later(due, lambda: self._resume(session, self._complete_late, session, answer, told))
+        self.call_at(due, lambda: self._resume(session, self._complete_late, session, answer, told))
+
+    def _wait(
+        self, session: Session, answer: Answer, outcome: CommandResult, there: float = 0.0, back: float = 0.0
+    ) -> None:
+        """Answer a command that waits, when its time has come or something has cut it short."""
+        session.waiting = True
+        taken = outcome.time if outcome.taken is None else outcome.taken
+
+        def over() -> None:
+            simulator = self.simulator
+            told = structs.replace(
+                outcome,
+                time=simulator.time,
+                pose=simulator.pose,
+                taken=taken,
+                link=there + back + outcome.link,
+            )
+            self._resume(session, self._complete, session, answer, told)
+
+        until = outcome.time + (0.0 if session.has_gone else outcome.waits + back)
+        self.driving.wait(session, until, over)
+        if self._passes:
+            self.call_at(until, self.driving.settle)
+        else:
+            self.driving.pass_time()
 
     def _complete_late(self, session: Session, answer: Answer, outcome: CommandResult) -> None:
         """Tell a result whose time has come, with the pose of that time; a movement's has its own."""
@@ -515,6 +630,9 @@ class Engine:
 
     def _pose_when(self, time: float) -> Pose:
         """The pose at a simulated time a moment ago."""
+        leg = self.simulator.leg
+        if leg is not None and leg.start_time <= time:
+            return leg.pose_at(time)
         trajectory = self.simulator.last_trajectory
         if trajectory is not None and trajectory.start_time <= time < trajectory.end_time:
             return trajectory.pose_at(time)
@@ -524,6 +642,8 @@ class Engine:
         """Tell watchers of a result, then answer its sender."""
         self.tell(outcome)
         self._reply(session, answer, outcome)
+        if not self.timed:
+            self.driving.answered(session)
 
     def _reply(self, session: Session, answer: Answer, outcome: CommandResult) -> None:
         """Answer a sender, after the pause that settings ask for."""
@@ -538,11 +658,15 @@ class Engine:
     def _hand_over(self, session: Session, answer: Answer, outcome: CommandResult) -> None:
         """Give an answer: that of a movement when it has been shown, and what follows after it."""
         throttle = self._throttle
-        # A later answer of the same sender waits too, or its replies would change their order.
-        if throttle is None or not throttle.busy or not (session.late or outcome.trajectory is not None):
+        if throttle is None or not throttle.busy:
             session.give(answer, outcome)
             return
-        if outcome.trajectory is not None:
+        shown = outcome.trajectory is not None or outcome.waits or self.driving.drives
+        # A later answer of the same sender waits too, or its replies would change their order.
+        if not (session.late or shown):
+            session.give(answer, outcome)
+            return
+        if shown:
             session.late_until = throttle.until
         session.late += 1
         throttle.later(session.late_until, lambda: session.give(answer, outcome, was_late=True))
@@ -564,7 +688,21 @@ class Engine:
             self._movement_over()
         if self._passes:
             return self._begin(command)
-        return self._execute(command, answers=False)
+        outcome = self._execute(command, answers=False)
+        return self.simulator.finish(outcome) if outcome.waits else outcome
+
+    def peek(self, command: Command) -> CommandResult:
+        """Have a sensor read, or a command refused, without an answer: the asker tells it. Unlike `mirror`
+        it leaves a movement alone."""
+        self.now()
+        return self.driving.begin(command, None)
+
+    def finish_movement(self) -> None:
+        """The real robot has ended the movement that is still under way here: go on from its end."""
+        self.now()
+        if self._movement is not None:
+            self._movement_over()
+            self._set_clock()
 
     # -- timed movements ---------------------------------------------------------------------
 

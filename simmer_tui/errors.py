@@ -5,15 +5,18 @@
     ├── PlacementError          a robot or block where it cannot stand
     ├── PortError               a port that is taken or may not be used
     ├── ProgramError            the program of `--run` cannot be started
+    ├── DeviceError             a team's own device failed: in which line of its file, and how
     ├── UnknownSensorError      a code that no sensor has (a KeyError too)
     ├── RunLogError             a log that cannot be written, read or made anything of
     ├── ExportError             a picture of a run that cannot be made
     ├── TrialsError             trials that cannot be run, gone on with, or read
     │   └── ClusterError        the Dask cluster that they were to run on is not there (any more)
     ├── CalibrationError        logs that a robot cannot be learned from
+    ├── AtlasError              expected readings that cannot be computed or written as asked
     ├── GradeError              a course that cannot be graded, or not sandboxed as asked
     ├── InterruptedTrialError   a run that was not to go on
     ├── ConsoleCommandError     a line typed in the console that is no command (a ValueError too)
+    ├── ExpressionError         a value in a dialect's expression does not fit it (a ValueError too)
     └── NotUnderstoodError      an expression of a foreign file is beyond its reader
 
 Two of them never leave their room (the last, and the interrupted trial). The client library stands
@@ -23,7 +26,8 @@ alone and has a tree of its own.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 
 class SimmerError(Exception):
@@ -32,6 +36,10 @@ class SimmerError(Exception):
 
 class PlacementError(SimmerError):
     """A robot or block was put where it cannot stand (inside a wall, outside the maze)."""
+
+
+class DeviceError(SimmerError):
+    """A team's own device raised something, or returned what is no reading; the message has file and line."""
 
 
 class UnknownSensorError(SimmerError, KeyError):
@@ -46,8 +54,11 @@ class UnknownSensorError(SimmerError, KeyError):
         return str(self.args[0])  # KeyError would show it in quotes
 
 
-@dataclass(frozen=True, slots=True)
-class Problem:
+class ExpressionError(SimmerError, ValueError):
+    """An expression of a dialect that cannot be evaluated: a text for a number, a list too short."""
+
+
+class Problem(Struct, frozen=True):
     """One mistake in a configuration set.
 
     `where` names the place (`sensors.csv:3:Poll Character`, `--bot-center`), `what` says what is
@@ -106,6 +117,10 @@ class ClusterError(TrialsError):
 
 class CalibrationError(SimmerError):
     """Logs that a robot's parameters cannot be learned from; the message says why."""
+
+
+class AtlasError(SimmerError):
+    """Expected readings cannot be computed or written as asked: a grid that does not fit, a wrong sensor."""
 
 
 class GradeError(SimmerError):

@@ -10,19 +10,21 @@ The records are msgspec structs, since a log has millions of them: a changed cop
 
 A command that moves gives `MovementPlanned`, `MovementEnded` and an `CommandResult` with its answer: at
 the end (`DONE`), or at once (`ACCEPTED`, then before the end). All other commands give an `CommandResult`.
+A velocity goes on after its answer: its motion is told leg by leg.
 """
 
 from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass
 from enum import StrEnum
 from typing import Generic, TypeVar, cast
 
 from msgspec import Struct
 
+from simmer_tui.belief_grid import GridBelief
 from simmer_tui.sim.command import Command
+from simmer_tui.sim.legs import Leg
 from simmer_tui.sim.path import Contact
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.records import CommandResult, Grip
@@ -37,6 +39,8 @@ __all__ = [
     "Event",
     "EventHandler",
     "Goal",
+    "LegBegun",
+    "LegEnded",
     "MissionEnd",
     "MissionEvent",
     "MovementEnded",
@@ -47,6 +51,8 @@ __all__ = [
     "ProgramEnded",
     "Result",
     "TwinReading",
+    "VelocityEnd",
+    "VelocityEnded",
     "Watcher",
     "Watchers",
 ]
@@ -64,6 +70,8 @@ class NoticeKind(StrEnum):
     """The port of a real robot."""
     VERDICT = "verdict"
     """Outcome of the run, and its cause."""
+    HINT = "hint"
+    """A hint to the person at the screen: it is shown and not logged."""
     TAKEN_OVER = "taken over"
     """The events before it are the replayed prefix of another run; this one goes on from there."""
 
@@ -71,14 +79,18 @@ class NoticeKind(StrEnum):
 class Notice(Struct, frozen=True):
     """Something that happened beside the commands: who came, who left, what went wrong.
 
-    `subject` is the client's address where the notice is about one.
+    `subject` is the client's address where the notice is about one. `advice` is true if it tells what a new
+    program does wrong with its connection.
     """
 
     kind: NoticeKind
     text: str
     subject: str = ""
+    advice: bool = False
 
 
+NOT_LED = "the program was not led to the robot's serial port"
+"""Beginning of the notice that says so."""
 NOT_STARTED = "could not start: "
 """Beginning of an error that kept a program from starting."""
 
@@ -182,8 +194,7 @@ class ActionName(StrEnum):
         return self in (ActionName.TELEPORT, ActionName.BLOCK, ActionName.BIAS)
 
 
-@dataclass(frozen=True, slots=True)
-class Action:
+class Action(Struct, frozen=True):
     """One action: `teleport` takes x, y and heading, `block` x and y, `seed` a number, `speed`
     simulated seconds a second, `noise` and `bias` 1 or 0 for on and off."""
 
@@ -213,7 +224,9 @@ class ActionDone(Struct, frozen=True):
 class Belief(Struct, frozen=True):
     """A pose that a program believes the robot to have, and the true one at that moment.
 
-    `spread` is in inches, `particles` are (x, y) pairs or (x, y, heading) triples.
+    `spread` is in inches, `particles` are (x, y) pairs or (x, y, heading) triples. With a `grid` the program
+    may have left pose and spread to it. `again` is true for the belief before, told with the cells that a
+    log had left out of it: it says nothing new.
     """
 
     time: float
@@ -222,6 +235,8 @@ class Belief(Struct, frozen=True):
     spread: float | None = None
     particles: tuple[tuple[float, ...], ...] = ()
     note: str = ""
+    grid: GridBelief | None = None
+    again: bool = False
 
 
 class TwinReading(Struct, frozen=True):
@@ -272,9 +287,7 @@ class MovementEnded(Struct, frozen=True):
     @property
     def before(self) -> Pose:
         """Pose at its beginning."""
-        path = self.trajectory.path
-        x, y = path.places[0]
-        return Pose(x, y, path.start)
+        return self.trajectory.before
 
     @property
     def pose(self) -> Pose:
@@ -287,16 +300,94 @@ class MovementEnded(Struct, frozen=True):
         return self.trajectory.contact
 
 
+class LegBegun(Struct, frozen=True):
+    """A leg of a continuous motion begins: where the robot will be as long as nothing intervenes.
+
+    `number` and `command` are those of the velocity that moves it. Another may take its place before any
+    time has passed.
+    """
+
+    number: int
+    command: Command
+    leg: Leg
+
+    @property
+    def time(self) -> float:
+        """Simulated time of its beginning."""
+        return self.leg.start_time
+
+
+class LegEnded(Struct, frozen=True):
+    """A leg of a continuous motion is over, and this is how it went."""
+
+    number: int
+    command: Command
+    leg: Leg
+
+    @property
+    def time(self) -> float:
+        """Simulated time of its end."""
+        return self.leg.end_time
+
+    @property
+    def contact(self) -> Contact | None:
+        """The contact at its end, or at its beginning."""
+        return self.leg.contact
+
+    def as_movement(self) -> MovementEnded:
+        """The same as the end of a movement of one segment."""
+        return MovementEnded(self.number, self.time, self.command, self.leg.as_movement())
+
+
+class VelocityEnd(StrEnum):
+    """Reason for which a velocity ended without a command that set another."""
+
+    TIME = "its time was over"
+    TIMEOUT = "it was not sent again"
+    LEFT = "its program left"
+    STOP = "the robot was stopped"
+    MOVEMENT = "a movement began"
+    PLACED = "the robot was put elsewhere"
+
+
+class VelocityEnded(Struct, frozen=True):
+    """A velocity has ended without a command that set another, at a simulated time. `source` is who did it,
+    empty if nobody did."""
+
+    time: float
+    reason: VelocityEnd
+    source: str = ""
+
+
+class WireMessage(Struct, frozen=True):
+    """Bytes on the line between a program and a robot with a dialect, at a simulated time.
+
+    Attributes:
+        data: the bytes, one character each.
+        reply: true if the robot sent them.
+        meaning: what a message does; empty for a reply.
+    """
+
+    time: float
+    data: str
+    reply: bool = False
+    meaning: str = ""
+
+
 Event = (
     CommandResult
     | MovementPlanned
     | MovementEnded
+    | LegBegun
+    | LegEnded
+    | VelocityEnded
     | ActionDone
     | Belief
     | TwinReading
     | Notice
     | MissionEvent
     | ProgramEnded
+    | WireMessage
 )
 Watcher = Callable[[Event], None]
 Made = TypeVar("Made")
@@ -305,12 +396,16 @@ _METHODS = {
     CommandResult: "on_result",
     MovementPlanned: "on_planned",
     MovementEnded: "on_ended",
+    LegBegun: "on_leg_begun",
+    LegEnded: "on_leg_ended",
+    VelocityEnded: "on_velocity_ended",
     ActionDone: "on_action",
     Belief: "on_belief",
     TwinReading: "on_twin",
     Notice: "on_notice",
     MissionEvent: "on_mission",
     ProgramEnded: "on_program_ended",
+    WireMessage: "on_wire",
 }
 
 
@@ -338,6 +433,15 @@ class EventHandler(Generic[Made]):
     def on_ended(self, event: MovementEnded) -> Made:
         return self.other(event)
 
+    def on_leg_begun(self, event: LegBegun) -> Made:
+        return self.other(event)
+
+    def on_leg_ended(self, event: LegEnded) -> Made:
+        return self.other(event)
+
+    def on_velocity_ended(self, event: VelocityEnded) -> Made:
+        return self.other(event)
+
     def on_action(self, event: ActionDone) -> Made:
         return self.other(event)
 
@@ -354,6 +458,9 @@ class EventHandler(Generic[Made]):
         return self.other(event)
 
     def on_program_ended(self, event: ProgramEnded) -> Made:
+        return self.other(event)
+
+    def on_wire(self, event: WireMessage) -> Made:
         return self.other(event)
 
 

@@ -10,7 +10,7 @@ The referee reads a run's events and its state, live or from a log, and nothing 
 
 from __future__ import annotations
 
-import dataclasses
+import math
 import secrets
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -26,6 +26,7 @@ from simmer_tui.events import (
     Event,
     EventHandler,
     Goal,
+    LegEnded,
     MissionEvent,
     MovementEnded,
     MovementPlanned,
@@ -33,7 +34,8 @@ from simmer_tui.events import (
 )
 from simmer_tui.phrases import contacts_text, counted
 from simmer_tui.run.reducer import Reducer
-from simmer_tui.run.state import MissionProgress, State
+from simmer_tui.run.state import MissionProgress, State, TimeSpent
+from simmer_tui.sim.legs import Leg
 from simmer_tui.sim.pose import Pose
 
 __all__ = ["Cell", "MissionPlan", "MissionState", "Referee", "environment", "plan_run", "planned"]
@@ -45,8 +47,9 @@ class MissionState:
 
     `goals` holds the simulated time at which each goal was met, None for those that are not.
     `reason` says why it failed. `time` is simulated seconds, at most the time limit; `distance` is
-    in inches. `contact_points` are the places where walls were touched, `pose` is the robot's.
-    `helped` tells that a person put robot or block elsewhere, or took errors away.
+    in inches, `spent` the simulated time by purpose. `contact_points` are the places where walls were
+    touched, `pose` is the robot's. `helped` tells that a person put robot or block elsewhere, or took
+    errors away.
     """
 
     plan: MissionPlan
@@ -57,6 +60,7 @@ class MissionState:
     distance: float
     commands: int
     contacts: int
+    spent: TimeSpent
     contact_points: tuple[tuple[float, float], ...]
     pose: Pose
     holding: bool
@@ -77,15 +81,17 @@ def mission_state(plan: MissionPlan, state: State) -> MissionState:
     """A mission as it stands in a state."""
     progress = state.mission or MissionProgress()
     delivered = progress.goals[Goal.DELIVERED]
+    sums = progress.end or state
     return MissionState(
         plan=plan,
         result=progress.result,
         reason=progress.reason,
         goals=dict(progress.goals),
-        time=min(state.time, plan.time_limit) if delivered is None else delivered,
-        distance=state.distance,
-        commands=state.commands,
-        contacts=state.contacts,
+        time=min(sums.time, plan.time_limit) if delivered is None else delivered,
+        distance=sums.distance,
+        commands=sums.commands,
+        contacts=sums.contacts,
+        spent=sums.spent,
         contact_points=state.contact_points,
         pose=state.pose,
         holding=state.holding,
@@ -104,7 +110,7 @@ def plan_run(configuration: Configuration, seed: int | None = None) -> tuple[Con
     if configuration.mission is None:
         what = (
             f"has no {FILE} that says what a mission is; simmer-tui init DIR --mission writes a set that "
-            "has one, and the set that comes along is called mission"
+            "has one, and the bundled set is called mission"
         )
         raise ConfigurationError([Problem(configuration.name, what)])
     if not settings.sim:
@@ -218,16 +224,42 @@ class Referee(EventHandler[bool]):
             return False
         return self._reach(way, event.time)
 
+    def on_leg_ended(self, event: LegEnded) -> bool:
+        # Zone, contact and time limit in the order in which they came: a contact is at a leg's end.
+        self._enter(event.leg, event.time)
+        if self._final is None and event.time <= self.plan.time_limit:
+            self._too_many_contacts()
+        return event.time <= self.plan.time_limit
+
+    def _enter(self, leg: Leg, now: float) -> None:
+        """Look whether a leg leads into the loading zone by a simulated time."""
+        if self._final is not None or self._reducer.mission.goals[Goal.REACHED] is not None:
+            return
+        entered = [
+            leg.start_time + seconds
+            for cell in self.plan.loading_zone
+            if (seconds := leg.arc.seconds_in_box(*cell.corners)) is not None
+        ]
+        first = min(entered, default=math.inf)
+        if first <= min(now, leg.end_time, self.plan.time_limit):
+            self._meet(Goal.REACHED, first)
+
     def check(self, now: float | None = None) -> None:
         """Look at the run at a simulated time, by default that of the last event: contacts, where the
         robot is, the time. In real time, where time goes on by itself, call it now and then."""
         # Contacts first: a goal met in the same movement as one contact too many does not count.
         if self._final is not None or self._too_many_contacts():
             return
+        # Without a command time goes on too: `now` may be later than any event.
         now = self._reducer.time if now is None else now
+        leg = self._reducer.leg
+        if leg is not None:
+            self._enter(leg, now)
         if now > self.plan.time_limit:
-            self._end(Result.FAILED, f"the time limit of {self.plan.time_limit:g} s", now)
-        else:
+            # While it drives what counts is where it was then, whenever one looks.
+            at = now if leg is None else self.plan.time_limit
+            self._end(Result.FAILED, f"the time limit of {self.plan.time_limit:g} s", at)
+        elif leg is None:
             pose = self._reducer.pose_at(now)
             self._reach([(pose.x, pose.y)], now)
 
@@ -268,7 +300,7 @@ class Referee(EventHandler[bool]):
         state = self._reducer.at(now)
         progress = state.mission or MissionProgress()
         goals = {**progress.goals, Goal.DELIVERED: delivered}
-        progress = dataclasses.replace(progress, result=result, reason=reason, goals=goals)
+        progress = replace(progress, result=result, reason=reason, goals=goals)
         final = self._final = mission_state(self.plan, replace(state, mission=progress))
         why = f": {reason}" if reason else ""
         self._say(

@@ -10,25 +10,32 @@ from msgspec.structs import replace
 from simmer_tui import sim
 from simmer_tui.config import load_default
 from simmer_tui.config import loader as set_loader
+from simmer_tui.config.device_trust import TRUST, DeviceTrust
 from simmer_tui.config.loader import Configuration
 from simmer_tui.config.maze_csv import read_cells
 from simmer_tui.config.sets import find_set
 from simmer_tui.config.settings_file import Override
 from simmer_tui.document.as_html import embedded
 from simmer_tui.errors import ConfigurationError, Problem
-from simmer_tui.report.content import report_page
+from simmer_tui.report.page import report_page
 from simmer_tui.report.run_statistics import report_of
 from simmer_tui.runlog.reader import LogReader
 
 
-def load(name_or_folder: str | Path | None = None) -> Configuration:
-    """A configuration set: a folder, a bundled set by name (`"mission"`), or the default set.
+def load(name_or_folder: str | Path | None = None, *, trust_devices: bool = False) -> Configuration:
+    """A configuration set: a folder, a bundled set by name (`"mission"`), or the default set. With
+    `trust_devices` its own devices/*.py run without having been trusted before.
 
     Raises ConfigurationError, which lists every mistake.
     """
     if name_or_folder is None:
         return load_default()
-    return set_loader.load(find_set(str(name_or_folder)))
+    token = TRUST.set(DeviceTrust(everything=True)) if trust_devices else None
+    try:
+        return set_loader.load(find_set(str(name_or_folder)))
+    finally:
+        if token is not None:
+            TRUST.reset(token)
 
 
 def told(environment: Mapping[str, str]) -> Configuration:

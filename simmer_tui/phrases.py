@@ -8,11 +8,15 @@ from __future__ import annotations
 import math
 
 from simmer_tui.events import MovementEnded, ProgramEnded
+from simmer_tui.sim.angles import half_turn
+from simmer_tui.sim.arcs import Twist
 from simmer_tui.sim.command import escape
 from simmer_tui.sim.path import Contact
 from simmer_tui.sim.pose import Pose
-from simmer_tui.sim.records import Grip
+from simmer_tui.sim.records import Grip, LidarScan
+from simmer_tui.sim.scan_rays import extremes
 from simmer_tui.sim.specs import DriveKind, SimulationSpec
+from simmer_tui.sim.trajectory import Trajectory
 
 _LONGEST = 200
 """Characters of text from a program that are shown."""
@@ -36,11 +40,13 @@ WEDGED_TEXT = "wedged: back off before turning"
 """Advice to a robot that keeps meeting something in one place."""
 
 
-def computing_text(motion: str) -> str:
-    """Simulated time that a program's computing costs, by the setting `motion.motion`."""
-    if motion == "timed":
-        return "Motion is timed: the time that a program computes is simulated time too."
-    return "Motion is instant: the time that a program computes costs no simulated time."
+def computing_text(timing: str) -> str:
+    """Simulated time that a program's computing costs, by `MotionSettings.timing`."""
+    if timing == "program":
+        return "Time is the program's clock: while a program computes, simulated time stands still."
+    if timing == "timed":
+        return "Motion is timed: while a program computes, simulated time goes on."
+    return "Motion is instant: while a program computes, simulated time stands still."
 
 
 def capitalized(text: str) -> str:
@@ -71,6 +77,15 @@ def place_text(x: float, y: float) -> str:
 def pose_text(pose: Pose) -> str:
     """`(12.3, 4.5) heading 90.0 deg`."""
     return f"{place_text(pose.x, pose.y)} heading {pose.heading:.1f} deg"
+
+
+def scan_text(scan: LidarScan) -> str:
+    """`360 ranges, nearest 5.9 in at -90 deg`: the direction in the robot's frame, to the left positive."""
+    seen, found = counted(len(scan.ranges), "range"), extremes(scan)
+    if found.nearest is None:
+        return f"{seen}, nothing in reach"
+    distance, bearing = found.nearest
+    return f"{seen}, nearest {distance:.1f} in at {round(half_turn(bearing)) or 0} deg"
 
 
 # -- contacts --------------------------------------------------------------------------------------
@@ -139,7 +154,9 @@ def side_text(contact: Contact) -> str:
 def movement_text(ended: MovementEnded) -> str:
     """A movement as it really was: `forward 12.0 in`, `turned -90.6 deg`."""
     trajectory = ended.trajectory
-    begin, end = trajectory.pose_at(trajectory.start_time), ended.pose
+    begin = trajectory.pose_at(trajectory.start_time)
+    # Along the path, as all totals are: in a curve it is longer than what is left of it ahead.
+    end, went = trajectory.arrival(ended.time)
     kind = trajectory.kind
     if kind is None:
         return "stood still"
@@ -149,7 +166,40 @@ def movement_text(ended: MovementEnded) -> str:
     x, y = end.x - begin.x, end.y - begin.y
     ahead, left = x * math.cos(heading) + y * math.sin(heading), y * math.cos(heading) - x * math.sin(heading)
     along = ahead * kind.direction.x + left * kind.direction.y
-    return f"{_DIRECTIONS[kind][along < 0]} {abs(along):.1f} in"
+    return f"{_DIRECTIONS[kind][along < 0]} {went:.1f} in"
+
+
+def went_text(ended: MovementEnded) -> str:
+    """Distance or angle of a movement as it really was: `35.6 in`."""
+    *_, distance, unit = movement_text(ended).split()
+    return f"{distance} {unit}"
+
+
+def asked_text(kind: DriveKind, value: float) -> str:
+    """Movement that a command asks for: `20.0 in forward`, `turn by -30.0 deg`."""
+    if kind.turns:
+        return f"turn by {value:.1f} deg"
+    return f"{abs(value):.1f} in {_DIRECTIONS[kind][value < 0]}"
+
+
+def progress_text(trajectory: Trajectory, value: float | str, time: float) -> str:
+    """A movement under way at a simulated time: `forward, 4.1 of 12 in`. `value` is what was asked for, or
+    no number."""
+    kind = trajectory.kind
+    if kind is None:
+        return "moving the gripper"
+    asked = f" of {abs(value):g}" if isinstance(value, float) else ""
+    if kind.turns:
+        begin = trajectory.pose_at(trajectory.start_time).heading
+        return f"turning, {abs(trajectory.pose_at(time).heading - begin):.1f}{asked} deg"
+    direction = _DIRECTIONS[kind][isinstance(value, float) and value < 0]
+    return f"{direction}, {trajectory.travelled(time):.1f}{asked} in"
+
+
+def stopped_text(contact: Contact) -> str:
+    """Obstacle that stopped a movement, and its side: `stopped by a wall ahead`."""
+    obstacle = "a wall" if contact.cell is not None else "the block"
+    return f"stopped by {obstacle} {side_text(contact)}"
 
 
 def contact_line(ended: MovementEnded, contact: Contact) -> str:
@@ -162,6 +212,17 @@ def contact_line(ended: MovementEnded, contact: Contact) -> str:
     after = "" if ended.trajectory.kind is None else f" after {distance.lstrip('-')} {unit}"
     block = ", the block" if contact.cell is None else ""
     return f"{body}contact {side_text(contact)}{after}{block}"
+
+
+def velocity_text(twist: Twist) -> str:
+    """A velocity in words: `forward 4.0 in/s, turning -20 deg/s`; `standing` for none."""
+    parts = []
+    for value, kind in ((twist.x, DriveKind.RIGHT), (twist.y, DriveKind.UP)):
+        if value:
+            parts.append(f"{_DIRECTIONS[kind][value < 0]} {abs(value):.1f} in/s")
+    if twist.r:
+        parts.append(f"turning {twist.r:.0f} deg/s")
+    return ", ".join(parts) or "standing"
 
 
 # -- grips -----------------------------------------------------------------------------------------

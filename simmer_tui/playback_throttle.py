@@ -15,9 +15,11 @@ import itertools
 import math
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass
 
-from simmer_tui.events import Event, EventHandler, MovementEnded, Watchers
+from msgspec import Struct
+
+from simmer_tui.events import Event, EventHandler, LegEnded, MovementEnded, Watchers
+from simmer_tui.sim.legs import Leg
 from simmer_tui.sim.trajectory import Trajectory
 
 # Clients wait for their answers meanwhile: longer would run into their time limits.
@@ -36,11 +38,10 @@ def checked_pace(pace: float) -> float:
     return min(max(pace, SLOWEST), FASTEST) if pace else 0.0
 
 
-@dataclass(frozen=True, slots=True)
-class _Way:
+class _Way(Struct, frozen=True):
     """A movement as it is shown: from and until when, by the loop's clock."""
 
-    trajectory: Trajectory
+    trajectory: Trajectory | Leg
     begin: float
     until: float
 
@@ -117,9 +118,12 @@ class PlaybackThrottle(EventHandler[None]):
     def on_ended(self, event: MovementEnded) -> None:
         self._begin_way(event.trajectory, self.pace)
 
+    def on_leg_ended(self, event: LegEnded) -> None:
+        self._begin_way(event.leg, self.pace)
+
     # -- within --------------------------------------------------------------------------------
 
-    def _begin_way(self, trajectory: Trajectory, pace: float) -> None:
+    def _begin_way(self, trajectory: Trajectory | Leg, pace: float) -> None:
         """Have later events wait for this movement's way."""
         length = trajectory.end_time - trajectory.start_time
         seconds = min(length / pace, LONGEST / (1 + len(self._ways)))

@@ -5,36 +5,47 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import os
+import selectors
+import socket
 import threading
 import time
 from collections.abc import Callable
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from msgspec.structs import replace
 
+from simmer_tui import platform_has
 from simmer_tui.backend import BackendSession, BackendSwitch, Message, SimulatorBackend
-from simmer_tui.config.dialects import all_ports
+from simmer_tui.config.device_trust import VARIABLE as TRUSTED
+from simmer_tui.config.dialects import SERIAL, all_ports
 from simmer_tui.config.loader import Configuration
+from simmer_tui.config.set_warnings import set_warnings
 from simmer_tui.config.settings import LinkSettings, SerialSettings, ServerSettings
 from simmer_tui.engine import Engine
 from simmer_tui.errors import PortError, RunLogError
-from simmer_tui.events import Event, Notice, NoticeKind
+from simmer_tui.events import Event, MissionEnd, MissionEvent, Notice, NoticeKind, Result
 from simmer_tui.links.access import AccessCheck
+from simmer_tui.links.clock_link import CLOCK
+from simmer_tui.links.driver_seat import DriverSeat
 from simmer_tui.links.link import Link, LinkContext, open_links, port_requests, typed_message
+from simmer_tui.links.owners import OwnerLookup
 from simmer_tui.links.ports import Listener, PortRequest, take_port
 from simmer_tui.links.processes import ProcessLookup
+from simmer_tui.links.pty_device import NOT_ON_WINDOWS, PtyDevice
 from simmer_tui.playback_throttle import checked_pace
+from simmer_tui.program_clock import ProgramClock, ProgramClockLoop
 from simmer_tui.sessions import LinkDelay
 from simmer_tui.sim.command import Command, escape
 from simmer_tui.sim.simulator import Simulator
 
 if TYPE_CHECKING:  # what only some runs need is imported in those
-    from simmer_tui.links.serial_bridge import SerialBridge
+    from simmer_tui.links.real_robot import RealRobot
     from simmer_tui.links.serial_link import RobotLink
     from simmer_tui.mission import MissionPlan, Referee
     from simmer_tui.report.live_verdict import LiveVerdict
+    from simmer_tui.report.verdict import Verdict
     from simmer_tui.run.reducer import Reducer
     from simmer_tui.run.run_history import RunHistory
     from simmer_tui.runlog.saved_runs import SavedRun
@@ -43,10 +54,17 @@ if TYPE_CHECKING:  # what only some runs need is imported in those
 
 # An environment variable, since other users can read the arguments of a process.
 TOKEN = "SIMMER_TOKEN"
-"""The environment variable with the word that programs must send first."""
+"""The environment variable with the token that programs must send first."""
+NOT_REACHED = (
+    "the program's clock does not reach this program: it is not Python, or was started with -I, -E or -S"
+)
+OUT_OF_REACH = f"{NOT_REACHED}. The real clock is in force: use --clock real"
 # Judged: long enough for replies still to be sent, short enough for Ctrl-C to feel immediate.
 _ENDING = 0.7
 """Seconds the robot's thread may take to end; nobody waits longer for it."""
+# With `_ENDING` within the 2 s that an end may take; most searches take less than 0.1 s.
+_SEARCHING = 1.0
+"""Seconds that a search of the verdict may go on after the robot's thread."""
 # Judged: a program's last bytes are in the system already when it has ended; the limit is for one
 # whose child keeps the connection.
 _DRAINING, _DRAIN_IDLE, _LOOK_AGAIN = 5.0, 1.5, 0.002
@@ -104,33 +122,45 @@ class Server:
             self._judged = self.new_fold()
             self.referee = Referee(plan, self._judged, self.engine.tell)
             # The state is brought up to date before the referee reads it.
-            self.engine.watch(self._judged.apply)
+            self._follow = self._judged.apply
+            self.engine.watch(lambda event: self._follow(event))
             self.engine.watch(self.referee.watch)
-        self.warnings: list[str] = []
+            # A mission that ends inside a wait ends it there.
+            self.engine.driving.limit, self.engine.driving.limit_reached = plan.time_limit, self.referee.check
+            self.engine.watch(MissionEnd(self.engine.driving.cut).handle)
+        self.warnings: list[str] = [*set_warnings(configuration)]
         """Problems that do not keep the robot from being driven."""
         self.late_faults: list[str] = []
         """Problems that came up after the last event could be told."""
         self.host = settings.server.host
         self._token = settings.server.token or os.environ.get(TOKEN, "").strip()
         self._listeners = self._take_ports(settings.server, take)
+        self.terminal = self._take_terminal(settings.server.pty)
+        """The pseudo-terminal that leads to the robot, if there is one."""
+        self._owners = None if settings.server.any_user else OwnerLookup()
+        if self._owners is not None:
+            # At once: programs connect before the robot's thread runs, and may be gone by then.
+            for sock in self._listening:
+                self._owners.hold_ends(sock)
         # First of the warnings: it is the one that cannot wait.
         if self._is_open_to_others() and not self._token:
             self.warnings.insert(
                 0,
-                f"anyone who reaches {self.host} can drive the robot: demand a word with --token, or take "
+                f"anyone who reaches {self.host} can drive the robot: demand a token with --token, or take "
                 "127.0.0.1, this machine only",
             )
         # Not the platform's own: the links add sockets by `add_reader`, which Windows' proactor cannot.
-        self._loop = asyncio.SelectorEventLoop()
+        self.clock = ProgramClock() if motion.is_by_program else None
+        """The program's clock, if that is in force."""
+        self._loop = ProgramClockLoop(self.clock) if self.clock else asyncio.SelectorEventLoop()
         self._links: list[Link] = []
-        self._access: AccessCheck | None = None
         self._processes: ProcessLookup | None = None
         self._log: RunLog | None = None
         self.saved_run: SavedRun | None = None
         """The run in the folder of saved runs, if there is one."""
         self._simulated = SimulatorBackend(self.engine)
         self._backend = BackendSwitch(self._simulated)
-        self._bridge: SerialBridge | None = None
+        self._bridge: RealRobot | None = None
         self._robot_link = robot_link or _serial_link
         # A daemon: a driver that hangs must not keep the process alive.
         self._thread = threading.Thread(target=self._run, name="robot", daemon=True)
@@ -144,7 +174,7 @@ class Server:
         for dialect, requests in port_requests(server):
             try:
                 for request in requests:
-                    taken[request.purpose] = take(server.host, request)
+                    taken[request.purpose] = self._take_port(server.host, request, take)
             except PortError as error:
                 # Commands are what the server is for; beliefs are only drawn, and it does without them.
                 if not dialect.warning:
@@ -152,7 +182,42 @@ class Server:
                         listener.close()
                     raise
                 self.warnings.append(f"{dialect.warning}: {error}")
+        if self.configuration.settings.motion.is_by_program:
+            taken[CLOCK.purpose] = take(server.host, PortRequest(0, CLOCK.purpose, "--clock"))
         return taken
+
+    def _take_port(
+        self, host: str, request: PortRequest, take: Callable[[str, PortRequest], Listener]
+    ) -> Listener:
+        """Take a port. Raises PortError."""
+        try:
+            return take(host, request)
+        except PortError:
+            if (request.purpose, request.number) != (SERIAL.purpose, SERIAL.default):
+                raise
+        # Programs of --run are told its number, whichever it is.
+        listener = take(host, replace(request, number=0))
+        self.warnings.append(
+            f"port {request.number} (serial) is in use, perhaps by another simmer-tui: it is {listener.port} "
+            f"here, for simmer-tui env --dialect-port {listener.port}"
+        )
+        return listener
+
+    def _take_terminal(self, path: str) -> PtyDevice | None:
+        """The pseudo-terminal at a path; a set may name one that this system does not have."""
+        if path and not platform_has.POSIX:
+            self.warnings.append(NOT_ON_WINDOWS)
+            return None
+        if path and self.configuration.settings.motion.is_by_program:
+            self.warnings.append(
+                "--pty: by the program's clock only the program of --run is served; use --clock real"
+            )
+            return None
+        try:
+            return PtyDevice(path) if path else None
+        except PortError:
+            self._close_listeners()
+            raise
 
     def port(self, purpose: str) -> int | None:
         """The port taken for a purpose (`COMMANDS`, `REPLIES`, `PACKETS`, ...), or None."""
@@ -168,16 +233,18 @@ class Server:
     def environment(self) -> dict[str, str]:
         """The variables that tell a program on this machine where to connect, and what it may know: the set,
         which profiles its robot has, and its mission."""
-        # "Any address" is none that a program can connect to.
-        here = {"localhost": "127.0.0.1", "0.0.0.0": "127.0.0.1", "::": "::1"}
-        host = here.get(self.host, self.host)
+        host = reachable_host(self.host)
         taken = self.ports
         numbers = {port.variable: str(taken[port.purpose]) for port in all_ports() if port.purpose in taken}
+        if CLOCK.purpose in taken:
+            numbers[CLOCK.variable] = str(taken[CLOCK.purpose])
         variables = {"SIMMER_HOST": host} | numbers
         # The program is our own child; it would otherwise be turned away from our own ports.
         if self._token:
             variables[TOKEN] = self._token
         settings, directory = self.configuration.settings, self.configuration.directory
+        if settings.server.serial_names:
+            variables["SIMMER_SERIAL_NAMES"] = ",".join(settings.server.serial_names)
         if directory.is_dir():  # not that of a set that came from elsewhere, as in trials on other machines
             variables["SIMMER_CONFIG"] = str(directory.resolve())
         profiles = {
@@ -185,19 +252,22 @@ class Server:
             "SIMMER_SENSOR_PROFILE": ",".join(settings.sensor_profile),
         }
         variables |= {name: value for name, value in profiles.items() if value}
+        if self.configuration.devices:  # it may read the set, and runs with the same rights
+            variables[TRUSTED] = ",".join(device.sha256 for device in self.configuration.devices)
         if self.referee is None:
             return variables
         from simmer_tui.mission import environment
 
         return variables | environment(self.referee.plan)
 
+    @property
+    def _listening(self) -> list[socket.socket]:
+        """The listening sockets of all ports."""
+        return [sock for listener in self._listeners.values() for sock in listener.sockets]
+
     def _is_open_to_others(self) -> bool:
         """True if other machines can reach the ports."""
-        return any(
-            not _is_loopback(sock.getsockname()[0])
-            for listener in self._listeners.values()
-            for sock in listener.sockets
-        )
+        return any(not _is_loopback(sock.getsockname()[0]) for sock in self._listening)
 
     def start(
         self,
@@ -226,22 +296,45 @@ class Server:
 
     async def _drain(self) -> None:
         commands, until = -1, 0.0
+        loop = self._loop
+        pause = loop.real_pause if isinstance(loop, ProgramClockLoop) else asyncio.sleep
         while True:
-            await asyncio.sleep(_LOOK_AGAIN)  # meanwhile those who wait for it are let in
+            await pause(_LOOK_AGAIN)  # meanwhile those who wait for it are let in
             # A busy machine may need seconds for thousands of commands: they are done as long as they come.
             if self.simulator.commands != commands:
-                commands, until = self.simulator.commands, self._loop.time() + _DRAIN_IDLE
-            if self._loop.time() > until or not any(link.has_clients for link in self._links):
+                commands, until = self.simulator.commands, time.monotonic() + _DRAIN_IDLE
+            if time.monotonic() > until or not (self._has_waiting() or self._has_clients()):
                 return
 
+    def _has_clients(self) -> bool:
+        return any(link.has_clients for link in self._links)
+
+    def _has_waiting(self) -> bool:
+        """True if a connection waits to be accepted, such as one behind hundreds that are turned away."""
+        with selectors.DefaultSelector() as selector:
+            for sock in self._listening:
+                if sock.fileno() != -1:  # closed: the server is being stopped
+                    selector.register(sock, selectors.EVENT_READ)
+            return bool(selector.select(0))
+
     @property
-    def robot(self) -> SerialBridge | None:
+    def robot(self) -> RealRobot | None:
         """The way to the real robot, if clients drive one. Other threads only read its properties."""
         return self._bridge
 
     def use_robot(self, port: str) -> None:
         """Have clients drive the real robot on a serial port from here on. Any thread may ask."""
         self.call(self._use_robot, port)
+
+    @property
+    def is_silent(self) -> bool:
+        """True if no command has come, and nothing went over a dialect's line."""
+        return not self.simulator.commands and not self.engine.exchanges
+
+    def note_output(self, settle: Callable[[], bool]) -> None:
+        """Take note of how to wait until what the program has printed is read (`ProgramClock`)."""
+        if self.clock is not None:
+            self.clock.settle_output = settle
 
     def use_simulator(self) -> None:
         """Have clients drive the simulated robot from here on. Any thread may ask."""
@@ -252,14 +345,15 @@ class Server:
         self._use_simulator()  # the same port cannot be open twice
         serial = replace(self.configuration.settings.serial, port=port)
         self.engine.tell(Notice(NoticeKind.ROBOT, f"programs drive the robot on {escape(port)}"))
-        from simmer_tui.links.serial_bridge import SerialBridge
+        from simmer_tui.links.robot_bridge import bridge_to
 
-        self._bridge = SerialBridge(self.engine, self._robot_link(serial), serial)
+        link = self._robot_link(serial)
+        self._bridge = bridge_to(self.configuration, self.engine, link, serial, self._backend)
         self._backend.use(self._bridge)
 
     def _use_simulator(self) -> None:
         if self._bridge is not None:
-            self._bridge = None
+            self._bridge = self._backend.byte_robot = None
             self._backend.use(self._simulated)
             self.engine.tell(Notice(NoticeKind.ROBOT, "programs drive the simulated robot"))
 
@@ -275,6 +369,17 @@ class Server:
     def tell(self, event: Event) -> None:
         """Have an event passed to all watchers."""
         self.call(self.engine.tell, event)
+
+    def tell_at_once(self, event: Event) -> None:
+        """The same, and wait until they know of it, and have told what they say to it."""
+        told = threading.Event()
+
+        def tell() -> None:
+            self.engine.tell(event)
+            told.set()
+
+        self.call(tell)
+        told.wait(_ENDING)
 
     def start_log(self, file: str) -> Path:
         """Log the run from here on, in place of a log before; `auto` names the file by date. Returns
@@ -343,11 +448,17 @@ class Server:
         return Reducer(checkpoint_of(self.simulator, mission=self._has_mission, time_scale=scale))
 
     def keep_history(self) -> RunHistory:
-        """Keep what happens from now on; before `start`."""
+        """Keep what happens from now on, until a mission ends; before `start`."""
+        from simmer_tui.report.mission_gate import Analysis
+
         if self.referee is None:
             self._judged = self.new_fold()
+            history = self._judged.history = self._history_of(self._judged)
             self.engine.watch(self._judged.apply)
-        history = self._judged.history = self._history_of(self._judged)
+            return history
+        # The referee's own reducer: a second one would do the same work again.
+        history = self._history_of(self._judged)
+        self._follow = Analysis(self._judged, history, goes_on=True).apply
         return history
 
     def _history_of(self, reducer: Reducer) -> RunHistory:
@@ -355,7 +466,8 @@ class Server:
         from simmer_tui.config.nominal import nominal_of
         from simmer_tui.run.run_history import RunHistory
 
-        return RunHistory(reducer.beginning(), now=time.monotonic, nominal=nominal_of(self.configuration))
+        read = partial(nominal_of, self.configuration)
+        return RunHistory(reducer.beginning(), now=time.monotonic, nominal=read)
 
     @cached_property
     def recorder(self) -> Recorder:
@@ -382,6 +494,25 @@ class Server:
         if has_program:
             self._verdict.expect_program()
         self.engine.watch(self._verdict.watch)
+
+    @property
+    def verdict(self) -> Verdict | None:
+        """The verdict that `keep_verdict` has found; None while there is none. Any thread may ask."""
+        return None if self._verdict is None else self._verdict.verdict
+
+    def expect_program(self) -> None:
+        """A program is run beside from here on: its end counts, not that of its connections. Any thread."""
+        if self._verdict is not None:
+            self.call(self._verdict.expect_program)
+
+    def note_program(self, pid: int) -> None:
+        """The program that is run beside has been started, after `start`. Any thread may tell."""
+
+        def note() -> None:
+            if self._processes is not None:
+                self._processes.note_run(pid)
+
+        self.call(note)
 
     def record(self, pace: float = 0.0) -> None:
         """Keep what snapshots show, before `start`. Movements are shown, and answered, at `pace`:
@@ -430,7 +561,13 @@ class Server:
             self._thread.join(_ENDING)  # a daemon: held up by the system, it does not hold us up
         else:
             self._close_listeners()
+            if self.terminal is not None:
+                self.terminal.close()
+            if self._owners is not None:
+                self._owners.close()
             self._loop.close()
+        if self._verdict is not None:
+            self._verdict.close(_SEARCHING)
         self.stop_log()
         if self.saved_run is not None:
             self.engine.unwatch(self.saved_run)
@@ -446,8 +583,10 @@ class Server:
             # Connections first, then the robot: nothing new can come while it answers what is left.
             for link in self._links:
                 link.close()
-            if self._access is not None:
-                self._access.close()
+            if self.terminal is not None:
+                self.terminal.close()
+            if self._owners is not None:
+                self._owners.close()
             if self._processes is not None:
                 self._processes.close()
             self._backend.close()
@@ -458,7 +597,7 @@ class Server:
         settings = self.configuration.settings
         # Simulated time begins before the ports are served: the first command finds a running clock.
         self.engine.start(self._loop)
-        self._access = AccessCheck(self.engine, any_user=settings.server.any_user, token=self._token)
+        access = AccessCheck(self.engine, self._owners, token=self._token)
         self._processes = ProcessLookup()
         if self.referee is not None:
             if self.prefix is None:
@@ -472,12 +611,34 @@ class Server:
             self._listeners,
             settings.server,
             settings.motion.reply,
-            self._access,
+            access,
             self._processes,
             self._client_left,
+            self.clock,
+            self.configuration.dialect,
+            self.terminal,
+            DriverSeat(self.clock, self._processes) if SERIAL.purpose in self._listeners else None,
         )
         for link in open_links(context):
             self._links.append(link)
+        if self.clock is not None:
+            from simmer_tui.links.clock_link import ClockLink
+
+            self._links.append(ClockLink(context))
+            self.engine.watch(self._watch_clock)
+
+    def _watch_clock(self, event: Event) -> None:
+        """Leave the program's clock if a program connects that does not know of it; hold it when a mission
+        has failed."""
+        clock = self.clock
+        assert clock is not None, "watched where it is in force"
+        if isinstance(event, Notice) and event.kind is NoticeKind.CONNECTED and not clock.reached:
+            if not clock.is_real:
+                self.engine.tell(Notice(NoticeKind.FAULT, OUT_OF_REACH))
+                clock.unfit = NOT_REACHED
+            clock.use_real_clock()
+        elif isinstance(event, MissionEvent) and event.over:
+            clock.frozen = event.subject is not Result.SUCCESS
 
     def _check_mission(self, referee: Referee) -> None:
         """In real time the time limit comes without a command."""
@@ -494,6 +655,13 @@ class Server:
     def _close_listeners(self) -> None:
         for listener in self._listeners.values():
             listener.close()
+
+
+def reachable_host(host: str) -> str:
+    """The address at which programs on this machine reach ports that were taken on `host`."""
+    # "Any address" is none that a program can connect to.
+    here = {"localhost": "127.0.0.1", "0.0.0.0": "127.0.0.1", "::": "::1"}
+    return here.get(host, host)
 
 
 def link_delay(link: LinkSettings, seed: int) -> LinkDelay | None:

@@ -14,8 +14,9 @@ import heapq
 import itertools
 import math
 from collections import deque
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Hashable, Iterator, Sequence
+
+from msgspec import Struct
 
 from simmer_tui.sim import noise
 from simmer_tui.sim.command import Command
@@ -40,8 +41,7 @@ class Lane:
         self.spent = 0.0
 
 
-@dataclass(slots=True)
-class Stop:
+class Stop(Struct):
     """A command that stops, which is done before its turn, only its answer waits: what it did, once
     it has come over the link, and what its answer takes on the way back."""
 
@@ -49,8 +49,7 @@ class Stop:
     back: float = 0.0
 
 
-@dataclass(frozen=True, slots=True)
-class Queued:
+class Queued(Struct, frozen=True):
     """A command that waits for its turn, and how many stops had been given when it came. `there` is
     what it took on the link, once it has come over that."""
 
@@ -59,15 +58,25 @@ class Queued:
     halts: int
     stop: Stop | None = None
     there: float | None = None
+    moment: Sequence[Command] = ()
+    """The commands that came at one moment, this one the first of them; empty for the others."""
 
 
 class Session:
     """One sender of commands, which are answered in order, one at a time."""
 
     def __init__(
-        self, lane: Lane, submitted: Callable[[Session, Command, Answer], None], *, answer_at_end: bool
+        self,
+        lane: Lane,
+        submitted: Callable[[Session, Command, Answer, Sequence[Command]], None],
+        closed: Callable[[Session], None],
+        *,
+        answer_at_end: bool,
+        driver: Hashable | None = None,
     ) -> None:
         self.lane = lane
+        self.driver = self if driver is None else driver
+        """Whose velocities it sets: itself, or whoever has a session a message."""
         self.ready = False
         """True if it is among its lane's."""
         self.answer_at_end = answer_at_end
@@ -80,12 +89,17 @@ class Session:
         """Answers that wait until a movement has been shown, the last of them until `late_until`, by
         the loop's clock."""
         self.late_until = 0.0
+        self.has_gone = False
+        """True if nobody is there any more to read its answers: what came before is done, but it waits for no
+        time to pass."""
         self._submitted = submitted
+        self._closed = closed
 
-    def submit(self, command: Command, answer: Answer) -> None:
-        """Queue a command. `answer` is called with its outcome, perhaps before this returns."""
+    def submit(self, command: Command, answer: Answer, moment: Sequence[Command] | None = None) -> None:
+        """Queue a command. `answer` is called with its outcome, perhaps before this returns. Of commands
+        that came at one `moment` the first has them all, the others none; by default it came alone."""
         if self.open:
-            self._submitted(self, command, answer)
+            self._submitted(self, command, answer, (command,) if moment is None else moment)
 
     def queue_first(self, queued: Queued) -> None:
         """Queue a command ahead of all others, unless the session is closed."""
@@ -100,9 +114,11 @@ class Session:
 
     def close(self) -> None:
         """Drop everything queued, and any answer that is still to come."""
-        # A command that has begun goes on: the robot does not stop because its program has left.
+        # A movement that has begun goes on, though its program has left; a velocity would for ever, and ends.
         self.queue.clear()
-        self.open = False
+        if self.open:
+            self.open = False
+            self._closed(self)
 
 
 class Scheduler:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+import numpy as np
 from msgspec.structs import replace
 
 from simmer_tui.engine import Engine
@@ -16,6 +18,8 @@ from simmer_tui.events import (
     CommandResult,
     Event,
     EventHandler,
+    LegBegun,
+    LegEnded,
     MovementEnded,
     MovementPlanned,
     Notice,
@@ -29,14 +33,26 @@ from simmer_tui.report.verdict import Verdict
 from simmer_tui.run.facts import degrees_beside
 from simmer_tui.run.reducer import Reducer
 from simmer_tui.run.state import State
+from simmer_tui.runlog.writer import steady_clock
 from simmer_tui.sim.path import Contact
-from simmer_tui.sim.records import Reading, Status
+from simmer_tui.sim.records import LidarScan, Reading, Status, VelocityChange
+from simmer_tui.sim.scan_rays import extremes
 
 # Judged: nobody scrolls further back in a live list, and the log has all of them.
 EVENTS = 2000
 """Entries kept for the list of events."""
 KEPT_READINGS = 40
 """Of readings folded into one entry, how many are kept to be unfolded."""
+# Judged: time to look up and read two lines.
+ADVICE = 15.0
+"""Seconds (real) that advice on a program's connection is shown though the program goes on."""
+# Judged: who changes it more often steers, and each single change says little.
+_STEERING = 1.0
+"""Simulated seconds within which changes of the velocity are folded into one entry."""
+_BY_HAND = ("console",)
+"""Sources of commands that have a line each: who types one waits for it."""
+_NOTHING = np.empty(0)
+"""No truth about a scan."""
 # A sensor that looks further past a contact than this, degrees, says nothing of it.
 _FAR_ASIDE = 90.0
 
@@ -47,10 +63,10 @@ class LogEntry:
 
     `number` is the running number of the (latest) event, `real_time` the time of day (seconds since the
     epoch), `time` simulated time. Events are light enough to be kept by the thousand: without a
-    belief's particles and an outcome's path. Where readings are folded, `first` is the number of
-    the first, `readings` and `beliefs` count all of them, `kept` holds the latest and `missing` counts those
-    that are not kept. `nearest` is
-    what the sensor that looks at a contact has read since the movement before, if any has; `wedged` tells
+    belief's particles and cells, and an outcome's path. Where readings are folded, `first` is the number of
+    the first, `readings`, `beliefs` and `velocities` count all of them, `kept` holds the latest and
+    `missing` counts those that are not kept. `nearest` is what the sensor that looks at a contact has read
+    since the movement before, if any has; `wedged` tells
     of a robot that keeps meeting something in one place.
     """
 
@@ -61,6 +77,7 @@ class LogEntry:
     first: int = 0
     readings: int = 0
     beliefs: int = 0
+    velocities: int = 0
     kept: tuple[LogEntry, ...] = ()
     nearest: Reading | None = None
     missing: int = 0
@@ -69,7 +86,7 @@ class LogEntry:
     @property
     def folds(self) -> bool:
         """True if it stands for several events."""
-        return self.readings + self.beliefs > 0
+        return self.readings + self.beliefs + self.velocities > 0
 
 
 class _Folded:
@@ -77,16 +94,16 @@ class _Folded:
 
     def __init__(self, first: int) -> None:
         self.first = self.number = first
-        self.readings = self.beliefs = 0
+        self.readings = self.beliefs = self.velocities = 0
         self.kept: deque[tuple[LogEntry, bool]] = deque(maxlen=KEPT_READINGS)
         """The latest, each with True if it is among those counted."""
 
     def entry(self) -> LogEntry:
         kept = tuple(entry for entry, _ in self.kept)
-        last, missing = kept[-1], self.readings + self.beliefs - sum(counted for _, counted in self.kept)
+        last, all_of_them = kept[-1], self.readings + self.beliefs + self.velocities
         return LogEntry(
-            self.number, last.real_time, last.event, last.time, self.first, self.readings, self.beliefs, kept,
-            missing=missing,
+            self.number, last.real_time, last.event, last.time, self.first, self.readings, self.beliefs,
+            self.velocities, kept, missing=all_of_them - sum(counted for _, counted in self.kept),
         )  # fmt: skip
 
 
@@ -101,6 +118,10 @@ class EventFeed(EventHandler[None]):
         self._entries: deque[LogEntry | _Folded] = deque(maxlen=EVENTS)
         self._number = 0
         self._real_time = 0.0
+        self._advice = ""
+        self._advised = self._answered = 0.0
+        self._steered = -math.inf
+        """Simulated time at which the velocity changed last."""
         self.is_judged = False
         """True from the line of a verdict until a program connects or the run begins anew."""
         self.total = 0
@@ -121,19 +142,47 @@ class EventFeed(EventHandler[None]):
             found.append(entry.entry() if isinstance(entry, _Folded) else entry)
         return tuple(reversed(found))
 
+    def advice_at(self, real_time: float) -> str:
+        """Advice on the connection of the program that drives now; empty once it has had its time and
+        commands are answered."""
+        is_shown = real_time - self._advised < ADVICE or self._answered <= self._advised
+        return self._advice if is_shown else ""
+
     # -- events ----------------------------------------------------------------------------------
 
     def on_result(self, event: CommandResult) -> None:
+        self._answered = self._real_time
         reading = event.reading
-        if reading is not None and reading.view is not None:
-            event = replace(event, reading=replace(reading, view=None))
+        if reading is not None and (reading.view is not None or reading.scan is not None):
+            event = replace(event, reading=_light(reading))
+        if event.velocity is not None:
+            self._take_velocity(event, event.velocity)
+            return
         if event.status in (Status.DONE, Status.ACCEPTED):
             return
         # Who types a command waits for its answer, so it has a line of its own.
-        if event.status is Status.READING and event.command.source != "console":
+        if event.status is Status.READING and event.command.source not in _BY_HAND:
             self._fold(event).readings += 1
         else:
             self.other(event)
+
+    def _take_velocity(self, event: CommandResult, velocity: VelocityChange) -> None:
+        """A line for a velocity that changes; those of a program that steers are folded, as they come by the
+        hundred, and one that is merely sent again has none."""
+        if not velocity.changed:
+            return
+        since, self._steered = event.time - self._steered, event.time
+        if 0.0 <= since < _STEERING and event.command.source not in _BY_HAND:
+            self._fold(event).velocities += 1
+        else:
+            self.other(event)
+
+    def on_leg_begun(self, event: LegBegun) -> None:
+        """No line: the command that set its velocity has one."""
+
+    def on_leg_ended(self, event: LegEnded) -> None:
+        if event.contact is not None:
+            self.other(event.as_movement(), self._nearest(event.contact), wedged=self._reducer.wedged)
 
     def on_planned(self, event: MovementPlanned) -> None:
         """No line: the movement's end has one."""
@@ -151,13 +200,19 @@ class EventFeed(EventHandler[None]):
         self.other(event)
         if event.kind in (NoticeKind.VERDICT, NoticeKind.CONNECTED):
             self.is_judged = event.kind is NoticeKind.VERDICT
+        if event.advice:
+            self._advice, self._advised = event.text, self._real_time
 
     def on_action(self, event: ActionDone) -> None:
         self.other(event)
         self.is_judged = self.is_judged and not event.restarts
+        self._advice = "" if event.restarts else self._advice
 
     def on_belief(self, event: Belief) -> None:
-        light = replace(event, particles=())
+        if event.again:
+            return
+        grid = None if event.grid is None else replace(event.grid, cells=b"")
+        light = replace(event, particles=(), grid=grid)
         if event.note:
             self.other(light)
         else:
@@ -199,8 +254,21 @@ class EventFeed(EventHandler[None]):
                 continue
             aside = degrees_beside(contact, reading.sensor)
             if aside < least:
-                best, least = replace(reading, view=None), aside
+                best, least = _light(reading), aside
         return best
+
+
+def _light(reading: Reading) -> Reading:
+    """A reading without its geometry. Entries are kept by the thousand, each perhaps with dozens of scans of
+    some kilobytes: of a scan stays how many rays it has and the nearest echo, which all of them then say."""
+    scan = reading.scan
+    if scan is not None:
+        near, at = extremes(scan).nearest or (math.inf, 0.0)
+        rays = len(scan.ranges)
+        scan = LidarScan(
+            scan.revolution, np.broadcast_to(near, rays), np.broadcast_to(at, rays), _NOTHING, _NOTHING
+        )
+    return replace(reading, view=None, scan=scan)
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -226,6 +294,8 @@ class Snapshot:
     pace: float = 0.0
     verdict: Verdict | None = None
     """Outcome of the run, and its cause; None while it goes on."""
+    advice: str = ""
+    """Mistake that a new program makes with its connection, or empty."""
 
 
 class Recorder:
@@ -244,12 +314,13 @@ class Recorder:
         self._reducer = reducer
         self._referee = referee
         self._feed = EventFeed()
+        self._clock = steady_clock()
         self._rate = 0.0
         self._rated = (time.monotonic(), 0)
 
     def watch(self, event: Event) -> None:
         """Take note of an event."""
-        self._feed.take(self._reducer, time.time(), event)
+        self._feed.take(self._reducer, self._clock(), event)
 
     @property
     def number(self) -> int:
@@ -272,6 +343,7 @@ class Recorder:
             true_values=engine.simulator.true_values() if true_values else {},
             mission=self._mission_at(state),
             pace=throttle.pace if throttle is not None else 0.0,
+            advice=self._feed.advice_at(self._clock()),
             verdict=self._verdict.verdict if self._verdict is not None and self._feed.is_judged else None,
         )
 

@@ -73,14 +73,16 @@ def moment_at(index: RunLogIndex, elapsed: float) -> Moment:
 class TakeOver:
     """A moment of a log, to go on from."""
 
-    def __init__(self, path: Path, moment: Moment) -> None:
+    def __init__(self, path: Path, moment: Moment, folder: Path | None = None) -> None:
+        """Device files of the run are looked for in a `folder`, by default in that of its set."""
         self.path = path
         self.moment = moment
+        self._folder = folder
 
     def check(self) -> None:
         """Do all of it again, for nobody to see. Raises RunLogError, with the reason, if the log cannot be
         taken over there."""
-        with Rerun(self.path) as rerun:
+        with Rerun(self.path, self._folder) as rerun:
             settings = rerun.configuration.settings
             engine = Engine(rerun.simulator, link=link_delay(settings.link, rerun.header.seed))
             for _ in self._relived(rerun, engine, settings.motion.motion == "timed"):
@@ -89,7 +91,7 @@ class TakeOver:
     def serve(self) -> tuple[Server, Rerun]:
         """A server whose robot stands at the log's beginning, for `bring`; and what brings it on. The
         ports are the log's, or any where those are taken. Raises RunLogError, PortError."""
-        rerun = Rerun(self.path)
+        rerun = Rerun(self.path, self._folder)
         try:
             return self._served(rerun), rerun
         # An interrupt too must not leave the log open.
@@ -152,7 +154,7 @@ class TakeOver:
         """Bring the robot to the moment, line by line, and the link's random stream with it; gives what
         each line tells. Raises RunLogError."""
         moment = self.moment
-        with LogReader(self.path) as log:
+        with LogReader(self.path, rerun.configuration) as log:
             events = (each for each in log if isinstance(each, Logged))
             told = next(events, None)
             link = _LinkFollower(engine, self.path)

@@ -60,7 +60,7 @@ def driven(program: str, *options: str) -> subprocess.CompletedProcess[str]:
     ports = ["--port", "0", "--reply-port", "0", "--belief-port", "0"]
     command = [sys.executable, "-m", "simmer_tui", "--no-ui", "--quiet", *ports, "--seed", "7", *options]
     return subprocess.run(
-        [*command, "--run", program], capture_output=True, text=True, check=False, timeout=60
+        [*command, "--run", program], capture_output=True, text=True, check=False, timeout=300
     )
 
 
@@ -84,6 +84,120 @@ def test_the_header_compiles_without_a_warning_and_drives(language: str, tmp_pat
     assert lines[5] == "2 the connection has ended; open the robot again"
 
 
+BELIEVER = r"""
+#include "simmer.h"
+
+int main(void) {
+    static float p[4 * 8 * 3], many[65536];
+    const double bounds[] = {0, 0, 48, 24};
+    simmer_robot robot;
+    if (simmer_open(&robot, NULL, 0, -1) != SIMMER_OK) { puts(robot.error); return 1; }
+    p[(1 * 8 + 2) * 3 + 1] = 3;
+    p[(1 * 8 + 2) * 3 + 2] = 1;
+    simmer_believe_grid(&robot, p, 4, 8, 3, NULL);
+    p[0] = 1;
+    simmer_believe_grid(&robot, p, 4, 8, 1, bounds);
+    many[65535] = 1;
+    simmer_believe_grid(&robot, many, 256, 256, 1, NULL);
+    simmer_drive(&robot, "d1", 1, NULL);
+    simmer_close(&robot);
+    return 0;
+}
+"""
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_grids_in_c_arrive(language: str, tmp_path: Path) -> None:
+    source, log = tmp_path / "program.c", tmp_path / "run.jsonl"
+    source.write_text(BELIEVER)
+    done = driven(str(compiled(source, language, tmp_path / "program")), "--log", str(log))
+    assert done.returncode == 0, done.stderr
+    lines = [json.loads(line) for line in log.read_text().splitlines()]
+    told = [line for line in lines if line["kind"] == "belief" and not line.get("again")]
+    assert [line["believed"] for line in told] == [[30, 30, 120], [45, 3, 0], [95.81, 0.09, 0]]
+    assert told[0]["grid"]["p_best"] == 0.75
+    assert [line["grid"].get("headings", 1) for line in told] == [3, 1, 1]
+
+
+SCANNER = r"""
+#include "simmer.h"
+
+int main(void) {
+    simmer_robot robot;
+    double ranges[360], few[2], reply = 0;
+    const char *codes[] = {"sc"};
+    int i, code, count = 0;
+    if (simmer_open(&robot, NULL, 0, -1) != SIMMER_OK) { puts(robot.error); return 1; }
+    robot.reply_bytes = REPLY_BYTES;
+    if (simmer_scan(&robot, "sc", ranges, 360, &count) != SIMMER_OK) { puts(robot.error); return 2; }
+    printf("%d", count);
+    for (i = 0; i < count; i++) printf(" %.9g", ranges[i]);
+    code = simmer_scan(&robot, "sc", few, 2, &count);
+    printf("\n%d %d\n", code, count);
+    code = simmer_scan(&robot, "u1", ranges, 360, &count);
+    printf("%d %d %s\n", code, count, robot.error);
+    code = simmer_scan(&robot, "q9", ranges, 360, &count);
+    printf("%d %s\n", code, robot.error);
+    code = simmer_send(&robot, "sc-90", &reply);
+    printf("%d %d\n", code, reply > 0);
+    code = simmer_read(&robot, codes, 1, &reply);
+    printf("%d %s\n", code, robot.error);
+    return 0;
+}
+"""
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_a_scan_in_c(language: str, tmp_path: Path) -> None:
+    form, width = ("float32", 4) if language == "gnu" else ("float64", 8)
+    source = tmp_path / "program.c"
+    source.write_text(f"#define REPLY_BYTES {width}\n{SCANNER}")
+    options = ["--config", "lidar", "--reply-format", form]
+    done = driven(str(compiled(source, language, tmp_path / "program")), *options)
+    lines = done.stdout.splitlines()
+    assert (done.returncode, len(lines)) == (0, 6), done.stderr
+    from simmer_tui import Simulator, load
+
+    count, *ranges = map(float, lines[0].split())
+    expected = Simulator(load("lidar"), seed=7).execute("sc").ranges
+    assert expected is not None
+    assert count == len(expected)
+    assert ranges == pytest.approx(expected.tolist(), rel=1e-6)
+    assert lines[1] == f"0 {len(expected)}"
+    assert lines[2] == "1 0 this is no lidar: 'u1'"
+    assert lines[3] == "1 the robot knows no such lidar, or it is disabled: 'q9'"
+    assert lines[4] == "0 1"
+    assert lines[5].startswith("2 more came back than a number")
+    assert "simmer_scan" in lines[5]
+
+
+SLEEPER = r"""
+#define SIMMER_TIMEOUT 1
+#include "simmer.h"
+
+int main(void) {
+    simmer_robot robot;
+    int code;
+    if (simmer_open(&robot, NULL, 0, -1) != SIMMER_OK) { puts(robot.error); return 1; }
+    code = simmer_sleep(&robot, 1.5);
+    printf("%d %s\n", code, robot.error);
+    code = simmer_sleep(&robot, -1);
+    printf("%d %s\n", code, robot.error);
+    simmer_close(&robot);
+    return 0;
+}
+"""
+
+
+@pytest.mark.slow
+def test_a_sleep_in_c_outlasts_the_time_that_other_replies_may_take(tmp_path: Path) -> None:
+    source = tmp_path / "program.c"
+    source.write_text(SLEEPER)
+    done = driven(str(compiled(source, "c99", tmp_path / "program")), "--motion", "timed")
+    assert done.stdout.splitlines() == ["0 ", "1 the robot has no command to wait: 'wt--1'"], done.stderr
+
+
+@pytest.mark.slow
 def test_the_sample_in_c_wanders_without_a_contact(tmp_path: Path) -> None:
     program = compiled(FOLDER / "wander.c", "gnu", tmp_path / "wander")
     log = tmp_path / "run.jsonl"

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import base64
 import json
 import math
 import queue
+import re
 import shutil
 import signal
 import socket
@@ -36,12 +38,15 @@ from simmer_tui.client import (
     RobotUnreachableError,
     UnknownCodeError,
 )
+from simmer_tui.links.belief_link import parse_belief
+from simmer_tui.sim import Pose
+from simmer_tui.version import requirement
 from tests.listening import HOST, listening
 
 READINGS = {"u1": 12.345, "u3": math.inf, "d1-3": math.inf, "r1--45": math.inf}
 
 Piece = bytes | None
-"""What a robot sends in one go; None ends the connections."""
+"""Bytes that a robot sends in one go; None ends the connections."""
 
 
 @pytest.fixture(autouse=True)
@@ -86,7 +91,7 @@ class BinaryRobot:
         if not self._driven.acquire(blocking=False):
             return  # somebody drives already: a clean close
         try:
-            replies = self._reply_connections.get(timeout=60) if self._separate else connection
+            replies = self._reply_connections.get(timeout=300) if self._separate else connection
             if replies is None:
                 return
             replies.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
@@ -217,6 +222,171 @@ def test_several_sensors_of_packets_are_one_message_and_one_reply() -> None:
     assert fake.received == ["[u2,u1,u2]"]
 
 
+RANGES = [12.345, 11.22, math.inf, 7.0]
+
+
+def scanned(command: str, form: str = ">d") -> list[Piece]:
+    """The reply to a command: of `sc` a count and so many numbers."""
+    if command != "sc":
+        return encoded(command, form)
+    numbers = struct.Struct(f"{form[0]}{len(RANGES) + 1}{form[1]}")
+    return [numbers.pack(len(RANGES), *RANGES)]
+
+
+def lidar_named(port: int, line: str) -> dict[str, Any]:
+    """A simulator's answer to why a command was refused."""
+    kinds = {"sc": "sensor", "u1": "sensor", "d1": "drive"}
+    kind = kinds.get(line[:2], "unknown")
+    told = {"why": "" if kind != "unknown" else "no such code", "kind": kind, "ports": [port]}
+    return {**told, "scan": True} if line == "sc" else told
+
+
+@contextmanager
+def reasons_given(fake: BinaryRobot | PacketRobot) -> Iterator[int]:
+    """The belief port of a simulator that says what a code is."""
+
+    def answer(connection: socket.socket) -> None:
+        with connection.makefile("rb") as lines:
+            for line in lines:
+                told = lidar_named(fake.port, json.loads(line)["why"])
+                connection.sendall(json.dumps(told).encode() + b"\n")
+
+    with listening(answer) as port:
+        yield port
+
+
+@pytest.mark.parametrize("separate", [True, False], ids=["two connections", "one connection"])
+@pytest.mark.parametrize("reply_format", ["float64", "float32"])
+@pytest.mark.parametrize("byte_order", ["big", "little"])
+def test_a_scan_is_a_list_of_ranges_in_every_route_format_and_byte_order(
+    separate: bool, reply_format: Any, byte_order: Any
+) -> None:
+    form = (">" if byte_order == "big" else "<") + ("d" if reply_format == "float64" else "f")
+    with (
+        binary_robot(lambda command: scanned(command, form), separate) as fake,
+        Robot(HOST, fake.port, fake.reply_port, reply_format=reply_format, byte_order=byte_order) as robot,
+    ):
+        assert robot.scan("sc") == pytest.approx(RANGES, rel=1e-6)
+        assert robot.read("u1") == pytest.approx(12.345, rel=1e-6)
+        assert robot.scan("sc") == pytest.approx(RANGES, rel=1e-6)
+    assert fake.received == ["sc", "u1", "sc"]
+
+
+def test_a_scan_may_come_byte_by_byte() -> None:
+    [whole] = scanned("sc")
+    assert whole is not None
+    with (
+        binary_robot(lambda command: [whole[i : i + 1] for i in range(len(whole))]) as fake,
+        Robot(HOST, fake.port, fake.reply_port) as robot,
+    ):
+        assert robot.scan("sc") == RANGES
+        assert robot.scan("sc") == RANGES
+
+
+def test_a_scan_of_what_is_no_lidar_is_refused_and_the_robot_stays_usable() -> None:
+    answers = {"i1": 1.0, "u1": 12.345, "q9": math.nan}
+    with (
+        binary_robot(lambda command: [struct.pack(">d", answers[command])]) as fake,
+        reasons_given(fake) as port,
+        Robot(HOST, fake.port, fake.reply_port, belief_port=port) as robot,
+    ):
+        with pytest.raises(CommandRefusedError, match=r"'u1' is no lidar: it answered 12.345.*robot.read"):
+            robot.scan("u1")
+        with pytest.raises(CommandRefusedError, match="'i1' is no lidar: it answered 1"):
+            robot.scan("i1")  # as good as a count; the simulator says that it is none
+        with pytest.raises(UnknownCodeError, match=r"no lidar 'q9' \(no such code\)"):
+            robot.scan("q9")
+        with pytest.raises(InvalidInputError):
+            robot.scan("sc-90")
+        assert robot.read("u1") == 12.345
+
+
+def test_one_number_asked_of_a_lidar_is_refused_and_the_robot_stays_usable() -> None:
+    with (
+        binary_robot(scanned) as fake,
+        reasons_given(fake) as port,
+        Robot(HOST, fake.port, fake.reply_port, belief_port=port) as robot,
+    ):
+        hint = r"'sc' is a lidar.*robot.scan\('sc'\).*robot.send\('sc-90'\)"
+        with pytest.raises(CommandRefusedError, match=hint):
+            robot.read("sc")
+        with pytest.raises(CommandRefusedError, match=hint):
+            robot.read("u1", "sc", "u3")
+        with pytest.raises(CommandRefusedError, match=hint):
+            robot.send("sc")
+        assert robot.read("u1", "u3") == (12.345, math.inf)
+        assert robot.scan("sc") == RANGES
+
+
+@pytest.mark.parametrize("separate", [True, False], ids=["two connections", "one connection"])
+@pytest.mark.parametrize("rays", [1, 2])
+def test_a_scan_that_fits_in_the_room_for_other_readings_is_refused_and_keeps_the_robot_in_step(
+    separate: bool, rays: int
+) -> None:
+    """A lidar of one ray and a second sensor: two numbers are asked for and three come."""
+
+    def answer(command: str) -> list[Piece]:
+        ranges = RANGES[:rays]
+        return [struct.pack(f">{rays + 1}d", rays, *ranges)] if command == "sc" else encoded(command)
+
+    with (
+        binary_robot(answer, separate) as fake,
+        reasons_given(fake) as port,
+        Robot(HOST, fake.port, fake.reply_port, belief_port=port) as robot,
+    ):
+        for codes in (("sc", "u1"), ("u1", "sc", "u3"), ("sc", "u1", "u3"), ("sc",)):
+            with pytest.raises(CommandRefusedError, match=r"'sc' is a lidar.*robot.scan\('sc'\)"):
+                robot.read(*codes)
+            assert robot.read("u1", "u3") == (12.345, math.inf)
+        assert robot.scan("sc") == RANGES[:rays]
+
+
+def test_whole_numbers_of_other_sensors_are_readings() -> None:
+    with (
+        binary_robot(lambda command: [struct.pack(">d", 1.0)]) as fake,
+        reasons_given(fake) as port,
+        Robot(HOST, fake.port, fake.reply_port, belief_port=port) as robot,
+    ):
+        assert robot.read("i1", "o1", "i2") == (1.0, 1.0, 1.0)
+
+
+def test_one_number_asked_of_a_lidar_where_nobody_says_what_it_is_ends_the_connection(free_port: int) -> None:
+    with (
+        binary_robot(scanned) as fake,
+        Robot(HOST, fake.port, fake.reply_port, belief_port=free_port) as robot,
+    ):
+        with pytest.raises(RobotError, match=r"more came back for 'sc'.*robot.scan"):
+            robot.read("sc")
+        assert robot.closed
+
+
+def test_a_scan_that_breaks_off_or_is_too_long_closes_the_robot(free_port: int) -> None:
+    half, much = struct.pack(">2d", 3, 1.0), struct.pack(">3d", 1, 1.0, 2.0)
+    for reply, problem in (([half, None], "before it answered"), ([much], "more came back")):
+        with (
+            binary_robot(lambda command, reply=reply: reply) as fake,
+            Robot(HOST, fake.port, fake.reply_port, belief_port=free_port) as robot,
+        ):
+            with pytest.raises(RobotError, match=problem):
+                robot.scan("sc")
+            assert robot.closed
+
+
+def test_scans_of_packets() -> None:
+    answers = {"sc": "12.345;11.220;inf;7.000", "u1": "12.345", "d1": "True", "q9": "Not Found"}
+    with packet_robot(lambda command: answers[command]) as fake, reasons_given(fake) as port:
+        robot = Robot(HOST, fake.port, fake.reply_port, protocol="packets", belief_port=port)
+        assert robot.scan("sc") == RANGES
+        with pytest.raises(CommandRefusedError, match=r"'u1' is no lidar: it answered 12\.345"):
+            robot.scan("u1")
+        with pytest.raises(UnknownCodeError, match="no lidar 'q9'"):
+            robot.scan("q9")
+        with pytest.raises(CommandRefusedError, match=r"'sc' is a lidar.*robot.scan"):
+            robot.read("u1", "sc")
+        assert robot.read("u1") == 12.345
+    assert fake.received == ["[sc]", "[u1]", "[q9]", "[u1,sc]", "[u1]"]
+
+
 def test_drive_returns_what_the_robot_said() -> None:
     with binary_robot() as fake, Robot(HOST, fake.port, fake.reply_port) as robot:
         movement = robot.drive("d1", 3.0)
@@ -253,7 +423,7 @@ def test_maze_and_robot_are_those_the_simulator_names(
         with pytest.raises(RobotError, match=r"mistakes: maze.csv:1:A"):
             robot.maze()
         monkeypatch.setitem(sys.modules, "simmer_tui.notebook", None)
-        with pytest.raises(RobotError, match="pip install simmer-tui"):
+        with pytest.raises(RobotError, match=re.escape(f"pip install '{requirement()}'")):
             robot.maze()
 
 
@@ -357,6 +527,17 @@ def test_a_command_that_would_come_apart_is_never_sent(command: Any) -> None:
             robot.send(command)
         assert math.isnan(robot.send(""))
     assert fake.received == [""]
+
+
+@pytest.mark.parametrize("seconds", [math.nan, math.inf, "2", None])
+def test_a_sleep_that_is_no_finite_number_is_never_sent(seconds: Any) -> None:
+    with binary_robot() as fake, Robot(HOST, fake.port, fake.reply_port) as robot:
+        with pytest.raises(
+            InvalidInputError, match=r"the seconds to sleep is .*: it must be a finite number"
+        ):
+            robot.sleep(seconds)
+        assert robot.read("u1") == 12.345
+    assert fake.received == ["u1"]
 
 
 # --- what can go wrong ----------------------------------------------------------------------------
@@ -672,6 +853,57 @@ def test_particles_may_be_numpy_rows_in_a_list() -> None:
     with believing() as (robot, received):
         robot.believe(0, 0, 0, particles=list(np.array([[1.5, 2.5]])))
         assert received()["particles"] == [[1.5, 2.5]]
+
+
+@pytest.mark.parametrize("kind", ["<f4", "<f8", "u1", "i8"])
+def test_a_grid_is_packed_from_an_array_or_from_lists(kind: str) -> None:
+    table = np.arange(24.0).reshape(2, 3, 4).astype(kind)
+    with believing() as (robot, received):
+        robot.believe(grid=table)
+        robot.believe(grid=table.tolist(), bounds=(0, 0, 9, 6), first=45, note="n")
+        robot.believe(1, 2, 3, grid=tuple(map(tuple, table[..., 1])))
+        first, second, third = (received() for _ in range(3))
+    assert (first.keys(), third["x"]) == ({"grid"}, 1)
+    data = base64.b64decode(first["grid"]["f32"])
+    assert np.frombuffer(data, "<f4").reshape(2, 3, 4) * 23 == pytest.approx(table)
+    assert second["grid"] == first["grid"] | {"bounds": [0, 0, 9, 6], "first": 45}
+    assert first["grid"].keys() == {"rows", "cols", "headings", "f32"}
+    assert third["grid"].keys() == {"rows", "cols", "f32"}
+    parsed = parse_belief(json.dumps(second).encode(), 0.0, Pose(0, 0, 0), (0, 0, 96, 48))
+    assert parsed.pose == Pose(7.5, 1.5, -45.0)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "complaint"),
+    [
+        ({}, "x is missing: only a belief with a grid may leave it out"),
+        ({"grid": 5}, "grid must be rows of numbers"),
+        ({"grid": [1, 2]}, "grid must be rows of numbers"),
+        ({"grid": []}, "grid has 0 rows: it may have 1 to 1000"),
+        ({"grid": [[1, 2], [1]]}, "row 2 of grid has 1 numbers, not 2"),
+        ({"grid": [[[1, 2], [1]]]}, "cell 2 of grid has 1 numbers, not 2"),
+        ({"grid": [[[1, 2], 1]]}, "grid must be rows of numbers"),
+        ({"grid": [[1, math.nan]]}, "grid holds a number that is not finite"),
+        ({"grid": [[1, -1]]}, "probabilities must be 0 or more, and one of them more than 0"),
+        ({"grid": [[0, 0]]}, "probabilities must be 0 or more, and one of them more than 0"),
+        ({"grid": np.array([[1.0, math.inf]])}, "grid holds a number that is not finite"),
+        ({"grid": np.array([[math.nan, 1.0]])}, "grid holds a number that is not finite"),
+        ({"grid": np.array([1.0])}, "grid must have rows and columns, and may have headings"),
+        ({"grid": np.array([["a"]])}, "grid must be an array of numbers"),
+        ({"grid": np.ones((1, 1001))}, "grid has 1001 columns: it may have 1 to 1000"),
+        ({"grid": np.ones((1, 1, 361))}, "grid has 361 headings: it may have 1 to 360"),
+        ({"grid": np.ones((300, 300))}, "grid has 90000 states: it may have 65536"),
+        ({"grid": [[1]], "bounds": [0, 0, 0, 1]}, "it must be x0, y0, x1, y1 with x0 < x1 and y0 < y1"),
+        ({"grid": [[1]], "first": math.inf}, "first is inf: it must be a finite number"),
+        ({"x": 1, "y": 2, "heading": 3, "first": 4}, "bounds and first are those of a grid: there is none"),
+    ],
+)
+def test_a_grid_of_another_shape_is_refused(arguments: dict[str, Any], complaint: str) -> None:
+    with believing() as (robot, received):
+        with pytest.raises(InvalidInputError, match=re.escape(complaint)):
+            robot.believe(**arguments)
+        robot.believe(7, 8, 9)
+        assert received()["x"] == 7
 
 
 @pytest.mark.parametrize(

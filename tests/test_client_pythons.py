@@ -43,6 +43,7 @@ with client.Robot(host, port, reply_port) as robot:
     except client.InvalidInputError:
         pass
     robot.believe(1, 2, 3, 0.5, [(1, 2), (3, 4, 5)], "here")
+    robot.believe(grid=[[0.1, 0.2], [0.3, Fraction(4, 10)]], first=90)
 assert robot.closed
 with client.Robot(host, packet_port, packet_reply_port, protocol="packets") as robot:
     assert robot.read("u0") == 12.345
@@ -78,6 +79,7 @@ def _starts(path: str) -> bool:
     return done.stdout.strip() == "True"
 
 
+@pytest.mark.slow
 def test_there_is_more_than_one_python_to_try() -> None:
     """One older than what SimMeR-TUI itself needs: CI installs Debian's pypy3 where there is none."""
     if "CI" not in os.environ and not interpreters().keys() - {f"python3.{n}" for n in range(11, 15)}:
@@ -128,7 +130,7 @@ def test_the_client_copied_alone_runs(name: str, tmp_path: Path) -> None:
             env=environment | {"SIMMER_BELIEF_PORT": str(mute_port)},
             capture_output=True,
             text=True,
-            timeout=60,
+            timeout=300,
             check=False,
         )
     assert (done.returncode, done.stderr) == (0, "")

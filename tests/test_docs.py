@@ -1,4 +1,4 @@
-"""What the documents say is so: blocks run, links lead somewhere, nothing is left out.
+"""Documents are right: blocks run, links lead somewhere, nothing is left out.
 
 A block of `sh`, `python`, `matlab`, `c` or `toml` is run, unless a comment before it says why not. Commands
 run as they stand but for what a test cannot have: no screen, free ports, a seed, and few runs of trials.
@@ -23,7 +23,8 @@ from simmer_tui.cli.machine_commands import whole_parser
 from simmer_tui.config import drive_csv, sensors_csv
 from simmer_tui.config.maze_csv import CELLS
 from simmer_tui.config.settings import all_settings
-from simmer_tui.tui.orders import CONSOLE_COMMANDS
+from simmer_tui.operating.orders import CONSOLE_COMMANDS
+from simmer_tui.version import REPOSITORY, requirement
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
@@ -80,6 +81,20 @@ def test_the_readme_stays_short() -> None:
     assert len((ROOT / "README.md").read_text("utf-8").splitlines()) < 150
 
 
+def test_the_readme_begins_with_three_lines_a_picture_that_moves_and_two_commands() -> None:
+    first = (ROOT / "README.md").read_text("utf-8").partition("\n## ")[0]
+    lines = first.partition("\n\n")[2].partition("\n\n")[0].splitlines()
+    assert len(lines) == 3
+    assert max(map(len, lines)) < 100, "or it wraps beside the picture"
+    shown = re.findall(r'(?:srcset|src)="(.*?)"', first)
+    assert len(shown) == 2, "for dark and for light pages"
+    for name in shown:
+        assert b"<animate" in (ROOT / name).read_bytes()
+        assert (ROOT / name).stat().st_size < 1_000_000
+    ((_, commands, _),) = ((each["language"], each["text"], each["why"]) for each in BLOCK.finditer(first))
+    assert len(commands.splitlines()) == 2
+
+
 @pytest.mark.parametrize("path", WRITTEN, ids=lambda path: path.name)
 def test_every_block_is_run_or_says_why_not(path: Path) -> None:
     text = path.read_text("utf-8")
@@ -119,6 +134,14 @@ def test_the_reference_is_as_the_code_has_it() -> None:
     made = script("make_reference").pages()
     there = {path.name: path.read_text("utf-8") for path in (DOCS / "reference").glob("*.md")}
     assert there == made, "run python scripts/make_reference.py"
+
+
+def test_a_column_that_kinds_of_sensors_allow_differently_says_so() -> None:
+    rows = (DOCS / "reference" / "files.md").read_text("utf-8").splitlines()
+    (rays,) = [row for row in rows if row.startswith("| `Rays` |")]
+    assert "from 1 to 1000; lidar: a whole number from 1 to 2000" in rays
+    (view,) = [row for row in rows if row.startswith("| `Field of View (deg)` |")]
+    assert "from 0 to 360; ir: a number from 0 to below 180" in view
 
 
 def known_options() -> set[str]:
@@ -168,16 +191,37 @@ def test_pages_name_only_commands_and_options_there_are(path: Path) -> None:
 
 def test_each_step_of_the_course_is_short_and_has_a_picture() -> None:
     text = (DOCS / "course.md").read_text("utf-8")
-    assert len(STEPS) == 7
-    for number, step in enumerate(STEPS, 1):
+    assert len(STEPS) == 9
+    for step in STEPS:
+        name = step.name.partition("_")[0]
         assert len(step.read_text("utf-8").splitlines()) <= 120, step.name
         assert f"](../scripts/course/{step.name})" in text
-        assert f"](pictures/step{number}.svg)" in text
+        assert f"](pictures/{name}.svg)" in text
         assert (
-            f'trials --config default --runs 20 --run "python scripts/course/{step.name}"' in text
-            or number > 3
+            f'trials --config default --runs 20 --run "python samples/course/{step.name}"' in text
+            or name > "step3b"
         )
-        assert (DOCS / "pictures" / f"step{number}.svg").stat().st_size < 60_000
+        assert (DOCS / "pictures" / f"{name}.svg").stat().st_size < 60_000
+
+
+def test_nothing_is_installed_by_a_name_that_the_index_does_not_have_yet() -> None:
+    """Until the first release the name on the index could be anyone's."""
+    others = [ROOT / "CONTRIBUTING.md", *(DOCS / "grading").iterdir(), *(ROOT / "config").rglob("*")]
+    code = sorted((ROOT / "simmer_tui").rglob("*.py"))
+    for path in (each for each in (*PAGES, *others, *code) if each.is_file()):
+        for line in path.read_text("utf-8").splitlines():
+            named = re.findall(r"(?:pipx? install|uv tool install|uvx)[^`&|;]*?(?<!/)simmer-tui\b(.*)", line)
+            assert all(" @ git+https://" in rest for rest in named), f"{path}: {line}"
+    assert requirement() == f"simmer-tui @ git+{REPOSITORY}"
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
+    assert project["urls"]["Source"] == REPOSITORY
+
+
+def test_every_page_is_in_the_index_of_tasks() -> None:
+    """By itself, or by the page that it belongs to."""
+    text = (DOCS / "index.md").read_text("utf-8").partition("## I want to")[2]
+    linked = {target.partition("#")[0] for target in re.findall(r"\]\(([^)]+\.md[^)]*)\)", text)}
+    assert {path.relative_to(DOCS).as_posix() for path in PAGES[1:]} - linked == {"index.md"}
 
 
 # -- what they do ----------------------------------------------------------------------------------
@@ -196,7 +240,6 @@ def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path / "data"))
     folder = tmp_path / "clone"
     folder.mkdir()
-    (folder / "scripts").symlink_to(ROOT / "scripts")
     for language, text, _ in blocks(DOCS / "getting-started.md"):
         if language == "python":
             (folder / "my_robot.py").write_text(text)
@@ -229,11 +272,11 @@ def test_the_blocks_of_a_page_run_in_order(path: Path, place: Path) -> None:
             done(command if is_client else ["python", f"block{number}.py"], place)
         elif language == "c":
             (place / "block.c").write_text(text)
-            done(["cc", "-Wall", "-Werror", "-I", "scripts/c", "-o", "block", "block.c", "-lm"], place)
+            done(["cc", "-Wall", "-Werror", "-I", "samples/c", "-o", "block", "block.c", "-lm"], place)
             done(["simmer-tui", "--no-ui", "--run", "./block"], place)
         elif language == "matlab" and octave is not None:
             (place / "block.m").write_text(text)
-            program = f"{octave} --norc --path scripts/matlab block.m"
+            program = f"{octave} --norc --path samples/matlab block.m"
             done(["simmer-tui", "--no-ui", "--run", program], place)
 
 
@@ -256,6 +299,6 @@ def test_the_site_is_built_without_a_warning(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_pictures_are_made_of_real_runs(tmp_path: Path) -> None:
-    made = script("make_pictures").picture(1, STEPS[0], tmp_path)
+    made = script("make_pictures").picture(STEPS[0], tmp_path)
     assert made.startswith("<svg")
     assert "polyline" in made

@@ -59,7 +59,7 @@ def simmer(*options: str, program: str) -> subprocess.CompletedProcess[str]:
     command = [sys.executable, "-m", "simmer_tui", "--no-ui", "--port", "0", *options, "--run", program]
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
     return subprocess.run(
-        command, cwd=ROOT, env=environment, capture_output=True, text=True, timeout=60, check=False
+        command, cwd=ROOT, env=environment, capture_output=True, text=True, timeout=300, check=False
     )
 
 
@@ -116,7 +116,7 @@ def test_emulator_loses_bytes_and_greets_repeatably(emulate: Emulate) -> None:
 
 @unix_only
 def test_emulator_is_the_robot_of_a_set(emulate: Emulate, tmp_path: Path) -> None:
-    """What it reads, how far it goes and how long that takes are as the set says."""
+    """Its readings, distances and durations are as the set says."""
     init_set(tmp_path, bundled_folder())
     for name, old, new in (
         ("drive.csv", "right,d1,1,0.02,0.05,0.02,0,0,0", "right,d1,1,0,0,0,0,0.5,0"),
@@ -191,7 +191,11 @@ def test_emulator_refuses_what_cannot_be(tmp_path: Path) -> None:
     no_set = ["--config", str(tmp_path / "no-set")]
     for options in (["--loss", "2"], ["--latency", "-1"], ["--port", str(tmp_path / "none")], no_set):
         done = subprocess.run(
-            [sys.executable, str(EMULATOR), *options], capture_output=True, text=True, timeout=30, check=False
+            [sys.executable, str(EMULATOR), *options],
+            capture_output=True,
+            text=True,
+            timeout=120,
+            check=False,
         )
         assert done.returncode in (1, 2)
         assert done.stderr.strip()
@@ -223,12 +227,14 @@ def test_wander_runs_unchanged_on_a_robot_at_a_serial_port(
     assert "disconnected after" in done.stderr
 
 
+@pytest.mark.slow
 def test_wander_runs_through_a_tcp_bridge(emulate: Emulate) -> None:
     done = simmer("--serial", emulate("--tcp", "0"), program=wander(3))
     assert done.returncode == 0, done.stderr
     assert len(done.stdout.splitlines()) == 3
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(shutil.which("tmux") is None, reason="needs tmux")
 def test_wander_runs_unchanged_with_the_screen_which_shows_both_robots(
     emulate: Emulate, tmp_path: Path
@@ -238,7 +244,7 @@ def test_wander_runs_unchanged_with_the_screen_which_shows_both_robots(
     def tmux(*arguments: str) -> str:
         command = ["tmux", "-S", str(tmp_path / "tmux"), "-f", os.devnull, *arguments]
         done = subprocess.run(
-            command, cwd=ROOT, env=environment, capture_output=True, text=True, timeout=30, check=True
+            command, cwd=ROOT, env=environment, capture_output=True, text=True, timeout=120, check=True
         )
         return done.stdout
 
@@ -263,6 +269,7 @@ with Robot(protocol="packets") as robot:
 """
 
 
+@pytest.mark.slow
 @unix_only
 def test_program_that_talks_packets_drives_a_robot_that_does(emulate: Emulate, tmp_path: Path) -> None:
     program = tmp_path / "open_session.py"
@@ -291,6 +298,7 @@ with socket.create_connection(("127.0.0.1", int(os.environ["SIMMER_PORT"]))) as 
 """
 
 
+@pytest.mark.slow
 @unix_only
 def test_replies_that_lost_bytes_become_nan_and_leave_the_others_whole(
     emulate: Emulate, tmp_path: Path
@@ -347,7 +355,7 @@ def board(tmp_path: Path) -> Iterator[Board]:
 
 
 def exchange(process: Any, command: bytes, size: int) -> bytes:
-    """What the board answers."""
+    """Answer of the board."""
     process.stdin.write(command)
     process.stdin.flush()
     reply = b""

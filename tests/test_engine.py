@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import dataclasses
 import math
 import selectors
 from collections.abc import Callable, Iterator
@@ -19,6 +18,7 @@ from simmer_tui.events import (
     ActionDone,
     ActionName,
     Event,
+    LegEnded,
     MovementEnded,
     MovementPlanned,
     Notice,
@@ -26,6 +26,8 @@ from simmer_tui.events import (
 )
 from simmer_tui.sessions import SLICE, SLICE_SECONDS, Session
 from simmer_tui.sim import Command, CommandResult, SimulationSpec, Simulator, Status, parse_command
+from simmer_tui.sim.sensors import Lidar, LidarSpec
+from simmer_tui.sim.specs import VelocityKind, VelocitySpec
 
 
 class _Jump(selectors.SelectSelector):
@@ -89,7 +91,7 @@ class Bench:
 
     @property
     def told(self) -> list[str]:
-        """What watchers heard, in short."""
+        """Events that watchers got, in short."""
         return [
             event.command.text if isinstance(event, CommandResult) else event.action.name.value
             for event in self.events
@@ -145,7 +147,7 @@ def test_commands_are_answered_in_order_whatever_they_are(instant: Bench) -> Non
 
 
 def stop() -> Command:
-    return dataclasses.replace(parse_command("xx"), stops=True)
+    return replace(parse_command("xx"), stops=True)
 
 
 def test_a_flood_of_stops_leaves_room_for_another(instant: Bench) -> None:
@@ -468,7 +470,7 @@ def test_a_contact_that_is_only_planned_is_never_told(timed: Bench, answer_at_en
     timed.clock.pass_by(3.0)
     timed.send(timed.session(answer_at_end=answer_at_end), "d1-200")
     timed.clock.pass_by(0.33)
-    timed.engine.session().submit(dataclasses.replace(parse_command("xx"), stops=True), lambda outcome: None)
+    timed.engine.session().submit(replace(parse_command("xx"), stops=True), lambda outcome: None)
     timed.clock.pass_by(100.0)
     ended = [event for event in timed.events if isinstance(event, MovementEnded)]
     assert [(each.contact, each.stopped_by) for each in ended] == [(None, "xx from client")]
@@ -516,7 +518,7 @@ def test_a_movement_whose_way_changes_is_planned_anew(clock: Clock, course_spec:
 def test_a_stop_costs_the_same_however_many_wait(timed: Bench) -> None:
     session = timed.session()
     timed.send(session, "d1-6", *["d1-1"] * 50)
-    timed.engine.session().submit(dataclasses.replace(parse_command("xx"), stops=True), lambda outcome: None)
+    timed.engine.session().submit(replace(parse_command("xx"), stops=True), lambda outcome: None)
     timed.clock.settle()
     statuses = [outcome.status for _, _, outcome in timed.answers]
     assert statuses == [Status.DONE, *[Status.STOPPED] * 50]
@@ -721,3 +723,51 @@ def test_the_same_seed_and_commands_at_the_same_times_give_the_same_replies(
     first, second = rollout(), rollout()
     assert len(first) == 5 + 5 * 4 * 5
     assert first == second
+
+
+# -- a lidar ---------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def lidar_spec(course_spec: SimulationSpec) -> SimulationSpec:
+    lidar = LidarSpec(kind=Lidar, number=1, code="sc", rays=36, scan_rate=5.0)
+    velocity = VelocitySpec(kind=VelocityKind.ALL, code="vv")
+    return replace(course_spec, sensors=(*course_spec.sensors, lidar), velocities=(velocity,))
+
+
+def revolutions(bench: Bench) -> list[tuple[float, int]]:
+    """Simulated time and revolution of each scan that was answered."""
+    readings = [(outcome.time, outcome.reading) for _, _, outcome in bench.answers]
+    return [(time, read.scan.revolution) for time, read in readings if read is not None and read.scan]
+
+
+def test_in_instant_motion_a_scan_that_was_read_is_waited_for(
+    clock: Clock, lidar_spec: SimulationSpec
+) -> None:
+    bench = Bench(clock, lidar_spec)
+    bench.send(bench.session(), "sc", "vv-0;0;30", "sc", "sc", "u1", "sc")
+    assert revolutions(bench) == [(0.0, -1), (0.2, 0), (0.4, 1), (pytest.approx(0.6), 2)]
+    # The robot turned meanwhile, and watchers were told of it.
+    assert bench.simulator.pose.heading > 10.0
+    assert any(isinstance(event, LegEnded) for event in bench.events)
+
+
+def test_who_waits_is_answered_when_a_scan_has_let_time_pass(
+    clock: Clock, lidar_spec: SimulationSpec
+) -> None:
+    bench = Bench(clock, lidar_spec)
+    bench.send(bench.session(), "sc", "sc", "sc")
+    bench.send(bench.session(), "wt-0.1")
+    assert [outcome.time for _, text, outcome in bench.answers if text == "wt-0.1"] == [0.5]
+
+
+def test_in_timed_motion_the_last_complete_scan_is_given_at_once(
+    clock: Clock, lidar_spec: SimulationSpec
+) -> None:
+    bench = Bench(clock, lidar_spec, timed=True)
+    session = bench.session()
+    for _ in range(4):
+        bench.send(session, "sc", "sc")
+        clock.pass_by(0.15)
+    assert [revolution for _, revolution in revolutions(bench)] == [-1, -1, -1, -1, 0, 0, 1, 1]
+    assert [time for time, _ in bench.answered] == pytest.approx([0.15 * (index // 2) for index in range(8)])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import random
 import subprocess
 import sys
@@ -14,10 +15,11 @@ import pytest
 BENCHMARKS = Path(__file__).parent.parent / "benchmarks"
 sys.path.insert(0, str(BENCHMARKS))
 from fault_devices import set_ranges_long, wire_gyro_short  # noqa: E402
+from fault_independent import INDEPENDENT  # noqa: E402
 from fault_kinds import KINDS, TOLD  # noqa: E402
 from fault_people import program_key_error  # noqa: E402
 from fault_proxy import Faults  # noqa: E402
-from faults import PARTLY, RIGHT, SILENT, WRONG, grade  # noqa: E402
+from faults import PARTLY, RIGHT, SILENT, WRONG, Task, grade, rotating_tasks_of  # noqa: E402
 
 
 def cause(kind: str, *culprits: str, text: str = "") -> dict[str, Any]:
@@ -50,7 +52,7 @@ def test_a_report_is_graded_by_its_cause_culprits_and_findings(said: dict[str, A
 
 def test_a_fault_on_the_wire_may_be_one_that_cannot_be_told_apart() -> None:
     case = wire_gyro_short(random.Random(1))
-    assert grade(report(cause("cannot be told apart")), case) == RIGHT
+    assert grade(report(cause("program or link")), case) == RIGHT
     assert grade(report(cause("lost", "g1")), case) == RIGHT
     assert grade(report(cause("lost")), case) == PARTLY
 
@@ -64,7 +66,7 @@ def test_a_crash_is_right_with_its_exception_and_what_was_printed() -> None:
 
 
 def test_every_kind_draws_a_case_that_is_the_same_for_a_seed() -> None:
-    for name, fault in (KINDS | TOLD).items():
+    for name, fault in (KINDS | TOLD | INDEPENDENT).items():
         assert fault.draw(random.Random(name)) == fault.draw(random.Random(name))
 
 
@@ -81,6 +83,34 @@ def test_the_proxy_changes_what_its_rules_are_about() -> None:
     assert said == ["u4", "u2", "r1-45.0", None, "p1-0"]
     assert [faults.reply("u1", value) for value in (5.0, 6.0, 7.0)] == [5.0, 5.0, 6.0]
     assert faults.reply("u3", 8.0) == 8.0
+
+
+def test_the_proxy_adds_up_rounds_and_picks_some_commands() -> None:
+    faults = Faults(
+        [
+            {"on": "reply", "codes": ["g1"], "do": "drift", "value": 0.5},
+            {"on": "reply", "codes": ["u1"], "do": "round", "value": 8.0},
+            {"on": "command", "codes": ["d1"], "do": "swallow", "every": 3},
+        ]
+    )
+    assert [faults.command("d1-2") for _ in range(6)] == ["d1-2", "d1-2", None] * 2
+    assert [faults.reply("g1", 10.0) for _ in range(3)] == [10.5, 11.0, 11.5]
+    assert [faults.reply("u1", value) for value in (3.0, 13.0, math.inf)] == [0.0, 16.0, math.inf]
+
+
+def test_programs_take_turns_in_the_independent_table() -> None:
+    kinds = ["program: SIGKILL", "program: never grips"]
+    tasks = rotating_tasks_of(kinds, {"solve": [101, 103], "plain": [102]}, 2)
+    assert tasks == [
+        Task("program: SIGKILL", "solve", 101),
+        Task("program: never grips", "plain", 102),
+        Task("program: SIGKILL", "plain", 102),
+        Task("program: never grips", "solve", 103),
+    ]
+
+
+def test_kinds_of_both_tables_have_names_of_their_own() -> None:
+    assert not set(INDEPENDENT) & {*KINDS, *TOLD}
 
 
 @pytest.mark.slow

@@ -6,10 +6,11 @@ import asyncio
 import json
 import selectors
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import pytest
+from msgspec.structs import replace
 from rich.console import Console
 
 from simmer_tui.cli.log_commands import build_report
@@ -308,6 +309,7 @@ def test_the_report_says_where_the_time_went(clock: Clock, tmp_path: Path) -> No
     assert rows[1][1] == "u1"
 
 
+@pytest.mark.slow
 def test_a_line_that_sums_up_knows_where_the_time_went(clock: Clock, tmp_path: Path) -> None:
     run = Run(clock, tmp_path / "run", configured(tmp_path, link__latency=0.015))
     run.send(run.session(), *["u1", "d1-1", "s1-1"] * 300)

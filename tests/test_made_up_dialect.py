@@ -125,7 +125,7 @@ def test_a_program_that_speaks_it_is_served_logged_reported_and_calibrated_from(
     assert main(["report", str(log)]) == 0
     assert "120" in capsys.readouterr().out
     assert main(["rerun", str(log)]) == 0
-    assert "120 commands and 0 actions again, every reply the same" in capsys.readouterr().out
+    assert "120 commands and 0 actions repeated, every reply the same" in capsys.readouterr().out
     assert main(["calibrate", str(log), "--out", str(tmp_path / "learned")]) == 0
     assert (tmp_path / "learned" / "drive.csv").is_file()
 

@@ -17,6 +17,8 @@ from pathlib import Path
 
 import pytest
 
+from simmer_tui.links.belief_link import parse_belief
+from simmer_tui.sim import Pose
 from tests.listening import HOST, listening
 
 FUNCTIONS = Path(__file__).parents[1] / "scripts" / "matlab"
@@ -90,7 +92,7 @@ def run(octave: str, fake: Robot, program: str) -> tuple[int, str, str]:
         env=environment,
         capture_output=True,
         text=True,
-        timeout=60,
+        timeout=300,
         check=False,
     )
     return ended.returncode, ended.stdout, ended.stderr
@@ -180,6 +182,63 @@ def test_octave_closes_the_robot_when_a_reply_does_not_come(
     assert second.startswith("simmer:closed the connection has ended")
     assert second.endswith("call simmer_open again")
     assert fake.received == ["u1"]
+
+
+RANGES = (12.345, 11.22, math.inf, 7.0)
+
+
+def scanned(command: str, form: str = ">d") -> bytes:
+    """The reply to a command: of `sc` a count and so many numbers."""
+    if command != "sc":
+        return reading(command, form)
+    return struct.pack(f"{form[0]}{len(RANGES) + 1}{form[1]}", len(RANGES), *RANGES)
+
+
+@pytest.mark.parametrize("separate", [True, False], ids=["two connections", "one connection"])
+@pytest.mark.parametrize(
+    ("form", "settings"),
+    [(">d", ""), ("<f", "robot('reply_format') = 'float32'; robot('byte_order') = 'little';")],
+)
+def test_octave_reads_a_scan(octave: str, separate: bool, form: str, settings: str) -> None:
+    program = (
+        f"robot = simmer_open(); {settings}"
+        "printf('%.3f ', simmer_scan(robot, 'sc')); printf('%.3f ', simmer_read(robot, 'u1'));"
+        "printf('%d ', size(simmer_scan(robot, 'sc'))); disp('');"
+        + failing("simmer_scan(robot, 'q9')")
+        + failing("simmer_scan(robot, 'u1')")
+        + failing("simmer_scan(robot, 'sc-90')")
+        + "printf('%.3f\\n', simmer_read(robot, 'u1'));"
+        + failing("simmer_read(robot, 'sc')")
+        + "printf('%.3f\\n', simmer_read(robot, 'u1'));"
+        + failing("simmer_read(robot, 'u1', 'sc')")
+    )
+    with robot(lambda command: scanned(command, form), separate) as fake:
+        code, output, errors = run(octave, fake, program)
+    lines = output.splitlines()
+    assert (code, lines[0]) == (0, "12.345 11.220 Inf 7.000 12.345 1 4 "), errors
+    assert lines[1].startswith("simmer:refused the robot knows no lidar q9")
+    assert lines[2] == "simmer:refused u1 is no lidar: read it with simmer_read"
+    assert lines[3].startswith("simmer:invalid the code of a lidar has two characters")
+    assert lines[4] == "12.345"
+    assert lines[5].startswith("simmer:refused sc is a lidar: simmer_scan gives all its ranges")
+    assert lines[6] == "12.345"
+    assert "'u1 sc' is " in lines[7]
+    assert "a lidar is among them (see simmer_scan)" in lines[7]
+
+
+def test_octave_waits_longer_for_the_end_of_a_sleep(octave: str) -> None:
+    answers = {"wt-2": struct.pack(">d", math.inf), "wt-0.5": b""}
+    program = (
+        "robot = simmer_open(); robot('timeout') = 0.25; simmer_sleep(robot, 2);"
+        + failing("simmer_sleep(robot, 0.5)")
+        + "printf('%g', robot('timeout'));"
+    )
+    with robot(lambda command: answers[command]) as fake:
+        code, output, errors = run(octave, fake, program)
+    assert (code, output.splitlines()) == (
+        0,
+        ["simmer:timeout no reply to 'wt-0.5' within 0.75 s (0 of 8 bytes came)", "0.25"],
+    ), errors
 
 
 WRONG_FORMAT = (
@@ -284,6 +343,24 @@ def test_octave_drives_and_is_told_what_the_robot_said(octave: str) -> None:
     assert fake.received == ["d1-2", "x9-1", "u1", "q9"]
 
 
+def test_octave_says_why_it_does_not_sleep(octave: str) -> None:
+    with robot() as fake:
+        code, output, errors = run(
+            octave,
+            fake,
+            "robot = simmer_open();"
+            + failing("simmer_sleep(robot, 3)")
+            + failing("simmer_sleep(robot, -1)")
+            + failing("simmer_sleep(robot, [1 2])"),
+        )
+    assert code == 0, errors
+    assert output.splitlines() == [
+        "simmer:refused the robot refused to wait: use pause(3)",
+        *["simmer:invalid the seconds to sleep must be one number, 0 or more"] * 2,
+    ]
+    assert fake.received == ["wt-3"]
+
+
 def test_octave_knows_the_maze(octave: str, tmp_path: Path) -> None:
     program = (
         "cells = simmer_maze('mission'); disp(size(cells)); disp(cells(1, :)); disp(simmer_maze()(end, 1));"
@@ -306,7 +383,57 @@ def test_octave_knows_the_maze(octave: str, tmp_path: Path) -> None:
         env=environment,
         capture_output=True,
         text=True,
-        timeout=60,
+        timeout=300,
         check=False,
     )
     assert done.stdout.split() == ["4", "8", *"33110202", "3"], done.stderr
+
+
+def test_octave_tells_beliefs_that_the_simulator_understands(octave: str) -> None:
+    lines: queue.Queue[bytes] = queue.Queue()
+
+    def collect(connection: socket.socket) -> None:
+        with connection.makefile("rb") as stream:
+            for line in stream:
+                lines.put(line)
+
+    program = (
+        "robot = simmer_open();"
+        "simmer_believe(robot, 'x', 12, 'y', 42.5, 'heading', -90, 'spread', 1, 'note', 'a \"b\"');"
+        "p = zeros(4, 8, 3); p(2, 3, 2) = 3; p(2, 3, 3) = 1; simmer_believe(robot, 'grid', p);"
+        "simmer_believe(robot, 'grid', [0 2; 1 0], 'bounds', [0 0 8 8], 'first', 45);"
+        + failing("simmer_believe(robot, 'grid', [0 NaN])")
+        + failing("simmer_believe(robot, 'grid', ones(300))")
+        + failing("simmer_believe(robot, 'z', 1)")
+        + failing("simmer_believe(robot, 12)")
+        + "simmer_close(robot); simmer_believe(robot, 'x', 1, 'y', 1, 'heading', 1);"
+    )
+    with robot() as fake, listening(collect) as port:
+        program = f"setenv('SIMMER_BELIEF_PORT', '{port}');" + program
+        code, output, errors = run(octave, fake, program)
+    assert code == 0, errors
+    assert output.splitlines() == [
+        "simmer:invalid grid must be rows x columns x headings of finite numbers, 0 or more, and one of "
+        "them more than 0",
+        "simmer:invalid grid has 90000 states: it may have 65536",
+        "simmer:invalid 'z' is not known; there are x, y, heading, spread, grid, bounds, first, note",
+        "simmer:invalid simmer_believe takes pairs, such as 'x', 12, or 'grid', p",
+    ]
+    told = [parse_belief(lines.get(timeout=10), 0.0, Pose(0, 0, 0), (0, 0, 96, 48)) for _ in range(3)]
+    assert lines.empty()
+    assert (told[0].pose, told[0].spread, told[0].note) == (Pose(12.0, 42.5, -90.0), 1.0, 'a "b"')
+    assert told[1].pose == Pose(30.0, 30.0, 120.0)
+    assert told[1].grid is not None
+    assert told[1].grid.best_probability == 0.75
+    assert (told[2].pose, told[2].grid and told[2].grid.shape) == (Pose(6.0, 6.0, 45.0), (2, 2, 1))
+
+
+def test_octave_goes_on_where_nobody_listens_to_beliefs(octave: str) -> None:
+    with socket.create_server((HOST, 0)) as closed:
+        port = closed.getsockname()[1]
+    program = (
+        f"setenv('SIMMER_BELIEF_PORT', '{port}'); robot = simmer_open();"
+        "for k = 1:2, simmer_believe(robot, 'grid', [1 2]); end; printf('%g', simmer_send(robot, 'u1'));"
+    )
+    with robot() as fake:
+        assert run(octave, fake, program)[:2] == (0, "12.345")

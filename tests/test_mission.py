@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import dataclasses
 import os
 import subprocess
 import sys
@@ -31,9 +30,12 @@ from simmer_tui.events import (
     MovementPlanned,
     Result,
 )
-from simmer_tui.mission import MissionState, Referee, environment, plan_run
+from simmer_tui.mission import MissionState, Referee, environment, mission_state, plan_run
 from simmer_tui.run.reducer import Reducer
-from simmer_tui.run.state import checkpoint_of
+from simmer_tui.run.state import MissionSums, checkpoint_of
+from simmer_tui.runlog.decode import LogDecoder
+from simmer_tui.runlog.encode import checkpoint_record
+from simmer_tui.runlog.log_records import CheckpointRecord, decode_line, encode_line
 from simmer_tui.sim import Axes, Pose, RobotSpec, Simulator, parse_command
 from simmer_tui.sim.footprint import Footprint
 
@@ -121,13 +123,12 @@ def test_no_seed_puts_robot_or_block_into_a_wall(
     simulator = Simulator(
         replace(spec, bot_center=centre, bot_rot=plan.start.heading, block_center=plan.block)
     )
-    keeping_off = Footprint(
-        polygons=(dataclasses.replace(simulator.block, size=3 + 2 * clearance - 1e-6).corners(),)
-    )
+    keeping_off = Footprint(polygons=(replace(simulator.block, size=3 + 2 * clearance - 1e-6).corners(),))
     assert not simulator.walls.overlap(keeping_off, Pose(0.0, 0.0, 0.0))
     assert plan == draw_mission(MissionSpec(heading=heading, clearance=clearance), spec, seed)
 
 
+@pytest.mark.slow
 def test_seeds_reach_every_start_drop_zone_and_corner_of_the_loading_zone(mission_set: Configuration) -> None:
     plans = [draw_mission(MissionSpec(), mission_set.simulation, seed) for seed in range(300)]
     assert len({(plan.start.x, plan.start.y) for plan in plans}) == 4
@@ -191,6 +192,26 @@ def test_taking_and_delivering_the_block_succeeds_and_says_when(exact_set: Confi
     assert game.subjects == [Goal.REACHED, Goal.TAKEN, Goal.DELIVERED, Result.SUCCESS]
     after = game.send("d1-100", "d1-1000")
     assert after == state, "what happens after the end is not judged"
+    shown = mission_state(game.plan, game.fold.at())
+    assert (shown.time, shown.distance, shown.commands, shown.contacts) == (
+        state.time, state.distance, state.commands, state.contacts,
+    ), "screens and replays show the sums of the end too"  # fmt: skip
+
+
+def test_the_sums_of_a_failed_mission_stand_still_and_come_back_from_a_checkpoint(
+    exact_set: Configuration,
+) -> None:
+    game = Game(exact_set, contacts=0)
+    failed = game.send("s1-100")
+    game.send("s1--3", "s1-100", "u1")
+    now = game.fold.at()
+    assert (now.commands, now.contacts) == (4, 2)
+    assert now.mission is not None
+    sums = failed.time, failed.distance, failed.commands, failed.contacts, failed.spent
+    assert now.mission.end == MissionSums(*sums)
+    record = decode_line(encode_line(checkpoint_record(now, 0.0)), 1)
+    assert isinstance(record, CheckpointRecord)
+    assert LogDecoder(game.simulator.spec, now.pose).resume(record).mission == now.mission
 
 
 def test_what_is_achieved_is_told_after_the_movement_that_did_it(exact_set: Configuration) -> None:
@@ -378,7 +399,7 @@ def headless(mission_folder: Path) -> Headless:
             ],
             capture_output=True,
             text=True,
-            timeout=60,
+            timeout=300,
             check=False,
             env={**os.environ, "PYTHONPATH": str(ROOT)},
         )
@@ -402,6 +423,7 @@ def test_a_program_that_gives_up_ends_the_run_with_exit_code_1(headless: Headles
     assert "the program has ended with exit code 0" in ran.stderr
 
 
+@pytest.mark.slow
 def test_the_log_of_a_mission_tells_it_and_runs_again(headless: Headless, tmp_path: Path) -> None:
     from simmer_tui.runlog.reader import Logged, LogReader
 
@@ -416,7 +438,7 @@ def test_the_log_of_a_mission_tells_it_and_runs_again(headless: Headless, tmp_pa
         [sys.executable, "-m", "simmer_tui", "rerun", str(log)],
         capture_output=True,
         text=True,
-        timeout=60,
+        timeout=300,
         check=False,
         cwd=ROOT,
     )

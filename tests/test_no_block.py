@@ -14,6 +14,7 @@ from simmer_tui.config.loader import Configuration, load
 from simmer_tui.config.set_summary import summarize
 from simmer_tui.config.sets import bundled_folder, find_set
 from simmer_tui.config.settings_file import Override
+from simmer_tui.document import svg
 from simmer_tui.engine import Engine
 from simmer_tui.errors import ConfigurationError, PlacementError
 from simmer_tui.report.content import svg_picture
@@ -84,7 +85,7 @@ def test_summary_and_pictures_show_none(configuration: Configuration, tmp_path: 
     with RunLog(tmp_path / "run.jsonl", configuration, simulator) as log:
         engine.watch(log)
         engine.session().submit(parse_command("d1-3"), lambda _: None)
-    assert "#ffd200" not in svg_picture(build_report(tmp_path / "run.jsonl"), "run")
+    assert svg.BLOCK not in svg_picture(build_report(tmp_path / "run.jsonl"), "run")
 
 
 def test_a_mission_needs_one() -> None:

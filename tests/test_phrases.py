@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
+import numpy as np
 import pytest
 from msgspec import structs
 from msgspec.structs import replace
@@ -17,12 +19,14 @@ from simmer_tui.phrases import (
     contacts_text,
     grip_ending,
     grip_text,
+    movement_text,
     obstacle_place,
     outside_text,
+    scan_text,
     side_text,
 )
 from simmer_tui.sim import Pose, SimulationSpec, Simulator
-from simmer_tui.sim.records import Grip
+from simmer_tui.sim.records import Grip, LidarScan
 
 
 def ended(spec: SimulationSpec, *commands: str) -> MovementEnded:
@@ -63,6 +67,16 @@ def test_what_a_contact_did_to_its_movement(course_spec: SimulationSpec) -> None
     assert side_text(replace_contact(contact, point=(45.0, 40.0))) == "right"
 
 
+@pytest.mark.parametrize("seed", range(8))
+def test_the_distance_of_a_movement_is_that_of_the_totals(noisy_spec: SimulationSpec, seed: int) -> None:
+    """In a curve the path is longer than what is left of it ahead; one run names one number."""
+    result = Simulator(noisy_spec, seed=seed).execute("d1-30")
+    assert result.trajectory is not None
+    movement = MovementEnded(1, result.time, result.command, result.trajectory)
+    went = movement.trajectory.arrival(movement.time)[1]
+    assert movement_text(movement) == f"forward {went:.1f} in"
+
+
 def replace_contact(contact: Any, **changes: Any) -> Any:
     return structs.replace(contact, **changes)
 
@@ -91,3 +105,19 @@ def test_a_grip_is_worded_once(grip: Grip, short: str, ending: str) -> None:
 def test_small_phrases() -> None:
     assert [contacts_text(count) for count in (0, 1, 2)] == ["no contact", "1 contact", "2 contacts"]
     assert outside_text((-2.0, 1.0)) == "2.0 in to the left of and 1.0 in above"
+
+
+@pytest.mark.parametrize(
+    ("ranges", "text"),
+    [
+        ([7.0, 5.94, math.inf, 30.0], "4 ranges, nearest 5.9 in at -90 deg"),
+        ([7.0, 35.0, 6.0, 0.0], "4 ranges, nearest 6.0 in at 180 deg"),
+        ([5.0, 35.0, 6.0, 5.0], "4 ranges, nearest 5.0 in at 0 deg"),
+        ([math.inf], "1 range, nothing in reach"),
+        ([0.0, math.nan, math.inf], "3 ranges, nothing in reach"),
+    ],
+)
+def test_a_scan_is_said_in_one_line(ranges: list[float], text: str) -> None:
+    count = len(ranges)
+    bearings = -360.0 * np.arange(count) / count
+    assert scan_text(LidarScan(0, np.array(ranges), bearings, np.empty(0), np.empty((0, 3)))) == text

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import sys
 from dataclasses import dataclass
 from pathlib import Path
@@ -60,7 +59,7 @@ def stopped(tmp_path: Path) -> Stopped:
         assert simulator.trajectory is not None
         assert simulator.trajectory.contact is not None, "it would meet the wall"
         loop.run_until(loop.now + 0.33)
-        session.submit(dataclasses.replace(parse_command("xx"), stops=True), lambda outcome: None)
+        session.submit(replace(parse_command("xx"), stops=True), lambda outcome: None)
         loop.run_until(loop.now + 60.0)
         session.submit(parse_command("u1"), lambda outcome: None)
     return run

@@ -17,23 +17,26 @@ from pathlib import Path
 import pytest
 
 from simmer_tui.errors import ProgramError
-from simmer_tui.program import Keeper, Program, keeper
+from simmer_tui.program import Keeper, Program, ProgramOutput, keeper
+from simmer_tui.program.program_command import console_variables, is_python, words_of
+from simmer_tui.program.program_output import OutputRoute
 
-SECONDS = 30.0
+SECONDS = 120.0
 posix = pytest.mark.skipif(sys.platform == "win32", reason="signals and quoting are those of POSIX")
 
 
 class Heard:
-    """What a program told."""
+    """Events of a program. This process `adopts` what it leaves behind, or not."""
 
-    def __init__(self) -> None:
+    def __init__(self, *, adopts: bool = False) -> None:
+        self._adopts = adopts
         self.lines: queue.SimpleQueue[str] = queue.SimpleQueue()
         self.codes: queue.SimpleQueue[int] = queue.SimpleQueue()
 
     def run(self, code: str, **environment: str) -> Program:
         arguments = [sys.executable, "-u", "-c", code]
         command = shlex.join(arguments) if sys.platform != "win32" else f'"{sys.executable}" -u -c "{code}"'
-        return Program(command, environment, self.codes.put, self.lines.put)
+        return Program(command, environment, self.codes.put, self.lines.put, adopts=self._adopts)
 
     def code(self) -> int:
         return self.codes.get(timeout=SECONDS)
@@ -179,6 +182,7 @@ def test_all_that_a_program_started_ends_with_it(lifeline: Lifeline) -> None:
     program.end()
 
 
+@pytest.mark.slow
 @linux
 def test_what_a_program_left_running_ends_when_the_run_does(lifeline: Lifeline) -> None:
     heard = Heard()
@@ -205,11 +209,16 @@ def test_all_ends_without_its_keeper_too(lifeline: Lifeline, number: int) -> Non
 @linux
 @pytest.mark.parametrize(
     ("first", "starter"),
-    [("os.setsid()", "Popen"), ("os.fork() and sys.exit()", "run")],
-    ids=["child", "orphan"],
+    [
+        ("os.setsid()", "Popen"),
+        ("os.fork() and sys.exit()", "run"),
+        ("os.setsid(); os.fork() and sys.exit()", "run"),
+        ("os.fork() and sys.exit(); os.setsid(); os.fork() and sys.exit()", "run"),
+    ],
+    ids=["child", "orphan", "orphan in a session of its own", "daemon"],
 )
 def test_processes_without_its_environment_end_too(lifeline: Lifeline, first: str, starter: str) -> None:
-    heard = Heard()
+    heard = Heard(adopts=True)
     code = (
         f"import os, sys, time; {first}; hold = open({lifeline.path!r}, 'w'); "
         "print('up', file=hold, flush=True); time.sleep(600)"
@@ -254,6 +263,7 @@ def test_all_ends_when_the_simulator_is_killed(lifeline: Lifeline, tmp_path: Pat
     lifeline.wait_for_the_end()
 
 
+@pytest.mark.slow
 @linux
 def test_all_ends_when_trials_are_killed(lifeline: Lifeline, tmp_path: Path) -> None:
     code = tmp_path / "program.py"
@@ -314,3 +324,89 @@ def test_the_limits_of_a_job_have_the_size_that_windows_has() -> None:
 
     if ctypes.sizeof(ctypes.c_void_p) == 8:
         assert (ctypes.sizeof(BasicLimits), ctypes.sizeof(ExtendedLimits)) == (64, 144)
+
+
+# -- Windows, as far as it can be told from here ---------------------------------------------------
+
+
+@contextlib.contextmanager
+def console() -> Iterator[int]:
+    """A terminal in place of our output, by its other end."""
+    ours, theirs = os.openpty()
+    saved = [os.dup(each) for each in (1, 2)]
+    try:
+        for each in (1, 2):
+            os.dup2(theirs, each)
+        yield ours
+    finally:
+        for each, before in zip((1, 2), saved, strict=True):
+            os.dup2(before, each)
+        for each in (*saved, ours, theirs):
+            os.close(each)
+
+
+@posix
+@pytest.mark.parametrize("at_once", [True, False])
+def test_last_lines_are_kept_though_output_goes_to_a_console_of_windows(at_once: bool) -> None:
+    output = ProgramOutput(lambda: 2.0)
+    code = "import sys; print('one', flush=True); print('two', file=sys.stderr); sys.exit(3)"
+    shown = b""
+    with console() as screen:
+        route = OutputRoute(output, None, windows=True, at_once=at_once)
+        process = subprocess.Popen([sys.executable, "-c", code], stdout=route.stdout, stderr=route.stderr)
+        route.start()
+        code_of_it = process.wait(SECONDS)
+        route.join(SECONDS)
+        while (b"one" not in shown or b"two" not in shown) and select.select([screen], [], [], SECONDS)[0]:
+            shown += os.read(screen, 1000)
+    assert code_of_it == 3
+    assert b"one" in shown
+    assert b"two" in shown
+    ended = output.end(3, 2.0)
+    assert [line.text for line in ended.stderr] == ["two"]
+    # What would be held back in a pipe goes to the console itself.
+    assert [line.text for line in ended.stdout] == (["one"] if at_once else [])
+
+
+@pytest.mark.parametrize(
+    ("command", "expected"),
+    [
+        ("python robot.py", True),
+        ('"C:\\Program Files\\Python\\Python.exe" robot.py', True),
+        ("py -3 robot.py", True),
+        ("python3.12 robot.py", True),
+        ("C:\\Tools\\python3.12.exe robot.py", True),
+        ("octave robot.m", False),
+        ("C:\\pythonista.exe", False),
+        ("", False),
+    ],
+)
+def test_python_is_told_not_to_hold_lines_back_in_a_console_of_windows(command: str, expected: bool) -> None:
+    found = console_variables(command, 850)
+    assert found == (
+        {"PYTHONUNBUFFERED": "1", "PYTHONIOENCODING": "cp850:backslashreplace"} if expected else {}
+    )
+
+
+@pytest.mark.parametrize(
+    ("word", "expected"),
+    [
+        ("python", True),
+        ("python3", True),
+        ("/opt/env/bin/python3.12", True),
+        ("C:/Python/PYTHON.EXE", True),
+        ("py", True),
+        ("pypy", False),
+        ("python-config", False),
+        ("./robot", False),
+    ],
+)
+def test_a_command_of_python_is_known_by_its_name(word: str, expected: bool) -> None:
+    assert is_python(word) is expected
+
+
+def test_only_a_python_of_any_version_and_place_falls_back_to_ours(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PATH", "/nowhere")
+    assert words_of("python3 robot.py") == [sys.executable, "robot.py"]
+    for command in ("python3.99 robot.py", "/nowhere/python robot.py", "octave robot.m"):
+        assert words_of(command) == command.split()

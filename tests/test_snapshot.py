@@ -1,15 +1,17 @@
-"""What screens see: frozen, bounded, and true to the run."""
+"""Snapshots for screens: frozen, bounded, and true to the run."""
 
 from __future__ import annotations
 
 import math
 import sys
+import time
 from collections.abc import Callable
 from queue import Queue
 
 import pytest
 from msgspec.structs import replace
 
+from simmer_tui import snapshot
 from simmer_tui.engine import Engine
 from simmer_tui.events import Action, ActionName, Belief, Event, MovementEnded, Notice, NoticeKind
 from simmer_tui.report.live_verdict import LiveVerdict
@@ -66,6 +68,31 @@ def test_it_says_what_the_simulator_says(run: Run) -> None:
     assert true["u1"] == simulator.true_value("u1")
 
 
+def test_advice_is_shown_until_it_had_its_time_and_commands_are_answered(
+    run: Run, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run.give("u1")
+    run.engine.tell(Notice(NoticeKind.FAULT, "the disk is full"))
+    assert run.give().advice == ""
+    run.engine.tell(Notice(NoticeKind.FAULT, "read the reply", advice=True))
+    assert run.give("u1").advice == "read the reply"
+    monkeypatch.setattr(snapshot, "ADVICE", 0.0)
+    assert run.give().advice == ""
+    run.engine.tell(Notice(NoticeKind.FAULT, "send a line end", advice=True))
+    assert run.give().advice == "send a line end"
+    run.engine.perform(Action(ActionName.RESET))
+    assert run.give().advice == ""
+
+
+def test_a_clock_that_is_set_back_keeps_no_advice(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    now = time.time()
+    run.engine.tell(Notice(NoticeKind.FAULT, "read the reply", advice=True))
+    assert run.give("u1").advice == "read the reply"
+    monkeypatch.setattr(time, "time", lambda: now - 86400.0)
+    monkeypatch.setattr(snapshot, "ADVICE", 0.0)
+    assert run.give("u1").advice == ""
+
+
 def test_only_what_is_new_is_handed_out_and_readings_are_folded(run: Run) -> None:
     (first,) = run.give("u1", "u2").entries
     assert (first.number, first.readings, [each.number for each in first.kept]) == (2, 2, [1, 2])
@@ -103,7 +130,9 @@ def test_the_trail_is_the_way_of_the_last_movements(run: Run) -> None:
     trail = run.give("d1-2", "r1-90", "d1-1").state.trail
     assert trail[0].tolist() == [9.5, 42.0]
     assert trail[-1] == pytest.approx([11.5, 43.0])
-    assert run.give(*["r1-1"] * LEGS).state.trail[0] == pytest.approx([11.5, 43.0])
+    turned = run.give(*["r1-1"] * LEGS).state
+    assert turned.trail[0].tolist() == [9.5, 42.0], "turns leave no trail, and push none out"
+    assert run.give(*["d1-0.01"] * LEGS).state.trail[0] == pytest.approx([11.5, 43.0])
 
 
 @pytest.mark.parametrize("name", [ActionName.RESET, ActionName.SEED, ActionName.TELEPORT])
@@ -186,7 +215,7 @@ def test_a_new_verdict_waits_for_its_line_on_a_slow_screen(course_spec: Simulati
     def run() -> Notice:
         for kind in (NoticeKind.CONNECTED, NoticeKind.LEFT):
             live.watch(Notice(kind, "robot.py"))
-        done, found = calls.get(timeout=30)
+        done, found = calls.get(timeout=120)
         done(*found)
         assert isinstance(told[-1], Notice)
         return told[-1]

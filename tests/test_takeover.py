@@ -91,6 +91,7 @@ def after(index: RunLogIndex, entry: int) -> Moment:
     return moment_of(index, entry, index.over_of(entry))
 
 
+@pytest.mark.slow
 def test_what_follows_is_what_followed(tmp_path: Path) -> None:
     path = tmp_path / "run.jsonl"
     logged = mission_log(path)
@@ -121,6 +122,7 @@ def test_what_follows_is_what_followed(tmp_path: Path) -> None:
             assert run_rerun([str(log)]) == 0
 
 
+@pytest.mark.slow
 def test_a_movement_under_way_ends_where_it_was_seen(tmp_path: Path, capsys: Any) -> None:
     path, log = tmp_path / "run.jsonl", tmp_path / "new.jsonl"
     mission_log(path)
@@ -142,7 +144,7 @@ def test_a_movement_under_way_ends_where_it_was_seen(tmp_path: Path, capsys: Any
     header = json.loads(log.read_text().splitlines()[0])
     assert header["taken_over"] == {"log": "run.jsonl", "line": moment.line, "elapsed": moment.elapsed}
     assert f"took over from run.jsonl at {moment.elapsed:.2f} s" in out.err
-    assert any("took over from run.jsonl" in said for said in findings(build_report(log)))
+    assert any("Taken over from run.jsonl" in said for said in findings(build_report(log)))
 
 
 @pytest.fixture
@@ -207,7 +209,7 @@ def rewrite(path: Path, line: int, **changes: Any) -> None:
     ("line", "changes", "message"),
     [
         (1, {"number": 5}, "begins after 5 commands"),
-        (4, {"reply": 3.0}, "does not come out the same again: line 4"),
+        (4, {"reply": 3.0}, "does not repeat exactly: line 4"),
         (4, {"link": 9.0}, "line 4: the link took 9.0 s in the log"),
         (6, {"n": 17}, "line 6: command number 3 is missing"),
     ],

@@ -171,6 +171,7 @@ def test_once_backed_out_it_turns_away_before_it_drives_again(wander: ModuleType
     assert robot.moves == ["d1-2", "d1--2", "r1--30", "d1-2"]
 
 
+@pytest.mark.slow
 def test_two_sides_as_clear_are_tried_in_an_order_that_the_seed_repeats(wander: ModuleType) -> None:
     runs = []
     for _ in range(2):

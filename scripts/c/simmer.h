@@ -12,8 +12,8 @@
  *
  * C99 (with -std=c99 add -D_POSIX_C_SOURCE=200112L) or C++11; Linux, macOS, Windows (link with ws2_32; not tried). Every function returns SIMMER_OK, SIMMER_REFUSED
  * (the robot did nothing; the connection goes on) or SIMMER_FAILED (the connection has ended); robot.error
- * says why. The protocol: a command is a line of ASCII on one connection, its reply one IEEE 754 number, on
- * a second connection where the simulator takes one. Infinity says that a movement has ended (at a wall, too),
+ * says why. The protocol: a command is a line of ASCII on one connection, its reply one IEEE 754 number (of a
+ * lidar a count and so many numbers), on a second connection where the simulator takes one. Infinity says that a movement has ended (at a wall, too),
  * NaN that a command was refused. A microcontroller without sockets sends the same lines over its own link.
  */
 #ifndef SIMMER_H
@@ -36,6 +36,7 @@ typedef SOCKET simmer_socket;
 #include <netdb.h>
 #include <netinet/in.h>
 #include <netinet/tcp.h>
+#include <sys/select.h>
 #include <sys/socket.h>
 #include <sys/time.h>
 #include <unistd.h>
@@ -51,7 +52,11 @@ typedef int simmer_socket;
 #endif
 
 enum { SIMMER_OK = 0, SIMMER_REFUSED = 1, SIMMER_FAILED = 2 };
+#ifndef SIMMER_TIMEOUT
+#define SIMMER_TIMEOUT 30 /* seconds to wait for a reply: movements in timed motion take long */
+#endif
 enum { SIMMER_MOST = 64, SIMMER_LONGEST = 255 }; /* commands in one go; characters of a command */
+enum { SIMMER_MOST_RANGES = 4000 };              /* of a scan; a number above that is no count */
 
 typedef struct simmer_robot {
     simmer_socket commands, replies, beliefs;
@@ -86,6 +91,16 @@ static inline int simmer_send_all(simmer_socket connection, const char *data, si
     return 1;
 }
 
+/* Seconds that a reply may take. */
+static inline void simmer_set_timeout(simmer_socket connection, int timeout) {
+#ifdef _WIN32
+    DWORD wait = (DWORD)timeout * 1000;
+#else
+    struct timeval wait = {timeout, 0};
+#endif
+    setsockopt(connection, SOL_SOCKET, SO_RCVTIMEO, (const char *)&wait, sizeof wait);
+}
+
 static inline simmer_socket simmer_connect(const char *host, int port, int timeout) {
     struct addrinfo hints, *found = NULL, *each;
     simmer_socket connection = SIMMER_NO_SOCKET;
@@ -107,17 +122,7 @@ static inline simmer_socket simmer_connect(const char *host, int port, int timeo
     freeaddrinfo(found);
     if (connection == SIMMER_NO_SOCKET) return connection;
     setsockopt(connection, IPPROTO_TCP, TCP_NODELAY, (const char *)&one, sizeof one);
-#ifdef _WIN32
-    {
-        DWORD wait = (DWORD)timeout * 1000;
-        setsockopt(connection, SOL_SOCKET, SO_RCVTIMEO, (const char *)&wait, sizeof wait);
-    }
-#else
-    {
-        struct timeval wait = {timeout, 0};
-        setsockopt(connection, SOL_SOCKET, SO_RCVTIMEO, (const char *)&wait, sizeof wait);
-    }
-#endif
+    simmer_set_timeout(connection, timeout);
     if (token != NULL && token[0] &&
         (!simmer_send_all(connection, token, strlen(token)) || !simmer_send_all(connection, "\n", 1))) {
         simmer_close_socket(connection);
@@ -137,7 +142,7 @@ static inline int simmer_open(simmer_robot *robot, const char *host, int port, i
     memset(robot, 0, sizeof *robot);
     robot->commands = robot->replies = robot->beliefs = SIMMER_NO_SOCKET;
     robot->reply_bytes = 8;
-    robot->timeout = 30;
+    robot->timeout = SIMMER_TIMEOUT;
 #ifdef _WIN32
     {
         WSADATA data;
@@ -175,11 +180,43 @@ static inline double simmer_number(const simmer_robot *robot, const unsigned cha
     }
 }
 
-/* Send commands as they stand ("u1", "d1-3") in one go, and wait for the number of each. */
-static inline int simmer_send_many(simmer_robot *robot, const char *const *commands, int count, double *replies) {
-    char lines[SIMMER_MOST * (SIMMER_LONGEST + 1) + 1];
+/* 1 if more has come than has been read, or comes within some milliseconds. */
+static inline int simmer_has_more(const simmer_robot *robot, int milliseconds) {
+    struct timeval wait = {0, milliseconds * 1000};
+    fd_set set;
+    FD_ZERO(&set);
+    FD_SET(robot->replies, &set);
+    return select((int)robot->replies + 1, &set, NULL, NULL, &wait) > 0;
+}
+
+/* Receive so many numbers of the reply to a command. */
+static inline int simmer_receive(simmer_robot *robot, const char *command, int count, double *numbers) {
     unsigned char bytes[SIMMER_MOST * 8];
-    size_t used = 0, came = 0, wanted;
+    while (count > 0) {
+        int i, some = count < SIMMER_MOST ? count : SIMMER_MOST;
+        size_t came = 0, wanted = (size_t)some * (size_t)robot->reply_bytes;
+        while (came < wanted) {
+            int piece = (int)recv(robot->replies, (char *)bytes + came, (int)(wanted - came), 0);
+            if (piece <= 0) { /* a late reply would be taken for the next one's: the connection ends */
+                simmer_close(robot);
+                return simmer_fail(robot, SIMMER_FAILED,
+                                   piece == 0 ? "the simulator has ended the connection, or another program drives"
+                                              : "no reply came in time",
+                                   command);
+            }
+            came += (size_t)piece;
+        }
+        for (i = 0; i < some; i++)
+            *numbers++ = simmer_number(robot, bytes + (size_t)i * (size_t)robot->reply_bytes);
+        count -= some;
+    }
+    return SIMMER_OK;
+}
+
+/* Send commands in one go. */
+static inline int simmer_send_lines(simmer_robot *robot, const char *const *commands, int count) {
+    char lines[SIMMER_MOST * (SIMMER_LONGEST + 1) + 1];
+    size_t used = 0;
     int i;
     if (robot->commands == SIMMER_NO_SOCKET)
         return simmer_fail(robot, SIMMER_FAILED, "the connection has ended; open the robot again", "");
@@ -197,20 +234,19 @@ static inline int simmer_send_many(simmer_robot *robot, const char *const *comma
         simmer_close(robot);
         return simmer_fail(robot, SIMMER_FAILED, "the simulator has ended the connection", commands[0]);
     }
-    wanted = (size_t)count * (size_t)robot->reply_bytes;
-    while (came < wanted) {
-        int piece = (int)recv(robot->replies, (char *)bytes + came, (int)(wanted - came), 0);
-        if (piece <= 0) { /* a late reply would be taken for the next one's: the connection ends */
-            simmer_close(robot);
-            return simmer_fail(robot, SIMMER_FAILED,
-                               piece == 0 ? "the simulator has ended the connection, or another program drives"
-                                          : "no reply came in time",
-                               commands[0]);
-        }
-        came += (size_t)piece;
-    }
-    for (i = 0; i < count; i++) replies[i] = simmer_number(robot, bytes + (size_t)i * (size_t)robot->reply_bytes);
     return SIMMER_OK;
+}
+
+/* Send commands as they stand ("u1", "d1-3") in one go, and wait for the number of each. */
+static inline int simmer_send_many(simmer_robot *robot, const char *const *commands, int count, double *replies) {
+    int code = simmer_send_lines(robot, commands, count);
+    if (code == SIMMER_OK) code = simmer_receive(robot, commands[0], count, replies);
+    if (code == SIMMER_OK && simmer_has_more(robot, 0)) { /* what comes next would be nonsense */
+        simmer_close(robot);
+        return simmer_fail(robot, SIMMER_FAILED, "more came back than a number: set reply_bytes, or use simmer_scan",
+                           commands[0]);
+    }
+    return code;
 }
 
 /* Send one command. Infinity: a movement has ended; NaN: it was refused (and no error here). */
@@ -228,6 +264,28 @@ static inline int simmer_read(simmer_robot *robot, const char *const *codes, int
     return code;
 }
 
+/* All ranges of the last whole turn of a lidar, inches, ray by ray: the first `most` of them into `ranges`, and
+ * how many there are into *count. Infinity: a ray met nothing in reach. One ray alone is simmer_send("sc-90"). */
+static inline int simmer_scan(simmer_robot *robot, const char *code, double *ranges, int most, int *count) {
+    double number = 0, rest;
+    int i, result = simmer_send_lines(robot, &code, 1);
+    *count = 0;
+    if (result == SIMMER_OK) result = simmer_receive(robot, code, 1, &number);
+    if (result != SIMMER_OK) return result;
+    if (isnan(number))
+        return simmer_fail(robot, SIMMER_REFUSED, "the robot knows no such lidar, or it is disabled", code);
+    /* a whole number may be another sensor's reading, which nothing follows */
+    if (!(number >= 1 && number <= SIMMER_MOST_RANGES && number == floor(number)) || !simmer_has_more(robot, 200)) {
+        if (!simmer_has_more(robot, 0)) return simmer_fail(robot, SIMMER_REFUSED, "this is no lidar", code);
+        simmer_close(robot);
+        return simmer_fail(robot, SIMMER_FAILED, "no count came back: set reply_bytes and little_endian", code);
+    }
+    *count = (int)number;
+    for (i = 0; i < *count && result == SIMMER_OK; i++)
+        result = simmer_receive(robot, code, 1, i < most ? ranges + i : &rest);
+    return result;
+}
+
 /* Move by so many inches or degrees; returns when the movement has ended. What the robot answered is in
  * *reply (may be NULL): Infinity from the simulator. A wall may have ended it early: read a sensor. */
 static inline int simmer_drive(simmer_robot *robot, const char *code, double value, double *reply) {
@@ -242,17 +300,72 @@ static inline int simmer_drive(simmer_robot *robot, const char *code, double val
     return result;
 }
 
+/* Let so many seconds of the robot's time pass, while it goes on as it was told. The simulator's time is not
+ * the computer's: sleep() moves a driving robot hardly at all. */
+static inline int simmer_sleep(simmer_robot *robot, double seconds) {
+    char command[64];
+    double answer = 0.0;
+    int result;
+    snprintf(command, sizeof command, "wt-%.17g", seconds);
+    /* In timed motion the answer comes when the time is over. More than an hour is refused at once. */
+    simmer_set_timeout(robot->replies, robot->timeout + (seconds > 0 && seconds <= 3600 ? (int)seconds + 1 : 0));
+    result = simmer_send(robot, command, &answer);
+    simmer_set_timeout(robot->replies, robot->timeout);
+    if (result == SIMMER_OK && !isinf(answer))
+        return simmer_fail(robot, SIMMER_REFUSED, "the robot has no command to wait", command);
+    return result;
+}
+
+/* 1 if somebody listens to beliefs. */
+static inline int simmer_believes(simmer_robot *robot) {
+    if (robot->commands == SIMMER_NO_SOCKET) return 0;
+    if (robot->beliefs == SIMMER_NO_SOCKET)
+        robot->beliefs = simmer_connect(robot->host, simmer_port(-1, "SIMMER_BELIEF_PORT", 9002), robot->timeout);
+    return robot->beliefs != SIMMER_NO_SOCKET;
+}
+
 /* Say where the program believes the robot to be (inches, degrees; spread in inches, or negative for none).
  * It is drawn beside the truth; where nobody listens, nothing happens. */
 static inline void simmer_believe(simmer_robot *robot, double x, double y, double heading, double spread) {
     char line[200], more[40] = "";
-    if (robot->commands == SIMMER_NO_SOCKET) return;
-    if (robot->beliefs == SIMMER_NO_SOCKET)
-        robot->beliefs = simmer_connect(robot->host, simmer_port(-1, "SIMMER_BELIEF_PORT", 9002), robot->timeout);
-    if (robot->beliefs == SIMMER_NO_SOCKET) return;
+    if (!simmer_believes(robot)) return;
     if (spread >= 0) snprintf(more, sizeof more, ",\"spread\":%.6g", spread);
     snprintf(line, sizeof line, "{\"x\":%.9g,\"y\":%.9g,\"heading\":%.9g%s}\n", x, y, heading, more);
     simmer_send_all(robot->beliefs, line, strlen(line));
+}
+
+/* The same as a grid of probabilities: row 1 on top, each row from left to right, heading fastest; the first
+ * heading is 0 degrees, the others follow counterclockwise. headings is 1 for a grid without. bounds are x0, y0, x1, y1 in
+ * inches, or NULL for the whole maze. They need not sum to 1; at most 65,536 states. */
+static inline void simmer_believe_grid(simmer_robot *robot, const float *p, int rows, int cols, int headings,
+                                       const double *bounds) {
+    static const char digits[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+    char text[4096], where[120] = "";
+    unsigned char three[3];
+    size_t i, held = 0, used, bytes = (size_t)rows * (size_t)cols * (size_t)headings * 4;
+    if (!simmer_believes(robot)) return;
+    if (bounds != NULL)
+        snprintf(where, sizeof where, "\"bounds\":[%.9g,%.9g,%.9g,%.9g],", bounds[0], bounds[1], bounds[2], bounds[3]);
+    used = (size_t)snprintf(text, sizeof text, "{\"grid\":{\"rows\":%d,\"cols\":%d,\"headings\":%d,%s\"f32\":\"",
+                            rows, cols, headings, where);
+    for (i = 0; i < bytes; i++) {
+        uint32_t bits; /* little-endian, whatever this machine is */
+        memcpy(&bits, p + i / 4, sizeof bits);
+        three[held++] = (unsigned char)(bits >> 8 * (i % 4));
+        if (held < 3 && i + 1 < bytes) continue;
+        memset(three + held, 0, 3 - held);
+        text[used++] = digits[three[0] >> 2];
+        text[used++] = digits[(three[0] & 3) << 4 | three[1] >> 4];
+        text[used++] = held > 1 ? digits[(three[1] & 15) << 2 | three[2] >> 6] : '=';
+        text[used++] = held > 2 ? digits[three[2] & 63] : '=';
+        held = 0;
+        if (used + 8 > sizeof text) {
+            if (!simmer_send_all(robot->beliefs, text, used)) return;
+            used = 0;
+        }
+    }
+    memcpy(text + used, "\"}}\n", 4);
+    simmer_send_all(robot->beliefs, text, used + 4);
 }
 
 #endif

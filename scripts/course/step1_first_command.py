@@ -1,6 +1,6 @@
 """Step 1, the first command: drive up to the wall ahead and stop 24 inches before it.
 
-    simmer-tui --run "python scripts/course/step1_first_command.py"
+    simmer-tui --run "python samples/course/step1_first_command.py"
 
 u1 looks ahead, d1 drives forward. Both err by a few percent, so that one long movement misses the mark;
 half of what is left, again and again, does not.

@@ -1,6 +1,6 @@
 """Step 2, a wall follower: keep the wall on the left at the same distance, and see where that leads.
 
-    simmer-tui --run "python scripts/course/step2_wall_follower.py"
+    simmer-tui --run "python samples/course/step2_wall_follower.py"
 
 u2 looks 45 degrees to the left and not straight left: what it reads is longer than the way to the wall,
 and it sees a corner before the robot is there. `simmer-tui check` draws where every sensor looks.
@@ -17,7 +17,9 @@ WALL = 6.0  # in, from the robot's centre to the wall: the middle of a corridor
 SENSOR = 2.12  # in, from the centre to u2, both ahead and to the left; to u4 ahead and to the right
 AHEAD = 4.0  # in, of free way without which it does not drive on
 OPEN = 11.0  # in, from which on there is no wall on that side any more
-STRIDE, SHARPEST, STRAIGHT = 2.0, 20.0, 2.0  # in, deg, deg
+NEAR = 4.0  # in, below which the nearer wall counts, on whichever side it is
+STRIDE, STRAIGHT = 2.0, 2.0  # in; deg, of a turn that is not worth it
+TOWARDS, AWAY = (3.0, 20.0), (10.0, 45.0)  # deg of a turn for each inch off, and at most: away is urgent
 STEPS = 100
 
 Move = tuple[str, float]
@@ -35,11 +37,13 @@ def decide(ahead: float, left: float, plan: list[Move]) -> list[Move]:
 
 
 def correction(left: float, right: float) -> float:
-    """The turn that leads back to the middle of the corridor (deg, left is positive), by the left wall,
-    and where there is none by the right one."""
-    seen, side = (left, 1.0) if left < OPEN else (right, -1.0)
+    """The turn that leads back to the middle of the corridor (deg, left is positive), by the left wall; by
+    the right one where there is none on the left, or where the right one is near."""
+    by_left = left < OPEN and (left <= right or right >= NEAR)
+    seen, side = (left, 1.0) if by_left else (right, -1.0)
     off = seen * math.cos(math.radians(45)) + SENSOR - WALL  # in, by which that wall is too far away
-    return side * max(-SHARPEST, min(SHARPEST, 5.0 * off)) if seen < OPEN else 0.0
+    gain, most = TOWARDS if off > 0 else AWAY
+    return side * max(-most, min(most, gain * off)) if seen < OPEN else 0.0
 
 
 def follow(robot: Robot, steps: int) -> float:

@@ -1,6 +1,6 @@
 """Step 3, dead reckoning: where the robot is by its wheels and its gyroscope, and why that drifts.
 
-    simmer-tui --run "python scripts/course/step3_dead_reckoning.py"
+    simmer-tui --run "python samples/course/step3_dead_reckoning.py"
 
 The robot drives around a square and adds up what o1 to o4 and g1 count. On the screen the believed pose
 is drawn beside the true one: watch them come apart. Every reading errs a little, errors add up, and an
@@ -25,7 +25,7 @@ SIDE = 6.0  # in, of the square
 
 @dataclass
 class Motion:
-    """What the robot has done, in its own frame: inches ahead and to the left, degrees counter-clockwise."""
+    """Motion of the robot in its own frame: inches ahead and to the left, degrees counter-clockwise."""
 
     forward: float
     left: float
@@ -33,7 +33,7 @@ class Motion:
 
 
 class Odometry:
-    """What the counters have counted since they were asked last."""
+    """Counts since the counters were asked last."""
 
     def __init__(self, robot: Robot) -> None:
         self._robot = robot

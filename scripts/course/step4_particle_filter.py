@@ -1,6 +1,6 @@
 """Step 4, a particle filter: find out where the robot is, without being told.
 
-    simmer-tui --run "python scripts/course/step4_particle_filter.py"
+    simmer-tui --run "python samples/course/step4_particle_filter.py"
 
 Keep many guesses of the pose; give those that explain the readings more weight; draw new ones by weight.
 Thrun, Burgard, Fox, Probabilistic Robotics, 2005, chapters 4 and 8: Monte Carlo localization.
@@ -22,6 +22,7 @@ BLUR = 0.4  # in, by which particles are beside the truth even where they are ri
 OUTLIER = 1e-3  # likelihood of a reading that nothing explains, so that one of them proves nothing
 SURE, DOUBT = 0.8, 0.4  # in, spread when it is sure; share of explained readings below which it is lost
 CELL = 12.0  # in
+NO_ECHO = 120.0  # in, taken for a reading of inf: longer than any straight line through the maze
 
 Array = NDArray[np.float64]
 
@@ -46,19 +47,18 @@ class Localizer:
 
     def predict(self, motion: Motion) -> None:
         """The robot has moved: every particle does the same, each with an error of its own."""
-        count = len(self.particles)
         counted = np.array((motion.forward, motion.left, motion.turn))
         noise = (0.015, 0.015, 0.012) * np.abs(counted) + (0.02, 0.02, 0.1)
-        forward, left, turn = (counted + noise * self._random.standard_normal((count, 3))).T
+        forward, left, turn = (counted + noise * self._random.standard_normal(self.particles.shape)).T
         way = turned(forward, left, self.particles[:, 2] + turn / 2)
         self.particles += np.column_stack((*way, turn))
 
     def update(self, readings: Array) -> None:
         """Weigh the particles by a reading of each of RANGES."""
-        expected = self._simulator.true_ranges(self.particles, RANGES)
+        expected = np.minimum(self._simulator.true_ranges(self.particles, RANGES), NO_ECHO)
         errors = np.array([self._simulator.sensor(code).error for code in RANGES])
         deviation = np.hypot(errors * expected, BLUR)
-        likelihood = np.exp(-0.5 * ((readings - expected) / deviation) ** 2)
+        likelihood = np.exp(-0.5 * ((np.minimum(readings, NO_ECHO) - expected) / deviation) ** 2)
         self.weights = self.weights * (likelihood + OUTLIER).prod(axis=1)
         self.weights /= self.weights.sum()
         self.fit = float(self.weights @ (likelihood > 0.03).mean(axis=1))
@@ -86,11 +86,11 @@ class Localizer:
 
 
 def look(robot: Robot, localizer: Localizer, note: str = "") -> float:
-    """Read the range sensors, weigh, and show what comes of it; returns how far it is free ahead."""
+    """Read the range sensors, weigh, and show the result; returns how far it is free ahead, 0 if unknown."""
     readings = robot.read(*RANGES)
     localizer.update(np.array(readings))
     robot.believe(*localizer.pose, localizer.spread, localizer.particles[:200], note)
-    return readings[0]
+    return readings[0] if readings[0] < NO_ECHO else 0.0  # without an echo a wall may be near
 
 
 def localize(robot: Robot, localizer: Localizer, odometry: Odometry) -> bool:

@@ -1,6 +1,6 @@
 """Step 5, planning: find the way to another cell and go there, looking where the robot is on each stride.
 
-    simmer-tui --run "python scripts/course/step5_planning.py"
+    simmer-tui --run "python samples/course/step5_planning.py"
 
 Breadth-first search finds the way from cell to cell. Each short stride begins where the particle filter says
 that the robot really is, so that no error lives longer. This robot drives in any direction (d1 ahead, w1 to

@@ -1,6 +1,6 @@
 """Step 6, block and gripper: find the block in the loading zone and take it.
 
-    simmer-tui --config mission --run "python scripts/course/step6_block.py"
+    simmer-tui --config mission --run "python samples/course/step6_block.py"
 
 u5 and u1 look ahead from the same place, u5 low and u1 over the block: where u5 reads less, there is the
 block. The robot turns around looking so, goes before the block, looks again from near, and closes in.
@@ -40,7 +40,7 @@ class Fetcher:
         self._walls = np.array([centre(cell) for cell in grid if cell not in free])
 
     def room(self, places: Array) -> float:
-        """How far the robot is from all walls at all of these places, inches."""
+        """Distance of the robot from all walls at each of these places, inches."""
         beyond = np.maximum(np.abs(places[:, None] - self._walls) - CELL / 2, 0)
         return float(np.hypot(beyond[..., 0], beyond[..., 1]).min()) - RADIUS
 
@@ -107,7 +107,7 @@ class Fetcher:
         return self.holds()
 
     def holds(self) -> bool:
-        """What the load sensor says; it errs now and then."""
+        """Reading of the load sensor; it errs now and then."""
         return sum(self.robot.read(*["l1"] * 9)) > 4.5
 
 

@@ -1,7 +1,7 @@
 """Step 7, the whole mission under honest time: find out where you are, fetch the block, deliver it.
 
-    simmer-tui --mission --run "python scripts/course/step7_mission.py"
-    simmer-tui trials --runs 50 --run "python scripts/course/step7_mission.py" --require 0.9
+    simmer-tui --mission --run "python samples/course/step7_mission.py"
+    simmer-tui trials --runs 50 --run "python samples/course/step7_mission.py" --require 0.9
 
 All parts are there. What is new is what to do when one of them fails, and the way with the block: it
 sticks out ahead, and robot and block together are too long to turn in a corridor. This robot need not turn.

@@ -7,7 +7,7 @@ function simmer_close(robot)
 if isempty(robot('ended'))
     robot('ended') = 'simmer_close was called';
 end
-for name = {'replies', 'commands'}
+for name = {'replies', 'commands', 'beliefs'}
     if isKey(robot, name{1})
         remove(robot, name{1}); % the last reference to a tcpclient closes it
     end

@@ -38,6 +38,7 @@ robot('byte_order') = 'big';
 robot('timeout') = 30;
 robot('pending') = '';
 robot('ended') = '';
+robot('host') = host;
 try
     commands = connect(host, port);
 catch problem

@@ -14,7 +14,6 @@ by the moments of DerSimonian and Laird (1986).
 from __future__ import annotations
 
 import dataclasses
-import json
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -27,7 +26,7 @@ from scipy.special import chdtrc, chdtri
 from simmer_tui.calibrate.estimates import ParameterEstimate, estimates_of
 from simmer_tui.calibrate.fit import Fit, Progress, fit
 from simmer_tui.calibrate.measured_run import MeasuredRun
-from simmer_tui.calibrate.written_set import knowledge_text, learned_spec
+from simmer_tui.calibrate.written_set import Knowledge, knowledge_of, learned_spec
 from simmer_tui.config.loader import Configuration
 from simmer_tui.errors import CalibrationError
 from simmer_tui.sim.angles import FloatArray
@@ -62,7 +61,7 @@ class PartVerdict:
 def check_robot(
     run: MeasuredRun,
     configuration: Configuration,
-    knowledge: dict[str, Any],
+    knowledge: Knowledge,
     progress: Progress = lambda what, share: None,
     rate: float = FALSE_ALARMS,
 ) -> tuple[PartVerdict, ...]:
@@ -96,7 +95,7 @@ def require_one_robot(
     longest = max(runs, key=lambda run: len(run.movements))
     found = fit(longest, seed=seed, progress=progress)
     estimates = estimates_of(found)
-    knowledge = json.loads(knowledge_text(found, estimates))
+    knowledge = knowledge_of(found, estimates)
     configuration = replace(longest.configuration, simulation=learned_spec(longest.spec, estimates))
     for run in runs:
         if run is longest:
@@ -113,13 +112,13 @@ def require_one_robot(
             )
 
 
-def judged(found: Fit, knowledge: dict[str, Any], rate: float = FALSE_ALARMS) -> tuple[PartVerdict, ...]:
+def judged(found: Fit, knowledge: Knowledge, rate: float = FALSE_ALARMS) -> tuple[PartVerdict, ...]:
     """Verdicts on all parts that the log identifies, from a fit of a run about the calibrated set."""
     columns = {parameter.name: i for i, parameter in enumerate(found.space.parameters)}
-    kept = [k for k, name in enumerate(knowledge["parameters"]) if name in columns]
-    chosen = np.array([columns[knowledge["parameters"][k]] for k in kept])
-    prior = np.array(knowledge["values"])[kept]
-    covariance = np.array(knowledge["covariance"])[np.ix_(kept, kept)] * _UNMODELLED**2
+    kept = [k for k, name in enumerate(knowledge.parameters) if name in columns]
+    chosen = np.array([columns[knowledge.parameters[k]] for k in kept])
+    prior = np.array(knowledge.values)[kept]
+    covariance = np.array(knowledge.covariance)[np.ix_(kept, kept)] * _UNMODELLED**2
     information = found.information[np.ix_(chosen, chosen)] / _UNMODELLED**2
     difference = found.state.parameters[chosen] - prior
     owners = np.array([found.space.parameters[i].owner for i in chosen])
@@ -201,7 +200,7 @@ LEAST = 5
 _NAMES = ("strength of translations", "strength of rotations")
 
 
-def strengths(robots: Sequence[dict[str, Any]]) -> tuple[ParameterEstimate, ...]:
+def strengths(robots: Sequence[Knowledge]) -> tuple[ParameterEstimate, ...]:
     """Both numbers of `strength` from what was learned of several robots (`read_knowledge`).
 
     Raises:
@@ -211,7 +210,7 @@ def strengths(robots: Sequence[dict[str, Any]]) -> tuple[ParameterEstimate, ...]
         raise CalibrationError(
             f"strength is estimated from {LEAST} calibrated sets on; these are {len(robots)}"
         )
-    common = [name for name in robots[0]["parameters"] if all(name in each["parameters"] for each in robots)]
+    common = [name for name in robots[0].parameters if all(name in each.parameters for each in robots)]
     found = []
     for turning, label in enumerate(_NAMES):
         units = {name: unit for name in common if (unit := _unit(name, bool(turning)))}
@@ -234,11 +233,11 @@ def _unit(name: str, turning: bool) -> float | None:
     return 10.0 if figure.startswith("rotation") else 1.0
 
 
-def _biases(robot: dict[str, Any], units: dict[str, float]) -> tuple[FloatArray, FloatArray]:
+def _biases(robot: Knowledge, units: dict[str, float]) -> tuple[FloatArray, FloatArray]:
     """Biases of one robot and their standard errors, in units of strength."""
-    rows = [robot["parameters"].index(name) for name in units]
+    rows = [robot.parameters.index(name) for name in units]
     scale = np.array(list(units.values()))
-    values, variances = np.array(robot["values"])[rows], np.diag(np.array(robot["covariance"]))[rows]
+    values, variances = np.array(robot.values)[rows], np.diag(np.array(robot.covariance))[rows]
     return values / scale, np.sqrt(variances) / scale
 
 

@@ -30,7 +30,7 @@ _NEAR_LIMIT = 0.9
 _FROM_ZERO = 0.4
 """Spread of a noise scale's logarithm from which its interval reaches down to 0: then the variance is
 within two standard errors of it."""
-_NO_LINE = "how long movements took does not tell it; drive short and long ones"
+_NO_LINE = "the durations of movements do not show it; drive short and long ones"
 _CLOCK = 5e-4
 """Least standard error of a duration, seconds: what a scheduler shifts a line of the log by."""
 
@@ -110,7 +110,7 @@ def estimates_of(fit: Fit) -> tuple[ParameterEstimate, ...]:
         for parameter, value, spread, is_identified in zip(
             parameters, values, spreads, identified, strict=True
         ):
-            why = silence.get(parameter.owner, "" if is_identified else "the log leaves it open")
+            why = silence.get(parameter.owner, "" if is_identified else "the log does not determine it")
             found.append(_estimate(parameter, float(value), float(spread), why))
     found += _faults(fit)
     found += timings(fit.run)
@@ -124,7 +124,9 @@ def _estimate(parameter: Parameter, value: float, spread: float, why: str) -> Pa
     low, high = parameter.interval(value, spread)
     reaches_zero = parameter.sort is Sort.NOISE and spread > _FROM_ZERO
     if not why and reaches_zero and not parameter.present:
-        why = f"too small to be told from 0: at most {high:.2g}{' ' * bool(parameter.unit)}{parameter.unit}"
+        why = (
+            f"too small to distinguish from 0: at most {high:.2g}{' ' * bool(parameter.unit)}{parameter.unit}"
+        )
     estimate = ParameterEstimate(
         *(parameter.owner, parameter.field, parameter.label, parameter.unit, parameter.present),
         *(value, 0.0 if reaches_zero else low, high),
@@ -135,11 +137,12 @@ def _estimate(parameter: Parameter, value: float, spread: float, why: str) -> Pa
 
 def _silences(run: MeasuredRun) -> dict[str, str]:
     """Drives and sensors of which the logs say nothing, by ID, and why."""
-    used = Counter(movement.drive for movement in run.movements if movement.value)
+    drives = run.spec.drives
+    used = Counter(index for each in run.movements for index, d in each.distances(drives) if d)
     why = {}
     for index, drive in enumerate(run.spec.drives):
         if not used[index]:
-            why[drive.kind.value] = f"the robot was never told to {drive.kind.meaning} ({drive.code})"
+            why[drive.kind.value] = f"no command was sent to {drive.kind.meaning} ({drive.code})"
     for sensor in run.spec.sensors:
         readings = run.readings.get(sensor.code)
         if readings is None:
@@ -232,7 +235,7 @@ def timings(run: MeasuredRun) -> list[ParameterEstimate]:
     if not constants:
         no_line = any(each.why_not == _NO_LINE for each in speeds)
         unknown = latency.unidentified(_NO_LINE if no_line else "no drive was answered often enough")
-        why = "the link's latency, which is part of it, is not told"
+        why = "the link's latency, which is part of it, is not known"
         return [
             *speeds,
             unknown,
@@ -270,7 +273,9 @@ def _speed(
     if drive.acceleration or drive.start_lag:
         profiles = [profile_of(drive, float(each)) for each in values]
         planned = np.array([each.duration for each in profiles if each is not None])
-        return speed.unidentified("the set says how it gathers speed"), _median(took - planned)
+        return speed.unidentified("the set has a start lag or an acceleration for it"), _median(
+            took - planned
+        )
     constant, slope, error = line_through(values, took)
     # A slope within four standard errors of 0 would put no upper end to the speed's interval.
     if slope <= 0 or 4 * error > slope:

@@ -14,9 +14,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from simmer_tui.calibrate.geometry import SHARES, Clearance, moved
+from simmer_tui.calibrate.geometry import SHARES, Clearance, moved, on_axes
 from simmer_tui.calibrate.measured_run import Chain, MeasuredRun
-from simmer_tui.calibrate.parameters import observed_sensors, on_axes
+from simmer_tui.calibrate.parameters import observed_sensors
 from simmer_tui.sim.angles import BoolArray, FloatArray, IntArray
 from simmer_tui.sim.block import Block
 from simmer_tui.sim.maze import Maze
@@ -149,21 +149,21 @@ class PathFinder:
         random: np.random.Generator,
     ) -> tuple[FloatArray, BoolArray]:
         movement, count = chain.movements[step - 1], len(poses)
-        drive = self._spec.drives[movement.drive]
-        asked = movement.value * on_axes(drive.kind.direction)
-        d = float(asked.sum())
-        errors = np.maximum(
-            on_axes(drive.error),
-            _TURN_LEAST_ERROR if drive.kind.turns else _LEAST_ERROR,
-        )
-        totals = asked + d * biases[:, movement.drive] + d * errors * random.standard_normal((count, 3))
+        drives = self._spec.drives
+        totals, spread = movement.asked(drives), np.zeros(3)
+        for index, d in movement.distances(drives):
+            turns = drives[index].kind.turns
+            errors = np.maximum(on_axes(drives[index].error), _TURN_LEAST_ERROR if turns else _LEAST_ERROR)
+            totals = totals + d * biases[:, index]
+            spread = np.hypot(spread, d * errors) if spread.any() else d * errors
+        totals = totals + spread * random.standard_normal((count, 3))
         before, after = first + step - 1, first + step
         counted = self._increments(before, after)
         wheels = [each for each in counted if each.counter.slips]
         gyro = next((each for each in counted if not each.counter.slips), None)
         # Three wheels tell all three totals; two would leave one to the process model alone.
         if len(wheels) >= 3:
-            totals = _by_wheels(wheels, totals, abs(d) * np.array(errors), random)
+            totals = _by_wheels(wheels, totals, np.abs(spread), random)
         if gyro is not None:
             turn = gyro.amount / gyro.counter.lever[2]
             # Besides its gain: 0.3 degrees for rounding, and a drift not yet known of 0.05 degrees a second.
@@ -173,7 +173,8 @@ class PathFinder:
         # Without an answer: half of the particles do not move, the others nearly all of the distance.
         if not movement.certain:
             share = random.choice((0.0, 1.0), count) * random.random(count) ** 0.2
-        clear = self._clear.along(poses, totals, self._spec.num_segments)
+        segments, bend = movement.law(self._spec.num_segments)
+        clear = self._clear.along(poses, totals, segments, bend)
         # A particle that overlaps a wall a little may go along it, and away from it.
         blocked = clear < np.minimum(self._clear.of(poses), 0.0)[:, None] - 0.02
         met = blocked.any(axis=1)
@@ -184,15 +185,30 @@ class PathFinder:
         slips = random.random(count) < _SLIPS
         share = np.where(slips, share * random.random(count), share)
         touched = met | slips
-        freely = drive.kind.turns and self._spec.robot.radius is not None
+        # A disc goes on turning at a wall, by a velocity even while it is pressed.
+        turns = movement.is_continuous or drives[movement.drive].kind.turns
+        freely = turns and self._spec.robot.radius is not None
         has_gyro = any(not each.slips for each in self._counters)
         done = share[:, None] * totals
         done[:, 2] = totals[:, 2] if freely or has_gyro else done[:, 2]
-        arrived = moved(poses, done, self._spec.num_segments)
+        arrived = moved(poses, done, segments, np.asarray(share * bend, complex))
+        if movement.is_continuous and met.any():
+            left = (1.0 - share) * np.hypot(totals[:, 0], totals[:, 1])
+            self._slide(arrived, np.asarray(met), left, random)
         if movement.certain:
             inside = self._clear.of(arrived) < -0.5
             arrived[inside, :2] = poses[inside, :2]
         return arrived, touched
+
+    def _slide(
+        self, poses: FloatArray, met: BoolArray, left: FloatArray, random: np.random.Generator
+    ) -> None:
+        """Have robots that a velocity presses against a wall slide along it, up to the distance that was
+        left: anywhere around that is no deeper in a wall."""
+        there = poses.copy()
+        there[:, :2] += left[:, None] * random.uniform(-1.0, 1.0, (len(poses), 2))
+        kept = met & (self._clear.of(there) >= np.minimum(self._clear.of(poses), 0.0) - 0.02)
+        poses[kept] = there[kept]
 
     def _increments(self, before: int, after: int) -> list[_Increment]:
         """Increments between two stops of the counters that were read at both."""

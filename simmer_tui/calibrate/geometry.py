@@ -11,18 +11,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from simmer_tui.sim.angles import FloatArray
-from simmer_tui.sim.specs import CELL_SIZE, WALL, MazeSpec, RobotSpec
+from simmer_tui.sim.specs import CELL_SIZE, WALL, Axes, MazeSpec, RobotSpec
 
 ComplexArray = NDArray[np.complex128]
 
 
-def chord_factor(turn: FloatArray, segments: int) -> tuple[ComplexArray, ComplexArray]:
-    """c(r) for (m,) turns in degrees, and its derivative by a degree.
+def on_axes(axes: Axes) -> FloatArray:
+    """The numbers for x, y and rotation, (3,)."""
+    return np.array((axes.x, axes.y, axes.r))
+
+
+def chord_factor(turn: FloatArray, segments: int | FloatArray) -> tuple[ComplexArray, ComplexArray]:
+    """c(r) for (m,) turns in degrees, and its derivative by a degree; `segments` are those of all, or of
+    each.
 
     The geometric sum is sin(r / 2) / (n sin(r / 2n)) exp(i r (n + 1) / 2n).
     """
     half = np.radians(turn) / 2
-    n = float(segments)
+    n = np.asarray(segments, float)
     below = n * np.sin(half / n)
     # Near a straight line by the first terms of the series: at 1e-4 the next one is 1e-16.
     straight = np.abs(below) < 1e-4
@@ -36,22 +42,28 @@ def chord_factor(turn: FloatArray, segments: int) -> tuple[ComplexArray, Complex
     return length * direction, (slope + 1j * mean * length) * direction * (np.pi / 180.0)
 
 
-def displacement(totals: FloatArray, segments: int) -> ComplexArray:
+def displacement(totals: FloatArray, segments: int | FloatArray) -> ComplexArray:
     """Displacements, (m,), in the frame of the start, by (m, 3) totals of x, y (inches) and r (degrees)."""
     return chord_factor(totals[:, 2], segments)[0] * (totals[:, 0] + 1j * totals[:, 1])
 
 
-def moved(poses: FloatArray, totals: FloatArray, segments: int) -> FloatArray:
-    """The poses, (m, 3), to which totals lead from (m, 3) poses in free space."""
-    way = displacement(totals, segments) * np.exp(1j * np.radians(poses[:, 2]))
+def moved(
+    poses: FloatArray, totals: FloatArray, segments: int | FloatArray, bend: complex | ComplexArray = 0.0
+) -> FloatArray:
+    """The poses, (m, 3), to which totals lead from (m, 3) poses in free space; `bend` is how far a path that
+    is no arc leads from where the arc would, in the frame of the start."""
+    way = (displacement(totals, segments) + bend) * np.exp(1j * np.radians(poses[:, 2]))
     return np.column_stack((poses[:, 0] + way.real, poses[:, 1] + way.imag, poses[:, 2] + totals[:, 2]))
 
 
-def totals_between(before: FloatArray, after: FloatArray, segments: int) -> FloatArray:
+def totals_between(
+    before: FloatArray, after: FloatArray, segments: int | FloatArray, bend: complex | ComplexArray = 0.0
+) -> FloatArray:
     """The totals, (m, 3), that lead from poses to poses in free space: the inverse of `moved`."""
     turn = after[:, 2] - before[:, 2]
     way = (after[:, 0] - before[:, 0]) + 1j * (after[:, 1] - before[:, 1])
-    local = way * np.exp(-1j * np.radians(before[:, 2])) / chord_factor(turn, segments)[0]
+    way = way * np.exp(-1j * np.radians(before[:, 2])) - bend
+    local = way / chord_factor(turn, segments)[0]
     return np.column_stack((local.real, local.imag, turn))
 
 
@@ -88,9 +100,15 @@ class Clearance:
         nearest: FloatArray = distances.min(axis=1) - self._radius
         return nearest
 
-    def along(self, poses: FloatArray, totals: FloatArray, segments: int) -> FloatArray:
+    def along(
+        self,
+        poses: FloatArray,
+        totals: FloatArray,
+        segments: int | FloatArray,
+        bend: complex | ComplexArray = 0.0,
+    ) -> FloatArray:
         """The same after each of `SHARES` of the ways that totals lead in free space: (n, 8)."""
-        clear = [self.of(moved(poses, share * totals, segments)) for share in SHARES]
+        clear = [self.of(moved(poses, share * totals, segments, share * bend)) for share in SHARES]
         return np.column_stack(clear)
 
     def _to_walls(self, x: FloatArray, y: FloatArray) -> FloatArray:

@@ -18,15 +18,15 @@ from msgspec.structs import replace
 
 from simmer_tui.calibrate.estimates import estimates_of
 from simmer_tui.calibrate.fit import Fit
-from simmer_tui.calibrate.geometry import Clearance
+from simmer_tui.calibrate.geometry import Clearance, on_axes
 from simmer_tui.calibrate.measured_run import Chain, MeasuredMovement, MeasuredRun
-from simmer_tui.calibrate.parameters import main_axis, on_axes
+from simmer_tui.calibrate.parameters import main_axis
 from simmer_tui.calibrate.pose_filter import PoseFilter
 from simmer_tui.calibrate.written_set import learned_spec
 from simmer_tui.config.loader import Configuration
 from simmer_tui.sim.angles import FloatArray
 from simmer_tui.sim.pose import Pose
-from simmer_tui.sim.sensors import Sort, sensor_of
+from simmer_tui.sim.sensors import Sort, modelled_sensor
 from simmer_tui.sim.specs import Axes, DriveSpec, SensorSpec, SimulationSpec
 
 PLACED = (0.25, 0.25, 2.0)
@@ -243,7 +243,7 @@ def worst_case(spec: SimulationSpec) -> SimulationSpec:
         return replace(each, error=Axes(*error))
 
     def sensor(each: SensorSpec) -> SensorSpec:
-        return sensor_of(each).worst_case()
+        return modelled_sensor(each).worst_case()
 
     return replace(spec, drives=tuple(map(drive, spec.drives)), sensors=tuple(map(sensor, spec.sensors)))
 

@@ -7,23 +7,34 @@ taken: where the real robot went is to be found out.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 
+from simmer_tui.calibrate.geometry import on_axes
+from simmer_tui.calibrate.stretches import ARC_SEGMENTS, VelocityStretch, share_of_variance
 from simmer_tui.config.loader import Configuration
 from simmer_tui.errors import CalibrationError
-from simmer_tui.events import ActionDone, ActionName, CommandResult, EventHandler, MovementPlanned
+from simmer_tui.events import (
+    ActionDone,
+    ActionName,
+    CommandResult,
+    EventHandler,
+    LegBegun,
+    LegEnded,
+    MovementPlanned,
+)
 from simmer_tui.runlog.header import Header
 from simmer_tui.runlog.reader import Logged, LogReader
 from simmer_tui.sim.angles import FloatArray, IntArray
 from simmer_tui.sim.command import escape, parse_value
+from simmer_tui.sim.legs import Leg
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.records import Status
-from simmer_tui.sim.specs import SimulationSpec
+from simmer_tui.sim.specs import DriveSpec, SensorSpec, SimulationSpec
 
 START_SPREAD = (1.0, 1.0, 5.0)
 """Standard deviations in x, y (inches) and heading (degrees) of where people put a robot."""
@@ -33,13 +44,50 @@ START_SPREAD = (1.0, 1.0, 5.0)
 @dataclass(frozen=True, slots=True)
 class MeasuredMovement:
     """One command to a drive: which (index in the set), how far (times Gain), and whether the robot said
-    that it had made it. `took` is in seconds from sending it to its answer; NaN if not known."""
+    that it had made it. `took` is in seconds from sending it to its answer; NaN if not known.
+
+    Or a stretch of continuous motion: `drive` and `value` are those of the drive that moved most, `parts`
+    all of them, `led` the totals of x, y (inches) and turning (degrees) that the wheels were told, and
+    `bend` how far that leads from where one arc would, inches in the frame of its start.
+    """
 
     drive: int
     value: float
     certain: bool
     line: int
     took: float
+    parts: tuple[tuple[int, float], ...] = ()
+    led: tuple[float, float, float] | None = None
+    bend: complex = 0.0
+
+    @property
+    def is_continuous(self) -> bool:
+        """True for a stretch of continuous motion."""
+        return self.led is not None
+
+    def asked(self, drives: Sequence[DriveSpec]) -> FloatArray:
+        """Totals that were asked for, (3,)."""
+        if self.led is not None:
+            return np.array(self.led)
+        return self.value * on_axes(drives[self.drive].kind.direction)
+
+    def distances(self, drives: Sequence[DriveSpec]) -> list[tuple[int, float]]:
+        """Drives and the signed distance of each, on which its errors hang, inches or degrees."""
+        if self.is_continuous:
+            return list(self.parts)
+        return [(self.drive, self.value * float(on_axes(drives[self.drive].kind.direction).sum()))]
+
+    def spread(self, drives: Sequence[DriveSpec], index: int, distance: float) -> FloatArray:
+        """Standard deviations of the totals, (3,), by the random errors of one drive."""
+        row = drives[index]
+        size = distance * (1.0 + on_axes(row.bias)) * on_axes(row.error)
+        if not self.is_continuous:
+            return size
+        return size * np.sqrt(share_of_variance(np.array([distance]), turns=row.kind.turns))
+
+    def law(self, segments: int) -> tuple[int, complex]:
+        """Segments of its path in the drive law, of which a command has `segments`, and the path's bend."""
+        return (ARC_SEGMENTS if self.is_continuous else segments), self.bend
 
 
 @dataclass(slots=True)
@@ -142,18 +190,26 @@ class _Collector(EventHandler[None]):
         self.found: dict[str, list[tuple[int, float, float, float]]] = {}
         self.stop = -1
         self.block_moved_at: int | None = None
+        self._stretch, self._stretch_line = VelocityStretch(()), 0
+        self._leg: tuple[Leg, float, int] | None = None
+        """Leg under way, until when it counts, and its line."""
         self._pending: tuple[int, MeasuredMovement, float] | None = None
         self._last_answer = math.nan
 
     def begin(self, start: Pose, line: int) -> None:
         self._settle(certain=False)
+        self._leg = None
         self.chains.append(Chain(start, line))
         self.stop += 1
         self._last_answer = math.nan
 
-    def take(self, spec: SimulationSpec, logged: Logged, real_time: float) -> None:
+    def describe(self, spec: SimulationSpec) -> None:
+        """Say what robot the next log is of."""
+        self._spec, self._stretch = spec, VelocityStretch(spec.drives)
+
+    def take(self, logged: Logged, real_time: float) -> None:
         """Take in what a log tells; `real_time` is in seconds since the log's beginning."""
-        self._spec, self._line, self._real_time = spec, logged.line, real_time
+        self._line, self._real_time = logged.line, real_time
         self.handle(logged.event)
 
     def on_action(self, event: ActionDone) -> None:
@@ -161,6 +217,32 @@ class _Collector(EventHandler[None]):
             self.begin(event.pose, self._line)
         elif event.action.name is ActionName.BLOCK and self.block_moved_at is None:
             self.block_moved_at = self.stop
+
+    def on_leg_begun(self, event: LegBegun) -> None:
+        self._settle(certain=False, keeps_stretch=True)
+        self._leg = event.leg, event.leg.start_time, self._line
+
+    def on_leg_ended(self, event: LegEnded) -> None:
+        self._drive_until(event.leg.end_time)
+        self._leg = None
+
+    def _drive_until(self, time: float) -> None:
+        """Count what the wheels were told up to a simulated time."""
+        if self._leg is not None:
+            leg, since, line = self._leg
+            self._stretch.drive(leg.commanded, time - since)
+            self._leg = leg, max(time, since), line
+            self._stretch_line = line
+
+    def _end_stretch(self) -> None:
+        """Have a stop where the continuous motion is now, if there was any."""
+        stretch = self._stretch
+        if stretch.has_moved:
+            (drive, value), *_ = parts = stretch.distances
+            made = MeasuredMovement(drive, value, True, self._stretch_line, math.nan, parts)
+            self.chains[-1].movements.append(replace(made, led=stretch.asked, bend=stretch.bend))
+            self.stop += 1
+        stretch.clear()
 
     def on_planned(self, event: MovementPlanned) -> None:
         if event.grip is not None:
@@ -186,20 +268,32 @@ class _Collector(EventHandler[None]):
             self._settle(certain=done, took=self._real_time - self._pending[2] if done else math.nan)
             self._last_answer = self._real_time if done else math.nan
             return
-        self._settle(certain=event.status is not Status.STOPPED)
+        moves = self._leg is not None
+        self._settle(certain=event.status is not Status.STOPPED, keeps_stretch=moves)
         if event.reading is not None and event.status is Status.READING:
             # Infinity is what a range sensor says that meets nothing; others never do.
-            sensor = event.reading.sensor
-            if math.isfinite(event.reply) or event.reply == getattr(sensor.kind, "missed", None):
+            sensor, said = event.reading.sensor, float(event.reply)
+            if math.isfinite(said) or said == getattr(sensor.kind, "missed", None):
                 gap = self._real_time - self._last_answer
-                row = (self.stop, float(event.reply), self._real_time, gap)
-                self.found.setdefault(event.reading.sensor.code, []).append(row)
+                value = self._at_stop(sensor, event) if moves else said
+                if value is not None:
+                    self.found.setdefault(sensor.code, []).append((self.stop, value, self._real_time, gap))
             self._last_answer = self._real_time
         else:
             self._last_answer = math.nan
 
-    def _settle(self, *, certain: bool, took: float = math.nan) -> None:
-        """The movement that is under way is over."""
+    def _at_stop(self, sensor: SensorSpec, read: CommandResult) -> float | None:
+        """A reading within a continuous motion as it would have been at the last stop; None if that is too
+        far away. After enough of the motion there is a stop here."""
+        self._drive_until(read.time if read.taken is None else read.taken)
+        if self._stretch.is_long:
+            self._end_stretch()
+        return self._stretch.at_stop(sensor, float(read.reply))
+
+    def _settle(self, *, certain: bool, took: float = math.nan, keeps_stretch: bool = False) -> None:
+        """The movement that is under way is over, and the continuous one unless `keeps_stretch`."""
+        if not keeps_stretch:
+            self._end_stretch()
         if self._pending is None:
             return
         _, movement, _ = self._pending
@@ -231,12 +325,12 @@ def read_runs(paths: Iterable[Path]) -> MeasuredRun:
             names.append(log.shown)
             headers.append(log.header)
             collector.begin(log.header.pose, 1)
+            collector.describe(log.configuration.simulation)
             if log.header.holding and collector.block_moved_at is None:
                 collector.block_moved_at = collector.stop
-            spec = log.configuration.simulation
             for logged in log:
                 if isinstance(logged, Logged):
-                    collector.take(spec, logged, logged.real_time - log.header.real_time)
+                    collector.take(logged, logged.real_time - log.header.real_time)
                 else:
                     notes.append(f"{log.shown}: line {logged.line} is left out: {logged.reason}")
             if log.note:
@@ -255,7 +349,7 @@ def read_runs(paths: Iterable[Path]) -> MeasuredRun:
     )
     if not run.movements:
         raise CalibrationError(
-            f"{escape(', '.join(names), 200)}: the robot was never moved; there is nothing to learn from"
+            f"{escape(', '.join(names), 200)}: the robot never moved, so nothing can be estimated"
         )
     return run
 

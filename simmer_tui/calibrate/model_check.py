@@ -22,7 +22,8 @@ from enum import StrEnum
 import numpy as np
 from scipy.special import bdtrc, bdtrik, chdtrc, ndtri, stdtrit
 
-from simmer_tui.calibrate.parameters import AXES, ParameterSpace, main_axis, on_axes
+from simmer_tui.calibrate.geometry import on_axes
+from simmer_tui.calibrate.parameters import AXES, ParameterSpace, main_axis
 from simmer_tui.calibrate.posterior import PROCESS, Iterate, Posterior, Rows
 from simmer_tui.calibrate.rows import Model
 from simmer_tui.sim.angles import BoolArray, FloatArray
@@ -90,9 +91,7 @@ class Misfit:
                 size = f"{abs(self.value):.2f} {self.unit} {how} ({ends[0]:.2f} to {ends[1]:.2f})"
                 return f"Each movement of {self.owner} ends {size}, whatever its length."
             case MisfitKind.PREDICTION:
-                return (
-                    f"Held-back readings of {self.owner} are {self.value:.1f} times as far off as expected."
-                )
+                return f"Held-back readings of {self.owner} have {self.value:.1f} times the expected error."
 
 
 @dataclass(frozen=True)
@@ -237,7 +236,7 @@ def _column(model: Model, state: Iterate, rows: Rows, amounts: FloatArray) -> Fl
     # The rows of the process model come axis by axis.
     process = np.flatnonzero(rows.family == PROCESS).reshape(len(AXES), -1)
     for axis, mine in enumerate(process):
-        made[mine] = -totals[model.movement_at[rows.stop[mine]], axis]
+        made[mine] = -model.innovations(totals[:, axis])[model.movement_at[rows.stop[mine]]]
     return made
 
 

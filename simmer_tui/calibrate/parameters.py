@@ -162,11 +162,6 @@ def _drive_with(drive: DriveSpec, field: str, value: float) -> DriveSpec:
     return replace(drive, **changed)
 
 
-def on_axes(axes: Axes) -> FloatArray:
-    """The numbers for x, y and rotation, (3,)."""
-    return np.array((axes.x, axes.y, axes.r))
-
-
 def main_axis(kind: DriveKind) -> str:
     """The axis that a drive moves along."""
     return "r" if kind.turns else "x" if kind.direction.x else "y"
@@ -177,7 +172,7 @@ def observed_sensors(spec: SimulationSpec) -> dict[int, Sensor]:
     return {
         index: sensor_of(each)
         for index, each in enumerate(spec.sensors)
-        if each.enabled and issubclass(each.kind, Sensor) and each.kind.parameters
+        if each.enabled and issubclass(each.kind, Sensor) and each.kind.parameters and not each.kind.is_opaque
     }
 
 
@@ -190,7 +185,7 @@ def parameters_of(run: MeasuredRun, prior_scale: float = 1.0) -> ParameterSpace:
     spec = run.spec
     parameters: list[Parameter] = []
     noise_scales: list[Parameter] = []
-    driven = {movement.drive for movement in run.movements}
+    driven = {index for movement in run.movements for index, _ in movement.distances(spec.drives)}
     for index, drive in enumerate(spec.drives):
         if drive.enabled or index in driven:
             for axis in AXES:

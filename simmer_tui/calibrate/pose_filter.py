@@ -9,9 +9,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from simmer_tui.calibrate.find_path import is_known_to, world_of
-from simmer_tui.calibrate.geometry import SHARES, Clearance, moved
+from simmer_tui.calibrate.geometry import SHARES, Clearance, moved, on_axes
 from simmer_tui.calibrate.measured_run import MeasuredRun
-from simmer_tui.calibrate.parameters import observed_sensors, on_axes
+from simmer_tui.calibrate.parameters import observed_sensors
+from simmer_tui.calibrate.stretches import REFERENCES
 from simmer_tui.sim.angles import FloatArray
 from simmer_tui.sim.sensors import CountingSensor, ObservingSensor, Sensor
 from simmer_tui.sim.specs import SensorKind, SimulationSpec
@@ -78,17 +79,19 @@ class PoseFilter:
 
     def _process_model(self, stop: int) -> tuple[FloatArray, FloatArray]:
         """Mean and covariance of the totals of the movement to a stop."""
-        movement = self.movements[stop]
-        drive = self.spec.drives[movement.drive]
-        asked = movement.value * on_axes(drive.kind.direction)
-        bias, d = on_axes(drive.bias), asked.sum()
+        movement, drives = self.movements[stop], self.spec.drives
         # 1e-8 keeps the covariance regular where a movement by 0 has no error at all.
-        return asked + d * bias, np.diag((d * (1.0 + bias) * on_axes(drive.error)) ** 2 + 1e-8)
+        mean, variances = movement.asked(drives), np.full(3, 1e-8)
+        for index, distance in movement.distances(drives):
+            mean = mean + distance * on_axes(drives[index].bias)
+            variances += movement.spread(drives, index, distance) ** 2
+        return mean, np.diag(variances)
 
-    def _arrive(self, pose: FloatArray, totals: FloatArray) -> tuple[FloatArray, float]:
-        """The pose that totals lead to from a pose, as far as walls let it, and the share that was left."""
-        segments = self.spec.num_segments
-        clear = self.clear.along(pose[None], totals[None], segments)[0]
+    def _arrive(self, pose: FloatArray, totals: FloatArray, stop: int) -> tuple[FloatArray, float]:
+        """The pose that totals of the movement to a stop lead to from a pose, as far as walls let it, and
+        the share that was left."""
+        segments, bend = self.movements[stop].law(self.spec.num_segments)
+        clear = self.clear.along(pose[None], totals[None], segments, bend)[0]
         # 0.05 in is what poses are off by at a wall; shorter movements are not worth a look.
         share, least = 1.0, min(float(self.clear.of(pose[None])[0]), 0.0) - 0.05
         if (clear < least).any() and np.hypot(*totals[:2]) > 0.05:
@@ -97,7 +100,7 @@ class PoseFilter:
             part = past / (past - clear[first]) if past > clear[first] else 0.0
             share = float(([0.0, *SHARES][first]) + max(part, 0.0) / len(SHARES))
         done = totals * np.array((share, share, 1.0 if share == 1.0 else max(share, 0.0)))
-        return moved(pose[None], done[None], segments)[0], 1.0 - share
+        return moved(pose[None], done[None], segments, share * bend)[0], 1.0 - share
 
     def _predict_from(self, origin: int, stop: int, ahead: int) -> None:
         pose = self.poses[origin]
@@ -105,7 +108,7 @@ class PoseFilter:
         wheels: list[FloatArray] = []
         for step in range(origin + 1, stop + 1):
             totals, _ = self._process_model(step)
-            there, _ = self._arrive(pose, totals)
+            there, _ = self._arrive(pose, totals, step)
             turned += there[2] - pose[2]
             wheels.append(totals)
             pose = there
@@ -138,7 +141,10 @@ class PoseFilter:
                 continue
             spec = counter.spec
             part = spec.gain * counter.lever * totals
-            variance = (spec.error**2) * float((part**2).sum()) / self.spec.num_segments
+            squares = part**2
+            if self.movements[stop].is_continuous:
+                squares = np.abs(part * spec.gain * counter.lever) * REFERENCES
+            variance = (spec.error**2) * float(squares.sum()) / self.spec.num_segments
             variance += counter.least_error**2
             variance += spec.random_walk**2 * (end[1] - begin[1])
             change = counter.change(begin, end)
@@ -161,7 +167,7 @@ class PoseFilter:
             spread = spread + np.diag(totals**2)
         mean, spread = _updated(totals, spread, observed)
         before = self.pose
-        arrived, left = self._arrive(before, mean)
+        arrived, left = self._arrive(before, mean, stop)
         if left and gyro is not None:
             arrived[2] = before[2] + gyro.change / gyro.slope[2]
         self._came_from, self._turn_counted = before, gyro is not None

@@ -1,4 +1,4 @@
-"""The result of a calibration as a document: parameters, residuals, predictions and the path."""
+"""The result of a calibration, as a document and as a page: parameters, residuals, predictions, the path."""
 
 from __future__ import annotations
 
@@ -22,9 +22,14 @@ from simmer_tui.document.model import (
     Document,
     DocumentPart,
     Figure,
+    Folded,
+    KeyFigures,
     Paragraph,
-    SectionHeading,
+    SideBySide,
+    Tone,
+    VerdictBox,
 )
+from simmer_tui.phrases import capitalized
 from simmer_tui.report.figure import WIDTH
 from simmer_tui.sim.command import escape
 from simmer_tui.sim.specs import CELL_SIZE, WALL
@@ -34,22 +39,22 @@ _NUMBER = number(".3g")
 _FIGURE = replace(WORDS, numeric=True)
 MISFITS = DataTable(
     "misfits",
-    "What does not fit",
+    "Misfits of the model",
     (
         DataColumn("part"),
         DataColumn("kind"),
         *(DataColumn(key, hidden=True) for key in ("value", "value_low", "value_high")),
         DataColumn("unit", hidden=True),
         DataColumn("probability", number(".1g"), "p"),
-        DataColumn("text", heading="what was seen", wraps=True),
+        DataColumn("text", heading="observation", wraps=True),
     ),
 )
 PARAMETERS = DataTable(
     "parameters",
-    "What was learned",
+    "Estimated parameters",
     (
         DataColumn("part"),
-        DataColumn("parameter", heading="figure"),
+        DataColumn("parameter", heading="parameter"),
         DataColumn("unit", hidden=True),
         DataColumn("was", number(".4g")),
         *(DataColumn(key, hidden=True) for key in ("value", "value_low", "value_high")),
@@ -60,10 +65,10 @@ PARAMETERS = DataTable(
 )
 UNIDENTIFIED = DataTable(
     "unidentified",
-    "Not told, and left as it was",
+    "Parameters left unchanged",
     (
         DataColumn("part"),
-        DataColumn("parameters", Format(", ".join), "figures", wraps=True),
+        DataColumn("parameters", Format(", ".join), "parameters", wraps=True),
         DataColumn("text", heading="why", wraps=True),
     ),
 )
@@ -79,7 +84,7 @@ RESIDUALS = DataTable(
 )
 HELD_BACK = DataTable(
     "held_back",
-    "Readings held back, predicted",
+    "Predictions of held-back readings",
     (
         DataColumn("readings_of"),
         DataColumn("ahead", COUNT),
@@ -92,11 +97,11 @@ HELD_BACK = DataTable(
 )
 CHECK = DataTable(
     "parts",
-    "Is it still so?",
+    "Has the robot changed?",
     (
         *(DataColumn(key, hidden=True) for key in ("part", "changed", "probability")),
         DataColumn("owner", WORDS, "part"),
-        DataColumn("parameter", heading="figure"),
+        DataColumn("parameter", heading="parameter"),
         DataColumn("set", number(".4g")),
         DataColumn("log", number(".4g")),
         DataColumn("error", number(".2g")),
@@ -105,31 +110,49 @@ CHECK = DataTable(
 )
 TABLES = (MISFITS, PARAMETERS, UNIDENTIFIED, HELD_BACK, RESIDUALS, CHECK)
 """All tables of a calibration, and of a check."""
-_WALL_FILL, _PATH, _TOUCH = "#3c3c3c", "#1f69c8", svg.CONTACT
+_WALL_FILL, _PATH, _TOUCH = "#3c3c3c", "#3066e4", svg.CONTACT
 
 
-def fit_parts(misfits: Sequence[Misfit]) -> list[DocumentPart]:
+_MOST_CHANGED = 10
+"""Most changed parameters that stand in front: as many as fit beside the picture."""
+_FITS = "The model fits this robot"
+_FITS_NOT = "The model does not fit this robot"
+
+
+def fit_verdict(misfits: Sequence[Misfit]) -> VerdictBox:
     """The answer to the question whether the model fits the robot, which stands first."""
-    if not misfits:
-        return [Paragraph("The model fits this robot: no test of it failed.", "fit")]
+    why = "all its tests passed."
+    if misfits:
+        why = (
+            "no set can describe everything it does, so the intervals are wider. The interval of a drive "
+            "that changed covers its bias at the beginning and at the end of the log."
+        )
+    headline = _FITS_NOT if misfits else _FITS
+    return VerdictBox(
+        key="fit",
+        text=f"{headline}: {why}",
+        headline=headline,
+        tone=Tone.BAD if misfits else Tone.GOOD,
+        sentence=(capitalized(why),),
+    )
+
+
+def misfits_table(misfits: Sequence[Misfit]) -> DataTable:
+    """Departures of the robot from the model, which no set can describe; no rows if there are none."""
     rows = [
         (each.owner, each.kind.value, each.value, each.low, each.high, each.unit, each.probability, each.text)
         for each in misfits
     ]
     share = f"{FALSE_MISFIT_RATE:.0%}"
     note = (
-        f"Even of robots that the model fits, {share} fail a test of drives, and {share} a test of held-back "
-        "readings."
+        f"False alarms: of robots that the model fits, {share} fail a test of drives, and {share} a test of "
+        "held-back readings."
     )
-    said = (
-        "The model does not fit this robot: no set can describe all that it does. The intervals are wider "
-        "because of that. If a drive changes, they hold its bias at the beginning and at the end of the log."
-    )
-    return [Paragraph(said, "fit", "warning"), MISFITS.filled(rows, note)]
+    return MISFITS.filled(rows, note)
 
 
 def figures_table(estimates: Sequence[ParameterEstimate]) -> DataTable:
-    """All identified parameters: as the set had them, as they are, and their intervals."""
+    """Identified parameters: as the set had them, as they are, and their intervals."""
     rows = []
     for each in estimates:
         if each.identified:
@@ -138,7 +161,7 @@ def figures_table(estimates: Sequence[ParameterEstimate]) -> DataTable:
             shown = (f"{value}{unit}", f"{low} to {high}")
             numbers = (each.present, each.value, each.low, each.high)
             rows.append((each.owner, each.label, each.unit, *numbers, *shown, each.changed))
-    note = "changed: what the set had is outside the interval. For all other figures it is inside."
+    note = "changed: the set's value is outside the interval. For all other parameters it is inside."
     return PARAMETERS.filled(rows, note)
 
 
@@ -167,8 +190,8 @@ def residual_table(fit: Fit) -> DataTable:
         if now is not None and was is not None:
             rows.append((sensor.id, sensor.unit, was, now))
     note = (
-        "Medians of what is left of each movement and reading along the path that fits best: with the set "
-        "as it was, and as it is."
+        "Median residuals of movements and readings along the path that fits best: with the old set (before) "
+        "and with the new one (after)."
     )
     return RESIDUALS.filled(rows, note)
 
@@ -186,8 +209,8 @@ def held_back_table(held: HeldBack) -> DataTable:
         numbers = (each.ahead, each.before, each.after)
         rows.append((each.kind.meaning, *numbers, each.kind.unit, times, each.count))
     note = (
-        f"Median errors over the last {held.movements} movements, predicted 0, 1 and 5 movements ahead, with "
-        "the set as it was, and with what the movements before them tell."
+        f"Median errors over the last {held.movements} movements, predicted 0, 1 and 5 movements ahead: with "
+        "the old set (before), and with parameters estimated from the earlier movements (after)."
     )
     return HELD_BACK.filled(rows, note)
 
@@ -205,30 +228,90 @@ def held_back_picture(held: HeldBack) -> Figure:
         parts.append(svg.element("rect", x=left, y=y + 3, width=wide, height=10.0, fill=_PATH))
         parts.append(svg.text(left + room + 8, y + 12, f"{share:.0%}"))
         y += 22.0
-    return Figure("Errors of predictions: after, as parts of those before", WIDTH, y, "".join(parts))
+    return Figure("Prediction errors: after, as a share of before", WIDTH, y, "".join(parts))
 
 
 def check_document(parts: Sequence[PartVerdict]) -> Document:
     """Each part, what the set and the log tell of it, and whether it has changed."""
     rows = []
     for part in parts:
-        verdict = f"{'changed' if part.changed else 'as it was'} (p = {part.probability:.2g})"
+        verdict = f"{'changed' if part.changed else 'unchanged'} (p = {part.probability:.2g})"
         about = (part.owner, part.changed, part.probability)
         for place, (label, *figures) in enumerate(part.figures):
             owner, shown = (None, None) if place else (part.owner, verdict)  # once a part
             rows.append((*about, owner, label, *figures, shown))
     note = (
-        f"Each part is tested. Of robots that have not changed, at most {FALSE_ALARMS:.0%} get a verdict "
+        f"Each part is tested. Of robots that have not changed, at most {FALSE_ALARMS:.0%} get the verdict "
         '"changed" for any part.'
     )
     changed = [part.owner for part in parts if part.changed]
     answer = f"Changed: {', '.join(changed)}" if changed else "The robot behaves as the set says."
     table = CHECK.filled(rows, note)
-    return Document("Is it still so?", (table, Paragraph(answer, "answer")))
+    return Document("Has the robot changed?", (table, Paragraph(answer, "answer")))
 
 
 def result_document(fit: Fit, estimates: Sequence[ParameterEstimate], held: HeldBack | None) -> Document:
-    """All that was learned, and how well it predicts."""
+    """All that was learned, and how well it predicts, for terminals and programs."""
+    tables = (misfits_table(fit.misfits), figures_table(estimates), unidentified_table(estimates))
+    misfits, learned, unidentified = ((table,) if table.rows else () for table in tables)
+    return Document(
+        _title(fit),
+        (
+            fit_verdict(fit.misfits),
+            *misfits,
+            Paragraph(_about(fit, estimates), "about", "run"),
+            *learned,
+            *unidentified,
+            _held_back(held),
+            residual_table(fit),
+        ),
+    )
+
+
+def result_page(fit: Fit, estimates: Sequence[ParameterEstimate], held: HeldBack | None) -> Document:
+    """The page: does the model fit, what differs from the set, and the path; the rest is folded."""
+    misfits, unidentified = misfits_table(fit.misfits), unidentified_table(estimates)
+    changed = [each for each in estimates if each.changed]
+    told = sum(each.identified for each in estimates)
+    figures = (
+        (str(len(changed)), "parameters differ from the set"),
+        (str(told), "parameters estimated"),
+        (str(len(fit.run.movements)), "movements"),
+    )
+    differs: DocumentPart = Paragraph("No parameter differs from the set.")
+    if changed:
+        table = figures_table(changed[:_MOST_CHANGED])
+        more = len(changed) - _MOST_CHANGED
+        note = f"{more} more, under All parameters." if more > 0 else ""
+        differs = replace(table, title="What differs from the set", note=note)
+    first_path, *more_paths = path_pictures(fit)
+    about_path, *more_paths = more_paths
+    predicted: list[DocumentPart] = [] if held is None else [held_back_picture(held), _BLUE]
+    return Document(
+        _title(fit),
+        (
+            Paragraph(f"{_title(fit)} · {_about(fit, estimates)}", kind="run"),
+            fit_verdict(fit.misfits),
+            KeyFigures(figures),
+            *((misfits,) if misfits.rows else ()),
+            SideBySide((differs,), (first_path, about_path), even=True),
+            Folded("All parameters", (figures_table(estimates),)),
+            Folded(unidentified.title, (unidentified,) if unidentified.rows else ()),
+            Folded("Predictions of held-back readings", (_held_back(held), *predicted)),
+            Folded("Residuals", (residual_table(fit),)),
+            Folded("More of the path", more_paths),
+        ),
+    )
+
+
+_BLUE = Paragraph("Blue: the error after, as a share of the error before (grey).", kind="note")
+
+
+def _title(fit: Fit) -> str:
+    return f"Calibration from {escape(', '.join(fit.run.names), 200)}"
+
+
+def _about(fit: Fit, estimates: Sequence[ParameterEstimate]) -> str:
     run = fit.run
     told = sum(each.identified for each in estimates)
     changed = sum(each.changed for each in estimates)
@@ -237,22 +320,13 @@ def result_document(fit: Fit, estimates: Sequence[ParameterEstimate], held: Held
         f"{len(run.movements)} movements, {readings} readings; {told} parameters estimated, {changed} differ "
         f'from the set "{run.configuration.name}"'
     )
-    unidentified = unidentified_table(estimates)
-    parts: list[DocumentPart] = [
-        *fit_parts(fit.misfits),
-        Paragraph(escape(about, 400), "about", "run"),
-        SectionHeading("The path as estimated"),
-        *path_pictures(fit),
-        figures_table(estimates),
-        *([unidentified] if unidentified.rows else []),
-    ]
+    return escape(about, 400)
+
+
+def _held_back(held: HeldBack | None) -> DataTable | Paragraph:
     if held is not None:
-        parts += [held_back_table(held), held_back_picture(held)]
-        parts.append(Paragraph("Blue: the error after, as part of the error before (grey).", kind="note"))
-    else:
-        parts.append(Paragraph("No chain of movements is long enough to hold readings back.", "held_back"))
-    parts.append(residual_table(fit))
-    return Document(f"Calibration from {escape(', '.join(run.names), 200)}", parts)
+        return held_back_table(held)
+    return Paragraph("No chain of movements is long enough to hold readings back.", "held_back")
 
 
 def path_pictures(fit: Fit) -> list[DocumentPart]:
@@ -288,7 +362,7 @@ def path_pictures(fit: Fit) -> list[DocumentPart]:
             fill = _TOUCH if met else svg.shade(k / count)
             parts.append(svg.element("circle", cx=x, cy=y, r=max(spread, 2.0), fill=fill, fill_opacity=0.6))
         frame = svg.element("rect", x=0.0, y=0.0, width=WIDTH, height=height, fill="none", stroke=_WALL_FILL)
-        title = "The path as estimated, dark at its beginning; red: a wall was met on the way"
-        about = f"{title}. Discs are as wide as the place is unsure (95 %)."
+        title = "The estimated path, dark at its beginning; red: a wall was touched on the way"
+        about = f"{title}. A disc shows the uncertainty of its place (95 %)."
         pictures += [Figure(title, WIDTH, height, "".join(parts) + frame), Paragraph(about, kind="note")]
     return pictures

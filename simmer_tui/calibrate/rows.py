@@ -17,14 +17,15 @@ What a sensor is expected to read, and how that changes with poses and parameter
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from simmer_tui.calibrate.find_path import is_known_to, world_of
 from simmer_tui.calibrate.geometry import chord_factor
-from simmer_tui.calibrate.measured_run import MeasuredRun, Readings
-from simmer_tui.calibrate.parameters import AXES, ParameterSpace, observed_sensors, on_axes
+from simmer_tui.calibrate.measured_run import MeasuredMovement, MeasuredRun, Readings
+from simmer_tui.calibrate.parameters import AXES, ParameterSpace, observed_sensors
 from simmer_tui.calibrate.posterior import (
     COUNTER,
     KINEMATIC,
@@ -39,9 +40,11 @@ from simmer_tui.calibrate.posterior import (
     RowStack,
     VarianceShare,
 )
-from simmer_tui.sim.angles import FloatArray, IntArray
+from simmer_tui.calibrate.stretches import prediction, share_of_variance
+from simmer_tui.sim.angles import BoolArray, FloatArray, IntArray
+from simmer_tui.sim.distance_errors import REFERENCE_TURN
 from simmer_tui.sim.sensors import CountingSensor, ObservingSensor, Sensor, with_parameters
-from simmer_tui.sim.specs import ContactRule
+from simmer_tui.sim.specs import CELL_SIZE, ContactRule, SimulationSpec
 
 _LIMITS = 2.5
 """Standard deviations by which a range must be within a sensor's limits to count: beyond them only 1 % of
@@ -56,9 +59,43 @@ _KINEMATIC_SPREADS = (0.002, 0.002, 0.003)
 against what any sensor tells, and large enough for the normal equations to stay well conditioned."""
 FIXED = 1e-7
 """Standard deviation of a parameter that is to stay where it is."""
+_ALIKE = 3.0
+"""Ratio of two stretches' lengths within which the error of one predicts that of the other."""
 _HUBER = 4.0
 """Standard deviations from which a residual's influence is bounded. Huber's usual 1.345 would cost 5 % of
 what normal residuals tell; counters have few outliers, so that only gross ones need to be held."""
+
+
+class _Part:
+    """Motion of one drive in each movement: the one that moved most first.
+
+    `distance` is signed, `variance` that of its random errors of that of one movement as long. A movement
+    with fewer parts has a distance of 0 in the others.
+    """
+
+    def __init__(self, spec: SimulationSpec, movements: Sequence[MeasuredMovement], place: int) -> None:
+        parts = [each.distances(spec.drives) for each in movements]
+        mine = [each[place] if place < len(each) else (each[0][0], 0.0) for each in parts]
+        self.drive: IntArray = np.array([drive for drive, _ in mine])
+        self.distance: FloatArray = np.array([distance for _, distance in mine])
+        self.turns = np.array([drive.kind.turns for drive in spec.drives])[self.drive]
+        shares = np.where(
+            self.turns,
+            share_of_variance(self.distance, turns=True),
+            share_of_variance(self.distance, turns=False),
+        )
+        self.variance = np.where([each.is_continuous for each in movements], shares, 1.0)
+
+    def place_in(self, space: ParameterSpace) -> None:
+        """Find the columns of its parameters and noise scales, (movements, 3)."""
+        self.bias_columns, self.error_columns = (
+            np.array([[space.column(True, d, f"{table}.{axis}") for axis in AXES] for d in self.drive])
+            for table in ("bias", "error")
+        )
+
+
+def _parts_of(movement: MeasuredMovement) -> int:
+    return max(len(movement.parts), 1)
 
 
 class Model:
@@ -73,7 +110,6 @@ class Model:
         self.run = run
         self.space = space
         spec = run.spec
-        self.segments = spec.num_segments
         self.stops = run.stops
         self._turns_freely = spec.robot.radius is not None and spec.contact is ContactRule.DRIVE
         self.world = world_of(run)
@@ -81,20 +117,24 @@ class Model:
         self.before: IntArray = run.stops_before_movements()
         """The stop before each movement."""
         self.drive: IntArray = np.array([each.drive for each in movements])
-        directions = np.array([on_axes(drive.kind.direction) for drive in spec.drives])
-        self.asked: FloatArray = (
-            np.array([each.value for each in movements])[:, None] * directions[self.drive]
-        )
-        self.amount: FloatArray = self.asked.sum(axis=1)
+        self.asked: FloatArray = np.array([each.asked(spec.drives) for each in movements])
+        laws = [each.law(spec.num_segments) for each in movements]
+        self.law = np.array([float(segments) for segments, _ in laws]), np.array([bend for _, bend in laws])
+        """Segments of each movement's path, and its bend."""
+        self._parts = [_Part(spec, movements, place) for place in range(max(map(_parts_of, movements)))]
+        self.amount = self._parts[0].distance
+        """Distance of each movement's drive, inches or degrees, (movements,)."""
         self.certain = np.array([each.certain for each in movements])
-        self.turns = np.array([drive.kind.turns for drive in spec.drives])[self.drive]
+        self.turns = np.all([each.turns | (each.distance == 0.0) for each in self._parts], axis=0)
+        self.continuous = np.array([each.is_continuous for each in movements])
+        self._previous: IntArray = self._stretches_before()
+        """The stretch before each in which the same drive moved most; itself if there is none."""
+        self._left, self._carried = self._predictions()
         self.movement_at: IntArray = np.full(self.stops, -1)
         """The movement after each stop; -1 after the last stop of a chain."""
         self.movement_at[self.before] = np.arange(len(self.before))
-        self._bias_columns, self._error_columns = (
-            np.array([[space.column(True, d, f"{table}.{axis}") for axis in AXES] for d in self.drive])
-            for table in ("bias", "error")
-        )
+        for part in self._parts:
+            part.place_in(space)
         self._sensors = {
             index: sensor
             for index, sensor in observed_sensors(spec).items()
@@ -104,8 +144,46 @@ class Model:
 
     def biases(self, state: Iterate) -> FloatArray:
         """Biases of each movement's drive, (movements, 3)."""
-        biases: FloatArray = state.parameters[self._bias_columns]
+        biases: FloatArray = state.parameters[self._parts[0].bias_columns]
         return biases
+
+    def innovations(self, errors: FloatArray) -> FloatArray:
+        """Errors of movements, (movements,), without what those of the movement before lead one to expect."""
+        return errors - self._carried * errors[self._previous]
+
+    def _stretches_before(self) -> IntArray:
+        # Errors go on by the distance of each drive, whatever moves the robot in between.
+        before, latest = np.arange(len(self.drive)), dict[tuple[int, int], int]()
+        chains = np.searchsorted(self.run.first_stops(), self.before, side="right")
+        for number in np.flatnonzero(self.continuous).tolist():
+            key = int(chains[number]), int(self.drive[number])
+            before[number] = latest.get(key, number)
+            latest[key] = number
+        return before
+
+    def _predictions(self) -> tuple[FloatArray, FloatArray]:
+        """Share of each movement's variance that is left where the errors of the movement before are known,
+        (movements,), and the factor from these to those to be expected: 1 and 0 but within a continuous
+        motion."""
+        distance, before = self.amount, self._previous
+        follows = before < np.arange(len(before))
+        # Not from a stretch so short that its error says nothing.
+        ratio = np.where(follows, distance / np.where(follows, distance[before], 1.0), 0.0)
+        follows &= (np.abs(ratio) > 1 / _ALIKE) & (np.abs(ratio) < _ALIKE)
+        turning = self._parts[0].turns
+        factor, left = (
+            np.where(turning, one, other)
+            for one, other in zip(
+                prediction(distance, turns=True), prediction(distance, turns=False), strict=True
+            )
+        )
+        return np.where(follows, left, 1.0), np.where(follows, factor * ratio, 0.0)
+
+    @property
+    def is_of_continuous_drive(self) -> BoolArray:
+        """True for the noise scales of drives that moved by velocities."""
+        moved = {int(drive) for part in self._parts for drive in part.drive[self.continuous]}
+        return np.array([each.drive and each.index in moved for each in self.space.noise_scales])
 
     @property
     def width(self) -> int:
@@ -169,18 +247,34 @@ class Model:
     # -- movements -------------------------------------------------------------------------------
 
     def _add_process_model(self, stack: RowStack, state: Iterate) -> None:
-        stop, d = self.before, self.amount
+        stop, before, carried = self.before, self._previous, self._carried
         for axis in range(3):
-            columns, scales = self._bias_columns[:, axis], self._error_columns[:, axis]
-            bias, error = state.parameters[columns], state.noise_scales[scales]
-            residual = state.chain[stop, 3 + axis] - self.asked[:, axis] - d * bias
-            random = (d * (1.0 + bias) * error) ** 2
+            residual = state.chain[stop, 3 + axis] - self.asked[:, axis]
+            column = PER_STOP * stop + 3 + axis
+            entries: list[JacobianEntry] = [(column, 1.0), (column[before], -carried, carried != 0.0)]
+            shares: list[VarianceShare] = []
             # 0.001 in or degrees at the least, so that a movement by 0 has a variance. Without an answer a
             # movement may have been made in full or not at all: the whole of it is its standard deviation.
-            variance = random + 1e-6 + np.where(self.certain, 0.0, d**2)
-            entries: list[JacobianEntry] = [(PER_STOP * stop + 3 + axis, 1.0), (self.width + columns, -d)]
+            variance = 1e-6 + np.where(self.certain, 0.0, self.amount**2)
+            for place, part in enumerate(self._parts):
+                columns, scales, d = (
+                    part.bias_columns[:, axis],
+                    part.error_columns[:, axis],
+                    part.distance,
+                )
+                bias, error = state.parameters[columns], state.noise_scales[scales]
+                random = (d * (1.0 + bias) * error) ** 2 * part.variance
+                residual = residual - d * bias
+                own = self.width + columns
+                entries += [(own, -d, d != 0.0), (own[before], carried * d[before], carried != 0.0)]
+                shares.append((scales, random * (1.0 if place else self._left)))
+                if place:
+                    # Of these the movement before says nothing, and its own come in.
+                    shares.append((scales[before], carried**2 * random[before]))
+            variance = variance + sum(random for _, random in shares)
+            residual = self.innovations(residual)
             stack.add(
-                PROCESS, self.drive, stop, residual, variance, entries, [(scales, random)],
+                PROCESS, self.drive, stop, residual, variance, entries, shares,
                 chosen=np.argsort(self.drive, kind="stable"),
             )  # fmt: skip
 
@@ -189,9 +283,10 @@ class Model:
         here, there = state.chain[stop], state.chain[stop + 1]
         heading = np.exp(-1j * np.radians(here[:, 2]))
         gone = ((there[:, 0] - here[:, 0]) + 1j * (there[:, 1] - here[:, 1])) * heading
-        curve, slope = chord_factor(here[:, 5], self.segments)
+        segments, bend = self.law
+        curve, slope = chord_factor(here[:, 5], segments)
         totals = here[:, 3] + 1j * here[:, 4]
-        free = curve * totals
+        free = curve * totals + bend
         met = state.contacts
         length = np.abs(free)
         share = np.where(
@@ -200,8 +295,10 @@ class Model:
             1.0,
         )
         # A disc completes a turn on the spot, whatever it touches; a polygon's corner may be held by a wall.
-        turned = np.where(met & ~self.turns, share, 1.0)
-        loose = np.where(self.turns, 0.0 if self._turns_freely else 1.0, 0.4)
+        # By a velocity it does so even while it is pressed.
+        whole = self.turns | (self.continuous & self._turns_freely)
+        turned = np.where(met & ~whole, share, 1.0)
+        loose = np.where(whole, 0.0 if self._turns_freely else 1.0, 0.4)
         off = gone - share * free
         along = np.where(length > 1e-6, free / np.maximum(length, 1e-6), 1.0)
         # After a contact: anything along the path, little across it, in the frame of the path. The spreads
@@ -260,7 +357,7 @@ class Model:
         seconds = readings.times[second] - readings.times[first]
         change = readings.values[second] - readings.values[first]
         residual = sensor.wrapped(change - spec.gain * total - spec.drift * seconds)
-        random = (spec.gain * spec.error) ** 2 * squares / self.segments
+        random = (spec.gain * spec.error) ** 2 * squares / self.run.spec.num_segments
         walk = spec.random_walk**2 * seconds
         # Two readings, each with its error and its rounding: a variance of a twelfth of the step squared.
         floor = sensor.least_error**2 + 2 * spec.absolute_error**2 + spec.resolution**2 / 6
@@ -294,7 +391,15 @@ class Model:
             inside = begin + step < end
             base = PER_STOP * (begin + step)
             entries += [(base + 3 + axis, -gain * sensor.lever[axis], inside) for axis in range(3)]
-        return _between(rolled + straight, begin, end), _between(rolled**2 + straight**2, begin, end), entries
+        squares = self._squares(rolled, abs(around) * REFERENCE_TURN) + self._squares(straight, CELL_SIZE)
+        return _between(rolled + straight, begin, end), _between(squares, begin, end), entries
+
+    def _squares(self, counted: FloatArray, reference: float) -> FloatArray:
+        """Squares of what was counted after each stop, whose `num_segments`-th part is the variance by an
+        error of 1; of a continuous motion it grows with the distance, and is the same over `reference`."""
+        continuous = (self.movement_at >= 0) & self.continuous[self.movement_at]
+        squares: FloatArray = np.where(continuous, np.abs(counted) * reference, counted**2)
+        return squares
 
     def _counts_turns(
         self, state: Iterate, sensor: CountingSensor, begin: IntArray, end: IntArray
@@ -302,7 +407,8 @@ class Model:
         """The same of a sensor that counts the turn that was made, not what the wheels did."""
         around = sensor.lever[2]
         turned = around * (state.chain[end, 2] - state.chain[begin, 2])
-        squares = np.where(self.movement_at >= 0, (around * state.chain[:, 5]) ** 2, 0.0)
+        counted = self._squares(around * state.chain[:, 5], abs(around) * REFERENCE_TURN)
+        squares = np.where(self.movement_at >= 0, counted, 0.0)
         slope = sensor.spec.gain * around
         entries: list[JacobianEntry] = [(PER_STOP * end + 2, -slope), (PER_STOP * begin + 2, slope)]
         return turned, _between(squares, begin, end), entries

@@ -53,8 +53,7 @@ def suspicions_without_path(run: MeasuredRun) -> tuple[Finding, ...]:
     sensors = [each for each in observed_sensors(spec).values() if isinstance(each, CountingSensor)]
     totals = np.zeros((run.stops, 3))
     for before, movement in zip(run.stops_before_movements().tolist(), run.movements, strict=True):
-        way = spec.drives[movement.drive].kind.direction
-        totals[before + 1] = movement.value * np.array((way.x, way.y, way.r))
+        totals[before + 1] = movement.asked(spec.drives)
     claims = []
     for sensor in sensors:
         readings = run.readings.get(sensor.spec.code)
@@ -76,9 +75,9 @@ def _samples(found: Fit, sensor: Sensor, sensors: list[Sensor], world: World) ->
     if isinstance(sensor, ObservingSensor):
         yield _observed(found, sensor, readings, alike, world)
     elif isinstance(sensor, CountingSensor):
-        spec, before = found.run.spec, found.model.before
+        before, law = found.model.before, found.model.law
         totals = np.zeros((len(found.poses), 3))
-        totals[before + 1] = totals_between(found.poses[before], found.poses[before + 1], spec.num_segments)
+        totals[before + 1] = totals_between(found.poses[before], found.poses[before + 1], *law)
         yield _counted(found.run, sensor, readings, alike, totals)
 
 
@@ -138,9 +137,10 @@ def _drives(found: Fit) -> Iterator[Claim]:
     """Drives by where each of their movements led on the fitted path."""
     run = found.run
     before = found.model.before
-    done = totals_between(found.poses[before], found.poses[before + 1], run.spec.num_segments)
+    done = totals_between(found.poses[before], found.poses[before + 1], *found.model.law)
     asked = np.array([each.value for each in run.movements])
-    number = np.array([each.drive for each in run.movements])
+    # A stretch of continuous motion is no drive's alone.
+    number = np.array([-1 if each.is_continuous else each.drive for each in run.movements])
     # Values are times Gain already.
     rows = [replace(each, gain=1.0) for each in run.spec.drives]
     for index, row in enumerate(rows):

@@ -9,20 +9,25 @@ from __future__ import annotations
 import csv
 import io
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 
 from simmer_tui.calibrate.estimates import ParameterEstimate
 from simmer_tui.calibrate.fit import Fit
 from simmer_tui.calibrate.parameters import with_values
 from simmer_tui.config import drive_csv, sensors_csv, settings_file
+from simmer_tui.config.loader import Configuration
+from simmer_tui.config.sets import write_files
 from simmer_tui.config.settings import all_settings, value_of
 from simmer_tui.config.settings_file import settings_text
-from simmer_tui.errors import CalibrationError, ConfigurationError, Problem
+from simmer_tui.errors import CalibrationError
 from simmer_tui.importer.set_writer import drive_csv_text, sensors_csv_text
+from simmer_tui.runlog.logged_devices import same_files
+from simmer_tui.runlog.typed_json import TypedJson
 from simmer_tui.sim.command import escape
 from simmer_tui.sim.sensors import Sort
 from simmer_tui.sim.specs import SimulationSpec
@@ -35,6 +40,22 @@ _DIGITS = 5
 _PROFILES = {"sensor_profile": (), "drive_profile": "", "link_profile": "", "realistic": False}
 """Settings without profiles: their values are in the CSV files now."""
 _OF_THE_RUN = {"sim": True, "randbias": False}
+
+
+class Knowledge(msgspec.Struct, frozen=True, kw_only=True):
+    """Estimates of a robot: parameters by name, their values and covariance, and of noise scales and shares
+    the value with its interval."""
+
+    logs: tuple[str, ...] = ()
+    misfits: tuple[str, ...] = ()
+    parameters: tuple[str, ...]
+    values: tuple[float, ...]
+    covariance: tuple[tuple[float, ...], ...]
+    noise_scales: dict[str, tuple[float, float, float]] = {}
+    shares: dict[str, tuple[float, float, float]] = {}
+
+
+_KNOWLEDGE: TypedJson[Knowledge] = TypedJson(Knowledge)
 
 
 def learned_spec(spec: SimulationSpec, estimates: Sequence[ParameterEstimate]) -> SimulationSpec:
@@ -56,17 +77,25 @@ def _within(field: str, value: float) -> float:
     return min(max(value, 0.0), 1.0) if field in ("error", "dropout", "outlier") else value
 
 
+def device_texts(configuration: Configuration) -> dict[str, str]:
+    """The device files of the set that ran, by their paths in it. A log holds no code, so that
+    RunLogError is raised if one is not where the run had it any more."""
+    remedy = "put it there, since the set that is written needs it too"
+    files = same_files(configuration.device_statuses, configuration.directory, remedy)
+    return {file.path: file.text for file in files}
+
+
 def set_texts(fit: Fit, estimates: Sequence[ParameterEstimate]) -> dict[str, str]:
-    """The files of the set by name."""
+    """The files of the set by name. Raises what `device_texts` does."""
     run = fit.run
     spec = learned_spec(run.spec, estimates)
-    texts = dict(run.configuration.files)
+    texts = {**run.configuration.files, **device_texts(run.configuration)}
     source = f"calibrated from {', '.join(run.names)}"
     notes = _notes(estimates, source)
-    texts[drive_csv.FILE] = _noted(drive_csv_text(spec.drives, spec.gripper), notes)
+    texts[drive_csv.FILE] = _noted(drive_csv_text(spec.drives, spec.gripper, spec.velocities), notes)
     texts[sensors_csv.FILE] = _noted(sensors_csv_text(spec.sensors), notes)
     texts[settings_file.FILE] = _settings(fit, estimates, source)
-    texts[KNOWLEDGE] = knowledge_text(fit, estimates)
+    texts[KNOWLEDGE] = json.dumps(msgspec.to_builtins(knowledge_of(fit, estimates)), indent=1)
     return texts
 
 
@@ -124,55 +153,41 @@ def _settings(fit: Fit, estimates: Sequence[ParameterEstimate], source: str) -> 
     return "\n".join(lines) + "\n"
 
 
-def knowledge_text(fit: Fit, estimates: Sequence[ParameterEstimate]) -> str:
+def knowledge_of(fit: Fit, estimates: Sequence[ParameterEstimate]) -> Knowledge:
     """The estimates by name, with the covariance of the identified parameters."""
     told = np.flatnonzero(fit.identified)
-    names = [fit.space.parameters[i].name for i in told]
     covariance = fit.covariance[np.ix_(told, told)]
-    return json.dumps(
-        {
-            "logs": list(fit.run.names),
-            "misfits": [each.text for each in fit.misfits],
-            "parameters": names,
-            # Offsets are counted from where the set that is written has the sensors.
-            "values": [
-                0.0 if fit.space.parameters[i].sort is Sort.OFFSET else float(fit.state.parameters[i])
-                for i in told
-            ],
-            "covariance": [[float(f"{v:.6g}") for v in row] for row in covariance],
-            "noise_scales": {
-                each.parameter.name: [each.value, each.low, each.high]
-                for each in estimates
-                if each.identified and each.parameter is not None and each.parameter.sort is Sort.NOISE
-            },
-            "shares": {
-                f"{each.owner} {each.label}": [each.value, each.low, each.high]
-                for each in estimates
-                if each.identified and each.parameter is None
-            },
+    return Knowledge(
+        logs=tuple(fit.run.names),
+        misfits=tuple(each.text for each in fit.misfits),
+        parameters=tuple(fit.space.parameters[i].name for i in told),
+        # Offsets are counted from where the set that is written has the sensors.
+        values=tuple(
+            0.0 if fit.space.parameters[i].sort is Sort.OFFSET else float(fit.state.parameters[i])
+            for i in told
+        ),
+        covariance=tuple(tuple(float(f"{v:.6g}") for v in row) for row in covariance),
+        noise_scales={
+            each.parameter.name: (each.value, each.low, each.high)
+            for each in estimates
+            if each.identified and each.parameter is not None and each.parameter.sort is Sort.NOISE
         },
-        indent=1,
+        shares={
+            f"{each.owner} {each.label}": (each.value, each.low, each.high)
+            for each in estimates
+            if each.identified and each.parameter is None
+        },
     )
 
 
-def write_files(texts: dict[str, str], directory: Path) -> None:
+def write_texts(texts: Mapping[str, str], directory: Path) -> None:
     """Write files into a folder, which is made if need be. Raises ConfigurationError, before anything
     is written, if one is there already, or if the folder cannot be written."""
-    shown = escape(str(directory), 200)
-    present = [name for name in texts if (directory / name).exists()]
-    if present:
-        what = f"has {', '.join(sorted(present))} already; nothing is overwritten, name another folder"
-        raise ConfigurationError([Problem(shown, what)])
-    try:
-        directory.mkdir(parents=True, exist_ok=True)
-        for name, text in texts.items():
-            (directory / name).write_bytes(text.encode("utf-8", "surrogatepass"))
-    except OSError as error:
-        raise ConfigurationError([Problem(shown, f"cannot be written: {error.strerror or error}")]) from None
+    write_files(directory, {name: texts[name].encode("utf-8", "surrogatepass") for name in sorted(texts)})
 
 
-def read_knowledge(directory: Path) -> dict[str, Any]:
-    """The estimates that `knowledge_text` wrote into a set.
+def read_knowledge(directory: Path) -> Knowledge:
+    """The estimates that were written into a set.
 
     Raises:
         CalibrationError: if the file is not there or damaged.
@@ -180,16 +195,15 @@ def read_knowledge(directory: Path) -> dict[str, Any]:
     path = directory / KNOWLEDGE
     shown = escape(str(path), 200)
     try:
-        found = json.loads(path.read_text(encoding="utf-8"))
-        names, values = found["parameters"], np.array(found["values"], float)
-        covariance = np.array(found["covariance"], float)
-        if values.shape != (len(names),) or covariance.shape != (len(names), len(names)):
+        found = _KNOWLEDGE.decode(path.read_bytes())
+        count = len(found.parameters)
+        if {len(found.values), len(found.covariance), *map(len, found.covariance)} - {count}:
             raise ValueError("its parts are of different sizes")
     except OSError as error:
         raise CalibrationError(
             f"{shown} cannot be read ({error.strerror or error}); --check takes a set that "
             "simmer-tui calibrate wrote"
         ) from None
-    except (ValueError, KeyError, TypeError) as error:
+    except ValueError as error:
         raise CalibrationError(f"{shown} is damaged: {escape(str(error), 120)}") from None
-    return dict(found)
+    return found

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import os
+import shlex
 import sys
 import threading
 from collections.abc import Callable
-from pathlib import Path
+from pathlib import Path, PureWindowsPath
 from typing import TYPE_CHECKING
 
+from simmer_tui import platform_has
 from simmer_tui.cli.headless import LinePrinter
 from simmer_tui.cli.run_life import say
 from simmer_tui.events import Event, Notice, NoticeKind, Result
@@ -30,8 +32,8 @@ class Screen:
 
     judges = False
 
-    def __init__(self, server: Server, *, once: bool, has_program: bool = False) -> None:
-        """Look at the terminal and make the app; with `once` it ends with the program."""
+    def __init__(self, server: Server, *, once: bool, program: str | None = None) -> None:
+        """Look at the terminal and make the app; with `once` it ends with the program, a command."""
         self._settings = screen = server.configuration.settings.screen
         # Before Textual is imported, which reads it only then.
         choice = apply_choice(screen.color, screen.glyphs)
@@ -43,8 +45,9 @@ class Screen:
 
         self._server = server
         self._once = once
-        self._has_program = has_program
-        self._app = SimmerApp(server, choice, default_history_file())
+        self._has_program = program is not None
+        name = "" if program is None else program_name(program)
+        self._app = SimmerApp(server, choice, default_history_file(), program=name)
         self._printer = LinePrinter(quiet=False)
         self.program_output = _teller(server, printable)
 
@@ -61,6 +64,12 @@ class Screen:
             prefix()
             server.set_pace(pace)
 
+    def offer(self, run: Callable[[str], None]) -> None:
+        self._app.run_program = run
+
+    def offer_again(self, again: Callable[[], None]) -> None:
+        self._app.run_again = again
+
     def watch(self, event: Event) -> None:
         """Not needed: the app asks for snapshots."""
 
@@ -68,11 +77,16 @@ class Screen:
         for warning in self._server.warnings:
             self._server.tell(Notice(NoticeKind.FAULT, f"warning: {warning}"))
 
+    def show_links(self, links: tuple[str, ...]) -> None:
+        self._app.page_links = links
+        # Without the links: events can be saved to a file.
+        self._server.tell(Notice(NoticeKind.HINT, "browsers show this run: :web has the link"))
+
     def show(self) -> int:
-        from simmer_tui.tui.textual_internals import cropped_dirty_spans
+        from simmer_tui.tui.textual_internals import delta_updates
 
         server, app = self._server, self._app
-        with cropped_dirty_spans():
+        with delta_updates():
             code = app.run(mouse=self._settings.mouse)
         if app.fault:
             # A program that drives the robot must not lose its run with the picture.
@@ -88,11 +102,11 @@ class Screen:
         self._printer.finish(code)
 
     def program_ended(self, code: int) -> None:
-        from simmer_tui.tui.event_text import POINTER
-
-        pointer = f"; {POINTER}" if code else ""
-        text = f"the program has ended with exit code {code}{pointer}"
-        self._server.tell(Notice(NoticeKind.PROGRAM, text))
+        server = self._server
+        server.tell(Notice(NoticeKind.PROGRAM, f"the program has ended with exit code {code}"))
+        # A mission whose program has crashed is over, as without a screen.
+        if code and server.referee is not None:
+            server.call(server.referee.end, f"the program has ended with exit code {code}")
         # Without `--once` the screen stays, for a look at how it ended.
         if self._once:
             self.finish(code)
@@ -112,10 +126,26 @@ class Screen:
         _forget_dead_terminal()
 
 
+_SCRIPTS = (".py", ".m", ".sh", ".jar")
+"""Suffixes of files that an interpreter runs."""
+
+
+def program_name(command: str) -> str:
+    """Name of a program for people: that of its file, without its folder and its interpreter."""
+    try:
+        words = shlex.split(command, posix=platform_has.POSIX)
+    except ValueError:
+        words = command.split()
+    words = [word.strip("'\"") for word in words]
+    scripts = [word for word in words if word.endswith(_SCRIPTS)]
+    word = (scripts or words or [""])[0]
+    return Path(word).name if platform_has.POSIX else PureWindowsPath(word).name
+
+
 def apply_choice(color: str, glyphs: str) -> TerminalChoice:
     """Colours and characters for this terminal, told to Textual through the environment."""
     choice = choose(
-        os.environ, sys.stdout.encoding, color=color, glyphs=glyphs, windows=sys.platform == "win32"
+        os.environ, sys.stdout.encoding, color=color, glyphs=glyphs, windows=not platform_has.POSIX
     )
     choice.apply(os.environ)
     return choice

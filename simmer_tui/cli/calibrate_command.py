@@ -19,16 +19,19 @@ from simmer_tui.cli.command_line import (
     OneLineParser,
     add_json_option,
     add_large_option,
+    add_trust_option,
     allow_large,
     command,
     configuration_of,
     print_answer,
 )
+from simmer_tui.config.device_trust import DeviceUse
 from simmer_tui.config.loader import Override, load
 from simmer_tui.config.sets import find_set
 from simmer_tui.document.as_html import html_page
 from simmer_tui.errors import CalibrationError, ConfigurationError, Problem
 from simmer_tui.sim.command import escape
+from simmer_tui.version import requirement
 
 if TYPE_CHECKING:
     from simmer_tui.calibrate.measured_run import MeasuredRun
@@ -41,9 +44,9 @@ _NOTES = 5
 def _parser() -> OneLineParser:
     parser = OneLineParser(
         prog="simmer-tui calibrate",
-        description="Learn biases, gains, angles, errors and delays of a real robot from run logs of it "
-        "(simmer-tui --serial PORT --log FILE), and write a configuration set that behaves as it does.",
-        epilog="docs/calibrate.md says what can be learned from which drive.",
+        description="Estimate biases, gains, angles, errors and delays of a real robot from its run logs "
+        "(simmer-tui --serial PORT --log FILE), and write them as a configuration set.",
+        epilog="docs/calibrate.md says what to drive, and what each log shows.",
     )
     parser.add_argument("logs", metavar="LOG", nargs="*", type=Path, help="run logs of one robot")
     add_large_option(parser)
@@ -66,14 +69,15 @@ def _parser() -> OneLineParser:
     parser.add_argument(
         "--anyway",
         action="store_true",
-        help="write the set even if a sensor or drive seems to be swapped, turned or stuck",
+        help="write the set even if a sensor or drive seems to be swapped, inverted or stuck",
     )
     add_json_option(parser)
+    add_trust_option(parser)
     guided = parser.add_argument_group("guided")
     guided.add_argument(
         "--guided",
         action="store_true",
-        help="no log yet: drive the robot on --serial, as few movements as it takes, and learn from that; "
+        help="no log yet: drive the robot on --serial, with as few movements as possible, and use that log; "
         "the log is written beside DIR, as DIR.jsonl",
     )
     guided.add_argument("--serial", metavar="PORT", help="the robot's serial port or URL")
@@ -91,12 +95,13 @@ def run_calibrate(options: argparse.Namespace) -> int:
         raise CalibrationError(f"--seed must be 0 or more, not {options.seed}")
     if importlib.util.find_spec("scipy") is None:
         raise CalibrationError(
-            "this needs scipy, which is not installed: pip install 'simmer-tui[calibrate]'"
+            f"this needs scipy, which is not installed: pip install '{requirement('calibrate')}'"
         )
     if options.strength:
         return _strength(options.logs)
     from simmer_tui.calibrate.change_detection import require_one_robot
     from simmer_tui.calibrate.measured_run import read_runs
+    from simmer_tui.calibrate.written_set import device_texts
 
     if options.guided:
         return _guide(options)
@@ -109,6 +114,7 @@ def run_calibrate(options: argparse.Namespace) -> int:
     if options.check is not None:
         return _check(run, options.check, as_json=options.json)
     _check_free(options.out)
+    device_texts(run.configuration)  # missing ones are told before the work
     if len(options.logs) > 1:
         with _shown() as progress:
             require_one_robot([read_runs([log]) for log in options.logs], options.seed, progress)
@@ -169,9 +175,9 @@ def _learn(run: MeasuredRun, options: argparse.Namespace) -> int:
     from simmer_tui.calibrate.estimates import estimates_of
     from simmer_tui.calibrate.fit import fit
     from simmer_tui.calibrate.prediction import held_back, widened
-    from simmer_tui.calibrate.result_page import result_document
+    from simmer_tui.calibrate.result_page import result_document, result_page
     from simmer_tui.calibrate.suspicions import suspicions, suspicions_without_path
-    from simmer_tui.calibrate.written_set import PAGE, set_texts, write_files
+    from simmer_tui.calibrate.written_set import PAGE, set_texts, write_texts
 
     out: Path = options.out
     with _shown() as progress:
@@ -187,8 +193,8 @@ def _learn(run: MeasuredRun, options: argparse.Namespace) -> int:
             found = widened(found, held)
         estimates = estimates_of(found)
     texts, answer = set_texts(found, estimates), result_document(found, estimates, held)
-    write_files({**texts, PAGE: html_page(answer)}, out)
-    load(out)
+    write_texts({**texts, PAGE: html_page(result_page(found, estimates, held))}, out)
+    load(out, devices=DeviceUse.PARSE)
     print_answer(answer, as_json=options.json)
     if not options.json:
         shown = escape(str(out), 200)
@@ -216,7 +222,7 @@ def _check(run: MeasuredRun, name: str, *, as_json: bool) -> int:
     directory = find_set(name)
     knowledge = read_knowledge(directory)
     with _shown() as progress:
-        parts = check_robot(run, load(directory), knowledge, progress)
+        parts = check_robot(run, load(directory, devices=DeviceUse.PARSE), knowledge, progress)
     print_answer(check_document(parts), as_json=as_json)
     return ExitCode.NO if any(part.changed for part in parts) else ExitCode.DONE
 

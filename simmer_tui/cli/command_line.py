@@ -3,21 +3,25 @@
 from __future__ import annotations
 
 import argparse
+import os
 import re
 import sys
 from collections.abc import Callable, Generator, Iterable, Sequence
 from contextlib import contextmanager
 from enum import IntEnum
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
 
+from simmer_tui.config.device_trust import OPTION, TRUST, DeviceTrust
 from simmer_tui.config.settings import Setting, all_settings
 from simmer_tui.config.settings_file import Override
-from simmer_tui.document.as_data import json_text
-from simmer_tui.document.model import Document
 from simmer_tui.errors import ClusterError, ConfigurationError, ProgramError, RunLogError, SimmerError
 from simmer_tui.sim.command import escape
 from simmer_tui.sim.rules import FlagRule, did_you_mean
+
+if TYPE_CHECKING:  # a run has no documents, and is to start quickly
+    from simmer_tui.config.device_file import DeviceFile
+    from simmer_tui.document.model import Document
 
 _DEST = "setting."
 """Prefix of the attributes of setting options, so that they meet no others."""
@@ -64,6 +68,14 @@ def report(error: SimmerError, program: str = "simmer-tui") -> int:
     return _CODES.get(type(error), ExitCode.PROBLEM)
 
 
+def has_terminal() -> bool:
+    """True if there is something to draw on: a terminal, or what `textual serve` puts in its place."""
+    # Textual's own variable: it then draws in packets over the standard streams.
+    if os.environ.get("TEXTUAL_DRIVER"):
+        return True
+    return sys.stdin.isatty() and sys.stdout.isatty() and sys.stderr.isatty()
+
+
 class CliCommand:
     """A command of `simmer-tui`: called with the arguments after its name, it returns the exit code.
 
@@ -80,11 +92,60 @@ class CliCommand:
     def __call__(self, argv: list[str]) -> int:
         parser = self.parser()
         try:
-            return int(self._function(parser.parse_args(argv)))
+            options = parser.parse_args(argv)
+            with _trust(everything=getattr(options, "trust_devices", False)):
+                return int(self._function(options))
         except SimmerError as error:
             return report(error, parser.prog)
         except KeyboardInterrupt:
             return ExitCode.INTERRUPTED
+
+
+@contextmanager
+def _trust(*, everything: bool) -> Generator[None, None, None]:
+    """The trust in a team's own devices while a command runs: in all, or by the question."""
+    token = TRUST.set(DeviceTrust(everything, _ask))
+    try:
+        yield
+    finally:
+        TRUST.reset(token)
+
+
+def _ask(file: DeviceFile, directory: Path) -> bool:
+    # Few sets have devices.
+    from simmer_tui.cli.device_question import ask_on_terminal
+
+    return ask_on_terminal(file, directory)
+
+
+def add_trust_option(parser: argparse.ArgumentParser | argparse._ArgumentGroup) -> None:
+    """The option `--trust-devices`, of commands that may run a set's own devices."""
+    parser.add_argument(
+        OPTION,
+        action="store_true",
+        help="run the set's devices/*.py without asking",
+    )
+
+
+def add_device_options(parser: argparse.ArgumentParser | argparse._ArgumentGroup) -> None:
+    """The options of commands that run a log again, for sets with devices of their own."""
+    parser.add_argument(
+        "--config",
+        metavar="DIR",
+        type=Path,
+        help="the folder with the devices/*.py of the log's set (default: where the run had it)",
+    )
+    add_trust_option(parser)
+
+
+@contextmanager
+def asking_nobody() -> Generator[None, None, None]:
+    """No question about devices while a screen has the terminal."""
+    token = TRUST.set(DeviceTrust(TRUST.get().everything))
+    try:
+        yield
+    finally:
+        TRUST.reset(token)
 
 
 def command(
@@ -116,14 +177,52 @@ class OneLineParser(argparse.ArgumentParser):
         kwargs.setdefault("allow_abbrev", False)
         super().__init__(*args, **kwargs)
         self._words = tuple(words)
+        self.setting_groups: list[argparse._ArgumentGroup] = []
+        """Groups of options of settings. There are many of them: the help of a command leaves them out."""
+        self.common_settings: tuple[str, ...] = ()
+        """Names of the settings that the help shows nevertheless."""
+
+    def format_help(self) -> str:
+        """Help on the command's own options, and on its common settings."""
+        formatter = self._get_formatter()
+        formatter.add_usage(self.usage, self._actions, self._mutually_exclusive_groups)
+        formatter.add_text(self.description)
+        for group in self._action_groups:
+            if group not in self.setting_groups:
+                self._add_section(formatter, group.title, group._group_actions)
+        if self.setting_groups:
+            common = {_DEST + name for name in self.common_settings}
+            chosen = [action for action in self._actions if action.dest in common]
+            self._add_section(formatter, "settings (simmer-tui help settings has all of them)", chosen)
+            if not chosen:
+                formatter.add_text("Settings are options too: simmer-tui help settings.")
+        formatter.add_text(self.epilog)
+        return formatter.format_help()
+
+    def format_settings(self) -> str:
+        """Help on the options of settings alone."""
+        formatter = self._get_formatter()
+        for group in self.setting_groups:
+            self._add_section(formatter, group.title, group._group_actions)
+        return formatter.format_help()
+
+    @staticmethod
+    def _add_section(
+        formatter: argparse.HelpFormatter, title: str | None, actions: Iterable[argparse.Action]
+    ) -> None:
+        formatter.start_section(title)
+        formatter.add_arguments(actions)
+        formatter.end_section()
 
     def parse_args(self, args: Iterable[str] | None = None, namespace: Any = None) -> Any:
         parsed, unknown = self.parse_known_args(args, namespace)
         if unknown:
             given = unknown[0].partition("=")[0]
+            is_option = given.startswith("-")
             options = [name for action in self._actions for name in action.option_strings]
-            hint = did_you_mean(given, options if given.startswith("-") else self._words)
-            self.error(f'unknown argument "{escape(unknown[0], 60)}"{hint}')
+            hint = did_you_mean(given, options if is_option else self._words)
+            kind = "option" if is_option else "command" if self._words else "argument"
+            self.error(f'unknown {kind} "{escape(unknown[0], 60)}"{hint}')
         return parsed
 
     def parse_known_args(self, args: Iterable[str] | None = None, namespace: Any = None) -> Any:
@@ -148,13 +247,23 @@ def _join_negative_values(args: Sequence[str]) -> list[str]:
     return joined
 
 
-def add_setting_options(parser: argparse.ArgumentParser) -> None:
-    """Give `parser` one option for every setting, in groups. Values are judged by the loader."""
+_ON_THE_SCREEN = ("screen", "keys", "web")
+"""Groups of settings that change nothing but a screen, or a page."""
+
+
+def add_setting_options(
+    parser: OneLineParser, *, has_screen: bool = False, names: Sequence[str] = ()
+) -> None:
+    """Give `parser` one option for every setting, or for those with some `names`, in groups; those of screen,
+    keys and page only for a command that `has_screen`. Values are judged by the loader."""
     groups: dict[str, argparse._ArgumentGroup] = {}
     for item in all_settings():
+        if (item.group in _ON_THE_SCREEN and not has_screen) or (names and item.name not in names):
+            continue
         if item.group not in groups:
             groups[item.group] = parser.add_argument_group(item.group)
         _add_option(groups[item.group], item)
+    parser.setting_groups = [] if names else list(groups.values())
 
 
 def _add_option(group: argparse._ArgumentGroup, item: Setting) -> None:
@@ -171,8 +280,9 @@ def _add_option(group: argparse._ArgumentGroup, item: Setting) -> None:
             help=help_text,
         )
     else:
+        alone: dict[str, Any] = {"nargs": "?", "const": item.alone} if item.alone else {}
         group.add_argument(
-            item.option, dest=dest, default=argparse.SUPPRESS, metavar=item.metavar, help=help_text
+            item.option, dest=dest, default=argparse.SUPPRESS, metavar=item.metavar, help=help_text, **alone
         )
 
 
@@ -195,6 +305,10 @@ def overrides_from(namespace: argparse.Namespace) -> dict[str, Override]:
             # Messages name the option as it was typed.
             option = f"--no-{item.option.removeprefix('--')}" if value is False else item.option
             overrides[item.name] = Override(option, value)
+    if "server.token" in overrides:
+        from simmer_tui.cli.access_token import hide_from_command_line
+
+        hide_from_command_line(str(overrides["server.token"].value))
     return overrides
 
 
@@ -218,6 +332,8 @@ def print_answer(document: Document, *, as_json: bool = False) -> None:
 
 def print_json(document: Document) -> None:
     """Print a document as one JSON text on standard output."""
+    from simmer_tui.document.as_data import json_text
+
     sys.stdout.write(json_text(document))
 
 

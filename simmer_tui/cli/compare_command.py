@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 
 from simmer_tui.cli.command_line import ExitCode, OneLineParser, add_json_option, command, print_answer
+from simmer_tui.config.device_trust import DeviceUse
 from simmer_tui.trials.compare import comparison, paired
 from simmer_tui.trials.folder import TrialFolder
 
@@ -30,7 +31,8 @@ def _parser() -> OneLineParser:
 @command(_parser)
 def run_compare(options: argparse.Namespace) -> int:
     """`simmer-tui compare A B`: print how two sets of trials differ. Returns the exit code."""
-    first, second = TrialFolder.read(options.first), TrialFolder.read(options.second)
+    # Results are compared, and no sensor is read.
+    first, second = (TrialFolder.read(each, DeviceUse.PARSE) for each in (options.first, options.second))
     pairs = paired(first, second, other_robot=options.other_robot)
     print_answer(comparison(first, second, pairs), as_json=options.json)
     return ExitCode.DONE

@@ -12,16 +12,21 @@ from simmer_tui.cli.command_line import (
     OneLineParser,
     add_json_option,
     add_setting_options,
+    add_trust_option,
     command,
     overrides_from,
     print_json,
     report,
 )
-from simmer_tui.config.loader import load
+from simmer_tui.config.device_trust import DeviceUse
+from simmer_tui.config.dialect_templates import TEMPLATES, with_dialect
+from simmer_tui.config.loader import Configuration, load
+from simmer_tui.config.new_set import FOLDER as SCHEMAS
 from simmer_tui.config.new_set import explained, with_mission
-from simmer_tui.config.set_document import problems_document, set_document
+from simmer_tui.config.set_document import CHECK, DIFFERENCES, problems_document, set_document
 from simmer_tui.config.set_summary import summarize
 from simmer_tui.config.sets import (
+    LOCAL_FOLDER,
     MISSION_SET,
     bundled_folder,
     bundled_sets,
@@ -30,9 +35,13 @@ from simmer_tui.config.sets import (
     set_name,
     write_files,
 )
-from simmer_tui.errors import ConfigurationError
+from simmer_tui.config.term import term_files
+from simmer_tui.document.model import Document
+from simmer_tui.errors import ConfigurationError, Problem
+from simmer_tui.importer.device_skeletons import with_skeletons
 from simmer_tui.importer.files import read_path
 from simmer_tui.importer.set_writer import set_files
+from simmer_tui.phrases import counted
 from simmer_tui.sim.command import escape
 
 
@@ -44,6 +53,16 @@ def _init_parser() -> OneLineParser:
     sets = ", ".join(bundled_sets())
     parser.add_argument("--from", dest="source", metavar="SET", help=f"another set: {sets}, or a folder")
     add_mission_option(parser)
+    parser.add_argument(
+        "--term",
+        action="store_true",
+        help="a whole course around it: mission, samples, a page for students, devcontainer, CI, grading",
+    )
+    parser.add_argument(
+        "--dialect",
+        choices=TEMPLATES,
+        help="with a dialect.toml to be edited, for messages that are lines, in brackets, bytes or binary",
+    )
     return parser
 
 
@@ -51,15 +70,24 @@ def _init_parser() -> OneLineParser:
 def run_init(options: argparse.Namespace) -> int:
     """`simmer-tui init DIR [--from SET]`: copy a set out for editing. Returns the exit code."""
     source = bundled_folder() if options.source is None else find_set(options.source)
-    if options.mission and source == bundled_folder():
+    mission = options.mission or options.term
+    if mission and source == bundled_folder():
         source = bundled_sets()[MISSION_SET]  # the same robot, with a gripper, and honest about time
     files = read_files(source)
     name = set_name(source)
-    written = write_new_set(
-        options.directory, files, mission=options.mission, nominal=name if name in bundled_sets() else ""
-    )
+    if options.dialect is not None:
+        files = with_dialect(files, options.dialect)
+    nominal = name if name in bundled_sets() else ""
     shown = escape(str(options.directory), 200)
-    sys.stdout.write(f"Wrote {', '.join(path.name for path in written)} to {shown}\n")
+    if options.term:
+        count = len(
+            write_files(options.directory, term_files(_new_set(files, mission=True, nominal=nominal)))
+        )
+        sys.stdout.write(f"Wrote {count} files of a course to {shown}; README.md is the page for students\n")
+        sys.stdout.write(f"Edit {LOCAL_FOLDER} and course.toml in it, then: simmer-tui check {shown}\n")
+        return 0
+    written = write_new_set(options.directory, files, mission=mission, nominal=nominal)
+    sys.stdout.write(f"Wrote {', '.join(path.as_posix() for path in written)} to {shown}\n")
     sys.stdout.write(f"Edit them, then: simmer-tui check {shown}\n")
     return 0
 
@@ -76,10 +104,16 @@ def add_mission_option(parser: argparse.ArgumentParser) -> None:
 def write_new_set(
     directory: Path, files: Mapping[str, bytes], *, mission: bool, nominal: str = ""
 ) -> list[Path]:
-    """Write a set for people to edit, explained, that names its `nominal` one; returns its files without the
-    schemas. Raises ConfigurationError."""
-    made = explained(with_mission(files) if mission else files, nominal)
-    return [path for path in write_files(directory, made) if path.parent == directory]
+    """Write a set for people to edit, explained, that names its `nominal` one; returns the paths of its files
+    in it, without the schemas. Raises ConfigurationError."""
+    made = _new_set(files, mission=mission, nominal=nominal)
+    written = [path.relative_to(directory) for path in write_files(directory, made)]
+    return [path for path in written if path.parts[0] != SCHEMAS]
+
+
+def _new_set(files: Mapping[str, bytes], *, mission: bool, nominal: str) -> dict[str, bytes]:
+    """The files of a set, explained. Raises ConfigurationError."""
+    return explained(with_mission(files) if mission else files, nominal)
 
 
 def _check_parser() -> OneLineParser:
@@ -92,8 +126,15 @@ def _check_parser() -> OneLineParser:
         "directory",
         metavar="DIR",
         nargs="?",
-        help="a folder, or the name of a set (default: config, else the set that comes along)",
+        help="a folder, also of a course, or the name of a set (default: config, else the bundled default)",
     )
+    parser.add_argument(
+        "--against",
+        metavar="FILE",
+        type=Path,
+        help="an exchange with the real robot (--record FILE): where the dialect answers otherwise",
+    )
+    add_trust_option(parser)
     add_json_option(parser)
     add_setting_options(parser)
     return parser
@@ -103,12 +144,16 @@ def _check_parser() -> OneLineParser:
 def run_check(options: argparse.Namespace) -> int:
     """`simmer-tui check [DIR]`: every mistake of a set, or its summary. Returns the exit code."""
     try:
-        configuration = load(find_set(options.directory), overrides_from(options))
+        directory, overrides = find_set(options.directory), overrides_from(options)
+        configuration = load(directory, overrides, devices=DeviceUse.CHECK)
+        course = _course_of(Path(options.directory or ""))
     except ConfigurationError as error:
         if not options.json:
             raise
         print_json(problems_document(error.problems))
         return ExitCode.PROBLEM
+    if options.against is not None:
+        return _check_against(options.against, configuration, as_json=options.json)
     if options.json:
         print_json(set_document(configuration))
         return ExitCode.DONE
@@ -118,15 +163,53 @@ def run_check(options: argparse.Namespace) -> int:
         text.encode(sys.stdout.encoding or "ascii")
     except UnicodeEncodeError:
         text = summarize(configuration, ascii_only=True)
-    sys.stdout.write(text)
+    sys.stdout.write(text + course)
     return 0
+
+
+def _course_of(folder: Path) -> str:
+    """A line on the course in a folder, empty if it has none. Raises ConfigurationError."""
+    from simmer_tui.grade.course import COURSE_FILE, read_course
+
+    file = folder / COURSE_FILE
+    if not file.is_file():
+        return ""
+    course = read_course(folder, file, alone=True)
+    name = escape(course.name, 100)
+    return f"\nCourse: {name}; a success rate of {course.require:g} passes ({COURSE_FILE})\n"
+
+
+def _check_against(path: Path, configuration: Configuration, *, as_json: bool) -> int:
+    """Messages that a dialect answers otherwise than its robot did. Returns the exit code."""
+    from simmer_tui.config.exchange_file import read_exchange
+    from simmer_tui.dialect.exchange import Comparison
+
+    rules = configuration.dialect
+    if rules is None or rules.protocol is not None:
+        what = "is compared with the rules of a dialect.toml, which this set does not have"
+        raise ConfigurationError([Problem("--against", what)])
+    baud, pieces = read_exchange(path)
+    comparison = Comparison(rules, baud)
+    differences = comparison.differences(pieces)
+    if as_json:
+        rows = [(each.line, each.text) for each in differences]
+        ok = CHECK.filled([(not rows, configuration.name, str(configuration.directory))])
+        print_json(Document("Set", [ok, DIFFERENCES.filled(rows)]))
+        return ExitCode.NO if rows else ExitCode.DONE
+    name = escape(path.name, 100)
+    sys.stdout.writelines(f"{name}:{each.line}: {each.text}\n" for each in differences)
+    told = counted(len(differences), "difference")
+    if not differences:
+        told = "the dialect answers as the robot did"
+    sys.stdout.write(f"{counted(comparison.messages, 'message')} of the dialect; {told}\n")
+    return ExitCode.NO if differences else ExitCode.DONE
 
 
 def _import_parser() -> OneLineParser:
     parser = OneLineParser(
         prog="simmer-tui import",
-        description="Make a configuration set of a simmer-python config.py or a MATLAB Main.m. "
-        "Nothing of the file is executed.",
+        description="Make a configuration set from a simmer-python config.py or a MATLAB Main.m. "
+        "The file is read, never executed.",
     )
     parser.add_argument("file", metavar="FILE", type=Path, help="config.py, Main.m, or the folder of either")
     parser.add_argument(
@@ -143,19 +226,22 @@ def run_import(options: argparse.Namespace) -> int:
     Returns the exit code: 0 for a set that can be used, 1 for one that is written but must be
     edited first, 2 if nothing was written.
     """
-    imported = read_path(options.file)
-    written = write_new_set(options.directory, set_files(imported), mission=options.mission)
+    imported, skeletons = with_skeletons(read_path(options.file))
+    files = {**set_files(imported), **skeletons}
+    written = write_new_set(options.directory, files, mission=options.mission)
     shown = escape(str(options.directory), 200)
-    sys.stdout.write(f"Wrote {', '.join(path.name for path in written)} to {shown}\n")
+    sys.stdout.write(f"Wrote {', '.join(path.as_posix() for path in written)} to {shown}\n")
     if imported.left_out:
-        sys.stdout.write("Not taken over, or not as it was:\n")
+        sys.stdout.write("Not imported, or changed:\n")
         sys.stdout.writelines(f"  {problem}\n" for problem in imported.left_out)
     try:
         # Read back as a run will read it: the team learns now what is to be edited.
-        load(options.directory)
+        load(options.directory, devices=DeviceUse.PARSE)
     except ConfigurationError as error:
         sys.stdout.write("The set needs editing before it can be used:\n")
         report(error)
         return ExitCode.NO
+    if skeletons:
+        sys.stdout.write(f"To finish: {', '.join(skeletons)} (docs/devices.md says how)\n")
     sys.stdout.write(f"Try it: simmer-tui --config {shown}\n")
     return 0

@@ -14,6 +14,7 @@ from rich.console import Console
 
 from simmer_tui.cli.command_line import ExitCode, OneLineParser, add_json_option, command, print_answer
 from simmer_tui.cli.trials_options import count, new_folder, newest_folder, rate, say, typed_path
+from simmer_tui.config.settings import CLOCKS
 from simmer_tui.document.as_data import csv_text
 from simmer_tui.errors import ClusterError, GradeError
 from simmer_tui.grade import bubblewrap
@@ -42,7 +43,7 @@ def _parser() -> OneLineParser:
         "or a folder with one folder a team.",
     )
     parser.add_argument("target", metavar="COURSE", nargs="?", type=Path, help="teams.toml, or a folder")
-    parser.add_argument("--course", metavar="FILE", type=Path, help="a course.toml with what is asked")
+    parser.add_argument("--course", metavar="FILE", type=Path, help="a course.toml with the requirements")
     parser.add_argument(
         "--practice",
         action="store_true",
@@ -50,16 +51,25 @@ def _parser() -> OneLineParser:
     )
     parser.add_argument("--require", metavar="RATE", type=rate, help="success rate that passes (default 0.9)")
     parser.add_argument(
-        "--margin", metavar="RATE", type=rate, help=f"so much below it fails (default {MARGIN:g})"
+        "--margin",
+        metavar="RATE",
+        type=rate,
+        help=f"a success rate this much lower fails (default {MARGIN:g})",
     )
     parser.add_argument("--cap", metavar="N", type=count, help="most runs of a team")
     parser.add_argument(
-        "--isolation",
-        choices=[each.value for each in Isolation],
-        help="what closes programs in (default bwrap; with --practice none where there is no bubblewrap)",
+        "--clock", choices=CLOCKS, help="clock of the runs, in place of that of the course's set"
     )
     parser.add_argument(
-        "--seed", metavar="N", type=int, help="to grade with a seed again (default: a secret one)"
+        "--isolation",
+        choices=[each.value for each in Isolation],
+        help="the sandbox of programs (default bwrap; with --practice none where there is no bubblewrap)",
+    )
+    parser.add_argument(
+        "--seed",
+        metavar="N",
+        type=int,
+        help="seed of an earlier grading, to repeat it (default: a secret one)",
     )
     parser.add_argument("--jobs", metavar="N", type=count, help="runs at a time (default: one a processor)")
     parser.add_argument("--dask", metavar="ADDRESS", help="send the runs to a Dask cluster")
@@ -69,13 +79,13 @@ def _parser() -> OneLineParser:
         type=Path,
         help=f"folder of the grading (default {_PREFIX}DATE_TIME, outside folders of teams)",
     )
-    parser.add_argument("--resume", action="store_true", help="go on with the grading in the folder of --out")
+    parser.add_argument("--resume", action="store_true", help="resume the grading in the folder of --out")
     parser.add_argument(
         "--regrade",
         metavar="TEAM",
         action="append",
         default=[],
-        help="grade a team anew, with its files as they are now",
+        help="grade a team again, with its present files",
     )
     parser.add_argument(
         "--hide-names",
@@ -102,7 +112,7 @@ def run_grade(options: argparse.Namespace) -> int:
     _write(folder, found, isolation)
     print_answer(grades_document(folder, found, isolation), as_json=options.json)
     if code is not ExitCode.DONE:
-        say("grade", f"{why}; to go on: simmer-tui grade --resume --out {typed_path(folder.path)}")
+        say("grade", f"{why}; to resume: simmer-tui grade --resume --out {typed_path(folder.path)}")
         return code
     return ExitCode.DONE if all(each.outcome is TeamStatus.PASSED for each in found) else ExitCode.NO
 
@@ -115,7 +125,9 @@ def _begun(options: argparse.Namespace) -> GradeFolder:
         raise GradeError("name the course: a teams.toml, or a folder with one folder a team")
     course = read_course(options.target, options.course, alone=options.practice)
     given = {
-        name: value for name in ("require", "margin", "cap") if (value := getattr(options, name)) is not None
+        name: value
+        for name in ("require", "margin", "cap", "clock")
+        if (value := getattr(options, name)) is not None
     }
     course = dataclasses.replace(course, **given)
     isolation = _isolation(options)
@@ -175,12 +187,12 @@ def _resumed(options: argparse.Namespace) -> GradeFolder:
     for name in ("target", "course", "require", "margin", "cap", "seed", "isolation"):
         if getattr(options, name) is not None:
             raise GradeError(
-                "a grading goes on as it began; give only --out, --jobs, --dask, --regrade, --hide-names"
+                "--resume and --regrade keep all options but --out, --jobs, --dask and --hide-names"
             )
     # A grading begun in a team's folder lies above it.
     path = options.out or newest_folder(_PREFIX, PLAN, Path(), Path(".."))
     if path is None:
-        raise GradeError("there is no grading here to go on with: name its folder with --out")
+        raise GradeError("there is no grading here to resume: name its folder with --out")
     folder = GradeFolder.read(path)
     for name in options.regrade:
         folder.regrade(name)

@@ -15,7 +15,7 @@ from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
-from simmer_tui.backend import BackendSwitch, Message
+from simmer_tui.backend import BackendSwitch, Message, SimulatorBackend
 from simmer_tui.calibrate.estimates import shown
 from simmer_tui.calibrate.fit import Fit, fit
 from simmer_tui.calibrate.guided import WANTED, SessionPlanner, drive_guided, guided_run, where_to_put
@@ -23,7 +23,7 @@ from simmer_tui.calibrate.measured_run import read_runs
 from simmer_tui.config.loader import Configuration
 from simmer_tui.engine import Engine
 from simmer_tui.errors import CalibrationError
-from simmer_tui.links.serial_bridge import SerialBridge
+from simmer_tui.links.robot_bridge import bridge_to
 from simmer_tui.links.serial_link import SerialLink
 from simmer_tui.protocol.replies import ReplyForm, ReplyFormat
 from simmer_tui.runlog.writer import RunLog
@@ -52,7 +52,7 @@ def hold_session(configuration: Configuration, log: Path, console: Console) -> N
     with contextlib.suppress(KeyboardInterrupt):
         asyncio.run(_session(configuration, guide, log, console))
     if guide.count < 10:
-        raise CalibrationError("the session ended too early to learn anything")
+        raise CalibrationError("the session ended before there was enough to estimate anything")
     if guide.stuck:
         console.print(Text(f"The session ended after {guide.count} movements: {guide.stuck}"))
 
@@ -61,13 +61,18 @@ async def _session(configuration: Configuration, guide: SessionPlanner, log: Pat
     loop = asyncio.get_running_loop()
     settings = configuration.settings
     twin = Simulator(configuration.simulation, 0)
-    engine = Engine(twin)
+    # By a dialect a movement takes its time: the robot need not answer it.
+    dialect = configuration.dialect
+    engine = Engine(twin, timed=dialect is not None and dialect.protocol is None)
     engine.start(loop)
     form = ReplyForm(ReplyFormat(settings.server.reply_format), settings.server.byte_order)
     with RunLog(log, configuration, twin) as written:
         engine.watch(written)
-        bridge = SerialBridge(engine, SerialLink(settings.serial.port, settings.serial.baud), settings.serial)
-        session = BackendSwitch(bridge).open_session()
+        switch = BackendSwitch(SimulatorBackend(engine))
+        link = SerialLink(settings.serial.port, settings.serial.baud)
+        bridge = bridge_to(configuration, engine, link, settings.serial, switch)
+        switch.use(bridge)
+        session = switch.open_session()
 
         async def ask(text: str) -> float:
             answered: asyncio.Future[float] = loop.create_future()
@@ -125,7 +130,7 @@ def picture(guide: SessionPlanner, what: str, link: str, height: int) -> Group:
         value, spread = float(found.state.parameters[index]), float(found.standard_errors[index])
         middle, low, high = shown(value, *parameter.interval(value, spread))
         bar = "#" * max(1, min(20, round(20 * float(doubts[index]))))
-        cells = (middle, f"{low} to {high}") if told else ("?", "not told yet")
+        cells = (middle, f"{low} to {high}") if told else ("?", "not known yet")
         figures.add_row(parameter.owner, parameter.label, *cells, bar)
-    rest = Text(f"and {len(order) - room} figures that are known better" if len(order) > room else "")
+    rest = Text(f"and {len(order) - room} parameters that are known better" if len(order) > room else "")
     return Group(head, goals, figures, rest)

@@ -8,10 +8,24 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from simmer_tui import platform_has
 from simmer_tui.cli.run_life import say
-from simmer_tui.events import Event, EventHandler, MissionEvent, MovementEnded, MovementPlanned, Notice
+from simmer_tui.events import (
+    Event,
+    EventHandler,
+    LegEnded,
+    MissionEvent,
+    MovementEnded,
+    MovementPlanned,
+    Notice,
+    VelocityEnd,
+    VelocityEnded,
+    WireMessage,
+)
 from simmer_tui.phrases import contact_ending
+from simmer_tui.run.message_trail import MessageTrail
 from simmer_tui.server import Server
+from simmer_tui.sim.command import printable
 from simmer_tui.sim.records import CommandResult, Status
 
 if TYPE_CHECKING:
@@ -56,7 +70,7 @@ class LinePrinter:
         """Print lines until `finish`; returns its code."""
         while True:
             try:  # Windows does not interrupt a wait without an end
-                item = self._lines.get(timeout=1.0 if sys.platform == "win32" else None)
+                item = self._lines.get(timeout=None if platform_has.POSIX else 1.0)
             except queue.Empty:
                 continue
             if isinstance(item, int):
@@ -78,8 +92,13 @@ class EventLines(EventHandler[str]):
 
     def __init__(self) -> None:
         self._told_busy = False
+        self._trail = MessageTrail()
 
     def other(self, event: Event) -> str:
+        return ""
+
+    def on_wire(self, event: WireMessage) -> str:
+        self._trail.heard(event)
         return ""
 
     def on_notice(self, event: Notice) -> str:
@@ -90,14 +109,25 @@ class EventLines(EventHandler[str]):
 
     def on_planned(self, event: MovementPlanned) -> str:
         self._told_busy = False
+        self._trail.begun(event.number, event.time)
         return ""
 
     def on_ended(self, event: MovementEnded) -> str:
         if event.contact is None:
             return ""
-        return f"contact: {event.command.shown} {contact_ending(event.contact, event.pose)}"
+        shown = self._trail.shown(event.number, event.command)
+        return f"contact: {shown} {contact_ending(event.contact, event.pose)}"
+
+    def on_leg_ended(self, event: LegEnded) -> str:
+        return self.on_ended(event.as_movement())
+
+    def on_velocity_ended(self, event: VelocityEnded) -> str:
+        # What its program asked for, or a person did, needs no line.
+        told = event.reason in (VelocityEnd.TIMEOUT, VelocityEnd.LEFT)
+        return f"velocity ended: {event.reason.value}" if told else ""
 
     def on_result(self, event: CommandResult) -> str:
+        self._trail.begun(event.number, event.time)
         source, shown = event.command.source, event.command.shown
         if event.status in _REFUSALS:
             return f"{source}: bad command '{shown}': {event.reason}"
@@ -126,22 +156,33 @@ class Headless:
 
     def logging(self, path: Path) -> None:
         if not self._quiet:
-            say(f"logging to {path}")
+            say(f"logging to {printable(str(path))}")
 
     def prepare(self, prefix: Callable[[], None] | None) -> None:
         if prefix is not None:
             prefix()
 
+    def offer(self, run: Callable[[str], None]) -> None:
+        """Nobody is there to ask for a program."""
+
+    def offer_again(self, again: Callable[[], None]) -> None:
+        """Nor to ask for it again."""
+
     def started(self) -> None:
         """Say the ports, configuration and seed, and that clients may come."""
         server = self._server
         for warning in server.warnings:
-            say(f"warning: {warning}")
+            say(f"warning: {printable(warning)}")
         if server.prefix is not None:
-            say(f"taken over {server.prefix.origin}: what comes now is new", self._stream)
+            say(f"taken over {printable(str(server.prefix.origin))}: what comes now is new", self._stream)
         ports = ", ".join(f"{purpose} on port {number}" for purpose, number in server.ports.items())
-        say(f"seed {server.seed}, configuration {server.configuration.name}, {ports}", self._stream)
+        name = printable(server.configuration.name)
+        say(f"seed {server.seed}, configuration {name}, {ports}", self._stream)
         say(READY, self._stream)
+
+    def show_links(self, links: tuple[str, ...]) -> None:
+        for link in links:
+            say(link, self._stream)
 
     @property
     def wants_verdict(self) -> bool:

@@ -21,6 +21,7 @@ from rich.progress import (
 from simmer_tui.cli.command_line import (
     ExitCode,
     OneLineParser,
+    add_device_options,
     add_json_option,
     add_log_argument,
     command,
@@ -33,7 +34,8 @@ from simmer_tui.document.model import Bullets, DataColumn, DataTable, Document
 from simmer_tui.errors import ExportError, RunLogError
 from simmer_tui.phrases import counted
 from simmer_tui.report.animation import shots, write_gif
-from simmer_tui.report.content import maze_picture, report_document, report_page, svg_picture
+from simmer_tui.report.content import maze_picture, report_document, svg_picture
+from simmer_tui.report.page import report_page
 from simmer_tui.report.run_statistics import CommandTable, RunStatistics
 from simmer_tui.runlog.log_records import BrokenLine
 from simmer_tui.runlog.reader import Logged, LogReader
@@ -58,8 +60,8 @@ RERUN = DataTable(
 def _report_parser() -> OneLineParser:
     parser = OneLineParser(
         prog="simmer-tui report",
-        description="Show what a logged run amounts to: what went wrong, where, and how good the sensors "
-        "and the program's belief were.",
+        description="Summarize a logged run: what went wrong, where, and the errors of the sensors "
+        "and of the program's belief.",
     )
     add_log_argument(parser)
     parser.add_argument("--svg", metavar="OUT", type=Path, help="write maze, path and sensors as a picture")
@@ -68,7 +70,7 @@ def _report_parser() -> OneLineParser:
     parser.add_argument(
         "--nominal",
         metavar="SET",
-        help="hold sensors and drives against this set, too (default: the one the run's set was made from)",
+        help="compare sensors and drives with this set, too (default: the one the run's set was made from)",
     )
     add_json_option(parser)
     return parser
@@ -144,12 +146,12 @@ def _blocks(log: LogReader) -> Iterator[list[Logged | BrokenLine]]:
 def _export_parser() -> OneLineParser:
     parser = OneLineParser(
         prog="simmer-tui export",
-        description="Make pictures of a logged run for slides: a GIF that moves, or the whole way as a still "
-        "picture that can be enlarged.",
+        description="Make pictures of a logged run for slides: an animated GIF, or the whole path as an SVG "
+        "that can be enlarged.",
     )
     add_log_argument(parser)
     parser.add_argument("--gif", metavar="OUT", type=Path, help="write the run as a GIF (needs Pillow)")
-    parser.add_argument("--svg", metavar="OUT", type=Path, help="write the whole way as a picture")
+    parser.add_argument("--svg", metavar="OUT", type=Path, help="write the whole path as a picture")
     parser.add_argument(
         "--width", metavar="PIXELS", type=_width, default=720, help="of the pictures (default 720)"
     )
@@ -216,6 +218,7 @@ def _rerun_parser() -> OneLineParser:
         "if all are the same, 1 at the first difference, 2 for a broken log.",
     )
     add_log_argument(parser)
+    add_device_options(parser)
     add_json_option(parser)
     return parser
 
@@ -225,7 +228,7 @@ def run_rerun(options: argparse.Namespace) -> int:
     """`simmer-tui rerun [FILE]`: run a logged run again and compare. Returns the exit code."""
     path = log_of(options)
     with configuration_of(path):
-        rerun = Rerun(path)
+        rerun = Rerun(path, options.config)
     with rerun:
         _run_through(rerun.steps(), rerun.size, "rerun")
         return _report_rerun(rerun, path, as_json=options.json)
@@ -241,9 +244,9 @@ def _report_rerun(rerun: Rerun, path: Path, *, as_json: bool) -> int:
         done = f"{counted(rerun.commands, 'command')} and {counted(rerun.actions, 'action')}"
         made = f"(seed {header.seed}, configuration {escape(header.configuration, 80)})"
         how = "" if rerun.same_machine else " but for rounding"
-        lines = [f"{shown}: {done} again, every reply the same{how} {made}"]
+        lines = [f"{shown}: {done} repeated, every reply the same{how} {made}"]
     elif not rerun.same_machine:
-        lines.append("from there on the runs part: the last bits of the other machine's sines decided it")
+        lines.append("from there on the runs differ: the other machine's sines differ in their last bits")
     # The likeliest reason for a difference.
     elif header.program != __version__:
         lines.append(f"the log is from simmer-tui {escape(header.program, 20)}, this is {__version__}")

@@ -12,8 +12,11 @@ from importlib import metadata
 from importlib.util import find_spec
 from pathlib import Path
 
+from simmer_tui import platform_has
 from simmer_tui.cli import main
 from simmer_tui.cli.command_line import ExitCode, OneLineParser, add_json_option, command, print_json
+from simmer_tui.cli.help_command import topics
+from simmer_tui.config.device_trust import DeviceUse
 from simmer_tui.config.loader import Configuration, load
 from simmer_tui.config.profiles import DRIVE, LINK, SENSOR, profile_names
 from simmer_tui.config.sets import bundled_sets, find_set
@@ -27,7 +30,7 @@ from simmer_tui.runlog.saved_runs import saved_runs_folder
 from simmer_tui.sim.command import escape
 from simmer_tui.tui.sizes import SMALLEST_COLUMNS, SMALLEST_ROWS
 from simmer_tui.tui.terminal import GlyphMode, choose
-from simmer_tui.version import __version__
+from simmer_tui.version import __version__, requirement
 
 # Those whose version changes what is seen or computed, for reports of faults.
 _LIBRARIES = ("textual", "rich", "numpy", "shapely", "pyserial", "msgspec")
@@ -114,7 +117,7 @@ def _terminal(environment: Mapping[str, str]) -> DoctorLine:
 
 
 def _drawing(environment: Mapping[str, str]) -> DoctorLine:
-    choice = choose(environment, sys.stdout.encoding, windows=sys.platform == "win32")
+    choice = choose(environment, sys.stdout.encoding, windows=not platform_has.POSIX)
     if choice.glyphs is GlyphMode.ASCII:
         why = "in ASCII: the locale is not UTF-8, or the terminal says it can no more; LANG=C.UTF-8 may help"
         return "drawing", True, f"colours {choice.color}, {why}"
@@ -128,7 +131,7 @@ def _drawing(environment: Mapping[str, str]) -> DoctorLine:
 
 def _set() -> tuple[Configuration | None, DoctorLine]:
     try:
-        configuration = load(find_set(None))
+        configuration = load(find_set(None), devices=DeviceUse.PARSE)
     except ConfigurationError as error:
         count = len(error.problems)
         what = f"{count} mistake{'s' * (count != 1)} in ./config: simmer-tui check lists them"
@@ -156,7 +159,7 @@ def _ports(server: ServerSettings) -> DoctorLine:
 def _serial() -> DoctorLine:
     found = port_list.list_ports()
     if not found:
-        return "serial", True, "no port: a real robot is to be plugged in or paired first (simmer-tui ports)"
+        return "serial", True, "no port: plug a real robot in, or pair it, first (simmer-tui ports)"
     return "serial", True, f"{', '.join(port.device for port in found[:4])} (simmer-tui ports tells more)"
 
 
@@ -181,7 +184,7 @@ def _extras() -> DoctorLine:
     checks: Mapping[str, tuple[Callable[[], bool], str]] = {
         "Octave": (lambda: _is_there("octave-cli", "octave"), octave),
         "MATLAB": (lambda: _is_there("matlab"), "from MathWorks"),
-        "Dask": (lambda: find_spec("distributed") is not None, "pip install 'simmer-tui[dask]'"),
+        "Dask": (lambda: find_spec("distributed") is not None, f"pip install '{requirement('dask')}'"),
     }
     shown = [name if there() else f"no {name} ({how})" for name, (there, how) in checks.items()]
     return "extras", True, ", ".join(shown)
@@ -268,7 +271,9 @@ def _name_values(parser: argparse.ArgumentParser) -> None:
     for action in parser._actions:
         if action.choices is not None or action.nargs == 0:
             continue
-        if action.dest in ("config", "source"):
+        if action.dest == "topic":
+            action.choices = topics()
+        elif action.dest in ("config", "source"):
             action.choices = sorted(bundled_sets())
         elif action.dest in profiles:
             action.choices = profiles[action.dest]

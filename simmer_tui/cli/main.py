@@ -4,65 +4,82 @@ from __future__ import annotations
 
 import argparse
 import gc
+import io
 import os
-import pkgutil
 import sys
 from collections.abc import Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING
 
+from msgspec.structs import replace
+
+from simmer_tui import platform_has
 from simmer_tui.cli.command_line import (
     CliCommand,
     ExitCode,
     OneLineParser,
     add_setting_options,
+    add_trust_option,
     command,
+    has_terminal,
     overrides_from,
 )
-from simmer_tui.config.dialects import all_ports
-from simmer_tui.config.loader import load
-from simmer_tui.config.sets import MISSION_SET, bundled_sets, find_set
+from simmer_tui.config.loader import Configuration, load
+from simmer_tui.config.mission_toml import OVERRIDDEN
+from simmer_tui.config.sets import find_mission_set, find_set
+from simmer_tui.config.settings import OFF
 from simmer_tui.errors import ConfigurationError, Problem
-from simmer_tui.version import __version__
+from simmer_tui.version import __version__, requirement
 
 if TYPE_CHECKING:
-    from simmer_tui.cli.run_life import FrontEnd
+    from simmer_tui.cli.run_life import FrontEnd, RunPage
     from simmer_tui.server import Server
 
 # Names, not functions: importing all commands would make every start as slow as the slowest.
 COMMANDS = {
     "init": ("config_commands:run_init", "copy a configuration set into a folder, to be edited there"),
+    "examples": ("examples_command:run_examples", "copy the sample programs into a folder"),
     "check": ("config_commands:run_check", "check a configuration set and show what it describes"),
-    "import": ("config_commands:run_import", "make a configuration set of a team's own config.py or Main.m"),
+    "import": ("config_commands:run_import", "make a configuration set from a team's config.py or Main.m"),
     "replay": ("replay_command:run_replay", "play a logged run on the screen"),
-    "report": ("log_commands:run_report", "sum a logged run up: tables, pictures, a page"),
-    "export": ("log_commands:run_export", "make pictures of a logged run: a GIF that moves, an SVG"),
-    "trials": ("trials_command:run_trials", "run a program many times: how often does it succeed"),
+    "report": ("log_commands:run_report", "summarize a logged run: verdict, tables, pictures, a page"),
+    "export": ("log_commands:run_export", "make pictures of a logged run: an animated GIF, an SVG"),
+    "trials": ("trials_command:run_trials", "run a program many times and measure its success rate"),
     "compare": ("compare_command:run_compare", "compare two sets of trials on the same seeds"),
     "grade": ("grade_command:run_grade", "grade a course's programs, each in a sandbox, with few runs"),
     "calibrate": (
         "calibrate_command:run_calibrate",
-        "learn a real robot from run logs of it: a set that behaves so",
+        "estimate a real robot's parameters from run logs, as a set",
     ),
+    "atlas": ("atlas_command:run_atlas", "compute expected readings at every pose of a grid, as a file"),
     "rerun": ("log_commands:run_rerun", "run a logged run again and compare every reply"),
-    "doctor": ("machine_commands:run_doctor", "what this terminal and machine can do, in ten lines"),
+    "doctor": ("machine_commands:run_doctor", "check this terminal and machine, in ten lines"),
+    "env": (
+        "env_command:run_env",
+        "print the variables for programs that an IDE starts",
+    ),
     "completion": ("machine_commands:run_completion", "print completion for a shell"),
     "ports": ("machine_commands:run_ports", "list the serial ports a robot may be on"),
+    "help": ("help_command:run_help", "help on a command, or on all settings: help settings"),
 }
 """By name the function in this room, imported only when it is called for, and what it does."""
 
 
+_COMMON_SETTINGS = ("seed", "realistic", "server.port", "serial.port", "screen.pace")
+"""Settings that a run is given most often."""
+
+
 def build_parser() -> OneLineParser:
     """The options of a run."""
-    variables = ", ".join(port.variable for port in all_ports())
-    commands = "\n".join(f"  simmer-tui {name:10} {text}" for name, (_, text) in COMMANDS.items())
+    commands = "\n".join(f"  {name:11} {text}" for name, (_, text) in COMMANDS.items())
     parser = OneLineParser(
         prog="simmer-tui",
         usage="simmer-tui [options]\n       simmer-tui COMMAND ...",
         words=COMMANDS,
         formatter_class=_Help,
-        description="A simulator for mechatronics robots in a maze, driven over TCP or from the terminal.",
-        epilog=f"commands (each with its own --help):\n{commands}\n\n"
-        "Lengths are inches, angles degrees, times seconds. Options win over settings.toml.",
+        description="A simulator for mechatronics robots in a maze, driven over TCP or from the terminal.\n\n"
+        f"commands (simmer-tui help COMMAND says more):\n{commands}",
+        epilog="Lengths are inches, angles degrees, times seconds. Options win over settings.toml.",
     )
     parser.add_argument("--version", action="version", version=f"simmer-tui {__version__}")
     run = parser.add_argument_group("run")
@@ -74,8 +91,7 @@ def build_parser() -> OneLineParser:
     run.add_argument(
         "--mission",
         action="store_true",
-        help="do the mission of the set's mission.toml (default set: mission); without the screen it ends "
-        "with the mission, with exit code 0 for success and 1 otherwise",
+        help="do the set's mission (default set: ./config or mission); with --no-ui exit code 1: it failed",
     )
     run.add_argument("--no-ui", action="store_true", help="run without the screen")
     run.add_argument("--quiet", action="store_true", help="without the screen: no lines about what happens")
@@ -83,12 +99,18 @@ def build_parser() -> OneLineParser:
     run.add_argument(
         "--run",
         metavar='"CMD ..."',
-        help=f"run a program with SIMMER_HOST and the ports ({variables}) set; exit with its exit code",
+        help="run a program with SIMMER_PORT and others set (docs/trials.md); exit with its exit code",
     )
+    run.add_argument("--log", metavar="FILE", help="log the run; auto: a file in your data folder")
     run.add_argument(
-        "--log", metavar="FILE", help="log the run: a file, or auto for one named by date in your data folder"
+        "--token-file",
+        metavar="FILE",
+        type=Path,
+        help="the first line of FILE is the --token, which other users could read on the command line",
     )
-    add_setting_options(parser)
+    add_trust_option(run)
+    add_setting_options(parser, has_screen=True)
+    parser.common_settings = _COMMON_SETTINGS
     return parser
 
 
@@ -111,6 +133,9 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def command_named(name: str) -> CliCommand:
     """The function of a command in the table."""
+    # Imported here because runs need it not.
+    import pkgutil
+
     chosen: CliCommand = pkgutil.resolve_name(f"simmer_tui.cli.{COMMANDS[name][0]}")
     return chosen
 
@@ -120,14 +145,29 @@ def _run(options: argparse.Namespace) -> int:
     """A run, with the screen or without."""
     from simmer_tui.cli.run_life import RunLife, say
 
-    if not options.no_ui and not (sys.stdin.isatty() and sys.stdout.isatty() and sys.stderr.isatty()):
+    if not options.no_ui and not has_terminal():
         say("simmer-tui: there is no terminal to draw on; add --no-ui to run without the screen")
         return ExitCode.PROBLEM
     server = _server(options)
     gc.freeze()  # what start-up has made stays; collections need not go through it again
     gc.enable()
+    page = _page(server)
     front = front_end(server, options, quiet=options.quiet, once=options.once)
-    return RunLife(server, front, command=options.run, once=options.once, log=options.log).run()
+    return RunLife(server, front, command=options.run, once=options.once, log=options.log, page=page).run()
+
+
+def _page(server: Server) -> RunPage | None:
+    """The page that shows the run in browsers, if it is asked for. Raises ConfigurationError, PortError."""
+    if server.configuration.settings.web.port == OFF:
+        return None
+    try:
+        from simmer_tui.web.page_server import PageServer
+    except ModuleNotFoundError as error:
+        if error.name != "websockets":
+            raise
+        what = f"needs the package websockets: pip install '{requirement('web')}'"
+        raise ConfigurationError([Problem("--web", what)]) from None
+    return PageServer(server)
 
 
 def front_end(
@@ -140,32 +180,55 @@ def front_end(
         return Headless(server, quiet=quiet, has_program=options.run is not None)
     from simmer_tui.cli.app_start import Screen
 
-    return Screen(server, once=once, has_program=options.run is not None)
+    return Screen(server, once=once, program=options.run)
 
 
 def _server(options: argparse.Namespace) -> Server:
     """The server of a run. Raises ConfigurationError, PortError."""
+    from simmer_tui.links.pty_device import NOT_ON_WINDOWS
     from simmer_tui.server import Server
 
     overrides = overrides_from(options)
+    if "server.pty" in overrides and not platform_has.POSIX:
+        place, _, what = NOT_ON_WINDOWS.partition(": ")
+        raise ConfigurationError([Problem(place, what)])
+    if options.token_file is not None:
+        from simmer_tui.cli.access_token import add_token_of
+
+        add_token_of(options.token_file, overrides)
     if not options.mission:
-        return Server(load(find_set(options.config), overrides))
+        return Server(checked(load(find_set(options.config), overrides), options))
     from simmer_tui.mission import plan_run
 
-    directory = bundled_sets()[MISSION_SET] if options.config is None else find_set(options.config)
-    given = [
-        overrides[name].option for name in ("bot_center", "bot_rot", "block_center") if name in overrides
-    ]
+    directory = find_mission_set(options.config)
+    given = [overrides[name].option for name in OVERRIDDEN if name in overrides]
     # Two places that say where the robot starts: one would be ignored without a word.
     if given:
         what = "has no effect in a mission: mission.toml says where robot and block start"
         raise ConfigurationError([Problem(option, what) for option in given])
-    configuration, plan = plan_run(load(directory, overrides))
+    configuration, plan = plan_run(checked(load(directory, overrides), options))
     return Server(configuration, plan=plan)
 
 
+def checked(configuration: Configuration, options: argparse.Namespace) -> Configuration:
+    """The same configuration, by the real clock if there is no program to follow and that is allowed. Raises
+    ConfigurationError."""
+    motion = configuration.settings.motion
+    if not motion.is_by_program or (options.run is not None and options.no_ui):
+        return configuration
+    if motion.clock == "program":
+        what = "follows the clock of a Python program that is run: it needs --run and --no-ui"
+        raise ConfigurationError([Problem("--clock program", what)])
+    motion = replace(motion, clock="real")
+    return replace(configuration, settings=replace(configuration.settings, motion=motion))
+
+
 def run() -> None:
-    """`main` as the whole program. A closed pipe at the other end of standard output is no fault."""
+    """`main` as the whole program. A closed pipe at the other end of standard output is no fault, nor is a
+    console without all characters, such as one of Windows with code page 1252."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):  # there may be none
+            stream.reconfigure(errors="backslashreplace")
     try:
         code = main()
         sys.stdout.flush()

@@ -11,9 +11,12 @@ from simmer_tui.cli.app_start import apply_choice
 from simmer_tui.cli.command_line import (
     ExitCode,
     OneLineParser,
+    add_device_options,
     add_log_argument,
+    asking_nobody,
     command,
     configuration_of,
+    has_terminal,
     log_of,
 )
 from simmer_tui.cli.main import front_end
@@ -44,6 +47,7 @@ def _parser() -> OneLineParser:
     take_over.add_argument("--no-ui", action="store_true", help="without the screen")
     take_over.add_argument("--run", metavar='"CMD ..."', help="run a program, which goes on from there")
     take_over.add_argument("--log", metavar="FILE", help="log the run, all that was before included")
+    add_device_options(take_over)
     return parser
 
 
@@ -54,7 +58,7 @@ def run_replay(options: argparse.Namespace) -> int:
         return _take_over_at(log_of(options), options)
     if options.no_ui or options.run or options.log:
         _parser().error("--no-ui, --run and --log need --take-over")
-    if not (sys.stdin.isatty() and sys.stdout.isatty() and sys.stderr.isatty()):
+    if not has_terminal():
         sys.stderr.write("simmer-tui replay: there is no terminal to draw on; simmer-tui report needs none\n")
         return ExitCode.PROBLEM
     path = log_of(options)
@@ -64,10 +68,10 @@ def run_replay(options: argparse.Namespace) -> int:
     choice = apply_choice(options.color, options.glyphs)
     # Imported here: Textual reads the environment that the choice has set.
     from simmer_tui.tui.replay import ReplayApp
-    from simmer_tui.tui.textual_internals import cropped_dirty_spans
+    from simmer_tui.tui.textual_internals import delta_updates
 
-    with log, cropped_dirty_spans():
-        app = ReplayApp(run, choice, follow=options.follow)
+    with log, delta_updates(), asking_nobody():
+        app = ReplayApp(run, choice, follow=options.follow, devices=options.config)
         app.run(mouse=run.configuration.settings.screen.mouse)
     if app.taken_over is not None:
         return _go_on(app.taken_over, options)
@@ -78,7 +82,7 @@ def _take_over_at(path: Path, options: argparse.Namespace) -> int:
     with RunLogIndex(path) as log:
         moment = moment_at(log, options.take_over)
     with configuration_of(path):
-        chosen = TakeOver(path, moment)
+        chosen = TakeOver(path, moment, options.config)
         chosen.check()
     return _go_on(chosen, options)
 

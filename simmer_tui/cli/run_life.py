@@ -16,8 +16,11 @@ from types import FrameType
 from typing import TYPE_CHECKING, Protocol, TextIO
 
 from simmer_tui.cli.command_line import ExitCode
-from simmer_tui.events import Event, MissionEnd, Result
-from simmer_tui.program import Program, ProgramOutput
+from simmer_tui.config.dialects import SERIAL
+from simmer_tui.errors import ProgramError
+from simmer_tui.events import NOT_LED, Action, ActionName, Event, MissionEnd, Notice, NoticeKind, Result
+from simmer_tui.program import Program, ProgramOutput, not_started
+from simmer_tui.program.program_command import out_of_reach
 from simmer_tui.server import Server
 
 if TYPE_CHECKING:
@@ -52,6 +55,15 @@ class FrontEnd(Protocol):
 
     def prepare(self, prefix: Callable[[], None] | None) -> None:
         """Watch the server, which is to be started. A `prefix` is what happened before, to be told first."""
+        ...
+
+    def offer(self, run: Callable[[str], None]) -> None:
+        """`run` starts a program beside the run, which was begun without one. It raises ProgramError."""
+        ...
+
+    def offer_again(self, again: Callable[[], None]) -> None:
+        """`again` begins the run anew, with its program, if there was one; what it starts goes on without the
+        caller."""
         ...
 
     def watch(self, event: Event) -> None:
@@ -91,6 +103,35 @@ class FrontEnd(Protocol):
         """The run is over, its server stopped."""
         ...
 
+    def show_links(self, links: tuple[str, ...]) -> None:
+        """Show where browsers see the run."""
+        ...
+
+
+class RunPage(Protocol):
+    """Shows a run in browsers beside its front end."""
+
+    @property
+    def shown_links(self) -> tuple[str, ...]:
+        """Lines with the links to it, for people and not for logs."""
+        ...
+
+    def prepare(self) -> None:
+        """Watch the server, which is to be started."""
+        ...
+
+    def start(self) -> None:
+        """The server runs."""
+        ...
+
+    def judged(self, verdict: Verdict) -> None:
+        """The run is over, its server stopped; this is how it ended, and why."""
+        ...
+
+    def stop(self) -> None:
+        """The run is over."""
+        ...
+
 
 class RunLife:
     """One run: a server with a front end, and perhaps a program that drives the robot."""
@@ -104,21 +145,26 @@ class RunLife:
         once: bool = False,
         log: str | None = None,
         prefix: Callable[[], None] | None = None,
+        page: RunPage | None = None,
     ) -> None:
         """`command` is the program. With `once` the run ends when the client has left, or the program.
-        `log` is a file, or `auto`. A `prefix` is told before the server starts."""
+        `log` is a file, or `auto`. A `prefix` is told before the server starts. A `page` shows it too."""
         self._server = server
         self._front = front
         self._command = command
         self._once = once
         self._log = log
         self._prefix = prefix
+        self._page = page
         self._shutdown = Shutdown(server)
         self._interruptions: list[int] = []
         """The exit codes of signals, as they came."""
         self._mission_end = MissionEnd(lambda: front.finish(0))
         self._output = ProgramOutput(lambda: server.engine.present)
         self._program_code: int | None = None
+        self._latest = ""
+        """Command of the program that was started last."""
+        self._program_over = threading.Event()
         self._end_told = False
         self._lock = threading.Lock()
         self._history: RunHistory | None = None
@@ -128,18 +174,28 @@ class RunLife:
         """Serve until a signal, the program, the client, the mission or the front end ends the run.
 
         Returns the exit code: that of the first signal, of the mission, of the program, or of the front end.
-        Raises ProgramError if the program cannot be started, RunLogError if the log cannot be written.
+        Raises ProgramError if the program cannot be started and no verdict says so, RunLogError if the log
+        cannot be written.
         """
         server, front = self._server, self._front
         try:
             self._start()
             front.started()
+            if self._page is not None:
+                front.show_links(self._page.shown_links)
             return self._exit_code(front.show())
+        except ProgramError as error:
+            server.tell(not_started(str(error), server.engine.present))
+            if front.wants_verdict:
+                return ExitCode.NOT_STARTED
+            raise
         finally:
             self._shutdown.finish(0.0 if self._interruptions else self._grace, self._tell_program_end)
             for fault in server.late_faults:
                 say(fault)
             self._judge()
+            if self._page is not None:
+                self._page.stop()
             front.ended(self._program_code)
 
     def _start(self) -> None:
@@ -148,20 +204,67 @@ class RunLife:
             front.logging(server.start_log(self._log))
         # After the log is open and before the server runs: an interruption closes both.
         self._shutdown.on_signals(self._interrupted)
-        if front.wants_verdict:
+        if front.wants_verdict or (front.judges and self._page is not None):
             self._history = server.keep_history()
+        if self._page is not None:
+            self._page.prepare()
         front.prepare(self._prefix)
         # A program may send more when a client has left, and has an exit code of its own.
         ends_with_client = self._once and self._command is None
         server.start(self._watch, (lambda: front.finish(0)) if ends_with_client else (lambda: None))
+        if self._page is not None:
+            self._page.start()
         if self._command is not None:  # before anything is said: if it fails, that is the one line
-            self._shutdown.program = Program(
-                self._command,
-                server.environment,
-                self._program_ended,
-                front.program_output,
-                output=self._output,
-            )
+            self._run_program(self._command)
+        else:
+            front.offer(self._run_example)
+        front.offer_again(self._again)
+
+    def _run_program(self, command: str) -> None:
+        """Start a program beside the run. Raises ProgramError."""
+        if SERIAL.purpose in self._server.ports and (why := out_of_reach(command)):
+            from simmer_tui.links.dialect_link import WAY_OUT
+
+            self._server.tell(Notice(NoticeKind.FAULT, f"{NOT_LED}: {why}. {WAY_OUT}"))
+        self._shutdown.program = Program(
+            command,
+            self._server.environment,
+            self._program_ended,
+            self._front.program_output,
+            output=self._output,
+            adopts=True,
+        )
+        self._server.note_output(self._shutdown.program.settle_output)
+        self._latest = command
+        self._server.note_program(self._shutdown.program.pid)
+
+    def _again(self) -> None:
+        """Begin the run anew, and its program with it. A program that still runs is ended first."""
+        threading.Thread(target=self._begin_again, name="again", daemon=True).start()
+
+    def _begin_again(self) -> None:
+        server, program = self._server, self._shutdown.program
+        if program is not None:
+            program.end()
+            self._program_over.wait()  # its end belongs to the run before
+        server.call(server.engine.perform, Action(ActionName.RESET, source="keys"))
+        if program is None:
+            return
+        with self._lock:
+            self._program_code, self._end_told = None, False
+            self._output = ProgramOutput(lambda: server.engine.present)
+            self._program_over.clear()
+        try:
+            self._run_program(self._latest)
+        except ProgramError as error:
+            server.tell(not_started(str(error), server.engine.present))
+            self._program_over.set()
+
+    def _run_example(self, command: str) -> None:
+        """Start a program that a person has asked for, once. The exit code of the run is not its own."""
+        if self._shutdown.program is None:
+            self._run_program(command)
+            self._server.expect_program()
 
     @property
     def _judged(self) -> Referee | None:
@@ -180,6 +283,7 @@ class RunLife:
             self._server.drain()
             self._tell_program_end()
         self._front.program_ended(code)
+        self._program_over.set()
 
     def _tell_program_end(self) -> None:
         """Tell that the program has ended, if it has; once, after the last that it sent."""
@@ -189,10 +293,10 @@ class RunLife:
                 return
             self._end_told = True
         stopped = program is not None and program.stopped
-        self._server.tell(self._output.end(code, self._server.engine.present, stopped=stopped))
+        self._server.tell_at_once(self._output.end(code, self._server.engine.present, stopped=stopped))
 
     def _judge(self) -> None:
-        """Give the front end the verdict on a run in which anything happened."""
+        """Give front end and page the verdict on a run in which anything happened."""
         server, history = self._server, self._history
         if history is None or server.running or not (history.totals.commands or history.programs.items):
             return
@@ -203,7 +307,11 @@ class RunLife:
         task = None
         if server.referee is not None:
             task = task_of(server.configuration, server.seed, server.referee.plan)
-        self._front.judged(verdict_of(history, task))
+        verdict = verdict_of(history, task)
+        if self._front.wants_verdict:
+            self._front.judged(verdict)
+        if self._page is not None:
+            self._page.judged(verdict)
 
     def _interrupted(self, number: int) -> int:
         """The exit code of a run that a signal ends."""
@@ -220,7 +328,7 @@ class RunLife:
         """The exit code, `code` being that of the front end."""
         if self._front.judges and not self._interruptions:
             code = self._judgement(code)
-        elif self._program_code is not None:
+        elif self._command is not None and self._program_code is not None:
             code = self._program_code
         return self._interruptions[0] if self._interruptions else code
 
@@ -231,7 +339,7 @@ class RunLife:
             # What it sent last may meet a goal.
             self._drain()
         if referee is None:
-            if self._command is not None and not code and not server.simulator.commands:
+            if self._command is not None and not code and server.is_silent:
                 say(f"simmer-tui: {NOTHING_SENT}")
                 return ExitCode.NO
             return code
@@ -256,12 +364,14 @@ class RunLife:
     def _give_up(self, referee: Referee, code: int) -> None:
         """End a mission that nobody can finish any more, in the robot's thread. A program that says that
         all is well without one command has most likely not found the port."""
-        if not code and not self._server.simulator.commands:
+        if not code and self._server.is_silent:
             referee.end(NOTHING_SENT)
         elif self._command is None:
             referee.end("the client has left")
         else:
             referee.end(f"the program has ended with exit code {code}")
+        # Whatever became of the watcher that would tell of it: nobody waits for ever.
+        self._front.finish(code)
 
 
 def say(line: str, stream: TextIO | None = None) -> None:

@@ -29,12 +29,14 @@ from simmer_tui.cli.trials_options import (
     typed_path,
 )
 from simmer_tui.config.loader import Configuration, load
-from simmer_tui.config.sets import MISSION_SET, bundled_sets, find_set
+from simmer_tui.config.mission_toml import OVERRIDDEN
+from simmer_tui.config.sets import find_mission_set, find_set
 from simmer_tui.config.settings_file import Override
 from simmer_tui.document.as_data import csv_text
 from simmer_tui.document.as_html import html_page
 from simmer_tui.document.formats import ESTIMATE
 from simmer_tui.errors import ClusterError, ConfigurationError, Problem, TrialsError
+from simmer_tui.phrases import counted
 from simmer_tui.sim.command import escape
 from simmer_tui.trials.cluster import pack
 from simmer_tui.trials.explanations import Explanations
@@ -45,11 +47,18 @@ from simmer_tui.trials.local import run_locally
 from simmer_tui.trials.mazes import read_mazes
 from simmer_tui.trials.sequential import MARGIN, SequentialTest, sequential_test, shown_test
 from simmer_tui.trials.sweep import SweepPoint, points_of
-from simmer_tui.trials.sweep_summary import CURVES, WANTED_RATE, curves, curves_csv, sweep_document
-from simmer_tui.trials.trial import TrialResult, timed_seconds
+from simmer_tui.trials.sweep_summary import (
+    CURVES,
+    WANTED_RATE,
+    curves,
+    curves_csv,
+    sweep_document,
+    sweep_page,
+)
+from simmer_tui.trials.trial import TrialResult
+from simmer_tui.trials.trial_clock import timed_seconds
+from simmer_tui.trials.trials_page import trials_page
 from simmer_tui.trials.trials_summary import runs_table, trials_document
-
-_OF_THE_MISSION = ("bot_center", "bot_rot", "block_center")
 
 
 @command(trials_parser)
@@ -64,23 +73,22 @@ def run_trials(options: argparse.Namespace) -> int:
         say("trials", shown_test(test))
     if not sys.stderr.isatty():
         most = "" if test is None else "at most "
-        runs = f"{most}{len(folder.to_do)} runs to do, seed {folder.plan.seed}"
+        runs = f"{most}{counted(len(folder.to_do), 'run')} to do, seed {folder.plan.seed}"
         say("trials", f"{runs}, results in {typed_path(folder.path)}")
     code, why = _run_all(folder, options, test)
     if code is ExitCode.DONE and options.why is not None:
         code, why = _explain(folder, options)
-    wanted = WANTED_RATE if options.require is None else options.require
     if folder.results:
-        _show(folder, wanted, as_json=options.json)
+        _show(folder, options.require, as_json=options.json)
     if code is not ExitCode.DONE:
         done = "" if folder.results else "no run is done: "
-        say("trials", f"{done}{why}; to go on: {_continuation(folder, options)}")
+        say("trials", f"{done}{why}; to resume: {_continuation(folder, options)}")
         return code
     if test is not None:
         return _decided(test, folder)
-    if options.require is None or _is_kept(folder, wanted):
+    if options.require is None or _is_kept(folder, options.require):
         return ExitCode.DONE
-    say("trials", f"the success rate is below the {wanted:g} required")
+    say("trials", f"the success rate is below the {options.require:g} required")
     return ExitCode.NO
 
 
@@ -97,7 +105,7 @@ def _begun(options: argparse.Namespace) -> TrialFolder:
     """A new set of trials. Raises TrialsError, ConfigurationError."""
     if options.run is None:
         raise TrialsError('--run is missing: give the program, such as --run "python my_robot.py"')
-    directory = bundled_sets()[MISSION_SET] if options.config is None else find_set(options.config)
+    directory = find_mission_set(options.config)
     overrides = overrides_from(options)
     configuration = load(directory, overrides)
     points = points_of(options.vary)
@@ -116,9 +124,9 @@ def _begun(options: argparse.Namespace) -> TrialFolder:
         time_limit=options.time_limit or DEFAULT_TIME_LIMIT + timed_seconds(configuration),
         points=points,
     )
-    _check_plan(options, plan)
+    _check_plan(options, plan, configuration)
     path = options.out or Path(new_folder(PREFIX))
-    return TrialFolder.create(path, plan, configuration.files, mazes)
+    return TrialFolder.create(path, plan, configuration.texts, mazes)
 
 
 def _check(
@@ -129,9 +137,9 @@ def _check(
         problems.append(Problem("trials", "are for the simulated robot; leave out --serial"))
     if configuration.mission is not None:
         what = "has no effect in a mission: mission.toml says where robot and block start"
-        given = [overrides[name].option for name in _OF_THE_MISSION if name in overrides]
+        given = [overrides[name].option for name in OVERRIDDEN if name in overrides]
         varied = {name for point in points for name in point}
-        given += [f"--vary {name}" for name in _OF_THE_MISSION if name in varied]
+        given += [f"--vary {name}" for name in OVERRIDDEN if name in varied]
         problems += [Problem(option, what) for option in given]
     if problems:
         raise ConfigurationError(problems)
@@ -140,10 +148,10 @@ def _check(
 def _check_sure(options: argparse.Namespace) -> None:
     if options.sure is None:
         if options.margin is not None:
-            raise TrialsError("--margin says how far below the rate of --require fails with --sure: add it")
+            raise TrialsError("--margin needs --sure: a program fails so far below the rate of --require")
         return
     if options.require is None:
-        raise TrialsError("--sure says how sure the decision of --require is to be: add --require RATE")
+        raise TrialsError("--sure needs a rate to decide on: add --require RATE")
 
 
 def _test(options: argparse.Namespace, cap: int | None = None) -> SequentialTest:
@@ -152,8 +160,11 @@ def _test(options: argparse.Namespace, cap: int | None = None) -> SequentialTest
     return sequential_test(options.require, margin, 1.0 - options.sure, cap or options.runs)
 
 
-def _check_plan(options: argparse.Namespace, plan: TrialPlan) -> None:
+def _check_plan(options: argparse.Namespace, plan: TrialPlan, configuration: Configuration) -> None:
     """Refuse options that do not go with the plan. Raises TrialsError."""
+    if options.dask is not None and configuration.devices:
+        names = ", ".join(device.path for device in configuration.devices)
+        raise TrialsError(f"--dask: {names} of the set runs on this machine only: leave out --dask")
     for option, value in (("--sure", options.sure), ("--why", options.why)):
         if value is not None and plan.points:
             raise TrialsError(f"{option} is for one program as it is, not for trials with --vary")
@@ -171,7 +182,7 @@ def _resumed(options: argparse.Namespace) -> TrialFolder:
     ConfigurationError."""
     path = options.out or newest_folder(PREFIX, PLAN, Path())
     if path is None:
-        raise TrialsError("there are no trials here to go on with: name their folder with --out")
+        raise TrialsError("there are no trials here to resume: name their folder with --out")
     folder = TrialFolder.resume(path)
     plan = folder.plan
     overrides = overrides_from(options)
@@ -196,13 +207,13 @@ def _resumed(options: argparse.Namespace) -> TrialFolder:
     for option, (value, before) in given.items():
         if value is not None and value != before:
             raise TrialsError(
-                f"{option} is not as it was when these trials began ({escape(str(before), 120)}): leave it "
-                "out to go on, or begin anew with another --out"
+                f"{option} differs from that of these trials ({escape(str(before), 120)}): leave it "
+                "out to resume, or start new trials with another --out"
             )
     runs = options.runs or plan.runs
     if runs < plan.runs:
-        raise TrialsError(f"--runs {runs} is less than the {plan.runs} that these trials are to have")
-    _check_plan(options, plan)
+        raise TrialsError(f"--runs {runs} is less than the {plan.runs} runs planned for these trials")
+    _check_plan(options, plan, folder.configuration)
     if runs > plan.runs:
         folder.write_plan(structs.replace(plan, runs=runs))
     return folder
@@ -259,7 +270,8 @@ def _explain(folder: TrialFolder, options: argparse.Namespace) -> tuple[ExitCode
         try:
             for each in changed:
                 end = {True: "succeeds", False: "fails", None: "has no result"}[each.succeeded]
-                say("trials", f"run {each.run} {end} with {each.change}")
+                other = f" and other errors ({each.repeat})" if each.repeat else ""
+                say("trials", f"run {each.run} {end} with {each.change}{other}")
         except KeyboardInterrupt:
             return ExitCode.INTERRUPTED, "interrupted"
     return ExitCode.DONE, ""
@@ -282,15 +294,16 @@ def _progress() -> Progress:
 # -- the answer ------------------------------------------------------------------------------------
 
 
-def _show(folder: TrialFolder, wanted: float, *, as_json: bool) -> None:
+def _show(folder: TrialFolder, required: float | None, *, as_json: bool) -> None:
     """Write the files of the answer and print it."""
     files = {TABLE: csv_text(runs_table(folder))}
     if folder.plan.points:
         files[CURVES] = curves_csv(folder)
-        answer = sweep_document(folder, wanted)
+        wanted = WANTED_RATE if required is None else required
+        answer, page = sweep_document(folder, wanted), sweep_page(folder, wanted)
     else:
-        answer = trials_document(folder, write_run_pages(folder))
-    files[PAGE] = html_page(answer)
+        answer, page = trials_document(folder), trials_page(folder, write_run_pages(folder), required)
+    files[PAGE] = html_page(page)
     written = [escape(str(folder.write(name, text)), 200) for name, text in files.items()]
     print_answer(answer, as_json=as_json)
     if not as_json:
@@ -304,8 +317,8 @@ def _decided(test: SequentialTest, folder: TrialFolder) -> ExitCode:
     score = ESTIMATE.text(test.interval(verdict.runs, verdict.successes))
     say(
         "trials",
-        f"{'passed' if verdict.passed else 'failed'} after {verdict.runs} runs, {verdict.successes} of them "
-        f"successes: success rate {score}, 95 % interval after a sequential test",
+        f"{'passed' if verdict.passed else 'failed'} after {counted(verdict.runs, 'run')}, "
+        f"{verdict.successes} of them successes: success rate {score}, 95 % interval after a sequential test",
     )
     return ExitCode.DONE if verdict.passed else ExitCode.NO
 

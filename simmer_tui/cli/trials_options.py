@@ -9,7 +9,12 @@ import sys
 from datetime import datetime
 from pathlib import Path
 
-from simmer_tui.cli.command_line import OneLineParser, add_json_option, add_setting_options
+from simmer_tui.cli.command_line import (
+    OneLineParser,
+    add_json_option,
+    add_setting_options,
+    add_trust_option,
+)
 from simmer_tui.config.sets import MISSION_SET
 from simmer_tui.sim.command import escape
 from simmer_tui.trials.explanations import EXPLAINED
@@ -57,8 +62,9 @@ def trials_parser() -> OneLineParser:
     group.add_argument(
         "--run",
         metavar='"CMD ..."',
-        help="the program; for it are set SIMMER_HOST, SIMMER_PORT, SIMMER_REPLY_PORT, SIMMER_DROP_ZONE, "
-        "SIMMER_TIME_LIMIT, SIMMER_DRIVE_PROFILE, SIMMER_SENSOR_PROFILE (where the robot has profiles), "
+        help="the program; it gets the variables SIMMER_HOST, SIMMER_PORT, SIMMER_REPLY_PORT, "
+        "SIMMER_DROP_ZONE, SIMMER_TIME_LIMIT, SIMMER_DRIVE_PROFILE, SIMMER_SENSOR_PROFILE (where the "
+        "robot has profiles), "
         "SIMMER_RUN (the number of the run) and, in other mazes than the set's, SIMMER_MAZE (a file like "
         "maze.csv)",
     )
@@ -71,7 +77,8 @@ def trials_parser() -> OneLineParser:
     group.add_argument(
         "--config",
         metavar="DIR",
-        help=f"configuration set: a folder, or the name of a bundled one (default {MISSION_SET})",
+        help="configuration set: a folder, or the name of a bundled one "
+        f"(default: ./config with a mission.toml, else {MISSION_SET})",
     )
     mazes = group.add_mutually_exclusive_group()
     mazes.add_argument(
@@ -94,7 +101,7 @@ def trials_parser() -> OneLineParser:
         "--time-limit",
         metavar="SECONDS",
         type=seconds,
-        help="longest time of a run on the clock (default "
+        help="longest real time of a run (default "
         f"{DEFAULT_TIME_LIMIT:g}, with timed motion the mission's time limit more)",
     )
     group.add_argument(
@@ -130,7 +137,7 @@ def trials_parser() -> OneLineParser:
         metavar="NAME=VALUE,VALUE...",
         action="append",
         default=[],
-        help="a sweep: so many --runs, with the same seeds, for each value of a setting (strength, "
+        help="a sweep: --runs N, with the same seeds, for each value of a setting (strength, "
         "motion.time_scale) or of a column of one sensor or drive (u1.percent_error); more than once, each "
         "is varied alone; semicolons stand between values that have commas",
     )
@@ -144,7 +151,9 @@ def trials_parser() -> OneLineParser:
         "a time, such as true readings of one sensor, and say which change made them succeed",
     )
     add_json_option(parser)
+    add_trust_option(parser)
     add_setting_options(parser)
+    parser.common_settings = ("seed", "realistic")
     return parser
 
 

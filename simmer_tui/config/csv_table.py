@@ -10,6 +10,7 @@ from typing import Any, TypeVar
 
 from msgspec import Struct
 
+from simmer_tui.config.given_path import other_case
 from simmer_tui.errors import Problem
 from simmer_tui.sim.columns import CsvColumn
 from simmer_tui.sim.command import escape
@@ -31,13 +32,16 @@ def read_text(path: Path, problems: list[Problem]) -> str | None:
         data = path.read_bytes()
     except FileNotFoundError:
         folder = escape(str(path.parent), 200)
+        other = other_case(path)
         what = f"is missing from {folder}; simmer-tui init DIR writes a complete set to start from"
+        if other:
+            what = f"is missing from {folder}, which has {escape(other, 100)}: rename that, in small letters"
         problems.append(Problem(path.name, what))
         return None
     except OSError as error:
         problems.append(Problem(path.name, f"cannot be read: {error.strerror or error}"))
         return None
-    remedy = 'save it as "CSV UTF-8"' if path.suffix == ".csv" else "save it as UTF-8"
+    remedy = 'save it as "CSV UTF-8"' if path.suffix.lower() == ".csv" else "save it as UTF-8"
     # What spreadsheets save as "Unicode text", and workbooks with the wrong ending.
     if data.startswith((b"\xff\xfe", b"\xfe\xff")) or b"\0" in data:
         problems.append(Problem(path.name, f"is not UTF-8 text but UTF-16 or binary; {remedy}"))
@@ -195,6 +199,12 @@ class TableRow(Struct, frozen=True):
         problems += [Problem(self.where(name), what) for name in columns if self.values.get(name)]
 
 
+def headers_of(table: CsvTable) -> tuple[str, ...]:
+    """The cells of the header row that are not blank, each once."""
+    header = next((row for row in table.rows if row.cells), None)
+    return tuple(dict.fromkeys(cell for cell in header.cells if cell)) if header is not None else ()
+
+
 def read_table(
     table: CsvTable, required: Sequence[str], optional: Sequence[str], problems: list[Problem]
 ) -> tuple[TableRow, ...]:
@@ -240,7 +250,9 @@ def _columns_by_name(
             problems.append(Problem(where, what))
         elif name in columns:
             first = column_letters(columns[name])
-            problems.append(Problem(where, f"is a column already (column {first}); it must be there once"))
+            problems.append(
+                Problem(where, f"is a column already (column {first}); each column must occur once")
+            )
         else:
             columns[name] = index
     return columns
@@ -296,7 +308,7 @@ def read_flags(row: TableRow, codes: dict[str, str], problems: list[Problem]) ->
 def claim_id(name: str, row: TableRow, seen: dict[str, int], problems: list[Problem]) -> bool:
     """True if no earlier row has the ID `name`; `seen` keeps the line of each."""
     if name in seen:
-        what = f'"{name}" is in line {seen[name]} already; every ID must be there once'
+        what = f'"{name}" is in line {seen[name]} already; every ID must occur once'
         problems.append(Problem(row.where(ID), what))
         return False
     seen[name] = row.line

@@ -5,7 +5,8 @@ import math
 from simmer_tui.sim.columns import FIELD_OF_VIEW
 from simmer_tui.sim.command import escape
 from simmer_tui.sim.rules import did_you_mean
-from simmer_tui.sim.specs import DriveSpec, GripperSpec, SensorSpec, SimulationSpec
+from simmer_tui.sim.specs import DriveSpec, GripperSpec, SensorSpec, SimulationSpec, VelocitySpec
+from simmer_tui.sim.velocity_commands import WAIT, velocity_shape
 
 # Eighths of a turn from the front, counter-clockwise.
 _SIDES = (
@@ -28,8 +29,14 @@ def describe_code(spec: SimulationSpec, code: str) -> list[str]:
     gripper = spec.gripper
     if gripper is not None and code in (gripper.code, "grip"):
         return _gripper_lines(gripper)
+    for velocity in spec.velocities:
+        if code in (velocity.code, velocity.kind.value):
+            return _velocity_lines(velocity, spec)
+    if code == WAIT:
+        return [f"{WAIT}  wait: simulated time goes on by S seconds", f"Give   {WAIT}-S, such as {WAIT}-0.5"]
     known = [sensor.code for sensor in spec.sensors] + [drive.code for drive in spec.drives]
     known += [gripper.code] if gripper is not None else []
+    known += [velocity.code for velocity in spec.velocities]
     hint = did_you_mean(code, known) or f"; there are {' '.join(known)}"
     return [f"{escape(code, 20)}: no sensor or drive has that code{hint}"]
 
@@ -70,8 +77,14 @@ def _sensor_lines(sensor: SensorSpec) -> list[str]:
     elif kind.has("field_of_view"):
         lines.append(f"Looks  straight down{_view(sensor)}")
     lines += [f"Says   {_answer(sensor)}", f"Errors {_errors(sensor)}"]
-    lines.append(f"Give   {sensor.code}  (it takes no value)")
+    lines.append(f"Give   {_given(sensor)}")
     return lines
+
+
+def _given(sensor: SensorSpec) -> str:
+    if not sensor.kind.is_scan:
+        return f"{sensor.code}  (it takes no value)"
+    return f"{sensor.code} for all its ranges, {sensor.code}-90 for that at 90 deg from the robot's front"
 
 
 def _place(sensor: SensorSpec) -> str:
@@ -173,4 +186,19 @@ def _gripper_lines(gripper: GripperSpec) -> list[str]:
         f"Sits   at the front: it reaches {gripper.reach:g} in ahead of the robot, {gripper.width:g} in wide",
         f"Speed  {gripper.speed:g} openings or closings a second",
         f"Give   {gripper.code}-1 to close it, {gripper.code}-0 to open it",
+    ]
+
+
+def _velocity_lines(velocity: VelocitySpec, spec: SimulationSpec) -> list[str]:
+    shape = velocity_shape(velocity, spec.wheels)
+    if not shape:
+        return [
+            f"{velocity.code}  wheels: rim speeds, one a wheel",
+            "It is refused: this robot's wheels are not described; see [wheels] in settings.toml",
+        ]
+    return [
+        f"{velocity.code}  {velocity.kind.value}: a velocity that lasts until changed, or for T seconds",
+        *_off(velocity.enabled),
+        "Units  inches and degrees a second, in the robot's frame: ahead, to the left, counter-clockwise",
+        f"Give   {shape}; zeros stop the robot",
     ]

@@ -43,7 +43,7 @@ class Dialect(Struct, frozen=True):
     `(text, ServerSettings) -> (bytes, ReplyForm)` that writes a command as programs do. Both are
     `module:name`, since only what is served is imported. `summary` is its line in `check`, with the settings
     of `[server]` in braces. One without a `typed` is served always, beside those that carry commands; without
-    its port the robot is served all the same, with `warning`.
+    its port the robot is still served, with `warning`.
     """
 
     ports: tuple[DialectPort, ...]
@@ -66,6 +66,11 @@ PACKET_REPLIES = DialectPort(
 # Ours alone: the next one after the MATLAB ports.
 BELIEFS = DialectPort("beliefs", "belief_port", 9002, "port where programs say what they believe, 0 for any")
 
+# The next of ours. Always the same, so that an IDE's settings (`simmer-tui env`) stay right.
+SERIAL = DialectPort("serial", "dialect_port", 9003, "port of programs that open a serial port, 0 for any")
+
+TEAM = "dialect"
+"""The name of the team's own language, which a set with a dialect.toml has."""
 DIALECTS: dict[str, Dialect] = {
     # First: what is typed is written as MATLAB programs write it, unless only packets are served.
     "binary": Dialect(
@@ -80,6 +85,12 @@ DIALECTS: dict[str, Dialect] = {
         "Packets: requests on port {packet_port}, replies on port {packet_reply_port}; without brackets "
         "answered in {legacy_reply}.",
         "simmer_tui.protocol.packets:typed",
+    ),
+    TEAM: Dialect(
+        (SERIAL,),
+        "simmer_tui.links.dialect_link:DialectLink",
+        "Dialect: dialect.toml, for programs that open a serial port; line speed: {line}. Motion is timed.",
+        "simmer_tui.protocol.binary:typed",
     ),
     # Without `typed`: it carries no commands, so that it is no choice of `listeners`.
     "beliefs": Dialect(

@@ -1,6 +1,9 @@
-"""drive.csv: a header row, then at most one row for each way to move, and one for the gripper."""
+"""drive.csv: a header row, then at most one row for each way to move, for the gripper, and for each command
+of continuous motion."""
 
 from pathlib import Path
+
+from msgspec import Struct
 
 from simmer_tui.config.csv_table import (
     CODE,
@@ -17,7 +20,7 @@ from simmer_tui.errors import Problem
 from simmer_tui.sim import columns
 from simmer_tui.sim.columns import CsvColumn
 from simmer_tui.sim.rules import ChoiceRule
-from simmer_tui.sim.specs import DriveKind, DriveSpec, GripperSpec
+from simmer_tui.sim.specs import DriveKind, DriveSpec, GripperSpec, VelocityKind, VelocitySpec
 from simmer_tui.sim.values import with_values
 
 FILE = "drive.csv"
@@ -25,9 +28,10 @@ GRIPPER = "grip"
 """The ID of the gripper's row."""
 COLUMNS: tuple[CsvColumn, ...] = (
     CsvColumn(
-        ChoiceRule((*(kind.value for kind in DriveKind), GRIPPER)),
+        ChoiceRule((*(kind.value for kind in DriveKind), GRIPPER, *(kind.value for kind in VelocityKind))),
         "which movement: " + "; ".join(f"{kind.value} {kind.meaning}" for kind in DriveKind) + "; "
-        "grip opens and closes the gripper",
+        "grip opens and closes the gripper; velocity and velocity-x, -y, -r set a velocity that lasts; "
+        "wheels sets rim speeds",
         name=ID,
         needed=True,
     ),
@@ -39,33 +43,49 @@ OPTIONAL = tuple(column.name for column in COLUMNS if not column.needed)
 _ONLY_MOVEMENTS = [
     column.name for column in columns.MOVEMENT if not column.needed and column is not columns.SPEED
 ]
+VELOCITY_CODES = ("vv", "vx", "vy", "vr", "ww")
+"""Codes of the commands of continuous motion in bundled and imported sets, in the order of `VelocityKind`."""
+_VELOCITIES = frozenset(kind.value for kind in VelocityKind)
 _ONLY_GRIPPER = (columns.REACH.name, columns.WIDTH.name)
+_ONLY_OTHERS = (*_ONLY_MOVEMENTS, columns.SPEED.name, *_ONLY_GRIPPER)
 
 
-def load_drives(
-    directory: Path, codes: dict[str, str], problems: list[Problem]
-) -> tuple[tuple[DriveSpec, ...], GripperSpec | None]:
-    """Read drive.csv: the ways to move, and the gripper if there is one. Rows with mistakes are
-    left out, with a problem each.
+class DriveRows(Struct, frozen=True):
+    """The rows of drive.csv by what they are for."""
+
+    drives: tuple[DriveSpec, ...] = ()
+    gripper: GripperSpec | None = None
+    velocities: tuple[VelocitySpec, ...] = ()
+
+
+def load_drives(directory: Path, codes: dict[str, str], problems: list[Problem]) -> DriveRows:
+    """Read drive.csv. Rows with mistakes are left out, with a problem each.
 
     `codes` maps codes in use to their places, and is added to.
     """
     table = read_csv(directory / FILE, problems)
     if table is None:
-        return (), None
+        return DriveRows()
     seen: dict[str, int] = {}
     rows = read_table(table, REQUIRED, OPTIONAL, problems)
     specs = [_read_row(row, seen, codes, problems) for row in rows]
-    grippers = [spec for spec in specs if isinstance(spec, GripperSpec)]
-    return tuple(spec for spec in specs if isinstance(spec, DriveSpec)), grippers[0] if grippers else None
+    return DriveRows(
+        tuple(spec for spec in specs if isinstance(spec, DriveSpec)),
+        next((spec for spec in specs if isinstance(spec, GripperSpec)), None),
+        tuple(spec for spec in specs if isinstance(spec, VelocitySpec)),
+    )
 
 
 def _read_row(
     row: TableRow, seen: dict[str, int], codes: dict[str, str], problems: list[Problem]
-) -> DriveSpec | GripperSpec | None:
+) -> DriveSpec | GripperSpec | VelocitySpec | None:
     before = len(problems)
     name = _read_id(row, seen, problems)
     flags = read_flags(row, codes, problems)
+    if name in _VELOCITIES:
+        row.refuse(_ONLY_OTHERS, f"has no effect for {name}: leave it blank", problems)
+        complete = len(problems) == before and row.has(COLUMNS)
+        return with_values(VelocitySpec(kind=VelocityKind(name), code=""), flags) if complete else None
     if name == GRIPPER:
         row.refuse(_ONLY_MOVEMENTS, f"is for movements only; leave it blank for {GRIPPER}", problems)
         cells = row.cells(columns.GRIPPER, problems)

@@ -1,33 +1,45 @@
 """Loads a configuration set with overriding options, or refuses it with every mistake listed."""
 
+from __future__ import annotations
+
+import pickle
 from collections.abc import Iterator, Mapping
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from msgspec import Struct, field
+from msgspec.structs import astuple, replace
 
-from simmer_tui.config.drive_csv import load_drives
+from simmer_tui.config import dialect_toml
+from simmer_tui.config.device_trust import DeviceUse
+from simmer_tui.config.dialects import TEAM
+from simmer_tui.config.drive_csv import DriveRows, load_drives
 from simmer_tui.config.maze_csv import FLOOR_FILE, load_maze
 from simmer_tui.config.mission_toml import FILE as MISSION_FILE
 from simmer_tui.config.mission_toml import MissionSpec, load_mission
 from simmer_tui.config.robot_csv import load_robot
-from simmer_tui.config.sensors_csv import load_sensors
+from simmer_tui.config.set_devices import DeviceStatus, SetDevices
 from simmer_tui.config.sets import FILES, find_set, init_set, set_name
-from simmer_tui.config.settings import Settings
-from simmer_tui.config.settings_file import Override, load_settings
+from simmer_tui.config.settings import NO_WHEELS, Settings, WheelsSettings
+from simmer_tui.config.settings_file import LoadedSettings, Override, load_settings
 from simmer_tui.config.toml_file import TomlFile
+from simmer_tui.dialect.dialect_rules import DialectRules
 from simmer_tui.errors import ConfigurationError, Problem
 from simmer_tui.sim.command import escape
 from simmer_tui.sim.obstacles import placement_problems
 from simmer_tui.sim.sensors import KINDS, SensorKinds
 from simmer_tui.sim.specs import (
     ContactRule,
-    DriveSpec,
-    GripperSpec,
     MazeSpec,
     RobotSpec,
     SensorSpec,
     SimulationSpec,
+    WheelLayout,
+    WheelsSpec,
 )
+
+if TYPE_CHECKING:  # few sets have devices
+    from simmer_tui.config.device_file import DeviceFile
 
 __all__ = ["Configuration", "Override", "find_set", "init_set", "load"]
 
@@ -43,13 +55,42 @@ class Configuration(Struct, frozen=True):
     """The text of the set's files by name, as they were when it was read; a run log keeps them."""
     mission: MissionSpec | None = None
     """The contents of mission.toml, if the set has one."""
+    dialect: DialectRules | None = None
+    """The contents of dialect.toml, if the set has one."""
+    devices: tuple[DeviceFile, ...] = ()
+    """The device files of the set, as they were when it was read."""
+    device_statuses: tuple[DeviceStatus, ...] = ()
+    """For each of them, whether it ran, and what is unfinished."""
+
+    @property
+    def texts(self) -> dict[str, str]:
+        """All files of the set by their paths in it, with those of devices: enough to make it anew."""
+        return {**self.files, **{device.path: device.text for device in self.devices}}
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """The parts to pickle: with devices their files come first, whose classes the rest needs."""
+        if not self.devices:
+            return type(self), astuple(self)
+        return _unpickled, (self.devices, pickle.dumps(astuple(self)))
+
+
+def _unpickled(devices: tuple[DeviceFile, ...], fields: bytes) -> Configuration:
+    """A configuration in another process, which runs the files that the first one trusted."""
+    from simmer_tui.config.device_code import run_devices
+
+    run_devices(devices)
+    return Configuration(*pickle.loads(fields))
 
 
 def load(
-    directory: Path, overrides: Mapping[str, Override] | None = None, kinds: SensorKinds = KINDS
+    directory: Path,
+    overrides: Mapping[str, Override] | None = None,
+    kinds: SensorKinds = KINDS,
+    *,
+    devices: DeviceUse = DeviceUse.RUN,
 ) -> Configuration:
     """Read the set in `directory`, `overrides` (by dotted name of the setting) over settings.toml.
-    `kinds` are the sensors that sensors.csv may name.
+    `kinds` are the sensors that sensors.csv may name beside those of the set's own `devices`.
 
     Raises ConfigurationError with every mistake in all the files and overrides.
     """
@@ -63,9 +104,18 @@ def load(
     codes: dict[str, str] = {}
     maze = load_maze(directory, problems)
     robot = load_robot(directory, problems)
-    sensors = load_sensors(directory, codes, problems, kinds)
-    drives, gripper = load_drives(directory, codes, problems)
-    loaded = load_settings(directory, overrides or {}, problems)
+    later: list[Problem] = []
+    # Read before the sensors, whose kinds they name; their mistakes are told behind those of the CSV files.
+    loaded = load_settings(directory, overrides or {}, later)
+    try:
+        own = _own_devices(directory, loaded, kinds, devices)
+    except ConfigurationError as error:
+        # Without their kinds every row of theirs would seem wrong, so the sensors wait.
+        raise ConfigurationError([*problems, *later, *error.problems]) from None
+    kinds = own.kinds
+    sensors = own.load_sensors(directory, codes, problems)
+    rows = load_drives(directory, codes, problems)
+    problems += later
     mission, mission_file = load_mission(directory, problems)
     settings = loaded.settings
     if settings.realistic or settings.sensor_profile or settings.drive_profile or settings.link_profile:
@@ -73,17 +123,87 @@ def load(
         from simmer_tui.config.profiles import with_profiles
 
         given = frozenset(overrides or ())
-        settings, sensors, drives = with_profiles(loaded, given, sensors, drives, problems, kinds)
+        settings, sensors, drives = with_profiles(loaded, given, sensors, rows.drives, problems, kinds)
+        rows = replace(rows, drives=drives)
+    dialect, settings = _dialect(directory, loaded, settings, sensors, rows, overrides or {}, problems)
     if problems or maze is None or robot is None:
         raise ConfigurationError(problems)
-    simulation = _simulation(settings, maze, robot, sensors, drives, gripper)
+    simulation = _simulation(settings, maze, robot, sensors, rows)
     # Places are looked at only in a set that is right otherwise: a wrong maze would make them all wrong.
     misplaced = [Problem(loaded.places[name], what) for name, what in placement_problems(simulation)]
     if mission is not None:
         misplaced += _undoable(mission, mission_file, simulation)
     if misplaced:
         raise ConfigurationError(misplaced)
-    return Configuration(directory, set_name(directory), simulation, settings, _texts(directory), mission)
+    return Configuration(
+        directory,
+        set_name(directory),
+        simulation,
+        settings,
+        _texts(directory),
+        mission,
+        dialect,
+        own.run_files,
+        own.statuses,
+    )
+
+
+def _own_devices(directory: Path, loaded: LoadedSettings, kinds: SensorKinds, use: DeviceUse) -> SetDevices:
+    """The devices of a set, with all kinds that its sensors may be of. Raises ConfigurationError."""
+    if not loaded.settings.sensors.devices or use is DeviceUse.GIVEN:
+        return SetDevices(kinds)
+    # Few sets have any.
+    from simmer_tui.config.device_kinds import set_devices
+
+    return set_devices(directory, loaded, kinds, use)
+
+
+def _dialect(
+    directory: Path,
+    loaded: LoadedSettings,
+    settings: Settings,
+    sensors: tuple[SensorSpec, ...],
+    rows: DriveRows,
+    overrides: Mapping[str, Override],
+    problems: list[Problem],
+) -> tuple[DialectRules | None, Settings]:
+    """The dialect of a set, if it has one, and the settings with it."""
+    dialect = None
+    if TEAM in settings.server.listeners or (directory / dialect_toml.FILE).exists():
+        # Few sets have one, and its reader takes time to import.
+        from simmer_tui.config.dialect_parts import Parts
+        from simmer_tui.config.dialect_reader import load_dialect
+
+        parts = Parts(sensors, rows.drives, rows.gripper, rows.velocities)
+        dialect = load_dialect(directory, parts, problems)
+        settings = _with_dialect(loaded, settings, dialect, overrides, problems)
+    if settings.server.pty and TEAM not in settings.server.listeners:
+        what = f"is the serial port of a set with a {dialect_toml.FILE}; simmer-tui init --dialect writes one"
+        problems.append(Problem(loaded.places["server.pty"], what))
+    return dialect, settings
+
+
+def _with_dialect(
+    loaded: LoadedSettings,
+    settings: Settings,
+    dialect: DialectRules | None,
+    overrides: Mapping[str, Override],
+    problems: list[Problem],
+) -> Settings:
+    """The settings of a set with a dialect: programs speak that alone, and motion is timed."""
+    listeners, name = settings.server.listeners, "server.listeners"
+    if dialect is None:
+        if TEAM in listeners:
+            what = (
+                f"names {TEAM}, but the set has no {dialect_toml.FILE}; simmer-tui init --dialect writes one"
+            )
+            problems.append(Problem(loaded.places[name], what))
+        return settings
+    if TEAM not in listeners and name not in overrides:
+        settings = replace(settings, server=replace(settings.server, listeners=(TEAM,)))
+    if TEAM not in settings.server.listeners:
+        return settings
+    return replace(settings, motion=replace(settings.motion, motion="timed"))
 
 
 def _undoable(mission: MissionSpec, file: TomlFile, simulation: SimulationSpec) -> Iterator[Problem]:
@@ -100,14 +220,14 @@ def _simulation(
     maze: MazeSpec,
     robot: RobotSpec,
     sensors: tuple[SensorSpec, ...],
-    drives: tuple[DriveSpec, ...],
-    gripper: GripperSpec | None,
+    rows: DriveRows,
 ) -> SimulationSpec:
+    motion, wheels = settings.motion, settings.wheels
     return SimulationSpec(
         maze=maze,
         robot=robot,
         sensors=sensors,
-        drives=drives,
+        drives=rows.drives,
         bot_center=settings.bot_center,
         bot_rot=settings.bot_rot,
         block_center=settings.block_center,
@@ -116,13 +236,29 @@ def _simulation(
         num_segments=settings.num_segments,
         strength=settings.strength,
         randbias=settings.randbias,
-        gripper=gripper,
-        contact=ContactRule(settings.motion.contact),
-        clearance=settings.motion.clearance,
+        gripper=rows.gripper,
+        contact=ContactRule(motion.contact),
+        clearance=motion.clearance,
+        velocities=rows.velocities,
+        wheels=None if wheels.layout == NO_WHEELS else _wheels(wheels),
+        velocity_timeout=motion.velocity_timeout,
+        loop_time=motion.loop_time,
+        wall_friction=motion.wall_friction,
+        control_period=motion.control_period,
+    )
+
+
+def _wheels(wheels: WheelsSettings) -> WheelsSpec:
+    return WheelsSpec(
+        layout=WheelLayout(wheels.layout),
+        track=wheels.track,
+        wheelbase=wheels.wheelbase,
+        radius=wheels.radius,
+        top_speed=wheels.top_speed,
     )
 
 
 def _texts(directory: Path) -> dict[str, str]:
     """The files of a set that has been read, to the letter: line ends and byte-order marks stay."""
-    paths = [directory / name for name in (*FILES, FLOOR_FILE, MISSION_FILE)]
+    paths = [directory / name for name in (*FILES, FLOOR_FILE, MISSION_FILE, dialect_toml.FILE)]
     return {path.name: path.read_bytes().decode() for path in paths if path.is_file()}

@@ -1,5 +1,7 @@
 """A mission's start pose, block and drop zone, drawn from the seed where the set leaves them open."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Sequence
 
@@ -33,6 +35,11 @@ class Cell(Struct, frozen=True):
 
     x: float
     y: float
+
+    @property
+    def corners(self) -> tuple[tuple[float, float], tuple[float, float]]:
+        """Its lower left and upper right corners."""
+        return (self.x - _HALF, self.y - _HALF), (self.x + _HALF, self.y + _HALF)
 
     def holds(self, x: float, y: float) -> bool:
         """True if a place is in the cell, its edges included."""

@@ -70,6 +70,8 @@ class MissionSpec(Struct, frozen=True, kw_only=True):
 
 KEYS = described(MissionSpec())
 """The keys of the file."""
+OVERRIDDEN = ("bot_center", "bot_rot", "block_center")
+"""Settings that a mission overrides."""
 
 
 def load_mission(directory: Path, problems: list[Problem]) -> tuple[MissionSpec | None, TomlFile]:

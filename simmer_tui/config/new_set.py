@@ -12,11 +12,20 @@ import json
 from collections.abc import Collection, Iterable, Mapping
 from typing import Any
 
-from simmer_tui.config import drive_csv, maze_csv, mission_toml, robot_csv, sensors_csv, settings_file
+from simmer_tui.config import (
+    dialect_toml,
+    drive_csv,
+    maze_csv,
+    mission_toml,
+    robot_csv,
+    sensors_csv,
+    settings_file,
+)
 from simmer_tui.config.csv_table import COMMENT, ID, POLL_CHARACTER, delimiter_of
 from simmer_tui.config.sets import MISSION_SET, bundled_sets, read_files
 from simmer_tui.config.settings import Setting, all_settings
 from simmer_tui.config.settings_file import with_all_settings
+from simmer_tui.dialect.dialect_rules import Busy
 from simmer_tui.errors import ConfigurationError, Problem
 from simmer_tui.sim.values import Value
 
@@ -31,10 +40,15 @@ def explained(files: Mapping[str, bytes], nominal: str = "") -> dict[str, bytes]
         files: Texts by file name.
         nominal: Name of the set that they were copied from; one that a set names already stays.
     """
-    made = {}
+    made: dict[str, bytes] = {}
     for name, data in files.items():
+        if name.endswith(".py"):
+            made[name] = data  # a device, whose hash is trusted
+            continue
         text = text_of(name, data)
-        if name in (settings_file.FILE, mission_toml.FILE):
+        if name == dialect_toml.FILE:
+            text = naming_schema(name, text)
+        elif name in (settings_file.FILE, mission_toml.FILE):
             complete = with_all_settings(text, {"nominal": nominal}) if name == settings_file.FILE else text
             text = naming_schema(name, complete)
         elif not any(line.startswith(COMMENT) for line in text.splitlines()):
@@ -59,7 +73,7 @@ def with_mission(files: Mapping[str, bytes]) -> dict[str, bytes]:
     """The files of a set with all that a mission needs: a gripper, a load sensor and a mission.toml. What is
     missing is taken from the bundled set `mission`."""
     model = read_files(bundled_sets()[MISSION_SET])
-    texts = {name: text_of(name, data) for name, data in files.items()}
+    texts = {name: text_of(name, data) for name, data in files.items() if not name.endswith(".py")}
     drives, sensors = drive_csv.FILE, sensors_csv.FILE
     missing = [name for name in (drives, sensors) if name not in texts]
     if missing:
@@ -71,7 +85,7 @@ def with_mission(files: Mapping[str, bytes]) -> dict[str, bytes]:
             code = _free_code(wanted[POLL_CHARACTER], taken)
             taken.add(code)
             texts[name] = _with_row(texts[name], wanted | {POLL_CHARACTER: code})
-    made = {name: text.encode() for name, text in texts.items()}
+    made = {**files, **{name: text.encode() for name, text in texts.items()}}
     return made | {mission_toml.FILE: files.get(mission_toml.FILE, model[mission_toml.FILE])}
 
 
@@ -147,7 +161,11 @@ Schema = dict[str, Any]
 
 def schemas() -> dict[str, Schema]:
     """The schemas by the name of the file that each is for."""
-    return {settings_file.FILE: settings_schema(), mission_toml.FILE: mission_schema()}
+    return {
+        settings_file.FILE: settings_schema(),
+        mission_toml.FILE: mission_schema(),
+        dialect_toml.FILE: dialect_schema(),
+    }
 
 
 def schema_path(file: str) -> str:
@@ -175,6 +193,52 @@ def settings_schema() -> Schema:
 def mission_schema() -> Schema:
     """The schema of mission.toml."""
     return _schema("The mission of a set, SimMeR-TUI", mission_toml.KEYS)
+
+
+def dialect_schema() -> Schema:
+    """The schema of dialect.toml."""
+    text, number = {"type": "string"}, {"type": "number"}
+    texts = {"type": ["string", "array"], "items": text}
+    reply = {
+        "type": ["string", "object", "array"],
+        "additionalProperties": False,
+        "properties": _described(dialect_toml.REPLY_KEYS, {}),
+    }
+    kinds: dict[str, Schema] = {
+        **dict.fromkeys(("match", "do"), texts),
+        **dict.fromkeys(("reply", "done", "stopped", "send"), reply),
+        **dict.fromkeys(("if", "unpack"), text),
+        "takes": {"type": ["number", "string"]},
+        "type": {"type": "integer"},
+        "every": number,
+        "busy": {"enum": [each.value for each in Busy]},
+    }
+    whole = _object("The language of a team's robot, SimMeR-TUI")
+    properties = whole["properties"]
+    for name, values in (
+        ("frame", dialect_toml.FRAME),
+        ("reply", dialect_toml.REPLY),
+        ("robot", dialect_toml.ROBOT),
+    ):
+        properties[name] = _object(name)
+        for value in values:
+            properties[name]["properties"][value.name] = value.rule.schema | {"description": value.help}
+    properties["frame"]["properties"] |= {
+        "head": text,
+        "names": {"type": "array", "items": text},
+        "body": {"type": ["string", "integer"]},
+    }
+    properties["state"] = {"type": "object", "additionalProperties": {"type": ["number", "string"]}}
+    for name, keys in (("command", dialect_toml.COMMAND_KEYS), ("stream", dialect_toml.STREAM_KEYS)):
+        each = _object(name) | {"properties": _described(keys, kinds)}
+        properties[name] = {"type": "array", "items": each}
+    properties["unknown"] = _object("unknown") | {"properties": _described(dialect_toml.UNKNOWN_KEYS, kinds)}
+    return {"$schema": _DRAFT, **whole}
+
+
+def _described(keys: Mapping[str, str], kinds: Mapping[str, Schema]) -> dict[str, Schema]:
+    """The schemas of keys, with their meanings."""
+    return {key: {**kinds.get(key, {}), "description": meaning} for key, meaning in keys.items()}
 
 
 def _schema(title: str, values: Iterable[Value]) -> Schema:

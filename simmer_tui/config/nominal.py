@@ -6,8 +6,13 @@ variant of the bundled set with the same sensors and drives, most rows of which 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
 
+from msgspec import Struct
+
+from simmer_tui.config.device_trust import DeviceUse
 from simmer_tui.config.loader import Configuration, Override, load
 from simmer_tui.config.sets import bundled_sets, find_set, set_name
 from simmer_tui.errors import ConfigurationError
@@ -19,8 +24,7 @@ _PROFILES = ("realistic", "sensor_profile", "drive_profile", "link_profile")
 _SAME = 0.5
 
 
-@dataclass(frozen=True, slots=True)
-class Nominal:
+class Nominal(Struct, frozen=True):
     """A nominal set: its name and what it describes."""
 
     name: str
@@ -58,13 +62,23 @@ def _first(pair: tuple[float, Nominal]) -> float:
 
 def _read(name: str, configuration: Configuration) -> Nominal:
     folder = find_set(name)
-    settings = configuration.settings
-    given = {name: getattr(settings, name) for name in _PROFILES}
+    chosen = tuple(getattr(configuration.settings, name) for name in _PROFILES)
+    # Bundled sets do not change, and trials ask for one after each run.
+    return (_loaded_once if folder in bundled_sets().values() else _loaded)(folder, chosen)
+
+
+def _loaded(folder: Path, chosen: tuple[Any, ...]) -> Nominal:
+    """A set with some values of the `_PROFILES`."""
     # TOML has lists where settings have tuples.
-    given = {name: list(value) if isinstance(value, tuple) else value for name, value in given.items()}
+    given = {
+        name: list(value) if isinstance(value, tuple) else value
+        for name, value in zip(_PROFILES, chosen, strict=True)
+    }
     overrides = {name: Override(f"{name} of the run", value) for name, value in given.items() if value}
-    loaded = load(folder, overrides)
-    return Nominal(set_name(folder), loaded.simulation)
+    return Nominal(set_name(folder), load(folder, overrides, devices=DeviceUse.PARSE).simulation)
+
+
+_loaded_once = cache(_loaded)
 
 
 def _alike(spec: SimulationSpec, other: SimulationSpec) -> float:

@@ -1,6 +1,6 @@
 """Profiles: the errors of common drives, sensors and links, which override the values of a set.
 
-Each is a TOML file that comes along, in `profiles/drive`, `profiles/sensors` or `profiles/link` beside
+Each is a bundled TOML file, in `profiles/drive`, `profiles/sensors` or `profiles/link` beside
 the default set. A drive profile has a table for each ID of drive.csv and the `strength` of the random
 bias; a sensor profile says which `kind` it is for and has values named as the fields of `SensorSpec`; a
 link profile has those of the table [link] of settings.toml.
@@ -36,6 +36,7 @@ _USUAL_SENSORS = {
     "gyro": "mpu-6050",
     "comp": "qmc5883l",
     "odom": "encoder",
+    "lidar": "rplidar-a1m8",
 }
 _TITLE = Value(TextRule(), name="title")
 _ENABLED = Value(FlagRule(), name="enabled", field="enabled")

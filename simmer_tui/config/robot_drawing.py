@@ -142,11 +142,18 @@ def _words(spec: SimulationSpec) -> list[str]:
         if sensor.enabled:
             directions.setdefault(_direction(sensor), []).append(sensor.code)
     lines = [(_named(codes), direction) for direction, codes in directions.items()]
-    lines += [(f"{drive.code}-V", f"{drive.kind.meaning} by V") for drive in spec.drives if drive.enabled]
-    if spec.gripper is not None and spec.gripper.enabled:
-        lines.append((f"{spec.gripper.code}-1", f"close the gripper; {spec.gripper.code}-0 opens it"))
+    lines += movement_commands(spec)
     width = max((len(codes) for codes, _ in lines), default=0)
     return [f"{codes.ljust(width)}  {meaning}" for codes, meaning in lines]
+
+
+def movement_commands(spec: SimulationSpec) -> list[tuple[str, str]]:
+    """Commands that drive the robot or move its gripper, each with its meaning."""
+    rows = [(f"{drive.code}-V", f"{drive.kind.meaning} by V") for drive in spec.drives if drive.enabled]
+    gripper = spec.gripper
+    if gripper is not None and gripper.enabled:
+        rows.append((f"{gripper.code}-1", f"close the gripper; {gripper.code}-0 opens it"))
+    return rows
 
 
 def _named(codes: Sequence[str]) -> str:

@@ -1,7 +1,7 @@
 """sensors.csv: a header row, then one sensor a row."""
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -14,6 +14,7 @@ from simmer_tui.config.csv_table import (
     POLL_CHARACTER,
     TableRow,
     claim_id,
+    headers_of,
     read_csv,
     read_flags,
     read_table,
@@ -60,13 +61,20 @@ def load_sensors(
         return ()
     seen: dict[str, int] = {}
     optional = optional_headers(kinds)
-    cells = {kind: _cells_of(kind, kinds, optional) for kind in (None, *kinds.values())}
+    if any(kind.any_columns for kind in kinds.values()):
+        # Of a device file that was not run: its kinds may have any column.
+        optional += tuple(name for name in headers_of(table) if name not in (*HEADERS, *optional))
+    owners = _owners(kinds)
+    cells: dict[type[SensorKind] | None, _Cells] = {}
     specs = []
     for row in read_table(table, HEADERS, optional, problems):
         before = len(problems)
         identity = _read_id(row, kinds, seen, problems)
         values = read_flags(row, codes, problems)
-        values |= cells[identity[0] if identity else None].read(row, problems)
+        kind = identity[0] if identity else None
+        if kind not in cells:
+            cells[kind] = _cells_of(kind, owners, optional)
+        values |= cells[kind].read(row, problems)
         if identity and row.has((CODE, ENABLED)) and len(problems) == before:
             specs.append(_spec(*identity, row, values, problems))
     return tuple(specs)
@@ -89,26 +97,33 @@ class _Cells(NamedTuple):
         return values
 
 
-def _cells_of(kind: type[SensorKind] | None, kinds: SensorKinds, optional: tuple[str, ...]) -> _Cells:
+def _cells_of(
+    kind: type[SensorKind] | None, owners: Mapping[str, Sequence[str]], optional: tuple[str, ...]
+) -> _Cells:
     """The columns of a kind, and of the base those that it has no use for, where any number will do. In a row
     whose kind cannot be read (None), only those common to all kinds are checked."""
     # Files may fill these columns for every kind, with numbers that mean nothing to it.
     usable = {column.name: replace(column, rule=NumberRule(), needed=False) for column in BASE}
+    if kind is not None and kind.any_columns:
+        return _Cells(kind.name, tuple(usable[header] for header in HEADERS if header in usable), {})
     if kind is not None:
         usable |= {column.name: column for column in kind.columns}
     else:
         usable |= {column.name: column for column in COMMON}
     ordered = tuple(usable[header] for header in (*HEADERS, *optional) if header in usable)
     blank = {
-        header: listed(_owners(header, kinds))
-        for header in optional
-        if kind is not None and header not in usable
+        header: listed(names) for header, names in owners.items() if kind is not None and header not in usable
     }
     return _Cells(kind.name if kind else "", ordered, blank)
 
 
-def _owners(header: str, kinds: SensorKinds) -> list[str]:
-    return [kind.name for kind in kinds.values() if any(column.name == header for column in kind.columns)]
+def _owners(kinds: SensorKinds) -> dict[str, list[str]]:
+    """The kinds that have a column, by its header."""
+    owners: dict[str, list[str]] = {}
+    for kind in kinds.values():
+        for header in dict.fromkeys(column.name for column in kind.columns):
+            owners.setdefault(header, []).append(kind.name)
+    return owners
 
 
 def _spec(

@@ -1,19 +1,24 @@
 """A configuration as tables, for programs: `check --json`. Keys carry the units of the values."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from operator import attrgetter
 
 from simmer_tui.config.loader import Configuration
 from simmer_tui.config.mission_toml import Heading
+from simmer_tui.config.set_warnings import set_warnings
 from simmer_tui.config.settings import Setting, all_settings, value_of
+from simmer_tui.dialect.inverse import InverseRules
+from simmer_tui.dialect.messages import dictionary
 from simmer_tui.document.formats import PLACE, POSE, TEXT
 from simmer_tui.document.model import DataColumn, DataTable, Document
 from simmer_tui.errors import Problem
 from simmer_tui.sim import columns
+from simmer_tui.sim.command import escape
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.rules import PairRule
 from simmer_tui.sim.sensors import KINDS
-from simmer_tui.sim.specs import CELL_SIZE
+from simmer_tui.sim.specs import CELL_SIZE, SensorSpec
 from simmer_tui.sim.values import Value
 
 _UNITS = {"deg/sqrt s": "deg_per_sqrt_s"}
@@ -40,6 +45,7 @@ _SENSOR_VALUES = tuple(
 )
 CHECK = DataTable("check", "The set", _columns("ok name directory"), record=True)
 PROBLEMS = DataTable("problems", "Its mistakes", _columns("where text"))
+WARNINGS = DataTable("warnings", "What may not be as its author expects", _columns("text"))
 MAZE = DataTable("maze", "The maze, the first row on top", _columns("cell_size_in cells floor"), record=True)
 ROBOT = DataTable(
     "robot",
@@ -51,15 +57,44 @@ BLOCK = DataTable(
     "block", "The block", (DataColumn("centre", PLACE), *_columns("size_in solid")), record=True
 )
 SENSORS = DataTable("sensors", "Sensors", _columns("id code kind enabled unit", _SENSOR_VALUES))
+DEVICES = DataTable(
+    "devices",
+    "Device files of the set's own; one that was not run was only parsed",
+    _columns("path sha256 trusted ran kinds unfinished"),
+)
 DRIVES = DataTable("drives", "Drives", _columns("id code enabled unit", columns.MOVEMENT))
 GRIPPER = DataTable("gripper", "The gripper", _columns("code enabled", columns.GRIPPER), record=True)
+VELOCITIES = DataTable("velocities", "Commands of continuous motion", _columns("id code enabled"))
 MISSION = DataTable(
     "mission",
     "The mission; null for what is drawn anew",
     _columns("start heading_deg heading_drawn block clearance_in drop_zone time_limit_s contacts"),
     record=True,
 )
-TABLES = (CHECK, PROBLEMS, MAZE, ROBOT, BLOCK, SENSORS, DRIVES, GRIPPER, MISSION)
+MESSAGES = DataTable("messages", "Messages of the dialect", _columns("message does reply"))
+TURNED = DataTable(
+    "real_robot", "Commands that a real robot is sent by the dialect", _columns("command message")
+)
+DIFFERENCES = DataTable(
+    "differences", "Lines of an exchange in which the dialect answers otherwise", _columns("line text")
+)
+TABLES = (
+    CHECK,
+    PROBLEMS,
+    WARNINGS,
+    MAZE,
+    ROBOT,
+    BLOCK,
+    SENSORS,
+    DEVICES,
+    DRIVES,
+    GRIPPER,
+    VELOCITIES,
+    MISSION,
+    MESSAGES,
+    TURNED,
+    DIFFERENCES,
+)
 
 
 def settings_table() -> DataTable:
@@ -84,10 +119,6 @@ def set_document(configuration: Configuration) -> Document:
     """All that a set describes."""
     spec, settings, mission = configuration.simulation, configuration.settings, configuration.mission
     start = Pose(*spec.bot_center, spec.bot_rot)
-    sensors = [
-        (each.id, each.code, each.kind.name, each.enabled, each.unit, *_values(each, _SENSOR_VALUES))
-        for each in spec.sensors
-    ]
     drives = [
         (each.kind.value, each.code, each.enabled, each.kind.unit, *_values(each, columns.MOVEMENT))
         for each in spec.drives
@@ -95,16 +126,27 @@ def set_document(configuration: Configuration) -> Document:
     parts = [
         CHECK.filled([(True, configuration.name, str(configuration.directory))]),
         PROBLEMS,
+        WARNINGS.filled([(each,) for each in set_warnings(configuration)]),
         MAZE.filled([(CELL_SIZE, spec.maze.cells, spec.maze.floor)]),
         ROBOT.filled([(spec.robot.radius, spec.robot.vertices, start)]),
         BLOCK.filled([(spec.block_center, spec.block_size, spec.block_solid)]),
-        SENSORS.filled(sensors),
+        _sensors_table(spec.sensors),
         DRIVES.filled(drives),
         settings_table().filled([[value_of(settings, each.name) for each in all_settings()]]),
     ]
+    if configuration.device_statuses:
+        rows = [
+            (each.path, each.sha256, each.trusted, each.ran, each.kinds, each.unfinished)
+            for each in configuration.device_statuses
+        ]
+        parts.append(DEVICES.filled(rows))
     gripper = spec.gripper
     if gripper is not None:
         parts.append(GRIPPER.filled([(gripper.code, gripper.enabled, *_values(gripper, columns.GRIPPER))]))
+    if spec.velocities:
+        parts.append(
+            VELOCITIES.filled([(each.kind.value, each.code, each.enabled) for each in spec.velocities])
+        )
     if mission is not None:
         drawn = isinstance(mission.heading, Heading)
         heading = (None, mission.heading) if drawn else (mission.heading, None)
@@ -113,7 +155,31 @@ def set_document(configuration: Configuration) -> Document:
             *(mission.time_limit, mission.contacts),
         )
         parts.append(MISSION.filled([row]))
+    if configuration.dialect is not None:
+        parts.append(MESSAGES.filled(list(dictionary(configuration.dialect))))
+        parts.append(TURNED.filled(list(InverseRules(configuration.dialect).dictionary())))
     return Document("Set", parts)
+
+
+def _sensors_table(sensors: Sequence[SensorSpec]) -> DataTable:
+    """The table of sensors, with the columns of the set's own devices behind the others."""
+    keys = {key for column in SENSORS.columns for key in column.keys}
+    own = {column.field: column for sensor in sensors for column in sensor.kind.columns}
+    further = [column for column in own.values() if _key(column.field, column.unit) not in keys]
+    rows = [
+        (
+            *(each.id, each.code, each.kind.name, each.enabled, each.unit),
+            *_values(each, _SENSOR_VALUES),
+            *map(_plain, _values(each, further)),
+        )
+        for each in sensors
+    ]
+    return replace(SENSORS, columns=(*SENSORS.columns, *_columns("", further)), rows=rows)
+
+
+def _plain(value: object) -> object:
+    """A value for JSON; those of a device's own types as text."""
+    return value if value is None or type(value) in (bool, int, float) else escape(str(value))
 
 
 def _values(spec: object, values: Iterable[Value]) -> list[object]:

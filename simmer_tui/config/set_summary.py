@@ -11,7 +11,11 @@ from simmer_tui.config import dialects
 from simmer_tui.config.loader import Configuration
 from simmer_tui.config.mission_toml import Heading, MissionSpec
 from simmer_tui.config.robot_drawing import robot_drawing
+from simmer_tui.config.set_warnings import set_warnings
 from simmer_tui.config.settings import Settings, all_settings, value_of
+from simmer_tui.dialect.dialect_rules import DialectRules
+from simmer_tui.dialect.inverse import InverseRules
+from simmer_tui.dialect.messages import dictionary
 from simmer_tui.sim.block import Block
 from simmer_tui.sim.columns import BASE, FIELD_OF_VIEW, THRESHOLD
 from simmer_tui.sim.command import escape
@@ -29,6 +33,7 @@ from simmer_tui.sim.specs import (
     SensorSpec,
     SimulationSpec,
 )
+from simmer_tui.sim.velocity_commands import WAIT, velocity_shape
 
 # 100 columns with the frame.
 MAX_WIDTH = 98
@@ -73,6 +78,7 @@ def summarize(configuration: Configuration, *, ascii_only: bool = False) -> str:
             ("code", "id", "x in", "y in", "z in", "rotation deg", "error", "fov deg", "notes"),
             [_sensor_row(sensor) for sensor in spec.sensors],
         ),
+        *_devices(configuration),
         "",
         "Drives",
         *_table(
@@ -80,9 +86,12 @@ def summarize(configuration: Configuration, *, ascii_only: bool = False) -> str:
             [_drive_row(drive, spec.randbias) for drive in spec.drives],
         ),
         *_gripper(spec.gripper),
+        *_velocities(spec),
         "",
         *_settings(configuration),
         *_mission(configuration.mission),
+        *_dialect(configuration.dialect),
+        *(f"Warning: {each}." for each in set_warnings(configuration)),
     ]
     text = "\n".join(line.rstrip() for line in lines) + "\n"
     return text.encode("ascii", "backslashreplace").decode() if ascii_only else text
@@ -197,6 +206,17 @@ def _sensor_notes(sensor: SensorSpec) -> list[str]:
     return notes
 
 
+def _devices(configuration: Configuration) -> list[str]:
+    """The set's own device files: their kinds, their hashes, and all that is not checked or not finished."""
+    if not configuration.device_statuses:
+        return []
+    lines = ["", "Devices of its own"]
+    for each in configuration.device_statuses:
+        lines.append(f"  {each.path}: {', '.join(each.kinds) or 'no kinds'}, SHA-256 {each.sha256}")
+        lines += [f"    {note}" for note in each.notes]
+    return lines
+
+
 def _drive_row(drive: DriveSpec, has_random_bias: bool) -> tuple[str, ...]:
     notes = [] if drive.enabled else ["disabled"]
     if drive.gain != 1:
@@ -227,6 +247,16 @@ def _gripper(gripper: GripperSpec | None) -> list[str]:
     ]
 
 
+def _velocities(spec: SimulationSpec) -> list[str]:
+    """Commands of continuous motion, as a program sends them."""
+    shown = [velocity_shape(each, spec.wheels) for each in spec.velocities if each.enabled]
+    return (
+        ["", f"Continuous motion: {', '.join(each for each in shown if each)}; {WAIT}-S waits"]
+        if shown
+        else []
+    )
+
+
 def _axes(axes: Axes) -> str:
     return f"{axes.x:g}/{axes.y:g}/{axes.r:g}"
 
@@ -255,6 +285,28 @@ def _ports(settings: Settings) -> list[str]:
     values = {name.removeprefix(table): value_of(settings, name) for name in names}
     served = sorted(dialects.served(settings.server.listeners), key=lambda each: bool(each.typed))
     return [escape(each.summary.format_map(values), 400) for each in served]
+
+
+def _dialect(dialect: DialectRules | None) -> list[str]:
+    """The messages that a team's robot knows."""
+    if dialect is None:
+        return []
+    if dialect.protocol is not None:
+        return ["", f"Messages of the dialect: the course's protocol {dialect.protocol.value}"]
+    rows = [tuple(escape(cell, 100) for cell in row) for row in dictionary(dialect)]
+    turned = [tuple(escape(cell, 100) for cell in row) for row in InverseRules(dialect).dictionary()]
+    if not turned:
+        what = 'With --serial only its program drives the robot: no rule is a plain stop (do = "stop")'
+        driven = ["", what]
+    else:
+        driven = ["", "Commands of console, keys and TCP programs for a real robot (--serial)"]
+        driven += _table(("command", "message"), turned)
+    return [
+        "",
+        "Messages of the dialect",
+        *_table(("message", "does", "replies, for example"), rows),
+        *driven,
+    ]
 
 
 def _mission(mission: MissionSpec | None) -> list[str]:

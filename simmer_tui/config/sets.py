@@ -3,10 +3,13 @@
 from collections.abc import Mapping
 from pathlib import Path
 
-from simmer_tui.config import drive_csv, maze_csv, robot_csv, sensors_csv, settings_file
+from simmer_tui.config import drive_csv, maze_csv, mission_toml, robot_csv, sensors_csv, settings_file
+from simmer_tui.config.device_file import FOLDER as DEVICES
+from simmer_tui.config.device_file import read_devices
+from simmer_tui.config.given_path import drive_hint, given_path
 from simmer_tui.errors import ConfigurationError, Problem
 from simmer_tui.sim.command import escape
-from simmer_tui.sim.rules import did_you_mean, listed
+from simmer_tui.sim.rules import did_you_mean
 
 FILES = (maze_csv.FILE, robot_csv.FILE, sensors_csv.FILE, drive_csv.FILE, settings_file.FILE)
 """The five files of every set."""
@@ -50,14 +53,15 @@ def find_set(name_or_path: str | None) -> Path:
     """
     if name_or_path is None:
         local = Path(LOCAL_FOLDER)
-        return local if any((local / name).is_file() for name in FILES) else bundled_folder()
+        return local if _has_set(local) else bundled_folder()
     shown = escape(name_or_path, 200)
     if not name_or_path.strip():
         raise ConfigurationError([Problem("the configuration set", "its name is blank; name a folder")])
     try:
-        if Path(name_or_path).is_dir():
-            return Path(name_or_path)
-        is_other = Path(name_or_path).exists()
+        folder = given_path(name_or_path)
+        if folder.is_dir():
+            return _set_in(folder)
+        is_other = folder.exists()
     except (OSError, ValueError) as error:
         # A name too long for the system, or with a NUL, is no folder either.
         raise ConfigurationError([Problem(shown, f"cannot be a folder: {error}")]) from None
@@ -66,9 +70,32 @@ def find_set(name_or_path: str | None) -> Path:
         raise ConfigurationError([Problem(shown, "is not a folder; a set is a folder with five files")])
     if name_or_path in sets:
         return sets[name_or_path]
-    hint = did_you_mean(name_or_path, sets)
-    what = f"there is no such folder, nor a set of that name; sets that come along: {listed(sets)}{hint}"
+    hint = drive_hint(name_or_path) or did_you_mean(name_or_path, sets)
+    what = f"there is no such folder, and no set of that name; bundled sets: {', '.join(sets)}{hint}"
     raise ConfigurationError([Problem(shown, what)])
+
+
+def find_mission_set(name_or_path: str | None) -> Path:
+    """The folder of a set for missions, by path or by the name of a bundled one.
+
+    None stands for `config` in the working directory if it has a mission.toml, as in the folder of a
+    course, else for the bundled set `mission`. Raises ConfigurationError if there is no such set.
+    """
+    if name_or_path is not None:
+        return find_set(name_or_path)
+    local = Path(LOCAL_FOLDER)
+    return local if (local / mission_toml.FILE).is_file() else bundled_sets()[MISSION_SET]
+
+
+def _has_set(folder: Path) -> bool:
+    """True if a folder holds any of the five files."""
+    return any((folder / name).is_file() for name in FILES)
+
+
+def _set_in(folder: Path) -> Path:
+    """The folder itself, or `config` in it where only that holds a set, as in the folder of a course."""
+    inner = folder / LOCAL_FOLDER
+    return inner if _has_set(inner) and not _has_set(folder) else folder
 
 
 def init_set(destination: Path, source: Path) -> tuple[Path, ...]:
@@ -81,17 +108,36 @@ def init_set(destination: Path, source: Path) -> tuple[Path, ...]:
 
 
 def read_files(source: Path) -> dict[str, bytes]:
-    """The files of a set by name. Raises ConfigurationError if there are none."""
-    names = sorted(
-        path.name for path in source.iterdir() if path.suffix in (".csv", ".toml") and path.is_file()
+    """The files of a set by name, its own device files by their paths in it. Raises ConfigurationError
+    if there are none, or if one cannot be copied."""
+    paths = sorted(
+        path for path in source.iterdir() if path.suffix.lower() in (".csv", ".toml") and path.is_file()
     )
-    if not names:
+    if not paths:
         raise ConfigurationError([Problem(escape(str(source), 200), "holds no files of a set to copy")])
     try:
-        return {name: (source / name).read_bytes() for name in names}
+        # Windows reads Sensors.CSV as sensors.csv, and other systems do not: a copy has the usual names.
+        files = {_usual_name(path.name): path.read_bytes() for path in paths}
     except OSError as error:
-        where = escape(str(error.filename or source), 200)
-        raise ConfigurationError([Problem(where, f"cannot be read: {error.strerror or error}")]) from None
+        raise unreadable(error, source) from None
+    if not (source / DEVICES).is_dir():
+        return files
+    problems: list[Problem] = []
+    own = [f"{DEVICES}/{path.name}" for path in sorted((source / DEVICES).glob("*.py"))]
+    files |= {device.path: device.data for device in read_devices(source, own, DEVICES, problems)}
+    if problems:
+        raise ConfigurationError(problems)
+    return files
+
+
+def unreadable(error: OSError, folder: Path) -> ConfigurationError:
+    """The error for a file of a folder that cannot be copied."""
+    where = escape(str(error.filename or folder), 200)
+    return ConfigurationError([Problem(where, f"cannot be read: {error.strerror or error}")])
+
+
+def _usual_name(name: str) -> str:
+    return name.lower() if name.lower() in FILES else name
 
 
 def write_files(destination: Path, files: Mapping[str, bytes]) -> tuple[Path, ...]:

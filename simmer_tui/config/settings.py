@@ -21,13 +21,24 @@ from simmer_tui.sim.rules import (
     NumberOrOffRule,
     NumberRule,
     PairRule,
+    PortOrOffRule,
     SeveralRule,
     TextRule,
 )
+from simmer_tui.sim.specs import WheelLayout
 from simmer_tui.sim.values import CourseRule, Value
 
+# A start bit, eight data bits and a stop bit: 8N1, as every Arduino has it.
+BITS_OF_A_BYTE = 10
+"""Bits on a serial line for each byte."""
 MAX_SEED = 2**63 - 1
 """The largest seed: TOML promises integers of 64 bits, signed."""
+AUTO_CLOCK = "auto"
+"""The clock that suits: see the setting."""
+ELSE_REAL = "program, else real"
+"""The program's clock, and the real one for programs that cannot run under it."""
+CLOCKS = ("real", "program", ELSE_REAL)
+"""The clocks that can be asked for."""
 # The headings in `--help` of settings outside tables, by the first setting under each.
 _HEADINGS = {
     "bot_center": "start positions",
@@ -41,12 +52,14 @@ class Setting(Value, frozen=True, kw_only=True):
 
     `name` is dotted for one in a table (`server.port`). `group` is its heading in `--help`, for one in
     a table the table's name. `option` is its long option, by default its name with hyphens; one that ends in
-    a hyphen comes before the name. `metavar` is the rule's unless given.
+    a hyphen comes before the name. `metavar` is the rule's unless given. `alone` is the value of the option
+    without one; empty where it needs one.
     """
 
     group: str = ""
     option: str = "--"
     metavar: str = ""
+    alone: str = ""
 
 
 # Of a course's robot they are the team's: they only say how its program talks.
@@ -79,7 +92,7 @@ class ServerSettings(Struct, frozen=True, kw_only=True):
         "127.0.0.1"
     )
     listeners: Annotated[
-        tuple[str, ...], _talk(SeveralRule(()), "which programs are served: binary, packets or both")
+        tuple[str, ...], _talk(SeveralRule(()), "which programs are served: binary, packets, dialect")
     ] = ("binary",)
     port: Annotated[int, _port(dialects.COMMANDS)] = dialects.COMMANDS.default
     reply_port: Annotated[int, _port(dialects.REPLIES)] = dialects.REPLIES.default
@@ -98,11 +111,24 @@ class ServerSettings(Struct, frozen=True, kw_only=True):
         Setting(NumberRule(0.1, 3600), "silence after which a program that sends packets has left", "s"),
     ] = 10.0
     belief_port: Annotated[int, _port(dialects.BELIEFS)] = dialects.BELIEFS.default
+    dialect_port: Annotated[int, _port(dialects.SERIAL)] = dialects.SERIAL.default
+    line: Annotated[
+        str,
+        _choice("baud instant", "time of a byte on a dialect's line: by its baud rate, or none"),
+    ] = "baud"
+    serial_names: Annotated[
+        tuple[str, ...],
+        Setting(NamesRule(), "serial ports that lead a dialect's program to the robot; by default all"),
+    ] = ()
+    pty: Annotated[
+        str,
+        _text("path of a pseudo-terminal that is a dialect's serial port (not on Windows)", "PATH"),
+    ] = ""
     any_user: Annotated[
         bool, Setting(FlagRule(), "let programs of other users of this machine connect (Linux)")
     ] = False
     token: Annotated[
-        str, _text("word that programs must send as their first line; also from SIMMER_TOKEN", "WORD")
+        str, _text("token that programs must send as their first line; also from SIMMER_TOKEN", "WORD")
     ] = ""
     added_ports: tuple[tuple[str, int], ...] = ()
     """Ports of dialects that are not built in, as (setting, number)."""
@@ -119,6 +145,14 @@ class MotionSettings(Struct, frozen=True, kw_only=True):
             "when a timed drive is answered: at its end, at once, or as its dialect does",
         ),
     ] = "auto"
+    clock: Annotated[
+        str,
+        Setting(
+            ChoiceRule((AUTO_CLOCK, *CLOCKS)),
+            "clock of timed motion: the real one, or that of the Python program that is run, which stands "
+            "still while it computes; auto: the program's in trials and gradings of a set with a dialect",
+        ),
+    ] = AUTO_CLOCK
     time_scale: Annotated[
         float, Setting(NumberRule(0.01, 1000), "simulated seconds that pass in a second of timed motion")
     ] = 1.0
@@ -134,6 +168,77 @@ class MotionSettings(Struct, frozen=True, kw_only=True):
         Setting(NumberRule(0, 1), "how far before a contact the robot stands still, along its path", "in"),
     ] = 0.0
     block_solid: Annotated[bool, Setting(FlagRule(), "the block stops the robot as a wall does")] = False
+    velocity_timeout: Annotated[
+        float,
+        Setting(
+            NumberRule(0, 3600),
+            "simulated time after which a velocity ends if it is not sent again, 0: never",
+            "s",
+        ),
+    ] = 0.0
+    loop_time: Annotated[
+        float,
+        Setting(
+            NumberRule(0.001, 1),
+            "simulated time that a pass of a program's loop takes in instant motion while its robot drives",
+            "s",
+        ),
+    ] = 0.02
+    wall_friction: Annotated[
+        float, Setting(NumberRule(0, 1), "friction of a robot that slides along a wall")
+    ] = 0.3
+    control_period: Annotated[
+        float, Setting(NumberRule(0.001, 0.2), "period of the robot's speed control: steps of a ramp", "s")
+    ] = 0.02
+
+    @property
+    def timing(self) -> str:
+        """The clock of simulated time: `instant`, `timed` (the real clock), or `program` (its clock)."""
+        return "program" if self.is_by_program else self.motion
+
+    @property
+    def is_by_program(self) -> bool:
+        """True if time is the program's clock."""
+        return self.clock in ("program", ELSE_REAL)
+
+
+class SensorsSettings(Struct, frozen=True, kw_only=True):
+    """Kinds of sensors that a team wrote itself."""
+
+    devices: Annotated[
+        tuple[str, ...],
+        Setting(NamesRule(), "files of the set with sensors of its own, such as devices/thermal.py"),
+    ] = ()
+
+
+NO_WHEELS = "none"
+"""The layout of a robot whose wheels are not described."""
+
+
+class WheelsSettings(Struct, frozen=True, kw_only=True):
+    """The robot's wheels, for commands of rim speeds."""
+
+    layout: Annotated[
+        str,
+        Setting(
+            ChoiceRule((NO_WHEELS, *(layout.value for layout in WheelLayout))),
+            "arrangement of the wheels; with none there is no command for rim speeds",
+            option="--wheels-",
+        ),
+    ] = NO_WHEELS
+    track: Annotated[
+        float, Setting(NumberRule(0.1, 24), "distance of left and right wheels", "in", option="--wheels-")
+    ] = 6.0
+    wheelbase: Annotated[
+        float, Setting(NumberRule(0.1, 24), "distance of front and rear wheels", "in", option="--wheels-")
+    ] = 6.0
+    radius: Annotated[
+        float,
+        Setting(NumberRule(0.1, 12), "distance of omni wheels from the centre", "in", option="--wheels-"),
+    ] = 3.0
+    top_speed: Annotated[
+        float, Setting(NumberRule(0.1, 1000), "greatest speed of a rim", "in/s", option="--wheels-")
+    ] = 12.0
 
 
 class LinkSettings(Struct, frozen=True, kw_only=True):
@@ -189,13 +294,52 @@ class SerialSettings(Struct, frozen=True, kw_only=True):
     robot_byte_order: Annotated[
         str, _choice("big little", "order of the bytes in such a float32 or float64 reply")
     ] = "little"
+    record: Annotated[
+        str, _text("file that keeps what goes to the real robot and comes from it", "FILE", "--record")
+    ] = ""
+    velocity: Annotated[
+        bool,
+        Setting(FlagRule(), "the robot knows the commands of continuous motion", option="--serial-velocity"),
+    ] = False
     stop: Annotated[str, Setting(TextRule(), "what stops the robot at once", option="--serial-stop")] = "xx"
+
+
+OFF = "off"
+"""The value of a port that is not taken."""
+WEB_PORT = "9080"
+"""The usual port of the page; beside those of programs, which begin at 9000."""
+
+
+class WebSettings(Struct, frozen=True, kw_only=True):
+    """The page that shows the run in browsers."""
+
+    port: Annotated[
+        str,
+        Setting(
+            PortOrOffRule(),
+            f"show the run in browsers: port of the page, 0 for any free one; alone {WEB_PORT}",
+            option="--web",
+            metavar="PORT",
+            alone=WEB_PORT,
+        ),
+    ] = OFF
+    host: Annotated[
+        str,
+        _text(
+            "address on which other machines may look too, with the link that is shown at the start",
+            "ADDRESS",
+            "--web-host",
+        ),
+    ] = ""
+    control: Annotated[
+        bool, Setting(FlagRule(), "let the page drive, as console and keys do", option="--web-control")
+    ] = False
 
 
 class ScreenSettings(Struct, frozen=True, kw_only=True):
     """Looks of the terminal app, and lengths of its keys' drives."""
 
-    fps: Annotated[int, Setting(IntegerRule(1, 20), "pictures a second")] = 10
+    fps: Annotated[int, Setting(IntegerRule(1, 20), "pictures a second")] = 15
     pace: Annotated[
         float,
         Setting(
@@ -213,6 +357,14 @@ class ScreenSettings(Struct, frozen=True, kw_only=True):
     fine_step: Annotated[float, Setting(NumberRule(0, 1000), "the same with Shift", "in")] = 0.5
     turn: Annotated[float, Setting(NumberRule(0, 3600), "angle of a key's turn", "deg")] = 15.0
     fine_turn: Annotated[float, Setting(NumberRule(0, 3600), "the same with Shift", "deg")] = 3.0
+    keys_velocity: Annotated[
+        bool, Setting(FlagRule(), "a key that is held drives at a velocity until it is let go, not by steps")
+    ] = False
+    # 6 in/s crosses a cell of the course's maze in 2 s, and 45 deg/s a quarter turn: slow enough to react to.
+    keys_speed: Annotated[
+        float, Setting(NumberRule(0, 1000), "velocity of a held key; with Shift less, as steps are", "in/s")
+    ] = 6.0
+    keys_turn_speed: Annotated[float, Setting(NumberRule(0, 3600), "the same of a turn", "deg/s")] = 45.0
 
 
 class KeySettings(Struct, frozen=True, kw_only=True):
@@ -244,6 +396,7 @@ class KeySettings(Struct, frozen=True, kw_only=True):
     pan_up: Annotated[str, _key("look further up")] = "ctrl+up"
     pan_down: Annotated[str, _key("look further down")] = "ctrl+down"
     floor: Annotated[str, _key("tell the floor's tiles apart: if lines are read, always, never")] = "l"
+    heat: Annotated[str, _key("draw a belief that is a grid as a map, or only its best cell")] = "H"
     help: Annotated[str, _key("help")] = "question_mark"
 
 
@@ -309,8 +462,8 @@ class Settings(Struct, frozen=True, kw_only=True):
         Setting(
             FlagRule(),
             "simulate a robot with real faults and delays: the profiles omni-4, hc-sr04, vl53l0x, qtr, "
-            "mpu-6050, qmc5883l, encoder and usb where no other is chosen; not the real robot on the serial "
-            "port (that is --serial)",
+            "mpu-6050, qmc5883l, encoder, rplidar-a1m8 and usb where no other is chosen; not the real robot "
+            "(that is --serial)",
         ),
     ] = False
     sim: Annotated[bool, Setting(FlagRule(), "simulate the robot, else drive the one on the serial port")] = (
@@ -320,8 +473,11 @@ class Settings(Struct, frozen=True, kw_only=True):
     plot_sense: Annotated[bool, Setting(FlagRule(), "draw what the sensors see on the screen")] = True
     server: ServerSettings = ServerSettings()
     motion: MotionSettings = MotionSettings()
+    wheels: WheelsSettings = WheelsSettings()
+    sensors: SensorsSettings = SensorsSettings()
     link: LinkSettings = LinkSettings()
     serial: SerialSettings = SerialSettings()
+    web: WebSettings = WebSettings()
     screen: ScreenSettings = ScreenSettings()
     keys: KeySettings = KeySettings()
 
@@ -398,7 +554,8 @@ def settings_from(values: Mapping[str, Any], usual: Settings = Settings()) -> Se
 
 
 def with_any_ports(server: ServerSettings) -> ServerSettings:
-    """The same settings, with any free number for every port."""
+    """The same settings, with any free number for every port, and no path that others may have."""
     known, settings = ServerSettings.__annotations__, [port.setting for port in dialects.all_ports()]
     added = tuple((name, 0) for name in settings if name not in known)
-    return replace(server, **{name: 0 for name in settings if name in known}, added_ports=added)
+    numbers: dict[str, Any] = {name: 0 for name in settings if name in known}
+    return replace(server, **numbers, pty="", added_ports=added)

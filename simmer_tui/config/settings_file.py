@@ -8,7 +8,7 @@ from typing import Any
 
 from msgspec import Struct
 
-from simmer_tui.config.settings import KeySettings, Setting, Settings, all_settings, settings_from
+from simmer_tui.config.settings import ELSE_REAL, KeySettings, Setting, Settings, all_settings, settings_from
 from simmer_tui.config.toml_file import TomlFile
 from simmer_tui.errors import Problem
 from simmer_tui.sim.rules import did_you_mean
@@ -60,6 +60,8 @@ def load_settings(
     # After the options: each of these goes by what was given there.
     _apply_seed_option(overrides, values, problems)
     _apply_serial_option(overrides, values, problems)
+    if values.get("motion.clock") in ("program", ELSE_REAL):
+        values["motion.motion"] = "timed"  # what a clock that moves while the program waits is for
     _apply_keys(values)
     settings = settings_from(values)
     _check_together(settings, places, problems)

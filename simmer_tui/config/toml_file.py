@@ -13,7 +13,7 @@ from simmer_tui.sim.values import Value
 
 _KEY = r"""(?:[A-Za-z0-9_-]+|"[^"]*"|'[^']*')"""
 _DOTTED = rf"{_KEY}(?:\s*\.\s*{_KEY})*"
-_TABLE_LINE = re.compile(rf"\s*\[+\s*({_DOTTED})\s*\]")
+_TABLE_LINE = re.compile(rf"\s*(\[+)\s*({_DOTTED})\s*\]")
 _KEY_LINE = re.compile(rf"\s*({_DOTTED})\s*=")
 _ERROR_PLACE = re.compile(r" \(at (?:line (\d+), column \d+|end of document)\)")
 
@@ -39,8 +39,15 @@ class TomlFile:
         """The file of a path. One that cannot be read is empty, and a problem."""
         return cls(escape(path.name, 60), read_text(path, problems) or "", problems)
 
+    @property
+    def mistakes(self) -> int:
+        """Count of the problems that were found by now."""
+        return len(self._problems)
+
     def place(self, name: str) -> str:
-        """`FILE:LINE:name`; for a name without a line of its own, the line of its table."""
+        """`FILE:LINE:name`; without a line of its own, that of its table; the file for no name."""
+        if not name:
+            return self.file
         shown, found = escape(name, 60), name
         # A name that is missing has no line; its table may have one.
         while found and found not in self._lines:
@@ -135,12 +142,18 @@ def _parsed(text: str, file: str, problems: list[Problem]) -> dict[str, Any]:
 
 
 def key_lines(text: str) -> dict[str, int]:
-    """The line of each key by dotted name, found by pattern, because tomllib does not report lines."""
+    """The line of each key by dotted name, found by pattern, because tomllib does not report lines. The keys
+    of the second table of an array `[[name]]` are `name.2.key`; `name` is the first."""
     lines: dict[str, int] = {}
     prefix = ""
+    counts: dict[str, int] = {}
     for number, line in enumerate(text.split("\n"), 1):
         if header := _TABLE_LINE.match(line):
-            name = _plain(header[1])
+            name = _plain(header[2])
+            if len(header[1]) > 1:
+                counts[name] = counts.get(name, 0) + 1
+                lines.setdefault(name, number)
+                name = f"{name}.{counts[name]}"
             prefix = f"{name}."
             lines.setdefault(name, number)
         elif key := _KEY_LINE.match(line):

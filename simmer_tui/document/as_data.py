@@ -19,7 +19,17 @@ from typing import Any, TextIO
 
 from msgspec import Struct, structs
 
-from simmer_tui.document.model import Bullets, DataColumn, DataTable, Document, NestedValue, Paragraph, words
+from simmer_tui.document.model import (
+    Bullets,
+    DataColumn,
+    DataTable,
+    Document,
+    NestedValue,
+    Paragraph,
+    VerdictBox,
+    unfolded,
+    words,
+)
 from simmer_tui.sim.command import escape
 
 
@@ -35,7 +45,7 @@ def document_value(document: Document) -> dict[str, object]:
     """Tables and sentences of a document by their keys."""
     answer: dict[str, Any] = {}
     text: dict[str, object] = {}
-    for part in document.parts:
+    for part in unfolded(document.parts):
         match part:
             case DataTable():
                 rows = list(part.objects())
@@ -45,6 +55,8 @@ def document_value(document: Document) -> dict[str, object]:
                     text[part.key] = part.note if part.key not in text else f"{text[part.key]} {part.note}"
             case Paragraph() if part.key and part.text:
                 text[part.key] = words(part.text)
+            case VerdictBox():
+                text[part.key] = part.text
             case Bullets() if part.key:
                 text[part.key] = [words(entry) for entry in part.entries]
             case NestedValue():

@@ -6,98 +6,47 @@ Text from outside is data: nothing in a value can end the element it stands in.
 from __future__ import annotations
 
 import html
+import re
 from collections.abc import Iterable, Sequence
-from itertools import groupby, repeat
+from itertools import groupby
 
 from simmer_tui.document import svg
 from simmer_tui.document.formats import TextLink
 from simmer_tui.document.model import (
     Bullets,
+    Chip,
     Code,
+    DataColumn,
     DataTable,
     Document,
     DocumentPart,
     Figure,
+    Folded,
+    KeyFigures,
     NestedValue,
     Paragraph,
     Prose,
     SectionHeading,
+    ShareBar,
+    SideBySide,
+    VerdictBox,
+    unfolded,
+    words,
 )
+from simmer_tui.document.page_style import SORTING, STYLE
 from simmer_tui.document.svg import escape
 
-_LIGHT = (
-    "color-scheme: light; --page: #ffffff; --ink: #222222; --faint: #666666; --line: #bbbbbb; "
-    "--raised: #f4f4f4; --fresh: #fff0cc; --good: #00704a; --bad: #c00000;"
-)
-_DARK = (
-    "color-scheme: dark; --page: #16191e; --ink: #e4e8ee; --faint: #a0a8b4; --line: #4a525e; "
-    "--raised: #262b33; --fresh: #4a3c10; --good: #50d0a0; --bad: #ff7070; --ramp: brightness(1.7);"
-)
-# Colours of the pictures, which are drawn for paper, and what stands for them in the dark; those within the
-# class `fixed` mean something by their hue and stay.
-_IN_THE_DARK = {
-    "#ffffff": "#16191e",
-    "#fafafa": "#1b2027",
-    "#ececec": "#1e232b",
-    "#dddddd": "#3a424e",
-    "#c8c8c8": "#4a525e",
-    "#3c3c3c": "#566070",
-    "#222222": "#e4e8ee",
-    "#777777": "#a0a8b4",
-    "#9a9a9a": "#8a94a2",
-    "#004020": "#d0f8e0",
-    "#006030": "#a6f9c8",
-    "#bfe8c8": "#1d5a3c",
-    "#d00000": "#ff6678",
-    "#c800c8": "#f28cf2",
-    "#1f69c8": "#6ea8ff",
-    "#c06a00": "#ffc050",
-    "#e8effb": "#1b2438",
-    "#5470a5": "#8fa6d0",
-    "#dff3ea": "#16302a",
-    "#3f7a68": "#6fb5a0",
-    "#e8f0ff": "#1b2438",
-    "#fff3c4": "#3a3214",
-}
-_DARK += "".join(f" --{paper[1:]}: {dark};" for paper, dark in _IN_THE_DARK.items())
-# Pictures have their colours as attributes, which CSS may override: one picture serves both looks.
-_RECOLORED = "".join(
-    f"svg [{what}='{paper}']:not(.fixed > *) {{ {what}: var(--{paper[1:]}, {paper}); }}\n"
-    for paper in _IN_THE_DARK
-    for what in ("fill", "stroke")
-)
-_STYLE = f"""
-:root {{ {_LIGHT} }}
-@media screen {{
-  @media (prefers-color-scheme: dark) {{ :root:not([data-theme=light]) {{ {_DARK} }} }}
-  :root[data-theme=dark] {{ {_DARK} }}
-  svg {{ fill: var(--ink); }} .ramp {{ filter: var(--ramp); }}
-{_RECOLORED}}}
-"""
-_STYLE += """
-body { font: 15px/1.45 Helvetica, Arial, sans-serif; color: var(--ink); background: var(--page);
-  max-width: 960px; margin: 1.5em auto; padding: 0 1em; }
-h1 { font-size: 1.5em; margin: 0 0 .2em; } h2 { font-size: 1.1em; margin: 1.4em 0 .4em; }
-p.run { color: var(--faint); margin: 0; overflow-wrap: anywhere; }
-a { color: inherit; }
-svg { width: 100%; height: auto; display: block; break-inside: avoid; }
-ul { margin: .3em 0; padding-left: 1.2em; } li { margin: .25em 0; }
-.tables { display: flex; flex-wrap: wrap; gap: 0 2.5em; align-items: flex-start; }
-section { break-inside: avoid; max-width: 100%; overflow-x: auto; }
-table { border-collapse: collapse; font-size: .87em; }
-th { text-align: left; border-bottom: 1px solid var(--line); font-weight: 600; }
-th, td { padding: .14em .9em .14em 0; vertical-align: top; overflow-wrap: anywhere; }
-.n { text-align: right; font-variant-numeric: tabular-nums; white-space: nowrap; }
-td.h { font-family: monospace; white-space: pre; }
-p.strong { font-weight: 600; } p.warning { color: var(--bad); }
-p.note { color: var(--faint); font-size: .87em; margin: .3em 0; max-width: 60em; }
-@media print { body { font-size: 11px; margin: 0; max-width: none; padding: 0; } h2 { margin-top: 1em; }
-  h2 { break-after: avoid; } @page { margin: 14mm; } * { print-color-adjust: exact; } }
-"""
+# A table that needs more than this has its rows folded on phones: 390 points less the page's margins.
+_PHONE = 360
+# Points: a letter of a table is about so wide on average, and so is the room between two columns.
+_LETTER, _BETWEEN = 7.2, 14.0
+# Letters of a word that may be broken, after a sign: paths and commands are longer, words of people are not.
+_LONG_WORD = 20
+_AFTER_SIGNS = re.compile(r"(?<=[/\\_=,.:;-])(?=\w)")
 
 
 def html_page(document: Document, *, style: str = "", script: str = "") -> str:
-    """A whole page; its title is its first heading too.
+    """A whole page; its title is its first heading too, unless it begins with a verdict.
 
     Args:
         document: What the page shows.
@@ -105,12 +54,16 @@ def html_page(document: Document, *, style: str = "", script: str = "") -> str:
         script: HTML that comes last, trusted as it is.
     """
     title = escape(document.title)
+    parts = list(unfolded(document.parts))
+    heading = "" if any(isinstance(part, VerdictBox) for part in parts) else _element("h1", title)
+    if any(isinstance(part, DataTable) and part.sortable for part in parts):
+        script = f"{SORTING}{script}"
     # All style and script is inline: the page is sent by mail and opened without a network.
     return (
         "<!DOCTYPE html>\n<html lang='en'><head><meta charset='utf-8'>"
         "<meta name='viewport' content='width=device-width, initial-scale=1'>"
-        f"<title>{title}</title><style>{_STYLE}{style}</style></head><body>"
-        f"<h1>{title}</h1>{_body(document.parts)}{script}</body></html>\n"
+        f"<title>{title}</title><style>{STYLE}{style}</style></head><body>"
+        f"{heading}{_body(document.parts)}{script}</body></html>\n"
     )
 
 
@@ -141,31 +94,112 @@ def _part(part: DocumentPart) -> str:
         case Paragraph():
             return _element("p", _prose(part.text), part.kind) if part.text else ""
         case Bullets():
-            entries = "".join(_element("li", _prose(entry)) for entry in part.entries)
-            heading = _element("h2", escape(part.heading)) if part.heading else ""
-            return f"{heading}<ul>{entries}</ul>" if entries else ""
+            return _bullets(part)
         case SectionHeading():
             return _element(f"h{part.level}", escape(part.text))
         case Figure():
             return _element("div", svg.picture(part), part.kind)
+        case Folded():
+            content = _body(part.parts)
+            return f"<details><summary>{escape(part.title)}</summary>{content}</details>" if content else ""
+        case SideBySide():
+            left, right = (_element("div", _body(each)) for each in (part.left, part.right))
+            return _element("div", left + right, "columns even" if part.even else "columns")
+        case VerdictBox() | KeyFigures() | ShareBar():
+            return _answer(part)
         case NestedValue():
             return ""
 
 
+def _answer(part: VerdictBox | KeyFigures | ShareBar) -> str:
+    """A part of what a page begins with."""
+    match part:
+        case VerdictBox():
+            sign = f"<div class='sign' aria-hidden='true'>{escape(part.sign or part.tone.sign)}</div>"
+            sentence = _element("p", _prose(part.sentence or part.text))
+            told = _element("div", f"{_element('h1', escape(part.headline))}{sentence}")
+            return _element("div", sign + told, f"verdict {part.tone.value}")
+        case KeyFigures():
+            shown = (
+                _element("div", f"{_element('strong', escape(value))}{_element('span', escape(about))}")
+                for value, about in part.figures
+            )
+            return _element("div", "".join(shown), "figures")
+        case ShareBar():
+            there = [each for each in part.shares if each[0]]
+            bar = "".join(f"<i class='{tone.value}' style='flex: {count}'></i>" for count, _, tone in there)
+            told = "".join(_prose(Chip(f"{tone.sign} {count} {text}", tone)) for count, text, tone in there)
+            return f"<div class='bar'>{bar}</div><p class='bar-words'>{told}</p>"
+
+
+def _bullets(part: Bullets) -> str:
+    if not part.entries:
+        return ""
+    heading = _element("h2", escape(part.heading)) if part.heading else ""
+    if part.kind == "output":
+        lines = "\n".join(_element("span", _prose(entry)) for entry in part.entries)
+        return _element("div", heading + _element("pre", lines), "card")
+    entries = _element("ul", "".join(_element("li", _prose(entry)) for entry in part.entries))
+    return _element("div", heading + entries, part.kind) if part.kind else heading + entries
+
+
 def _table(table: DataTable) -> str:
-    columns = table.shown_columns
+    columns, rows = table.shown_columns, list(table.cells())
     kinds = ["n" if each.format.numeric else "h" if each.format.fixed else "" for each in columns]
-    head = ""
-    if any(each.title for each in columns):
-        head = f"<thead>{_row('th', [each.title for each in columns], kinds)}</thead>"
-    rows = "".join(_row("td", row, kinds) for row in table.cells())
+    labels = [each.title for each in columns]
+    values = _sort_values(table) if table.sortable else [[""] * len(columns) for _ in rows]
+    body = ""
+    for row, of_row in zip(rows, values, strict=True):
+        body += _element("tr", "".join(map(_cell, row, kinds, labels, of_row)))
+    is_wide = not table.record and _least_width(columns, rows) > _PHONE
+    looks = f"{'wide' if is_wide else 'narrow'}{' sortable' if table.sortable else ''}"
     title = _element("h2", escape(table.title)) if table.title else ""
     note = _element("p", escape(table.note), "note") if table.note else ""
-    return f"<section>{title}<table>{head}<tbody>{rows}</tbody></table>{note}</section>"
+    shown = _element("table", f"{_table_head(labels, kinds)}<tbody>{body}</tbody>", looks)
+    return _element("section", f"{title}{shown}{note}")
 
 
-def _row(name: str, cells: Sequence[Prose], kinds: Sequence[str]) -> str:
-    return _element("tr", "".join(map(_element, repeat(name), map(_prose, cells), kinds)))
+def _table_head(labels: Sequence[str], kinds: Sequence[str]) -> str:
+    """Headings of a table; nothing if no column has one."""
+    if not any(labels):
+        return ""
+    cells = map(_element, ["th"] * len(labels), map(escape, labels), kinds)
+    return _element("thead", _element("tr", "".join(cells)))
+
+
+def _sort_values(table: DataTable) -> list[list[str]]:
+    """The values that the shown cells are sorted by: those that programs read."""
+    return [
+        [
+            "" if value is None else str((*column.format.plain(value), column.format.text(value))[0])
+            for column, value in zip(table.columns, row, strict=True)
+            if not column.hidden
+        ]
+        for row in table.rows
+    ]
+
+
+def _cell(cell: Prose, kind: str, label: str, value: str) -> str:
+    kinds = f" class='{kind}'" if kind else ""
+    labelled = f" data-label='{escape(label)}'" if label else ""
+    sorted_by = f" data-value='{escape(value)}'" if value else ""
+    if isinstance(cell, Chip):
+        cell = Chip(f"{cell.tone.sign} {cell.words}", cell.tone)
+    return f"<td{kinds}{labelled}{sorted_by}>{_prose(cell)}</td>"
+
+
+def _least_width(columns: Sequence[DataColumn], rows: Iterable[Sequence[Prose]]) -> float:
+    """Points that a table needs if no word is broken."""
+    texts = [[column.title] for column in columns]
+    for row in rows:
+        for kept, cell in zip(texts, row, strict=True):
+            kept.append(words(cell))
+    letters = 0
+    for column, kept in zip(columns, texts, strict=True):
+        whole = column.format.numeric or column.format.fixed
+        pieces = kept if whole else [piece for text in kept for piece in text.split()]
+        letters += max(map(len, pieces), default=0)
+    return letters * _LETTER + len(columns) * _BETWEEN
 
 
 def _prose(text: tuple[Prose, ...] | Prose) -> str:
@@ -174,11 +208,21 @@ def _prose(text: tuple[Prose, ...] | Prose) -> str:
             return "".join(map(_prose, text))
         case TextLink(shown, address, about):
             hint = f" title='{escape(about)}'" if about else ""
-            return f"<a href='{escape(address)}'{hint}>{escape(shown)}</a>"
+            return f"<a href='{escape(address)}'{hint}>{_breakable(shown)}</a>"
         case Code(shown):
-            return _element("code", escape(shown))
+            return _element("code", _breakable(shown))
+        case Chip(shown, tone):
+            return _element("span", escape(shown), f"toned {tone.value}")
         case _:
-            return escape(text)
+            return _breakable(text)
+
+
+def _breakable(text: str) -> str:
+    """Text whose long words, such as paths, may go on in the next line after a sign."""
+    return " ".join(
+        "<wbr>".join(map(escape, _AFTER_SIGNS.split(word))) if len(word) >= _LONG_WORD else escape(word)
+        for word in text.split(" ")
+    )
 
 
 def _element(name: str, content: str, kind: str = "") -> str:

@@ -8,7 +8,7 @@ from rich.table import Table as RichTable
 from rich.text import Text
 
 from simmer_tui.document.formats import BLOCKS
-from simmer_tui.document.model import Bullets, DataTable, Document, Paragraph, words
+from simmer_tui.document.model import Bullets, DataTable, Document, Paragraph, VerdictBox, unfolded, words
 from simmer_tui.sim.command import printable
 
 # Basic styles only: every terminal theme has them, and they stay readable on light and dark grounds.
@@ -19,13 +19,15 @@ _ASCII = str.maketrans(BLOCKS, " .:-=+*#@")
 
 def print_document(document: Document, console: Console) -> None:
     """Print everything but the title, headings of figures and the figures themselves."""
-    for part in document.parts:
+    for part in unfolded(document.parts):
         match part:
             case DataTable() if not part.hidden:
                 print_table(part, console)
             case Paragraph() if part.text and part.kind != "run":
                 style = _STYLES.get(part.kind, "")
                 console.print(Text(printable(words(part.text)), style=style))
+            case VerdictBox():
+                console.print(Text(printable(part.text), style=_STYLES["strong"]))
             case Bullets() if part.entries and part.key:
                 console.print(Text(printable(part.heading), style="bold"))
                 for entry in part.entries:

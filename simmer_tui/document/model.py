@@ -2,10 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from enum import StrEnum
+from typing import Any
 
 from simmer_tui.document.formats import TEXT, Format, TextLink
+
+
+class Tone(StrEnum):
+    """Tone of a part: the colour that a page gives it, and the sign that says the same without colour."""
+
+    GOOD = "good"
+    BAD = "bad"
+    MIXED = "mixed"
+    PLAIN = "plain"
+
+    @property
+    def sign(self) -> str:
+        """Sign that stands beside words of this tone."""
+        return _SIGNS[self]
+
+
+_SIGNS = {Tone.GOOD: "✓", Tone.BAD: "✗", Tone.MIXED: "◐", Tone.PLAIN: "■"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -15,7 +34,7 @@ class DataColumn:
     `key` names it for programs, with its unit: `time_s`. `heading` names it for people; by default it is the
     key with spaces. A column that `wraps` may take several lines; a `hidden` one is for programs only. On a
     terminal, values of one with a `line` of its own stand below the value before them, so that a command
-    can be copied.
+    can be copied. On a page, values have the `tone` of theirs, if there is one.
     """
 
     key: str
@@ -24,6 +43,7 @@ class DataColumn:
     wraps: bool = False
     hidden: bool = False
     line: bool = False
+    tone: Callable[[Any], Tone] | None = None
 
     @property
     def title(self) -> str:
@@ -41,7 +61,8 @@ class DataTable:
     """A table of typed values, with a note below it.
 
     A `record` has one row; people see it as a list of headings and values, programs as one object. A
-    `hidden` table is for programs only. Tables of one key are one to programs.
+    `hidden` table is for programs only. Tables of one key are one to programs. A reader of the page can sort
+    a `sortable` one by a click on a heading.
     """
 
     key: str
@@ -51,6 +72,7 @@ class DataTable:
     note: str = ""
     record: bool = False
     hidden: bool = False
+    sortable: bool = False
 
     def filled(self, rows: Sequence[Sequence[object]], note: str = "") -> DataTable:
         """The same table with rows."""
@@ -67,7 +89,7 @@ class DataTable:
         """Rows as people read them; those of a record without a value are left out."""
         for row in self.rows:
             cells: list[tuple[str, Prose]] = [
-                (column.title, value if isinstance(value, TextLink) else column.format.text(value))
+                (column.title, _shown(column, value))
                 for column, value in zip(self.columns, row, strict=True)
                 if not column.hidden
             ]
@@ -98,8 +120,54 @@ class Code:
     words: str
 
 
-Prose = str | TextLink | Code
+@dataclass(frozen=True, slots=True)
+class Chip:
+    """A few words with a tone."""
+
+    words: str
+    tone: Tone
+
+
+Prose = str | TextLink | Code | Chip
 """A piece of text within a paragraph."""
+
+
+def _shown(column: DataColumn, value: object) -> Prose:
+    """A value of a column as people read it."""
+    if isinstance(value, TextLink):
+        return value
+    text = column.format.text(value)
+    return Chip(text, column.tone(value)) if text and column.tone is not None else text
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class VerdictBox:
+    """The answer that a page begins with.
+
+    `text` is the whole answer in one line, for terminals and programs. A page says it in two: a `headline` of
+    a few words with a `sign`, by default that of its tone, and a `sentence`, by default `text`.
+    """
+
+    key: str
+    text: str
+    headline: str
+    tone: Tone
+    sentence: tuple[Prose, ...] = ()
+    sign: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class KeyFigures:
+    """The numbers that matter most, each with the words below it; on pages only."""
+
+    figures: Sequence[tuple[str, str]]
+
+
+@dataclass(frozen=True, slots=True)
+class ShareBar:
+    """A bar of counts of a whole, each with its words and tone; on pages only."""
+
+    shares: Sequence[tuple[int, str, Tone]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,11 +181,15 @@ class Paragraph:
 
 @dataclass(frozen=True, slots=True)
 class Bullets:
-    """A list of sentences under a heading; one without a key, such as a list of links, is on pages only."""
+    """A list of sentences under a heading; one without a key, such as a list of links, is on pages only.
+
+    `kind` is its look on a page: `card` has a frame, `output` is lines as a program printed them.
+    """
 
     heading: str
     entries: Sequence[tuple[Prose, ...] | str]
     key: str = ""
+    kind: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -150,7 +222,37 @@ class NestedValue:
     value: Mapping[str, object] | Sequence[Mapping[str, object]]
 
 
-DocumentPart = Paragraph | Bullets | SectionHeading | Figure | DataTable | NestedValue
+@dataclass(frozen=True, slots=True)
+class Folded:
+    """Parts that a page shows only when a reader opens them. Elsewhere they stand like all others."""
+
+    title: str
+    parts: Sequence[DocumentPart]
+
+
+@dataclass(frozen=True, slots=True)
+class SideBySide:
+    """Parts in two columns where a page has room; elsewhere one after the other. The right one is narrow,
+    unless both are `even`."""
+
+    left: Sequence[DocumentPart]
+    right: Sequence[DocumentPart]
+    even: bool = False
+
+
+DocumentPart = (
+    Paragraph
+    | Bullets
+    | SectionHeading
+    | Figure
+    | DataTable
+    | NestedValue
+    | VerdictBox
+    | KeyFigures
+    | ShareBar
+    | Folded
+    | SideBySide
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -163,7 +265,19 @@ class Document:
     @property
     def tables(self) -> list[DataTable]:
         """All its tables."""
-        return [part for part in self.parts if isinstance(part, DataTable)]
+        return [part for part in unfolded(self.parts) if isinstance(part, DataTable)]
+
+
+def unfolded(parts: Iterable[DocumentPart]) -> Iterator[DocumentPart]:
+    """Parts in order, those within others too."""
+    for part in parts:
+        match part:
+            case Folded():
+                yield from unfolded(part.parts)
+            case SideBySide():
+                yield from unfolded((*part.left, *part.right))
+            case _:
+                yield part
 
 
 def words(text: tuple[Prose, ...] | Prose) -> str:

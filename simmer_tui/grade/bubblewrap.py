@@ -5,35 +5,30 @@ its own files in memory, of limited size. Its network has a loopback interface a
 simulator's ports listen in there (`launcher.py`), so every program has 9000 to itself. When its first
 process is gone, the kernel ends whatever it started.
 
-A filter of system calls, as the kernel takes it (classic BPF), refuses what would open ways that the sandbox
-knows nothing of: user namespaces of the program's own (in which it could mount memory without a limit),
-kernel keyrings (which stay behind), other processes' memory, io_uring, performance counters, and memory that
-belongs to no process and no file system, which no limit binds (memfd, System V's), and sockets of families
-that no namespace confines. All else is allowed.
-Layout and numbers: linux/seccomp.h, linux/filter.h, asm/unistd_64.h and asm-generic/unistd.h.
+A filter refuses system calls by which a program could reach further, or see of other sandboxes
+(`call_filter.py`).
 """
 
 from __future__ import annotations
 
 import contextlib
 import os
-import platform
 import shutil
 import socket
-import struct
 import subprocess
 import sys
 import tempfile
 import threading
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from types import MappingProxyType
 
+from simmer_tui import platform_has
 from simmer_tui.config.sets import bundled_folder
 from simmer_tui.errors import GradeError, PortError, ProgramError
 from simmer_tui.grade import launcher
+from simmer_tui.grade.call_filter import call_filter
 from simmer_tui.grade.cgroup import made_group
-from simmer_tui.grade.sandbox import FILES, HOME, PACKAGE, PATIENCE, SCRATCH, LaunchedSandbox, Limits
+from simmer_tui.grade.sandbox import FILES, PACKAGE, PATIENCE, SCRATCH, WRITABLE, LaunchedSandbox, Limits
 from simmer_tui.grade.usage import tells_descendants
 from simmer_tui.links.ports import PortRequest
 from simmer_tui.program import ProgramOutput
@@ -61,9 +56,11 @@ class Bubblewrap(LaunchedSandbox):
 
     @property
     def _uid(self) -> int | None:
-        return _FIRST_UID + threading.get_native_id() if os.geteuid() == 0 else None
+        return _FIRST_UID + threading.get_native_id() if platform_has.user_id() == 0 else None
 
     def _launch(self) -> tuple[subprocess.Popen[bytes], socket.socket]:
+        if sys.platform != "linux":
+            raise NotImplementedError  # there are no sandboxes here
         group = made_group()
         if group is not None:
             self._group = group
@@ -87,7 +84,7 @@ class Bubblewrap(LaunchedSandbox):
                 cwd="/",
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.PIPE,
-                stderr=subprocess.STDOUT,
+                stderr=subprocess.PIPE,
                 pass_fds=(theirs.fileno(), rules.fileno(), options.fileno()),
                 start_new_session=True,
             )
@@ -107,14 +104,13 @@ def seen_folders(extra: Sequence[str] = ()) -> list[Path]:
 def _words(files: Path, limits: Limits, extra: Sequence[str], rules: int) -> list[str]:
     words = ["--die-with-parent", "--new-session", "--as-pid-1", "--hostname", "robot", "--clearenv"]
     words += ["--unshare-ipc", "--unshare-pid", "--unshare-net", "--unshare-uts", "--unshare-cgroup-try"]
-    if os.geteuid() == 0:  # to change the user; no other power of root goes in
+    if platform_has.user_id() == 0:  # to change the user; no other power of root goes in
         words += ["--cap-drop", "ALL", "--cap-add", "CAP_SETUID", "--cap-add", "CAP_SETGID"]
     else:
         words.append("--unshare-user")
     # Before what is shown: Python may lie in one of them.
     words += ["--proc", "/proc", "--dev", "/dev"]
-    sizes = {"/dev/shm": SCRATCH, "/tmp": SCRATCH, str(Path(HOME).parent): limits.disk_bytes}
-    for place, size in sizes.items():
+    for place, size in zip(WRITABLE, (SCRATCH, SCRATCH, limits.disk_bytes), strict=True):
         words += ["--perms", "1777", "--size", str(size), "--tmpfs", place]
     seen = seen_folders(extra)
     for path in seen:
@@ -158,7 +154,7 @@ def _shown(path: Path) -> list[str]:
 
 def what_is_missing() -> str:
     """Why there can be no sandbox here, or an empty string: a trial says so."""
-    if sys.platform != "linux":
+    if not platform_has.LINUX:
         return "bubblewrap is for Linux only"
     if shutil.which(COMMAND) is None:
         return "bubblewrap is not installed: apt-get install bubblewrap"
@@ -197,70 +193,3 @@ def limits_text() -> str:
             "A supervisor limits memory and processor time of each run, and adds them up ten times a second."
         )
     return "Memory and processor time are limited for each process, not for a run as a whole."
-
-
-_LOAD, _EQUAL, _ANY_BIT, _ABOVE, _RETURN = 0x20, 0x15, 0x45, 0x25, 0x06
-_ALLOW, _KILL, _REFUSE, _UNKNOWN = 0x7FFF0000, 0x80000000, 0x00050001, 0x00050026  # EPERM, ENOSYS
-_NUMBER, _ARCHITECTURE, _FIRST = 0, 4, 16
-"""Offsets in struct seccomp_data: the call's number, the architecture, the low half of the first argument."""
-_NEW_USER = 0x10000000  # CLONE_NEWUSER
-_X32 = 0x3FFFFFFF
-_FAMILIES = (0, 1, 2, 10, 16)
-"""Families of sockets allowed: none, Unix, IPv4, IPv6, netlink. Some others reach past namespaces."""
-_ARCHITECTURES = MappingProxyType({"x86_64": 0xC000003E, "aarch64": 0xC00000B7})
-_CALLS: Mapping[str, Mapping[str, int]] = MappingProxyType(
-    {
-        "x86_64": {
-            "clone": 56, "unshare": 272, "socket": 41, "socketpair": 53, "clone3": 435,
-            "ptrace": 101, "process_vm_readv": 310, "process_vm_writev": 311,
-            "add_key": 248, "request_key": 249, "keyctl": 250,
-            "bpf": 321, "perf_event_open": 298, "userfaultfd": 323,
-            "io_uring_setup": 425, "io_uring_enter": 426, "io_uring_register": 427,
-            "memfd_create": 319, "memfd_secret": 447, "shmget": 29, "semget": 64, "msgget": 68,
-        },
-        "aarch64": {
-            "clone": 220, "unshare": 97, "socket": 198, "socketpair": 199, "clone3": 435,
-            "ptrace": 117, "process_vm_readv": 270, "process_vm_writev": 271,
-            "add_key": 217, "request_key": 218, "keyctl": 219,
-            "bpf": 280, "perf_event_open": 241, "userfaultfd": 282,
-            "io_uring_setup": 425, "io_uring_enter": 426, "io_uring_register": 427,
-            "memfd_create": 279, "memfd_secret": 447, "shmget": 194, "semget": 190, "msgget": 186,
-        },
-    }
-)  # fmt: skip
-
-
-def call_filter(machine: str | None = None) -> bytes:
-    """The filter for a machine, by default this one; empty for one whose numbers are not known here."""
-    machine = machine or platform.machine()
-    if machine not in _CALLS:
-        return b""
-    calls = dict(_CALLS[machine])
-    flagged = [calls.pop("clone"), calls.pop("unshare")]
-    sockets = [calls.pop("socket"), calls.pop("socketpair")]
-    clone3 = calls.pop("clone3")  # its flags lie in memory; without it, libraries take clone
-    program = [
-        (_LOAD, 0, 0, _ARCHITECTURE),
-        (_EQUAL, 1, 0, _ARCHITECTURES[machine]),
-        (_RETURN, 0, 0, _KILL),
-        (_LOAD, 0, 0, _NUMBER),
-    ]
-    if machine == "x86_64":  # the x32 numbers are the same calls again
-        program += [(_ABOVE, 0, 1, _X32), (_RETURN, 0, 0, _REFUSE)]
-    program += [(_EQUAL, 0, 1, clone3), (_RETURN, 0, 0, _UNKNOWN)]
-    for number in calls.values():
-        program += [(_EQUAL, 0, 1, number), (_RETURN, 0, 0, _REFUSE)]
-    for number in flagged:
-        program += [
-            (_EQUAL, 0, 4, number),
-            (_LOAD, 0, 0, _FIRST),
-            (_ANY_BIT, 0, 1, _NEW_USER),
-            (_RETURN, 0, 0, _REFUSE),
-            (_RETURN, 0, 0, _ALLOW),
-        ]
-    for number in sockets:
-        program += [(_EQUAL, 0, len(_FAMILIES) + 3, number), (_LOAD, 0, 0, _FIRST)]
-        program += [(_EQUAL, len(_FAMILIES) - at, 0, family) for at, family in enumerate(_FAMILIES)]
-        program += [(_RETURN, 0, 0, _REFUSE), (_RETURN, 0, 0, _ALLOW)]
-    program.append((_RETURN, 0, 0, _ALLOW))
-    return b"".join(struct.pack("=HBBI", *each) for each in program)

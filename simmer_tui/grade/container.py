@@ -9,14 +9,15 @@ from __future__ import annotations
 
 import contextlib
 import math
-import os
 import shutil
 import socket
 import subprocess
+import sys
 import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
+from simmer_tui import platform_has
 from simmer_tui.config.sets import bundled_folder
 from simmer_tui.errors import GradeError
 from simmer_tui.grade import launcher
@@ -55,6 +56,8 @@ class Container(LaunchedSandbox):
         return {name: value for name, value in super()._resources.items() if name != "NPROC"}
 
     def _launch(self) -> tuple[subprocess.Popen[bytes], socket.socket]:
+        if sys.platform == "win32":
+            raise NotImplementedError  # there are no Unix sockets
         self._door.chmod(0o755)
         with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as listening:
             listening.bind(str(self._door / _KNOCKER))
@@ -65,7 +68,7 @@ class Container(LaunchedSandbox):
                 self.words(),
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.PIPE,
-                stderr=subprocess.STDOUT,
+                stderr=subprocess.PIPE,
                 start_new_session=True,
             )
             try:
@@ -73,7 +76,7 @@ class Container(LaunchedSandbox):
             except TimeoutError:
                 self._kill()
                 process.kill()
-                said = process.communicate()[0].decode(errors="replace").strip()[-300:]
+                said = b"".join(process.communicate()).decode(errors="replace").strip()[-300:]
                 raise GradeError(f"the container did not begin: {said}") from None
         (self._door / _KNOCKER).unlink()  # there is one who may knock, and has
         return process, link
@@ -119,7 +122,7 @@ def what_is_missing(engine: str) -> str:
     """Why an engine cannot close programs in here, or an empty string."""
     if shutil.which(engine) is None:
         return f"{engine} is not installed"
-    if not hasattr(socket, "AF_UNIX") or os.name != "posix":
+    if not platform_has.POSIX:
         return f"{engine} needs to be on the same Linux machine"
     try:
         asked = subprocess.run([engine, "info"], capture_output=True, text=True, timeout=_ASKED, check=False)

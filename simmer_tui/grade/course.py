@@ -10,12 +10,13 @@ from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
+from simmer_tui.config.given_path import given_path
 from simmer_tui.config.sets import MISSION_SET, find_set
 from simmer_tui.config.toml_file import TomlFile
 from simmer_tui.errors import ConfigurationError, Problem
 from simmer_tui.grade.sandbox import Limits
 from simmer_tui.sim.command import escape, printable
-from simmer_tui.sim.rules import IntegerRule, NamesRule, NumberRule, TextRule
+from simmer_tui.sim.rules import FlagRule, IntegerRule, NamesRule, NumberRule, TextRule
 from simmer_tui.sim.values import Value
 from simmer_tui.trials.sequential import LARGEST_CAP, MARGIN, RISK
 
@@ -40,6 +41,10 @@ class Rules:
     sensors: int | None = None
     size: float | None = None
     cells: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    dialects: bool = False
+    """True if a team's dialect.toml is taken."""
+    wheels: bool = False
+    """True if a team's [wheels] are taken, which are no faster than the course's."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,12 +87,14 @@ class Course:
     """More folders of this machine that programs may read."""
     image: str = ""
     """The container's, for docker and podman."""
+    clock: str = ""
+    """Clock of the runs in place of that of the set."""
     teams: tuple[Team, ...] = ()
     team_folders: tuple[Path, ...] = ()
     """In these, each folder is a team's."""
 
 
-_COMMAND = Value(TextRule(), "command of teams that say nothing else", name="command")
+_COMMAND = Value(TextRule(), "command of teams that name no other", name="command")
 _CONFIG = Value(TextRule(), "the team's robot: a set, a config.py or a Main.m, by path", name="config")
 _NAME, _FOLDER = Value(TextRule(), name="name"), Value(TextRule(), name="folder")
 _TOP = (
@@ -97,6 +104,8 @@ _TOP = (
     Value(TextRule(), "a folder with one folder a team", name="teams"),
     Value(TextRule(), "the container's image, for docker and podman", name="image"),
     Value(NamesRule(), "more folders that programs may read", name="read_only"),
+    Value(FlagRule(), "a team may have a dialect.toml", name="dialects"),
+    Value(FlagRule(), "a team may have [wheels] in its settings.toml", name="wheels"),
 )
 _DECIDE = (
     Value(NumberRule(0, 1, low_open=True), "the success rate that passes", name="require"),
@@ -141,7 +150,7 @@ def read_course(target: Path, course_file: Path | None = None, *, alone: bool = 
         directory=directory,
         command=command,
         limits=Limits(**file.values(_LIMITS, file.table("limits"), "limits.")),
-        rules=_rules(file),
+        rules=_rules(file, top),
         read_only=top.get("read_only", ()),
         image=top.get("image", ""),
         teams=tuple(teams),
@@ -174,18 +183,24 @@ def _usual_file(target: Path, shown: str) -> Path | None:
 
 def _set_of(home: Path, name: str) -> Path:
     """The course's set: a folder beside course.toml, or as everywhere else."""
-    return home / name if (home / name).is_dir() else find_set(name)
+    folder = given_path(name, home)
+    return folder if folder.is_dir() else find_set(name)
 
 
 def _folders_named(home: Path, top: Mapping[str, Any]) -> tuple[Path, ...]:
-    return (home / top["teams"],) if "teams" in top else ()
+    return (given_path(top["teams"], home),) if "teams" in top else ()
 
 
-def _rules(file: TomlFile) -> Rules:
+def _rules(file: TomlFile, top: Mapping[str, Any]) -> Rules:
     rules = file.values(_RULES, file.table("rules"), "rules.", others=("cells",))
     cells = file.table("rules.cells")
     columns = [Value(NamesRule(), name=name) for name in cells]
-    return Rules(**rules, cells=file.values(columns, cells, "rules.cells."))
+    return Rules(
+        **rules,
+        cells=file.values(columns, cells, "rules.cells."),
+        dialects=top.get("dialects", False),
+        wheels=top.get("wheels", False),
+    )
 
 
 def _below(folder: Path, directory: Path, command: str, problems: list[Problem]) -> list[Team]:
@@ -239,7 +254,7 @@ def _listed(file: TomlFile, home: Path, command: str) -> list[Team]:
         if "folder" not in said:
             file.complain("team", f"team {index} has no folder")
             continue
-        folder = home / said["folder"]
+        folder = given_path(said["folder"], home)
         if not folder.is_dir():
             file.complain("team", f'"{shown_name(said["folder"], 100)}" is not a folder')
         given = {each.name: said[each.name] for each in (_COMMAND, _CONFIG) if each.name in said}

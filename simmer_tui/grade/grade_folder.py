@@ -21,6 +21,7 @@ from typing import Annotated
 from msgspec import Meta, Struct
 
 from simmer_tui.config import mission_toml
+from simmer_tui.config.device_trust import DeviceUse
 from simmer_tui.config.loader import Configuration, load
 from simmer_tui.errors import ConfigurationError, GradeError, Problem
 from simmer_tui.grade.course import (
@@ -40,7 +41,8 @@ from simmer_tui.sim.command import escape
 from simmer_tui.trials.run import OUTPUT, PACKED_LOG
 from simmer_tui.trials.sequential import Decision, SequentialTest, sequential_test
 from simmer_tui.trials.store import RunStore, StoreKind, unbroken
-from simmer_tui.trials.trial import TrialResult, maze_faults, timed_seconds
+from simmer_tui.trials.trial import TrialResult, maze_faults
+from simmer_tui.trials.trial_clock import timed_seconds, with_clock
 
 PLAN, TEAMS = PLAN_FILE, TEAMS_FOLDER
 COURSE, RUNS = "course", "runs"
@@ -49,6 +51,11 @@ _LARGEST_SUBMISSION = 64_000_000
 """Bytes that a team may submit; more would not fit into its sandbox either."""
 _NUMBERS = 100_000
 """Numbers of runs set aside for each team: more than the largest cap of a test."""
+
+
+def number_in_team(result: TrialResult) -> int:
+    """The number of a run among those of its team."""
+    return result.number % _NUMBERS
 
 
 class PlannedTeam(Struct, frozen=True):
@@ -138,7 +145,10 @@ class GradeFolder:
         """Begin a grading in a new or empty folder; with `hides_names` pages have codes.
         Raises GradeError, ConfigurationError, TrialsError."""
         sequential_test(course.require, course.margin, course.risk, course.cap)
-        base = load(course.directory)
+        base = load(course.directory, devices=DeviceUse.PARSE)
+        if base.settings.sensors.devices:
+            names = ", ".join(base.settings.sensors.devices)
+            raise GradeError(f"a grading runs no devices of a set's own: take {names} out of sensors.devices")
         _check(base, reference(base, course.rules))
         store = RunStore(path, KIND)
         with store.made():
@@ -166,7 +176,7 @@ class GradeFolder:
         for _, line in store.lines():
             entry = attempts.get((line.team, line.attempt))
             if entry is not None:  # else of an earlier attempt
-                entry.results.setdefault(line.result.number % _NUMBERS, line.result)
+                entry.results.setdefault(number_in_team(line.result), line.result)
         return folder
 
     # -- what is to be done --------------------------------------------------------------------
@@ -220,11 +230,15 @@ class GradeFolder:
         """The log of a run, if it is kept."""
         return self.runs / entry.team.slug / f"{number:04}{PACKED_LOG}"
 
+    def output(self, entry: Entry, number: int) -> Path:
+        """The output of the program of a run, if it is kept."""
+        return self.runs / entry.team.slug / f"{number:04}{OUTPUT}"
+
     # -- what has been done --------------------------------------------------------------------
 
     def append(self, result: TrialResult) -> None:
         """Keep the result of a run: on the disk when this returns. Raises GradeError."""
-        entry, number = self.entries[result.number // _NUMBERS], result.number % _NUMBERS
+        entry, number = self.entries[result.number // _NUMBERS], number_in_team(result)
         self.store.append(TeamRun(entry.team.name, entry.planned.attempt, result))
         with _reported():
             self._keep_within_bounds(entry, number)
@@ -236,7 +250,7 @@ class GradeFolder:
         place = self.runs / entry.team.slug
         if place.is_dir() and sum(path.stat().st_size for path in place.iterdir()) > share:
             self.log(entry, number).unlink(missing_ok=True)
-            (place / f"{number:04}{OUTPUT}").unlink(missing_ok=True)
+            self.output(entry, number).unlink(missing_ok=True)
 
     def regrade(self, name: str) -> None:
         """Grade a team again, with its files as they are now. Raises GradeError, ConfigurationError."""
@@ -287,6 +301,9 @@ class GradeFolder:
                     )
                 except GradeError as error:
                     check = SubmissionCheck(None, (Problem("files", str(error)),))
+                if check.configuration is not None and self.course.clock:
+                    configuration = with_clock(check.configuration, self.course.clock)
+                    check = replace(check, configuration=configuration)
                 entry.check = check
 
 

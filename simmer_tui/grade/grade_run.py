@@ -9,7 +9,7 @@ from pathlib import Path
 
 from msgspec import structs
 
-from simmer_tui.errors import ConfigurationError, PlacementError, PortError, ProgramError
+from simmer_tui.errors import ConfigurationError, PlacementError, PortError
 from simmer_tui.grade.bubblewrap import Bubblewrap
 from simmer_tui.grade.container import Container
 from simmer_tui.grade.sandbox import Isolation, Limits
@@ -20,6 +20,8 @@ from simmer_tui.trials.trial import Ending, Trial, TrialResult
 
 _LARGEST_LOG = 30_000_000
 """Bytes of a compressed log of a run; a program that only wants to fill the disk does not."""
+SHOWN_SUCCESS = 1
+"""Run whose log is kept even if it succeeds."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,12 +45,13 @@ class GradeRun:
     """Make it, call `run` once; `interrupt` ends it from another thread."""
 
     def __init__(self, trial: GradeTrial, folder: Path, keeper: Keeper | None = None) -> None:
-        """`folder` takes the log and the output of a run that fails, in a folder of the team."""
+        """`folder` takes the log and the output of a run that fails, in a folder of the team, and the log of
+        run `SHOWN_SUCCESS`."""
         self._trial = trial
         (folder / trial.slug).mkdir(exist_ok=True)
         self._log = folder / f"{trial.name}{PACKED_LOG}"
         self._output = folder / f"{trial.name}{OUTPUT}"
-        self._run = TrialRun(trial, folder, sandbox=sandbox_of(trial, keeper), most_log=_LARGEST_LOG)
+        self._run = TrialRun(trial, folder, sandbox=lambda: sandbox_of(trial, keeper), most_log=_LARGEST_LOG)
 
     def interrupt(self) -> None:
         self._run.interrupt()
@@ -58,12 +61,14 @@ class GradeRun:
         Raises RunLogError, GradeError, InterruptedTrialError."""
         try:
             result = self._run.run()
-        except (ConfigurationError, PlacementError, PortError, ProgramError) as error:
+        except (ConfigurationError, PlacementError, PortError) as error:
             failed = fault_result(self._trial, escape(str(error), 300))
             result = structs.replace(failed, ending=Ending.EXIT)
         if result.success:
-            self._log.unlink(missing_ok=True)
             self._output.unlink(missing_ok=True)
+            # The same mission for all teams: a page plays it for a team that passes, too.
+            if self._trial.repetition != SHOWN_SUCCESS:
+                self._log.unlink(missing_ok=True)
         elif self._output.exists():
             most = int(self._trial.limits.output * 1000)
             self._output.write_bytes(self._output.read_bytes()[-most:])

@@ -104,14 +104,12 @@ def check_isolation(folder: GradeFolder) -> None:
     if missing:
         raise GradeError(
             f"programs cannot be sandboxed: {missing}. Without it, a program can read this grading's seed, "
-            "logs and results; --isolation none grades all the same"
+            "logs and results; --isolation none grades without it"
         )
     seen = bubblewrap.seen_folders(folder.course.read_only)
     inside = [place for place in seen if folder.path.resolve().is_relative_to(place.resolve())]
     if folder.isolation is Isolation.BWRAP and inside:
-        raise GradeError(
-            f"programs can read {inside[0]}, and the grading would lie in it: name another --out"
-        )
+        raise GradeError(f"the grading would lie in {inside[0]}, which programs can read: name another --out")
 
 
 def what_is_missing(isolation: Isolation) -> str:

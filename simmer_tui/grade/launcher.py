@@ -21,7 +21,6 @@ import ctypes
 import errno
 import json
 import os
-import resource
 import shutil
 import signal
 import socket
@@ -41,6 +40,8 @@ _NOT_STARTED = 127
 
 
 def main(arguments: list[str]) -> None:
+    if sys.platform != "linux":
+        raise NotImplementedError  # there are no sandboxes here
     ctypes.CDLL(None).prctl(_SET_DUMPABLE, 0, 0, 0, 0)
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, signal.SIG_IGN)  # the program may send them: it may be the same user
@@ -65,6 +66,8 @@ def main(arguments: list[str]) -> None:
 
 
 def _link(where: str) -> socket.socket:
+    if sys.platform != "linux":
+        raise NotImplementedError  # there are no sandboxes here
     if where.isdecimal():
         link = socket.socket(fileno=int(where))
     else:
@@ -111,6 +114,8 @@ def _listening(family: socket.AddressFamily, address: str, port: int) -> socket.
 
 def _run(link: socket.socket, order: dict[str, Any]) -> None:
     """Run the program, and end as it does. Raises OSError."""
+    if sys.platform != "linux":
+        raise NotImplementedError  # there are no sandboxes here
     pid = os.fork()
     if pid == 0:
         try:
@@ -134,12 +139,18 @@ def _run(link: socket.socket, order: dict[str, Any]) -> None:
 
 def _limit(limits: dict[str, int]) -> None:
     """Set limits, by the end of their RLIMIT_ names. Raises OSError."""
+    if sys.platform != "linux":
+        raise NotImplementedError  # there are no sandboxes here
+    import resource  # this file is looked for, by its module, where there is none
+
     for name, value in limits.items():
         resource.setrlimit(getattr(resource, f"RLIMIT_{name}"), (value, value))
 
 
 def _become(order: dict[str, Any]) -> None:
     """Become the program. Raises OSError."""
+    if sys.platform != "linux":
+        raise NotImplementedError  # there are no sandboxes here
     uid = order["uid"]
     if uid is not None:  # before the limits: that of processes does not bind root
         os.setgroups([])

@@ -14,14 +14,16 @@ import numpy as np
 from msgspec import Struct
 from shapely import MultiPoint
 
-from simmer_tui.config import drive_csv, robot_csv, sensors_csv
+from simmer_tui.config import drive_csv, robot_csv, sensors_csv, settings_file
 from simmer_tui.config.loader import Configuration
+from simmer_tui.config.settings import WheelsSettings
+from simmer_tui.dialect.dialect_rules import DialectRules
 from simmer_tui.errors import Problem
 from simmer_tui.grade.course import Rules
 from simmer_tui.sim.columns import GRIPPER, MOVEMENT, CsvColumn
 from simmer_tui.sim.command import escape
 from simmer_tui.sim.footprint import Footprint
-from simmer_tui.sim.specs import DriveSpec, GripperSpec, RobotSpec, SensorSpec
+from simmer_tui.sim.specs import DriveSpec, GripperSpec, RobotSpec, SensorSpec, VelocitySpec
 from simmer_tui.sim.values import CourseRule
 
 ROBOT_FILES = (robot_csv.FILE, sensors_csv.FILE, drive_csv.FILE)
@@ -46,6 +48,9 @@ def rule_problems(rules: Rules, course: Configuration, team: Configuration) -> l
         *_places(course, team),
         *_drives(course.simulation.drives, team.simulation.drives),
         *_gripper(course.simulation.gripper, team.simulation.gripper),
+        *_velocities(course.simulation.velocities, team.simulation.velocities),
+        *_top_speed(course.settings.wheels, team.settings.wheels),
+        *(_dialect(team.dialect) if team.dialect is not None else ()),
     ]
 
 
@@ -123,7 +128,8 @@ def _better(sensor: SensorSpec, model: SensorSpec) -> Iterable[str]:
     """In what a sensor is better than one of the course's, or works otherwise."""
     yield from _differences(sensor, model, sensor.kind.columns, limited=sensor.kind.is_range)
     if _errs_by_opposite(sensor) and 1.0 - sensor.error < min(model.error, 0.5) - _ROUNDING:
-        yield f"its error is above {1.0 - model.error:g}: a sensor that is always wrong is always right"
+        most = 1.0 - model.error
+        yield f"its error is above {most:g}: the opposite of its answers would nearly always be right"
 
 
 def _differences(own: Struct, model: Struct, columns: Iterable[CsvColumn], *, limited: bool) -> Iterable[str]:
@@ -174,10 +180,31 @@ def _drives(course: Iterable[DriveSpec], team: Iterable[DriveSpec]) -> Iterable[
             continue
         where, model = f"{drive_csv.FILE}:{drive.kind.value}", models.get(drive.kind)
         if model is None:
-            yield Problem(where, "the course's robots have no such drive")
+            yield Problem(where, "the course's robots do not have this drive")
             continue
         for what in _differences(drive, model, MOVEMENT, limited=False):
             yield Problem(where, what)
+
+
+def _velocities(course: Iterable[VelocitySpec], team: Iterable[VelocitySpec]) -> Iterable[Problem]:
+    kinds = {velocity.kind for velocity in course if velocity.enabled}
+    for velocity in team:
+        if velocity.enabled and velocity.kind not in kinds:
+            where = f"{drive_csv.FILE}:{velocity.kind.value}"
+            yield Problem(where, "the course's robots do not know this command")
+
+
+def _top_speed(course: WheelsSettings, team: WheelsSettings) -> Iterable[Problem]:
+    if team.top_speed > course.top_speed + _ROUNDING:
+        what = f"the wheels turn at {team.top_speed:g} in/s; at most {course.top_speed:g} are allowed"
+        yield Problem(f"{settings_file.FILE}:wheels.top_speed", what)
+
+
+def _dialect(dialect: DialectRules) -> Iterable[Problem]:
+    """Exact values that no sensor of the robot stands behind."""
+    for place, name in dialect.without_sensor(("contact",)):
+        sensor = f"'{name}' needs a bumper in {sensors_csv.FILE}"
+        yield Problem(place, f"{sensor}; write the code of a sensor instead")
 
 
 def _gripper(course: GripperSpec | None, team: GripperSpec | None) -> Iterable[Problem]:
@@ -203,7 +230,7 @@ def _robot_cells(
     for model, row in zip_longest(wanted, found, fillvalue=nothing):
         label = (row or model)[0]
         if label not in labels and [*map(_plain, row[1:])] != [*map(_plain, model[1:])]:
-            yield Problem(f"{file}:{escape(label, 60)}", "may not differ from the course's")
+            yield Problem(f"{file}:{escape(label, 60)}", "must be the same as in the course's set")
 
 
 def _table_cells(
@@ -218,7 +245,8 @@ def _table_cells(
         for column in [each for each in {**model, **row} if each not in ("ID", *columns)]:
             if _plain(row.get(column, "")) != _plain(model.get(column, "")):
                 yield Problem(
-                    f"{file}:{escape(name, 30)}:{escape(column, 40)}", "may not differ from the course's"
+                    f"{file}:{escape(name, 30)}:{escape(column, 40)}",
+                    "must be the same as in the course's set",
                 )
 
 

@@ -3,36 +3,41 @@
 from __future__ import annotations
 
 import json
+import os
 import socket
 import subprocess
+import sys
 import threading
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 
 from simmer_tui.errors import GradeError, PortError, ProgramError
 from simmer_tui.grade.cgroup import ControlGroup
 from simmer_tui.grade.supervisor import Supervisor
 from simmer_tui.grade.usage import SandboxUsage
 from simmer_tui.links.ports import Listener, PortRequest
-from simmer_tui.program.control_program import words_of
-from simmer_tui.program.program_output import ProgramOutput
+from simmer_tui.program.hook_folder import with_hook
+from simmer_tui.program.program_command import words_of
+from simmer_tui.program.program_output import ProgramOutput, reading
 from simmer_tui.sim.command import escape
 
 HOME, FILES, PACKAGE = "/robot/home", "/program", "/simmer"
 """In a sandbox: the program's own copy of its files, what that is copied from, and our package."""
+HOOK = f"{PACKAGE}/simmer_tui/program/hook"
+"""In a sandbox: the folder that stands first on the path of a Python program with a clock of its own."""
 # Both are memory: with them a program stays below its limit of memory and disk.
 SCRATCH = 16_000_000
 """Bytes of /tmp and of /dev/shm."""
+WRITABLE = ("/dev/shm", "/tmp", str(PurePosixPath(HOME).parent))
+"""In a sandbox of bubblewrap: the folders that are memory."""
 # Bubblewrap takes milliseconds, a container a second; many at once take longer.
 PATIENCE = 20.0
 """Seconds that a sandbox may take to answer."""
 _LAST = 2.0
 """Seconds that what was in a sandbox may take to be gone."""
-# A line without an end is cut here, so that it does not fill the memory.
-_LONGEST_LINE = 65536
 _LONGEST_ANSWER = 65536
 _MOST_SOCKETS = 4
 
@@ -101,7 +106,7 @@ class LaunchedSandbox(ABC):
         process = self._open()
         order = {
             "run": words_of(command),
-            "environment": surroundings(self._python) | dict(variables),
+            "environment": with_hook(surroundings(self._python) | dict(variables), HOOK),
             "uid": self._uid,
             "files": FILES,
             "home": HOME,
@@ -121,7 +126,7 @@ class LaunchedSandbox(ABC):
                 on_line(reason)
                 self._kill()
 
-            limits, usage = self._limits, SandboxUsage(process.pid, meter[0] if meter else None)
+            limits, usage = self._limits, SandboxUsage(process.pid, meter[0] if meter else None, WRITABLE)
             self._supervisor = Supervisor(usage, self._group, limits.memory_bytes, limits.cpu, end)
         return self._program
 
@@ -153,6 +158,8 @@ class LaunchedSandbox(ABC):
 
     def _ask(self, order: Mapping[str, object]) -> tuple[dict[str, str], list[socket.socket]]:
         """The launcher's answer; an empty one when the program has begun. Raises GradeError."""
+        if sys.platform != "linux":
+            raise NotImplementedError  # there are no sandboxes here
         assert self._link is not None, "there is a launcher to ask"
         assert self._process is not None, "there is a launcher to ask"
         try:
@@ -171,8 +178,7 @@ class LaunchedSandbox(ABC):
         """Last output of bubblewrap before it ended."""
         assert self._process is not None, "it has been started"
         self._kill()
-        output, _ = self._process.communicate()
-        said = escape(output.decode(errors="replace").strip(), 300)
+        said = escape(b"".join(self._process.communicate()).decode(errors="replace").strip(), 300)
         return f": {said}" if said else ""
 
 
@@ -205,13 +211,18 @@ class SandboxedProgram:
         self.stopped = False
         """True if the program did not end by itself."""
         self._process = process
-        self._output = output
         self._stop = stop
         self._ended = threading.Event()
-        self._reader = threading.Thread(target=self._read, args=(on_line,), name="output", daemon=True)
+        assert process.stdout is not None, "its output is taken"
+        assert process.stderr is not None, "its output is taken"
+        with process.stdout as stdout, process.stderr as stderr:
+            self._reader = reading(output, os.dup(stdout.fileno()), os.dup(stderr.fileno()), on_line)
         self._waiter = threading.Thread(target=self._wait, args=(on_end,), name="program", daemon=True)
-        self._reader.start()
         self._waiter.start()
+
+    def settle_output(self) -> bool:
+        """Wait until all that it has printed is kept; False if that takes too long."""
+        return self._reader.settle()
 
     def end(self, grace: float = 0.0) -> None:
         """End everything in the sandbox; the program may end by itself for `grace` seconds."""
@@ -221,14 +232,6 @@ class SandboxedProgram:
             self.stopped = True
             self._stop()
         self._waiter.join(2 * _LAST)
-
-    def _read(self, on_line: Callable[[str], None]) -> None:
-        assert self._process.stdout is not None, "its output is taken"
-        with self._process.stdout as output:
-            for line in iter(lambda: output.readline(_LONGEST_LINE), b""):
-                # The sandbox has one stream for both.
-                self._output.stderr.add(line)
-                on_line(line.decode(errors="replace").rstrip())
 
     def _wait(self, on_end: Callable[[int], None]) -> None:
         code = self._process.wait()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from xml.etree import ElementTree
 
 from simmer_tui.document.as_data import json_text
@@ -13,23 +14,38 @@ from simmer_tui.document.model import (
     DataTable,
     Document,
     DocumentPart,
+    Folded,
+    KeyFigures,
     Paragraph,
-    Prose,
-    SectionHeading,
+    SideBySide,
+    Tone,
+    VerdictBox,
 )
 from simmer_tui.errors import ConfigurationError, RunLogError
-from simmer_tui.grade.grade_folder import GradeFolder
+from simmer_tui.grade.grade_folder import GradeFolder, number_in_team
 from simmer_tui.grade.team_result import TeamResult, TeamStatus, code_of, last_failure, ranked
-from simmer_tui.phrases import computing_text
-from simmer_tui.report.content import report_page
+from simmer_tui.report.page import report_page
 from simmer_tui.report.run_statistics import report_of
 from simmer_tui.runlog.reader import LogReader
+from simmer_tui.sim.command import escape
 from simmer_tui.sim.fingerprint import math_fingerprint
 from simmer_tui.trials.figures import map_figure
 from simmer_tui.trials.sequential import shown_test
+from simmer_tui.trials.trial_clock import clock_sentences, clocks_text
 from simmer_tui.trials.trials_summary import failure_text
 
 INDEX = "index.html"
+_TONES = {
+    TeamStatus.PASSED: Tone.GOOD,
+    TeamStatus.FAILED: Tone.BAD,
+    TeamStatus.REFUSED: Tone.BAD,
+    TeamStatus.UNDER_WAY: Tone.PLAIN,
+}
+_RUN_TONES = {"succeeded": Tone.GOOD, "failed": Tone.BAD}
+_LAST_LINES = 5
+"""Last lines shown of a program that never started: as many as a short traceback has."""
+_MOST_SILENT = 5
+"""Programs that never started whose names and lines are shown; judged: more would push the table away."""
 _SHOWN_RUNS = 3
 """Failed runs of a team with a page of their own."""
 _LARGEST_SHOWN = 2_000_000
@@ -40,15 +56,16 @@ GRADES = DataTable(
     (
         DataColumn("team", wraps=True),
         DataColumn("code", hidden=True),
-        DataColumn("outcome", heading=""),
+        DataColumn("outcome", heading="", tone=lambda outcome: _TONES[TeamStatus(outcome)]),
         DataColumn("success_rate", estimate(".2f")),
         DataColumn("successes", COUNT, hidden=True),
         DataColumn("runs", COUNT),
         DataColumn("time_s", LENGTH),
         DataColumn("contacts_per_run", number(".2f"), "contacts/run"),
+        DataColumn("clock"),
         DataColumn("main_cause", hidden=True),
         DataColumn("problem", hidden=True),
-        DataColumn("why", WORDS, "most runs failed by", wraps=True),
+        DataColumn("why", WORDS, "main cause", wraps=True),
     ),
 )
 CAUSES = DataTable("causes", "Why runs failed", (DataColumn("cause", wraps=True), DataColumn("runs", COUNT)))
@@ -57,8 +74,10 @@ RUNS = DataTable(
     "Runs",
     (
         DataColumn("run", COUNT),
+        DataColumn("outcome", heading="", tone=_RUN_TONES.__getitem__),
         DataColumn("time_s", LENGTH),
         DataColumn("contacts", COUNT),
+        DataColumn("clock"),
         DataColumn("text", heading="", wraps=True),
     ),
 )
@@ -76,94 +95,187 @@ def grades_table(folder: GradeFolder, team_results: list[TeamResult], *, links: 
                 TextLink(each.label, f"{each.slug}.html") if links else each.label,
                 code_of(folder, each.entry),
                 *(each.outcome.value, each.score, each.successes, each.runs, each.time, each.contacts),
+                clocks_text(each.results),
                 *(cause, problem, problem or why),
             )
         )
-    return GRADES.filled(rows)
+    clocks = {clocks_text(each.results) for each in team_results if each.results}
+    return _with_clock(GRADES, len(clocks) > 1).filled(rows)
 
 
-def grades_document(
-    folder: GradeFolder, team_results: list[TeamResult], isolation: str, *, links: bool = False
-) -> Document:
-    """The grades, the best team first. `isolation` tells how programs were kept apart."""
+def _with_clock(table: DataTable, differs: bool) -> DataTable:
+    """A table with the column of the clock only where it differs: else the notes name it."""
+    columns = [replace(each, hidden=not differs) if each.key == "clock" else each for each in table.columns]
+    return replace(table, columns=tuple(columns))
+
+
+def grades_document(folder: GradeFolder, team_results: list[TeamResult], isolation: str) -> Document:
+    """The grades for terminals and programs, the best team first. `isolation` tells how programs were kept
+    apart."""
+    return Document(
+        folder.course.name,
+        (
+            Paragraph(shown_test(folder.test), "test", "run"),
+            grades_table(folder, ranked(team_results)),
+            Paragraph(_answer(team_results), "answer"),
+            *_notes(folder, isolation),
+        ),
+    )
+
+
+def _answer(team_results: list[TeamResult]) -> str:
+    passed = sum(each.outcome is TeamStatus.PASSED for each in team_results)
+    runs = sum(each.runs for each in team_results)
+    return f"{passed} of {len(team_results)} teams passed, {runs} runs counted"
+
+
+def _notes(folder: GradeFolder, isolation: str) -> list[DocumentPart]:
+    """Notes on how the grades were made."""
     note = (
         "In brackets: the 95 % interval, exact for a sequential test. All teams met the same "
         "missions, in the same order."
     )
-    passed = sum(each.outcome is TeamStatus.PASSED for each in team_results)
-    runs = sum(each.runs for each in team_results)
-    # The course's settings of motion hold for every team.
-    checked = (each.check.configuration for each in folder.entries)
-    motions = sorted({each.settings.motion.motion for each in checked if each is not None})
-    parts: tuple[DocumentPart, ...] = (
-        Paragraph(shown_test(folder.test), "test", "run"),
-        grades_table(folder, ranked(team_results), links=links),
-        Paragraph(f"{passed} of {len(team_results)} teams passed, {runs} runs counted", "answer"),
+    said: dict[str, None] = {}
+    for each in folder.entries:
+        if each.check.configuration is not None:
+            said |= dict.fromkeys(clock_sentences(each.check.configuration, folder.counted(each)))
+    return [
         Paragraph(note, kind="note"),
         Paragraph(isolation, "isolation", "note"),
-        *(Paragraph(computing_text(each), "computing", "note") for each in motions),
+        *(Paragraph(escape(text, 600), "computing", "note") for text in said),
         Paragraph(
             f"Fingerprint of this machine's mathematics: {math_fingerprint()}. On a machine with another "
-            "one, numbers may differ in their last bits.",
+            "fingerprint, numbers may differ in their last bits.",
             "mathematics",
             "note",
         ),
-    )
-    return Document(folder.course.name, parts)
+    ]
+
+
+# -- pages -----------------------------------------------------------------------------------------
 
 
 def site(folder: GradeFolder, team_results: list[TeamResult], isolation: str) -> dict[str, str]:
     """All pages by name. `isolation` tells how programs were kept apart."""
-    pages = {INDEX: html_page(grades_document(folder, team_results, isolation, links=True))}
+    pages = {INDEX: html_page(_index_page(folder, team_results, isolation))}
     for team_result in team_results:
-        links: list[tuple[Prose, ...]] = []
+        links: dict[int, str] = {}
         for number_of, text in _run_pages(folder, team_result).items():
-            name = f"{team_result.slug}-run-{number_of}.html"
-            pages[name] = text
-            links.append((TextLink(f"run {number_of}", name),))
-        pages[f"{team_result.slug}.html"] = html_page(_team_document(folder, team_result, links))
+            links[number_of] = f"{team_result.slug}-run-{number_of}.html"
+            pages[links[number_of]] = text
+        pages[f"{team_result.slug}.html"] = html_page(_team_page(folder, team_result, links))
     return pages
 
 
-def _team_document(folder: GradeFolder, team_result: TeamResult, links: list[tuple[Prose, ...]]) -> Document:
-    runs = [
-        (
-            *(each.number % 100_000, each.time, each.contacts),
-            "success" if each.success else failure_text(each),
-        )
-        for each in team_result.results
-    ]
-    tables = (
-        CAUSES.filled(team_result.causes),
-        RUNS.filled(runs),
+def _index_page(folder: GradeFolder, team_results: list[TeamResult], isolation: str) -> Document:
+    """The page of all teams: how many have passed, and the table, in which each name leads to its team."""
+    outcomes = [each.outcome for each in team_results]
+    passed, teams = outcomes.count(TeamStatus.PASSED), len(outcomes)
+    silent = [each for each in team_results if each.never_started]
+    tone = Tone.GOOD if passed == teams else Tone.MIXED if passed else Tone.BAD
+    never = f" Never started: {', '.join(each.label for each in silent[:_MOST_SILENT])}." if silent else ""
+    headline = f"{passed} of {teams} teams passed"
+    verdict = VerdictBox(
+        key="answer",
+        text=_answer(team_results),
+        headline=headline,
+        tone=tone,
+        sentence=(f"A success rate of {folder.test.rate:g} passes.{never}",),
     )
-    parts: list[DocumentPart] = [
-        Paragraph((TextLink(folder.course.name, INDEX),)),
-        Paragraph(f"{team_result.outcome.value}: {team_result.said}", "answer", "strong"),
+    refused = outcomes.count(TeamStatus.REFUSED)
+    left = (str(outcomes.count(TeamStatus.UNDER_WAY)), "under way")
+    third = (
+        left if TeamStatus.UNDER_WAY in outcomes else (str(refused + len(silent)), "refused or never started")
+    )
+    failed = outcomes.count(TeamStatus.FAILED) - sum(each.outcome is TeamStatus.FAILED for each in silent)
+    runs = sum(each.runs for each in team_results)
+    table = replace(grades_table(folder, ranked(team_results), links=True), title="", sortable=True)
+    # What a program printed may name its team.
+    shown = () if folder.hides_names else silent[:_MOST_SILENT]
+    return Document(
+        folder.course.name,
+        (
+            Paragraph(f"{folder.course.name} · {teams} teams · {runs} runs", kind="run"),
+            verdict,
+            KeyFigures(((str(passed), "passed"), (str(failed), "did not pass"), third)),
+            table,
+            *(_last_lines(folder, each) for each in shown),
+            Folded(
+                "How the grades were made", (Paragraph(shown_test(folder.test)), *_notes(folder, isolation))
+            ),
+        ),
+    )
+
+
+def _last_lines(folder: GradeFolder, team_result: TeamResult) -> Bullets:
+    """The end of what a team's program printed in its last run."""
+    title = f"{team_result.label}: last lines of its program"
+    try:
+        output = folder.output(team_result.entry, number_in_team(team_result.results[-1])).read_bytes()
+    except OSError:
+        return Bullets(title, ())  # not kept for want of room
+    lines = output.decode(errors="replace").splitlines()[-_LAST_LINES:]
+    return Bullets(title, [escape(line, 200) for line in lines], kind="output")
+
+
+def _team_page(folder: GradeFolder, team_result: TeamResult, links: dict[int, str]) -> Document:
+    """The page of a team: its runs, of which some have a page of their own."""
+    rows = []
+    for each in team_result.results:
+        number_of = number_in_team(each)
+        run = TextLink(f"run {number_of}", links[number_of]) if number_of in links else number_of
+        outcome, text = ("succeeded", None) if each.success else ("failed", failure_text(each))
+        rows.append((run, outcome, each.time, each.contacts, each.clock or None, text))
+    runs = _with_clock(RUNS, len({each.clock for each in team_result.results}) > 1)
+    left: list[DocumentPart] = [
+        table for table in (CAUSES.filled(team_result.causes), runs.filled(rows)) if table.rows
     ]
+    parts: list[DocumentPart] = [
+        Paragraph((TextLink(folder.course.name, INDEX),), kind="run"),
+        VerdictBox(
+            key="answer",
+            text=f"{team_result.outcome.value}: {team_result.said}",
+            headline=f"{team_result.label}: {team_result.outcome.value}",
+            tone=_TONES[team_result.outcome],
+            sentence=(team_result.said,),
+        ),
+    ]
+    if team_result.results:
+        time = "–" if team_result.time is None else f"{LENGTH.text(team_result.time)} s"
+        contacts = "–" if team_result.contacts is None else f"{team_result.contacts:.2g}"
+        successes = f"{team_result.successes} of {team_result.runs}"
+        parts.append(
+            KeyFigures(
+                ((successes, "succeeded"), (time, "median of the successes"), (contacts, "contacts a run"))
+            )
+        )
     configuration = team_result.entry.check.configuration
     if configuration is not None and team_result.results:
-        parts += [
-            SectionHeading("Where runs failed"),
-            map_figure(configuration.simulation.maze, team_result.results),
-        ]
-    parts += [Bullets("Failed runs, seen from above", links), *(table for table in tables if table.rows)]
+        picture = map_figure(configuration.simulation.maze, team_result.results)
+        about = Paragraph("Contacts (×) and ends of all runs.", kind="note")
+        parts.append(SideBySide(left, (picture, about), even=True))
+    else:
+        parts += left
     return Document(team_result.label, parts)
 
 
 def _run_pages(folder: GradeFolder, team_result: TeamResult) -> dict[int, str]:
-    """Pages of the first failed runs whose logs are kept."""
+    """Pages of the first failed runs, and of one that succeeded, whose logs are kept."""
     pages: dict[int, str] = {}
+    failures = 0
     for result in team_result.results:
-        number_of = result.number % 100_000
+        number_of = number_in_team(result)
         log = folder.log(team_result.entry, number_of)
-        if result.success or len(pages) >= _SHOWN_RUNS or not log.exists():
+        if not log.exists() or (failures >= _SHOWN_RUNS and not result.success):
             continue
+        failures += not result.success
         if log.stat().st_size > _LARGEST_SHOWN:
             continue
         try:
             with LogReader(log) as reader:
-                pages[number_of] = report_page(report_of(reader), f"{team_result.label}, run {number_of}")
+                pages[number_of] = report_page(
+                    report_of(reader), f"{team_result.label}, run {number_of}", commands=False
+                )
         except (RunLogError, ConfigurationError):
             continue  # a log that was cut short by its bound
     return pages
@@ -204,12 +316,14 @@ def gradescope_json(folder: GradeFolder, team_result: TeamResult) -> str:
     score = 0.0 if team_result.score is None else team_result.score.value
     passed = team_result.outcome is TeamStatus.PASSED
     causes = [f"{number} of {team_result.runs} runs: {cause}" for cause, number in team_result.causes]
+    clock = clocks_text(team_result.results)
+    clocks = [f"clock: {clock}"] if clock else []
     board: list[dict[str, object]] = [{"name": "success rate", "value": round(score, 3)}]
     if team_result.time is not None:  # without a success there is no time, and 0 would be the best
         board.append({"name": "time, s", "value": round(team_result.time, 1), "order": "asc"})
     fields = {
         "score": round(100 * score, 1),
-        "output": "\n".join((shown_test(folder.test), team_result.said, *causes)),
+        "output": "\n".join((shown_test(folder.test), team_result.said, *causes, *clocks)),
         "visibility": "visible",
         "stdout_visibility": "hidden",
         "tests": [

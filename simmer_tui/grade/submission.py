@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import shutil
 from dataclasses import dataclass
-from pathlib import Path
+from pathlib import Path, PureWindowsPath
 
 from msgspec.structs import replace
 
-from simmer_tui.config import settings_file
+from simmer_tui.config import dialect_toml, settings_file
+from simmer_tui.config.device_kinds import SETTING
+from simmer_tui.config.dialects import TEAM
+from simmer_tui.config.given_path import given_path
 from simmer_tui.config.loader import Configuration, load
 from simmer_tui.config.settings import ServerSettings, all_settings, settings_from, value_of
-from simmer_tui.config.settings_file import load_settings
+from simmer_tui.config.settings_file import Override, load_settings
+from simmer_tui.config.toml_file import TomlFile
 from simmer_tui.errors import ConfigurationError, Problem
 from simmer_tui.grade.course import Rules, Team
 from simmer_tui.grade.robot_rules import ROBOT_FILES, rule_problems
@@ -46,18 +50,31 @@ def check_submission(team: Team, home: Path, course: Configuration, rules: Rules
         own = _own_set(team, home)
         if own is None:
             return SubmissionCheck(_without_a_name(course))
-        composed = _composed(home, own, course.directory)
-        found = load(composed)
+        composed = _composed(home, own, course.directory, dialects=rules.dialects)
+        problems: list[Problem] = []
+        has_settings = (own / settings_file.FILE).is_file()
+        mine = load_settings(own, {}, problems).settings if has_settings else course.settings
+        if mine.sensors.devices:
+            names = ", ".join(mine.sensors.devices)
+            what = f"{names}: a grading runs no devices of a team's own; take them and their rows out"
+            return SubmissionCheck(None, (Problem(f"{settings_file.FILE}:{SETTING}", what),))
+        found = load(composed, _wheels(own) if rules.wheels and has_settings and not problems else {})
     except ConfigurationError as error:
         return SubmissionCheck(None, error.problems)
-    problems = rule_problems(rules, course, found)
-    has_settings = (own / settings_file.FILE).is_file()
-    mine = load_settings(own, {}, problems).settings if has_settings else course.settings
+    problems = [*rule_problems(rules, course, found), *problems]
     if problems:
         return SubmissionCheck(None, tuple(problems))
     own_names = [item.name for item in all_settings() if item.course is CourseRule.FREE]
+    if found.dialect is not None and TEAM not in mine.server.listeners:
+        own_names.remove("server.listeners")  # as of any set with a dialect
     settings = settings_from({name: value_of(mine, name) for name in own_names}, found.settings)
     return SubmissionCheck(_without_a_name(replace(found, settings=settings)))
+
+
+def _wheels(own: Path) -> dict[str, Override]:
+    """The settings of a team's own [wheels], as far as its file has them."""
+    given = TomlFile.read(own / settings_file.FILE, []).table("wheels")
+    return {f"wheels.{key}": Override(settings_file.FILE, value) for key, value in given.items()}
 
 
 def _without_a_name(configuration: Configuration) -> Configuration:
@@ -71,12 +88,14 @@ def _own_set(team: Team, home: Path) -> Path | None:
     """A folder with the team's robot, or None. Raises ConfigurationError."""
     if not team.config:
         return None
-    given = home / PROGRAM / team.config
-    if ".." in Path(team.config).parts or not given.resolve().is_relative_to((home / PROGRAM).resolve()):
+    given = given_path(team.config, home / PROGRAM)
+    if ".." in PureWindowsPath(team.config).parts or not given.resolve().is_relative_to(
+        (home / PROGRAM).resolve()
+    ):
         raise ConfigurationError([Problem("config", "must lie in the team's folder")])
     if not given.exists():
         raise ConfigurationError([Problem("config", f'there is no "{escape(team.config, 100)}"')])
-    if given.is_dir() and any((given / name).is_file() for name in ROBOT_FILES):
+    if given.is_dir() and any((given / name).is_file() for name in (*ROBOT_FILES, dialect_toml.FILE)):
         return given
     goal = home / OWN_SET
     if goal.exists():
@@ -85,8 +104,16 @@ def _own_set(team: Team, home: Path) -> Path | None:
     return goal
 
 
-def _composed(home: Path, own: Path, course: Path) -> Path:
-    """The course's set with the team's robot. Raises ConfigurationError."""
+def _composed(home: Path, own: Path, course: Path, *, dialects: bool) -> Path:
+    """The course's set with the team's robot and, if the course takes `dialects`, its language. Raises
+    ConfigurationError."""
+    has_dialect = (own / dialect_toml.FILE).is_file()
+    if has_dialect and not dialects:
+        what = (
+            "the course takes no team's own language: let the program speak one of the course's protocols "
+            "(dialects = true in course.toml would allow it)"
+        )
+        raise ConfigurationError([Problem(dialect_toml.FILE, what)])
     goal = home / SET
     if goal.exists():
         shutil.rmtree(goal)
@@ -94,7 +121,7 @@ def _composed(home: Path, own: Path, course: Path) -> Path:
     for path in course.iterdir():
         if path.is_file() and path.suffix in (".csv", ".toml"):
             shutil.copyfile(path, goal / path.name)
-    for name in ROBOT_FILES:
+    for name in (*ROBOT_FILES, *([dialect_toml.FILE] if has_dialect else [])):
         if (own / name).is_file():
             shutil.copyfile(own / name, goal / name)
     return goal

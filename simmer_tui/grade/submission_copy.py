@@ -38,6 +38,7 @@ _READ = (
     | getattr(os, "O_CLOEXEC", 0)
     | getattr(os, "O_BINARY", 0)
 )
+_FOLDER = getattr(os, "O_DIRECTORY", 0)
 _WRITE = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_BINARY", 0)
 
 
@@ -69,7 +70,7 @@ def _opened_folder(path: Path, parent: int | None) -> Iterator[_Folder]:
     if not _BY_DESCRIPTOR:
         yield _Folder(path, None, path.stat().st_uid)
         return
-    descriptor = os.open(path if parent is None else path.name, _READ | os.O_DIRECTORY, dir_fd=parent)
+    descriptor = os.open(path if parent is None else path.name, _READ | _FOLDER, dir_fd=parent)
     try:
         yield _Folder(path, descriptor, os.fstat(descriptor).st_uid)
     finally:

@@ -12,16 +12,20 @@ import signal
 import sys
 import time
 from collections.abc import Callable
-from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
 from pathlib import Path
 from types import TracebackType
 from typing import ParamSpec, Self, TypeVar, cast
 
+from simmer_tui import platform_has
 from simmer_tui.errors import GradeError, SimmerError
 
-if sys.platform != "win32":
+if platform_has.POSIX:
     import resource
+if sys.platform == "win32":
+    from multiprocessing.connection import PipeConnection as End
+else:
+    from multiprocessing.connection import Connection as End
 
 _CPU = 5
 """Seconds of processor time for one file or set. The largest honest set takes 0.1 s."""
@@ -41,7 +45,7 @@ class SubmissionReader:
 
     def __init__(self) -> None:
         self._child: BaseProcess | None = None
-        self._connection: Connection | None = None
+        self._connection: End | None = None
 
     def __enter__(self) -> Self:
         return self
@@ -78,10 +82,10 @@ class SubmissionReader:
             raise answer
         return cast("_Answer", answer)
 
-    def _begun(self) -> Connection:
+    def _begun(self) -> End:
         if self._connection is None:
-            self._connection, theirs = multiprocessing.Pipe()
             context = multiprocessing.get_context("spawn")
+            self._connection, theirs = context.Pipe()
             self._child = context.Process(target=serve, args=(theirs,), name="reader", daemon=True)
             self._child.start()
             theirs.close()
@@ -97,7 +101,7 @@ class SubmissionReader:
             self._child = None
 
 
-def serve(connection: Connection) -> None:
+def serve(connection: End) -> None:
     """The child: answer calls until the other end is closed, each within the limits."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the one who asks
     has_limits = False
@@ -120,10 +124,12 @@ def serve(connection: Connection) -> None:
 
 
 def _limit_size() -> None:
-    if sys.platform != "win32":
+    if sys.platform != "win32" and platform_has.POSIX:
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
         resource.setrlimit(resource.RLIMIT_FSIZE, (_LARGEST_FILE, _LARGEST_FILE))
-    if sys.platform == "linux":  # elsewhere the size is not known, or the limit is not kept
+    if (
+        sys.platform == "linux" and platform_has.LINUX
+    ):  # elsewhere the size is not known, or the limit is not kept
         pages = int(Path("/proc/self/statm").read_bytes().split()[0])
         most = pages * os.sysconf("SC_PAGE_SIZE") + _MEMORY
         resource.setrlimit(resource.RLIMIT_AS, (most, most))
@@ -131,6 +137,6 @@ def _limit_size() -> None:
 
 def _limit_time() -> None:
     """So many seconds from now on: the limit itself counts from the child's start."""
-    if sys.platform != "win32":
+    if sys.platform != "win32" and platform_has.POSIX:
         _, most = resource.getrlimit(resource.RLIMIT_CPU)
         resource.setrlimit(resource.RLIMIT_CPU, (int(time.process_time()) + 1 + _CPU, most))

@@ -12,6 +12,7 @@ from simmer_tui.document.formats import ESTIMATE
 from simmer_tui.errors import Problem
 from simmer_tui.grade.course import shown_name
 from simmer_tui.grade.grade_folder import Entry, GradeFolder
+from simmer_tui.report.causes import Kind
 from simmer_tui.sim.command import escape
 from simmer_tui.trials.intervals import IntervalEstimate, distribution
 from simmer_tui.trials.trial import TrialResult
@@ -62,6 +63,11 @@ class TeamResult:
         return sum(result.success for result in self.results)
 
     @property
+    def never_started(self) -> bool:
+        """True if its program has run and never sent a command."""
+        return bool(self.results) and all(result.sent_nothing for result in self.results)
+
+    @property
     def said(self) -> str:
         """In a line."""
         if self.outcome is TeamStatus.REFUSED:
@@ -102,7 +108,7 @@ def _team_result(folder: GradeFolder, entry: Entry, *, hidden: bool) -> TeamResu
     verdict, results = folder.verdict(entry), folder.counted(entry)
     score = None if verdict is None else folder.test.interval(verdict.runs, verdict.successes)
     times = [result.time for result in results if result.success]
-    causes = Counter(result.reason or result.ending.value for result in results if not result.success)
+    causes = Counter(_reason(result) for result in results if not result.success)
     code = code_of(folder, entry)
     return TeamResult(
         entry=entry,
@@ -116,6 +122,15 @@ def _team_result(folder: GradeFolder, entry: Entry, *, hidden: bool) -> TeamResu
         causes=[(escape(cause, 200), number) for cause, number in causes.most_common(_CAUSES)],
         problems=entry.problems,
     )
+
+
+def _reason(result: TrialResult) -> str:
+    """Reason why a run failed, the same for runs that failed alike."""
+    cause = result.verdict.get("cause") or {}
+    # That a program ended says nothing where its verdict has the error that ended it.
+    if cause.get("kind") == Kind.CRASHED.value:
+        return str(cause["text"])
+    return result.reason or result.ending.value
 
 
 def _outcome(entry: Entry, passed: bool, *, decided: bool) -> TeamStatus:

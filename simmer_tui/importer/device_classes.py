@@ -1,8 +1,8 @@
 """A team's device classes (`devices/*.py` of simmer-python), read for their numbers and never executed.
 
 A description in `config.py` names what differs from the class. The rest of a sensor's numbers stand in the
-class: as `info.get("num_rays", 13)`, as `self.min_range = 1.1`, as a default of an argument, or as a
-constant of the class or the file.
+class: as `info.get("num_rays", 13)`, as `self.min_range = 1.1`, as a default of an argument, as a
+constant of the class or the file, or in a dict of such that `__init__` uses.
 """
 
 import ast
@@ -61,11 +61,12 @@ def read_device_classes(folder: Path) -> Mapping[str, ClassNumbers]:
             module, constants = read_constants(data.decode("utf-8", "replace"), name)
         except (OSError, ConfigurationError):
             continue
+        tables = _tables(module.body)
         for node in ast.walk(module):
             if isinstance(node, ast.ClassDef):
                 # A file may have a thousand branches or signs within each other.
                 with contextlib.suppress(RecursionError):
-                    classes[node.name] = _DeviceClass(node, name, constants)
+                    classes[node.name] = _DeviceClass(node, name, constants, tables)
     return {name: _with_bases(name, classes) for name in classes}
 
 
@@ -95,11 +96,19 @@ def _with_bases(name: str, classes: "Mapping[str, _DeviceClass]") -> dict[str, C
 class _DeviceClass:
     """The numbers of one class definition."""
 
-    def __init__(self, node: ast.ClassDef, file: str, constants: Mapping[str, Located]) -> None:
+    def __init__(
+        self,
+        node: ast.ClassDef,
+        file: str,
+        constants: Mapping[str, Located],
+        tables: Mapping[str, ast.Dict],
+    ) -> None:
+        """`tables` are the dicts of its file, by name."""
         self.bases = [base.id for base in node.bases if isinstance(base, ast.Name)]
         self.numbers: dict[str, ClassNumber] = {}
         self._file = file
         self._constants = {name: each.value for name, each in constants.items()}
+        self._tables = {**tables, **_tables(node.body)}
         for statement in node.body:
             for name, value in _assignments(statement):
                 self._constants[name] = self._literal(value)
@@ -108,6 +117,7 @@ class _DeviceClass:
             if isinstance(statement, ast.FunctionDef) and statement.name == "__init__":
                 self._read_defaults(statement.args)
                 self._read_body(statement.body)
+                self._read_tables(statement)
 
     def _read_defaults(self, arguments: ast.arguments) -> None:
         given = arguments.args[len(arguments.args) - len(arguments.defaults) :]
@@ -128,15 +138,32 @@ class _DeviceClass:
             elif isinstance(statement, ast.Try):
                 handlers = (inner for handler in statement.handlers for inner in handler.body)
                 self._read_body((*statement.body, *handlers))
+            elif isinstance(statement, ast.Expr):  # info.setdefault(...)
+                self._read_value("", statement.value)
             for name, value in _assignments(statement):
                 self._read_value(name, value)
+
+    def _read_tables(self, function: ast.FunctionDef) -> None:
+        """Take in the dicts that a function uses (`{**DEFAULTS, **info}`); what is known already stays."""
+        before = dict(self.numbers)
+        for node in ast.walk(function):
+            match node:
+                case ast.Name(id=name) | ast.Attribute(attr=name) if name in self._tables:
+                    table = self._tables[name]
+                    for key, value in zip(table.keys, table.values, strict=True):
+                        if isinstance(key, ast.Constant) and isinstance(key.value, str):
+                            self._add(key.value, value)
+        self.numbers.update(before)
 
     def _read_value(self, name: str, value: ast.expr) -> None:
         match value:
             # float(info.get(...))
             case ast.Call(func=ast.Name(id="float" | "int"), args=[inner], keywords=[]):
                 self._read_value(name, inner)
-            case ast.Call(func=ast.Attribute(attr="get"), args=[ast.Constant(value=str(key)), default]):
+            case ast.Call(
+                func=ast.Attribute(attr="get" | "setdefault" | "pop"),
+                args=[ast.Constant(value=str(key)), default],
+            ):
                 self._add(key, default)
             case ast.IfExp(body=ast.Subscript(slice=ast.Constant(value=str(key))), orelse=default):
                 self._add(key, default)
@@ -166,6 +193,12 @@ class _DeviceClass:
                 is_number = isinstance(constant, int | float) and not isinstance(constant, bool)
                 return constant if is_number else None
         return None
+
+
+def _tables(body: Iterable[ast.stmt]) -> dict[str, ast.Dict]:
+    """The dicts that statements assign, by name."""
+    assigned = (each for statement in body for each in _assignments(statement))
+    return {name: value for name, value in assigned if isinstance(value, ast.Dict)}
 
 
 def _assignments(statement: ast.stmt) -> Iterator[tuple[str, ast.expr]]:

@@ -40,6 +40,22 @@ COURSE_MAZE = MazeSpec(
 SettingValue = bool | int | float | str | tuple[float, float] | tuple[str, ...]
 
 
+class OwnDevice(Struct, frozen=True):
+    """A device of a class that the team wrote itself: the class's name, its place as a row of another
+    kind, the numbers of its class and of its description, and the note that it was left out."""
+
+    title: str
+    row: SensorSpec
+    class_numbers: ClassNumbers
+    numbers: Mapping[str, float]
+    note: Problem
+
+    @property
+    def code(self) -> str:
+        """Its code."""
+        return self.row.code
+
+
 class Imported(Struct, frozen=True):
     """A configuration set read from another program's files.
 
@@ -53,6 +69,8 @@ class Imported(Struct, frozen=True):
     drives: tuple[DriveSpec, ...]
     settings: Mapping[str, SettingValue]
     left_out: tuple[Problem, ...]
+    devices: tuple[OwnDevice, ...] = ()
+    """Devices of the team's own classes, which the sensors do not have."""
 
 
 def free_number(kind: type[SensorKind], code: str, taken: Iterable[SensorSpec]) -> int:
@@ -138,9 +156,11 @@ class Notes:
         self._file = file
         self._found: list[tuple[int, Problem]] = []
 
-    def add(self, line: int, name: str, what: str) -> None:
-        """Note `what` about `name`; line 0 means the file as a whole."""
-        self._found.append((line, Problem(self.where(line, name), what)))
+    def add(self, line: int, name: str, what: str) -> Problem:
+        """Note `what` about `name`; line 0 means the file as a whole. Returns the note."""
+        note = Problem(self.where(line, name), what)
+        self._found.append((line, note))
+        return note
 
     def where(self, line: int, name: str) -> str:
         """`file:line:name`, without what is 0 or empty."""
@@ -172,14 +192,29 @@ class Fields:
         self.assumed: dict[str, float] = {}
         """Numbers that neither the description nor the class gave."""
 
+    @property
+    def numbers(self) -> dict[str, float]:
+        """The fields that are plain numbers, by name."""
+        found = {str(key): each.value for key, each in self._fields.items() if str(key).isidentifier()}
+        return {
+            key: value
+            for key, value in found.items()
+            if isinstance(value, int | float) and not isinstance(value, bool) and key.isascii()
+        }
+
+    @property
+    def class_numbers(self) -> ClassNumbers:
+        """The numbers of its class."""
+        return self._class_numbers
+
     def silent(self) -> "Fields":
         """The same fields, of which nothing is noted."""
         return Fields(self.code, self.line, self._fields, Notes(""), self._class_numbers)
 
-    def note(self, key: str, what: str) -> None:
-        """Note something about a field, at its line."""
+    def note(self, key: str, what: str) -> Problem:
+        """Note something about a field, at its line. Returns the note."""
         line = self._fields[key].line if key in self._fields else self.line
-        self._notes.add(line, f"{self.code}.{key}" if key else self.code, what)
+        return self._notes.add(line, f"{self.code}.{key}" if key else self.code, what)
 
     def value(self, key: str) -> Any:
         """The value of a field; None if it is absent or cannot be read."""

@@ -77,7 +77,8 @@ def read_matlab(folder: Path, file: str = FILE) -> Imported:
     if robot is None:
         left_out.append(Problem("robot.csv", "a circle of 6 in is taken"))
     sensors = load_sensors(config, codes, left_out)
-    drives, gripper = load_drives(config, codes, left_out)
+    rows = load_drives(config, codes, left_out)
+    drives, gripper = rows.drives, rows.gripper
     if gripper is not None:
         left_out.append(Problem("drive.csv", "the row grip is not copied; add it to the new drive.csv"))
     notes = Notes(file)
@@ -195,7 +196,7 @@ def _replies(folder: Path, notes: Notes) -> dict[str, SettingValue]:
     # What a program expects shows in its reads; where there are none, the simulator's writes tell.
     votes = (reads or writes).most_common()
     if not votes:
-        notes.add(0, "fread", "and fwrite of doubles or singles are nowhere; replies are doubles")
+        notes.add(0, "fread", "and fwrite with double or single were not found; replies are doubles")
         return {}
     if len(votes) > 1 or (reads and writes and set(reads) != set(writes)):
         notes.add(0, "fread", f"and fwrite disagree on the size of a reply; {votes[0][0]} is taken")

@@ -2,7 +2,7 @@
 
 import csv
 import io
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from operator import attrgetter
 from pathlib import Path
 
@@ -26,7 +26,7 @@ from simmer_tui.sim.columns import (
     CsvColumn,
 )
 from simmer_tui.sim.sensors import sensor_kinds
-from simmer_tui.sim.specs import DriveSpec, GripperSpec, RobotSpec, SensorSpec
+from simmer_tui.sim.specs import DriveSpec, GripperSpec, RobotSpec, SensorSpec, VelocityKind, VelocitySpec
 
 
 def set_files(imported: Imported) -> dict[str, bytes]:
@@ -35,10 +35,17 @@ def set_files(imported: Imported) -> dict[str, bytes]:
         maze_csv.FILE: _csv(imported.maze.cells),
         robot_csv.FILE: _csv(_robot_rows(imported.robot)),
         sensors_csv.FILE: sensors_csv_text(imported.sensors),
-        drive_csv.FILE: drive_csv_text(imported.drives),
+        drive_csv.FILE: drive_csv_text(imported.drives, velocities=_velocities(imported)),
         settings_file.FILE: settings_text(imported.settings),
     }
     return {name: text.encode() for name, text in texts.items()}
+
+
+def _velocities(imported: Imported) -> tuple[VelocitySpec, ...]:
+    """The commands of continuous motion, under the codes of the bundled sets where these are free."""
+    taken = {sensor.code for sensor in imported.sensors} | {drive.code for drive in imported.drives}
+    codes = zip(VelocityKind, drive_csv.VELOCITY_CODES, strict=True)
+    return tuple(VelocitySpec(kind=kind, code=code) for kind, code in codes if code not in taken)
 
 
 def write_set(imported: Imported, directory: Path) -> tuple[Path, ...]:
@@ -55,7 +62,9 @@ def sensors_csv_text(specs: tuple[SensorSpec, ...]) -> str:
     return _csv(_sensor_rows(specs))
 
 
-def drive_csv_text(specs: tuple[DriveSpec, ...], gripper: GripperSpec | None = None) -> str:
+def drive_csv_text(
+    specs: tuple[DriveSpec, ...], gripper: GripperSpec | None = None, velocities: Sequence[VelocitySpec] = ()
+) -> str:
     """drive.csv for these drives, without the columns that are optional and say nothing here."""
     unused = [] if any(spec.start_lag or spec.acceleration for spec in specs) else [START_LAG, ACCELERATION]
     unused += [REACH, WIDTH] if gripper is None else []
@@ -64,6 +73,7 @@ def drive_csv_text(specs: tuple[DriveSpec, ...], gripper: GripperSpec | None = N
     rows += [[spec.kind.value, *_cells(spec, columns, MOVEMENT)] for spec in specs]
     if gripper is not None:
         rows.append([drive_csv.GRIPPER, *_cells(gripper, columns, GRIPPER)])
+    rows += [[each.kind.value, *_cells(each, columns, ())] for each in velocities]
     return _csv(rows)
 
 

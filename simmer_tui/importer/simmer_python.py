@@ -16,7 +16,7 @@ from simmer_tui.config.robot_csv import outline_fault
 from simmer_tui.config.settings import Setting, all_settings
 from simmer_tui.errors import ConfigurationError, Problem
 from simmer_tui.importer.device_classes import ClassNumbers
-from simmer_tui.importer.imported import COURSE_MAZE, Imported, Notes, SettingValue, pair, settled
+from simmer_tui.importer.imported import COURSE_MAZE, Imported, Notes, OwnDevice, SettingValue, pair, settled
 from simmer_tui.importer.literal import Source, read_source
 from simmer_tui.importer.python_values import Call, Located, Unreadable
 from simmer_tui.importer.simmer_python_devices import read_drives, read_sensors
@@ -112,7 +112,8 @@ def read_simmer_python(
     settings["motion.clearance"] = _clearance(source, drives, notes)
     codes = {drive.code for drive in drives}
     block_size = settings.get("blocksize", _KNOWN["blocksize"].default)
-    sensors = read_sensors(_table(source, "sensors", notes), codes, block_size, notes, (), classes)
+    own: list[OwnDevice] = []
+    sensors = read_sensors(_table(source, "sensors", notes), codes, block_size, notes, (), classes, own)
     if "motors" in source.names:
         sensors += read_sensors(_table(source, "motors", notes), codes, block_size, notes, sensors, classes)
     _list_the_rest(source, notes)
@@ -125,7 +126,7 @@ def read_simmer_python(
         )
         if name in source.names
     }
-    return settled(Imported(maze, robot, sensors, drives, settings, notes.in_order()), origins)
+    return settled(Imported(maze, robot, sensors, drives, settings, notes.in_order(), tuple(own)), origins)
 
 
 def _table(source: Source, name: str, notes: Notes) -> dict[Any, Located]:
@@ -309,7 +310,7 @@ def _list_the_rest(source: Source, notes: Notes) -> None:
             notes.add(located.line, name, "has no equivalent; left out")
     if idle:
         names = ", ".join(name for name, _ in idle)
-        notes.add(idle[0][1], "", f"left out, for nothing here depends on them: {names}")
+        notes.add(idle[0][1], "", f"left out, because nothing here depends on them: {names}")
     if "frame_start" not in source.names:
         notes.add(
             0,

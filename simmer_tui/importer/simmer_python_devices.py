@@ -7,7 +7,7 @@ from types import MappingProxyType
 from typing import Any
 
 from simmer_tui.importer.device_classes import ClassNumbers
-from simmer_tui.importer.imported import Fields, Notes, free_number, pair
+from simmer_tui.importer.imported import Fields, Notes, OwnDevice, free_number, pair
 from simmer_tui.importer.python_values import Call, Located, Unreadable
 from simmer_tui.sim.command import escape
 from simmer_tui.sim.rules import CodeRule, IntegerRule, NumberRule
@@ -47,11 +47,12 @@ def read_sensors(
     notes: Notes,
     taken: tuple[SensorSpec, ...] = (),
     classes: Mapping[str, ClassNumbers] = MappingProxyType({}),
+    own: list[OwnDevice] | None = None,
 ) -> tuple[SensorSpec, ...]:
     """The sensors of a table of devices, motors being wheel encoders.
 
     `codes` holds the codes in use and is added to; `taken` are the sensors there are already, `classes`
-    numbers of the team's device classes.
+    numbers of the team's device classes. Devices of these that no kind here stands for are added to `own`.
     """
     kinds = {device: kind for kind in KINDS.values() for device in kind.devices}
     sensors: tuple[SensorSpec, ...] = ()
@@ -77,8 +78,15 @@ def read_sensors(
             row = _placed(silent, Ultrasonic, taken + sensors, _ultrasonic(silent, block_size))
             known = _origins(silent, row, guessed=True)
             what = "; ".join((f"{what}. If it tells a distance, add to sensors.csv: {_row(row)}", *known))
-        fields.note("", what)
+        note = fields.note("", what)
+        if own is not None and call.name in classes:
+            row = _placed(silent, Ultrasonic, taken, {"rotation": _turn(silent), "error": _error(silent)})
+            own.append(OwnDevice(call.name, row, silent.class_numbers, silent.numbers, note))
     return sensors
+
+
+def _error(fields: Fields) -> float:
+    return fields.number("error", 0.0, _SHARE)
 
 
 def _origins(fields: Fields, spec: SensorSpec, guessed: bool) -> Iterator[str]:
@@ -89,7 +97,8 @@ def _origins(fields: Fields, spec: SensorSpec, guessed: bool) -> Iterator[str]:
     # What simmer-python's own classes have is known; of a team's own class a number is a guess.
     if guessed and fields.assumed:
         listed = [f"{key} {value:g}" for key, value in fields.assumed.items()]
-        yield f"numbers of {spec.id} that are assumed, because no file has them: {', '.join(listed)}"
+        why = "that are assumed, because no file gives them as numbers"
+        yield f"numbers of {spec.id} {why}: {', '.join(listed)}"
 
 
 def _row(spec: SensorSpec) -> str:

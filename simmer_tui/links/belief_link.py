@@ -13,22 +13,26 @@ from itertools import chain, islice
 from typing import Any
 
 import numpy as np
+from msgspec.structs import asdict
 
+from simmer_tui.belief_grid import Bounds, GridBelief, grid_belief
 from simmer_tui.config.dialects import BELIEFS
 from simmer_tui.events import Belief, Notice, NoticeKind
+from simmer_tui.links.grid_parser import parse_grid
 from simmer_tui.links.link import LinkContext
 from simmer_tui.links.peer import MOST_WAITING, Peer, ReadBudget
 from simmer_tui.links.questions import RefusalReasons
 from simmer_tui.sim.command import escape
 from simmer_tui.sim.pose import Pose
 
-# A particle as JSON takes some 50 bytes.
-LONGEST_LINE = 256 * 1024
-"""Longest line, bytes; room for some 5,000 particles."""
-# A line costs time even if it is short, so each counts as 4 KiB more than it has.
-TURN, LINE = LONGEST_LINE // 2, 4 * 1024
-"""Bytes read in a turn of the event loop, and as how many more a line counts: 32 lines at most, or one
-with some 5,000 particles, which takes 3 to 8 ms."""
+# A grid of 65,536 states takes 341 kB packed and, as a list, at most some 15 bytes a state.
+LONGEST_LINE = 1024 * 1024
+"""Longest line, bytes."""
+_TOO_LONG = "a line has at most 1 MB; send a grid as f32, as believe() does"
+# To read bytes costs little, to take a line apart much, even if it is short.
+TURN, LINE = 128 * 1024, 4 * 1024
+"""Bytes read, and of lines taken apart, in a turn of the event loop, and as how many more a line counts: 32
+lines at most, or one with some 5,000 particles, which takes 3 to 8 ms."""
 # Judged: more than a large terminal has cells, so that none would be seen apart.
 MOST_PARTICLES = 5000
 """Particles kept of one belief, evenly picked; a screen shows no more."""
@@ -41,8 +45,12 @@ _NUMBERS = frozenset({int, float})
 """The types of number in JSON, `True` being none of them."""
 
 
-def parse_belief(line: bytes, time: float, true: Pose) -> Belief:
-    """A belief from one line of JSON. Raises ValueError that says what is allowed."""
+_FIELDS = ("x", "y", "heading", "spread", "particles", "grid", "note")
+
+
+def parse_belief(line: bytes, time: float, true: Pose, whole: Bounds) -> Belief:
+    """A belief from one line of JSON; `whole` are the maze's bounds. Raises ValueError that says what is
+    allowed."""
     try:
         fields = json.loads(line)
     except (ValueError, RecursionError):
@@ -50,17 +58,30 @@ def parse_belief(line: bytes, time: float, true: Pose) -> Belief:
     if not isinstance(fields, dict):
         raise ValueError('a belief is an object, such as {"x": 6, "y": 42, "heading": 0}')
     # Told, not ignored: a misspelt field would silently never be drawn.
-    unknown = sorted(set(fields) - {"x", "y", "heading", "spread", "particles", "note"})
+    unknown = sorted(set(fields) - set(_FIELDS))
     if unknown:
-        raise ValueError(
-            f"'{escape(unknown[0], 20)}' is not a field; there are x, y, heading, spread, particles, note"
-        )
-    pose = Pose(*(_number(fields.get(name), name) for name in ("x", "y", "heading")))
+        raise ValueError(f"'{escape(unknown[0], 20)}' is not a field; there are {', '.join(_FIELDS)}")
+    grid = None if fields.get("grid") is None else _grid(fields["grid"], whole, true)
+    # What a program leaves out follows from its grid.
+    derived = None if grid is None else asdict(grid.best_pose)
+    pose = Pose(*(_told(fields, name, derived) for name in _FIELDS[:3]))
     spread = None if fields.get("spread") is None else abs(_number(fields["spread"], "spread"))
+    if grid is not None and spread is None:
+        spread = round(grid.spread, DECIMALS)
     note = fields.get("note") or ""
     if not isinstance(note, str):
         raise ValueError("note must be text")
-    return Belief(time, pose, true, spread, _particles(fields.get("particles")), note[:200])
+    return Belief(time, pose, true, spread, _particles(fields.get("particles")), note[:200], grid)
+
+
+def _told(fields: dict[str, Any], name: str, derived: dict[str, float] | None) -> float:
+    value = fields.get(name)
+    return _number(derived[name] if derived is not None and value is None else value, name)
+
+
+def _grid(value: Any, whole: Bounds, true: Pose) -> GridBelief:
+    probabilities, bounds, first = parse_grid(value, _number, whole)
+    return grid_belief(probabilities, bounds, first, true)
 
 
 def _number(value: Any, name: str) -> float:
@@ -85,15 +106,18 @@ def _particles(value: Any) -> tuple[tuple[float, ...], ...]:
         raise ValueError("particles must be a list of [x, y] or [x, y, heading]")
     # Thinned out before they are checked: a million particles cost no more than 5,000.
     rows = value[:: max(1, math.ceil(len(value) / MOST_PARTICLES))]
-    for row in rows:
-        if not isinstance(row, list) or len(row) not in (2, 3):
-            raise ValueError("each particle must be [x, y] or [x, y, heading]")
+    # Thousands come at once: no step of Python's own for each of them.
+    lengths = set(map(len, rows)) if {list}.issuperset(map(type, rows)) else {0}
+    if not {2, 3}.issuperset(lengths):
+        raise ValueError("each particle must be [x, y] or [x, y, heading]")
     numbers = iter(_rounded(list(chain.from_iterable(rows))))
+    if len(lengths) == 1:  # nearly always
+        return tuple(zip(*[numbers] * lengths.pop(), strict=True))
     return tuple([tuple(islice(numbers, len(row))) for row in rows])
 
 
 def _rounded(values: list[Any]) -> list[float]:
-    """The numbers of particles. Thousands come at once: usually this takes no call for each."""
+    """The numbers of particles, usually without a call for each."""
     if _NUMBERS.issuperset(map(type, values)):
         with contextlib.suppress(OverflowError):  # an integer beyond all bounds
             numbers = np.array(values, dtype=np.float64)
@@ -140,14 +164,17 @@ class _Believer(Peer):
                 if self._seen > LONGEST_LINE:
                     self._buffer.clear()
                     self._seen = 0
+                    self._complain(_TOO_LONG)
                 if self._held:
                     self.hold(False)
                 return
             line = bytes(self._buffer[:end])
             del self._buffer[: end + 1]
             self._seen = 0
-            self._budget.spend(LINE)
-            if line.strip() and len(line) <= LONGEST_LINE:
+            self._budget.spend(LINE + len(line))
+            if len(line) > LONGEST_LINE:
+                self._complain(_TOO_LONG)
+            elif line.strip():
                 self._take(line)
         if not self._held:
             self.hold(True)
@@ -166,11 +193,14 @@ class _Believer(Peer):
         engine = self._link.engine
         time, simulator = engine.now(), engine.simulator
         try:
-            engine.tell(parse_belief(line, time, simulator.pose))
+            engine.tell(parse_belief(line, time, simulator.pose, self._link.whole))
         except ValueError as error:
-            if not self._complained:  # a program that errs does so with every line
-                self._complained = True
-                engine.tell(Notice(NoticeKind.FAULT, f"belief not understood: {error}"))
+            self._complain(str(error))
+
+    def _complain(self, reason: str) -> None:
+        if not self._complained:  # a program that errs does so with every line
+            self._complained = True
+            self._link.engine.tell(Notice(NoticeKind.FAULT, f"belief not understood: {reason}"))
 
 
 class BeliefLink:
@@ -184,6 +214,9 @@ class BeliefLink:
     def __init__(self, context: LinkContext) -> None:
         """Begin to listen. Needs a running event loop."""
         self.engine = context.engine
+        maze = context.engine.simulator.spec.maze
+        self.whole = (0.0, 0.0, maze.width, maze.height)
+        """Bounds of the maze, inches."""
         self.budget = ReadBudget(TURN)
         self.reasons = RefusalReasons(context.engine, [each.port for each in context.listeners.values()])
         self._believers: dict[_Believer, None] = {}
@@ -191,14 +224,21 @@ class BeliefLink:
 
     def _welcome(self, sock: socket.socket, peer: str) -> None:
         if len(self._believers) >= MOST_WAITING:
-            silent = min(self._believers, key=lambda believer: believer.heard)
+            self._make_room()
+        self._believers[_Believer(sock, peer, self)] = None
+        # Only while somebody is connected: without beliefs a drive costs nothing more.
+        self.engine.before_drive = self._read_all
+
+    def _make_room(self) -> None:
+        """Close the connection that has been silent longest, unless others have left by now."""
+        self._read_all()  # of those accepted in this turn, some may have sent a belief and closed already
+        present = [believer for believer in self._believers if not believer.has_left()]
+        if len(present) >= MOST_WAITING:
+            silent = min(present, key=lambda believer: believer.heard)
             text = f"belief connection {silent.peer} closed: {MOST_WAITING} at once are the most"
             self.engine.tell(Notice(NoticeKind.FAULT, text))
             silent.abort()
             self.believer_lost(silent)
-        self._believers[_Believer(sock, peer, self)] = None
-        # Only while somebody is connected: without beliefs a drive costs nothing more.
-        self.engine.before_drive = self._read_all
 
     def _read_all(self) -> None:
         for believer in tuple(self._believers):

@@ -14,6 +14,7 @@ from simmer_tui.config.dialects import COMMANDS, REPLIES
 from simmer_tui.events import Notice, NoticeKind
 from simmer_tui.links.access import TurnedAwayNotices
 from simmer_tui.links.connection_doctor import ALONE, ClientWatch, ConnectionDoctor
+from simmer_tui.links.driver_seat import NOT_SERVED
 from simmer_tui.links.link import LinkContext
 from simmer_tui.links.peer import MOST_WAITING, PIECE, UNREAD_LIMIT, Peer, ReadBudget
 from simmer_tui.phrases import counted
@@ -120,6 +121,9 @@ class Client(Peer):
         if self._timer is not None:
             self._timer.cancel()
         self._submit(self._reader.end())
+        # A program that was ended leaves no robot that drives on to the end of a wait.
+        if self._waiting and self._link.has_closed(self):
+            self._session.cut_waits()
         self._close_if_done()
         return True
 
@@ -167,7 +171,7 @@ class Client(Peer):
             self.replies = self._link.reply_route(self)
         self._watch.answered(outcomes[0], self.replies)
         if data is None:
-            data = self._link.encoder.encode(outcomes[0].reply)
+            data = self._link.encoder.reply(outcomes[0])
         if not self.replies.write(data):
             self._link.drop(self)
             return
@@ -197,6 +201,7 @@ class BinaryLink:
         self._client_left = context.client_left
         self.doctor = ConnectionDoctor(context.engine, context.listeners)
         self._processes = context.processes
+        self._seat = context.seat
         self._newcomers: dict[socket.socket, _Newcomer] = {}
         self._sent_away = -math.inf
         """When a program was sent away last, by the loop's clock."""
@@ -211,6 +216,10 @@ class BinaryLink:
     def has_clients(self) -> bool:
         """True if a program is connected, or waits for another to leave."""
         return self.client is not None or bool(self._newcomers)
+
+    def has_closed(self, client: Client) -> bool:
+        """True if a client is known to read no answer any more."""
+        return self._processes is not None and self._processes.has_closed(client.sock, client.peer)
 
     def close(self) -> None:
         """Stop listening and end all connections."""
@@ -238,9 +247,22 @@ class BinaryLink:
         self._loop.call_later(PATIENCE, self._consider, sock)
 
     def _admit(self, sock: socket.socket, peer: str) -> None:
+        refused = self._refused(sock, peer)
+        if refused:
+            self._commands.turn_away(sock, peer)
+            self._turned_away.tell(f"client {peer} turned away: {refused}", refused)
+            return
         _probe_silent_peer(sock)
         self.client = Client(sock, peer, self)
         self.engine.tell(Notice(NoticeKind.CONNECTED, f"client {peer} connected", peer))
+
+    def _refused(self, sock: socket.socket, peer: str) -> str:
+        """The reason why a program may not drive the robot of a set with a dialect."""
+        if self._seat is None:
+            return ""
+        if self._seat.outsider(sock, peer):
+            return NOT_SERVED
+        return self._seat.take(self, f"client {peer}")
 
     def _consider(self, sock: socket.socket) -> None:
         """Send a newcomer away unless the client before is about to leave."""
@@ -328,8 +350,7 @@ class BinaryLink:
 
     def drop(self, client: Client) -> None:
         """End a client that does not read its replies."""
-        text = f"client {client.peer} dropped: it does not read its replies"
-        self.engine.tell(Notice(NoticeKind.FAULT, text))
+        self.engine.drop(client.peer)
         if client.replies is not None:
             client.replies.abort()
         client.abort()
@@ -339,6 +360,8 @@ class BinaryLink:
         if client is not self.client:
             return
         self.client = None
+        if self._seat is not None:
+            self._seat.leave(self)
         if client.replies is not None:
             client.replies.close()
         text = f"client {client.peer} disconnected after {counted(client.commands, 'command')}"

@@ -1,4 +1,4 @@
-"""What a new program does wrong with its connections, recognised and told once a run.
+"""Mistakes of a new program with its connections, each recognised and told once a run.
 
 A program whose first attempt fails waits in silence, or reads nonsense: nothing on its own side says why.
 `BinaryLink` and `PacketLink` hand over what they see; what is recognised becomes a notice.
@@ -8,15 +8,16 @@ from __future__ import annotations
 
 import asyncio
 import socket
-import sys
 from collections.abc import Mapping
 from pathlib import Path
 
+from simmer_tui import platform_has
 from simmer_tui.config.dialects import BELIEFS, COMMANDS, PACKETS, REPLIES
 from simmer_tui.engine import Engine
 from simmer_tui.events import Notice, NoticeKind
 from simmer_tui.links.peer import Peer
 from simmer_tui.links.ports import Listener
+from simmer_tui.phrases import counted
 from simmer_tui.protocol import diagnosis
 from simmer_tui.protocol.diagnosis import Diagnosis
 from simmer_tui.protocol.replies import ReplyForm, ReplyFormat
@@ -53,7 +54,7 @@ class ConnectionDoctor:
         """Tell a mistake, unless it was told before."""
         if finding is not None and finding.name not in self._told:
             self._told.add(finding.name)
-            self._engine.tell(Notice(NoticeKind.FAULT, finding.text))
+            self._engine.tell(Notice(NoticeKind.FAULT, finding.text, advice=True))
 
     def has_told(self, name: str) -> bool:
         """True if a mistake of this name was told."""
@@ -66,15 +67,13 @@ class ConnectionDoctor:
 
     @property
     def _known(self) -> frozenset[str]:
-        spec = self._engine.simulator.spec
-        sensors = {sensor.code for sensor in spec.sensors if sensor.enabled}
-        return frozenset(sensors | {drive.code for drive in spec.drives if drive.enabled})
+        return self._codes(enabled=True)
 
-    @property
-    def _disabled(self) -> frozenset[str]:
+    def _codes(self, *, enabled: bool) -> frozenset[str]:
+        """Codes of the sensors and drives that are enabled, or of those that are not."""
         spec = self._engine.simulator.spec
-        sensors = {sensor.code for sensor in spec.sensors if not sensor.enabled}
-        return frozenset(sensors | {drive.code for drive in spec.drives if not drive.enabled})
+        sensors = {sensor.code for sensor in spec.sensors if sensor.enabled is enabled}
+        return frozenset(sensors | {drive.code for drive in spec.drives if drive.enabled is enabled})
 
     # -- the reply port ------------------------------------------------------------------------------
 
@@ -84,8 +83,8 @@ class ConnectionDoctor:
         self.tell(
             Diagnosis(
                 "reply port alone",
-                f"{peer} is connected to the reply port {replies} alone: connect to port {commands} too, "
-                "which takes commands",
+                f"{peer} is connected only to the reply port {replies}: connect to the command port "
+                f"{commands} too",
             )
         )
 
@@ -95,7 +94,7 @@ class ConnectionDoctor:
         self.tell(
             Diagnosis(
                 "commands on the reply port",
-                f"{peer} sends to port {replies}, which only gives replies: send commands to port {commands}",
+                f"{peer} sends to the reply port {replies}: send commands to port {commands}",
             )
         )
 
@@ -105,7 +104,7 @@ class ConnectionDoctor:
         self.tell(
             Diagnosis(
                 "reply port too late",
-                f"{peer} connected to port {replies} after its first command, whose reply went back on port "
+                f"{peer} connected to port {replies} after its first command. That reply went back on port "
                 f"{commands}: connect to both before the first command",
             )
         )
@@ -118,7 +117,7 @@ class ConnectionDoctor:
         if port is not None:
             self.tell(diagnosis.wrong_protocol(result.command.text, port, self._others))
         if result.status is Status.UNKNOWN and result.command.code.endswith("0"):
-            self.tell(diagnosis.code_from_zero(result.command.code, self._known, self._disabled))
+            self.tell(diagnosis.code_from_zero(result.command.code, self._known, self._codes(enabled=False)))
 
     def packet_came(self, data: bytes) -> None:
         """The first bytes of a connection on the packet port."""
@@ -140,6 +139,8 @@ class ClientWatch:
         # Big-endian doubles are what every program expects that says nothing of it.
         self._usual = form == ReplyForm(ReplyFormat.FLOAT64, "big")
         self._form = f"{size} bytes, {form.byte_order}-endian"
+        self._first = self._form
+        """Form of its first reply."""
         self._ports = doctor.ports_of_lines
         self._loop = asyncio.get_running_loop()
         self._first_reply: float | None = None
@@ -164,13 +165,16 @@ class ClientWatch:
     def answered(self, result: CommandResult, route: Peer) -> None:
         """A command's reply goes out, on the connection `route`."""
         self._commands += 1
-        if result.status in (Status.REFUSED, Status.UNKNOWN):
+        status = result.status
+        if status is Status.REFUSED or status is Status.UNKNOWN:
             self._doctor.refused(result, self._ports[0])
         if self._commands == 1:
             self._first_reply, self._route = self._loop.time(), route
+            if result.ranges is not None:
+                self._first = f"a count and {counted(len(result.ranges), 'number')} of {self._form}"
             self._timers = [self._loop.call_later(wait, self._look, wait) for wait in LOOKS]
-        elif self._commands <= FIRST and diagnosis.is_nonsense(result.command.argument):
-            self._misread(f"'{result.command.shown}' is no movement a program means: ")
+        elif self._commands <= FIRST and _asks_nonsense(result):
+            self._misread(f"'{result.command.shown}' makes no sense as a movement: ")
 
     def _look(self, waited: float) -> None:
         unread = unread_bytes(self._route.sock)
@@ -179,7 +183,7 @@ class ClientWatch:
         if unread % self._size:
             self._misread(f"client {self._client.peer} has read a part of its reply: ")
         elif waited == LOOKS[-1] and unread >= self._commands * self._size:
-            self._left_unread(f"client {self._client.peer} waits, its reply is unread: ")
+            self._left_unread(f"client {self._client.peer} waits and has not read its reply: ")
 
     def left(self, *, broke_off: bool) -> None:
         """The client has gone. One that closes with bytes unread breaks off (RFC 1122, 4.2.2.13)."""
@@ -187,13 +191,15 @@ class ClientWatch:
             timer.cancel()
         if self._first_reply is None or self._loop.time() - self._first_reply > SOON or self._commands > 1:
             return
+        waited = self._loop.time() - self._first_reply
         if broke_off:
-            self._left_unread(f"client {self._client.peer} left with its first reply unread: ")
-        elif not self._usual:
-            self._misread(f"client {self._client.peer} left after its first reply: ")
+            self._left_unread(f"client {self._client.peer} left without reading its first reply: ")
+        # A program that wanted one reading leaves as soon as it has it; one that wants more bytes waits.
+        elif not self._usual and waited >= LOOKS[0]:
+            self._misread(f"client {self._client.peer} waited after its first reply and left: ")
 
     def _misread(self, what: str) -> None:
-        text = f"{what}replies here are {self._form}; --reply-format and --byte-order have others"
+        text = f"{what}replies here are {self._form}; --reply-format and --byte-order change that"
         self._doctor.tell(Diagnosis("replies misread", text))
 
     def _left_unread(self, what: str) -> None:
@@ -202,13 +208,21 @@ class ClientWatch:
             where = f"it came back on port {commands}, since nothing was connected to {replies} before"
         else:
             where = f"it came on port {replies}, where the program is connected too; read it there"
-        self._doctor.tell(Diagnosis("reply unread", f"{what}{where}. It has {self._form}"))
+        self._doctor.tell(Diagnosis("reply unread", f"{what}{where}. It has {self._first}"))
+
+
+def _asks_nonsense(result: CommandResult) -> bool:
+    """True if the value of a command looks like a misread reply; a lidar takes any number as a bearing."""
+    reading = result.reading
+    if reading is not None and reading.sensor.kind.is_scan:
+        return False
+    return diagnosis.is_nonsense(result.command.argument)
 
 
 def unread_bytes(sock: socket.socket) -> int | None:
     """Bytes that the program at the other end has received and not read; None where the system does not say
     (it is on another machine, or in a network of its own, or this is not Linux)."""
-    if sys.platform != "linux":
+    if not platform_has.LINUX:
         return None
     try:
         here, there = sock.getsockname()[1], sock.getpeername()[1]

@@ -5,17 +5,22 @@ from __future__ import annotations
 import pkgutil
 import socket
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
 from typing import Any, Protocol
+
+from msgspec import Struct, field
 
 from simmer_tui.backend import BackendSwitch, Message
 from simmer_tui.config import dialects
 from simmer_tui.config.dialects import Dialect, DialectPort
 from simmer_tui.config.settings import ServerSettings, value_of
+from simmer_tui.dialect.dialect_rules import DialectRules
 from simmer_tui.engine import Engine
 from simmer_tui.links.access import AccessCheck
+from simmer_tui.links.driver_seat import DriverSeat
 from simmer_tui.links.ports import Acceptor, Listener, PortRequest
 from simmer_tui.links.processes import ProcessLookup
+from simmer_tui.links.pty_device import PtyDevice
+from simmer_tui.program_clock import ProgramClock
 from simmer_tui.sim.command import Command
 
 
@@ -28,13 +33,14 @@ class Link(Protocol):
     def close(self) -> None: ...
 
 
-@dataclass(frozen=True, slots=True)
-class LinkContext:
+class LinkContext(Struct, frozen=True):
     """Everything a link needs. `listeners` are the taken ports of all dialects, by purpose.
 
     `backend` is the robot that clients drive. `reply` is the setting that says when a timed drive is
     answered. Without `access` everybody may connect, and without `processes` none behind a connection is
-    known. `client_left` is called after each client.
+    known. `client_left` is called after each client. `clock` is the program's, if that is in force. `dialect`
+    is the team's own, and `terminal` a pseudo-terminal for its programs. With a `seat` one program at a time
+    drives, over all links.
     """
 
     engine: Engine
@@ -45,6 +51,10 @@ class LinkContext:
     access: AccessCheck | None = None
     processes: ProcessLookup | None = None
     client_left: Callable[[], None] = lambda: None
+    clock: ProgramClock | None = None
+    dialect: DialectRules | None = None
+    terminal: PtyDevice | None = None
+    seat: DriverSeat | None = None
 
     def accept(self, port: DialectPort, welcome: Callable[[socket.socket, str], None]) -> Acceptor:
         """Accept connections on a port from here on: those that may connect go to `welcome(socket, peer)`."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import math
 import socket
 from collections import deque
 from collections.abc import Callable, Sequence
@@ -54,12 +55,14 @@ class PostOffice(Protocol):
     budget: ReadBudget
 
     @property
+    def engine(self) -> Engine: ...
+    @property
     def busy(self) -> bool: ...
     @property
     def receiving(self) -> bool: ...
-    def budget_of(self, peer: str) -> CommandBudget: ...
+    def budget_of(self, sock: socket.socket, peer: str) -> CommandBudget: ...
     def form_of(self, request: Request) -> ReplyForm: ...
-    def note_request(self, sender: Sender, request: Request) -> None: ...
+    def note_request(self, sender: Sender, request: Request) -> PacketDriver: ...
     def note_answered(self, count: int) -> None: ...
     @property
     def doctor(self) -> ConnectionDoctor: ...
@@ -78,7 +81,7 @@ class Sender(Peer):
         super().__init__(sock, peer, link.budget)
         self._link = link
         self._reader = RequestReader(link.grace)
-        self._command_budget = link.budget_of(peer)
+        self._command_budget = link.budget_of(sock, peer)
         self._session = link.backend.open_session(
             answer_at_end=link.answer_at_end, lane="packets", budget=self._command_budget
         )
@@ -148,7 +151,7 @@ class Sender(Peer):
 
     def _submit(self, requests: Sequence[Request]) -> None:
         for request in requests:
-            self._link.note_request(self, request)
+            self._session.driver = self._link.note_request(self, request)
             if request.commands:
                 self._owed += 1
                 self._owed_commands += len(request.commands)
@@ -159,7 +162,7 @@ class Sender(Peer):
             self._drop()
 
     def _drop(self) -> None:
-        self._link.tell_fault(f"client {self.peer} dropped: it does not read its replies")
+        self._link.engine.drop(self.peer)
         # What it has waiting must not keep those from the same address busy.
         self.forget()
         self._link.note_answered(self._owed_commands)
@@ -293,6 +296,19 @@ SAME_PROGRAM = 0.03
 """Seconds within which the next message from an address is taken for the same program's."""
 
 
+# Judged: soon enough for a robot whose program has crashed, and no work.
+LOOK = 0.25
+"""Seconds between two looks whether the program whose velocity it is still lives."""
+
+
+@dataclass(frozen=True, slots=True)
+class PacketDriver:
+    """Whose a velocity is that came in a packet: the process's, if it is known, else the address's."""
+
+    address: str
+    process: Process | None
+
+
 @dataclass(slots=True)
 class _Client:
     """State of an address: times of its last message and its last request, count of its requests, and the
@@ -308,8 +324,8 @@ class _Client:
 class Replies(Protocol):
     """The replies that wait for the clients of each address."""
 
-    def wait_for(self, address: str) -> bool: ...
-    def drop(self, address: str, why: str) -> None: ...
+    def wait_for(self, address: str, since: float = -math.inf) -> bool: ...
+    def drop(self, address: str, why: str, before: float = math.inf) -> None: ...
 
 
 def address_of(peer: str) -> str:
@@ -341,6 +357,7 @@ class Presence:
         self._clients: dict[str, _Client] = {}
         self._connecting: dict[str, Process] = {}
         """The processes of connections on which nothing has come yet, by peer."""
+        self._next_look: asyncio.TimerHandle | None = None
 
     def connected(self, sock: socket.socket, peer: str) -> None:
         """A connection has come, on either port. Whose it is can be told only now: it may be closed the next
@@ -356,6 +373,11 @@ class Presence:
         if found is not None:
             self._connecting[peer] = found
 
+    @property
+    def any(self) -> bool:
+        """True if a client is there."""
+        return bool(self._clients)
+
     def disconnected(self, peer: str) -> None:
         """A connection for requests has ended."""
         self._connecting.pop(peer, None)
@@ -368,8 +390,19 @@ class Presence:
             # Its program reads: many close their request before anybody can look whose it was.
             client.process = process or client.process
 
-    def asked(self, peer: str) -> None:
-        """A request has come: replies that wait for another process, or from long before, are dropped."""
+    def takes(self, peer: str) -> None:
+        """A read is about to get what waits. What was asked for before its program began is another's, if
+        there is something newer: a program that only reads, as the second of two `nc`, gets all of it."""
+        address = address_of(peer)
+        client = self._clients.get(address)
+        if client is not None and client.process is not None:
+            began = self._loop.time() - client.process.age
+            if self._replies.wait_for(address, began):
+                self._replies.drop(address, "the program that reads was not there yet", began)
+
+    def asked(self, peer: str) -> PacketDriver:
+        """A request has come: replies that wait for another process, or from long before, are dropped. Gives
+        whose it is."""
         address, now = address_of(peer), self._loop.time()
         process = self._connecting.pop(peer, None)
         client = self._clients.get(address)
@@ -381,6 +414,7 @@ class Presence:
             self._ask_again(client, address, process, now)
         client.last = client.last_request = now
         client.requests += 1
+        return PacketDriver(address, client.process)
 
     def _ask_again(self, client: _Client, address: str, process: Process | None, now: float) -> None:
         before = client.process
@@ -392,8 +426,24 @@ class Presence:
         if process is not None or (before is not None and not before.lives):
             client.process = process
 
+    def look_after_velocity(self) -> None:
+        """A command has been answered: a velocity that came in a packet ends with its program."""
+        if self._next_look is None and isinstance(self._engine.driving.driver, PacketDriver):
+            self._next_look = self._loop.call_later(LOOK, self._look)
+
+    def _look(self) -> None:
+        self._next_look = None
+        driver = self._engine.driving.driver
+        if isinstance(driver, PacketDriver):
+            process = driver.process
+            if not (driver.address in self._clients if process is None else process.lives):
+                self._engine.driver_left(driver)
+            self.look_after_velocity()
+
     def close(self) -> None:
         """Stop tracking clients."""
+        if self._next_look is not None:
+            self._next_look.cancel()
         for client in self._clients.values():
             client.timer.cancel()
         self._clients.clear()
@@ -419,4 +469,6 @@ class Presence:
     def _is_kept(self, client: _Client, address: str) -> bool:
         """True if replies wait for a process that lives."""
         process = client.process
+        if process is None and self._processes is not None:  # closed before anybody could look whose it was
+            process = self._processes.of_run
         return process is not None and self._replies.wait_for(address) and process.lives

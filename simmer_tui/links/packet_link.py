@@ -4,16 +4,20 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import math
 import socket
 from dataclasses import dataclass
 
 from simmer_tui.backend import CommandBudget
 from simmer_tui.config.dialects import PACKET_REPLIES, PACKETS
 from simmer_tui.events import Notice, NoticeKind
+from simmer_tui.links.access import TurnedAwayNotices
 from simmer_tui.links.connection_doctor import ConnectionDoctor
+from simmer_tui.links.driver_seat import NOT_SERVED
 from simmer_tui.links.link import LinkContext
-from simmer_tui.links.packet_connections import Presence, Read, Sender, Unread, address_of
+from simmer_tui.links.packet_connections import PacketDriver, Presence, Read, Sender, Unread, address_of
 from simmer_tui.links.peer import MOST_CONNECTIONS, ReadBudget
+from simmer_tui.program_clock import clock_of
 from simmer_tui.protocol.packets import Mailbox, Reply, Request, RequestStyle
 from simmer_tui.protocol.replies import ReplyForm, ReplyFormat
 
@@ -62,6 +66,7 @@ class PacketLink:
         # simmer-python answers drives at once: "auto" means accepted here, and done in the binary dialects.
         self.answer_at_end = context.reply == "done"
         self.loop = asyncio.get_running_loop()
+        self._clock = clock_of(self.loop)
         self.mailbox = Mailbox()
         self.doctor = ConnectionDoctor(context.engine, context.listeners)
         self.budget = ReadBudget(TURN)
@@ -70,7 +75,8 @@ class PacketLink:
             RequestStyle.LEGACY: ReplyForm(ReplyFormat(settings.legacy_reply)),
         }
         self._senders: set[Sender] = set()
-        self._budgets: dict[str, CommandBudget] = {}
+        self._users = context.processes if settings.any_user else None
+        self._budgets: dict[tuple[str, int | None], CommandBudget] = {}
         self._reads: dict[Read, None] = {}
         """Those that are not over yet, the oldest first."""
         self._unread: set[Unread] = set()
@@ -79,6 +85,8 @@ class PacketLink:
         self._delivering = False
         self._reply_port = context.listeners[PACKET_REPLIES.purpose].port
         self._on_client_left = context.client_left
+        self._seat = context.seat
+        self._turned_away = TurnedAwayNotices(context.engine)
         self._presence = Presence(
             context.engine, settings.idle, self._is_connected, self._client_left, self, context.processes
         )
@@ -129,8 +137,21 @@ class PacketLink:
     def _request_connection(self, sock: socket.socket, peer: str) -> None:
         if len(self._senders) >= MOST_CONNECTIONS:
             self._make_room()
+        refused = self._refused(sock, peer)
+        if refused:
+            self._requests.turn_away(sock, peer)
+            self._turned_away.tell(f"client {peer} turned away: {refused}", refused)
+            return
         self._presence.connected(sock, peer)
         self._senders.add(Sender(sock, peer, self))
+
+    def _refused(self, sock: socket.socket, peer: str) -> str:
+        """The reason why a program may not drive the robot of a set with a dialect."""
+        if self._seat is None:
+            return ""
+        if self._seat.outsider(sock, peer):
+            return NOT_SERVED
+        return self._seat.take_by(self, sock, peer)
 
     def _make_room(self) -> None:
         """Close the connection that has been silent longest; never one that has sent what is still unread."""
@@ -147,30 +168,34 @@ class PacketLink:
         """A connection on the request port has ended."""
         self._senders.discard(sender)
         self._presence.disconnected(sender.peer)
+        self._leave_seat()
 
     def form_of(self, request: Request) -> ReplyForm:
         """Form of the reply to a request."""
         return self._forms[request.dialect]
 
-    def note_request(self, sender: Sender, request: Request) -> None:
-        """A complete request has arrived."""
-        self._presence.asked(sender.peer)
+    def note_request(self, sender: Sender, request: Request) -> PacketDriver:
+        """A complete request has arrived. Gives whose velocities it sets."""
+        driver = self._presence.asked(sender.peer)
         if not request.commands:
             self.tell_fault(f"client {sender.peer}: an empty request, [], gets no reply")
         self._owed += len(request.commands)
+        return driver
 
     def note_answered(self, count: int) -> None:
         """A request of so many commands has been answered."""
         self._owed -= count
+        self._presence.look_after_velocity()
 
-    def budget_of(self, peer: str) -> CommandBudget:
-        """The budget of waiting commands that all connections from one address share."""
-        address = address_of(peer)
-        if address not in self._budgets:
+    def budget_of(self, sock: socket.socket, peer: str) -> CommandBudget:
+        """The budget of waiting commands that all connections of a user from one address share."""
+        # Where no other user is let in there is nothing to be told apart.
+        sender = (address_of(peer), self._users.user(sock, peer) if self._users is not None else None)
+        if sender not in self._budgets:
             # Of those who have nothing waiting nothing need be remembered.
             self._budgets = {each: budget for each, budget in self._budgets.items() if budget.is_used}
-            self._budgets[address] = CommandBudget(address, self.engine.tell)
-        return self._budgets[address]
+            self._budgets[sender] = CommandBudget(sender[0], self.engine.tell)
+        return self._budgets[sender]
 
     def _is_connected(self, address: str) -> bool:
         """True if a client that has sent something is still connected, or waits for an answer."""
@@ -203,9 +228,13 @@ class PacketLink:
         try:
             # A read that waited and has closed was given up: its reply stays for the next one.
             if not (_has_closed(read.sock) and read.waits):
+                self._presence.takes(read.peer)
                 rest = self.mailbox.take()
                 with contextlib.suppress(BlockingIOError):
-                    rest = rest[read.sock.send(rest) :]
+                    sent = read.sock.send(rest)
+                    if self._clock is not None:
+                        self._clock.written += sent
+                    rest = rest[sent:]
         except OSError as error:
             self.tell_fault(f"client {read.peer} broke off on the reply port: {error.strerror or error}")
             rest = b""
@@ -221,21 +250,26 @@ class PacketLink:
     def _client_left(self, address: str) -> None:
         """Drop what waits for a client that has left: the next program's first read is its own."""
         self.drop(address, f"client {address} left without reading them")
+        self._leave_seat()
         self._on_client_left()
 
-    def wait_for(self, address: str) -> bool:
-        """True if replies wait for a client of an address."""
-        return self.mailbox.has(address)
+    def _leave_seat(self) -> None:
+        if self._seat is not None and not self._presence.any and not self._senders:
+            self._seat.leave(self)
 
-    def drop(self, address: str, why: str) -> None:
-        """Drop what waits for an address, and say so."""
-        dropped = self.mailbox.drop(address)
+    def wait_for(self, address: str, since: float = -math.inf) -> bool:
+        """True if replies wait for a client of an address, those that came at a time or later."""
+        return self.mailbox.has(address, since)
+
+    def drop(self, address: str, why: str, before: float = math.inf) -> None:
+        """Drop what waits for an address, or has waited since `before` a time, and say so."""
+        dropped = self.mailbox.drop(address, before)
         if dropped:
             self.tell_fault(f"{dropped} replies dropped: {why}")
 
     def post(self, reply: Reply, peer: str = "") -> None:
         """Put a reply for `peer` into the mailbox, or hand it to a read that is waiting for it."""
-        dropped = self.mailbox.put(reply, address_of(peer))
+        dropped = self.mailbox.put(reply, address_of(peer), self.loop.time())
         if dropped:
             if not self._dropped:
                 self.loop.call_later(REPORT_DELAY, self._report_dropped)

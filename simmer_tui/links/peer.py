@@ -12,6 +12,8 @@ import contextlib
 import socket
 from collections.abc import Callable
 
+from simmer_tui.program_clock import clock_of
+
 # Well below the 1024 descriptors that a process has by default, for two such ports.
 MOST_CONNECTIONS = 128
 """Connections kept on a port that serves many at once."""
@@ -35,13 +37,17 @@ class ReadBudget:
     What is spent comes back with the next turn. Who found nothing left then goes first, in order.
     """
 
-    def __init__(self, size: int) -> None:
+    def __init__(self, size: int, *, counted: bool = True) -> None:
+        """The bytes are `counted` by the program's clock, if that is in force."""
         self._loop = asyncio.get_running_loop()
+        self._clock = clock_of(self._loop) if counted else None
         self._size = self.left = size
         self._behind: dict[Callable[[], None], None] = {}
 
     def spend(self, count: int) -> None:
         """Take so many bytes from what is left."""
+        if self._clock is not None:
+            self._clock.received += count
         # Renewed once a turn, by the first who spends: an idle server has no timer.
         if self.left == self._size:
             self._loop.call_soon(self._renew)
@@ -68,6 +74,8 @@ class Peer:
 
     piece = PIECE
     closing = CLOSING
+    counted = True
+    """True if the program's clock counts the bytes that are sent."""
 
     def __init__(self, sock: socket.socket, name: str, budget: ReadBudget) -> None:
         """Begin to read. Bytes are taken from `budget`."""
@@ -77,6 +85,7 @@ class Peer:
         self.broke_off = False
         """True if it ended with an error, such as the reset of one that closed with bytes unread."""
         self._loop = asyncio.get_running_loop()
+        self._clock = clock_of(self._loop) if self.counted else None
         self._budget = budget
         self._unsent = bytearray()
         self._closing = False
@@ -167,6 +176,8 @@ class Peer:
         """Send at once. Returns False if the other end has stopped reading."""
         if self._closing or self._finished:
             return True
+        if self._clock is not None:
+            self._clock.written += len(data)
         # Tried at once: a reply nearly always fits, and costs no second turn of the loop.
         if not self._unsent:
             try:

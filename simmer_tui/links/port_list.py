@@ -5,12 +5,12 @@ from __future__ import annotations
 import contextlib
 import errno
 import socket
-import sys
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from simmer_tui import platform_has
 from simmer_tui.sim.command import escape
 
 WRITE_TIMEOUT = 2.0
@@ -110,7 +110,7 @@ def explain(error: Exception, name: str, *, was_open: bool = False) -> str:
     number = getattr(error, "errno", None)
     if number in (errno.ENOENT, errno.ENODEV, errno.ENXIO) or "FileNotFoundError" in detail:
         return f"there is no port {shown}; {_ports_there_are()}"
-    if number in (errno.EBUSY, errno.EAGAIN) or (sys.platform == "win32" and "PermissionError" in detail):
+    if number in (errno.EBUSY, errno.EAGAIN) or (not platform_has.POSIX and "PermissionError" in detail):
         return f"{shown} is in use: close the other program that has it open (a serial monitor?)"
     if number in (errno.EACCES, errno.EPERM):
         return f"no permission to open {shown}{_group_to_join(name)}"
@@ -124,12 +124,10 @@ def _ports_there_are() -> str:
 
 def _group_to_join(name: str) -> str:
     """Unix: the group whose members may use a device."""
-    if sys.platform == "win32":
-        return ""
-    import grp
-
     try:
-        group = grp.getgrgid(Path(name).stat().st_gid).gr_name
-    except (OSError, KeyError):
+        group = platform_has.group_name(Path(name).stat().st_gid)
+    except OSError:
+        group = ""
+    if not group:
         return ""
     return f": it belongs to the group {group}; join with: sudo usermod -aG {group} $USER, then log in anew"

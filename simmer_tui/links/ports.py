@@ -8,7 +8,8 @@ import errno
 import socket
 import sys
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 from simmer_tui.config.dialects import BACKLOG
 from simmer_tui.errors import PortError
@@ -19,8 +20,7 @@ from simmer_tui.links.peer import MOST_WAITING, PIECE, Peer, ReadBudget, TurnedA
 _TRIES = 50
 
 
-@dataclass(frozen=True, slots=True)
-class PortRequest:
+class PortRequest(Struct, frozen=True):
     """A port to take: its number (0 for any free one), what it is for, the option that sets it, and the
     connections that the system keeps until they are accepted."""
 

@@ -3,33 +3,68 @@
 from __future__ import annotations
 
 import contextlib
+import math
 import os
 import socket
 import sys
 import time
 from collections.abc import Collection
-from dataclasses import dataclass
+from enum import IntEnum
 
-from simmer_tui.links.access import OwnerLookup
+from msgspec import Struct
 
-# Judged: two hundred processes are looked through in that time, and no command waits long for it.
-LONGEST_LOOK = 0.01
-"""Seconds after which the search for a process is given up."""
-_STATE, _STARTED = 0, 19
-"""Places of state and start time in /proc/PID/stat, counted behind the name (proc(5))."""
+from simmer_tui import platform_has
+from simmer_tui.links.owners import OwnerLookup
+
+# Two hundred processes are looked through in the first, and no packet waits long for it; two thousand in the
+# second, for which a client waits once. It is processor time: on a busy machine a clock runs out meanwhile.
+LONGEST_LOOK, LONGEST_SEARCH = 0.01, 0.1
+"""Seconds of processor time after which the search for a packet's process is given up, and one for the
+processes of a client's connections."""
 
 
-@dataclass(frozen=True, slots=True)
-class Process:
+class StatField(IntEnum):
+    """Places in /proc/PID/stat, counted behind the name: the number in proc(5), less 3. Times are in clock
+    ticks; the start counts from that of the machine."""
+
+    STATE = 0
+    SESSION = 3
+    USER_TIME = 11
+    SYSTEM_TIME = 12
+    CHILDREN_USER_TIME = 13
+    CHILDREN_SYSTEM_TIME = 14
+    STARTED = 19
+    ARGUMENTS_BEGIN = 45
+    ARGUMENTS_END = 46
+
+
+def stat_of(pid: int | str) -> list[bytes]:
+    """Fields of /proc/PID/stat behind the name, see `StatField`; "self" is this process. Raises OSError.
+
+    `program/keeper.py` has its own, because it imports nothing of this package.
+    """
+    with open(f"/proc/{pid}/stat", "rb") as file:  # noqa: PTH123 - thousands of paths would take milliseconds
+        # The name may have spaces and brackets itself.
+        return file.read().rpartition(b") ")[2].split()
+
+
+class Process(Struct, frozen=True):
     """A process, told from later ones of the same number by the time it was started at."""
 
     pid: int
-    started: str
+    started: int
 
     @property
     def lives(self) -> bool:
         """True until it has ended."""
         return _process(self.pid) == self
+
+    @property
+    def age(self) -> float:
+        """Seconds since it was started, to a hundredth."""
+        if sys.platform != "linux":  # none is known
+            return math.inf
+        return time.clock_gettime(time.CLOCK_BOOTTIME) - self.started / os.sysconf("SC_CLK_TCK")
 
 
 class ProcessLookup:
@@ -37,13 +72,30 @@ class ProcessLookup:
 
     def __init__(self) -> None:
         self._owners = OwnerLookup()
+        self.of_run: Process | None = None
+        """The program that was started beside the run, if there is one."""
+
+    def note_run(self, pid: int) -> None:
+        """The program beside the run has been started."""
+        self.of_run = _process(pid)
 
     def inode(self, sock: socket.socket, peer: str) -> int:
         """The inode of the socket at the other end, `address:port`; 0 if it is closed already, on another
         machine, or not told."""
         host, _, port = peer.rpartition(":")
-        told = self._owners.ask(sock, (host, int(port)))
-        return told[1] if told is not None else 0
+        far = self._owners.ask(sock, (host, int(port)))
+        return far.inode if far is not None else 0
+
+    def has_closed(self, sock: socket.socket, peer: str) -> bool:
+        """True if the system says that the other end, `address:port`, is closed, not for sending alone."""
+        host, _, port = peer.rpartition(":")
+        far = self._owners.ask(sock, (host, int(port)))
+        return far is not None and not far.inode
+
+    def user(self, sock: socket.socket, peer: str) -> int | None:
+        """The user id of the other end, `address:port`; None if it is on another machine, or not told."""
+        host, _, port = peer.rpartition(":")
+        return self._owners.owner(sock, (host, int(port)))
 
     def holder(self, sock: socket.socket, peer: str, known: Process | None) -> Process | None:
         """The process that has the socket at the other end, or None; `known` is looked at first."""
@@ -52,26 +104,34 @@ class ProcessLookup:
             return None
         if known is not None and inode in _sockets_of(known.pid, {inode}) and known.lives:
             return known
-        pids = self.holders({inode})[inode]
+        pids = self.holders({inode}, LONGEST_LOOK)[inode]
         return _process(max(pids)) if pids else None
 
-    def holders(self, inodes: Collection[int]) -> dict[int, set[int]]:
+    def holders(self, inodes: Collection[int], longest: float = LONGEST_SEARCH) -> dict[int, set[int]]:
         """The process numbers that have each of these sockets, as far as they are found in time. It ends with
         the first process that has all of them."""
         found: dict[int, set[int]] = {inode: set() for inode in inodes}
-        until = time.monotonic() + LONGEST_LOOK
+        until = time.thread_time() + longest
         # The newest first: a program that has just connected was nearly always started lately.
         for pid in sorted(_own_processes(), reverse=True):
             held = _sockets_of(pid, inodes)
             for inode in held:
                 found[inode].add(pid)
-            if len(held) == len(found) or time.monotonic() > until:
+            if len(held) == len(found) or time.thread_time() > until:
                 break
         return found
 
     def close(self) -> None:
         """Ask no more."""
         self._owners.close()
+
+
+def session_of(pid: int) -> int | None:
+    """The session of a process; None if it has ended, or the system does not tell."""
+    try:
+        return int(stat_of(pid)[StatField.SESSION])
+    except OSError:
+        return None
 
 
 def _own_processes() -> list[int]:
@@ -98,12 +158,12 @@ def _sockets_of(pid: int, inodes: Collection[int]) -> set[int]:
 
 def _process(pid: int) -> Process | None:
     """The process of a number, unless it has ended."""
-    if sys.platform != "linux":
+    if not platform_has.LINUX:
         return None
     try:
-        with open(f"/proc/{pid}/stat", encoding="latin-1") as file:  # noqa: PTH123 - as above
-            fields = file.read().rpartition(")")[2].split()
+        fields = stat_of(pid)
     except OSError:
         return None
     # One that has ended and was not collected by its parent is a zombie.
-    return Process(pid, fields[_STARTED]) if fields[_STATE] not in "ZX" else None
+    is_gone = fields[StatField.STATE] in (b"Z", b"X")
+    return None if is_gone else Process(pid, int(fields[StatField.STARTED]))

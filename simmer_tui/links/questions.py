@@ -1,4 +1,4 @@
-"""What a program may ask on the belief port: why a command was refused, and what its code stands for."""
+"""Questions of a program on the belief port: why a command was refused, and what its code stands for."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ MOST_KEPT = 64
 
 class RefusalReasons(EventHandler[None]):
     """Answers `{"why": "d1-1e9"}` with the ports of this simulator, the kind of the code, and the reason of
-    the newest refusal of that command.
+    the newest refusal of that command; of a lidar's code also that its reply is a scan.
 
     Numbers on the wire have no room for it: NaN is all that says a command was refused.
     """
@@ -54,7 +54,10 @@ class RefusalReasons(EventHandler[None]):
         if not isinstance(question, dict) or set(question) != {"why"} or not isinstance(question["why"], str):
             return None
         text = question["why"].strip()
-        answer = {"why": self._reasons.get(text, ""), "kind": self._kind(text), "ports": self._ports}
+        answer: dict[str, object] = {"why": self._reasons.get(text, ""), "kind": self._kind(text)}
+        answer["ports"] = self._ports
+        if self._engine.simulator.asks_for_scan(parse_command(text)):
+            answer["scan"] = True
         return json.dumps(answer).encode() + b"\n"
 
     def _kind(self, text: str) -> str:

@@ -9,19 +9,31 @@ from __future__ import annotations
 import asyncio
 import math
 from collections import deque
-from dataclasses import dataclass, field
 
+import numpy as np
+from msgspec import Struct, field
 from msgspec.structs import replace
 
 from simmer_tui.backend import Answered, BackendSession, Message
-from simmer_tui.config.settings import SerialSettings
+from simmer_tui.config.settings import BITS_OF_A_BYTE, SerialSettings
 from simmer_tui.engine import Engine
-from simmer_tui.events import ActionDone, ActionName, EventHandler, Notice, NoticeKind, TwinReading
+from simmer_tui.events import NoticeKind, TwinReading
+from simmer_tui.links.real_robot import RealRobot
 from simmer_tui.links.serial_link import RobotLink
-from simmer_tui.protocol.replies import GAP, ReplyEnd, ReplyForm, ReplyFormat, ReplyFramer, read_numbers
+from simmer_tui.protocol.replies import (
+    GAP,
+    ReplyEnd,
+    ReplyForm,
+    ReplyFormat,
+    ReplyFramer,
+    RobotAnswer,
+    read_numbers,
+)
+from simmer_tui.sim.angles import FloatArray
 from simmer_tui.sim.command import Command, escape
-from simmer_tui.sim.records import CommandResult, Status
+from simmer_tui.sim.records import CommandResult, LidarScan, Reading, Status, ray_bearings
 from simmer_tui.sim.simulator import Simulator
+from simmer_tui.sim.velocity_commands import WAIT, parse_wait
 
 STOP = "xx"
 """The code by which programs stop the robot, in every dialect."""
@@ -34,11 +46,14 @@ REPORT_DELAY = 1.0
 # As long as a robot may need beyond its planned time: real ones start and stop slowly.
 MARGIN = 1.0
 """Seconds after its planned end from which a movement that is not answered keeps no other back."""
+_NO_VELOCITY = "velocities are not sent to this robot: if it knows them, set velocity = true in [serial]"
+# A double.
+_LONGEST_NUMBER = 8
+"""Bytes of a number in a scan."""
 _SUFFIXES = {"none": b"", "lf": b"\n", "crlf": b"\r\n"}
 
 
-@dataclass(slots=True, eq=False)
-class _Exchange:
+class _Exchange(Struct, eq=False):
     """A message for the robot, whose it is, and who is given the reply (nobody: None)."""
 
     data: bytes
@@ -47,13 +62,17 @@ class _Exchange:
     session: BackendSession | None = None
     answered: Answered | None = None
     is_stop: bool = False
+    moves: bool = False
+    """True if a movement is among its commands."""
     written: bytes = b""
     due: float = math.inf
     """When it is given up, by the event loop's clock; set when it is sent."""
     simulated: list[CommandResult] = field(default_factory=list)
+    pause: float = 0.0
+    """Seconds until it is answered, for one that waits."""
 
 
-class SerialBridge(EventHandler[None]):
+class SerialBridge(RealRobot):
     """A real robot as a backend. Lives in the event loop it is made in.
 
     A message that is not answered within `settings.timeout` seconds, or is under way when the
@@ -65,11 +84,7 @@ class SerialBridge(EventHandler[None]):
         self, engine: Engine, link: RobotLink, settings: SerialSettings, *, gap: float = GAP
     ) -> None:
         """`gap` is the silence, seconds, that ends a reply without another end."""
-        self.settings = settings
-        """Settings of the robot's port; may be replaced at any time."""
-        self._engine = engine
-        self._link = link
-        self._loop = asyncio.get_running_loop()
+        super().__init__(engine, link, settings)
         self._framer = ReplyFramer(gap)
         self._waiting: deque[_Exchange] = deque()
         self._under_way: deque[_Exchange] = deque()
@@ -85,30 +100,21 @@ class SerialBridge(EventHandler[None]):
         self._silence: asyncio.TimerHandle | None = None
         self._report: asyncio.TimerHandle | None = None
         self._last: Message | None = None
-        self._open = False
-        engine.watch(self.handle)
-        link.start(self)
-
-    @property
-    def port(self) -> str:
-        """The robot's port, as the user calls it."""
-        return self._link.name
-
-    @property
-    def connected(self) -> bool:
-        """True if the port is open."""
-        return self._open
+        self._paused: list[tuple[_Exchange, asyncio.TimerHandle]] = []
+        """Messages that wait a time of their own, and who wakes them."""
+        self._begin_listening()
 
     def close(self) -> None:
         """Give the port back; what is not answered yet is answered in the robot's place."""
-        self._open = False
-        self._engine.unwatch(self.handle)
-        self._link.close()
+        self._end_listening()
         self._due = math.inf
         for timer in (self._deadline, self._silence, self._report, self._gate):
             if timer is not None:
                 timer.cancel()
-        left = [*self._under_way, *self._waiting]
+        for _, alarm in self._paused:
+            alarm.cancel()
+        left = [*(exchange for exchange, _ in self._paused), *self._under_way, *self._waiting]
+        self._paused.clear()
         self._under_way.clear()
         self._waiting.clear()
         for exchange in left:
@@ -119,6 +125,9 @@ class SerialBridge(EventHandler[None]):
     def submit(self, message: Message, session: BackendSession, answered: Answered) -> None:
         """Send a message when its turn comes. One without bytes is not fit to be sent."""
         exchange = _Exchange(message.data, message.commands, message.form, session, answered)
+        is_drive = self._engine.simulator.is_drive
+        for command in message.commands:
+            exchange.moves = exchange.moves or is_drive(command)
         if _is_stop(message):
             # The robot may have another word for a stop than the dialect, such as a single character.
             exchange.is_stop = True
@@ -127,16 +136,28 @@ class SerialBridge(EventHandler[None]):
             self._send_stop(exchange)
             return
         self._last = message
+        self._keep_from_robot(exchange)
         self._waiting.append(exchange)
         self._advance()
+
+    def _keep_from_robot(self, exchange: _Exchange) -> None:
+        """Answer here what a robot may not know: a sketch that looks at the first letter drives on wt-2."""
+        commands, simulator = exchange.commands, self._engine.simulator
+        if any(command.code == WAIT and not simulator.is_drive(command) for command in commands):
+            exchange.data = b""
+            values = [parse_wait(command.argument) for command in commands if command.code == WAIT]
+            exchange.pause = sum(value for value in values if isinstance(value, float))
+            if len(values) < len(commands):
+                reason = f"{WAIT} is answered here, not by the robot: send it in a message of its own"
+                exchange.commands = tuple(replace(command, problem=reason) for command in commands)
+        elif not self.settings.velocity and any(simulator.is_velocity(command) for command in commands):
+            exchange.data = b""
+            exchange.commands = tuple(replace(command, problem=_NO_VELOCITY) for command in commands)
 
     def urgent_part(self, message: Message) -> Message | None:
         """All of a message with a stop, unless a stop was the last thing sent and is not answered yet."""
         stopping = bool(self._under_way) and self._under_way[-1].is_stop
         return message if _is_stop(message) and (self._waiting or not stopping) else None
-
-    def refuse(self, command: Command) -> CommandResult:
-        return self._engine.refuse(command)
 
     def trail(self, data: bytes, session: BackendSession) -> None:
         """A line end that came late: it belongs to the end of the client's last message."""
@@ -149,7 +170,7 @@ class SerialBridge(EventHandler[None]):
     def forget(self, session: BackendSession) -> None:
         """A client has left: drop its unsent messages, except a stop."""
         self._waiting = deque(each for each in self._waiting if each.is_stop or each.session is not session)
-        for exchange in (*self._under_way, *self._waiting):
+        for exchange in (*self._under_way, *self._waiting, *(exchange for exchange, _ in self._paused)):
             if exchange.session is session:
                 exchange.session = exchange.answered = None
 
@@ -159,13 +180,14 @@ class SerialBridge(EventHandler[None]):
         form = last.form if last is not None else ReplyForm(ReplyFormat.TEXT)
         if not self._open:
             text = f"the stop cannot be sent: {self.port} is closed; it goes out as soon as that opens"
-            self._engine.tell(Notice(NoticeKind.FAULT, text))
+            self._tell(NoticeKind.FAULT, text)
         self._send_stop(_Exchange(self._stop_text(last), (), form, is_stop=True))
 
     def _send_stop(self, stop: _Exchange) -> None:
         """Send a stop ahead of what waits, which was meant for before it and is not sent any more."""
         # They were meant for before the stop; each is answered below, so that every command has a reply.
         dropped, self._waiting = self._waiting, deque()
+        self._cut_pauses()
         if self._open:
             stop.written = self._with_suffix(stop.data)
             stop.due = self._due_of(stop)
@@ -200,8 +222,7 @@ class SerialBridge(EventHandler[None]):
         while not self._under_way and (exchange := self._next()) is not None:
             if not exchange.data:
                 self._waiting.remove(exchange)
-                self._simulate(exchange)
-                self._finish(exchange, exchange.simulated, None)
+                self._pause(exchange)
             elif not self._open:
                 if self._due == math.inf:
                     self._set_deadline()
@@ -217,16 +238,39 @@ class SerialBridge(EventHandler[None]):
                 if not exchange.is_stop:  # of a stop the simulated robot knows since it was asked for
                     self._simulate(exchange)
                     self._note_movement(exchange)
+                    self._allow_for_scans(exchange)
+
+    def _pause(self, exchange: _Exchange) -> None:
+        """Answer a message that the robot does not get, after the time it waits."""
+        if not exchange.pause:
+            self._simulate(exchange)
+            self._finish(exchange, exchange.simulated, None)
+            return
+        timer = self._loop.call_later(exchange.pause, self._resume, exchange)
+        self._paused.append((exchange, timer))
+
+    def _resume(self, exchange: _Exchange) -> None:
+        """A wait is over, or cut."""
+        self._paused = [paused for paused in self._paused if paused[0] is not exchange]
+        self._simulate(exchange)
+        self._finish(exchange, exchange.simulated, None)
+        self._advance()
+
+    def _cut_pauses(self) -> None:
+        for exchange, timer in tuple(self._paused):
+            timer.cancel()
+            self._resume(exchange)
 
     def _next(self) -> _Exchange | None:
         """The message whose turn it is. At most one movement is unanswered: while one may still be under
         way, others and all that their senders sent after them wait, and polls pass."""
         left = self._moving_until - self._loop.time()
+        # What a sender sent after a wait comes after it.
+        kept_back: set[BackendSession | None] = {exchange.session for exchange, _ in self._paused}
         if left <= 0 or not self._waiting or not self._open:
-            return self._waiting[0] if self._waiting else None
-        kept_back: set[BackendSession | None] = set()
+            return next((each for each in self._waiting if each.session not in kept_back), None)
         for exchange in self._waiting:
-            if self._moves(exchange):
+            if exchange.moves:
                 kept_back.add(exchange.session)
             elif exchange.session not in kept_back:
                 return exchange
@@ -238,14 +282,19 @@ class SerialBridge(EventHandler[None]):
         self._gate = None
         self._advance()
 
-    def _moves(self, exchange: _Exchange) -> bool:
-        return any(self._engine.simulator.is_drive(command) for command in exchange.commands)
-
     def _note_movement(self, exchange: _Exchange) -> None:
         """A message has been sent: a movement in it takes its planned time and a margin."""
-        if self._moves(exchange):
+        if exchange.moves:
             planned = sum(self._planned_time(each) for each in exchange.simulated)
             self._moving_until = self._loop.time() + planned + MARGIN
+
+    def _allow_for_scans(self, exchange: _Exchange) -> None:
+        """A message has been sent: the many numbers of a scan take their time on the line."""
+        scans = [each.ranges for each in exchange.simulated if each.ranges is not None]
+        if scans:
+            count = sum(1 + len(ranges) for ranges in scans)
+            exchange.due += count * _LONGEST_NUMBER * BITS_OF_A_BYTE / self.settings.baud
+            self._set_deadline()
 
     def _planned_time(self, result: CommandResult) -> float:
         """Seconds that the robot takes for a command, as far as is known."""
@@ -264,8 +313,17 @@ class SerialBridge(EventHandler[None]):
         form, end = self._robot_form(exchange), self.settings.reply_end
         self._framer.following = len(self._under_way) - 1
         self._framer.expect(
-            form.end if end == "auto" else ReplyEnd(end), max(1, len(exchange.commands)), keep=keep
+            form.end if end == "auto" else ReplyEnd(end),
+            max(1, len(exchange.commands)),
+            keep=keep,
+            scans=self._scans(exchange),
+            byte_order=form.byte_order,
         )
+
+    def _scans(self, exchange: _Exchange) -> list[bool]:
+        """True for each command of a message that asks for a whole scan."""
+        asks = self._engine.simulator.asks_for_scan
+        return [asks(command) for command in exchange.commands]
 
     def _robot_form(self, exchange: _Exchange) -> ReplyForm:
         """Form of the robot's reply."""
@@ -299,7 +357,7 @@ class SerialBridge(EventHandler[None]):
     def _take(self, reply: bytes | None) -> None:
         while reply is not None:
             exchange = self._under_way.popleft()
-            if self._moves(exchange):
+            if exchange.moves:
                 self._moving_until = -math.inf
             self._due = math.inf
             more = bool(self._under_way)  # else what is under way after the answer was sent just now
@@ -319,23 +377,22 @@ class SerialBridge(EventHandler[None]):
     def _complete(self, exchange: _Exchange, reply: bytes) -> None:
         simulator = self._engine.simulator
         reads = [not simulator.is_drive(command) for command in exchange.commands]
-        numbers = read_numbers(reply, self._robot_form(exchange), reads)
+        answers = read_numbers(reply, self._robot_form(exchange), reads, self._scans(exchange))
         outcomes = [
-            _real(simulated, number, reads_sensor, exchange.is_stop)
-            for simulated, number, reads_sensor in zip(exchange.simulated, numbers, reads, strict=True)
+            _real(simulated, answer, reads_sensor, exchange.is_stop)
+            for simulated, answer, reads_sensor in zip(exchange.simulated, answers, reads, strict=True)
         ]
         self._finish(exchange, outcomes, reply if self.settings.robot_reply == "same" else None)
 
     def _finish(self, exchange: _Exchange, outcomes: list[CommandResult], unchanged: bytes | None) -> None:
         """Tell all watchers, and the client, what became of a message."""
+        tell = self._engine.tell
         for outcome, simulated in zip(outcomes, exchange.simulated, strict=True):
-            self._engine.tell(outcome)
+            tell(outcome)
             reading = outcome.reading
             if reading is not None:
                 code = reading.sensor.code
-                self._engine.tell(
-                    TwinReading(outcome.time, outcome.command, code, outcome.reply, simulated.reply)
-                )
+                tell(TwinReading(outcome.time, outcome.command, code, outcome.reply, simulated.reply))
         if exchange.answered is not None:
             exchange.answered(outcomes, unchanged)
 
@@ -354,23 +411,21 @@ class SerialBridge(EventHandler[None]):
         count, sample = self._framer.take_discarded()
         shown = escape(sample.decode("latin-1"), 60)
         text = f"{count} bytes from the robot discarded, they answer nothing: {shown!r}"
-        self._engine.tell(Notice(NoticeKind.ROBOT, text))
+        self._tell(NoticeKind.ROBOT, text)
 
     # -- faults -----------------------------------------------------------------------------------
 
     def opened(self) -> None:
         """The port is open."""
-        self._open = True
         self._moving_until = -math.inf  # nobody knows what a robot did before
         self._framer.doubt()
-        self._engine.tell(Notice(NoticeKind.ROBOT, f"robot: {self.port} is open"))
+        super().opened()
         self._due = math.inf
         self._advance()
 
     def lost(self, reason: str) -> None:
         """The port has closed, or cannot be opened. What the robot was doing is not known."""
-        self._open = False
-        self._engine.tell(Notice(NoticeKind.FAULT, f"robot: {reason}; trying again"))
+        super().lost(reason)
         if self._under_way:
             self._due = math.inf
         sent, self._under_way = self._under_way, deque()
@@ -387,8 +442,11 @@ class SerialBridge(EventHandler[None]):
         self._due = math.inf
         self._mistrust()
         if self._under_way:
+            late = self._under_way.popleft()
             reason = f"the robot did not answer within {self.settings.timeout:g} s"
-            self._answer_in_its_place(self._under_way.popleft(), reason)
+            if any(each.ranges is not None for each in late.simulated):
+                reason += "; a lidar's reply is its count and so many numbers"
+            self._answer_in_its_place(late, reason)
             self._take(self._await_next())
             return
         # The port has been closed for a whole time limit.
@@ -438,20 +496,23 @@ class SerialBridge(EventHandler[None]):
         if self._due < math.inf:
             self._deadline = self._loop.call_at(self._due, self._ring)
 
-    def on_action(self, event: ActionDone) -> None:
-        """A person's stop is meant for the real robot."""
-        if event.action.name is ActionName.STOP:
-            self.stop()
-
 
 def _is_stop(message: Message) -> bool:
-    return any(command.stops or command.code == STOP for command in message.commands)
+    # A loop, not any(): a generator costs more than the look, and this is done for each message.
+    for command in message.commands:  # noqa: SIM110
+        if command.stops or command.code == STOP:
+            return True
+    return False
 
 
-def _real(simulated: CommandResult, number: float, reads_sensor: bool, is_stop: bool) -> CommandResult:
+def _real(simulated: CommandResult, answer: RobotAnswer, reads_sensor: bool, is_stop: bool) -> CommandResult:
     """The simulated robot's result with the real robot's reply."""
-    if simulated.reading is not None:
-        return replace(simulated, reply=number, reading=replace(simulated.reading, value=number))
+    reading = simulated.reading
+    scan = None if reading is None or isinstance(answer, float) else _real_scan(reading, answer)
+    # Where one number stands for a scan it is the first ray's, as of the simulated one.
+    number = answer if isinstance(answer, float) else float(answer[0])
+    if reading is not None:
+        return replace(simulated, reply=number, reading=replace(reading, value=number, scan=scan))
     if is_stop:
         return replace(simulated, status=Status.STOPPED, reply=number, reason="")
     # NaN is how every dialect says that a command was refused.
@@ -459,6 +520,15 @@ def _real(simulated: CommandResult, number: float, reads_sensor: bool, is_stop: 
         return replace(simulated, status=Status.REFUSED, reply=number, reason="the robot answered NaN")
     status = Status.READING if reads_sensor else Status.DONE
     return replace(simulated, status=status, reply=number, reason="")
+
+
+def _real_scan(reading: Reading, ranges: FloatArray) -> LidarScan | None:
+    """The real robot's scan in place of the twin's, whose truth belongs to it only ray by ray."""
+    twin = reading.scan
+    if twin is None or len(twin.ranges) == len(ranges):
+        return None if twin is None else replace(twin, ranges=ranges)
+    bearings = ray_bearings(twin.bearings, len(ranges))
+    return LidarScan(twin.revolution, ranges, bearings, np.empty(0), np.empty((0, 3)))
 
 
 def _unsent(simulator: Simulator, command: Command) -> CommandResult:

@@ -15,6 +15,7 @@ from collections import deque
 from collections.abc import Callable
 from typing import Any
 
+from simmer_tui import platform_has
 from simmer_tui.links import port_list
 from simmer_tui.links.peer import PIECE
 from simmer_tui.links.port_list import close_port
@@ -90,7 +91,7 @@ def descriptor_of(port: Any) -> int | None:
     # A kind of URL that wraps another port (spy://) reads by itself, with the descriptor of the other.
     # Both methods must come from the same class, else the descriptor is not what `read` reads.
     own = getattr(kind.read, "__module__", "") == getattr(getattr(kind, "fileno", None), "__module__", None)
-    if sys.platform == "win32" or not own:
+    if sys.platform == "win32" or not platform_has.POSIX or not own:
         return None
     descriptor: int = port.fileno()
     return None if os.get_blocking(descriptor) else descriptor

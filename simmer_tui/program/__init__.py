@@ -5,6 +5,6 @@ ends what is left; on Windows a job object does.
 """
 
 from simmer_tui.program.control_program import Keeper, Program
-from simmer_tui.program.program_output import ProgramOutput
+from simmer_tui.program.program_output import ProgramOutput, not_started
 
-__all__ = ["Keeper", "Program", "ProgramOutput"]
+__all__ = ["Keeper", "Program", "ProgramOutput", "not_started"]

@@ -6,13 +6,13 @@ On Unix a keeper watches it: its start, and its end with all it started.
 from __future__ import annotations
 
 import os
-import shlex
 import sys
 import threading
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from simmer_tui import platform_has
 from simmer_tui.errors import ProgramError
 
 if TYPE_CHECKING:
@@ -20,11 +20,13 @@ if TYPE_CHECKING:
 
 
 import contextlib
-import secrets
 import subprocess
 from collections.abc import Sequence
 
 from simmer_tui.program import keeper
+from simmer_tui.program.adoption import Adoption
+from simmer_tui.program.hook_folder import with_hook
+from simmer_tui.program.program_command import console_variables, words_of
 from simmer_tui.program.program_output import OutputRoute, ProgramOutput
 
 _LAST_LINES = 1.0
@@ -44,6 +46,8 @@ class Program:
         folder: Path | None = None,
         keeper: Keeper | None = None,
         output: ProgramOutput | None = None,
+        *,
+        adopts: bool = False,
     ) -> None:
         """Start `command` in `folder`, or where we are, with `environment` added to ours. Raises
         ProgramError.
@@ -51,15 +55,24 @@ class Program:
         `on_end` gets the exit code in a thread of its own: 128 and the signal's number for a
         program that a signal ended. With `on_line` its output is taken, a line at a time, else it
         goes where ours goes. `output` keeps its last lines. A process that runs many programs has one
-        `keeper` for them all.
+        `keeper` for them all. One that runs one at a time, and starts no other processes, `adopts`
+        what a program leaves behind (Linux).
         """
         self.stopped = False
         """True if the program did not end by itself."""
-        surroundings = {**os.environ, **environment}
+        unbuffered: dict[str, str] = {}
+        if not platform_has.POSIX and on_line is None and (os.isatty(1) or os.isatty(2)):
+            from simmer_tui.program.job_process import console_code_page
+
+            unbuffered = console_variables(command, console_code_page())
+        surroundings = with_hook({**unbuffered, **os.environ, **environment})
         try:
-            self._route = OutputRoute(output or ProgramOutput(), on_line)
+            kept = output or ProgramOutput()
+            self._route = OutputRoute(kept, on_line, at_once=bool(unbuffered))
             try:
-                self._process = _started(command, surroundings, folder, keeper, self._route, on_line is None)
+                self._process = _started(
+                    command, surroundings, folder, keeper, self._route, on_line is None, adopts
+                )
             except BaseException:
                 self._route.abandon()
                 raise
@@ -69,6 +82,15 @@ class Program:
         self._ended = threading.Event()
         self._waiter = threading.Thread(target=self._wait, args=(on_end,), name="program", daemon=True)
         self._waiter.start()
+
+    @property
+    def pid(self) -> int:
+        """Its process ID."""
+        return self._process.pid
+
+    def settle_output(self) -> bool:
+        """Wait until all that it has printed is kept; False if that takes too long."""
+        return self._route.settle()
 
     def end(self, grace: float = 0.0) -> None:
         """Make sure that it and all that it started has ended, kindly at first. It may end by itself
@@ -94,28 +116,15 @@ def _started(
     keeper: Keeper | None,
     route: OutputRoute,
     has_input: bool,
+    adopts: bool,
 ) -> KeptProcess | JobProcess:
     """The command as a process with all that it will start. Raises OSError, ProgramError."""
-    if sys.platform == "win32":
+    if not platform_has.POSIX:
         from simmer_tui.program.job_process import JobProcess
 
         return JobProcess(command, environment, folder, route, has_input=has_input)
-    return KeptProcess(words_of(command), environment, folder, keeper, route, has_input=has_input)
-
-
-def words_of(command: str) -> list[str]:
-    """The command split into words as a Unix shell does. `python` falls back to our own interpreter."""
-    try:
-        words = shlex.split(command)
-    except ValueError as error:
-        raise ProgramError(f"--run {command!r}: {error}") from None
-    if not words:
-        raise ProgramError("--run needs a program, such as --run 'python my_robot.py'")
-    if words[0] in ("python", "python3"):
-        from shutil import which  # imported by those who need it: it takes time
-
-        words[0] = words[0] if which(words[0]) else sys.executable
-    return words
+    words = words_of(command)
+    return KeptProcess(words, environment, folder, keeper, route, has_input=has_input, adopts=adopts)
 
 
 _LAST_WAIT = 0.5
@@ -157,6 +166,7 @@ class Keeper:
         if self._process is None:
             self._process = subprocess.Popen(
                 [sys.executable, "-I", "-S", keeper.__file__],
+                env={**os.environ, keeper.MARK: keeper.KEEPER},
                 bufsize=0,
                 stdin=subprocess.PIPE,
                 stdout=subprocess.DEVNULL,
@@ -165,7 +175,8 @@ class Keeper:
                 start_new_session=True,  # Ctrl-C in our terminal is not for it
             )
             assert self._process.stdin is not None, "it is a pipe"
-            os.set_blocking(self._process.stdin.fileno(), False)  # one that was stopped reads no more
+            if sys.platform != "win32":  # there is no keeper there
+                os.set_blocking(self._process.stdin.fileno(), False)  # one that was stopped reads no more
         assert self._process.stdin is not None, "it is a pipe"
         self._process.stdin.write(line.encode())
 
@@ -188,11 +199,14 @@ class KeptProcess:
         route: OutputRoute,
         *,
         has_input: bool,
+        adopts: bool,
     ) -> None:
         """Start it, in a folder or where we are; call `end` when it is over. Raises OSError. What it prints
         goes its `route`. Its input is ours, if it `has_input`. Without a `shared` keeper it has one of its
-        own."""
-        self._mark = secrets.token_hex(8)
+        own. With `adopts` this process adopts what it leaves behind."""
+        # Not by secrets, which takes time to import.
+        self._mark = os.urandom(8).hex()
+        self._adoption = Adoption(self._mark) if adopts else None
         self._lock = threading.Lock()
         self._has_ended = False
         self._owns_keeper = shared is None
@@ -212,6 +226,13 @@ class KeptProcess:
             self._release()
             raise
         self._keeper.watch(self._mark, self._process.pid)
+        if self._adoption is not None:
+            self._adoption.begin(self._process.pid)
+
+    @property
+    def pid(self) -> int:
+        """Its process ID."""
+        return self._process.pid
 
     def wait(self) -> int:
         """Wait for the program's end; its exit code, or the negative number of the signal that ended it."""
@@ -223,12 +244,15 @@ class KeptProcess:
             if self._has_ended:
                 return
             self._has_ended = True
-            keeper.end_all(self._mark, self._process.pid)
+            adopted = set if self._adoption is None else self._adoption.living
+            keeper.end_all(self._mark, self._process.pid, adopted)
             self._release()
             with contextlib.suppress(subprocess.TimeoutExpired):
                 self._process.wait(_LAST_WAIT)
 
     def _release(self) -> None:
+        if self._adoption is not None:
+            self._adoption.end()
         self._keeper.forget(self._mark)
         if self._owns_keeper:
             self._keeper.close()

@@ -9,8 +9,9 @@ from __future__ import annotations
 import re
 import signal
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
 from pathlib import PurePosixPath, PureWindowsPath
+
+from msgspec import Struct
 
 from simmer_tui.events import NOT_STARTED
 
@@ -36,15 +37,14 @@ _FOREIGN = re.compile(
     r"site-packages|dist-packages|<frozen |[/\\]lib[/\\]python3|\\Lib\\|[/\\]simmer_tui[/\\]|node_modules"
     r"|^node:|[/\\]rustc[/\\]"
 )
-# Exit codes of shells for a command that is not found, and for one that cannot be run.
-_NOT_FOUND, _NOT_RUN = 127, 126
+NOT_FOUND, _NOT_RUN = 127, 126
+"""Exit codes of shells for a command that is not found, and for one that cannot be run."""
 
 _Frame = tuple[str, str]
 """File and line of a call, as they are printed."""
 
 
-@dataclass(frozen=True, slots=True)
-class Crash:
+class Crash(Struct, frozen=True):
     """An error, and the last line of the program's own code that led to it (`robot.py:12`, or empty)."""
 
     error: str
@@ -85,10 +85,10 @@ def _signalled(code: int) -> Crash | None:
 
 def _shell(code: int, stderr: Sequence[str]) -> Crash | None:
     """A command that a shell did not find, or could not run, in the shell's own words."""
-    if code not in (_NOT_FOUND, _NOT_RUN):
+    if code not in (NOT_FOUND, _NOT_RUN):
         return None
     told = [line.strip() for line in stderr if line.strip()]
-    default = "command not found" if code == _NOT_FOUND else "the command cannot be run"
+    default = "command not found" if code == NOT_FOUND else "the command cannot be run"
     return Crash(f"{NOT_STARTED}{told[-1] if told else default}"[:_LONGEST])
 
 
@@ -172,6 +172,34 @@ def _thread(lines: Sequence[str]) -> Crash | None:
     """An error that ended a thread, and not the program: it has nobody left to drive the robot."""
     begins = [place for place, line in enumerate(lines) if _THREAD.match(line)]
     return _python(lines[begins[-1] :]) if begins else None
+
+
+_CALL = re.compile(r'^\s*File "(.*)", line (\d+), in (.+)$')
+_MARKERS = re.compile(r"^\s*[~^]+\s*$")
+
+
+class OwnFrame(Struct, frozen=True):
+    """A call in the program's own code: `place` is `robot.py:12`, `code` the line there, or empty."""
+
+    place: str
+    function: str
+    code: str = ""
+
+
+def own_frames(stderr: Sequence[str]) -> tuple[OwnFrame, ...]:
+    """Calls in the program's own code that led to its last Python exception, the innermost first."""
+    begins = [place for place, line in enumerate(stderr) if _TRACEBACK.match(line)]
+    lines = stderr[begins[-1] :] if begins else ()
+    found = []
+    for place, line in enumerate(lines):
+        call = _CALL.match(line)
+        if call is None or _FOREIGN.search(call[1]):
+            continue
+        after = lines[place + 1].strip() if place + 1 < len(lines) else ""
+        is_code = bool(after) and not _CALL.match(after) and not _MARKERS.match(after)
+        is_code = is_code and lines[place + 1].startswith("    ")
+        found.append(OwnFrame(f"{_name(call[1])}:{call[2]}", call[3], after if is_code else ""))
+    return tuple(reversed(found))
 
 
 # -- languages that are compiled -----------------------------------------------------------------------
@@ -284,7 +312,7 @@ def _node_error(lines: Sequence[str], heads: Sequence[_Frame]) -> Crash:
 # -- Octave and MATLAB ---------------------------------------------------------------------------------
 
 _OCTAVE = re.compile(r"^error: (?!called from)(.*)")
-_OCTAVE_FRAME = re.compile(r"^ {4}(\S+) at line (\d+)(?: column \d+)?$")
+_OCTAVE_FRAME = re.compile(r"^ {4}(\S.*?) at line (\d+)(?: column \d+)?$")
 _OCTAVE_PARSE = re.compile(r"^(?:parse error) near line (\d+) of file (.*)$")
 _OCTAVE_NEAR = re.compile(r" near line (\d+),? column \d+$")
 _OCTAVE_MISSING = re.compile(r"^(?:source: error sourcing file|could not find file|.*unable to find file)\b")
@@ -304,7 +332,9 @@ def _octave(lines: Sequence[str]) -> Crash | None:
     frames = _frames(_OCTAVE_FRAME, lines[place:])
     # The innermost function stands first; one inside another is named `outer>inner`.
     if frames:
-        return Crash(_OCTAVE_NEAR.sub("", error), f"{frames[0][0].partition('>')[0]}.m:{frames[0][1]}")
+        # A script of another folder, or whose name is no variable's, is named by its file.
+        name = _name(frames[0][0]).partition(">")[0].removesuffix(".m")
+        return Crash(_OCTAVE_NEAR.sub("", error), f"{name}.m:{frames[0][1]}")
     near = _OCTAVE_NEAR.search(error)
     return Crash(error, f"line {near[1]}" if near else "")
 

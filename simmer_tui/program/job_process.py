@@ -4,15 +4,30 @@ from __future__ import annotations
 
 import ctypes
 import subprocess
+import threading
 from collections.abc import Mapping
 from ctypes import wintypes
 from pathlib import Path
 from typing import Any
 
+from simmer_tui.program.program_command import command_line_of
 from simmer_tui.program.program_output import OutputRoute
 
 _EXTENDED_LIMITS = 9  # JobObjectExtendedLimitInformation
 _KILL_ON_CLOSE = 0x2000  # JOB_OBJECT_LIMIT_KILL_ON_JOB_CLOSE
+
+
+def _kernel() -> Any:
+    """kernel32, whose last error is kept for `ctypes`."""
+    library: Any = ctypes  # only Windows' has WinDLL, and type checkers of other systems know it
+    kernel = library.WinDLL("kernel32", use_last_error=True)
+    kernel.CreateJobObjectW.restype = wintypes.HANDLE
+    return kernel
+
+
+def console_code_page() -> int:
+    """Code page that the console reads bytes in."""
+    return int(_kernel().GetConsoleOutputCP())
 
 
 class BasicLimits(ctypes.Structure):
@@ -56,33 +71,64 @@ class JobProcess:
         *,
         has_input: bool,
     ) -> None:
-        """Start it; what it prints goes its `route`. Raises OSError."""
-        self._process = subprocess.Popen(
-            command,
-            env=dict(environment),
-            cwd=folder,
-            stdin=None if has_input else subprocess.DEVNULL,
-            stdout=route.stdout,
-            stderr=route.stderr,
-        )
-        # Its handle is ours alone: when this process ends, Windows closes it, and the job ends.
-        self._kernel: Any = ctypes.WinDLL("kernel32", use_last_error=True)  # type: ignore[attr-defined]
-        self._kernel.CreateJobObjectW.restype = wintypes.HANDLE
-        self._job = wintypes.HANDLE(self._kernel.CreateJobObjectW(None, None))
+        """Start it; what it prints goes its `route`. Raises OSError, ProgramError."""
+        line = command_line_of(command)
+        self._lock = threading.Lock()
+        self._kernel = _kernel()
+        # Made before the program starts, so that nothing lies between its start and its place in the job.
+        self._job = self._new_job()
+        try:
+            self._process = subprocess.Popen(
+                line,
+                env=dict(environment),
+                cwd=folder,
+                stdin=None if has_input else subprocess.DEVNULL,
+                stdout=route.stdout,
+                stderr=route.stderr,
+            )
+        except BaseException:
+            self._close_job()
+            raise
+        if self._job is not None:
+            process: Any = self._process
+            handle = wintypes.HANDLE(int(process._handle))
+            if not self._kernel.AssignProcessToJobObject(self._job, handle):
+                self._close_job()  # a job around ours forbids it: the program itself is ended at least
+
+    def _new_job(self) -> wintypes.HANDLE | None:
+        """A job that ends what is in it when its last handle is closed; None if the system gives none."""
+        # The handle is ours alone: when this process ends, Windows closes it, and the job ends.
+        number = self._kernel.CreateJobObjectW(None, None)
+        if not number:
+            return None
+        job = wintypes.HANDLE(number)
         limits = ExtendedLimits()
         limits.basic.flags = _KILL_ON_CLOSE
         self._kernel.SetInformationJobObject(
-            self._job, _EXTENDED_LIMITS, ctypes.byref(limits), ctypes.sizeof(limits)
+            job, _EXTENDED_LIMITS, ctypes.byref(limits), ctypes.sizeof(limits)
         )
-        handle = wintypes.HANDLE(int(self._process._handle))  # type: ignore[attr-defined]
-        self._kernel.AssignProcessToJobObject(self._job, handle)
+        return job
+
+    def _close_job(self) -> None:
+        if self._job is not None:
+            self._kernel.CloseHandle(self._job)
+            self._job = None
+
+    @property
+    def pid(self) -> int:
+        """Its process ID."""
+        return self._process.pid
 
     def wait(self) -> int:
         """Wait for the program's end; its exit code."""
         return self._process.wait()
 
     def end(self) -> None:
-        """End the program and everything it started. Windows has no gentle way."""
-        self._kernel.TerminateJobObject(self._job, 1)
-        self._process.kill()  # where it could not be put into the job
-        self._process.wait()
+        """End the program and everything it started. Windows has no gentle way. Any thread may call it,
+        repeatedly."""
+        with self._lock:
+            if self._job is not None:
+                self._kernel.TerminateJobObject(self._job, 1)
+                self._close_job()
+            self._process.kill()  # where it could not be put into the job
+            self._process.wait()

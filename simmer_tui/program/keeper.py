@@ -8,8 +8,9 @@ running, and goes. One keeper serves all programs of a simulator, one after the 
 takes longer to start than a small program takes to run.
 
 On Linux everything that a program starts is known by a variable in its environment. Children that clear
-theirs are known by their parent or by the program's session. Elsewhere it is the program's process group,
-and children.
+theirs are known by their parent or by the program's session. Orphans of another session are known as long as
+the simulator lives, which adopts them (`adoption.py`). Elsewhere it is the program's process group, and
+children.
 
 A script that imports little and nothing of this package, so that it watches within milliseconds.
 """
@@ -22,8 +23,14 @@ import os
 import sys
 import time
 
+TYPE_CHECKING = False
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
 MARK = "SIMMER_KEPT"
 """The variable by which all that a program started is known."""
+KEEPER = "keeper"
+"""Its value in a keeper."""
 # Enough for a program that catches SIGTERM to close its files.
 PATIENCE = 1.0
 """Seconds between SIGTERM and SIGKILL."""
@@ -35,6 +42,8 @@ _SOON, _LATER = 0.002, 0.02
 programs end at once, later ones are rarer because each reads all of /proc."""
 _AT_ONCE = 1 << 16
 """Bytes read at once: more than most environments have."""
+_KERNEL_THREAD = 0x200000
+"""The flag of threads of the kernel (PF_KTHREAD, proc(5)): half of the entries of an idle machine's /proc."""
 _LINUX = sys.platform == "linux"
 
 
@@ -52,13 +61,14 @@ def main() -> None:
         end_all(mark, program)
 
 
-def end_all(mark: str, program: int) -> None:
-    """End everything started by the program with this mark, by SIGTERM first. More may start meanwhile."""
+def end_all(mark: str, program: int, adopted: Callable[[], set[int]] = set) -> None:
+    """End everything started by the program with this mark, by SIGTERM first. More may start meanwhile.
+    `adopted` gives processes that are known to be the program's by other means."""
     for number, patience in ((signal.SIGTERM, PATIENCE), (signal.SIGKILL, _LAST)):
         until = time.monotonic() + patience
         asked: set[int] = set()
         pause = _SOON
-        while (found := _started_by(mark, program)) and time.monotonic() < until:
+        while (found := _started_by(mark, program, adopted())) and time.monotonic() < until:
             for pid in found - asked if number == signal.SIGTERM else found:
                 _send(pid, number)
             asked |= found
@@ -73,11 +83,11 @@ def _send(pid: int, number: int) -> None:
         return  # it has gone by itself, or is another user's
 
 
-def _started_by(mark: str, program: int) -> set[int]:
-    """The processes with a mark, and those below them; not this one, nor those that have ended and
-    wait to be noticed."""
+def _started_by(mark: str, program: int, adopted: set[int]) -> set[int]:
+    """The processes with a mark, those adopted, and those below them; not this one, nor those that have ended
+    and wait to be noticed."""
     children: dict[int, list[int]] = {}
-    found = set()
+    found = set(adopted)
     for pid, parent, is_marked in _processes(f"{MARK}={mark}".encode(), program):
         children.setdefault(parent, []).append(pid)
         if is_marked:
@@ -106,7 +116,10 @@ def _processes(mark: bytes, program: int) -> list[tuple[int, int, bool]]:
         if not name.isdigit():
             continue
         try:
-            state, parent, _, session = _read(f"/proc/{name}/stat").rpartition(b") ")[2].split(None, 4)[:4]
+            fields = _read(f"/proc/{name}/stat").rpartition(b") ")[2].split(None, 7)
+            state, parent, _, session = fields[:4]
+            if int(fields[6]) & _KERNEL_THREAD:
+                continue
         except (OSError, ValueError):
             continue  # gone while we looked
         is_marked = int(session) == program  # known also by a child that has neither mark nor parent

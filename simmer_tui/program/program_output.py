@@ -14,12 +14,13 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
 
-from simmer_tui.events import OutputLine, ProgramEnded
-from simmer_tui.program.crash import crash_of, signal_name
+from msgspec import Struct, field
 
-if sys.platform != "win32":
+from simmer_tui import platform_has
+from simmer_tui.events import NOT_STARTED, OutputLine, ProgramEnded
+
+if platform_has.POSIX:
     import fcntl
     import termios
 
@@ -35,6 +36,10 @@ _LONGEST_TOLD = 65536
 """Bytes of a line without an end after which it is told as a line."""
 _AT_ONCE = 65536
 """Bytes read at once: a pipe of Linux holds as many."""
+
+
+_STDOUT, _STDERR = 1, 2
+"""Descriptors of the standard streams (POSIX)."""
 
 
 class OutputTail:
@@ -89,6 +94,9 @@ class ProgramOutput:
             moment: Simulated time, seconds.
             stopped: True if the simulator ended the program.
         """
+        # Imported when a program has ended, since its patterns take a hundredth of the start.
+        from simmer_tui.program.crash import crash_of, signal_name
+
         stderr, stdout = self.stderr.lines(), self.stdout.lines()
         crash = None
         if not stopped:
@@ -105,8 +113,14 @@ class ProgramOutput:
         )
 
 
-@dataclass(slots=True)
-class _Stream:
+def not_started(reason: str, moment: float) -> ProgramEnded:
+    """The event of a program that could not be started, at a simulated time (seconds), for a reason."""
+    from simmer_tui.program.crash import NOT_FOUND
+
+    return ProgramEnded(moment, NOT_FOUND, error=f"{NOT_STARTED}{reason}")
+
+
+class _Stream(Struct):
     """One stream on its way: read from a descriptor, kept, and told or passed on to another descriptor."""
 
     source: int
@@ -114,15 +128,18 @@ class _Stream:
     target: int | None
     on_line: Callable[[str], None] | None
     rest: bytes = field(default=b"")
+    lock: threading.Lock = field(default_factory=threading.Lock)
+    """Held while bytes are neither in the pipe nor kept."""
 
     def pump(self) -> bool:
         """Take what is there, waiting for it if need be; False at the end."""
-        try:
-            data = os.read(self.source, _AT_ONCE)
-        except OSError:  # a terminal whose last writer has gone
-            data = b""
-        if data:
-            self.tail.add(data)
+        with self.lock:
+            try:
+                data = os.read(self.source, _AT_ONCE)
+            except OSError:  # a terminal whose last writer has gone
+                data = b""
+            if data:
+                self.tail.add(data)
         if self.on_line is not None:
             for line in self._lines(data):
                 self.on_line(line.decode(errors="replace").rstrip())
@@ -130,6 +147,25 @@ class _Stream:
             # Nobody reads any more: the program is to notice, as it would without us.
             return self._pass_on(data, self.target)
         return bool(data)
+
+    def close(self) -> None:
+        """Read no more."""
+        with self.lock:
+            os.close(self.source)
+            self.source = -1
+
+    @property
+    def is_behind(self) -> bool:
+        """True if bytes wait that are not kept yet; of a terminal some may not be here yet."""
+        if sys.platform == "win32" or not platform_has.POSIX:
+            return False
+        with self.lock:
+            if self.source < 0:
+                return False
+            count = bytearray(4)
+            with contextlib.suppress(OSError):
+                fcntl.ioctl(self.source, termios.FIONREAD, count)
+            return any(count)
 
     def _lines(self, data: bytes) -> Iterator[bytes]:
         """Whole lines, and long ones in pieces; at the end the last one."""
@@ -163,24 +199,35 @@ _SOON = 0.01
 class OutputRoute:
     """The way of a program's output to us: make it, give its ends to the program, then `start`."""
 
-    def __init__(self, output: ProgramOutput, on_line: Callable[[str], None] | None) -> None:
-        """With `on_line` lines are told, and go nowhere else; without it they go where ours go.
-        Raises OSError."""
+    def __init__(
+        self,
+        output: ProgramOutput,
+        on_line: Callable[[str], None] | None,
+        *,
+        windows: bool = not platform_has.POSIX,
+        at_once: bool = False,
+    ) -> None:
+        """With `on_line` lines are told, and go nowhere else; without it they go where ours go. `at_once`
+        tells that the program writes to a pipe as soon as to a terminal. Raises OSError."""
+        self._windows = windows
+        self._at_once = at_once
         self.stdout: int | None = None
         self.stderr: int | None = None
         """Ends for the program; None where it shares ours."""
         self._streams: list[_Stream] = []
-        self._threads: list[threading.Thread] = []
+        self._readers: list[OutputReader] = []
         if on_line is not None:
             self.stdout, self.stderr = (
                 self._opened(tail, None, on_line) for tail in (output.stdout, output.stderr)
             )
         else:
-            self.stdout, self.stderr = self._passed(output.stdout, 1), self._passed(output.stderr, 2)
+            self.stdout = self._passed(output.stdout, _STDOUT)
+            self.stderr = self._passed(output.stderr, _STDERR)
 
     def _opened(self, tail: OutputTail, target: int | None, on_line: Callable[[str], None] | None) -> int:
         """A stream's end for the program."""
-        ours, theirs = _terminal(target) if target is not None and os.isatty(target) else os.pipe()
+        has_terminal = target is not None and not self._windows and os.isatty(target)
+        ours, theirs = _terminal(target) if target is not None and has_terminal else os.pipe()
         self._streams.append(_Stream(ours, tail, target, on_line))
         return theirs
 
@@ -188,8 +235,10 @@ class OutputRoute:
         """The end for a stream that goes where our `target` goes."""
         try:
             os.fstat(target)
-            # There is no such terminal on Windows, and a pipe in its place would hold lines back.
-            return None if sys.platform == "win32" and os.isatty(target) else self._opened(tail, target, None)
+            # There is no such terminal on Windows. A pipe in its place holds lines back, but none of standard
+            # error: C does not buffer it, and Python writes it line by line.
+            held_back = self._windows and target == _STDOUT and not self._at_once and os.isatty(target)
+            return None if held_back else self._opened(tail, target, None)
         except OSError:  # ours is closed
             return None
 
@@ -197,11 +246,9 @@ class OutputRoute:
         """The program has its ends: begin to read."""
         self._close_ends()
         # Windows cannot wait for several pipes; elsewhere one thread keeps the order of both.
-        groups = [[each] for each in self._streams] if sys.platform == "win32" else [self._streams]
+        groups = [[each] for each in self._streams] if self._windows else [self._streams]
         for streams in groups:
-            thread = threading.Thread(target=_read_all, args=(streams,), name="output", daemon=True)
-            thread.start()
-            self._threads.append(thread)
+            self._readers.append(OutputReader(streams))
 
     def abandon(self) -> None:
         """The program has not been started."""
@@ -217,16 +264,55 @@ class OutputRoute:
     def join(self, seconds: float) -> None:
         """Wait until all has been read, for so long at most."""
         until = time.monotonic() + seconds
-        for thread in self._threads:
-            thread.join(max(until - time.monotonic(), 0.0))
+        for reader in self._readers:
+            reader.join(max(until - time.monotonic(), 0.0))
+
+    def settle(self) -> bool:
+        """Wait until all that the program has printed is kept; False if that takes too long."""
+        return all(reader.settle() for reader in self._readers)
+
+
+def reading(output: ProgramOutput, stdout: int, stderr: int, on_line: Callable[[str], None]) -> OutputReader:
+    """Reader of both descriptors of a program to their ends: it keeps the last lines, tells all, and
+    closes them."""
+    streams = [_Stream(stdout, output.stdout, None, on_line), _Stream(stderr, output.stderr, None, on_line)]
+    return OutputReader(streams)
+
+
+# Who reads our output may stop for a moment; a pager stops for long, and is not waited for.
+_SETTLING = 0.2
+"""Longest real time that the reading of what was printed is waited for, seconds."""
+
+
+class OutputReader:
+    """A thread that reads streams to their ends, from now on."""
+
+    def __init__(self, streams: list[_Stream]) -> None:
+        self._streams = streams
+        self._thread = threading.Thread(target=_read_all, args=(streams,), name="output", daemon=True)
+        self._thread.start()
+
+    def join(self, seconds: float) -> None:
+        """Wait for the ends, for so long at most."""
+        self._thread.join(seconds)
+
+    def settle(self) -> bool:
+        """Wait until all that was printed is kept; False if that takes too long."""
+        until = time.monotonic() + _SETTLING
+        while any(stream.is_behind for stream in self._streams):
+            if time.monotonic() > until:
+                return False
+            time.sleep(0.00005)
+        return True
 
 
 def _read_all(streams: list[_Stream]) -> None:
     """Read streams to their ends."""
-    if len(streams) == 1:
-        while streams[0].pump():
-            pass
-        os.close(streams[0].source)
+    if not platform_has.POSIX:
+        for stream in streams:
+            while stream.pump():
+                pass
+            stream.close()
         return
     with selectors.DefaultSelector() as selector:
         for stream in streams:
@@ -237,12 +323,14 @@ def _read_all(streams: list[_Stream]) -> None:
                 stream = key.data
                 if not stream.pump():
                     selector.unregister(stream.source)
-                    os.close(stream.source)
+                    stream.close()
 
 
 def _terminal(target: int) -> tuple[int, int]:
     """Both ends of a terminal like the one at `target`, which leaves bytes as they are: ours, and the
     program's. Raises OSError."""
+    if sys.platform == "win32":
+        raise NotImplementedError  # there is no such thing on Windows
     ours, theirs = os.openpty()
     attributes = termios.tcgetattr(theirs)
     attributes[1] &= ~termios.OPOST  # the real terminal turns line feeds into new lines
@@ -253,7 +341,7 @@ def _terminal(target: int) -> tuple[int, int]:
 
 def _copy_window(target: int, ours: int) -> None:
     """Give a program's terminal the size of the one that its output goes to."""
-    if sys.platform == "win32" or not (os.isatty(target) and os.isatty(ours)):
+    if sys.platform == "win32" or not platform_has.POSIX or not (os.isatty(target) and os.isatty(ours)):
         return
     with contextlib.suppress(OSError):
         fcntl.ioctl(ours, termios.TIOCSWINSZ, fcntl.ioctl(target, termios.TIOCGWINSZ, bytes(8)))

@@ -1,8 +1,12 @@
-"""The binary dialects: bare or newline-ended commands in, one floating-point number out."""
+"""The binary dialects: bare or newline-ended commands in, one floating-point number out.
+
+The reply to a lidar's code is a count and so many numbers. A refusal is one NaN, as with every command.
+"""
 
 from simmer_tui.config.settings import ServerSettings
-from simmer_tui.protocol.replies import NUMBERS, ReplyForm, ReplyFormat, pack_number
+from simmer_tui.protocol.replies import NUMBERS, ReplyForm, ReplyFormat, pack_number, pack_ranges
 from simmer_tui.sim.command import Command, parse_command
+from simmer_tui.sim.records import CommandResult
 
 # Judged: a code and a number with all its digits have a tenth of that.
 LONGEST = 256
@@ -29,6 +33,13 @@ class NumberEncoder:
     def encode(self, number: float) -> bytes:
         """One reply. A number too great for a float32 becomes infinite."""
         return pack_number(self._layout, number)
+
+    def reply(self, result: CommandResult) -> bytes:
+        """The reply to a command: one number, or the count of a scan's ranges and the ranges."""
+        ranges = result.ranges
+        if ranges is not None:
+            return pack_ranges(self._layout, ranges)
+        return pack_number(self._layout, result.reply)
 
 
 def typed(text: bytes, settings: ServerSettings) -> tuple[bytes, ReplyForm]:

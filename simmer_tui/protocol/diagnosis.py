@@ -1,4 +1,4 @@
-"""What a program does wrong, recognised from the bytes it sends: pure text, no sockets."""
+"""Mistakes of a program, recognised from the bytes it sends: pure text, no sockets."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def wrong_packet(data: bytes, port: int, line_port: int | None) -> Diagnosis | N
 def http(port: int) -> Diagnosis:
     """The mistake of a browser."""
     return Diagnosis(
-        "HTTP", f"HTTP came to port {port}, which is no web server: it takes commands such as u1"
+        "HTTP", f"HTTP request on port {port}, which is no web server: it takes commands such as u1"
     )
 
 

@@ -8,6 +8,9 @@ No sockets and no clock. One `RequestReader` serves one connection on the reques
 | framed | `[u0,w0:36]`; `][` also joins | `[u0:12.345,w0:True]` |
 | legacy | `u0,w0-36`, ended by closing or falling silent | doubles, singles or text, as the user says |
 
+A lidar's reply is many numbers: `[sc:12.345;11.220;inf]`, joined in the same way in text. In doubles and
+singles it is their count and the numbers.
+
 A code is the first two characters of a command, the third is ignored, the rest is the value; the
 code `xx` stops all motion. What cannot be a command is answered all the same, so that every request
 but the empty one has one reply.
@@ -20,10 +23,12 @@ from collections.abc import Iterable, Sequence
 from enum import StrEnum
 from itertools import groupby, takewhile
 
+import numpy as np
 from msgspec import Struct
+from numpy.typing import NDArray
 
 from simmer_tui.config.settings import ServerSettings
-from simmer_tui.protocol.replies import NUMBERS, ReplyForm, ReplyFormat, pack_number
+from simmer_tui.protocol.replies import NUMBERS, ReplyForm, ReplyFormat, pack_number, pack_ranges
 from simmer_tui.sim.command import Command
 from simmer_tui.sim.records import CommandResult, Status
 
@@ -263,6 +268,11 @@ def number_text(value: float) -> str:
     return f"{value:.1f}" if "e" in text else text
 
 
+def ranges_text(ranges: NDArray[np.float64]) -> str:
+    """Ranges with three decimals each, joined by semicolons, since commas join items."""
+    return ";".join([f"{value:.{_DECIMALS}f}" for value in ranges.tolist()])
+
+
 def _echo(command: Command) -> str:
     """The code, with whatever would break the reply's own framing made a question mark."""
     return "".join(c if c.isascii() and c.isprintable() and c not in "[],:" else "?" for c in command.code)
@@ -274,14 +284,17 @@ def _word(command: Command, outcome: CommandResult) -> str:
         return _WORDS[Status.UNKNOWN] if command.problem else _WORDS[outcome.status]
     if outcome.reading is not None and outcome.reading.sensor.is_yes_or_no:
         return str(outcome.reply >= 0.5)
-    return number_text(outcome.reply)
+    ranges = outcome.ranges
+    return number_text(outcome.reply) if ranges is None else ranges_text(ranges)
 
 
 def _legacy_item(reply_format: ReplyFormat, outcome: CommandResult) -> bytes:
     number = outcome.reply if outcome.status is Status.READING else _NUMBERS[outcome.status]
+    ranges = outcome.ranges if outcome.status is Status.READING else None
     if reply_format is ReplyFormat.TEXT:
-        return number_text(number).encode()
-    return pack_number(NUMBERS[reply_format.value, "little"], number)
+        return (number_text(number) if ranges is None else ranges_text(ranges)).encode()
+    layout = NUMBERS[reply_format.value, "little"]
+    return pack_number(layout, number) if ranges is None else pack_ranges(layout, ranges)
 
 
 def passed_on(reply_format: ReplyFormat, data: bytes) -> Reply:
@@ -294,10 +307,11 @@ def passed_on(reply_format: ReplyFormat, data: bytes) -> Reply:
 
 
 class _Waiting(Struct):
-    """A reply that waits, whose it is, and how many of its items were dropped to make room."""
+    """A reply that waits, whose it is, since when, and how many of its items were dropped to make room."""
 
     reply: Reply
     owner: str
+    since: float
     dropped: int = 0
 
     @property
@@ -321,12 +335,13 @@ class Mailbox:
         """Count of waiting items."""
         return self._count
 
-    def put(self, reply: Reply, owner: str = "") -> int:
-        """Add a reply to `owner`. Returns how many old items were dropped to make room."""
+    def put(self, reply: Reply, owner: str = "", now: float = 0.0) -> int:
+        """Add a reply to `owner`, which waits from `now` on. Returns how many old items were dropped to make
+        room."""
         if not reply.items:
             return 0
         # By identity: two equal readings are two replies.
-        self._waiting[id(reply)] = _Waiting(reply, owner)
+        self._waiting[id(reply)] = _Waiting(reply, owner, now)
         self._count += len(reply.items)
         # The oldest go: a program that reads again wants the newest.
         surplus = dropped = max(0, self._count - self._limit)
@@ -340,13 +355,15 @@ class Mailbox:
                 self._waiting.popitem(last=False)
         return dropped
 
-    def has(self, owner: str) -> bool:
-        """True if something waits for an owner."""
-        return any(waiting.owner == owner for waiting in self._waiting.values())
+    def has(self, owner: str, since: float = -math.inf) -> bool:
+        """True if something waits for an owner that came at a time or later."""
+        return any(each.owner == owner and each.since >= since for each in self._waiting.values())
 
-    def drop(self, owner: str) -> int:
-        """Drop what waits for an owner. Returns how many items that were."""
-        theirs = [key for key, waiting in self._waiting.items() if waiting.owner == owner]
+    def drop(self, owner: str, before: float = math.inf) -> int:
+        """Drop what has waited for an owner since `before` that time. Returns how many items that were."""
+        theirs = [
+            key for key, waiting in self._waiting.items() if waiting.owner == owner and waiting.since < before
+        ]
         return sum(len(self._remove(key)) for key in theirs)
 
     def take(self) -> bytes:

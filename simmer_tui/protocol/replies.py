@@ -10,8 +10,11 @@ import struct
 from collections import deque
 from collections.abc import Sequence
 from enum import StrEnum
+from itertools import islice
 
+import numpy as np
 from msgspec import Struct
+from numpy.typing import NDArray
 
 from simmer_tui.sim.command import NUMBER
 
@@ -73,26 +76,41 @@ def pack_number(layout: struct.Struct, number: float) -> bytes:
         return layout.pack(math.copysign(math.inf, number))
 
 
+def pack_ranges(layout: struct.Struct, ranges: NDArray[np.float64]) -> bytes:
+    """The reply to a lidar's code in binary: the count of the ranges, and the ranges."""
+    # struct's letters for byte order and size mean the same to numpy. As in `pack_number`, what is too
+    # great for a float32 becomes infinite.
+    with np.errstate(over="ignore"):
+        return np.concatenate(((len(ranges),), ranges)).astype(layout.format).tobytes()
+
+
 # At 9600 baud a byte takes 1 ms, and USB adapters pass bytes on every 16 ms: 50 ms is a clear end.
 GAP = 0.05
 """Seconds of silence that end a reply without another end, and a burst of bytes in doubt."""
-# A reply to 1000 commands at 16 bytes each.
-LIMIT = 16 * 1024
+# A reply to 1000 commands at 16 bytes each, or three of a lidar with 2,000 rays.
+LIMIT = 64 * 1024
 """Most bytes kept while looking for the end of a reply."""
 # A line of the event list.
 SAMPLE = 60
 """Most discarded bytes kept to be shown."""
 
+# A sensor may have 2,000 rays; a robot's own may be finer, and a count of more is none.
+MOST_RANGES = 4000
+"""Most numbers of a scan."""
+
 _FRAME = re.compile(rb"\[[^\[\]]*\]")
 _LINE = re.compile(rb"[^\n]*\n")
 _SEPARATORS = re.compile(r"[|,;\s]+")
+_ITEMS = re.compile(r"[|,\s]+")
+"""Separators of items, where one may be many numbers."""
 _WORDS = {"inf": math.inf, "+inf": math.inf, "-inf": -math.inf, "infinity": math.inf}
 # "ovf" is what Arduino's print makes of a float beyond 4294967040.
 _WORDS |= {"nan": math.nan, "ovf": math.inf, "drive stop": math.inf, "not found": math.nan}
 _TRUTH = {"true": True, "false": False}
 _ANSWERS = frozenset((*_WORDS, *_TRUTH))
 """Words that a line of numbers may hold; any other makes it a greeting."""
-_PLAIN = frozenset(b"\t\r\n") | frozenset(range(0x20, 0x7F))
+_PLAIN = bytes((*b"\t\r\n", *range(0x20, 0x7F)))
+"""Characters of a greeting."""
 # Four or eight printable characters read as a float are mostly outside these.
 _LIKELY = 1e-9, 1e9
 """Magnitudes of numbers that may come from a robot even if their bytes happen to be printable."""
@@ -107,7 +125,8 @@ class ReplyFramer:
     `expect` before a command is sent, `receive` what comes, and call `silence` when nothing has
     come for `idle_timeout` seconds. In doubt (at the start, and after `doubt`) there may be a greeting
     or a late reply in front of the right one, so that only the last reply of a burst counts (of
-    several that are due, as many from the last).
+    several that are due, as many from the last). The reply to a lidar's code is a count and so many
+    numbers; one NaN is a refusal.
     """
 
     def __init__(self, gap: float = GAP) -> None:
@@ -115,6 +134,8 @@ class ReplyFramer:
         self._buffer = b""
         self._end: ReplyEnd | None = None
         self._size = 0
+        self._scans: Sequence[bool] = ()
+        self._layout = NUMBERS["float64", "big"]
         self._doubtful = True
         self._sample = b""
         self.following = 0
@@ -129,12 +150,24 @@ class ReplyFramer:
             return None
         return self._gap if self._doubtful or self._end is ReplyEnd.QUIET else None
 
-    def expect(self, end: ReplyEnd, count: int = 1, *, keep: bool = False) -> None:
-        """A reply of `count` numbers is due. What came before is no part of it, unless `keep`."""
+    def expect(
+        self,
+        end: ReplyEnd,
+        count: int = 1,
+        *,
+        keep: bool = False,
+        scans: Sequence[bool] = (),
+        byte_order: str = "little",
+    ) -> None:
+        """A reply to `count` commands is due. What came before is no part of it, unless `keep`. `scans` says
+        of each command whether it asks for a scan, whose count is a number in `byte_order`."""
         if not keep:
             self.abandon()
         self._end = end
         self._size = _SIZES.get(end, 0) * count
+        self._scans = scans if end in _SIZES and any(scans) else ()
+        if self._scans:
+            self._layout = NUMBERS[end.value, byte_order]
 
     def abandon(self) -> None:
         """Stop expecting a reply: discard what has arrived and what still arrives."""
@@ -184,6 +217,8 @@ class ReplyFramer:
     def _find(self, first: bool) -> tuple[int, int] | None:
         """Begin and end of the first or the last reply in the buffer."""
         wanted = 1 + self.following
+        if self._scans:
+            return self._find_counted(first)
         if self._end in _SIZES:
             whole = min(wanted, len(self._buffer) // self._size)
             if not whole:
@@ -205,11 +240,43 @@ class ReplyFramer:
         last = deque(good, wanted)
         return last[0] if last else None
 
+    def _find_counted(self, first: bool) -> tuple[int, int] | None:
+        """Begin and end of a reply whose length is in it: at the front, or somewhere if nothing but the
+        replies that follow comes after it."""
+        if first:
+            stop = self._counted_end(0)
+            # Text where a count should be, or a robot that sends none.
+            self._doubtful = stop is None
+            return None if stop is None or stop > len(self._buffer) else (0, stop)
+        size = self._layout.size
+        for start in range(len(self._buffer) - size + 1):
+            stop = self._counted_end(start)
+            behind = -1 if stop is None else len(self._buffer) - stop
+            if stop is not None and 0 <= behind <= self.following * size and behind % size == 0:
+                return start, stop
+        return None
+
+    def _counted_end(self, start: int) -> int | None:
+        """End of the reply that begins at a place, by the counts that have come; None if one is no count."""
+        place, size = start, self._layout.size
+        for is_scan in self._scans:
+            if is_scan and place + size <= len(self._buffer):
+                (count,) = self._layout.unpack_from(self._buffer, place)
+                # NaN is a refusal, which has no ranges.
+                if count == count:
+                    if not _is_count(count):
+                        return None
+                    place += int(count) * size
+            place += size
+        return place
+
     def _drop_front(self, count: int) -> None:
         self._discard(self._buffer[:count])
         self._buffer = self._buffer[count:]
 
     def _discard(self, data: bytes) -> None:
+        if not data:
+            return
         self.discarded += len(data)
         self._sample += data[: SAMPLE - len(self._sample)]
 
@@ -217,7 +284,7 @@ class ReplyFramer:
 def _is_text(data: bytes, size: int) -> bool:
     """True if bytes in the place of numbers of this size are rather text: all printable, and not
     all numbers that one would meet, in either order of the bytes."""
-    if any(byte not in _PLAIN for byte in data):
+    if data.translate(None, _PLAIN):
         return False
     low, high = _LIKELY
     fitting = [number for number in NUMBERS.values() if number.size == size]
@@ -238,26 +305,66 @@ def _number(word: str) -> float:
     return float(word) if NUMBER.fullmatch(word) else _WORDS.get(word.lower(), math.nan)
 
 
-def read_numbers(reply: bytes, form: ReplyForm, sensing: Sequence[bool]) -> tuple[float, ...]:
-    """The numbers in a reply, one for each command; NaN for those that are missing or no number.
+RobotAnswer = float | NDArray[np.float64]
+"""The answer of a robot to a command: a number, or the ranges of a scan."""
+
+
+def read_numbers(
+    reply: bytes, form: ReplyForm, sensing: Sequence[bool], scans: Sequence[bool] = ()
+) -> tuple[RobotAnswer, ...]:
+    """The answers in a reply, one for each command; NaN for those that are missing or no number.
 
     `sensing` says of each command whether it reads a sensor: `True` and `False` are then 1 and 0,
-    else, as the answer to a drive, infinity and NaN.
+    else, as the answer to a drive, infinity and NaN. `scans` says whether it asks for a scan: the answer is
+    then its ranges, or NaN.
     """
+    scans = scans or (False,) * len(sensing)
+    found: list[RobotAnswer] = []
     if form.format in (ReplyFormat.FLOAT64, ReplyFormat.FLOAT32):
         number = NUMBERS[form.format.value, form.byte_order]
         usable = len(reply) - len(reply) % number.size
-        found = [value for (value,) in number.iter_unpack(reply[:usable])]
+        values = [value for (value,) in number.iter_unpack(reply[:usable])]
+        found = _counted(values, scans) if any(scans) else list(values)
     else:
-        text = reply.decode("latin-1").strip()
-        if text.startswith("["):
-            # Each item echoes its code, `u0:12.3`; programs and robots repeat it or leave it out.
-            items = [item.rpartition(":")[2].strip() for item in text.strip("[]").split(",")]
-        else:
-            items = _SEPARATORS.split(text)
-        found = [_answer(item, reads) for item, reads in zip(items, sensing, strict=False)]
+        items = _items(reply.decode("latin-1").strip(), scans)
+        for item, reads, is_scan in zip(items, sensing, scans, strict=False):
+            found.append(_ranges(item) if is_scan else _answer(item, reads))
     found += [math.nan] * (len(sensing) - len(found))
     return tuple(found[: len(sensing)])
+
+
+def _counted(values: list[float], scans: Sequence[bool]) -> list[RobotAnswer]:
+    """The answers in numbers, where the first one of a scan is a count."""
+    found: list[RobotAnswer] = []
+    rest = iter(values)
+    for is_scan in scans:
+        value = next(rest, math.nan)
+        if not is_scan:
+            found.append(value)
+            continue
+        ranges = list(islice(rest, int(value))) if _is_count(value) else []
+        found.append(np.array(ranges) if ranges and len(ranges) == value else math.nan)
+    return found
+
+
+def _is_count(value: float) -> bool:
+    return 1 <= value <= MOST_RANGES and value.is_integer()
+
+
+def _items(text: str, scans: Sequence[bool]) -> list[str]:
+    """The text of each command's answer."""
+    if text.startswith("["):
+        # Each item echoes its code, `u0:12.3`; programs and robots repeat it or leave it out.
+        return [item.rpartition(":")[2].strip() for item in text.strip("[]").split(",")]
+    if len(scans) == 1 and scans[0]:
+        return [text]  # alone, it may be joined by anything
+    return (_ITEMS if any(scans) else _SEPARATORS).split(text)
+
+
+def _ranges(text: str) -> RobotAnswer:
+    """The ranges of a scan as text; NaN if there is none."""
+    ranges = np.array([_number(word) for word in _SEPARATORS.split(text)])
+    return math.nan if np.isnan(ranges).all() else ranges
 
 
 def _answer(word: str, reads_sensor: bool) -> float:

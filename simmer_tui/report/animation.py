@@ -20,12 +20,13 @@ from simmer_tui.errors import ExportError
 from simmer_tui.report import figure
 from simmer_tui.report.recording import Keyframe, Mark, MarkKind, PlayerReading, latest
 from simmer_tui.report.run_statistics import RunStatistics
-from simmer_tui.run.attempt import task_of
+from simmer_tui.run.scan_traces import range_step, ray_ends, ray_times
 from simmer_tui.sim.angles import cos_sin, rotation
 from simmer_tui.sim.footprint import Footprint
 from simmer_tui.sim.maze import Maze
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.specs import BLOCK, CELL_SIZE, TILE_SIZE, WALL
+from simmer_tui.version import requirement
 
 if TYPE_CHECKING:
     from PIL import Image, ImageDraw, ImageFont
@@ -46,7 +47,7 @@ _COLORS = 96
 _BAR = 0.055
 # Seconds for which a reading and what happened are shown, for each of them at speed 1.
 _FRESH = 1.2
-_RAY, _CONE, _CLOUD = "#c06a00", "#fbe3bd", "#e79be7"
+_RAY, _CONE, _CLOUD = "#554100", "#fbe3bd", "#e79be7"
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,7 +95,7 @@ def write_gif(run: RunStatistics, path: Path, taken: Shots, width: int) -> Itera
     try:
         from PIL import Image
     except ImportError:
-        raise ExportError("a GIF needs Pillow: pip install 'simmer-tui[export]'") from None
+        raise ExportError(f"a GIF needs Pillow: pip install '{requirement('export')}'") from None
     # Opened first: a place that cannot be written to is told before minutes of drawing.
     with path.open("wb") as file:
         canvas = _Canvas(run, width, taken.speed)
@@ -145,7 +146,7 @@ class _Canvas:
             for column, black in enumerate(tiles):
                 if black:
                     self._square(draw, column * TILE_SIZE, row * TILE_SIZE, TILE_SIZE, figure.TILES)
-        task = task_of(self.run.configuration, self.run.header.seed)
+        task = self.run.task
         if task is not None and task.zone is not None:
             self._zone(draw, cells_of(maze, BLOCK), "LOADING", figure.LOADING, figure.LOADING_LINE)
             self._zone(draw, [task.zone], "DROP", figure.DROP, figure.DROP_LINE)
@@ -198,6 +199,7 @@ class _Canvas:
         trail = self.recording.trail(now)
         self._trail(draw, trail[-2:])
         pose = trail[-1].pose
+        self._scans(draw, now)
         self._rays(draw, now)
         self._belief(draw, now)
         self._block(draw, now)
@@ -268,7 +270,10 @@ class _Canvas:
                 if now - reading.elapsed > self.fresh:
                     break
                 newest.setdefault(reading.code, reading)
-        seen = [each for each in newest.values() if self._sensors[each.code].kind.is_range]
+        kinds = {code: self._sensors[code].kind for code in newest}
+        seen = [
+            each for each in newest.values() if kinds[each.code].is_range and not kinds[each.code].is_scan
+        ]
         for reading in seen:
             sensor = self._sensors[reading.code]
             if math.isfinite(reading.true) and sensor.field_of_view:
@@ -282,11 +287,19 @@ class _Canvas:
                 half = self._line(8) / 2
                 draw.ellipse((x - half, y - half, x + half, y + half), fill=_RAY)
 
+    def _scans(self, draw: ImageDraw.ImageDraw, now: float) -> None:
+        """Dots where the beams of the newest scans ended."""
+        step, half = range_step(self.spec.maze), self._line(2.4) / 2
+        for code, scan in self.recording.scan_at(now).items():
+            poses = [self.recording.pose_at(time) for time in ray_times(scan)]
+            for place in ray_ends(scan, self._sensors[code], step, poses):
+                x, y = self._at(*place)
+                draw.ellipse((x - half, y - half, x + half, y + half), fill=_RAY)
+
     def _end_of(self, reading: PlayerReading, length: float, turn: float = 0.0) -> tuple[float, float]:
         """A place that far along where a sensor looked."""
         sensor, pose = self._sensors[reading.code], self.recording.pose_at(reading.taken)
-        cos, sin = cos_sin(pose.heading)
-        x, y = pose.x + cos * sensor.x - sin * sensor.y, pose.y + sin * sensor.x + cos * sensor.y
+        x, y = pose.place(sensor.x, sensor.y)
         cos, sin = cos_sin(pose.heading + sensor.rotation + turn)
         return self._at(x + cos * length, y + sin * length)
 
@@ -307,7 +320,7 @@ class _Canvas:
         y = self.height - self.bar * 0.55
         left = self.margin / _FINER
         draw.text((left, y), f"{now:6.1f} s", fill=svg.INK, font=font, anchor="lm")
-        mark, sent = latest(self.recording.marks, now), latest(self.recording.commands, now)
+        mark, sent = latest(self.recording.marks, now), self.recording.command_at(now)
         text, fill = "" if sent is None else sent.text, svg.FAINT
         if mark is not None and (now - mark.elapsed < 2 * self.fresh or mark.elapsed == self.recording.end):
             bad = mark.kind in (MarkKind.CONTACT, MarkKind.FAILED, MarkKind.FAULT)

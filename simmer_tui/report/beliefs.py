@@ -60,7 +60,7 @@ def episode_text(episode: Episode) -> str:
         case EpisodeKind.LOST:
             return f"lost {when}{_since(episode)}, {by}"
         case EpisodeKind.FROZEN:
-            return f"frozen {when}: the same pose was told on while the robot went {_size(episode)} away"
+            return f"frozen {when}: the pose sent stayed the same while the robot moved by {_size(episode)}"
         case EpisodeKind.MOVED:
             return f"{_PERSON} {when}, {by}"
         case EpisodeKind.BLOCK_MOVED:

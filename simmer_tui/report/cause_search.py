@@ -12,9 +12,11 @@ from collections.abc import Iterator, Sequence
 from simmer_tui.events import ProgramEnded
 from simmer_tui.phrases import counted
 from simmer_tui.report.causes import Cause, Kind, Sureness, without_blanks
-from simmer_tui.report.contact_causes import belief_text, contact_causes
+from simmer_tui.report.contact_causes import WHICH, belief_text, contact_causes
+from simmer_tui.report.disagreement import Disagreement
 from simmer_tui.report.ending_causes import EndingCauses
 from simmer_tui.report.finding import Finding
+from simmer_tui.report.program_audit import disagreements
 from simmer_tui.run.attempt import Attempt
 
 _EXIT_CODE = re.compile(r"exit code (-?\d+)")
@@ -22,22 +24,14 @@ _EXIT_CODE = re.compile(r"exit code (-?\d+)")
 _NAMED = 4
 # These are left when nothing else holds: as a second cause they say nothing.
 _LAST_RESORTS = frozenset((Kind.CLEARANCE, Kind.UNDECIDED, Kind.ENDED, Kind.TOO_SLOW))
+# These are what a program did not do, for whatever reason.
+_NOT_DONE = frozenset((Kind.NOT_CARRIED_OUT, Kind.UNREAD))
 # These explain an end by themselves: what else went wrong till then did not end the run.
 _DECISIVE = frozenset((Kind.CRASHED, Kind.NOTHING_SENT))
+# These a program owes to its belief, which its readings in the log would have set right.
+_BY_BELIEF = frozenset((Kind.LOST, Kind.UNSURE))
 # Except what is known apart from the program, and may be what it crashed of.
 _FROM_OUTSIDE = frozenset((Kind.SENSOR_WRONG, Kind.DRIVE_WRONG, Kind.MOVED))
-
-
-def cause_of(
-    attempt: Attempt,
-    program: ProgramEnded | None = None,
-    *,
-    cut_off: bool = False,
-    findings: Sequence[Finding] = (),
-) -> Cause | None:
-    """Why a run failed; see `causes_of`."""
-    found = causes_of(attempt, program, cut_off=cut_off, findings=findings)
-    return found[0] if found else None
 
 
 def causes_of(
@@ -47,8 +41,8 @@ def causes_of(
     cut_off: bool = False,
     findings: Sequence[Finding] = (),
 ) -> list[Cause]:
-    """Why a run failed, and a second cause where another holds as well; none if it did not fail, as far as
-    can be seen.
+    """Causes of a failed run: the first, and a second where another holds as well. None if it did not fail,
+    as far as can be seen.
 
     Args:
         attempt: The run.
@@ -66,29 +60,43 @@ def causes_of(
     if over is not None and not attempt.failed:
         return []
     endings = EndingCauses(attempt, program, exit_code, cut_off)
-    return _first_two(list(_ranked(attempt, endings, findings)), endings)
+    device, explained = _device_cause(attempt, findings), _explained(attempt, findings)
+    standing = list(_ranked(attempt, endings, device, explained))
+    return _first_two(standing, endings, [each for each in (device, explained) if each is not None])
 
 
-def _first_two(standing: list[Cause], endings: EndingCauses) -> list[Cause]:
-    """The first cause, and the next that says something else."""
+def _first_two(standing: list[Cause], endings: EndingCauses, devices: Sequence[Cause]) -> list[Cause]:
+    """The first cause, and the next that says something else; `devices` are those that name one."""
     if not standing:
         return []
     first = standing[0]
     known = _LAST_RESORTS | {first.kind, Kind.GOT_NOWHERE}
     other = [each for each in standing if each.kind not in known]
+    misled = first.kind in _BY_BELIEF or (first.kind is Kind.CLEARANCE and endings.is_lost)
+    # A program that does not find itself may crash of that.
+    found = endings.disagreeing() if misled or first.kind in _DECISIVE else None
+    disagreeing = [] if found is None else [found]
     if first.kind in _DECISIVE:
-        other = [each for each in other if each.kind in _FROM_OUTSIDE]
-    if not other and first.kind is Kind.LOST and (disagreeing := endings.disagreeing()) is not None:
-        other = [disagreeing]
-    return [first, *other[:1]]
+        other = [each for each in standing if each.kind in _FROM_OUTSIDE or each in devices] + disagreeing
+    elif first.kind is Kind.MOVED:
+        # A hand explains by itself what followed: only a device that was wrong before says something else.
+        other = [each for each in standing if each in devices]
+    elif first in devices:
+        # Who was misled by a device did not come to do what it did not do.
+        other = [each for each in other if each.kind not in _NOT_DONE]
+    elif disagreeing:
+        return [*disagreeing, first]
+    return [first, *(each for each in other if each is not first)][:2]
 
 
-def _ranked(attempt: Attempt, endings: EndingCauses, findings: Sequence[Finding]) -> Iterator[Cause]:
-    met, device = attempt.collision, _device_cause(attempt, findings)
+def _ranked(
+    attempt: Attempt, endings: EndingCauses, device: Cause | None, explained: Cause | None
+) -> Iterator[Cause]:
+    met = attempt.collision
     # A contact that ended the mission decided it, even if the program crashed over it afterwards.
     contacts = contact_causes(attempt, met) if met is not None and attempt.too_many_contacts else []
     if contacts:
-        found = _of_contact(contacts, device, endings)
+        found = _of_contact(contacts, device, explained, endings)
     else:
         made = (endings.crash, endings.silence, endings.moved, endings.block_moved)
         others = (
@@ -96,21 +104,23 @@ def _ranked(attempt: Attempt, endings: EndingCauses, findings: Sequence[Finding]
             *(endings.blocked, endings.nowhere, endings.unread, endings.astray, endings.never_gripped),
             *(endings.refused, endings.slow, endings.ended),
         )
-        found = itertools.chain((make() for make in made), (device,), (make() for make in others))
+        found = itertools.chain((make() for make in made), (device, explained), (make() for make in others))
     yield from (each for each in found if each is not None)
 
 
 def _of_contact(
-    contacts: Sequence[Cause], device: Cause | None, endings: EndingCauses
+    contacts: Sequence[Cause], device: Cause | None, explained: Cause | None, endings: EndingCauses
 ) -> Iterator[Cause | None]:
     """The causes of a run that a contact ended."""
     # A hand that moved the robot comes before all that follows from it.
     yield endings.moved()
+    yield endings.searched()
     # What drove one movement astray by itself needs no sensor to be wrong.
     alone = contacts[0].kind is Kind.DRIVE_ERROR and contacts[0].sure is Sureness.CERTAIN
     nowhere = endings.nowhere()
-    yield from (nowhere, contacts[0], device) if alone else (device, nowhere, contacts[0])
+    yield from (nowhere, contacts[0], device) if alone else (device, explained, nowhere, contacts[0])
     yield from contacts[1:]
+    yield endings.block_moved()
     yield endings.asked_after_grip()
 
 
@@ -122,16 +132,57 @@ def _device_cause(attempt: Attempt, findings: Sequence[Finding]) -> Cause | None
     drives = {each.code for each in attempt.spec.drives}
     is_drive = findings[0].of in drives
     mine = [each for each in findings if (each.of in drives) is is_drive]
-    told = "; ".join(each.text for each in mine[:_NAMED])
-    more = f"; and {counted(len(mine) - _NAMED, 'other finding')}" if len(mine) > _NAMED else ""
+    told = ". ".join(each.text for each in mine[:_NAMED])
+    more = f". Besides: {counted(len(mine) - _NAMED, 'other finding')}" if len(mine) > _NAMED else ""
+    culprits = tuple(dict.fromkeys(each.of for each in mine))
+    device = "drive" if is_drive else "sensor"
+    begin = f"A {device} was wrong: " if len(culprits) == 1 else f"{len(culprits)} {device}s were wrong. "
     rest = [each.text for each in findings if each not in mine]
     return Cause(
         Kind.DRIVE_WRONG if is_drive else Kind.SENSOR_WRONG,
-        f"{'A drive' if is_drive else 'A sensor'} was not as it should be: {told}{more}.",
+        f"{begin}{told}{more}.",
         without_blanks(*(f"{each}." for each in rest[:_NAMED]), belief_text(attempt.beliefs[0])),
         attempt.elapsed,
         attempt.line,
         (attempt.pose.x, attempt.pose.y),
         sure=Sureness.LIKELY,
-        culprits=tuple(dict.fromkeys(each.of for each in mine)),
+        culprits=culprits,
+    )
+
+
+def _explained(attempt: Attempt, findings: Sequence[Finding]) -> Cause | None:
+    """A sensor or drive by which program and log differ; None where nothing explains that they do."""
+    if attempt.task is None:
+        return None
+    found = disagreements(attempt, {each.of for each in findings})
+    if not found:
+        return None
+    surest = found[0]
+    if surest[0].swallowed:
+        return _made_of(attempt, surest, Kind.NOT_CARRIED_OUT, surest[0].text)
+    # Where more explain it than can be named, none is.
+    if len(surest) > _NAMED:
+        return None
+    names = " or ".join(", ".join(each.of) for each in surest)
+    explain = "explain" if len(surest[0].of) > 1 else "explains"
+    told = "; or ".join(each.text for each in surest)
+    return _made_of(attempt, surest, Kind.UNDECIDED, f"{names} {explain} it: {told}")
+
+
+def _made_of(attempt: Attempt, found: Sequence[Disagreement], kind: Kind, text: str) -> Cause:
+    since = min(found, key=lambda each: each.elapsed)
+    begin = f"Program and log disagree from {since.elapsed:.1f} s on"
+    pose = attempt.pose
+    return Cause(
+        kind,
+        f"{begin}: {text}." if kind is Kind.NOT_CARRIED_OUT else f"{begin}. {text}.",
+        without_blanks(
+            f"Either the program has an error, or a message was changed or lost on its way: {WHICH}.",
+            belief_text(attempt.beliefs[0]),
+        ),
+        since.elapsed,
+        since.line,
+        (pose.x, pose.y),
+        sure=Sureness.LIKELY,
+        culprits=tuple(dict.fromkeys(code for each in found for code in each.of)),
     )

@@ -32,7 +32,7 @@ class Kind(StrEnum):
     ENDED = "program ended"
     NOTHING_SENT = "nothing sent"
     MOVED = "moved by a person"
-    UNDECIDED = "cannot be told apart"
+    UNDECIDED = "program or link"
 
     @property
     def advice(self) -> str:
@@ -41,26 +41,26 @@ class Kind(StrEnum):
 
 
 _ADVICE = {
-    Kind.LOST: "the way it keeps track of where the robot is",
-    Kind.UNSURE: "finding out where the robot is before it drives on",
-    Kind.CLEARANCE: "how much room its path leaves to the walls",
-    Kind.DRIVE_ERROR: "shorter movements with a look between them, and what it knows of its drives' bias",
-    Kind.DRIVE_WRONG: "the drive that is not as the program takes it to be",
+    Kind.LOST: "how the program tracks the robot's pose",
+    Kind.UNSURE: "localization: find out where the robot is before driving on",
+    Kind.CLEARANCE: "the distance that its path keeps from the walls",
+    Kind.DRIVE_ERROR: "the length of movements without a reading, and a correction for the drives' bias",
+    Kind.DRIVE_WRONG: "the drive that does not move as the program expects",
     Kind.HELD_BLOCK: "the room that the held block needs, above all in turns",
-    Kind.MISSED_GRIP: "where it stands when it closes the gripper",
-    Kind.DROPPED_OUTSIDE: "where it opens the gripper",
-    Kind.MISREAD: "decisions that rest on a single reading",
-    Kind.SENSOR_WRONG: "the sensor that is not as the program takes it to be",
+    Kind.MISSED_GRIP: "the robot's place when the gripper closes",
+    Kind.DROPPED_OUTSIDE: "the robot's place when the gripper opens",
+    Kind.MISREAD: "decisions that depend on a single reading",
+    Kind.SENSOR_WRONG: "the sensor that does not read as the program expects",
     Kind.UNREAD: "reading the sensors that look ahead before each movement",
-    Kind.STUCK: "what it does when a movement gains nothing",
-    Kind.GOT_NOWHERE: "what it does when it comes to no new place",
-    Kind.TOO_SLOW: "what takes its time",
-    Kind.NOT_CARRIED_OUT: "the command that did nothing",
+    Kind.STUCK: "what the program does after a contact",
+    Kind.GOT_NOWHERE: "what the program does when it makes no progress",
+    Kind.TOO_SLOW: "what takes most of its time",
+    Kind.NOT_CARRIED_OUT: "the command that was missing or refused",
     Kind.CRASHED: "the error that ends the program",
-    Kind.ENDED: "when the program gives up",
-    Kind.MOVED: "who moved it, and how it would notice",
-    Kind.NOTHING_SENT: "how the program finds its simulator",
-    Kind.UNDECIDED: "the command that ended the run: which one the program gave, and which one is in the log",
+    Kind.ENDED: "the condition on which the program gives up",
+    Kind.MOVED: "how the program notices that something was moved",
+    Kind.NOTHING_SENT: "the program's connection to the simulator",
+    Kind.UNDECIDED: "what the program sent and received: print it and compare it with the log",
 }
 
 
@@ -110,7 +110,7 @@ class Sureness(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Cause:
-    """Why a run failed: `text` is one sentence, `evidence` what speaks for it. `elapsed` (seconds) and
+    """Cause of a failed run: `text` is one sentence, `evidence` what speaks for it. `elapsed` (seconds) and
     `line` (of the log; 0 if there is none) say when, `place` where (inches). `culprits` are the codes of the
     sensors and drives to blame."""
 

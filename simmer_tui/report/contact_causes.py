@@ -3,6 +3,7 @@
 Those that hold come in this order:
 
     unread        the program had not looked for a good part of its path
+    undecided     a reading in the log had shown the wall, and no belief says why the program drove there
     lost          it was wrong about where it was, and from where it believed to be it would have passed
     unsure        it allowed for being wrong, and drove on though that was enough to touch
     drive error   the movement would have met nothing, by a fair margin, without noise and bias
@@ -19,12 +20,17 @@ from dataclasses import replace
 from simmer_tui.phrases import body_text, capitalized, contact_text, drift_text, obstacle_place
 from simmer_tui.report.causes import Cause, Kind, Sureness, without_blanks
 from simmer_tui.report.counterfactuals import Change, Counterfactual, CounterfactualWorld, Deciding
+from simmer_tui.report.look_alikes import looks_alike
+from simmer_tui.report.right_readings import looked_at_each_movement, shown_place
 from simmer_tui.report.why import facing_sensor_text, looks_there, shown_range
 from simmer_tui.run.attempt import Attempt, Collision
-from simmer_tui.run.facts import LastReading, carried_over, facing_sensor
+from simmer_tui.run.facts import ALIKE, LastReading, carried_over, facing_sensor, wrapped
 from simmer_tui.run.history_rows import BeliefRow
+from simmer_tui.sim.command import parse_value
 
-NO_BELIEFS = "No beliefs were told, so nobody can say whether the program knew where the robot was."
+NO_BELIEFS = "No beliefs were sent: the log cannot show where the program thought the robot was."
+WHICH = "the log cannot tell which"
+"""End of sentences about what a log does not show."""
 # Judged: a third of a cell, or half a quarter turn, changes what stands before a sensor.
 BLIND, BLIND_TURN = 4.0, 45.0
 """A sensor that was last read more than this ago, inches or degrees of path, was not looked at."""
@@ -34,6 +40,23 @@ STALE = 12.0
 # Judged: an inch alone is a usual error of a long range; four standard deviations happen once in 16,000.
 MISREAD, SIGMAS = 1.0, 4.0
 """A reading off by more than so many inches and standard deviations was wrong."""
+
+# Judged: two thirds of the room that a robot 6 in wide has on either side in a cell of 12 in.
+_INTO = 2.0
+"""Inches asked for beyond a contact, from which the program took the wall for elsewhere, not for near."""
+# Judged: errors of a drive and of a range are a few percent of a cell.
+_INTO_SHOWN = 1.0
+"""The same where a reading had shown the wall."""
+_STOOD = 0.01
+"""Inches and degrees below which the robot has not moved: corrections are larger."""
+
+
+_DRIVE_ERRORS = frozenset((Change.NO_NOISE, Change.NO_BIAS, Change.EXACT))
+# The values are names in files and stay as they are.
+_SHOWN = {
+    Change.BELIEVED: "from the pose that the program believed",
+    Change.FURTHER_OFF: "from 3 in further away",
+}
 
 
 def contact_causes(seen: Attempt, met: Collision) -> list[Cause]:
@@ -46,6 +69,7 @@ class _ContactCauses:
     """The candidates for the cause of one contact."""
 
     def __init__(self, seen: Attempt, met: Collision) -> None:
+        self._seen = seen
         self._spec = seen.spec
         self._met = met
         belief = met.belief
@@ -54,7 +78,9 @@ class _ContactCauses:
         self._wrong = self._belief is not None and self._belief.lost
         believed = None
         if self._belief is not None:
-            believed = carried_over(self._belief.true, self._belief.believed, met.ended.before)
+            # Of a velocity the last inches are laid again, of a movement the whole of it.
+            start = met.legs[0].before if met.legs else met.ended.before
+            believed = carried_over(self._belief.true, self._belief.believed, start)
         self._tried = tuple(
             CounterfactualWorld(seen.spec).tried(
                 Deciding(
@@ -65,25 +91,32 @@ class _ContactCauses:
                     held=met.held,
                     lying=met.lying,
                     believed=believed,
+                    legs=met.legs,
+                    unseen_legs=met.unseen_legs,
                 )
             )
         )
         self._saved = {each.change: each.saved for each in self._tried}
+        self._shown = shown_place(seen, met)
+        self._looked = looked_at_each_movement(seen, met)
         self._looks = facing_sensor(met.contact, seen.spec.sensors, met.readings)
         obstacle = obstacle_place(met.contact, seen.spec)
         self._into = f"{met.row.shown} led {body_text(met.contact)} into {obstacle}"
-        self._hit = f"hit {obstacle}, in {met.row.shown}"
+        self._hit = f"hit {obstacle} during {met.row.shown}"
 
     def all(self) -> Iterator[Cause]:
         """The candidates in order, whether contradicted or not."""
         believed = self._saved.get(Change.BELIEVED)
         is_exact_free = bool(self._saved.get(Change.EXACT))
-        blind = not self._met.contact.drift and self._is_blind()
+        # After a turn another sensor may have looked where this one does now.
+        seen = self._shown is not None and self._shown.ago <= BLIND
+        blind = not self._met.contact.drift and not seen and self._is_blind()
         # Where the errors of this one movement sufficed, looking before it would not have helped.
         if is_exact_free and not (self._wrong and believed):
             yield self._drive_error()
         if blind:
             yield self._made(Kind.UNREAD, f"It drove without looking: {self._into}.", sure=Sureness.LIKELY)
+        yield from self._against_readings()
         yield from self._beliefs(believed)
         if is_exact_free and self._wrong and believed:
             yield self._drive_error()
@@ -103,36 +136,75 @@ class _ContactCauses:
         # Where the believed place is in a wall, nothing can be laid from there.
         sure = Sureness.CERTAIN if believed else Sureness.LIKELY
         if self._wrong and lost is not None:
-            made = self._made(Kind.LOST, f"It was lost: {wrong_text(lost)}, and {self._into}.", sure=sure)
+            text = f"It was lost. {wrong_text(self._seen, lost)}. Then {self._into}."
+            made = self._made(Kind.LOST, text, sure=sure)
             yield replace(made, elapsed=lost.elapsed, line=lost.line)
         elif belief.unsure:
             yield self._made(
-                Kind.UNSURE, f"It drove on though it did not know where it was: {self._into}.", sure=sure
+                Kind.UNSURE, f"It drove on without knowing where it was: {self._into}.", sure=sure
             )
         elif believed:
             off = belief.deviation
             text = (
-                f"Its belief was too inexact for its path: off by {off.distance:.1f} in and "
-                f"{abs(off.turn):.0f} deg, within what it allowed for, and {self._into}."
+                f"Its belief was not exact enough for its path: off by {off.distance:.1f} in and "
+                f"{abs(off.turn):.0f} deg, as its spread allowed. Then {self._into}."
             )
             yield self._made(Kind.UNSURE, text)
 
     def _seen_there(self) -> Iterator[Cause]:
         """Causes by the block that touched, and by the readings of the sensor that looks there."""
         if self._met.contact.held_block:
-            knew = ", though it knew where it was" if self._knew else ""
+            knew = ", though its belief was right" if self._knew else ""
             yield self._made(Kind.HELD_BLOCK, f"The block it held {self._hit}{knew}.")
         last = self._facing
         if last is not None and self._is_off(last):
-            text = f"A sensor misled it: {_misled(last)}, and {self._into}."
+            text = f"A sensor misled it: {_misled(last)}. Then {self._into}."
             yield self._made(Kind.MISREAD, text, sure=Sureness.LIKELY, culprits=(last.code,))
+
+    def _against_readings(self) -> Iterator[Cause]:
+        """A movement into a wall that its readings in the log had shown."""
+        shown, far = self._shown, self._beyond > _INTO_SHOWN
+        # Who knew where it was needs no readings to keep off a wall, but drove at one straight ahead.
+        against = (far and self._asked_for_more) if self._knew else (far or self._asked_for_more)
+        if shown is None or not against:
+            return
+        # Who was lost drove by its belief, unless that would have led it into a wall as well.
+        misled = self._wrong and self._saved.get(Change.BELIEVED) is not False
+        if misled or self._saved.get(Change.UNSEEN) or self._saved.get(Change.NO_BIAS):
+            return
+        read = f"{shown.code} had read {shown_range(shown.value)} there at {shown.elapsed:.1f} s"
+        yield self._apart(f"{read}, which was right")
 
     def _left_over(self) -> Iterator[Cause]:
         """Causes for a contact that nothing else explains."""
+        # Who tells no beliefs, and asks for far more than there is, did not come too close.
+        if self._belief is None and self._beyond > _INTO:
+            yield self._undecided(self._facing)
         if self._saved.get(Change.ASIDE) or self._saved.get(Change.FURTHER_OFF):
             knew = "It knew where it was, and came" if self._knew else "It came"
             yield self._made(Kind.CLEARANCE, f"{knew} too close: {self._into}.")
         yield self._undecided(self._facing)
+
+    @property
+    def _beyond(self) -> float:
+        """Distance that the movement was to go into the wall, inches."""
+        totals = self._met.ended.trajectory.totals
+        return math.hypot(totals.x, totals.y) - self._met.row.went
+
+    @property
+    def _asked_for_more(self) -> bool:
+        """True if the command was to go further than a sensor had just read straight ahead of it."""
+        met, last = self._met, self._facing
+        kind, value = met.ended.trajectory.kind, parse_value(met.ended.command.argument)
+        if last is None or kind is None or kind.turns or isinstance(value, str):
+            return False
+        # Readings keep their sums in single precision.
+        gone, turned = met.row.gone_before - last.gone, met.row.turned_before - last.turned
+        if max(gone, turned) > _STOOD:
+            return False
+        sensor = next(each for each in self._spec.sensors if each.code == last.code)
+        towards = math.degrees(math.atan2(value * kind.direction.y, value * kind.direction.x))
+        return abs(wrapped(sensor.rotation - towards)) <= ALIKE and abs(value) > last.value
 
     @property
     def _facing(self) -> LastReading | None:
@@ -141,8 +213,8 @@ class _ContactCauses:
 
     def _drive_error(self) -> Cause:
         text = (
-            f"Errors of its drive decided it: {self._into}, which it would have missed without noise and "
-            "bias."
+            f"Drive errors caused the contact: {self._into}. Without noise and bias it would have touched "
+            "nothing."
         )
         return self._made(Kind.DRIVE_ERROR, text, culprits=(self._met.ended.command.code,))
 
@@ -154,13 +226,18 @@ class _ContactCauses:
             return
         for change, count, sure in (
             (Change.UNSEEN, met.unseen, Sureness.CERTAIN),
-            (Change.LAST, len(met.before), Sureness.LIKELY),
+            # Who looks after each movement sees what its errors have made of the path, and goes by that.
+            *(() if self._looked else ((Change.LAST, len(met.before), Sureness.LIKELY),)),
         ):
             if self._saved.get(change):
                 moved = [*met.before[len(met.before) - count :], met.ended]
+                over = f"{len(moved)} movements"
+                if met.legs:
+                    begun = met.legs[-met.unseen_legs if change is Change.UNSEEN else 0].start_time
+                    over = f"the last {met.contact.time - begun:.1f} s"
                 text = (
-                    f"Errors of its drives added up over {len(moved)} movements: {self._into}, which it "
-                    "would have missed without them."
+                    f"Drive errors added up over {over}: {self._into}. Without them it would have touched "
+                    "nothing."
                 )
                 codes = dict.fromkeys(each.command.code for each in moved)
                 yield self._made(Kind.DRIVE_ERROR, text, sure=sure, culprits=tuple(codes))
@@ -168,18 +245,20 @@ class _ContactCauses:
 
     def _undecided(self, last: LastReading | None) -> Cause:
         """A movement that nothing would have saved: the program, or what lies between it and the log."""
-        code = self._met.ended.command.code
         if self._knew:
-            known = "its belief was right"
+            known = "Its belief was right"
         elif last is not None:
-            known = f"{last.code} had read {shown_range(last.value)}, rightly"
+            known = f"{last.code} had read {shown_range(last.value)}, which was right"
         else:
-            known = "nothing that it read or believed explains it"
+            known = "No reading and no belief explains it"
+        return self._apart(known)
+
+    def _apart(self, known: str) -> Cause:
         text = (
-            f"It drove straight at the wall: {self._into}, and {known}. A mistake of the program and a "
-            "command or reading changed on its way cannot be told apart."
+            f"It drove straight at the wall: {self._into}. {known}. Either the program has an error, or a "
+            f"command or reading was changed on its way: {WHICH}."
         )
-        return self._made(Kind.UNDECIDED, text, sure=Sureness.LIKELY, culprits=(code,))
+        return self._made(Kind.UNDECIDED, text, sure=Sureness.LIKELY)
 
     def _made(
         self, kind: Kind, text: str, *, sure: Sureness = Sureness.CERTAIN, culprits: tuple[str, ...] = ()
@@ -219,34 +298,54 @@ def belief_text(belief: BeliefRow | None) -> str:
     if belief is None:
         return NO_BELIEFS
     off, spread = belief.deviation, belief.spread
-    said = "without a spread" if math.isnan(spread) else f"with a spread of {spread:.1f} in"
-    return (
-        f"The belief told at {belief.elapsed:.1f} s was off by {off.distance:.1f} in and "
-        f"{abs(off.turn):.0f} deg, {said}."
-    )
+    said = "no spread was sent" if math.isnan(spread) else f"its spread was {spread:.1f} in"
+    turn = f" and {abs(off.turn):.0f} deg" if belief.tells_heading else ""
+    truth = f", and it gave the true cell {_share(belief.true_probability)}" if belief.is_grid else ""
+    return f"The belief sent at {belief.elapsed:.1f} s was off by {off.distance:.1f} in{turn}; {said}{truth}."
 
 
-def wrong_text(belief: BeliefRow) -> str:
-    """Since when it was wrong, by how much, and how sure it was."""
+def wrong_text(seen: Attempt, belief: BeliefRow) -> str:
+    """Time since which a belief was wrong, its error and its spread: a sentence without its full stop. Of a
+    grid that gave the truth hardly any probability, that, and if two cells look alike."""
     off, spread = belief.deviation, belief.spread
+    if off.rejects_truth:
+        alike = "; two cells look alike there" if looks_alike(seen, belief) else ""
+        return (
+            f"From {belief.elapsed:.1f} s on, it gave the true cell {_share(belief.true_probability)} and "
+            f"another one, {off.distance:.1f} in off, the most{alike}"
+        )
     parts = [
         f"{off.distance:.1f} in" if off.off_place else "",
         f"{abs(off.turn):.0f} deg" if off.off_heading else "",
     ]
-    said = "" if math.isnan(spread) else f" and held itself sure to {spread:.1f} in"
-    return f"from {belief.elapsed:.1f} s on it was wrong by {' and '.join(filter(None, parts))}{said}"
+    said = "" if math.isnan(spread) else f"; its spread was {spread:.1f} in"
+    return f"From {belief.elapsed:.1f} s on, its belief was off by {' and '.join(filter(None, parts))}{said}"
+
+
+def _share(probability: float) -> str:
+    return "less than 1 %" if probability < 0.01 else f"{100 * probability:.0f} %"
 
 
 def shown_tried(tried: Sequence[Counterfactual]) -> str:
     """Changes that would have saved a movement, and those that would not."""
-    saved = [each.change.value for each in tried if each.saved]
-    not_saved = [each.change.value for each in tried if each.saved is False]
+    saved = _changes_text([each.change for each in tried if each.saved])
+    not_saved = _changes_text([each.change for each in tried if each.saved is False])
     parts = []
     if saved:
-        parts.append(f"It would have met nothing {_listed(saved)}.")
+        parts.append(f"It would have touched nothing {saved}.")
     if not_saved:
-        parts.append(f"It would have touched something even {_listed(not_saved)}.")
+        parts.append(f"It would have touched something even {not_saved}.")
     return " ".join(parts)
+
+
+def _changes_text(changes: Sequence[Change]) -> str:
+    """Changes as one phrase, empty for none; noise, bias and both together are the errors of the drive."""
+    words: list[str] = []
+    if set(changes) >= _DRIVE_ERRORS:
+        words = ["without errors of its drive"]
+        changes = [each for each in changes if each not in _DRIVE_ERRORS]
+    words += [_SHOWN.get(each, each.value) for each in changes]
+    return _listed(words) if words else ""
 
 
 def _since(met: Collision, words: Sequence[LastReading]) -> float:
@@ -261,7 +360,7 @@ def _since(met: Collision, words: Sequence[LastReading]) -> float:
 
 
 def _misled(last: LastReading) -> str:
-    return f"{last.code} said {shown_range(last.value)} where it was {shown_range(last.true)}"
+    return f"{last.code} read {shown_range(last.value)} instead of {shown_range(last.true)}"
 
 
 def _listed(words: Sequence[str]) -> str:

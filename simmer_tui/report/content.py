@@ -1,11 +1,13 @@
-"""The report of a run as a document for terminal and programs, as one page, and as one picture."""
+"""The report of a run as a document for terminal and programs, and as one picture."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
+from heapq import nlargest
+from operator import itemgetter
+from typing import Any
 
-from simmer_tui.document import as_html, svg
+from simmer_tui.document import svg
 from simmer_tui.document.formats import (
     COUNT,
     COUNT_OR_BLANK,
@@ -16,7 +18,6 @@ from simmer_tui.document.formats import (
     SHARE,
     WORDS,
     Format,
-    TextLink,
     number,
     short,
 )
@@ -30,19 +31,19 @@ from simmer_tui.document.model import (
     NestedValue,
     Paragraph,
     Prose,
-    SectionHeading,
 )
 from simmer_tui.report.beliefs import EPISODES, episodes_table
+from simmer_tui.report.bent_scans import SCANS, scans_table
 from simmer_tui.report.figure import maze_figure
 from simmer_tui.report.finding import FINDINGS, findings_table
 from simmer_tui.report.findings import findings
-from simmer_tui.report.player import player_script, player_style, shortened
 from simmer_tui.report.run_statistics import RunStatistics
 from simmer_tui.report.traces import traces
 from simmer_tui.report.verdict import Verdict
 from simmer_tui.run.run_history import OTHER_CODES, STOPS
 from simmer_tui.run.table import BINS, Errors
 from simmer_tui.sim.command import escape
+from simmer_tui.sim.velocity_commands import WAIT
 
 ROWS = 20
 """Most rows of a table of contacts or commands: more of them are more of the same, and are in the log."""
@@ -96,6 +97,15 @@ COMMANDS = DataTable(
         DataColumn("sent", COUNT),
         DataColumn("contacts", COUNT_OR_BLANK),
         DataColumn("refused", COUNT_OR_BLANK),
+    ),
+)
+MESSAGES = DataTable(
+    "messages",
+    "Messages of the dialect",
+    (
+        DataColumn("message", short(80)),
+        DataColumn("sent", COUNT),
+        DataColumn("text", short(120), "not understood", wraps=True),
     ),
 )
 CONTACTS = DataTable(
@@ -161,10 +171,12 @@ TABLES = (
     MISSION,
     TIME_SPENT,
     COMMANDS,
+    MESSAGES,
     CONTACTS,
     REFUSALS,
     FINDINGS,
     SENSORS,
+    SCANS,
     BELIEF,
     EPISODES,
     CELLS,
@@ -172,58 +184,46 @@ TABLES = (
 """All tables of a report."""
 
 
-def report_document(run: RunStatistics, name: str, *, pictures: bool = False) -> Document:
-    """The report of a run whose log has a name. Pictures need a run that was recorded."""
-    header = run.header
-    again = (
-        *("The same robot again: ", Code(f"simmer-tui replay {name}")),
-        *(", and to prove it: ", Code(f"simmer-tui rerun {name}")),
-    )
+def report_document(run: RunStatistics, name: str) -> Document:
+    """The report of a run whose log has a name."""
     # A program's last words say why it failed; of one that did well they are twenty lines of no news.
     failed = run.verdict.outcome.is_failure
     parts: list[DocumentPart] = [
-        Paragraph(f"{header.start}, configuration {header.configuration}, seed {header.seed}", kind="run"),
-        *_verdict(run.verdict, link=pictures),
-        *((_output(run.verdict),) if failed else ()),
+        *_verdict(run.verdict),
+        *((output(run.verdict),) if failed else ()),
         Bullets("What happened", findings(run), "findings"),
         Bullets("Notes", run.notes, "notes"),
-        *(_pictures(run) if pictures else ()),
         *tables(run, name),
-        *(() if failed else (_output(run.verdict),)),
-        Paragraph(again, kind="note"),
+        *(() if failed else (output(run.verdict),)),
+        again(name),
     ]
     return Document(f"Run {name}", parts)
 
 
-def _verdict(verdict: Verdict, *, link: bool = False) -> list[DocumentPart]:
-    """The verdict: its sentence, and what speaks for it.
+def again(name: str) -> Paragraph:
+    """Commands that show the run again."""
+    commands: tuple[Prose, ...] = (
+        *("Play it: ", Code(f"simmer-tui replay {name}")),
+        *(". Compare every reply: ", Code(f"simmer-tui rerun {name}")),
+    )
+    return Paragraph(commands, kind="note")
 
-    Args:
-        verdict: The verdict.
-        link: True on a page that plays the run from the moment of the cause.
-    """
-    sentence: tuple[Prose, ...] = (verdict.text,)
-    if link and verdict.cause is not None:
-        sentence += (" ", TextLink("See it happen", f"#t={verdict.cause.elapsed:.2f}"))
+
+def _verdict(verdict: Verdict) -> list[DocumentPart]:
+    """The verdict: its sentence, and what speaks for it."""
     return [
-        Paragraph(sentence, "verdict", "strong"),
+        Paragraph(verdict.text, "verdict", "strong"),
         Bullets("Why", verdict.lines[1:], "why"),
         NestedValue("verdict", verdict.plain()),
     ]
 
 
-def _output(verdict: Verdict) -> Bullets:
+def output(verdict: Verdict) -> Bullets:
     """The program's last lines."""
     program = verdict.program
     said = () if program is None else (*program.stderr, *(() if program.crashed else program.stdout))
     lines = [f"{line.time:.1f} s  {escape(line.text, 200)}" for line in said]
     return Bullets("The program's last output", lines, "output")
-
-
-def report_page(run: RunStatistics, name: str) -> str:
-    """The page about a log of some name, which plays the run."""
-    document = report_document(run, name, pictures=True)
-    return as_html.html_page(document, style=player_style(), script=player_script(run))
 
 
 def svg_picture(run: RunStatistics, name: str) -> str:
@@ -241,18 +241,21 @@ def maze_picture(run: RunStatistics, name: str, width: float) -> str:
     return svg.document(replace(maze_figure(run), title=f"Run {name}"), width)
 
 
-def _pictures(run: RunStatistics) -> Iterator[DocumentPart]:
-    yield SectionHeading("Where the robot went")
-    yield maze_figure(run)
-    yield Paragraph(shortened(run.recording), kind="note")
-    strips = traces(run)
-    if strips is not None:
-        yield from (SectionHeading("Sensors over time"), strips)
-
-
 def tables(run: RunStatistics, name: str = "") -> list[DataTable]:
     """The run's record, the findings about sensors and drives, and all other tables that have rows."""
-    made = (_mission, _time_spent, _commands, _contacts, _refusals, _sensors, _belief, _episodes, _cells)
+    made = (
+        _mission,
+        _time_spent,
+        _commands,
+        _messages,
+        _contacts,
+        _refusals,
+        _sensors,
+        _scans,
+        _belief,
+        _episodes,
+        _cells,
+    )
     others = (table for table in (make(run) for make in made) if table.rows)
     return [_record(run, name), findings_table(run.findings), *others]
 
@@ -286,7 +289,9 @@ def _time_spent(run: RunStatistics) -> DataTable:
     if not read and not totals.link_seconds:
         spent = []
     total = run.history.elapsed or 1.0
-    note = "Of simulated time; the sensor that costs most comes first. For the rest the robot waited."
+    note = (
+        "Of simulated time; the sensor that costs most comes first. In the remaining time the robot waited."
+    )
     rows = [(name, seconds, seconds / total) for name, seconds in spent]
     return TIME_SPENT.filled(rows, note)
 
@@ -297,6 +302,7 @@ def _commands(run: RunStatistics) -> DataTable:
     meanings |= {STOPS: "stop at once"} | {drive.code: drive.kind.meaning for drive in spec.drives}
     if spec.gripper is not None:
         meanings[spec.gripper.code] = "gripper"
+    meanings |= {each.code: f"{each.kind.value}, lasting" for each in spec.velocities} | {WAIT: "wait"}
     rows = [
         (
             "other" if code == OTHER_CODES else code,
@@ -306,6 +312,13 @@ def _commands(run: RunStatistics) -> DataTable:
         for code, record in sorted(run.totals.codes.items(), key=lambda item: -item[1].count)
     ]
     return COMMANDS.filled(rows)
+
+
+def _messages(run: RunStatistics) -> DataTable:
+    """Messages of a dialect, unknown ones first."""
+    counted_messages = sorted(run.totals.messages.items(), key=lambda item: (not item[0][1], -item[1]))
+    rows = [(name, count, remark or None) for (name, remark), count in counted_messages]
+    return MESSAGES.filled(rows)
 
 
 def _contacts(run: RunStatistics) -> DataTable:
@@ -344,12 +357,16 @@ def _sensors(run: RunStatistics) -> DataTable:
         rows.append((title, record.readings, unit, None, mean, _ERROR.text(mean), std, worst, *bars))
     missed = sum(record.missed for record in run.totals.sensors.values())
     note = (
-        "Reading less truth; the middle of a histogram is 0. Odometers and gyros are compared with the true "
-        "path, slip included."
+        "Reading minus true value. The middle of a histogram is 0. Odometers and gyros are compared with the "
+        "true path, slip included."
     )
     if missed:
         note += f" {missed} readings had a value where nothing was in range, or none where something was."
     return SENSORS.filled(rows, note)
+
+
+def _scans(run: RunStatistics) -> DataTable:
+    return scans_table(run.bent)
 
 
 def _belief(run: RunStatistics) -> DataTable:
@@ -357,11 +374,18 @@ def _belief(run: RunStatistics) -> DataTable:
     if not last or not run.totals.beliefs.count:
         return BELIEF.filled(())
     distance, turn = run.totals.beliefs, run.totals.belief_turns
-    rows = (
+    rows: list[tuple[Any, ...]] = [
         ("position", "in", *_moments(distance), distance.worst, last[0].distance),
         ("heading", "deg", *_moments(turn), turn.worst, last[0].turn),
-    )
-    return replace(BELIEF.filled(rows), title=f"Belief ({distance.count} told)")
+    ]
+    missed, entropy = run.totals.missed_shares, run.totals.entropies
+    if missed.count:
+        shares = 100 * (1 - missed.mean), 100 * missed.std if missed.count > 1 else None
+        end = 100 * last[0].true_probability if last[0].is_grid else None
+        rows.append(("probability at the truth", "%", *shares, 100 * (1 - missed.worst), end))
+        end = last[0].entropy if last[0].is_grid else None
+        rows.append(("entropy", "bit", *_moments(entropy), entropy.worst, end))
+    return replace(BELIEF.filled(rows), title=f"Belief ({distance.count} sent)")
 
 
 def _episodes(run: RunStatistics) -> DataTable:
@@ -372,7 +396,7 @@ def _cells(run: RunStatistics) -> DataTable:
     total = sum(run.paths.cells.values())
     rows = [
         (cell, seconds, seconds / total)
-        for cell, seconds in run.paths.cells.most_common(MOST_CELLS)
+        for cell, seconds in nlargest(MOST_CELLS, run.paths.cells.items(), itemgetter(1))
         if total > 0
     ]
     note = "Rows and columns as in maze.csv, from the top left."

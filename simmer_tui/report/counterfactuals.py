@@ -3,7 +3,8 @@
 Runs repeat exactly, so the movement that went wrong can be laid out anew, and the movements before it, with
 all else as it was. With P the errors, B the bias, d the distance asked for on all axes together and e the
 draws, a movement leads on axis a by a + d B + d (1 + B) P e (`sim.motion.Planner.plan`). Total, a, d and B
-are known, so that the part of the noise is too.
+are known, so that the part of the noise is too. Of a velocity the legs of its last inches are laid again,
+each at what its wheels were told and for as long.
 
 Only the movements are laid again, never the program: what it would have decided otherwise is in no log.
 """
@@ -14,9 +15,13 @@ from dataclasses import dataclass, replace
 from enum import StrEnum
 
 from simmer_tui.events import MovementEnded
+from simmer_tui.sim.arc_contact import first_arc_contact
+from simmer_tui.sim.arcs import LARGEST_TURN, Arc, Twist
 from simmer_tui.sim.block import Block
 from simmer_tui.sim.command import parse_value
+from simmer_tui.sim.distance_errors import DistanceErrors, TrueVelocity, components
 from simmer_tui.sim.footprint import Footprint
+from simmer_tui.sim.legs import Leg
 from simmer_tui.sim.maze import Maze
 from simmer_tui.sim.motion import CollisionChecker, Planner, rebuilt
 from simmer_tui.sim.obstacles import Obstacles
@@ -44,7 +49,7 @@ class Change(StrEnum):
     BELIEVED = "from where the program believed to be"
     NO_BLOCK = "without the block in the gripper"
     ASIDE = "an inch to the side"
-    FURTHER_OFF = "from 3 in further off"
+    FURTHER_OFF = "from 3 in further away"
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,7 +65,9 @@ class Counterfactual:
 class Deciding:
     """A movement that met something, and what is known of it: the movements before it, newest last, that
     followed on one another with nothing in between, `unseen` of them since a sensor was read; the bias, the
-    block held (in the robot's frame) or lying, and where the program took itself to be, if it said so."""
+    block held (in the robot's frame) or lying, and where the program took itself to be, if it said so. Of a
+    velocity: the `legs` that led there, the last one included, `unseen_legs` of them since a reading. The
+    belief is then that at the beginning of the first of them."""
 
     ended: MovementEnded
     before: Sequence[MovementEnded]
@@ -69,6 +76,14 @@ class Deciding:
     held: Block | None
     lying: Block
     believed: Pose | None
+    legs: Sequence[Leg] = ()
+    unseen_legs: int = 0
+
+
+_Driven = tuple[Twist, float]
+"""A velocity in the robot's frame, and for how many seconds it was driven."""
+_Way = Axes | Sequence[_Driven]
+"""A movement by its distance on each axis, or velocities one after the other."""
 
 
 class CounterfactualWorld:
@@ -80,6 +95,7 @@ class CounterfactualWorld:
         self._footprint = Footprint.of(spec.robot)
         self._walls = Obstacles.of_maze(self._maze.walls)
         self._drives = {drive.code: drive for drive in spec.drives}
+        self._by_kind = {drive.kind: drive for drive in spec.drives if drive.enabled}
 
     def asked(self, ended: MovementEnded, bias: Mapping[DriveKind, Axes], change: Change) -> Axes | None:
         """Distance of a movement on each axis after a change of its errors; None if what was
@@ -113,46 +129,75 @@ class CounterfactualWorld:
 
     def tried(self, deciding: Deciding) -> list[Counterfactual]:
         """All changes that make sense of a movement that met something."""
+        if not deciding.legs and deciding.ended.command.code not in self._drives:
+            return []
         made = (self._tried(deciding, change) for change in Change)
         return [each for each in made if each is not None]
 
     def _tried(self, deciding: Deciding, change: Change) -> Counterfactual | None:
-        """A change tried; None if it would change nothing."""
-        ended = deciding.ended
-        start, totals = ended.before, ended.trajectory.totals
+        """A change tried; None if it would change nothing, or cannot be told of a velocity."""
+        ended, legs = deciding.ended, deciding.legs
+        start = legs[0].before if legs else ended.before
+        went: _Way = [_driven(leg) for leg in legs] if legs else ended.trajectory.totals
+        unseen, known = deciding.unseen, len(deciding.before)
+        if legs:
+            unseen, known = deciding.unseen_legs, len(legs)
         match change:
             case Change.UNSEEN:
-                return self._without_errors(deciding, change, deciding.unseen)
+                return self._without_errors(deciding, change, unseen)
             case Change.LAST:
                 # Else it is the change before.
-                further = len(deciding.before) > deciding.unseen
-                return self._without_errors(deciding, change, len(deciding.before)) if further else None
+                return self._without_errors(deciding, change, known) if known > unseen else None
             case Change.BELIEVED:
                 believed = deciding.believed
-                return None if believed is None else self._cleared(deciding, change, believed, totals)
+                return None if believed is None else self._cleared(deciding, change, believed, went)
             case Change.NO_BLOCK:
                 if deciding.held is None:
                     return None
                 nothing = Block(0.0, 0.0, 0.0)
-                return self._cleared(replace(deciding, held=None, lying=nothing), change, start, totals)
+                return self._cleared(replace(deciding, held=None, lying=nothing), change, start, went)
             case Change.ASIDE:
-                return self._from(deciding, change, _aside(ended, INCH))
-            case Change.FURTHER_OFF:
-                return self._from(deciding, change, [*_aside(ended, FURTHER), *_back(ended, FURTHER)])
-            case _:
-                asked = self.asked(ended, deciding.bias, change)
-                if asked is None or asked == totals:
-                    return None
-                return self._cleared(deciding, change, start, asked)
+                if not isinstance(went, Axes):
+                    went = self._further(went)
+                return self._from(deciding, change, _aside(ended, INCH, start), went)
+            case _ if isinstance(went, Axes):
+                return self._tried_movement(deciding, change, went)
+        # A velocity that comes from further away goes on for longer, and each leg has errors of its own.
+        return None
 
-    def _from(self, deciding: Deciding, change: Change, places: Sequence[Pose]) -> Counterfactual:
-        """The movement from other places, of which one that is free suffices."""
-        met = [self._meets(deciding, place, deciding.ended.trajectory.totals) for place in places]
+    def _tried_movement(self, deciding: Deciding, change: Change, totals: Axes) -> Counterfactual | None:
+        """A change of one movement alone."""
+        ended = deciding.ended
+        if change is Change.FURTHER_OFF:
+            places = [*_aside(ended, FURTHER, ended.before), *_back(ended, FURTHER)]
+            return self._from(deciding, change, places, totals)
+        asked = self.asked(ended, deciding.bias, change)
+        if asked is None or asked == totals:
+            return None
+        return self._cleared(deciding, change, ended.before, asked)
+
+    def _further(self, driven: Sequence[_Driven]) -> Sequence[_Driven]:
+        """Velocities half an inch further. They went no further than to the contact, and must not stop just
+        short of it elsewhere."""
+        last, seconds = driven[-1]
+        pace = last.speed + math.radians(abs(last.r)) * self._footprint.reach
+        return [*driven[:-1], (last, seconds + (NARROW / pace if pace else 0.0))]
+
+    def _from(self, deciding: Deciding, change: Change, places: Sequence[Pose], way: _Way) -> Counterfactual:
+        """The same way from other places, of which one that is free suffices."""
+        met = [self._meets(deciding, place, way) for place in places]
         possible = [each for each in met if each is not None]
         return Counterfactual(change, not all(possible) if possible else None)
 
     def _without_errors(self, deciding: Deciding, change: Change, count: int) -> Counterfactual | None:
-        """The movement after so many others, all as they were asked for."""
+        """The last so many legs at the velocities that the wheels were told; or the movement after so many
+        others, all as they were asked for."""
+        if deciding.legs:
+            legs = deciding.legs[-count:]
+            exact = [(self._exact(leg.commanded), leg.duration) for leg in legs]
+            if exact == [_driven(leg) for leg in legs]:
+                return None
+            return self._cleared(deciding, change, legs[0].before, exact)
         before = deciding.before[len(deciding.before) - count :]
         asked = self.asked(deciding.ended, deciding.bias, Change.EXACT)
         if not before or asked is None:
@@ -168,41 +213,68 @@ class CounterfactualWorld:
             pose = laid.pose_at(laid.end_time)
         return self._cleared(deciding, change, pose, asked)
 
-    def _cleared(self, deciding: Deciding, change: Change, start: Pose, totals: Axes) -> Counterfactual:
-        """The movement from a pose: saved if it would pass everything by a fair margin."""
-        met = self._meets(deciding, start, totals)
+    def _exact(self, told: Twist) -> Twist:
+        """The velocity of a robot without drive errors."""
+        parts = components(told, self._by_kind)
+        return TrueVelocity(told, parts, DistanceErrors(1, {}, ()), {}, noise=False).whole
+
+    def _cleared(self, deciding: Deciding, change: Change, start: Pose, way: _Way) -> Counterfactual:
+        """A way from a pose: saved if it would pass everything by a fair margin."""
+        met = self._meets(deciding, start, way)
         if met is not False:
             return Counterfactual(change, None if met is None else False)
         shifted = (Pose(start.x + NARROW * x, start.y + NARROW * y, start.heading) for x, y in _AROUND)
         # Standing closer to a wall than that is too narrow as well.
-        passes = all(self._meets(deciding, each, totals) is False for each in shifted)
+        passes = all(self._meets(deciding, each, way) is False for each in shifted)
         return Counterfactual(change, True if passes else None)
 
-    def _meets(self, deciding: Deciding, start: Pose, totals: Axes) -> bool | None:
-        """True if the movement from a pose would touch anything; None if the robot would stand in a wall."""
+    def _meets(self, deciding: Deciding, start: Pose, way: _Way) -> bool | None:
+        """True if a way from a pose would touch anything; None if the robot would stand in a wall."""
         kind = deciding.ended.trajectory.kind
         if kind is None or self._walls.overlap(self._body(deciding), start):
             return None
-        return self._laid(deciding, start, kind, totals).contact is not None
+        if isinstance(way, Axes):
+            return self._laid(deciding, start, kind, way).contact is not None
+        body, obstacles, pose = self._body(deciding), self._obstacles(deciding, start), start
+        for twist, seconds in way:
+            parts = math.ceil(abs(twist.r) * seconds / LARGEST_TURN) or 1
+            for _ in range(parts):
+                arc = Arc.of(pose, twist, seconds / parts)
+                if first_arc_contact(body, obstacles, arc) is not None:
+                    return True
+                pose = arc.end
+        return False
 
     def _laid(self, deciding: Deciding, start: Pose, kind: DriveKind, totals: Axes) -> Trajectory:
-        body, obstacles, lying = self._body(deciding), self._walls, deciding.lying
-        if self._spec.block_solid and deciding.held is None and lying.size:
-            solid = self._walls.with_block(lying)
-            # A block that overlaps the robot already would make a contact of every movement.
-            obstacles = obstacles if solid.overlap(body, start) else solid
+        body, obstacles = self._body(deciding), self._obstacles(deciding, start)
         planner = Planner(self._spec.num_segments, self._spec.contact, {})
         laid = rebuilt(start, kind, totals, self._spec.num_segments, 0.0, 1.0)
         return planner.checked(laid, CollisionChecker(body, obstacles, self._maze))
+
+    def _obstacles(self, deciding: Deciding, start: Pose) -> Obstacles:
+        """The walls, and the block where it is solid and lies about."""
+        lying = deciding.lying
+        if not (self._spec.block_solid and deciding.held is None and lying.size):
+            return self._walls
+        solid = self._walls.with_block(lying)
+        # A block that overlaps the robot already would make a contact of every movement.
+        return self._walls if solid.overlap(self._body(deciding), start) else solid
 
     def _body(self, deciding: Deciding) -> Footprint:
         body, held = self._footprint, deciding.held
         return body if held is None else Footprint(body.radius, (*body.polygons, held.corners()), True)
 
 
-def _aside(ended: MovementEnded, distance: float) -> list[Pose]:
-    """The movement's beginning, moved to either side of its path; of a turn, away from what it met."""
-    start, contact = ended.before, ended.contact
+def _driven(leg: Leg) -> _Driven:
+    """The velocity of a leg as it went, in the robot's frame, and its seconds."""
+    ahead, aside = leg.arc.own_velocity
+    return Twist(ahead, aside, leg.arc.rate), leg.duration
+
+
+def _aside(ended: MovementEnded, distance: float, start: Pose) -> list[Pose]:
+    """The beginning of a movement or of the legs before it, moved to either side of its path; of a turn, away
+    from what it met."""
+    contact = ended.contact
     if ended.trajectory.turning and contact is not None:
         away = math.atan2(contact.pose.y - contact.point[1], contact.pose.x - contact.point[0])
         return [_moved(start, away, distance)]

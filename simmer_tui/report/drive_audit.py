@@ -14,6 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from simmer_tui.phrases import counted
 from simmer_tui.report.finding import (
     FEWEST,
     LEAST_DEGREES,
@@ -114,7 +115,7 @@ def other_direction(
     code, count = row.code, len(asked)
 
     def made(kind: FindingKind, what: str, value: float, other: str | None = None) -> Claim:
-        text = f"{code} {what} ({count} movements)"
+        text = f"{code} {what} ({counted(count, 'movement')})"
         return Claim(probability, Finding(code, kind, value, value, value, "", count, basis, text, other))
 
     # Which other drive, for the same command, would have led there.
@@ -123,7 +124,7 @@ def other_direction(
             as_other = done @ _direction(each.kind) / (asked * each.gain)
             opposite = float(direction @ _direction(each.kind)) == -1.0
             if float(np.median(as_other)) >= _OTHER_AXIS and not opposite:
-                return made(FindingKind.SWAPPED, f"does what {each.code} should", 1.0, each.code)
+                return made(FindingKind.SWAPPED, f"does what {each.code} should do", 1.0, each.code)
     if typical <= -_OTHER_AXIS:
         return made(FindingKind.SIGN, f"{row.kind.verb} the wrong way", -1.0)
     if float(np.abs(done).max()) < _SHORTEST["in"]:
@@ -176,7 +177,7 @@ def _gain_test(row: DriveSpec, fit: RobustFit, basis: Basis) -> Claim:
         return Claim(probability)
     low, high = (1.0 + each for each in fit.interval(0))
     value = 1.0 + slope
-    of = f"{interval_text(low, high, value)}, {count} movements"
+    of = f"{interval_text(low, high, value)}, {counted(count, 'movement')}"
     text = f"{row.code} {row.kind.verb} {value:.2f} times what is asked ({of})"
     return Claim(probability, Finding(row.code, FindingKind.GAIN, value, low, high, "", count, basis, text))
 
@@ -194,7 +195,7 @@ def _shortfall(row: DriveSpec, fit: RobustFit, usual: float, basis: Basis) -> Cl
         return Claim(probability)
     low, high = fit.interval(1)
     far = "too little" if value < 0 else "too much"
-    of = f"{interval_text(low, high, value)}, {fit.count} movements"
+    of = f"{interval_text(low, high, value)}, {counted(fit.count, 'movement')}"
     text = f"{row.code} {row.kind.verb} {abs(value):.2f} {unit} {far} each time ({of})"
     return Claim(
         probability, Finding(row.code, FindingKind.OFFSET, value, low, high, unit, fit.count, basis, text)
@@ -214,7 +215,7 @@ def _bias(row: DriveSpec, axis: str, fit: RobustFit, allowed: float, basis: Basi
     near, far = sorted((abs(low), abs(high)))
     text = (
         f"{row.code} {verb} {abs(value):.3f} {other} to the {side} for each {_one(unit)} "
-        f"({near:.3f} to {far:.3f}, {fit.count} movements)"
+        f"({near:.3f} to {far:.3f}, {counted(fit.count, 'movement')})"
     )
     return Claim(
         probability,
@@ -231,7 +232,7 @@ def _scatter(row: DriveSpec, axis: str, fit: RobustFit, declared: float, basis: 
         return Claim(probability)
     half = Z_95 * error * scatter
     low, high = max(scatter - half, 0.0), scatter + half
-    of = f"{low:.3f} to {high:.3f}, {fit.count} movements"
+    of = f"{low:.3f} to {high:.3f}, {counted(fit.count, 'movement')}"
     motion = "turn" if axis == "r" else "distance"
     text = (
         f"{row.code} scatters by {scatter:.3f} {other} of {motion} for each {_one(unit)}, not by "

@@ -15,18 +15,24 @@ from simmer_tui.phrases import (
     times_text,
 )
 from simmer_tui.report.causes import Cause, Kind, Sureness, without_blanks
-from simmer_tui.report.contact_causes import BLIND, BLIND_TURN, belief_text, wrong_text
+from simmer_tui.report.contact_causes import BLIND, BLIND_TURN, WHICH, belief_text, wrong_text
+from simmer_tui.report.right_readings import looked_for_block, looked_in_vain, looked_while_lost, told_held
 from simmer_tui.run.attempt import Attempt
 from simmer_tui.run.episodes import EpisodeKind
 from simmer_tui.run.facts import missed_zone, wrapped
 from simmer_tui.run.history_rows import ActionRow
 from simmer_tui.run.progress import HUNDRED
-from simmer_tui.run.run_history import STUCK
 from simmer_tui.sim.command import escape
+from simmer_tui.sim.specs import CELL_SIZE
 
 # Judged: a good program crosses the maze with fewer movements.
 STAYED, MOVES = 0.25, 20
-"""So large a share of the time limit, with so many movements and no progress, gains nothing."""
+"""So large a share of the time limit, with so many movements (or none) and no progress, gains nothing."""
+_LED = 20
+"""Movements that may have led to a contact: as many as are laid again (`run_history`)."""
+# Judged: a place that is off by less is taken for the block's, by drift or by a wrong angle.
+_FAR = CELL_SIZE / 2
+"""Distance of the block from the jaws, inches, from which they did not close beside it, but elsewhere."""
 
 
 class EndingCauses:
@@ -47,7 +53,8 @@ class EndingCauses:
         program, code = self._program, self._exit_code
         if program is not None and program.crashed and not program.stopped:
             text = program_end_text(program)
-            return self._made(Kind.CRASHED, f"{capitalized(text)}.", self._goals())
+            goals = self._goals() if program.started else ""
+            return self._made(Kind.CRASHED, f"{capitalized(text)}.", goals)
         # Of an older log nothing but the exit code is known: 128 and a signal's number, or less than 0.
         if program is None and code is not None and (code < 0 or code > 128):
             return self._made(Kind.CRASHED, f"The program crashed with exit code {code}.", self._goals())
@@ -55,11 +62,11 @@ class EndingCauses:
 
     def silence(self) -> Cause | None:
         """No command came."""
-        if self._seen.commands:
+        if not self._seen.is_silent:
             return None
         if self._seen.task is None and self._exit_code is None and not self._cut_off:
             return None
-        said = f"Its last words: {self._last_words}." if self._last_words else ""
+        said = f"Last output: {self._last_words}." if self._last_words else ""
         if self._exit_code:
             text = f"The program ended with exit code {self._exit_code} before it sent a command."
             return self._made(Kind.NOTHING_SENT, text, said)
@@ -82,24 +89,48 @@ class EndingCauses:
             )
         belief = belief_text(seen.belief_before(done.order)[0])
         place = (block.x, block.y)
-        return self._made(
+        dropped = self._made(
             Kind.DROPPED_OUTSIDE, text, belief, elapsed=done.elapsed, line=done.line, place=place
         )
+        told = told_held(seen, done)
+        if told is None:
+            return dropped
+        code, times = told
+        text = (
+            f"It let the block go where it had taken it, at {where}, though {code} had just read that the "
+            f"gripper held it ({counted(times, 'reading')}). Either the program has an error, or a reply of "
+            f"{code} was changed on its way: {WHICH}."
+        )
+        return replace(dropped, kind=Kind.UNDECIDED, text=text, sure=Sureness.LIKELY, culprits=(code,))
 
     def missed_grip(self) -> Cause | None:
-        """The gripper closed, and never on the block."""
+        """The gripper closed, and never on the block.
+
+        Where that was far from the block, the program took something else for it, or knew better than its
+        readings in the log."""
         seen, misses = self._seen, self._seen.misses
         if seen.task is None or not misses or seen.taken:
             return None
         done = misses[-1]
         missed = done.grip.missed
-        how = f": {miss_text(missed)}" if missed is not None else ""
-        text = f"The gripper closed on nothing {times_text(len(misses))}; the last time{how}."
-        if len(misses) == 1:
-            text = f"The gripper closed on nothing{how}."
-        belief = belief_text(seen.belief_before(done.order)[0])
+        closed = "The gripper closed on nothing"
+        if len(misses) > 1:
+            closed += f" {times_text(len(misses))}"
+        last = ": " if len(misses) == 1 else ". The last time, "
+        text = f"{closed}." if missed is None else f"{closed}{last}{miss_text(missed)}."
+        belief, lost = seen.belief_before(done.order)
+        kind, sure = Kind.MISSED_GRIP, Sureness.CERTAIN
+        is_far = missed is not None and math.hypot(*missed) > _FAR
+        if is_far and lost is None and looked_for_block(seen, done):
+            kind, sure = Kind.UNDECIDED, Sureness.LIKELY
+            text = (
+                f"{text} No reading in the log showed a block there. Either the program has an error, or a "
+                f"reply was changed on its way: {WHICH}."
+            )
         place = (done.grip.block.x, done.grip.block.y)
-        return self._made(Kind.MISSED_GRIP, text, belief, elapsed=done.elapsed, line=done.line, place=place)
+        return self._made(
+            kind, text, belief_text(belief), elapsed=done.elapsed, line=done.line, place=place, sure=sure
+        )
 
     def wrong_when_gripping(self) -> Cause | None:
         """It was wrong about where it was when it closed or opened the gripper in the wrong place."""
@@ -109,7 +140,7 @@ class EndingCauses:
         if lost is None:
             return None
         what = "set the block down" if seen.taken else "closed the gripper"
-        text = f"It was lost: {wrong_text(lost)}, when it {what}."
+        text = f"It was lost when it {what}. {wrong_text(seen, lost)}."
         return self._made(Kind.LOST, text, elapsed=lost.elapsed, line=lost.line)
 
     def asked_after_grip(self) -> Cause | None:
@@ -121,23 +152,25 @@ class EndingCauses:
         seen, gripper = self._seen, self._seen.spec.gripper
         if seen.task is None or gripper is None:
             return None
-        if not seen.taken and not seen.closed and seen.graspable:
+        # Who stays may have been about to close it; who asks its load takes it to be closed.
+        passed = seen.left_block or seen.asked_after_grip
+        if not seen.taken and not seen.closed and seen.graspable and passed:
             stood, what = (
                 seen.graspable,
                 f"never closed: {counted(len(seen.graspable), 'movement')} ended with",
             )
             where = "the block between its jaws"
         elif seen.holding and seen.arrivals:
-            stood, what = seen.arrivals, "never opened: it stood with"
-            where = "the block in the drop zone"
+            stood, what = seen.arrivals, "never opened:"
+            where = "the block was in the drop zone"
         else:
             return None
         first = stood[0]
-        text = f"The gripper was {what} {where}, the first time at {first.elapsed:.1f} s."
+        text = f"The gripper was {what} {where}, first at {first.elapsed:.1f} s."
         return self._made(
             Kind.NOT_CARRIED_OUT,
             text,
-            "The program never gave the command, or it was lost on its way: a log cannot tell these apart.",
+            "Either the program did not send the command, or it was lost. The log cannot tell which.",
             elapsed=first.elapsed,
             line=first.line,
             place=(first.x, first.y),
@@ -154,7 +187,7 @@ class EndingCauses:
         if seen.task is None or not rows:
             return None
         last = rows[-1]
-        others = f", as {len(rows) - 1} before it" if len(rows) > 1 else ""
+        others = f", like {len(rows) - 1} before it" if len(rows) > 1 else ""
         reason = escape(last.outcome.reason, 200)
         text = f"{last.outcome.command.shown} was not carried out{others}: {reason}."
         return self._made(
@@ -167,37 +200,53 @@ class EndingCauses:
         )
 
     def blocked(self) -> Cause | None:
-        """Movements in a row were stopped by a wall."""
-        seen = self._seen
-        count, since = seen.blocked
-        if count < STUCK or seen.collision is None:
+        """A wall held it."""
+        seen, stuck = self._seen, self._seen.stuck
+        if stuck is None or seen.collision is None:
             return None
         pose = seen.collision.row.pose
         return self._made(
             Kind.STUCK,
-            f"It was stuck: from {since:.1f} s on {count} movements in a row were "
-            f"stopped by a wall at {place_text(pose.x, pose.y)}.",
-            elapsed=since,
+            f"It was stuck at {place_text(pose.x, pose.y)}: from {stuck.since:.1f} s on, {stuck.text}.",
+            elapsed=stuck.since,
         )
 
     def nowhere(self) -> Cause | None:
-        """It went on moving, and came to no goal and no new ground."""
+        """It went on moving, or only reading, and reached no goal and no new place."""
         seen, task, stretch = self._seen, self._seen.task, self._seen.stretch
         if task is None:
             return None
+        if (stood := self._stood(task.time_limit)) is not None:
+            return stood
         # One that stands and reads is slow, not without progress: half of the time must have been driving.
         lasted = seen.elapsed - stretch.since
         idle = lasted < STAYED * task.time_limit or stretch.driving < lasted / 2
         if stretch.movements < (HUNDRED if idle or not seen.out_of_time else MOVES):
             return None
-        turned = f" and {stretch.turned:.0f} deg" if stretch.turned >= 1.0 else ""
+        turned = f", {stretch.turned:.0f} deg" if stretch.turned >= 1.0 else ""
         return self._made(
             Kind.GOT_NOWHERE,
-            f"It got nowhere: from {stretch.since:.1f} s on it made {stretch.movements} movements, "
-            f"{stretch.driven:.0f} in{turned} in all, and came to no goal and no new ground.",
+            f"It got nowhere. From {stretch.since:.1f} s on, {stretch.movements} movements "
+            f"({stretch.driven:.0f} in{turned}) reached no goal and no new place.",
             self._goals(),
             elapsed=stretch.since,
             place=(stretch.place.x, stretch.place.y),
+        )
+
+    def _stood(self, time_limit: float) -> Cause | None:
+        """It stood and read its sensors until time was up, or it gave up."""
+        seen, standing = self._seen, self._seen.standing
+        if standing is None or standing.readings < HUNDRED or seen.too_many_contacts:
+            return None
+        if seen.elapsed - standing.since < STAYED * time_limit:
+            return None
+        return self._made(
+            Kind.GOT_NOWHERE,
+            f"It got nowhere. From {standing.since:.1f} s on, it did not move and read sensors "
+            f"{standing.readings} times ({standing.code} {standing.often} times).",
+            "" if seen.out_of_time else f"{self._end()}.",
+            self._goals(),
+            elapsed=standing.since,
         )
 
     def slow(self) -> Cause | None:
@@ -210,17 +259,17 @@ class EndingCauses:
         most = max(parts, key=lambda name: parts[name])
         count = spent.readings.total()
         code, often = next(iter(spent.readings.most_common(1)), ("", 0))
-        readings = f"It read {count} times, {code} alone {often} times." if count else "It read no sensor."
+        readings = f"It read sensors {count} times ({code} {often} times)." if count else "It read no sensor."
         if self._cut_off and not seen.out_of_time:
             return self._made(
                 Kind.TOO_SLOW,
-                "It was too slow: real time was up, and the program was still running.",
+                "It was too slow: at the real time limit the program was still running.",
                 f"Most of the {seen.elapsed:.1f} simulated seconds went to {most}.",
                 readings,
                 self._goals(),
             )
         listed = ", ".join(f"{name} {time:.1f} s" for name, time in parts.items() if time >= 0.05)
-        between = f"Besides, {spent.between:.1f} s of real time passed between its commands."
+        between = f"Real time between its commands: {spent.between:.1f} s."
         return self._made(
             Kind.TOO_SLOW,
             f"It was too slow: most of its time went to {most} ({listed}).",
@@ -238,27 +287,43 @@ class EndingCauses:
         episodes = seen.episodes
         if lost is not None:
             frozen = [each for each in episodes if each.kind is EpisodeKind.FROZEN]
-            how = ", and told the same pose on while it moved" if frozen else ""
-            text = f"It was lost: {wrong_text(lost)}{how}, {self._end()}."
+            how = " It kept sending the same pose while it moved." if frozen else ""
+            text = f"It was lost. {wrong_text(seen, lost)}.{how} {self._end()}."
             return self._made(Kind.LOST, text, elapsed=lost.elapsed, line=lost.line)
         known = any(each.kind is EpisodeKind.LOCALIZED for each in episodes)
         if belief.unsure or not known or seen.hardly_localized:
-            late = "no longer knew" if belief.unsure else "hardly found out"
+            late = "no longer knew" if belief.unsure else "seldom knew"
             ever = late if known else "never found out"
-            text = f"It {ever} where it was, {self._end()}."
+            text = f"It {ever} where it was. {self._end()}."
             return self._made(Kind.UNSURE, text, belief_text(belief), self._goals())
         return None
 
+    @property
+    def is_lost(self) -> bool:
+        """True if its last belief was wrong."""
+        return self._seen.beliefs[1] is not None
+
     def disagreeing(self) -> Cause | None:
         """Its readings were right and its belief was not: program and log do not go together."""
-        lost = self._seen.beliefs[1]
-        if lost is None or not self._seen.looked_while_lost:
+        belief, lost = self._seen.beliefs
+        # Who tells one pose on while it moves has not changed its mind by any reading.
+        frozen = any(each.kind is EpisodeKind.FROZEN for each in self._seen.episodes)
+        if belief is None or frozen:
+            return None
+        if lost is not None and looked_while_lost(self._seen):
+            told = f"the pose that the program told (its belief) was wrong. {wrong_text(self._seen, lost)}"
+            elapsed, line = lost.elapsed, lost.line
+        elif lost is None and looked_in_vain(self._seen) and self._seen.hardly_localized:
+            told, elapsed, line = "the program seldom knew where it was", None, None
+        else:
             return None
         text = (
-            f"Program and log disagree from {lost.elapsed:.1f} s on: the readings in the log were right, and "
-            "the belief was not. A mistake of the program and a changed reply cannot be told apart."
+            f"Program and log disagree: the readings in the log were right, but {told}. "
+            f"Either the program has an error, or a reply was changed on its way: {WHICH}."
         )
-        return self._made(Kind.UNDECIDED, text, elapsed=lost.elapsed, line=lost.line, sure=Sureness.LIKELY)
+        return self._made(
+            Kind.UNDECIDED, text, belief_text(belief), elapsed=elapsed, line=line, sure=Sureness.LIKELY
+        )
 
     def unread(self) -> Cause | None:
         """It gave up lost, and had not looked on the last of its path."""
@@ -268,7 +333,7 @@ class EndingCauses:
             return None
         text = (
             f"It stopped looking: no range sensor was read on the last {gone:.0f} in and {turned:.0f} deg "
-            f"of its path, {self._end()}."
+            f"of its path. {self._end()}."
         )
         return self._made(
             Kind.UNREAD, text, belief_text(seen.beliefs[0]), self._goals(), sure=Sureness.LIKELY
@@ -279,22 +344,24 @@ class EndingCauses:
         if self._seen.task is None and not self._exit_code:
             return None
         code = f" with exit code {self._exit_code}" if self._exit_code is not None else ""
-        words = f"; its last words: {self._last_words}" if self._last_words else ""
-        return self._made(Kind.ENDED, f"The program ended{code} before it was done{words}.", self._goals())
+        words = f" Last output: {self._last_words}." if self._last_words else ""
+        return self._made(Kind.ENDED, f"The program ended{code} before it was done.{words}", self._goals())
 
     # -- words -----------------------------------------------------------------------------------
 
     def _end(self) -> str:
         if self._seen.out_of_time or self._cut_off:
-            return "and then its time was up"
-        words = f" (its last words: {self._last_words})" if self._last_words else ""
-        return f"and then the program gave up{words}"
+            return "Then its time was up"
+        words = f" (last output: {self._last_words})" if self._last_words else ""
+        return f"Then the program gave up{words}"
 
     def _goals(self) -> str:
         seen = self._seen
         if seen.task is None:
             return ""
-        return "It held the block." if seen.holding else "" if seen.taken else "It had not taken the block."
+        if seen.holding:
+            return "The robot held the block."
+        return "" if seen.taken else "The robot had not taken the block yet."
 
     def moved(self) -> Cause | None:
         """A person moved the robot, and it never found out where it was again."""
@@ -303,11 +370,11 @@ class EndingCauses:
             return None
         there, turn = row.done.pose, abs(wrapped(row.done.pose.heading - row.before.heading))
         way = math.hypot(there.x - row.before.x, there.y - row.before.y)
-        after = "and no belief was right afterwards" if self._seen.beliefs[0] is not None else (
-            "which the program could only notice by its sensors"
+        after = "No belief was right after that" if self._seen.beliefs[0] is not None else (
+            "The program could notice it only by its sensors"
         )  # fmt: skip
         text = (
-            f"A person moved the robot at {row.elapsed:.1f} s, by {way:.0f} in and {turn:.0f} deg, {after}."
+            f"A person moved the robot at {row.elapsed:.1f} s, by {way:.0f} in and {turn:.0f} deg. {after}."
         )
         return self._by_hand(row, text)
 
@@ -317,8 +384,17 @@ class EndingCauses:
         if row is None:
             return None
         to = place_text(*row.done.action.arguments[:2])
-        text = f"A person moved the block at {row.elapsed:.1f} s, to {to}, and it was not taken afterwards."
+        text = (
+            f"A person moved the block at {row.elapsed:.1f} s, to {to}. The robot did not take it after that."
+        )
         return self._by_hand(row, text)
+
+    def searched(self) -> Cause | None:
+        """A person moved the block, and the robot went on without it for long."""
+        row, movements = self._seen.block_moved, self._seen.within(self._seen.history.movements)
+        if row is None or int((movements["order"] > row.order).sum()) <= _LED:
+            return None
+        return self.block_moved()
 
     def _by_hand(self, row: ActionRow, text: str) -> Cause:
         made = self._made(Kind.MOVED, text, elapsed=row.elapsed, line=row.line, sure=Sureness.LIKELY)

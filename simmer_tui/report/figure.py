@@ -12,7 +12,7 @@ from simmer_tui.config.mission_plan import cells_of
 from simmer_tui.document import svg
 from simmer_tui.document.model import Figure
 from simmer_tui.report.run_statistics import RunStatistics
-from simmer_tui.run.attempt import task_of
+from simmer_tui.run.attempt import Task
 from simmer_tui.run.paths import PathSegment
 from simmer_tui.run.run_history import SAME_PLACE
 from simmer_tui.sim.angles import rotation
@@ -61,7 +61,7 @@ class MazeFrame:
         return self.outline(fill=PAPER) + self._squares(black, TILE_SIZE, TILES)
 
     def walls(self) -> str:
-        frame = self.outline(fill="none", stroke=WALLS, stroke_width=2.0)
+        frame = self.outline(fill="none", stroke=WALLS, stroke_width=2.0, class_="frame")
         return self.cells(WALL, WALLS) + frame
 
     def cells(self, value: int, fill: str) -> str:
@@ -91,6 +91,20 @@ class MazeFrame:
             if not order:
                 parts.append(svg.text(left + 4, top + 13, name, 11.0, fill=line, font_weight="bold"))
         return "".join(parts)
+
+    def zones(self, task: Task | None) -> str:
+        """Of a mission: where the block lies at first, and where it is to go."""
+        if task is None or task.zone is None:
+            return ""
+        loading = [(cell.x, cell.y) for cell in cells_of(self.maze, BLOCK)]
+        drop = [(task.zone.x, task.zone.y)]
+        return self.zone(loading, "LOADING ZONE", LOADING, LOADING_LINE) + self.zone(
+            drop, "DROP ZONE", DROP, DROP_LINE
+        )
+
+    def live(self) -> str:
+        """An empty group, drawn in inches of the global frame: a player puts into it what moves."""
+        return svg.element("g", class_="live", transform=self.transform)
 
     def _squares(self, grid: Sequence[Sequence[bool]], size: float, fill: str) -> str:
         """Without seams between rows."""
@@ -143,6 +157,13 @@ _KEY = 44.0
 _NUMBERED = 30
 
 
+def live_figure(maze: MazeSpec, task: Task | None) -> Figure:
+    """The maze of a run that has just begun, for a player."""
+    frame = MazeFrame(maze)
+    parts = (frame.floor(), frame.zones(task), frame.walls(), frame.live(), frame.axes())
+    return Figure("The maze and the robot", WIDTH, frame.bottom + AXIS, "".join(parts), "maze")
+
+
 def maze_figure(run: RunStatistics) -> Figure:
     """The maze and the path. An empty group of the class `live` is
     drawn in inches of the global frame: a player puts into it what moves, and hides the group `way`."""
@@ -173,28 +194,16 @@ class _MazeFigure:
         frame = self.frame
         parts = (
             frame.floor(),
-            self._zones(),
+            frame.zones(self.run.task),
             frame.walls(),
             svg.element("g", "".join(way), class_="way"),
-            svg.element("g", class_="live", transform=frame.transform),
+            frame.live(),
             svg.element("g", self._contacts(), class_="contacts"),
             frame.axes(),
             self._key(),
         )
         height = frame.bottom + AXIS + _KEY
         return Figure("The maze and the path", WIDTH, height, "".join(parts), "maze")
-
-    def _zones(self) -> str:
-        """Of a mission: where the block lies at first, and where it is to go."""
-        run = self.run
-        task = task_of(run.configuration, run.header.seed)
-        if task is None or task.zone is None:
-            return ""
-        loading = [(cell.x, cell.y) for cell in cells_of(self.spec.maze, BLOCK)]
-        drop = [(task.zone.x, task.zone.y)]
-        return self.frame.zone(loading, "LOADING ZONE", LOADING, LOADING_LINE) + self.frame.zone(
-            drop, "DROP ZONE", DROP, DROP_LINE
-        )
 
     def _polygon(self, corners: np.ndarray[tuple[int, int], np.dtype[np.float64]], **style: object) -> str:
         placed = [self._at(float(x), float(y)) for x, y in corners]
@@ -271,7 +280,7 @@ class _MazeFigure:
             corners = np.array(self.spec.robot.vertices) @ rotation(pose.heading).T + (pose.x, pose.y)
             body = self._polygon(corners, **style)
         mark = svg.element("line", x1=x, y1=y, x2=tip[0], y2=tip[1], stroke=svg.ROBOT, stroke_width=1.6)
-        return body + mark + _label(x, y + 4.0, word, "#004020")
+        return body + mark + _label(x, y + 4.0, word, svg.ROBOT)
 
     def _contacts(self) -> str:
         """A cross at every place touched, the first ones numbered in the order of time. Those of

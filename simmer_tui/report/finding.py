@@ -96,7 +96,7 @@ def interval_text(low: float, high: float, value: float) -> str:
 _FIGURE = number(".3g")
 FINDINGS = DataTable(
     "findings",
-    "Sensors and drives that are not as they should be",
+    "Wrong sensors and drives",
     (
         DataColumn("of"),
         DataColumn("kind"),
@@ -123,3 +123,8 @@ def findings_table(found: Iterable[Finding]) -> DataTable:
     ]
     # Programs always have it, people where it says something.
     return replace(FINDINGS.filled(rows), hidden=not rows)
+
+
+def plain_findings(found: Iterable[Finding]) -> tuple[dict[str, object], ...]:
+    """Findings for programs, each by the keys of their table."""
+    return tuple(findings_table(found).objects())

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import math
 
-from simmer_tui.phrases import WEDGED_TEXT, contact_ending, counted, pose_text
+from simmer_tui.phrases import WEDGED_TEXT, contact_ending, counted, pose_text, times_text
 from simmer_tui.report.beliefs import belief_sentences
 from simmer_tui.report.run_statistics import RunStatistics
 from simmer_tui.run.history_rows import ContactRow
-from simmer_tui.run.run_history import STUCK
 from simmer_tui.sim.command import escape
 
 _READINGS = 6
@@ -36,17 +35,15 @@ def findings(run: RunStatistics) -> list[str]:
 
 def _taken_over(run: RunStatistics) -> list[str]:
     origin = run.header.taken_over
-    return [] if origin is None else [f"It took over {origin}: till then it is that run."]
+    return [] if origin is None else [f"Taken over {origin}: until then the two runs are the same."]
 
 
 def _end(run: RunStatistics) -> list[str]:
     contacts = run.history.contacts.items
-    count, since = run.history.blocked()
-    if count >= STUCK:
-        return [
-            f"Stuck at the end: from {since:.1f} s on {count} movements "
-            f"in a row were stopped by a wall. The robot stayed at {pose_text(run.pose)}."
-        ]
+    stuck = run.history.stuck(run.history.elapsed)
+    if stuck is not None:
+        where = pose_text(run.pose)
+        return [f"Stuck at the end: from {stuck.since:.1f} s on, {stuck.text}. The robot stayed at {where}."]
     touch = contacts[-1] if contacts else None
     if touch is not None and touch.stopped and touch.line == run.totals.last_command_line:
         return [f"The run ends at a wall: {touch.shown} (line {touch.line}) was its last command."]
@@ -57,10 +54,15 @@ def _contacts(run: RunStatistics) -> list[str]:
     if not run.totals.contacts:
         return []
     first = run.history.repeated.first.items[0].touch
-    share = f"{run.totals.contacts} of {counted(run.totals.movements, 'movement')}"
-    went_on = run.totals.contacts - run.totals.contacts_that_ended
-    how = f"met a wall, {went_on} went on" if went_on else "ended at a wall"
-    return [f"{share} {how}. The first: {_touch(first)} {_before(first)}"]
+    if run.totals.legs:
+        told = f"The robot touched a wall {times_text(run.totals.contacts)}"
+        unread = "No sensor was read shortly before it."
+    else:
+        share = f"{run.totals.contacts} of {counted(run.totals.movements, 'movement')}"
+        went_on = run.totals.contacts - run.totals.contacts_that_ended
+        told = f"{share} touched a wall, and {went_on} went on" if went_on else f"{share} ended at a wall"
+        unread = "No sensor was read since the movement before it."
+    return [f"{told}. The first: {_touch(first)} {_before(first) or unread}"]
 
 
 def _wedged(run: RunStatistics) -> list[str]:
@@ -78,12 +80,12 @@ def _touch(touch: ContactRow) -> str:
 
 
 def _before(touch: ContactRow) -> str:
-    """The program's readings when it gave the command."""
+    """The program's readings when it gave the command; empty if there were none."""
     if not touch.seen:
-        return "No sensor was read between it and the movement before."
-    shown = [f"{escape(each.text.strip(), 20)} said {_value(each.reading.value)}" for each in touch.seen]
+        return ""
+    shown = [f"{escape(each.text.strip(), 20)} {_value(each.reading.value)}" for each in touch.seen]
     more = f" and {len(shown) - _READINGS} more" if len(shown) > _READINGS else ""
-    return f"Read before it: {', '.join(shown[:_READINGS])}{more}."
+    return f"Readings before it: {', '.join(shown[:_READINGS])}{more}."
 
 
 def _refusals(run: RunStatistics) -> list[str]:
@@ -109,7 +111,7 @@ def _people(run: RunStatistics) -> list[str]:
     if not run.totals.actions:
         return []
     listed = ", ".join(f"{name} {count}x" for name, count in run.totals.actions.most_common(8))
-    return [f"A person took part: {listed}."]
+    return [f"Actions by a person: {listed}."]
 
 
 def _value(value: float) -> str:

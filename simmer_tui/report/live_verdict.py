@@ -5,6 +5,7 @@ from collections import deque
 from collections.abc import Callable
 
 from simmer_tui.events import ActionDone, Event, EventHandler, MissionEvent, Notice, NoticeKind, ProgramEnded
+from simmer_tui.report.mission_gate import Analysis
 from simmer_tui.report.verdict import Verdict, verdict_of
 from simmer_tui.run.attempt import Task
 from simmer_tui.run.reducer import Reducer
@@ -26,8 +27,7 @@ class LiveVerdict(EventHandler[None]):
         tell: Callable[[Event], None],
     ) -> None:
         """`call` has something done in the robot's thread, where all methods run; `tell` tells an event."""
-        reducer.history = history
-        self._reducer = reducer
+        self._analysis = Analysis(reducer, history)
         self._history = history
         self._task = task
         self._call = call
@@ -35,6 +35,9 @@ class LiveVerdict(EventHandler[None]):
         self._waiting: deque[Event] = deque()
         self._busy = self._wanted = False
         self._has_program = False
+        self._search: threading.Thread | None = None
+        self._told = ""
+        """Text of the verdict told last; empty if none was told on this run."""
         self.verdict: Verdict | None = None
         """The verdict, once the run has ended."""
 
@@ -47,12 +50,22 @@ class LiveVerdict(EventHandler[None]):
         if self._busy:
             self._waiting.append(event)
             return
-        self._reducer.apply(event)
+        self._analysis.apply(event)
         self.handle(event)
         if self._wanted:
             self._wanted = False
             self._busy = True
-            threading.Thread(target=self._find, name="verdict", daemon=True).start()
+            self._search = threading.Thread(target=self._find, name="verdict", daemon=True)
+            self._search.start()
+
+    def close(self, within: float) -> None:
+        """Wait up to so many seconds for a search under way, once the robot's thread has ended.
+
+        A search is mostly in GEOS, without the interpreter's lock: a process that ends meanwhile takes GEOS
+        down under it, and dies of a segmentation fault in place of its exit code.
+        """
+        if self._search is not None:
+            self._search.join(within)
 
     def on_mission(self, event: MissionEvent) -> None:
         self._wanted = event.over
@@ -62,12 +75,15 @@ class LiveVerdict(EventHandler[None]):
 
     def on_action(self, event: ActionDone) -> None:
         if event.restarts:
-            self.verdict = None
+            self._forget()
 
     def on_notice(self, event: Notice) -> None:
         if event.kind is NoticeKind.CONNECTED:
-            self.verdict = None
+            self._forget()
         self._wanted = event.kind is NoticeKind.LEFT and not self._has_program
+
+    def _forget(self) -> None:
+        self.verdict, self._told = None, ""
 
     def _find(self) -> None:
         verdict, fault = None, ""
@@ -82,12 +98,13 @@ class LiveVerdict(EventHandler[None]):
 
     def _found(self, verdict: Verdict | None, fault: str) -> None:
         self._busy = False
-        told = None if self.verdict is None else self.verdict.text
         self.verdict = verdict
         waiting, self._waiting = self._waiting, deque()
         for event in waiting:
             self.watch(event)
         if fault:
             self._tell(Notice(NoticeKind.FAULT, fault))
-        elif verdict is not None and verdict.text != told:
-            self._tell(Notice(NoticeKind.VERDICT, verdict.text))
+        # Where mission and program end together, the second search has both.
+        elif self.verdict is not None and not self._busy and self.verdict.text != self._told:
+            self._told = self.verdict.text
+            self._tell(Notice(NoticeKind.VERDICT, self._told))

@@ -4,18 +4,25 @@ How much a program still does after its mission depends on how fast the machine 
 runs of one seed would differ.
 """
 
+import math
+
 from simmer_tui.events import (
     ActionDone,
     Belief,
     CommandResult,
     Event,
     EventHandler,
+    LegBegun,
+    LegEnded,
     MissionEvent,
     MovementEnded,
     MovementPlanned,
     TwinReading,
+    VelocityEnded,
 )
 from simmer_tui.phrases import contacts_text, counted
+from simmer_tui.run.reducer import Reducer
+from simmer_tui.run.run_history import RunHistory
 
 
 class MissionGate(EventHandler[bool]):
@@ -26,6 +33,8 @@ class MissionGate(EventHandler[bool]):
         """True while the mission has ended and the run has not begun anew."""
         self._last = 0
         """Number of the last command that had begun when the mission ended: its answer comes later."""
+        self._leg_belongs = True
+        """False while a leg is under way that began after the end."""
         self.commands = self.contacts = 0
         """Commands and contacts after the end."""
 
@@ -35,7 +44,7 @@ class MissionGate(EventHandler[bool]):
         if not self.commands:
             return ""
         done = f"{counted(self.commands, 'command')} and {contacts_text(self.contacts)}"
-        return f"after the mission's end came {done}, which do not count here"
+        return f"after the mission's end: {done}, not counted here"
 
     def other(self, event: Event) -> bool:
         return True
@@ -50,6 +59,18 @@ class MissionGate(EventHandler[bool]):
         belongs = self._command(event.number)
         self.contacts += not belongs and event.contact is not None
         return belongs
+
+    def on_leg_begun(self, event: LegBegun) -> bool:
+        # A velocity set before the end may go on after it: its number does not tell.
+        self._leg_belongs = not self.over and self._command(event.number)
+        return self._leg_belongs
+
+    def on_leg_ended(self, event: LegEnded) -> bool:
+        self.contacts += not self._leg_belongs and event.contact is not None
+        return self._leg_belongs
+
+    def on_velocity_ended(self, event: VelocityEnded) -> bool:
+        return not self.over
 
     def on_belief(self, event: Belief) -> bool:
         return not self.over
@@ -73,3 +94,45 @@ class MissionGate(EventHandler[bool]):
         belongs = number <= self._last
         self.commands += answered and not belongs
         return belongs
+
+
+class Analysis:
+    """A reducer with a history that ends with the mission, until the run begins anew."""
+
+    def __init__(self, reducer: Reducer, history: RunHistory, *, goes_on: bool = False) -> None:
+        """Give the reducer its history. It `goes_on` for the sake of others who read its state: then only the
+        history ends."""
+        reducer.history = history
+        self._reducer = reducer
+        self._history = history
+        self._goes_on = goes_on
+        self._gate = MissionGate()
+        self._uncounted_until = 0.0
+        """Elapsed simulated seconds at the last event that does not count."""
+
+    def apply(self, event: Event, line: int = 0, real_time: float = math.nan) -> None:
+        """Take note of an event, as a reducer does."""
+        was_over = self._gate.over
+        if not self._gate.handle(event):
+            # Of all events only notices have no time, and they count.
+            time: float = getattr(event, "time", 0.0)
+            self._uncounted_until = max(self._uncounted_until, self._history.clock.before + time)
+            if self._goes_on:
+                self._reducer.history = None
+                self._reducer.apply(event, line, real_time)
+                self._reducer.history = self._history
+            return
+        # A run that begins anew does so after what came before, counted or not.
+        if was_over and not self._gate.over:
+            self._history.clock.skip(self.elapsed)
+        self._reducer.apply(event, line, real_time)
+
+    @property
+    def elapsed(self) -> float:
+        """Simulated seconds since the history began, those after the mission's end included."""
+        return max(self._history.elapsed, self._uncounted_until)
+
+    @property
+    def note(self) -> str:
+        """Sentence about what came after the mission's end; empty if nothing did."""
+        return self._gate.note

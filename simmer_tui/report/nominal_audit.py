@@ -16,7 +16,15 @@ from msgspec import structs
 from simmer_tui.config.nominal import Nominal
 from simmer_tui.phrases import counted
 from simmer_tui.report.drive_audit import DriveRule, axis_values, drive_tests, set_rule
-from simmer_tui.report.finding import LEAST_DEGREES, LEAST_INCHES, Basis, Claim, Finding, FindingKind
+from simmer_tui.report.finding import (
+    LEAST_DEGREES,
+    LEAST_INCHES,
+    LEAST_SHARE,
+    Basis,
+    Claim,
+    Finding,
+    FindingKind,
+)
 from simmer_tui.report.sensor_audit import change_text, sensor_tests
 from simmer_tui.report.sensor_sample import sample_of
 from simmer_tui.run.facts import wrapped
@@ -47,7 +55,7 @@ def nominal_sensor_tests(
     other = _swapped_with(own, row, nominal.spec)
     if other is not None:
         what = change_text(own, FindingKind.SWAPPED, 1.0, other)
-        text = f"{own.code} {what} ({counted(len(rows), 'reading')}), by {_by(nominal)}"
+        text = f"{own.code} {what} ({counted(len(rows), 'reading')}), against {_by(nominal)}"
         return [_certain(own.code, FindingKind.SWAPPED, 1.0, "", len(rows), text, other)]
     turned = _turned(own, row)
     if turned is not None:
@@ -68,19 +76,28 @@ def nominal_drive_tests(history: RunHistory, moves: Columns, own: DriveSpec, nom
     row = next((each for each in nominal.spec.drives if each.code == own.code), None)
     if row is None or not len(moves) or _moves_alike(own, row, history.spec, nominal.spec):
         return []
+    of = f"({counted(len(moves), 'movement')}), against {_by(nominal)}"
     if own.kind is not row.kind:
-        other = next((each.code for each in nominal.spec.drives if each.kind is own.kind), None)
-        what = "moves as no drive does there" if other is None else f"does what {other} should"
-        text = f"{own.code} {what} ({counted(len(moves), 'movement')}), by {_by(nominal)}"
-        return [_certain(own.code, FindingKind.SWAPPED, 1.0, "", len(moves), text, other)]
+        return [_other_drive(own, nominal, of, len(moves))]
     if own.gain * row.gain < 0.0:
-        text = (
-            f"{own.code} {row.kind.verb} the wrong way ({counted(len(moves), 'movement')}), by {_by(nominal)}"
-        )
+        text = f"{own.code} {row.kind.verb} the wrong way {of}"
         return [_certain(own.code, FindingKind.SIGN, -1.0, "", len(moves), text)]
     rule = _nominal_rule(history, moves, own, row, nominal.spec)
-    tests = drive_tests(moves, rule, nominal.spec.drives, Basis.NOMINAL)
-    return [_named(each, nominal) for each in tests]
+    tests = [_named(each, nominal) for each in drive_tests(moves, rule, nominal.spec.drives, Basis.NOMINAL)]
+    times = own.gain / row.gain if row.gain else 1.0
+    if abs(times - 1.0) < LEAST_SHARE:
+        return tests
+    # A gain that stands in the rows needs no test, and few movements no figure of their own.
+    if not tests:
+        text = f"{own.code} {row.kind.verb} {times:.2f} times what is asked {of}"
+        return [_certain(own.code, FindingKind.GAIN, times, "", len(moves), text)]
+    return [_surely(each, FindingKind.GAIN) for each in tests]
+
+
+def _surely(test: Claim, kind: FindingKind) -> Claim:
+    """A test whose finding is certain if it is of a kind that stands in the rows."""
+    stands = test.finding is not None and test.finding.kind is kind
+    return Claim(0.0, test.finding) if stands else test
 
 
 def _nominal_rule(
@@ -114,6 +131,13 @@ def _drawn(row: DriveSpec, strength: tuple[float, float]) -> FloatArray:
 # -- by the rows alone -------------------------------------------------------------------------------
 
 
+def _other_drive(own: DriveSpec, nominal: Nominal, of: str, count: int) -> Claim:
+    """A drive that moves along another axis; `of` says in how many movements, and against which set."""
+    other = next((each.code for each in nominal.spec.drives if each.kind is own.kind), None)
+    what = "moves like no drive of that set" if other is None else f"does what {other} should do"
+    return _certain(own.code, FindingKind.SWAPPED, 1.0, "", count, f"{own.code} {what} {of}", other)
+
+
 def _swapped_with(own: SensorSpec, row: SensorSpec, nominal: SimulationSpec) -> str | None:
     """The code of the nominal sensor that stands under this one's code; None if it is the right one."""
     if _mounting(own) == _mounting(row) and own.kind is row.kind:
@@ -139,7 +163,9 @@ def _turned(own: SensorSpec, row: SensorSpec) -> FindingKind | None:
 
 def _turned_claim(own: SensorSpec, turned: FindingKind, count: int, nominal: Nominal) -> Claim:
     value, unit = (own.bias, own.unit) if turned is FindingKind.STUCK else (-1.0, "")
-    text = f"{own.code} {change_text(own, turned, value)} ({counted(count, 'reading')}), by {_by(nominal)}"
+    text = (
+        f"{own.code} {change_text(own, turned, value)} ({counted(count, 'reading')}), against {_by(nominal)}"
+    )
     return _certain(own.code, turned, value, unit, count, text)
 
 
@@ -194,7 +220,7 @@ def _named(test: Claim, nominal: Nominal) -> Claim:
     """A test whose finding names the set that it was held against."""
     if test.finding is None:
         return test
-    return Claim(test.probability, replace(test.finding, text=f"{test.finding.text}, by {_by(nominal)}"))
+    return Claim(test.probability, replace(test.finding, text=f"{test.finding.text}, against {_by(nominal)}"))
 
 
 def _by(nominal: Nominal) -> str:

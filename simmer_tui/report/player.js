@@ -2,18 +2,22 @@
 // Plays the run of this page. The pictures of maze and sensors are there already, drawn for paper too;
 // this moves the robot in the first (its group "live" is in inches of the maze's frame) and a line
 // through time across the second. Text of the run is only ever set as text, never as markup.
-(() => {
+// With `live` the recording grows by what `take` is given: { pace, lag } are the simulated seconds a second
+// at which the newest is approached, and the most real seconds that what is shown may be behind it.
+function simmerPlayer(recording, live) {
   const SVG = "http://www.w3.org/2000/svg";
   const SPEEDS = [0.1, 0.25, 0.5, 1, 2, 4, 8, 16, 32];
   const FRESH = 1.2; // simulated seconds for which a reading's rays are seen
   const FAR = 18; // inches of a ray that met nothing
+  const DIGITS = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/", NO_ECHO = 4095; // of a range in a scan
   const SIGNS = { contact: "✕", goal: "◆", failed: "◆", refused: "?", pause: "‖", person: "●", fault: "!" };
 
   const page = document.documentElement;
-  const maze = document.querySelector(".maze svg"), live = maze.querySelector(".live");
+  const maze = document.querySelector(".maze svg"), layer = maze.querySelector(".live");
   const strips = document.querySelector(".strips svg");
-  const run = unpacked(JSON.parse(document.getElementById("recording").textContent));
-  let now = run.begin, speed = 1, playing = false, last = 0, nextTrail = 0, drawnBelief = -1;
+  const run = { ...recording, moment: recording.moment === null ? null : recording.moment / 1000 };
+  let now = 0, speed = 1, playing = false, following = Boolean(live), last = 0, lastFollowed = 0, nextTrail = 0, drawnBelief, drawnScans;
+  const arrivals = []; // of a run that goes on: until when, and since when by the clock of this page
 
   // -- the recording ---------------------------------------------------------------------------
 
@@ -22,26 +26,73 @@
     return differences.map((each) => (sum += each) / scale);
   }
 
-  function unpacked(data) {
+  const number = (value) => (value === null ? NaN : Number(value.replace ? value.replace("inf", "Infinity") : value));
+
+  function append(items, more) {
+    for (const each of more) items.push(each); // by hand: as arguments there may be too many of them
+  }
+
+  function clear() {
+    for (const name of ["t", "x", "y", "h", "beliefs", "blocks", "marks", "commands"]) run[name] = [];
+    run.sensors.forEach((sensor) => Object.assign(sensor, { readings: [], scans: [] }));
+    drawnScans = [];
+    run.one_in = 1;
+    run.heat = null; // of a grid that the log has without its cells, the map before is shown
+    nextTrail = 0;
+    drawnBelief = undefined;
+  }
+
+  // Takes in what is new; the first time that is all of it.
+  function add(data) {
     const { frames, readings } = data;
-    data.begin /= 1000;
-    data.end /= 1000;
-    data.t = sums(frames.t, 1000);
-    data.x = sums(frames.x, 100);
-    data.y = sums(frames.y, 100);
-    data.h = sums(frames.h, 10);
-    const number = (value) => (value === null ? NaN : Number(value.replace ? value.replace("inf", "Infinity") : value));
-    data.sensors.forEach((sensor) => (sensor.readings = []));
+    run.begin = data.begin / 1000;
+    run.end = data.end / 1000;
+    if (data.drop) {
+      const kept = run.t.length - data.drop;
+      for (const column of [run.t, run.x, run.y, run.h]) column.length = kept;
+      if (nextTrail > kept) nextTrail = 0;
+    }
+    append(run.t, sums(frames.t, 1000));
+    append(run.x, sums(frames.x, 100));
+    append(run.y, sums(frames.y, 100));
+    append(run.h, sums(frames.h, 10));
     sums(readings.t, 1000).forEach((t, i) =>
-      data.sensors[readings.sensor[i]].readings.push({
+      run.sensors[readings.sensor[i]].readings.push({
         t, taken: t - readings.took[i] / 1000, value: number(readings.value[i]), true: number(readings.true[i]),
       }));
-    data.beliefs = data.beliefs.map(([t, x, y, h, off, turn, spread, note, cloud]) =>
-      ({ t: t / 1000, x: x / 100, y: y / 100, h: h / 10, off: number(off), turn: number(turn), spread: number(spread), note, cloud }));
-    data.blocks = data.blocks.map(([t, held, x, y, h]) => ({ t: t / 1000, held, x: x / 100, y: y / 100, h: h / 10 }));
-    data.marks = data.marks.map(([t, kind, text, x, y]) => ({ t: t / 1000, kind, text, x, y })).sort((a, b) => a.t - b.t);
-    data.commands = data.commands.map(([t, text]) => ({ t: t / 1000, text }));
-    return data;
+    for (; run.one_in < data.one_in; run.one_in *= 2) run.beliefs.forEach((belief) => (belief.cloud = everySecond(belief.cloud)));
+    append(run.beliefs, data.beliefs.map(([t, x, y, h, off, turn, spread, note, cloud, grid]) => {
+      if (!grid) run.heat = null;
+      else if (grid.length > 8) run.heat = { bounds: grid.slice(0, 4), rows: grid[8], columns: grid[9], runs: grid[10] };
+      return {
+        t: t / 1000, x: x / 100, y: y / 100, h: h / 10, off: number(off), turn: number(turn), spread: number(spread), note, cloud,
+        headed: !grid || Boolean(grid[4]), numbers: grid && grid.slice(5, 8), heat: run.heat,
+      };
+    }));
+    for (const [sensor, t, begin, span, first, turn, ranges] of data.scans) {
+      run.sensors[sensor].scans.push({ t: t / 1000, begin: begin / 1000, span: span / 1000, first: first / 10, turn, ranges });
+    }
+    append(run.blocks, data.blocks.map(([t, held, x, y, h]) => ({ t: t / 1000, held, x: x / 100, y: y / 100, h: h / 10 })));
+    append(run.marks, data.marks.map(([t, kind, text, x, y]) => ({ t: t / 1000, kind, text, x, y })));
+    run.marks.sort((a, b) => a.t - b.t);
+    append(run.commands, data.commands.map(([t, text]) => ({ t: t / 1000, text })));
+    run.doing = data.doing && { t: data.doing[0] / 1000, text: data.doing[1] };
+    forget(data.since / 1000);
+  }
+
+  const everySecond = (cloud) => cloud.filter((_, i) => i % 4 < 2); // pairs of x and y
+
+  // What is older than the recording has is let go here, too; of the block its last place before that stays.
+  function forget(since) {
+    const before = (items, t) => placeOf(items, t - 1e-6, (each) => each.t);
+    const drop = (items, count) => count > 0 && items.splice(0, count);
+    for (const items of [...run.sensors.flatMap((sensor) => [sensor.readings, sensor.scans]), run.beliefs, run.marks]) drop(items, before(items, run.begin) + 1);
+    drop(run.blocks, before(run.blocks, run.begin));
+    drop(run.commands, before(run.commands, since));
+    const gone = placeOf(run.t, since - 1e-6) + 1;
+    if (gone <= 0) return;
+    for (const column of [run.t, run.x, run.y, run.h]) column.splice(0, gone);
+    nextTrail = 0;
   }
 
   // The place of the last of some times that is not after t; -1 for none.
@@ -70,6 +121,10 @@
     const a = (pose.h * Math.PI) / 180;
     return [pose.x + x * Math.cos(a) - y * Math.sin(a), pose.y + x * Math.sin(a) + y * Math.cos(a)];
   }
+
+  clear();
+  add(recording);
+  now = run.begin;
 
   // -- elements --------------------------------------------------------------------------------
 
@@ -103,15 +158,22 @@
   }
 
   const [width, height] = run.maze;
-  drawn("rect", drawn("clipPath", live, "", { id: "inside" }), "", { width, height });
-  const trail = drawn("path", live, "trail"), cloud = drawn("path", live, "cloud");
-  const rays = drawn("g", live, "rays");
+  drawn("rect", drawn("clipPath", layer, "", { id: "inside" }), "", { width, height });
+  // Walls keep their colour, also where a grid's cells lie across their edges.
+  drawn("path", drawn("clipPath", layer, "", { id: "open" }), "", { d: run.open.map(([x, y]) => `M${x} ${y}h${run.cell}v${run.cell}h${-run.cell}z`).join("") });
+  const heatLayer = drawn("g", layer, "heat", { "clip-path": "url(#open)" });
+  const heats = ["b", "c", "d"].map((level) => drawn("path", heatLayer, `heat-${level}`));
+  const trail = drawn("path", layer, "trail"), cloud = drawn("path", layer, "cloud");
+  // With a rim in the colour of the page, since dots on walls are as dark as these.
+  const scans = ["scans rim", "scans"].map((kind) => drawn("path", layer, kind)), rays = drawn("g", layer, "rays");
   const half = run.block / 2;
-  const block = drawn("rect", live, "block", { x: -half, y: -half, width: run.block, height: run.block });
-  const spread = drawn("circle", drawn("g", live, "", { "clip-path": "url(#inside)" }), "spread"), believed = body(live, "believed"), robot = body(live, "robot");
-  const touches = drawn("g", live, "touches");
+  const block = drawn("rect", layer, "block", { x: -half, y: -half, width: run.block, height: run.block });
+  const spread = drawn("circle", drawn("g", layer, "", { "clip-path": "url(#inside)" }), "spread"), believed = body(layer, "believed"), robot = body(layer, "robot");
+  const touches = drawn("g", layer, "touches");
   const button = (label, title, action, kind = "") => element("button", { type: "button", title, class: kind, onclick: action }, label);
-  const play = button("▶ Play", "space", () => setPlaying(!playing), "play");
+  const play = button("▶ Play", "space", playOrPause, "play");
+  const goLive = button("● Live", "l: what happens now", follow, "golive");
+  const decided = button("◉", "m: the moment that decided", toMoment);
   const clock = element("output", { class: "clock" }), words = element("p", { class: "words" });
   const happened = element("p", { class: "happened" }), tip = element("div", { class: "tip", hidden: "" });
   const slider = element("input", {
@@ -120,49 +182,78 @@
   });
   const speeds = element("select", { title: "speed: [ and ]", onchange: () => (speed = Number(speeds.value)) },
     ...SPEEDS.map((each) => element("option", { value: each }, `${each}×`)));
-  const marks = element("div", { class: "marks" }, ...run.marks.map((mark) => {
-    const sign = button(SIGNS[mark.kind], `${mark.t.toFixed(1)} s: ${mark.text}`, () => seek(mark.t), mark.kind);
-    sign.tabIndex = -1;
-    sign.style.left = `calc(8px + ${(mark.t - run.begin) / (run.end - run.begin || 1)} * (100% - 16px))`;
-    return sign;
-  }));
-  const chips = run.sensors.filter((sensor) => sensor.readings.length).map((sensor) => {
-    const value = element("b"), truth = element("i");
-    return { sensor, value, truth, box: element("span", { class: "chip", title: sensor.name }, element("span", {}, sensor.code), value, truth) };
-  });
+  const marks = element("div", { class: "marks" }), markSigns = new Map();
+  const sensorChips = element("div", { class: "chips" }), chips = new Map();
+  const readings = element("details", {}, element("summary", {}, "All readings"), sensorChips);
+  readings.open = innerWidth > 700; // on a phone they would push the reasons out of sight
   const cursor = strips && run.clock ? drawn("path", strips, "cursor") : null;
 
   document.querySelector(".maze").after(
     element("div", { class: "controls" },
       element("div", { class: "timeline" }, marks, slider),
-      element("div", { class: "buttons" }, play, speeds, clock,
-        button("◂ event", "N, or shift and n", () => toMark(-1)), button("event ▸", "n", () => toMark(1)),
-        button("whole way", "w", wholeWay), button("light / dark", "d", changeTheme))),
-    element("div", { class: "now" }, words, happened, element("div", { class: "chips" }, ...chips.map((each) => each.box)),
-      element("p", { class: "keys" }, "Keys: space plays, arrows 1 s (with shift 10 s), [ ] speed, n N events, c C contacts, " +
-        "home end, w whole way, d dark. A click on the way or on the sensors goes there. Green is the robot, violet where it " +
-        "believes to be; an orange line ends where a sensor saw something, its light cone where there is something. Grey " +
-        "beside a reading is the truth.")),
+      element("div", { class: "buttons" }, play, speeds, clock, ...(live ? [goLive] : []), decided, button("◂ event", "N, or shift and n", () => toMark(-1)), button("event ▸", "n", () => toMark(1)),
+        ...(live ? [] : [button("whole way", "w", wholeWay)]), button("light / dark", "d", changeTheme))),
+    element("div", { class: "now" }, words, happened, readings,
+      element("details", { class: "keys" }, element("summary", {}, "Keys and colours"),
+        (live ? "L returns to what happens now. " : "") +
+        "Space plays, arrows 1 s (with shift 10 s), [ ] speed, n N events, c C contacts, m the moment that decided, home end, " +
+        "w whole way, d dark. A click on the way or on the sensors goes there. Solid is the robot, dashed where it believes to " +
+        "be. A line ends where a sensor saw something, its light cone where there is something. Dots are the scan of a lidar. Grey beside a reading is the " +
+        "truth.")),
     tip);
+
+  // Brings the clock, its marks and the sensors up to date with the recording.
+  function furnish() {
+    slider.min = run.begin;
+    slider.max = run.end;
+    set(marks, { style: `--begin: ${run.begin}; --span: ${run.end - run.begin || 1}` });
+    for (const [mark, sign] of markSigns) {
+      if (mark.t >= run.begin && run.marks.includes(mark)) continue;
+      sign.remove();
+      markSigns.delete(mark);
+    }
+    for (const mark of run.marks) {
+      if (markSigns.has(mark)) continue;
+      const sign = button(SIGNS[mark.kind], `${mark.t.toFixed(1)} s: ${mark.text}`, () => seek(mark.t), mark.kind);
+      sign.tabIndex = -1;
+      sign.style.setProperty("--t", mark.t);
+      markSigns.set(mark, sign);
+      marks.append(sign);
+    }
+    for (const sensor of run.sensors) {
+      if (chips.has(sensor) || !sensor.readings.length) continue;
+      const value = element("b"), truth = element("i");
+      const box = element("span", { class: "chip", title: sensor.name }, element("span", {}, sensor.code), value, truth);
+      chips.set(sensor, { value, truth, box });
+      sensorChips.append(...run.sensors.filter((each) => chips.has(each)).map((each) => chips.get(each).box));
+    }
+    decided.hidden = run.moment === null;
+  }
 
   // -- a moment --------------------------------------------------------------------------------
 
   function show() {
     page.classList.add("at-moment");
-    const pose = poseAt(now), belief = latest(run.beliefs, now), command = latest(run.commands, now);
-    set(robot, { transform: `translate(${pose.x} ${pose.y}) rotate(${pose.h})` });
+    const pose = poseAt(now), belief = latest(run.beliefs, now) || null, command = run.doing && run.doing.t <= now + 1e-9 ? run.doing : latest(run.commands, now);
+    set(robot, { transform: `translate(${pose.x} ${pose.y}) rotate(${pose.h})`, "data-time": now.toFixed(4) });
     showTrail(pose);
     showBlock(pose);
     showBelief(belief);
     showRays();
+    showScans();
     showTouches();
-    for (const { sensor, value, truth, box } of chips) showChip(latest(sensor.readings, now), sensor, value, truth, box);
+    for (const [sensor, { value, truth, box }] of chips) showChip(latest(sensor.readings, now), sensor, value, truth, box);
     clock.textContent = `${now.toFixed(2)} / ${run.end.toFixed(1)} s`;
     const told = [`at (${pose.x.toFixed(2)}, ${pose.y.toFixed(2)}) heading ${angle(pose.h)}°`];
     if (command) told.push(`last movement ${command.text}`);
     if (belief) {
       const doubt = Number.isFinite(belief.spread) ? `, spread ${belief.spread.toFixed(1)} in` : "";
-      told.push(`belief off ${belief.off.toFixed(1)} in and ${belief.turn.toFixed(0)}°${doubt}`);
+      const turn = belief.headed ? ` and ${belief.turn.toFixed(0).replace(/^-0$/, "0")}°` : "";
+      told.push(`belief off ${belief.off.toFixed(1)} in${turn}${doubt}`);
+      if (belief.numbers) {
+        const [best, truth] = belief.numbers.map(share);
+        told.push(`best cell ${best}, true cell ${truth}, entropy ${belief.numbers[2].toFixed(1)} bit`);
+      }
       if (belief.note) told.push(belief.note);
     }
     if (run.limit !== null) told.push(`${Math.max(run.limit - now, 0).toFixed(0)} s left`);
@@ -177,12 +268,13 @@
     }
   }
 
+  const share = (value) => (value > 0 && value < 1 ? "less than 1 %" : `${value.toFixed(0)} %`);
   const angle = (heading) => (((heading % 360) + 360) % 360).toFixed(1);
 
   let trailText = "";
   function showTrail(pose) {
     const until = placeOf(run.t, now) + 1;
-    if (until < nextTrail) [nextTrail, trailText] = [0, ""];
+    if (until < nextTrail || !nextTrail) [nextTrail, trailText] = [0, ""];
     for (; nextTrail < until; nextTrail++) {
       trailText += `${nextTrail ? "L" : "M"}${run.x[nextTrail].toFixed(2)} ${run.y[nextTrail].toFixed(2)}`;
     }
@@ -211,23 +303,43 @@
   }
 
   function showBelief(belief) {
-    const place = belief ? run.beliefs.indexOf(belief) : -1;
-    if (place === drawnBelief) return;
-    drawnBelief = place;
+    if (belief === drawnBelief) return; // null: there is none; undefined: nothing was drawn yet
+    drawnBelief = belief;
     for (const each of [believed, spread, cloud]) each.style.display = belief ? "" : "none";
+    showHeat(belief && belief.heat);
     if (!belief) return;
     set(believed, { transform: `translate(${belief.x} ${belief.y}) rotate(${belief.h})` });
-    set(spread, { cx: belief.x, cy: belief.y, r: Number.isFinite(belief.spread) ? Math.min(belief.spread, 200) : 0 });
+    believed.classList.toggle("headless", !belief.headed);
+    set(spread, { cx: belief.x, cy: belief.y, r: !belief.numbers && Number.isFinite(belief.spread) ? Math.min(belief.spread, 200) : 0 });
     let dots = "";
     for (let i = 0; i < belief.cloud.length; i += 2) dots += `M${belief.cloud[i] / 10} ${belief.cloud[i + 1] / 10}h0`;
     set(cloud, { d: dots });
+  }
+
+  // The map of a grid: runs of cells by level, row by row from the top left; "a" is ruled out.
+  function showHeat(heat) {
+    const paths = { b: "", c: "", d: "" };
+    if (heat) {
+      const [x0, y0, x1, y1] = heat.bounds, { columns, rows } = heat;
+      const wide = (x1 - x0) / columns, high = (y1 - y0) / rows;
+      let at = 0;
+      for (const [, level, count] of heat.runs.matchAll(/([a-d])(\d*)/g)) {
+        for (let left = Number(count || 1); left > 0;) {
+          const column = at % columns, length = Math.min(left, columns - column);
+          if (level !== "a") paths[level] += `M${x0 + column * wide} ${y1 - Math.floor(at / columns) * high}h${length * wide}v${-high}h${-length * wide}z`;
+          at += length;
+          left -= length;
+        }
+      }
+    }
+    heats.forEach((path, i) => set(path, { d: paths["bcd"[i]] }));
   }
 
   // What a sensor was told stands as a line with a dot at its end, what was true as a light cone.
   function showRays() {
     rays.replaceChildren();
     for (const sensor of run.sensors) {
-      const reading = sensor.kind && latest(sensor.readings, now);
+      const reading = sensor.kind && sensor.kind !== "scan" && latest(sensor.readings, now);
       if (!reading || now - reading.t > FRESH) continue;
       const pose = poseAt(reading.taken), [x, y] = placed(pose, sensor.at[0], sensor.at[1]);
       const style = { opacity: (1 - 0.8 * (now - reading.t) / FRESH).toFixed(2) };
@@ -245,6 +357,25 @@
     }
   }
 
+  // A dot where each beam of a lidar's newest scan ended, from where the robot was when it was sent.
+  function showScans() {
+    const newest = run.sensors.flatMap((sensor) => latest(sensor.scans, now) || []);
+    if (newest.length === drawnScans.length && newest.every((scan, i) => scan === drawnScans[i])) return;
+    drawnScans = newest;
+    let dots = "";
+    for (const sensor of run.sensors) {
+      const scan = latest(sensor.scans, now), rays = scan ? scan.ranges.length / 2 : 0;
+      for (let i = 0; i < rays; i++) {
+        const range = 64 * DIGITS.indexOf(scan.ranges[2 * i]) + DIGITS.indexOf(scan.ranges[2 * i + 1]);
+        if (range === NO_ECHO) continue;
+        const pose = poseAt(scan.begin + (scan.span * i) / rays), [x, y] = placed(pose, sensor.at[0], sensor.at[1]);
+        const [tipX, tipY] = placed({ x, y, h: pose.h + scan.first + i * scan.turn }, range * run.step, 0);
+        dots += `M${tipX.toFixed(2)} ${tipY.toFixed(2)}h0`;
+      }
+    }
+    for (const path of scans) set(path, { d: dots });
+  }
+
   const shown = (value) => (Number.isFinite(value) ? String(Number(value.toFixed(2))) : Number.isNaN(value) ? "–" : "nothing");
 
   function showChip(reading, sensor, value, truth, box) {
@@ -257,8 +388,16 @@
   // -- the clock -------------------------------------------------------------------------------
 
   function seek(t) {
+    setFollowing(false);
+    go(t);
+  }
+
+  function go(t) {
     now = Math.min(Math.max(t, run.begin), run.end);
-    if (now >= run.end) setPlaying(false);
+    if (playing && now >= run.end) {
+      setPlaying(false);
+      if (live) setFollowing(true);
+    }
     show();
   }
 
@@ -266,21 +405,76 @@
     if (on && now >= run.end) now = run.begin;
     const stops = playing && !on;
     playing = on;
-    play.textContent = on ? "‖ Pause" : "▶ Play";
     if (on) {
+      setFollowing(false);
       last = performance.now();
       requestAnimationFrame(tick);
     } else if (stops) remember();
+    play.textContent = on || following ? "‖ Pause" : "▶ Play";
   }
 
   function tick(time) {
     if (!playing) return;
-    seek(now + (speed * Math.max(time - last, 0)) / 1000);
+    go(now + (speed * Math.max(time - last, 0)) / 1000);
     last = time;
     requestAnimationFrame(tick);
   }
 
+  // -- a run that goes on ------------------------------------------------------------------------
+
+  function setFollowing(on) {
+    following = Boolean(live) && on;
+    goLive.classList.toggle("on", following);
+    goLive.setAttribute("aria-pressed", following);
+    if (!playing) play.textContent = following ? "‖ Pause" : "▶ Play";
+  }
+
+  function follow() {
+    if (!live) return;
+    setPlaying(false);
+    setFollowing(true);
+    now = run.end;
+    show();
+  }
+
+  function playOrPause() {
+    if (following) setFollowing(false);
+    else setPlaying(!playing);
+  }
+
+  // Approaches the newest at a pace that can be watched. Nothing is shown later than `lag` after it came.
+  function followOn(time) {
+    const passed = Math.max(time - lastFollowed, 0) / 1000;
+    lastFollowed = time;
+    if (following && now < run.end) {
+      while (arrivals.length && arrivals[0].end <= now) arrivals.shift();
+      let shown = now + live.pace * passed;
+      for (const { end, came } of arrivals) {
+        const left = live.lag - (time - came) / 1000;
+        shown = Math.max(shown, left <= passed ? end : now + ((end - now) * passed) / left);
+      }
+      go(Math.min(shown, run.end));
+    }
+    requestAnimationFrame(followOn);
+  }
+
+  // Takes in what has come of a run that goes on, or with `anew` all of it.
+  function take(data, anew = false) {
+    if (anew) clear();
+    add(data);
+    const came = performance.now();
+    if (!arrivals.length || arrivals[arrivals.length - 1].end < run.end) arrivals.push({ end: run.end, came });
+    while (arrivals.length > 1 && came - arrivals[1].came > live.lag * 1000) arrivals.shift(); // of a page that nobody looks at
+    furnish();
+    if (!following) show();
+  }
+
+  function toMoment() {
+    if (run.moment !== null) seek(run.moment);
+  }
+
   function remember() {
+    if (live) return; // its time means nothing to who opens it later
     try {
       history.replaceState(null, "", `#t=${now.toFixed(2)}`);
     } catch { /* a page within another has no address of its own */ }
@@ -298,12 +492,13 @@
   }
 
   function wholeWay() {
+    if (live) return;
     setPlaying(false);
     page.classList.remove("at-moment");
     clock.textContent = `${run.end.toFixed(1)} s`;
     words.textContent = "The whole way. Play it, or click on it to see a moment.";
     happened.textContent = "";
-    for (const { value, truth, box } of chips) {
+    for (const { value, truth, box } of chips.values()) {
       value.textContent = truth.textContent = "";
       box.classList.remove("fresh");
     }
@@ -325,7 +520,7 @@
 
   // When the robot was nearest to the pointer, if it was within two inches of it.
   function timeOnWay(event) {
-    const at = new DOMPoint(event.clientX, event.clientY).matrixTransform(live.getScreenCTM().inverse());
+    const at = new DOMPoint(event.clientX, event.clientY).matrixTransform(layer.getScreenCTM().inverse());
     let best = 2, found = null;
     for (let i = 0; i < run.t.length; i++) {
       const j = Math.min(i + 1, run.t.length - 1), dx = run.x[j] - run.x[i], dy = run.y[j] - run.y[i];
@@ -355,7 +550,7 @@
     const reading = sensor && latest(sensor.readings, t), belief = code === "belief" && latest(run.beliefs, t);
     let text = `${t.toFixed(2)} s`;
     if (reading) text += `: ${code} ${shown(reading.value)} ${sensor.unit}` + (sensor.counts ? "" : `, true ${shown(reading.true)}`);
-    if (belief) text += `: off ${belief.off.toFixed(2)} in and ${belief.turn.toFixed(1)}°`;
+    if (belief) text += `: off ${belief.off.toFixed(2)} in` + (belief.headed ? ` and ${belief.turn.toFixed(1).replace(/^-0.0$/, "0.0")}°` : "");
     tell(event, text);
   }
 
@@ -363,10 +558,10 @@
   for (const each of [maze, strips]) if (each) each.addEventListener("pointerleave", () => (tip.hidden = true));
 
   const KEYS = {
-    " ": () => setPlaying(!playing), "[": () => faster(-1), "]": () => faster(1),
+    " ": playOrPause, "[": () => faster(-1), "]": () => faster(1),
     ArrowLeft: (event) => seek(now - (event.shiftKey ? 10 : 1)), ArrowRight: (event) => seek(now + (event.shiftKey ? 10 : 1)),
-    Home: () => seek(run.begin), End: () => seek(run.end), n: () => toMark(1), N: () => toMark(-1),
-    c: () => toMark(1, "contact"), C: () => toMark(-1, "contact"), w: wholeWay, d: changeTheme,
+    Home: () => seek(run.begin), End: () => (live ? follow() : seek(run.end)), n: () => toMark(1), N: () => toMark(-1),
+    c: () => toMark(1, "contact"), C: () => toMark(-1, "contact"), w: wholeWay, d: changeTheme, m: toMoment, l: follow,
   };
   document.addEventListener("keydown", (event) => {
     if (event.ctrlKey || event.altKey || event.metaKey || event.target === speeds || !KEYS[event.key]) return;
@@ -382,10 +577,25 @@
     seek(Number(found[1]));
   }
 
+  // Older browsers print no more of what is folded than its title.
+  addEventListener("beforeprint", () => document.querySelectorAll("details").forEach((each) => (each.open = true)));
   speeds.value = speed;
-  slider.value = now;
   page.classList.add("playable");
-  wholeWay();
-  addEventListener("hashchange", fromAddress);
-  fromAddress();
-})();
+  furnish();
+  slider.value = now;
+  if (live) {
+    follow();
+    requestAnimationFrame(followOn);
+  } else {
+    if (run.end > run.begin) seek(run.moment);
+    else wholeWay();
+    addEventListener("hashchange", fromAddress);
+    fromAddress();
+  }
+  return { run, take, seek, setMoment: (t) => { run.moment = t; furnish(); } };
+}
+
+{
+  const recorded = document.getElementById("recording");
+  if (recorded) simmerPlayer(JSON.parse(recorded.textContent));
+}

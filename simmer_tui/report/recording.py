@@ -7,24 +7,28 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_right
-from collections.abc import Iterable, Sequence
+from collections import deque
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import cached_property
-from itertools import pairwise
+from itertools import islice, pairwise
 from operator import itemgetter
-from typing import Protocol
+from typing import Any, Protocol
 
 from msgspec import Struct, structs
 
 from simmer_tui.events import ActionName, Goal, Result
 from simmer_tui.phrases import contact_text
+from simmer_tui.run.history_rows import ActionRow, ContactRow, MissionRow, RefusalRow
 from simmer_tui.run.paths import MOVEMENTS, BeliefCloud, Jump, MovementPath, PathRecord
 from simmer_tui.run.run_history import RunHistory
+from simmer_tui.run.scan_traces import ScanTrace
 from simmer_tui.run.table import Newest, TimedItem
 from simmer_tui.sim.block import Block
 from simmer_tui.sim.command import escape
 from simmer_tui.sim.gripper import in_global_frame
+from simmer_tui.sim.legs import Leg
 from simmer_tui.sim.path import PathPosition
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.trajectory import Trajectory
@@ -103,62 +107,120 @@ class Ordered(Protocol):
     def elapsed(self) -> float: ...
 
 
+class _Move:
+    """A movement or jump, and its keyframes, made when they are asked for."""
+
+    def __init__(self, move: MovementPath | Jump) -> None:
+        self._move = move
+
+    @property
+    def elapsed(self) -> float:
+        """Elapsed seconds at its beginning."""
+        return self._move.elapsed
+
+    @cached_property
+    def frames(self) -> list[Keyframe]:
+        move = self._move
+        if isinstance(move, Jump):
+            return [Keyframe(move.elapsed, move.begin), Keyframe(move.elapsed, move.end)]
+        return [Keyframe(max(move.zero + time, 0.0), pose) for time, pose in way(move.trajectory, move.until)]
+
+
 class Recording:
-    """The newest part of a history. Make it when all has happened."""
+    """The newest part of a history. Make it when all has happened, or `update` it as the run goes on."""
 
     def __init__(self, history: RunHistory, paths: PathRecord) -> None:
         self.spec = history.spec
-        self.end = history.elapsed
+        self.end = 0.0
         """Elapsed seconds of all that happened."""
         self.readings: Newest[PlayerReading] = Newest(READINGS)
         self.beliefs = paths.beliefs
-        self.one_particle_in = paths.one_particle_in
+        self.scans = paths.scans
         self.blocks = history.blocks
         self.marks: Newest[Mark] = Newest(MARKS)
         self.commands: Newest[PlayerCommand] = Newest(MOVEMENTS)
+        self._history, self._paths = history, paths
         self._start = paths.start
-        self._moves = list(paths.moves.items)
-        if paths.under_way is not None:
-            under_way = paths.under_way
-            # A log may end while the robot drives: the player shows the movement up to there.
-            until = min(max(self.end - under_way.zero, under_way.trajectory.start_time), under_way.until)
-            self._moves.append(structs.replace(under_way, until=until))
-        self._moves_since = paths.moves.since
+        self._moves: deque[_Move] = deque()
+        self.moves = 0
+        """Movements and jumps so far that are over."""
+        self._marked = _Marked(history)
+        self._read = 0
+        self.update()
+
+    def update(self, present: float = 0.0) -> None:
+        """Take in what has come since the last time; `present` is elapsed time now, if no event has told it.
+        What `pose_at` and its like were asked for before is not brought up to date."""
+        history = self._history
+        self.end = max(history.elapsed, present)
         codes = history.sensor_codes
         # One more than are kept says from when on they are whole.
-        for row in history.readings[-READINGS - 1 :]:
+        table = history.readings
+        fresh = min(table.dropped + len(table) - self._read, READINGS + 1)
+        self._read = table.dropped + len(table)
+        for row in table[len(table) - fresh :] if fresh else ():
             self.readings.add(PlayerReading(row.elapsed, row.taken, codes[row.sensor], row.value, row.true))
-        # Each kind of row is in order by itself; the clock needs all of them together.
-        for _, mark in sorted(_marks(history), key=itemgetter(0)):
+        for mark in self._marked.news():
             self.marks.add(mark)
-        marked = (history.contacts, history.refusals, history.actions, history.missions, history.faults)
-        self.earlier_marks = sum(each.dropped for each in marked) + self.marks.dropped
-        """Marks that are left out."""
-        for move in self._moves:
+        moves = self._paths.moves
+        for move in moves.after(self.moves):
+            self._moves.append(_Move(move))
             if isinstance(move, MovementPath):
                 self.commands.add(PlayerCommand(move.elapsed, move.text))
+        self.moves = moves.first.given
+        while len(self._moves) > len(moves.items):
+            self._moves.popleft()
+
+    @property
+    def one_particle_in(self) -> int:
+        """One in so many particles is kept."""
+        return self._paths.one_particle_in
+
+    @property
+    def earlier_marks(self) -> int:
+        """Marks that are left out."""
+        return self._marked.dropped + self.marks.dropped
 
     @property
     def begin(self) -> float:
         """From when on, elapsed seconds, nothing but marks is left out."""
-        kept = (self.readings.since, self.beliefs.since, self.blocks.since, self._moves_since)
+        kept = (self.readings.since, self.beliefs.since, self.blocks.since, self._paths.moves.since)
         return min(max(kept), self.end)
+
+    @property
+    def under_way(self) -> MovementPath | None:
+        """The movement that has not ended, up to now."""
+        under_way = self._paths.under_way
+        if under_way is None:
+            return None
+        # A log may end while the robot drives: the player shows the movement up to there.
+        begin = under_way.trajectory.start_time
+        return structs.replace(under_way, until=min(max(self.end - under_way.zero, begin), under_way.until))
 
     # -- the run at a moment -----------------------------------------------------------------------
 
     @cached_property
     def keyframes(self) -> list[Keyframe]:
         """The robot's way, in order of time; at least one. To be asked for after the last event."""
-        frames: list[Keyframe] = []
-        for move in self._moves:
-            if isinstance(move, Jump):
-                frames += [Keyframe(move.elapsed, move.begin), Keyframe(move.elapsed, move.end)]
-            else:
-                frames += [
-                    Keyframe(max(move.zero + time, 0.0), pose)
-                    for time, pose in way(move.trajectory, move.until)
-                ]
-        return frames or [Keyframe(0.0, self._start)]
+        return [*self.keyframes_after(0), *self.unsettled_keyframes]
+
+    def keyframes_after(self, moves: int) -> list[Keyframe]:
+        """The keyframes of the kept movements that came after so many."""
+        first = max(len(self._moves) - (self.moves - moves), 0)
+        return [frame for move in islice(self._moves, first, None) for frame in move.frames]
+
+    @property
+    def moves_begin(self) -> float:
+        """Elapsed seconds at which the first movement begins that is kept."""
+        return self._moves[0].elapsed if self._moves else 0.0
+
+    @property
+    def unsettled_keyframes(self) -> list[Keyframe]:
+        """The keyframes of the movement under way, which change as it goes on; where the robot stands, if it
+        has never moved."""
+        if self.under_way is not None:
+            return _Move(self.under_way).frames
+        return [] if self._moves else [Keyframe(0.0, self._start)]
 
     @cached_property
     def _times(self) -> list[float]:
@@ -177,6 +239,25 @@ class Recording:
         """Pose of the block in the maze's frame."""
         placed = latest(self.blocks, elapsed) or self.blocks.items[0]
         return in_global_frame(placed.block, self.pose_at(elapsed)) if placed.held else placed.block
+
+    def command_at(self, elapsed: float) -> PlayerCommand | None:
+        """The newest command by then that moved something."""
+        under_way = self.under_way
+        if under_way is not None and under_way.elapsed <= elapsed:
+            return PlayerCommand(under_way.elapsed, under_way.text)
+        return latest(self.commands, elapsed)
+
+    def scan_at(self, elapsed: float) -> dict[str, ScanTrace]:
+        """The newest scan of each lidar by then, by code."""
+        found: dict[str, ScanTrace] = {}
+        lidars = sum(sensor.kind.is_scan for sensor in self.spec.sensors)
+        after = bisect_right(self.scans.items, elapsed, key=lambda scan: scan.elapsed)
+        for place in range(after - 1, -1, -1):
+            scan = self.scans.items[place]
+            found.setdefault(scan.code, scan)
+            if len(found) == lidars:
+                break
+        return found
 
     def belief_at(self, elapsed: float) -> BeliefCloud | None:
         """The newest belief by then."""
@@ -200,38 +281,68 @@ def latest(kept: Newest[TimedItem], elapsed: float) -> TimedItem | None:
     return kept.items[found - 1] if found else None
 
 
-def _marks(history: RunHistory) -> Iterable[tuple[int, Mark]]:
-    """All that is marked on the clock, with the order in which it happened."""
+class _Marked:
+    """The rows of a history that are marked on the clock, as marks in the order in which they happened."""
 
-    def mark(
-        row: Ordered, kind: MarkKind, text: str, point: tuple[float, float] | None = None
-    ) -> tuple[int, Mark]:
-        return row.order, Mark(row.elapsed, kind, escape(text, 300), point)
+    def __init__(self, history: RunHistory) -> None:
+        self._spec = history.spec
+        self._tables: tuple[tuple[Newest[Any], Callable[[Any], Mark | None]], ...] = (
+            (history.contacts, self._contact),
+            (history.refusals, _refusal),
+            (history.actions, _action),
+            (history.missions, _mission),
+            (history.faults, lambda row: _mark(row, MarkKind.FAULT, row.text)),
+        )
+        self._seen = [0] * len(self._tables)
 
-    for contact in history.contacts.items:
-        words = contact_text(contact.contact, history.spec)
-        yield mark(contact, MarkKind.CONTACT, f"{contact.shown}: {words}", contact.point)
-    for refusal in history.refusals.items:
-        outcome = refusal.outcome
-        why = escape(outcome.reason, 120) or outcome.status.value
-        yield mark(refusal, MarkKind.REFUSED, f"{outcome.command.shown}: {why}")
-    for action in history.actions.items:
-        name = action.done.action.name
-        pauses = name in (ActionName.PAUSE, ActionName.RESUME)
-        yield mark(action, MarkKind.PAUSE if pauses else MarkKind.PERSON, f"{name.value}: {action.done.text}")
-    for mission in history.missions.items:
-        subject = mission.event.subject
-        if isinstance(subject, Goal) or mission.event.over:
-            kind = MarkKind.FAILED if subject is Result.FAILED else MarkKind.GOAL
-            yield mark(mission, kind, mission.text)
-    for fault in history.faults.items:
-        yield mark(fault, MarkKind.FAULT, fault.text)
+    @property
+    def dropped(self) -> int:
+        """Rows that are no longer kept."""
+        return sum(table.dropped for table, _ in self._tables)
+
+    def news(self) -> Iterable[Mark]:
+        """The marks that have come since the last time."""
+        found = []
+        for place, (table, mark_of) in enumerate(self._tables):
+            found += [(row.order, mark_of(row)) for row in table.after(self._seen[place])]
+            self._seen[place] = table.first.given
+        # Each kind of row is in order by itself; the clock needs all of them together.
+        return [mark for _, mark in sorted(found, key=itemgetter(0)) if mark is not None]
+
+    def _contact(self, row: ContactRow) -> Mark:
+        return _mark(
+            row, MarkKind.CONTACT, f"{row.shown}: {contact_text(row.contact, self._spec)}", row.point
+        )
+
+
+def _mark(row: Ordered, kind: MarkKind, text: str, point: tuple[float, float] | None = None) -> Mark:
+    return Mark(row.elapsed, kind, escape(text, 300), point)
+
+
+def _refusal(row: RefusalRow) -> Mark:
+    outcome = row.outcome
+    why = escape(outcome.reason, 120) or outcome.status.value
+    return _mark(row, MarkKind.REFUSED, f"{outcome.command.shown}: {why}")
+
+
+def _action(row: ActionRow) -> Mark:
+    name = row.done.action.name
+    pauses = name in (ActionName.PAUSE, ActionName.RESUME)
+    return _mark(row, MarkKind.PAUSE if pauses else MarkKind.PERSON, f"{name.value}: {row.done.text}")
+
+
+def _mission(row: MissionRow) -> Mark | None:
+    subject = row.event.subject
+    if not (isinstance(subject, Goal) or row.event.over):
+        return None
+    kind = MarkKind.FAILED if subject is Result.FAILED else MarkKind.GOAL
+    return _mark(row, kind, row.text)
 
 
 # -- keyframes of a movement -------------------------------------------------------------------------
 
 
-def way(trajectory: Trajectory, until: float) -> list[tuple[float, Pose]]:
+def way(trajectory: Trajectory | Leg, until: float) -> list[tuple[float, Pose]]:
     """Simulated times and poses between which a movement goes evenly, to within a hundredth of an inch
     and a tenth of a degree, from its beginning till a time.
 
@@ -239,13 +350,14 @@ def way(trajectory: Trajectory, until: float) -> list[tuple[float, Pose]]:
     something, and there it may turn at once; so these are looked at from both sides.
     """
     begin = trajectory.start_time
-    held = trajectory.held_at
     breaks = {begin, max(until, begin)}
-    breaks.update(
-        trajectory.time_of(PathPosition(each, 0.0, 0.0)) for each in range(trajectory.path.segments)
-    )
-    met = None if trajectory.contact is None else trajectory.contact.time
-    breaks.update(each for each in (held, met) if each is not None)
+    # A leg of a continuous motion is one arc, from end to end.
+    if isinstance(trajectory, Trajectory):
+        breaks.update(
+            trajectory.time_of(PathPosition(each, 0.0, 0.0)) for each in range(trajectory.path.segments)
+        )
+        met = None if trajectory.contact is None else trajectory.contact.time
+        breaks.update(each for each in (trajectory.held_at, met) if each is not None)
     times = sorted(each for each in breaks if begin <= each <= until) or [begin]
     frames: list[tuple[float, Pose]] = []
     for a, b in pairwise(times):
@@ -261,7 +373,7 @@ def way(trajectory: Trajectory, until: float) -> list[tuple[float, Pose]]:
 
 
 def _refined(
-    trajectory: Trajectory, begin: tuple[float, Pose], end: tuple[float, Pose]
+    trajectory: Trajectory | Leg, begin: tuple[float, Pose], end: tuple[float, Pose]
 ) -> Iterable[tuple[float, Pose]]:
     """Keyframes needed between two moments, in order."""
     (a, _), (b, _) = begin, end

@@ -103,7 +103,8 @@ def two_sided(statistic: float, degrees_of_freedom: float = math.inf) -> float:
 
 def binomial_tail(hits: int, count: int, share: float) -> float:
     """Probability of at least so many hits among `count` if each has the probability `share`."""
-    if hits <= 0:
+    # A probability of 1 has no logarithm of what is left.
+    if hits <= 0 or share >= 1.0:
         return 1.0
     if share <= 0.0:
         return 0.0

@@ -14,13 +14,13 @@ from simmer_tui.document.as_data import CsvWriter
 from simmer_tui.document.formats import POSE, Format
 from simmer_tui.document.model import DataColumn
 from simmer_tui.events import CommandResult, EventHandler, MovementEnded
-from simmer_tui.report.audit import audit
+from simmer_tui.report.bent_scans import BentScans
 from simmer_tui.report.causes import Cause
 from simmer_tui.report.finding import Finding
-from simmer_tui.report.mission_gate import MissionGate
+from simmer_tui.report.mission_gate import Analysis
 from simmer_tui.report.recording import Recording
-from simmer_tui.report.verdict import Verdict, verdict_of
-from simmer_tui.run.attempt import Attempt, Task, task_of
+from simmer_tui.report.verdict import Verdict, findings_of, verdict_of
+from simmer_tui.run.attempt import Task, task_of
 from simmer_tui.run.paths import PathRecord
 from simmer_tui.run.reducer import Reducer
 from simmer_tui.run.run_history import RunHistory, Totals
@@ -29,6 +29,7 @@ from simmer_tui.run.table import First
 from simmer_tui.runlog.header import Header
 from simmer_tui.runlog.log_records import BrokenLine
 from simmer_tui.runlog.reader import Logged, LogReader
+from simmer_tui.sim.maze import Maze
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.records import Status
 
@@ -57,24 +58,25 @@ class RunStatistics:
         if configuration.mission is not None:
             beginning = replace(beginning, mission=beginning.mission or MissionProgress())
         self.paths = PathRecord(configuration.simulation.maze, header.pose, recorded=recorded)
+        # A set that is not there is told at once, before the log is read.
+        found = nominal_of(configuration, nominal)
         self.history = RunHistory(
             beginning,
             log_begins=header.t,
             counters_known=header.number == 0,
             paths=self.paths,
-            # A set that is not there is told at once, before the log is read.
-            nominal=nominal_of(configuration, nominal),
+            nominal=lambda: found,
         )
         self.history.is_twin = not header.simulated
-        self.reducer = Reducer(beginning, history=self.history)
+        self.reducer = Reducer(beginning)
+        self._analysis = Analysis(self.reducer, self.history)
+        self.bent = BentScans(Maze(configuration.simulation.maze))
+        """The scans of lidars that were taken while the robot moved."""
         self.broken: First[BrokenLine] = First(20)
         self.notes: list[str] = []
         self.findings: tuple[Finding, ...] = ()
         """Sensors and drives that are not as they should be; after `finish`."""
         self.real_seconds = 0.0
-        self._uncounted_until = 0.0
-        """Simulated seconds since the log began, at the last event that does not count."""
-        self._gate = MissionGate()
         self._recorded = recorded
 
     def add(self, logged: Logged | BrokenLine) -> None:
@@ -83,29 +85,20 @@ class RunStatistics:
             self.broken.add(logged)
             return
         self.real_seconds = max(self.real_seconds, logged.real_time - self.header.real_time)
-        was_over = self._gate.over
-        if not self._gate.handle(logged.event):
-            # Of all events only notices have no time, and they count.
-            time: float = getattr(logged.event, "time", 0.0)
-            self._uncounted_until = max(self._uncounted_until, self.history.clock.before + time)
-            return
-        # A run that begins anew does so after what came before, counted or not.
-        if was_over and not self._gate.over:
-            self.history.clock.skip(self.elapsed)
-        self.reducer.apply(logged.event, logged.line, logged.real_time)
+        self._analysis.apply(logged.event, logged.line, logged.real_time)
+        if isinstance(logged.event, CommandResult) and logged.event.reading is not None:
+            self.bent.add(logged.event.reading, self.reducer.block_place)
 
     @property
     def elapsed(self) -> float:
         """Simulated seconds since the log began, those after the mission's end included."""
-        return max(self.history.elapsed, self._uncounted_until)
+        return self._analysis.elapsed
 
     def finish(self, note: str = "") -> None:
         """No more comes; `note` is what the reader has to say."""
         self.paths.stand(self.history.elapsed)
-        attempt = Attempt(self.history, self._task)
-        over = None if attempt.over is None else attempt.over.order
-        self.findings = audit(self.history, over)
-        self.notes += filter(None, (note, self._gate.note))
+        self.findings = findings_of(self.history, self.task)
+        self.notes += filter(None, (note, self._analysis.note))
         if not self.reducer.still:
             self.notes.append("the log ends while a movement is under way; how it ended is not known")
         for broken in self.broken.items:
@@ -114,17 +107,18 @@ class RunStatistics:
             self.notes.append(f"{self.broken.more} more broken lines were skipped")
 
     @cached_property
-    def _task(self) -> Task | None:
+    def task(self) -> Task | None:
+        """Mission of the run; None without one."""
         return task_of(self.configuration, self.header.seed)
 
     @cached_property
     def verdict(self) -> Verdict:
         """Outcome of the run, and its cause; after `finish`."""
-        return verdict_of(self.history, self._task, findings=self.findings)
+        return verdict_of(self.history, self.task, findings=self.findings)
 
     @property
     def cause(self) -> Cause | None:
-        """Why the run failed, if it did; after `finish`."""
+        """Cause of the run's failure, None if it did not fail; after `finish`."""
         return self.verdict.cause
 
     @cached_property

@@ -109,11 +109,11 @@ def change_text(spec: SensorSpec, kind: FindingKind, value: float, other: str | 
     """
     match kind:
         case FindingKind.STUCK:
-            return "counts nothing" if spec.kind.counts else f"always says {value:.3g} {spec.unit}".rstrip()
+            return "counts nothing" if spec.kind.counts else f"always reads {value:.3g} {spec.unit}".rstrip()
         case FindingKind.SIGN:
-            return "says the opposite" if spec.is_yes_or_no else "reads with its sign turned"
+            return "answers the opposite" if spec.is_yes_or_no else "reads with the wrong sign"
         case FindingKind.SWAPPED:
-            return f"reads what {other} should"
+            return f"reads what {other} should read"
         case _:
             return "is late by one reading" if value == 1 else f"is late by {int(value)} readings"
 

@@ -19,7 +19,7 @@ from simmer_tui.run.table import Columns
 from simmer_tui.sim.angles import FloatArray
 from simmer_tui.sim.block import Block
 from simmer_tui.sim.maze import Maze
-from simmer_tui.sim.sensors import CountingSensor, ObservingSensor, Sensor, sensor_of
+from simmer_tui.sim.sensors import CountingSensor, ObservingSensor, Sensor, modelled_sensor
 from simmer_tui.sim.sensors.base import World
 from simmer_tui.sim.specs import SensorSpec
 
@@ -102,7 +102,7 @@ def sample_of(
     """The readings of a sensor in `rows`, beside what a sensor with the row `spec` should have said; None
     if nothing is known of that. It may be swapped with one of the `others`."""
     alike = tuple(_alike(spec, others))
-    sensor = sensor_of(spec)
+    sensor = modelled_sensor(spec)
     if isinstance(sensor, CountingSensor):
         return _counted(history, rows, sensor, alike)
     if not isinstance(sensor, ObservingSensor):
@@ -356,7 +356,7 @@ def _alike(spec: SensorSpec, others: Iterable[SensorSpec]) -> Iterator[Sensor]:
     for each in others:
         same = each.unit == spec.unit and each.is_yes_or_no == spec.is_yes_or_no
         if same and each.enabled and each.code != spec.code and each.kind.counts == spec.kind.counts:
-            yield sensor_of(each)
+            yield modelled_sensor(each)
 
 
 def _seen_by(history: RunHistory, rows: Columns, sensor: ObservingSensor) -> FloatArray:

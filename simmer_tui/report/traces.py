@@ -14,7 +14,7 @@ from simmer_tui.run.run_history import TracePoint
 
 _LEFT, _RIGHT = 74.0, 46.0
 _STRIP, _GAP, _AXIS = 58.0, 16.0, 34.0
-_TRUE, _READ = "#9a9a9a", "#1f69c8"
+_TRUE, _READ = "#9a9a9a", "#3066e4"
 _TOP, _TICKS = 26.0, 6
 BELIEF = "belief"
 """Name of the strip of the belief; the others are named by the codes of their sensors."""

@@ -10,7 +10,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 
-from simmer_tui.events import Goal, NoticeKind, ProgramEnded, Result
+from simmer_tui.events import NOT_LED, Goal, NoticeKind, ProgramEnded, Result
 from simmer_tui.phrases import capitalized, contacts_text, counted, crash_text, place_text, program_end_text
 from simmer_tui.report.audit import audit
 from simmer_tui.report.cause_search import causes_of
@@ -18,7 +18,7 @@ from simmer_tui.report.causes import Cause, Kind, Sureness
 from simmer_tui.report.finding import Finding
 from simmer_tui.run.attempt import Attempt, Task
 from simmer_tui.run.history_rows import MissionRow, NoticeRow, ProgramRow
-from simmer_tui.run.run_history import STUCK, RunHistory
+from simmer_tui.run.run_history import RunHistory
 from simmer_tui.sim.command import escape
 
 _LONGEST_TEXT = 200
@@ -46,7 +46,7 @@ class Verdict:
 
     outcome: Outcome
     text: str
-    """One sentence, the same everywhere."""
+    """Outcome and cause, the same everywhere. Its first sentence says both."""
     elapsed: float
     line: int
     goal: Goal | None = None
@@ -64,7 +64,7 @@ class Verdict:
     @property
     def lines(self) -> list[str]:
         """All of it but the program's output: the sentence first, then what speaks for it."""
-        second = "" if self.second_cause is None else f"A second cause: {self.second_cause.text}"
+        second = "" if self.second_cause is None else f"Second cause: {self.second_cause.text}"
         told = (self.text, *self.notes, *self.evidence, second, self.advice)
         return [each for each in told if each]
 
@@ -140,6 +140,12 @@ def verdict_of(
         findings: Sensors and drives that are not as they should be; by default they are looked for.
     """
     return _Judge(history, task, cut_off, findings).verdict()
+
+
+def findings_of(history: RunHistory, task: Task | None) -> tuple[Finding, ...]:
+    """Sensors and drives that were not as they should be, until the mission's end; see `verdict_of`."""
+    over = Attempt(history, task).over
+    return audit(history, None if over is None else over.order)
 
 
 class _Judge:
@@ -232,7 +238,7 @@ class _Judge:
         if self._program is None:
             return Outcome.STILL_GOING if self._left is None else Outcome.ENDED
         # A program that sent nothing has shown nothing, whatever its exit code.
-        silent = not self._program.event.stopped and not self._attempt.commands
+        silent = not self._program.event.stopped and self._attempt.is_silent
         return Outcome.FAILED if silent else Outcome.ENDED
 
     def _causes(self, outcome: Outcome) -> list[Cause]:
@@ -242,9 +248,7 @@ class _Judge:
             return []
         # What the program did after its mission's end did not decide it.
         event = None if self._program is None or self._is_after_mission() else self._program.event
-        found, over = self._findings, self._attempt.over
-        if found is None:
-            found = audit(self._history, None if over is None else over.order)
+        found = findings_of(self._history, self._attempt.task) if self._findings is None else self._findings
         return causes_of(self._attempt, event, cut_off=self._cut_off, findings=found)
 
     # -- words -----------------------------------------------------------------------------------
@@ -281,9 +285,14 @@ class _Judge:
             return f"Fix first: {cause.kind.advice}."
         if not program.started:
             return "Fix first: the command after --run. Try it alone in a terminal."
+        if self._attempt.is_silent and self._not_led():
+            return "Fix first: how the program is started; it was not led to the robot's serial port."
         if program.crashed:
             return f"Fix first: {escape(program.place, _LONGEST_TEXT) or cause.kind.advice}."
         return f"Fix first: why the program ends with exit code {program.exit_code}."
+
+    def _not_led(self) -> bool:
+        return any(row.text.startswith(NOT_LED) for row in self._history.faults.items)
 
     def _end(self) -> str:
         """Words for the end of the program or of its connection; empty without one."""
@@ -294,12 +303,12 @@ class _Judge:
         return escape(self._left.text, _LONGEST_TEXT)
 
     def _worst(self) -> str:
-        """The worst that happened in a run of which nobody knows what it was to do."""
+        """The worst event of a run without a mission."""
         attempt, history = self._attempt, self._history
-        count, since = attempt.blocked
-        if count >= STUCK and attempt.collision is not None:
+        stuck = attempt.stuck
+        if stuck is not None and attempt.collision is not None:
             pose = attempt.collision.row.pose
-            return f"stuck at {place_text(pose.x, pose.y)} since {since:.1f} s, {count} movements in a row"
+            return f"stuck at {place_text(pose.x, pose.y)}: from {stuck.since:.1f} s on, {stuck.text}"
         if attempt.contacts and attempt.collision is not None:
             row = attempt.collision.row
             last = "" if attempt.contacts == 1 else "the last "
@@ -310,9 +319,11 @@ class _Judge:
         for rows, name in ((history.faults, "fault"), (history.refusals, "refused command")):
             if rows.first.given:
                 return counted(rows.first.given, name)
-        return f"{counted(attempt.commands, 'command')}, nothing went wrong" if attempt.commands else (
-            "no command was sent"
-        )  # fmt: skip
+        if attempt.is_silent:
+            return "no command was sent"
+        wires = history.totals.wires
+        done = counted(attempt.commands, "command") if attempt.commands else counted(wires, "serial message")
+        return f"{done}, nothing went wrong"
 
     def _notes(self) -> Iterable[str]:
         if self._is_after_mission() and self._crashed():

@@ -1,55 +1,116 @@
-"""Reason for the end of a run's last movement, in a sentence or two, and what a sensor saw of it."""
+"""Reason for the end of a run's last movement, fact by fact, and what a sensor saw of it."""
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 from simmer_tui.events import MovementEnded
-from simmer_tui.phrases import body_text, drift_text, grip_ending, obstacle_place
+from simmer_tui.phrases import (
+    asked_text,
+    body_text,
+    grip_ending,
+    movement_text,
+    obstacle_place,
+    stopped_text,
+    went_text,
+)
 from simmer_tui.run.facts import BESIDE, FacingSensor, LastReading, facing_sensor
 from simmer_tui.run.state import State
-from simmer_tui.sim.command import escape
+from simmer_tui.sim.command import escape, parse_value
 from simmer_tui.sim.path import Contact
-from simmer_tui.sim.specs import SimulationSpec
+from simmer_tui.sim.specs import Axes, SimulationSpec
 
+# Judged: a third of a right angle; a sensor that looks so far aside may well see something else.
+_ASIDE = 30.0
+"""Degrees beside a contact from which a sensor's direction is told."""
+# Half of what a tenth shows.
+_SHOWN_ERROR = 0.05
 NOTHING_MOVED = "No movement has ended yet."
 
 
-def why(state: State, spec: SimulationSpec) -> str:
-    """Why the movement that ended last did so: who stopped it, or what it met, and what the sensor that
-    looks that way had read."""
+@dataclass(frozen=True, slots=True)
+class WhyFact:
+    """One fact about a movement: `label` is a word such as `asked`, `is_bad` is true for what stopped it."""
+
+    label: str
+    text: str
+    is_bad: bool = False
+
+
+def why(state: State, spec: SimulationSpec) -> tuple[WhyFact, ...]:
+    """Reasons why the movement that ended last did so: what was asked, how far it went, its errors, and who
+    or what stopped it, with the reading of the sensor that looks that way. Empty before the first."""
     ended = state.ended
     if ended is None:
-        return NOTHING_MOVED
-    begins = f"{ended.command.shown} ({ended.command.source}, begun at {ended.trajectory.start_time:.2f} s)"
-    by = f"was stopped by {escape(ended.stopped_by, 80)}" if ended.stopped_by else ""
+        return ()
     if ended.grip is not None:
-        return f"{begins} {', and '.join(filter(None, (grip_ending(ended.grip), by)))}."
-    contact, went = ended.contact, _went(ended)
-    if by:
-        touched = "" if contact is None else f" It had touched {obstacle_place(contact, spec)} on its way."
-        return f"{begins} {by} at {ended.time:.2f} s, after {went}.{touched}"
-    if contact is None:
-        return f"{begins} ended at {ended.time:.2f} s, after {went}. Nothing was in the way."
-    if not contact.ended:
-        return (
-            f"{begins} went on to its end, {went}: an error only, not the command, pressed "
-            f"{body_text(contact)} against {obstacle_place(contact, spec)}."
+        grip = WhyFact("gripper", grip_ending(ended.grip))
+        return (grip, WhyFact("ended", _stop_text(ended), is_bad=True)) if ended.stopped_by else (grip,)
+    asked = _asked(ended)
+    told = [] if asked is None else [WhyFact("asked", asked)]
+    contact = ended.contact
+    if contact is not None and contact.ended and not ended.stopped_by:
+        return (*told, *_contact_facts(state, ended, contact, spec))
+    told.append(WhyFact("went", movement_text(ended)))
+    errors = _errors(state, ended)
+    if errors and not ended.stopped_by:
+        told.append(WhyFact("errors", errors))
+    if contact is not None:
+        told.append(
+            WhyFact("touched", f"{obstacle_place(contact, spec)}, by {body_text(contact)}", is_bad=True)
         )
+    if ended.stopped_by:
+        return (*told, WhyFact("ended", _stop_text(ended), is_bad=True))
+    touched = "nothing in its way" if contact is None else "the contact came of drive errors alone"
+    return (*told, WhyFact("ended", f"as asked; {touched}"))
+
+
+def _contact_facts(
+    state: State, ended: MovementEnded, contact: Contact, spec: SimulationSpec
+) -> tuple[WhyFact, ...]:
+    """Facts about a movement that a contact stopped."""
+    held = ", with the held block" if contact.held_block else ""
     return (
-        f"{begins} was stopped at {contact.time:.2f} s, after {went}: {body_text(contact)} met "
-        f"{obstacle_place(contact, spec)}, {drift_text(contact)}. {_seen(state, contact, spec)}"
+        WhyFact("went", f"{went_text(ended)}, {stopped_text(contact)}{held} (X)", is_bad=True),
+        WhyFact("hit", obstacle_place(contact, spec)),
+        WhyFact("sensor", _seen(state, contact, spec)),
+        WhyFact("errors", f"exact drives would have hit {'nothing' if contact.drift else 'it too'}"),
     )
 
 
-def _went(ended: MovementEnded) -> str:
-    """Distance travelled, of the distance planned with errors."""
-    trajectory = ended.trajectory
-    if trajectory.turning:
-        turned = ended.pose.heading - trajectory.pose_at(trajectory.start_time).heading
-        return f"{turned:.1f} of {trajectory.totals.r:.1f} deg"
-    whole = math.hypot(trajectory.totals.x, trajectory.totals.y)
-    return f"{trajectory.travelled(ended.time):.1f} of {whole:.1f} in"
+def _stop_text(ended: MovementEnded) -> str:
+    return f"stopped by {escape(ended.stopped_by, 80)} at {ended.time:.2f} s"
+
+
+def _asked(ended: MovementEnded) -> str | None:
+    """The movement that the command asked for; None if it is not known."""
+    trajectory, value = ended.trajectory, parse_value(ended.command.argument)
+    if trajectory.kind is None or not isinstance(value, float):
+        return None
+    return asked_text(trajectory.kind, value)
+
+
+def _errors(state: State, ended: MovementEnded) -> str:
+    """Parts of the error along the movement: by the drive's bias, and by chance. Empty if there is none.
+
+    total = asked + value * bias + chance, on the axis of the movement (sim/motion.py).
+    """
+    trajectory, value = ended.trajectory, parse_value(ended.command.argument)
+    kind = trajectory.kind
+    if kind is None or not isinstance(value, float):
+        return ""
+    # The gain is what the drive makes of a command, not an error.
+    value *= next((drive.gain for drive in state.spec.drives if drive.kind is kind), 1.0)
+    bias, totals, direction = state.bias.get(kind, Axes()), trajectory.totals, kind.direction
+    share = bias.r if kind.turns else bias.x if direction.x else bias.y
+    along = totals.x * direction.x + totals.y * direction.y + totals.r * direction.r
+    # Of a value such as -3 the way is backwards; a turn to the right has negative degrees.
+    sign = -1.0 if value < 0 and not kind.turns else 1.0
+    by_bias, total, unit = sign * value * share, sign * (along - value), "deg" if kind.turns else "in"
+    if abs(total) < _SHOWN_ERROR and abs(by_bias) < _SHOWN_ERROR:
+        return ""
+    return f"bias {by_bias:+.1f} {unit}, noise {total - by_bias:+.1f} {unit}"
 
 
 def _seen(state: State, contact: Contact, spec: SimulationSpec) -> str:
@@ -58,7 +119,16 @@ def _seen(state: State, contact: Contact, spec: SimulationSpec) -> str:
         code: LastReading(code, row.reading.value, row.reading.true, row.time)
         for code, row in state.sensors.items()
     }
-    return facing_sensor_text(facing_sensor(contact, spec.sensors, words), contact.time)
+    looks = facing_sensor(contact, spec.sensors, words)
+    if looks is None:
+        return "no sensor looks ahead"
+    code = looks.codes[0] if looks.last is None else looks.last.code
+    beside = f"{code}, {looks.beside:.0f} deg beside it," if looks.beside > _ASIDE else code
+    if looks.last is None:
+        return f"{beside} was not read"
+    ago = contact.time - looks.last.time
+    when = f"{ago:.1f} s before" if ago >= 0.0 else "after it"
+    return f"{beside} read {shown_range(looks.last.value)}, {when}"
 
 
 def facing_sensor_text(looks: FacingSensor | None, time: float) -> str:
@@ -67,14 +137,14 @@ def facing_sensor_text(looks: FacingSensor | None, time: float) -> str:
         return "The robot has no sensor that looks ahead."
     last = looks.last
     code = looks.codes[0] if last is None else last.code
-    side = "which looks that way"
-    if looks.beside > 30.0:
-        side = f"the nearest, which looks {looks.beside:.0f} deg beside it"
+    side = "looks that way"
+    if looks.beside > _ASIDE:
+        side = f"is the nearest sensor and looks {looks.beside:.0f} deg beside it"
     if last is None:
-        return f"{code}, {side}, was not read."
+        return f"{code} {side}, but was not read."
     ago = time - last.time
-    when = f", {ago:.2f} s before the contact" if ago >= 0.0 else ", after it"
-    return f"{code}, {side}, last read {shown_range(last.value)} at {last.time:.2f} s{when}."
+    when = f"{ago:.2f} s before the contact" if ago >= 0.0 else "after the contact"
+    return f"{code} {side}. Its last reading was {shown_range(last.value)}, {when}."
 
 
 def looks_there(looks: FacingSensor | None) -> bool:

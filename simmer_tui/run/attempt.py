@@ -9,9 +9,9 @@ import numpy as np
 
 from simmer_tui.config.loader import Configuration
 from simmer_tui.config.mission_plan import Cell, MissionPlan, draw_mission
-from simmer_tui.events import ActionName, Goal, MovementEnded, Result
+from simmer_tui.events import ActionName, Goal, MovementEnded, NoticeKind, Result
 from simmer_tui.run.episodes import Episode
-from simmer_tui.run.facts import COVERED, SLIGHT, LastReading
+from simmer_tui.run.facts import LastReading, Stuck
 from simmer_tui.run.history_rows import (
     ActionRow,
     BeliefRow,
@@ -24,13 +24,19 @@ from simmer_tui.run.history_rows import (
 )
 from simmer_tui.run.progress import Stretch, without_progress
 from simmer_tui.run.run_history import RunHistory
+from simmer_tui.run.table import Columns, RowT, RowTable
 from simmer_tui.sim.block import Block
 from simmer_tui.sim.footprint import Footprint
 from simmer_tui.sim.gripper import can_take, in_global_frame
+from simmer_tui.sim.legs import Leg
 from simmer_tui.sim.path import Contact
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.sensors.yes_or_no import LoadSensor
-from simmer_tui.sim.specs import Axes, DriveKind
+from simmer_tui.sim.specs import CELL_SIZE, Axes, DriveKind
+
+# A cell: what a program did further back it has seen by its sensors since.
+LAID_AGAIN = CELL_SIZE
+"""Inches of a continuous motion before a contact that are laid again."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,7 +67,9 @@ class Collision:
     """A movement that met something, and all that was known when it began: the newest belief, the one since
     which beliefs had been wrong (`lost`), each sensor's last reading, the block that was held (in the
     robot's frame) or lay about, and the bias. `before` are the movements before it, newest last, that
-    followed on one another with nothing in between, `unseen` of them since a sensor was read."""
+    followed on one another with nothing in between, `unseen` of them since a sensor was read. Of a velocity,
+    `legs` are those of its last inches, the one with the contact included, and `unseen_legs` how many of them
+    ended after the last reading; `before` and `unseen` are then empty."""
 
     row: ContactRow
     belief: BeliefRow | None
@@ -72,6 +80,8 @@ class Collision:
     bias: Mapping[DriveKind, Axes]
     before: Sequence[MovementEnded] = ()
     unseen: int = 0
+    legs: Sequence[Leg] = ()
+    unseen_legs: int = 0
 
     @property
     def ended(self) -> MovementEnded:
@@ -96,12 +106,25 @@ class Spent:
     readings: Counter[str] = field(default_factory=Counter)
 
 
+@dataclass(frozen=True, slots=True)
+class Standing:
+    """A stretch at the end, from `since` on (elapsed seconds), in which the robot only read its sensors:
+    `readings` of them, `often` those of `code`, the one read most."""
+
+    since: float
+    readings: int
+    code: str
+    often: int
+
+
 class Attempt:
     """Make one when a question is to be answered: it does not follow what happens afterwards."""
 
     def __init__(self, history: RunHistory, task: Task | None) -> None:
         self.history = history
         self.task = task
+        self._within: dict[tuple[int, int], Columns] = {}
+        """Columns by table and first event: many causes ask for the same, and gathering them takes longer."""
         self.spec = history.spec
         self._began = history.began
         self.over: MissionRow | None = next(
@@ -118,6 +141,19 @@ class Attempt:
         self._place = (placements[-1].done.pose, placements[-1].elapsed) if placements else (
             history.start, history.begun
         )  # fmt: skip
+
+    @property
+    def placed(self) -> int:
+        """The running number of the event that last put the robot somewhere; 0 if none did."""
+        return self._placed
+
+    def within(self, table: RowTable[RowT], since: int | None = None) -> Columns:
+        """The rows of a table after an event until its end, by default after the run last began anew."""
+        key = (id(table), self._began if since is None else since)
+        if key not in self._within:
+            begin, end = table.place_of(key[1] + 1), table.place_of(self._until + 1)
+            self._within[key] = table.columns(begin, end)
+        return self._within[key]
 
     # -- how it ended ----------------------------------------------------------------------------
 
@@ -159,8 +195,15 @@ class Attempt:
     @cached_property
     def commands(self) -> int:
         """Number of commands since the run last began anew."""
-        table = self.history.commands
-        return table.place_of(self._until + 1) - table.place_of(self._began + 1)
+        answered = self.within(self.history.commands)["number"]
+        moved = self.within(self.history.movements)["number"]
+        # The answer to the command that ends a mission comes after that end.
+        return len(answered) + bool((moved > answered.max(initial=0)).any())
+
+    @property
+    def is_silent(self) -> bool:
+        """True if no command has come, and nothing went over a dialect's line."""
+        return not self.commands and not self.history.totals.wires
 
     @cached_property
     def contacts(self) -> int:
@@ -174,15 +217,17 @@ class Attempt:
     def belief_before(self, order: int) -> tuple[BeliefRow | None, BeliefRow | None]:
         """The newest belief before an event, and the first of those that lead to it and were all lost."""
         beliefs = self.history.beliefs
-        rows = [
-            row for row in beliefs[beliefs.place_of(self._placed + 1) : beliefs.place_of(order)] if row.finite
-        ]
-        lost = None
-        for row in reversed(rows):
+        newest = lost = None
+        # Backwards, as far as it matters: a long run has tens of thousands.
+        for place in range(beliefs.place_of(order) - 1, beliefs.place_of(self._placed + 1) - 1, -1):
+            row = beliefs[place]
+            if not row.finite:
+                continue
+            newest = newest or row
             if not row.lost:
                 break
             lost = row
-        return (rows[-1] if rows else None), lost
+        return newest, lost
 
     @cached_property
     def beliefs(self) -> tuple[BeliefRow | None, BeliefRow | None]:
@@ -201,10 +246,37 @@ class Attempt:
         block = [each for each in history.blocks.items if each.order < order][-1]
         bias = [each for each in history.biases.items if each.order < order][-1].bias
         held = block.block if block.held else None
-        before, unseen = self._led_to(order)
+        legs, unseen_legs = self._legs_to(order)
+        before, unseen = ([], 0) if legs else self._led_to(order)
         return Collision(
-            rows[-1], belief, lost, self._last_readings(order), held, block.block, bias, before, unseen
-        )
+            rows[-1], belief, lost, self._last_readings(order), held, block.block, bias, before, unseen,
+            legs, unseen_legs,
+        )  # fmt: skip
+
+    def _legs_to(self, order: int) -> tuple[list[Leg], int]:
+        """The legs that led to a contact, that with it the last, and how many ended after the last reading:
+        as far back as the robot drove freely, and as `LAID_AGAIN` says or nothing was read. Empty if no leg
+        had the contact."""
+        newest = [row for row in self.history.newest_legs if row[0] <= order]
+        if not newest or newest[-1][0] != order:
+            return [], 0
+        looked = self._last_look(order)
+        legs, unseen, gone = [newest[-1][1].leg], 1, 0.0
+        for at, ended in reversed(newest[:-1]):
+            leg, gone = ended.leg, gone + legs[0].travelled(legs[0].end_time)
+            blind = at > looked
+            is_free = leg.contact is None and not leg.pressed and leg.last_pose == legs[0].before
+            if not is_free or (gone >= LAID_AGAIN and not blind):
+                break
+            unseen += blind
+            legs.insert(0, leg)
+        return legs, unseen
+
+    def _last_look(self, order: int) -> int:
+        """The order of the last reading before an event; 0 if there is none."""
+        readings = self.history.readings
+        place = readings.place_of(order)
+        return readings[place - 1].order if place else 0
 
     def _led_to(self, order: int) -> tuple[list[MovementEnded], int]:
         """The movements that led to one, newest last, as far back as nothing but drives moved the robot, and
@@ -250,33 +322,21 @@ class Attempt:
         return gone - max(each.gone for each in last), turned - max(each.turned for each in last)
 
     @cached_property
-    def blocked(self) -> tuple[int, float]:
-        """Movements in a row at the end that a contact ended, and since when, elapsed seconds."""
-        return self.history.blocked(self._placed, self._until)
+    def stuck(self) -> Stuck | None:
+        """Stretch at the end in which a wall held the robot; None if it was not stuck."""
+        limit = self.elapsed if self.task is None else self.task.time_limit
+        return self.history.stuck(limit, self._placed, self._until)
 
     @cached_property
     def hardly_localized(self) -> bool:
-        """True if less than half of its beliefs since the robot was placed were right and sure."""
+        """True if less than half of its beliefs since the robot was placed were right and sure. Who found out
+        where it is, and was never wrong before, has only looked for it."""
         beliefs = self.history.beliefs
         rows = beliefs[beliefs.place_of(self._placed + 1) : beliefs.place_of(self._until + 1)]
-        return 2 * sum(row.finite and not row.lost and not row.unsure for row in rows) < len(rows)
-
-    @cached_property
-    def looked_while_lost(self) -> bool:
-        """True if range sensors were read since its belief went wrong, and most of them told the truth."""
-        lost = self.beliefs[1]
-        if lost is None:
+        right = [row.finite and not row.lost and not row.unsure for row in rows]
+        if right and right[-1] and not any(row.lost for row in rows):
             return False
-        readings, codes = self.history.readings, self.history.sensor_codes
-        rows = readings.columns(readings.place_of(lost.order), readings.place_of(self._until + 1))
-        seen = [each for each in self.spec.sensors if each.kind.is_range and each.code in codes]
-        right = total = 0
-        for sensor in seen:
-            mine = rows[rows["sensor"] == codes.index(sensor.code)]
-            usual = sensor.error * np.abs(mine["true"]) + sensor.absolute_error
-            total += len(mine)
-            right += int((np.abs(mine["error"]) <= np.maximum(SLIGHT, COVERED * usual)).sum())
-        return 2 * right > total
+        return 2 * sum(right) < len(rows)
 
     # -- other people's hands --------------------------------------------------------------------
 
@@ -295,14 +355,26 @@ class Attempt:
 
     @cached_property
     def moved(self) -> ActionRow | None:
-        """The last time that a person moved the robot, unless a belief has been right since."""
-        row = self._by_hand(ActionName.TELEPORT)
+        """The last time that a person moved the robot, unless a belief has been right since. A reset moves it
+        too, if the program goes on."""
+        row = self._by_hand(ActionName.TELEPORT) or self._reset
         if row is None:
             return None
         beliefs = self.history.beliefs
         since = beliefs[beliefs.place_of(row.order) : beliefs.place_of(self._until + 1)]
         found_again = any(each.finite and not each.lost and not each.unsure for each in since)
         return None if found_again else row
+
+    @property
+    def _reset(self) -> ActionRow | None:
+        """The reset with which the run begins, if a program that had driven before it goes on."""
+        history = self.history
+        row = next((row for row in history.actions.items if row.order == self._began), None)
+        if row is None or not history.commands.place_of(self._began):
+            return None
+        # Who starts a program anew after a reset has moved nothing under its hands.
+        came = (row for row in history.notices.items if row.notice.kind is NoticeKind.CONNECTED)
+        return None if any(each.order > self._began for each in came) else row
 
     @cached_property
     def block_moved(self) -> ActionRow | None:
@@ -322,6 +394,18 @@ class Attempt:
     def _block(self) -> BlockPose:
         """The last place of the block."""
         return [row for row in self.history.blocks.items if row.order <= self._until][-1]
+
+    @property
+    def _lies_since(self) -> int:
+        """The running number of the event since which the block has lain where it does; a gripper that opened
+        beside it, or closed on nothing, has not moved it."""
+        rows = [row for row in self.history.blocks.items if row.order <= self._until]
+        since = rows[-1]
+        for row in reversed(rows):
+            if row.held or row.block != since.block:
+                break
+            since = row
+        return since.order
 
     @property
     def misses(self) -> list[GripRow]:
@@ -358,7 +442,7 @@ class Attempt:
         lying = self._block
         if lying.held or not lying.block.size:
             return []
-        begin = history.movements.place_of(max(lying.order, self._placed, self._began) + 1)
+        begin = history.movements.place_of(max(self._lies_since, self._placed, self._began) + 1)
         end = history.movements.place_of(self._until + 1)
         rows = history.movements.columns(begin, end)
         footprint = Footprint.of(self.spec.robot)
@@ -413,7 +497,34 @@ class Attempt:
         movements = history.movements
         begin, end = movements.place_of(since + 1), movements.place_of(self._until + 1)
         rows = movements.columns(begin, end)
-        return without_progress(rows, *self._place)
+        return without_progress(rows, history.are_legs(rows), *self._place)
+
+    @cached_property
+    def standing(self) -> Standing | None:
+        """The time since its last movement, while it only read sensors; None if it read none."""
+        history = self.history
+        place = history.movements.place_of(self._until + 1)
+        last = history.movements[place - 1] if place else None
+        moved = last is not None and last.order > max(self._placed, self._began)
+        order, since = (last.order, last.elapsed) if moved and last is not None else (
+            max(self._placed, self._began), self._place[1]
+        )  # fmt: skip
+        begin, end = history.readings.place_of(order + 1), history.readings.place_of(self._until + 1)
+        numbers, counts = np.unique(history.readings.columns(begin, end)["sensor"], return_counts=True)
+        if not len(numbers):
+            return None
+        code = history.sensor_codes[numbers[counts.argmax()]]
+        return Standing(since, int(counts.sum()), code, int(counts.max()))
+
+    @property
+    def left_block(self) -> bool:
+        """True if the robot went away by more than a cell after the block had been between its open jaws."""
+        if not self.graspable:
+            return False
+        table, lying = self.history.movements, self._block.block
+        first = table.place_of(self.graspable[0].order + 1)
+        rows = table.columns(first, table.place_of(self._until + 1))
+        return bool((np.hypot(rows["x"] - lying.x, rows["y"] - lying.y) > CELL_SIZE).any())
 
     @cached_property
     def spent(self) -> Spent:

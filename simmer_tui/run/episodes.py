@@ -6,24 +6,23 @@ anew. It is told from its first belief on.
 """
 
 import math
-from dataclasses import dataclass
 from enum import StrEnum
 
+from msgspec import Struct
+
 from simmer_tui.events import ActionName
-from simmer_tui.run.facts import COVERED, UNSURE, wrapped
+from simmer_tui.run.facts import COVERED, UNSURE, UNSURE_TURN, wrapped
 from simmer_tui.run.history_rows import ActionRow, BeliefRow, ContactRow
 from simmer_tui.sim.specs import CELL_SIZE
 
 LASTING, LASTING_TURN = CELL_SIZE, 360.0
 """So much movement, inches or degrees, shows other walls, or all that are around."""
-# A third of a right angle: more than this, and a corridor may be its neighbour.
-UNSURE_TURN = 30.0
-"""A spread of the heading beyond this, degrees: the program knows that it does not know its heading."""
 # Judged: less may be one told pose too many before a program adds up what it did.
 FROZEN, FROZEN_WAY, FROZEN_TURN = 3, 4.0, 45.0
 """The same pose told so often, while the robot went so far away, inches or degrees, is frozen."""
 # Poses pass through JSON with all digits; this is for programs that round them.
-_SAME = 0.005
+SAME = 0.005
+"""Poses that differ by less, inches and degrees, are the same."""
 
 
 class EpisodeKind(StrEnum):
@@ -37,8 +36,7 @@ class EpisodeKind(StrEnum):
     RESTARTED = "restarted"
 
 
-@dataclass(frozen=True, slots=True)
-class Episode:
+class Episode(Struct, frozen=True):
     """A stretch of a run that begins at `elapsed` (seconds), in a line of the log.
 
     `distance` (inches) and `turn` (degrees) are the error of the belief then; of `MOVED` how far the robot
@@ -56,8 +54,7 @@ class Episode:
     touched: ContactRow | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class _Told:
+class _Told(Struct, frozen=True):
     """A belief, and what the robot had gone (inches) and turned (degrees, either way) by then, in all."""
 
     row: BeliefRow
@@ -81,9 +78,9 @@ class _Told:
         """True if it tells the same pose."""
         mine, theirs = self.row, other.row
         return (
-            abs(mine.x - theirs.x) < _SAME
-            and abs(mine.y - theirs.y) < _SAME
-            and abs(mine.heading - theirs.heading) < _SAME
+            abs(mine.x - theirs.x) < SAME
+            and abs(mine.y - theirs.y) < SAME
+            and abs(mine.heading - theirs.heading) < SAME
         )
 
 

@@ -4,14 +4,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
-from simmer_tui.config.mission_plan import Cell
+from msgspec import Struct
+
+from simmer_tui.belief_grid import SURELY_ELSEWHERE, GridBelief
 from simmer_tui.events import Belief
 from simmer_tui.sim.angles import cos_sin
 from simmer_tui.sim.path import Contact
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.specs import CELL_SIZE, SensorSpec
+
+if TYPE_CHECKING:  # most runs have no mission
+    from simmer_tui.config.mission_plan import Cell
 
 # Judged: at more than this the wall's edge, not the place touched, is what a sensor sees.
 BESIDE = 60.0
@@ -40,8 +45,31 @@ WEDGED_WITHIN, WEDGED_TURN = 0.5, 5.0
 """if none moved it by more than this, inches and degrees."""
 
 
-@dataclass(frozen=True, slots=True)
-class LastReading:
+# A third of a right angle: more than this, and a corridor may be its neighbour.
+UNSURE_TURN = 30.0
+"""A spread of the heading beyond this, degrees: the program knows that it does not know its heading."""
+
+NO_HEADING = COVERED * UNSURE_TURN
+"""Error of the heading, degrees, that a grid without headings allows for: what is sure allows for no more."""
+
+
+class Stuck(Struct, frozen=True):
+    """A stretch at the end in which a wall held the robot, `since` when (elapsed seconds): so many
+    `movements` in a row, or, of a robot that drove until told otherwise, so many seconds `pressed`."""
+
+    since: float
+    movements: int
+    pressed: float = 0.0
+
+    @property
+    def text(self) -> str:
+        """Words for it, after "from 12.3 s on"."""
+        if self.movements:
+            return f"a wall stopped {self.movements} movements in a row"
+        return f"it pressed against a wall for {self.pressed:.0f} s and did not go 1 in"
+
+
+class LastReading(Struct, frozen=True):
     """The last reading of a sensor before something: `value` and `true` in its unit, when (seconds), and how
     far the robot had gone (inches) and turned (degrees, either way) by then, in all."""
 
@@ -53,8 +81,7 @@ class LastReading:
     turned: float = 0.0
 
 
-@dataclass(frozen=True, slots=True)
-class FacingSensor:
+class FacingSensor(Struct, frozen=True):
     """The sensors that look most nearly at a place touched: their codes, how far beside it the nearest
     looks (degrees), and the last word of any of them, None if none was read."""
 
@@ -63,20 +90,21 @@ class FacingSensor:
     last: LastReading | None
 
 
-@dataclass(frozen=True, slots=True)
-class Deviation:
+class Deviation(Struct, frozen=True):
     """Error of a belief, inches and degrees (-180 to 180, believed less true), and the error that the
-    program allowed for."""
+    program allowed for. Of a grid, `above` is the probability of all states that it holds for likelier than
+    the truth and its neighbours, which judges the heading too; NaN without one."""
 
     distance: float
     turn: float
     allowed: float
     allowed_turn: float
+    above: float = math.nan
 
     @property
     def wrong(self) -> bool:
         """True if it is off by more than the program allowed for."""
-        return self.off_place or self.off_heading
+        return self.off_place or self.off_heading or self.rejects_truth
 
     @property
     def off_place(self) -> bool:
@@ -86,7 +114,12 @@ class Deviation:
     @property
     def off_heading(self) -> bool:
         """True if the heading is off by more than the belief allows for."""
-        return not abs(self.turn) <= self.allowed_turn
+        return math.isnan(self.above) and not abs(self.turn) <= self.allowed_turn
+
+    @property
+    def rejects_truth(self) -> bool:
+        """True if nearly all of a grid's probability lies in states likelier than the true one."""
+        return self.above > SURELY_ELSEWHERE
 
 
 def is_wedged(touched: Sequence[Pose]) -> bool:
@@ -131,6 +164,8 @@ def deviation(belief: Belief) -> Deviation:
     believed, true = belief.pose, belief.true
     distance = math.hypot(believed.x - true.x, believed.y - true.y)
     turn = wrapped(believed.heading - true.heading)
+    if belief.grid is not None:
+        return _of_grid(belief, belief.grid, distance, turn)
     headings = [particle[2] for particle in belief.particles if len(particle) > 2]
     allowed_turn = UNTOLD_TURN
     if len(headings) > 1:
@@ -138,6 +173,16 @@ def deviation(belief: Belief) -> Deviation:
     spread = belief.spread
     allowed = UNTOLD if spread is None else max(COVERED * spread, SLIGHT)
     return Deviation(distance, turn, allowed, allowed_turn)
+
+
+def _of_grid(belief: Belief, grid: GridBelief, distance: float, turn: float) -> Deviation:
+    spread = grid.spread if belief.spread is None else belief.spread
+    allowed = max(COVERED * spread, SLIGHT, math.hypot(*grid.cell_size) / 2)
+    if not grid.has_headings:
+        # It says nothing of the heading, so that this is neither right nor wrong.
+        return Deviation(distance, 0.0, allowed, NO_HEADING, grid.above)
+    allowed_turn = max(COVERED * grid.turn_spread, SLIGHT_TURN)
+    return Deviation(distance, turn, allowed, allowed_turn, grid.above)
 
 
 def is_unsure(spread: float) -> bool:
@@ -171,9 +216,7 @@ def carried_over(old: Pose, new: Pose, pose: Pose) -> Pose:
     cos, sin = cos_sin(-old.heading)
     x, y = pose.x - old.x, pose.y - old.y
     ahead, aside = cos * x - sin * y, sin * x + cos * y
-    cos, sin = cos_sin(new.heading)
-    turned = new.heading + pose.heading - old.heading
-    return Pose(new.x + cos * ahead - sin * aside, new.y + sin * ahead + cos * aside, turned)
+    return Pose(*new.place(ahead, aside), new.heading + pose.heading - old.heading)
 
 
 def wrapped(angle: float) -> float:

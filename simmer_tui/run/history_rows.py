@@ -1,20 +1,18 @@
 """The rows of a run's history: what happened, each with its time, its line in the log and the pose.
 
 `order` is the running number of the event in the run, `line` that of its line in the log (0 without one),
-`time` simulated time, `elapsed` simulated seconds since the history's beginning, which go on through resets.
+`elapsed` simulated seconds since the history's beginning, which go on through resets.
+Annotations are evaluated here: they say how a row is packed.
 """
-
-from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 from typing import NamedTuple
 
 from msgspec import Struct
 
 from simmer_tui.events import ActionDone, CommandResult, MissionEvent, MovementEnded, Notice, ProgramEnded
-from simmer_tui.run.facts import Deviation, degrees_beside, is_unsure
+from simmer_tui.run.facts import NO_HEADING, Deviation, degrees_beside, is_unsure
 from simmer_tui.run.table import Index, Single
 from simmer_tui.sim.block import Block
 from simmer_tui.sim.path import Contact
@@ -28,11 +26,10 @@ from simmer_tui.sim.specs import Axes, DriveKind
 class CommandRow(NamedTuple):
     """The result of a command. `code` and `source` are indices into the history's `code_names` and
     `source_names`; `real_time` is in seconds since the first event, NaN where nobody told
-    it."""
+    it. The pose stands in the row of its reading, movement or refusal."""
 
     order: int
     line: int
-    time: float
     elapsed: float
     real_time: Single
     number: int
@@ -40,9 +37,6 @@ class CommandRow(NamedTuple):
     source: Index
     refused: bool
     link: float
-    x: Single
-    y: Single
-    heading: Single
 
 
 class ReadingRow(NamedTuple):
@@ -70,8 +64,9 @@ class ReadingRow(NamedTuple):
 class MovementRow(NamedTuple):
     """A movement that has ended: `elapsed` is its end, `begin` and `arrival` (the last moment it moved) are
     on the same clock. `gone` and `turned` are sums with this movement, `went` is its own distance, inches.
-    `held` tells that a contact ended it, `contact` that there was one. `asked` is the value of its command
-    (inches or degrees), and `total_x`, `total_y`, `total_r` are how far the whole of it leads in the robot's
+    `held` tells that a contact ended it, `contact` that there was one, `pressed` that an obstacle kept the
+    robot from going as its wheels turned (of legs alone). `asked` is the value of its command (inches or
+    degrees), and `total_x`, `total_y`, `total_r` are how far the whole of it leads in the robot's
     frame, errors included. All are NaN where nothing was asked, or where it was cut short."""
 
     order: int
@@ -86,6 +81,7 @@ class MovementRow(NamedTuple):
     answers: bool
     contact: bool
     held: bool
+    pressed: bool
     went: float
     gone: float
     turned: Single
@@ -105,7 +101,9 @@ class MovementRow(NamedTuple):
 
 class BeliefRow(NamedTuple):
     """A belief, the truth then, and how far the program allowed it to be off. `spread` is NaN where it gave
-    none; `gone` is what the robot had driven by then, in all. Particles stay in the log."""
+    none; `gone` is what the robot had driven by then, in all. Of a grid, `entropy` is in bits,
+    `true_probability` that of the true state and `above` that of all likelier than it and its neighbours; NaN
+    without one. Particles and cells stay in the log."""
 
     order: int
     line: int
@@ -122,6 +120,9 @@ class BeliefRow(NamedTuple):
     allowed: float
     allowed_turn: float
     gone: float
+    entropy: Single
+    true_probability: float
+    above: float
 
     @property
     def believed(self) -> Pose:
@@ -136,7 +137,17 @@ class BeliefRow(NamedTuple):
     @property
     def deviation(self) -> Deviation:
         """Difference of the believed pose from the true one."""
-        return Deviation(self.distance, self.turn, self.allowed, self.allowed_turn)
+        return Deviation(self.distance, self.turn, self.allowed, self.allowed_turn, self.above)
+
+    @property
+    def is_grid(self) -> bool:
+        """True if the program told a probability for each cell."""
+        return not math.isnan(self.above)
+
+    @property
+    def tells_heading(self) -> bool:
+        """True unless it is a grid without headings."""
+        return not (self.is_grid and self.allowed_turn == NO_HEADING)
 
     @property
     def finite(self) -> bool:
@@ -157,16 +168,14 @@ class BeliefRow(NamedTuple):
 # -- objects, of which the newest and the first are kept -----------------------------------------------
 
 
-@dataclass(frozen=True, slots=True)
-class SeenReading:
+class SeenReading(Struct, frozen=True):
     """A reading before a contact, without its view, and the text of its command."""
 
     text: str
     reading: Reading
 
 
-@dataclass(frozen=True, slots=True)
-class ContactRow:
+class ContactRow(Struct, frozen=True):
     """A movement that touched something: `elapsed` is when, `went` (inches) and `turned` (degrees) tell how
     far it had come at its end, `gone_before` and `turned_before` what the robot had gone and turned in all
     before it. `seen` is by sensor code what was read since the movement before."""
@@ -182,11 +191,8 @@ class ContactRow:
     gone_before: float
     turned_before: float
     read: Mapping[str, SeenReading]
-
-    @property
-    def shown(self) -> str:
-        """The command, as people read it."""
-        return self.ended.command.shown
+    shown: str
+    """The command, as people read it, behind the message of a dialect that led to it."""
 
     @property
     def point(self) -> tuple[float, float]:
@@ -212,8 +218,7 @@ def _nearest_first(seen: Iterable[SeenReading], contact: Contact) -> tuple[SeenR
     return tuple(sorted(seen, key=rank))
 
 
-@dataclass(slots=True)
-class RepeatedContact:
+class RepeatedContact(Struct):
     """A contact, or several in a row of the same command at the same place; `until` is when (elapsed
     seconds) the last one was."""
 
@@ -236,8 +241,7 @@ class RefusalRow(Struct, frozen=True):
     outcome: CommandResult
 
 
-@dataclass(frozen=True, slots=True)
-class ActionRow:
+class ActionRow(Struct, frozen=True):
     """An action of a person, and the pose before it; `action.pose` is that after it."""
 
     order: int
@@ -257,8 +261,7 @@ class ActionRow:
         return self.done.action.name.places and not self.done.refused
 
 
-@dataclass(frozen=True, slots=True)
-class GripRow:
+class GripRow(Struct, frozen=True):
     """A grip; `had` is True if the robot held the block before."""
 
     order: int
@@ -268,8 +271,7 @@ class GripRow:
     had: bool
 
 
-@dataclass(frozen=True, slots=True)
-class BlockPose:
+class BlockPose(Struct, frozen=True):
     """The block from here on: in the robot's frame while it is `held`, else in the maze's."""
 
     order: int
@@ -278,8 +280,7 @@ class BlockPose:
     block: Block
 
 
-@dataclass(frozen=True, slots=True)
-class BiasRow:
+class BiasRow(Struct, frozen=True):
     """The drives' bias in force from here on."""
 
     order: int
@@ -287,8 +288,7 @@ class BiasRow:
     bias: Mapping[DriveKind, Axes]
 
 
-@dataclass(frozen=True, slots=True)
-class NoticeRow:
+class NoticeRow(Struct, frozen=True):
     """Something beside the commands."""
 
     order: int
@@ -302,8 +302,7 @@ class NoticeRow:
         return self.notice.text
 
 
-@dataclass(frozen=True, slots=True)
-class MissionRow:
+class MissionRow(Struct, frozen=True):
     """A mission's beginning or end, or a goal met."""
 
     order: int
@@ -317,8 +316,7 @@ class MissionRow:
         return self.event.text
 
 
-@dataclass(frozen=True, slots=True)
-class ProgramRow:
+class ProgramRow(Struct, frozen=True):
     """End of the program that drove the robot."""
 
     order: int

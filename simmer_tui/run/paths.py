@@ -9,20 +9,23 @@ slip against a wall show as error.
 from __future__ import annotations
 
 import math
-from collections import Counter
+from collections import defaultdict
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
 from itertools import pairwise
 
 from msgspec import Struct
+from msgspec.structs import replace
 
-from simmer_tui.events import ActionDone, Belief, MovementEnded, MovementPlanned
+from simmer_tui.belief_grid import SmallMap, small_map
+from simmer_tui.events import ActionDone, Belief
+from simmer_tui.run.scan_traces import ScanTrace, scan_trace
 from simmer_tui.run.table import LISTED, First, Newest, Thinned
 from simmer_tui.sim.angles import cos_sin
+from simmer_tui.sim.legs import Leg
 from simmer_tui.sim.path import Path, PathPosition
 from simmer_tui.sim.pose import Pose
-from simmer_tui.sim.records import Reading
-from simmer_tui.sim.sensors import CountingSensor, sensor_of
+from simmer_tui.sim.records import LidarScan, Reading
+from simmer_tui.sim.sensors import CountingSensor, modelled_sensor
 from simmer_tui.sim.specs import CELL_SIZE, MazeSpec, SensorSpec
 from simmer_tui.sim.trajectory import Trajectory
 
@@ -31,6 +34,9 @@ SEGMENTS = 8000
 MOVEMENTS = 3000
 BELIEFS = 2000
 """Most of each that a player shows."""
+# As many as a player has readings, since each is one.
+SCANS = 15_000
+"""Most scans, the newest."""
 PARTICLES = 30_000
 """About the most particles of all beliefs together; rather fewer of each than none of some."""
 CLOUD = 250
@@ -40,8 +46,7 @@ STRAIGHT = 0.02
 PathPoint = tuple[float, float]
 
 
-@dataclass(frozen=True, slots=True)
-class PathSegment:
+class PathSegment(Struct, frozen=True):
     """One movement as drawn: when (elapsed seconds), and through which centres."""
 
     begin: float
@@ -54,7 +59,7 @@ class MovementPath(Struct, frozen=True):
 
     zero: float
     text: str
-    trajectory: Trajectory
+    trajectory: Trajectory | Leg
     until: float
 
     @property
@@ -62,8 +67,7 @@ class MovementPath(Struct, frozen=True):
         return self.zero + self.trajectory.start_time
 
 
-@dataclass(frozen=True, slots=True)
-class Jump:
+class Jump(Struct, frozen=True):
     """A teleport or restart, between two poses."""
 
     elapsed: float
@@ -72,43 +76,50 @@ class Jump:
     end: Pose
 
 
-@dataclass(frozen=True, slots=True)
-class BeliefCloud:
-    """A belief and some of its particles."""
+class BeliefCloud(Struct, frozen=True):
+    """A belief and some of its particles, or a small map of its grid, None if the log has left its cells
+    out."""
 
     elapsed: float
     belief: Belief
     particles: tuple[tuple[float, ...], ...]
+    heat: SmallMap | None = None
 
 
 class PathRecord:
     """Follows the robot. With `recorded` it keeps the newest movements and beliefs, for a player."""
 
     def __init__(self, maze: MazeSpec, pose: Pose, *, recorded: bool) -> None:
-        self.cells: Counter[tuple[int, int]] = Counter()
+        self.cells: defaultdict[tuple[int, int], float] = defaultdict(float)
         """Simulated seconds by cell: row from the top and column from the left, from 1."""
         self.segments: Thinned[PathSegment] = Thinned(SEGMENTS)
         self.jumps: First[Jump] = First(LISTED)
         self.start = pose
         self.moves: Newest[MovementPath | Jump] = Newest(MOVEMENTS)
         self.beliefs: Newest[BeliefCloud] = Newest(BELIEFS)
+        self.scans: Newest[ScanTrace] = Newest(SCANS)
         self.one_particle_in = 1
         """So many; more than that find no room."""
         self.under_way: MovementPath | None = None
         self._recorded = recorded
         self._particles = 0
+        self._scanned: dict[str, LidarScan] = {}
+        """The newest scan of each lidar since the robot was put where it is."""
+        self._maze = maze
         self._columns, self._rows = maze.columns, maze.rows
         self._stood_since = 0.0
         self._standing = pose
 
     # -- what happens ----------------------------------------------------------------------------
 
-    def plan(self, zero: float, planned: MovementPlanned) -> None:
-        trajectory = planned.trajectory
-        self.under_way = MovementPath(zero, planned.command.shown, trajectory, trajectory.end_time)
+    def plan(self, zero: float, shown: str, trajectory: Trajectory | Leg) -> None:
+        self.under_way = MovementPath(zero, shown, trajectory, trajectory.end_time)
 
-    def move(self, zero: float, ended: MovementEnded, pose: Pose, arrival: float) -> None:
-        trajectory, until, before = ended.trajectory, ended.time, ended.before
+    def move(
+        self, zero: float, shown: str, trajectory: Trajectory | Leg, until: float, pose: Pose, arrival: float
+    ) -> None:
+        """The robot has moved till a simulated time, to `pose`, where it arrived at another."""
+        before = trajectory.before
         begin = trajectory.start_time
         self.under_way = None
         self.stand(zero + begin)
@@ -117,13 +128,13 @@ class PathRecord:
         drawn = self.segments.wanted()
         points = trajectory.centres(until) if drawn or here != there else []
         if here == there:
-            self.cells[here] += arrival - begin  # type: ignore[assignment]
+            self.cells[here] += arrival - begin
         else:
             self._pass_time(points, arrival - begin)
         if drawn:
             self.segments.keep((PathSegment(zero + begin, zero + until, _simplified(points)),))
         if self._recorded:
-            self.moves.add(MovementPath(zero, ended.command.shown, trajectory, until))
+            self.moves.add(MovementPath(zero, shown, trajectory, until))
         self._standing = pose
         self._stood_since = zero + arrival
 
@@ -133,19 +144,33 @@ class PathRecord:
         self.jumps.add(jump)
         if self._recorded:
             self.moves.add(jump)
+            for code in self._scanned:
+                self.scans.add(ScanTrace(elapsed, code))
+            self._scanned.clear()
         self._standing = done.pose
 
     def stand(self, until: float) -> None:
         """The robot stood where it was till then."""
         if until > self._stood_since:
-            self.cells[self._cell(self._standing.x, self._standing.y)] += until - self._stood_since  # type: ignore[assignment]
+            self.cells[self._cell(self._standing.x, self._standing.y)] += until - self._stood_since
             self._stood_since = until
+
+    def scan(self, zero: float, elapsed: float, taken: float, reading: Reading) -> None:
+        """A lidar was read as a whole: taken and answered at elapsed times. `zero` is what to add to
+        simulated times."""
+        scan, code = reading.scan, reading.sensor.code
+        # A program may ask ten times for the same revolution.
+        if scan is None or not self._recorded or self._scanned.get(code) is scan:
+            return
+        self._scanned[code] = scan
+        self.scans.add(scan_trace(zero, elapsed, taken, reading, scan, self._maze))
 
     def believe(self, elapsed: float, belief: Belief) -> None:
         pose = belief.pose
         if not (self._recorded and all(map(math.isfinite, (pose.x, pose.y, pose.heading)))):
             return
-        self.beliefs.add(BeliefCloud(elapsed, belief, cloud(belief)[:: self.one_particle_in]))
+        belief, heat = self._mapped(belief)
+        self.beliefs.add(BeliefCloud(elapsed, belief, cloud(belief)[:: self.one_particle_in], heat))
         self._particles += len(self.beliefs.items[-1].particles)
         # Half of every belief rather than the oldest beliefs whole: the player shows all moments alike.
         if self._particles > PARTICLES:
@@ -155,6 +180,19 @@ class PathRecord:
                 items[place] = replace(each, particles=each.particles[::2])
             self._particles = sum(len(each.particles) for each in items)
 
+    def believe_again(self, belief: Belief) -> None:
+        """The newest belief, with the cells that the log had left out."""
+        if self._recorded and self.beliefs.items:
+            newest = self.beliefs.items[-1]
+            self.beliefs.items[-1] = replace(newest, heat=self._mapped(belief)[1])
+
+    def _mapped(self, belief: Belief) -> tuple[Belief, SmallMap | None]:
+        """A belief without the cells of its grid, two thousand of which would be 130 MB, and their map."""
+        grid = belief.grid
+        if grid is None or not grid.cells:
+            return belief, None
+        return replace(belief, grid=replace(grid, cells=b"")), small_map(grid, self._maze)
+
     # -- time by cell ----------------------------------------------------------------------------
 
     def _pass_time(self, points: Sequence[PathPoint], seconds: float) -> None:
@@ -163,7 +201,7 @@ class PathRecord:
         lengths = list(map(math.dist, points, points[1:]))
         total = math.fsum(lengths)
         if total == 0.0:
-            cells[cell_at(*points[0])] += seconds  # type: ignore[assignment]
+            cells[cell_at(*points[0])] += seconds
             return
         for (a, b), length in zip(pairwise(points), lengths, strict=True):
             # Steps of at most an inch, judged fine enough for cells of 12 in.
@@ -172,7 +210,7 @@ class PathRecord:
             for step in range(steps):
                 fraction = (step + 0.5) / steps
                 at = cell_at(a[0] + fraction * (b[0] - a[0]), a[1] + fraction * (b[1] - a[1]))
-                cells[at] += share  # type: ignore[assignment]
+                cells[at] += share
 
     def _cell(self, x: float, y: float) -> tuple[int, int]:
         column, row = int(x // CELL_SIZE), int(y // CELL_SIZE)
@@ -210,7 +248,7 @@ class Truth:
 
     def __init__(self, sensors: Iterable[SensorSpec], known: bool) -> None:
         self.known = known
-        self._sensors = {sensor.code: sensor_of(sensor) for sensor in sensors}
+        self._sensors = {sensor.code: modelled_sensor(sensor) for sensor in sensors}
         self._counters = {
             code: each for code, each in self._sensors.items() if isinstance(each, CountingSensor)
         }
@@ -221,13 +259,13 @@ class Truth:
         self.known = True
         self._counted = dict.fromkeys(self._counted, 0.0)
 
-    def move(self, trajectory: Trajectory, until: float) -> None:
+    def move(self, trajectory: Trajectory | Leg, until: float) -> None:
         """The robot made a movement till a simulated time."""
-        turned, ahead, aside = _way(trajectory, until)
+        turned, ahead, aside = _moved(trajectory, until)
         for code, counter in self._counters.items():
             self._counted[code] += counter.counted_on(turned, ahead, aside)
 
-    def error(self, reading: Reading, under_way: Trajectory | None, time: float) -> float | None:
+    def error(self, reading: Reading, under_way: Trajectory | Leg | None, time: float) -> float | None:
         """Error of a reading taken at a simulated time, perhaps with a movement `under_way`, in
         the sensor's unit; None if that is not known, infinity if it saw something where nothing was
         in range, or the reverse."""
@@ -242,8 +280,13 @@ class Truth:
             return None
         true = self._counted[code]
         if under_way is not None:
-            true += counter.counted_on(*_way(under_way, time))
+            true += counter.counted_on(*_moved(under_way, time))
         return counter.error(true, reading.value)
+
+
+def _moved(trajectory: Trajectory | Leg, until: float) -> tuple[float, float, float]:
+    """Real way till a simulated time: degrees turned, inches ahead and to the left."""
+    return trajectory.moved(until) if isinstance(trajectory, Leg) else _way(trajectory, until)
 
 
 def _way(trajectory: Trajectory, until: float) -> tuple[float, float, float]:

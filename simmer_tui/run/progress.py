@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from simmer_tui.run.table import Columns
+from simmer_tui.sim.angles import BoolArray
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.specs import CELL_SIZE
 
@@ -13,6 +14,9 @@ GROUND = CELL_SIZE / 2
 # The slowest of 80 clean runs of the samples turned 62 times on the spot to find the block.
 HUNDRED = 100
 """Movements for each new square of ground, and a start: who needs more drifts there, and comes nowhere."""
+# Judged: a cell at 6 in/s takes as long. The number of legs says how often a program steers, not how much.
+LEG = 2.0
+"""Seconds of continuous motion that count as one movement."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,11 +33,12 @@ class Stretch:
     driving: float
 
 
-def without_progress(rows: Columns, place: Pose, since: float) -> Stretch:
+def without_progress(rows: Columns, legs: BoolArray, place: Pose, since: float) -> Stretch:
     """The stretch without progress at the end of movements since a goal, (n,).
 
     Args:
         rows: Columns of `MovementRow`.
+        legs: True for legs of continuous motion, (n,).
         place: Pose before them, where they are the first of a run.
         since: The moment then, elapsed seconds.
     """
@@ -44,7 +49,8 @@ def without_progress(rows: Columns, place: Pose, since: float) -> Stretch:
     last = int(reached[-1]) if len(reached) else -1
     left = len(reached) - np.arange(len(reached))
     # A robot that goes to and fro drifts, and comes to a new square after a hundred movements.
-    drifted = np.flatnonzero(len(rows) - 1 - reached >= HUNDRED * left)
+    counts = np.where(legs, (rows["elapsed"] - rows["begin"]) / LEG, 1.0)
+    drifted = np.flatnonzero(counts.sum() - np.cumsum(counts)[reached] >= HUNDRED * left)
     if len(drifted):
         last = int(reached[drifted[0]])
     rest = rows[last + 1 :]
@@ -54,7 +60,7 @@ def without_progress(rows: Columns, place: Pose, since: float) -> Stretch:
     return Stretch(
         place,
         since,
-        movements=len(rest),
+        movements=round(float(counts[last + 1 :].sum())),
         driven=float(rest["went"].sum()),
         turned=float(rows["turned"][-1] - rows["turned"][last]) if len(rest) and last >= 0 else 0.0,
         driving=float((rest["elapsed"] - rest["begin"]).sum()),

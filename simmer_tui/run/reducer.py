@@ -11,7 +11,6 @@ It needs nothing but the events: the simulator is never asked.
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections import deque
 from collections.abc import Mapping
@@ -27,22 +26,39 @@ from simmer_tui.events import (
     CommandResult,
     Event,
     Goal,
+    LegBegun,
+    LegEnded,
     MissionEvent,
     MovementEnded,
     MovementPlanned,
     Notice,
     NoticeKind,
     ProgramEnded,
+    Result,
     TwinReading,
+    VelocityEnded,
+    WireMessage,
 )
 from simmer_tui.run.facts import WEDGED, is_same_place, is_wedged
-from simmer_tui.run.state import Checkpoint, MissionProgress, SensorRow, State, TimeSpent, start_block
+from simmer_tui.run.state import (
+    Checkpoint,
+    MissionProgress,
+    MissionSums,
+    SensorRow,
+    State,
+    TimeSpent,
+    start_block,
+)
 from simmer_tui.sim import noise
 from simmer_tui.sim.angles import FloatArray
 from simmer_tui.sim.block import Block
 from simmer_tui.sim.gripper import in_global_frame, in_robot_frame
+from simmer_tui.sim.legs import Leg
+from simmer_tui.sim.path import Contact
 from simmer_tui.sim.pose import Pose
-from simmer_tui.sim.records import Reading
+from simmer_tui.sim.recent_motion import BlockPlace
+from simmer_tui.sim.records import Reading, VelocityChange
+from simmer_tui.sim.specs import CELL_SIZE
 from simmer_tui.sim.trajectory import Trajectory
 
 if TYPE_CHECKING:  # most runs have no history, and starting is to be quick
@@ -50,16 +66,39 @@ if TYPE_CHECKING:  # most runs have no history, and starting is to be quick
 
 HISTORY = 60
 """Readings kept of each sensor: the screen's curves have at most so many columns."""
-LEGS = 30
-"""Movements whose trail is kept."""
+# A mission's way through the maze, in movements of some inches.
+LEGS = 40
+"""Movements whose trail is kept; turns leave none."""
+TRACK = CELL_SIZE
+"""Inches of a continuous motion that are drawn as one movement: about the usual length of one."""
+SEEN_LATELY = 0.5
+"""Simulated seconds before the end of a leg within which a reading still tells what lay ahead: some inches at
+usual speeds. Judged."""
 LEG_POINTS = 40
 """About the most points of one movement's trail."""
 CONTACT_POINTS = 1000
-"""Most places of contacts kept."""
+"""Most places of contacts kept, the latest."""
 
 # The newest reading of a sensor: its result, the values before it, its running number, and the block then,
 # as it lay and as it was held.
 _LastReading = tuple[CommandResult, Reading, deque[float], int, Block, Block | None]
+
+
+_TAKES = {
+    CommandResult: "_take_result",
+    MovementPlanned: "_take_plan",
+    MovementEnded: "_take_end",
+    LegBegun: "_take_leg",
+    LegEnded: "_take_leg_end",
+    VelocityEnded: "_take_velocity_end",
+    ActionDone: "_take_action",
+    Belief: "_take_belief",
+    TwinReading: "_take_twin",
+    Notice: "_take_notice",
+    MissionEvent: "_take_mission",
+    ProgramEnded: "_take_program_end",
+    WireMessage: "_take_wire",
+}
 
 
 class Reducer:
@@ -84,7 +123,10 @@ class Reducer:
         self._driving, self._link = beginning.spent.driving, beginning.spent.link
         self._reading = dict(beginning.spent.by_sensor)
         self._movement: MovementPlanned | None = None
-        self._legs: deque[Trajectory] = deque(maxlen=LEGS)
+        self._leg: Leg | None = None
+        self.velocity: VelocityChange | None = None
+        """The velocity that the robot drives at until told otherwise; None while it is told to stand."""
+        self._legs: deque[Trajectory | _Track] = deque(maxlen=LEGS)
         self._sensors: dict[str, _LastReading] = {}
         self._read: dict[str, CommandResult] = {}
         self._twins: dict[str, TwinReading] = {}
@@ -93,6 +135,12 @@ class Reducer:
         self._ended: MovementEnded | None = None
         self._belief: Belief | None = None
 
+    @property
+    def block_place(self) -> BlockPlace:
+        """The block where it lies, or in the robot's hand."""
+        held = self._held
+        return BlockPlace(-math.inf, self._now.block if held is None else held, held=held is not None)
+
     # -- events --------------------------------------------------------------------------------
 
     def apply(self, event: Event, line: int = 0, real_time: float = math.nan) -> None:
@@ -100,31 +148,22 @@ class Reducer:
         self.number += 1
         if self.history is not None:
             self.history.begin(line, real_time)
-        match event:
-            case CommandResult():
-                self._take_result(event)
-            case MovementPlanned():
-                self._take_plan(event)
-            case MovementEnded():
-                self._take_end(event)
-            case ActionDone():
-                self._take_action(event)
-            case Belief():
-                self._belief = event
-                self._time = max(self._time, event.time)
-                if self.history is not None:
-                    self.history.add_belief(event)
-            case TwinReading():
-                self._twins[event.code] = event
-                if self.history is not None:
-                    self.history.is_twin = True
-            case Notice():
-                self._take_notice(event)
-            case MissionEvent():
-                self._take_mission(event)
-            case ProgramEnded():
-                if self.history is not None:
-                    self.history.add_program_end(event)
+        getattr(self, _TAKES[type(event)])(event)
+
+    def _take_belief(self, belief: Belief) -> None:
+        self._belief = _with_cells(belief, self._belief)
+        self._time = max(self._time, belief.time)
+        if self.history is not None:
+            self.history.add_belief(belief)
+
+    def _take_twin(self, reading: TwinReading) -> None:
+        self._twins[reading.code] = reading
+        if self.history is not None:
+            self.history.is_twin = True
+
+    def _take_program_end(self, ended: ProgramEnded) -> None:
+        if self.history is not None:
+            self.history.add_program_end(ended)
 
     def _take_result(self, result: CommandResult) -> None:
         self._last = result
@@ -134,6 +173,8 @@ class Reducer:
         if result.time > self._time:
             self._time = result.time
         self._link += result.link
+        if result.velocity is not None:
+            self.velocity = result.velocity if result.velocity.twist.moves else None
         reading = result.reading
         if reading is not None:
             code = reading.sensor.code
@@ -146,7 +187,8 @@ class Reducer:
             self._read[code] = result
         if self.history is not None:
             movement = self._movement
-            self.history.add_result(result, None if movement is None else movement.trajectory)
+            under_way = self._leg if movement is None else movement.trajectory
+            self.history.add_result(result, under_way)
 
     def _take_plan(self, planned: MovementPlanned) -> None:
         # A second plan of the same movement follows when the block is moved under way; it is one leg.
@@ -156,7 +198,7 @@ class Reducer:
         self._commands = max(self._commands, planned.number)
         if begins:
             self._moved = self.number
-            self._legs.append(planned.trajectory)
+            self._begin_leg(planned.trajectory)
         elif self._legs:
             self._legs[-1] = planned.trajectory
         if self.history is not None:
@@ -174,36 +216,88 @@ class Reducer:
         self._driving += ended.time - trajectory.start_time
         # A log that begins in the middle of a movement has its end without its plan.
         if self._movement is None:
-            self._legs.append(trajectory)
+            self._begin_leg(trajectory)
         elif self._legs:
             self._legs[-1] = trajectory
         self._movement = None
         self._moved = self.number
         self._time = max(self._time, ended.time)
         pose, went = trajectory.arrival(ended.time)
-        now = self._now
-        contacts, points = now.contacts, now.contact_points
-        self.wedged = False
-        if ended.contact is not None:
-            contacts += 1
-            self._touched.append(pose)
-            self.wedged = is_wedged(self._touched)
-            # A program may push against a wall for hours; the screen and the record need no more than these.
-            if len(points) < CONTACT_POINTS:
-                points = (*points, ended.contact.point)
-        elif self._touched and not is_same_place(pose, self._touched[-1]):
-            self._touched.clear()
-        self._now = replace(
-            now, pose=pose, distance=now.distance + went, contacts=contacts, contact_points=points
-        )
+        self._arrive(pose, went, ended.contact, held=False)
         self.seen = self._read
         # A grip does not move the robot, so readings before it still hold.
         if ended.grip is None:
             self._read = {}
         if self.history is not None:
             self.history.add_movement(ended, pose, went, self.seen)
-            if self.wedged:
-                self.history.wedged.add(self.history.contacts.items[-1])
+            self._note_wedged(self.history)
+
+    def _begin_leg(self, trajectory: Trajectory) -> None:
+        """A movement's trail begins, in place of one that is none: a turn or a grip before it."""
+        last = self._legs[-1] if self._legs else None
+        if isinstance(last, Trajectory) and (last.kind is None or last.kind.turns):
+            self._legs.pop()
+        self._legs.append(trajectory)
+
+    def _arrive(self, pose: Pose, went: float, contact: Contact | None, *, held: bool) -> None:
+        """The robot has moved by `went` inches to a pose, perhaps to a contact, or is `held` by one."""
+        now = self._now
+        contacts, points = now.contacts, now.contact_points
+        self.wedged = False
+        if contact is not None:
+            contacts += 1
+            self._touched.append(pose)
+            self.wedged = is_wedged(self._touched)
+            # A program may push against a wall for hours; the screen and the record need no more than these.
+            points = (*points[1 - CONTACT_POINTS :], contact.point)
+        elif self._touched and not held and not is_same_place(pose, self._touched[-1]):
+            self._touched.clear()
+        self._now = replace(
+            now, pose=pose, distance=now.distance + went, contacts=contacts, contact_points=points
+        )
+
+    def _note_wedged(self, history: RunHistory) -> None:
+        if self.wedged:
+            history.wedged.add(history.contacts.items[-1])
+
+    def _take_leg(self, begun: LegBegun) -> None:
+        leg = self._leg = begun.leg
+        last = self._legs[-1] if self._legs else None
+        # A robot that steers changes its velocity by the hundred: its trail is cut by distance.
+        if not (isinstance(last, _Track) and last.length < TRACK):
+            self._legs.append(_Track(leg))
+        else:
+            last.go_on(leg)
+        self._moved = self.number
+        self._time = max(self._time, leg.start_time)
+        if self.history is not None:
+            self.history.add_leg_plan(begun)
+
+    def _take_leg_end(self, ended: LegEnded) -> None:
+        leg, self._leg = ended.leg, None
+        last = self._legs[-1] if self._legs else None
+        # A log that begins in the middle of a leg has its end without its beginning.
+        if not isinstance(last, _Track):
+            last = _Track(leg)
+            self._legs.append(last)
+        last.end(leg)
+        self._moved = self.number
+        self._time = max(self._time, leg.end_time)
+        self._driving += leg.duration
+        self._arrive(*leg.arrival(leg.end_time), leg.contact, held=leg.pressed)
+        # A robot that drives reads as it goes, and a leg may be shorter than the time between two readings.
+        since = leg.end_time - SEEN_LATELY
+        lately = {code: read for code, read in self._read.items() if read.time >= since}
+        self.seen, self._read = lately, dict(lately)
+        if self.history is not None:
+            self.history.add_leg(ended, self.seen)
+            self._note_wedged(self.history)
+
+    def _take_velocity_end(self, ended: VelocityEnded) -> None:
+        self.velocity = None
+        self._time = max(self._time, ended.time)
+        if self.history is not None:
+            self.history.add_velocity_end(ended)
 
     def _take_action(self, done: ActionDone) -> None:
         # The pose has to be asked for before the action changes it.
@@ -219,10 +313,10 @@ class Reducer:
         name, arguments = done.action.name, done.action.arguments
         mission, block = self._now.mission, self._now.block
         if mission is not None and name.helps:
-            self._now = replace(self._now, mission=dataclasses.replace(mission, helped=True))
+            self._now = replace(self._now, mission=replace(mission, helped=True))
         match name:
             case ActionName.BLOCK:
-                self._put_block(dataclasses.replace(block, x=arguments[0], y=arguments[1], heading=0.0))
+                self._put_block(replace(block, x=arguments[0], y=arguments[1], heading=0.0))
             case ActionName.NOISE:
                 self._now = replace(self._now, noise=bool(arguments[0]))
             case ActionName.BIAS:
@@ -249,7 +343,7 @@ class Reducer:
     def _set_bias(self, *, random: bool) -> None:
         spec = self._now.spec
         fixed = {drive.kind: drive.bias for drive in spec.drives}
-        bias = noise.random_bias(self._now.seed, spec.strength) if random else fixed
+        bias = noise.RandomBias(self._now.seed, spec.strength) if random else fixed
         self._now = replace(self._now, bias=bias)
         if self.history is not None:
             self.history.add_bias(bias)
@@ -257,6 +351,7 @@ class Reducer:
     def _place(self, pose: Pose) -> None:
         """The robot stands somewhere else; what was seen from where it was says nothing any more."""
         self._now = replace(self._now, pose=pose)
+        self._leg = self.velocity = None
         self._legs.clear()
         self._touched.clear()
         self._sensors.clear()
@@ -275,6 +370,11 @@ class Reducer:
         self._driving = self._link = 0.0
         self._reading = {}
 
+    def _take_wire(self, message: WireMessage) -> None:
+        """Messages over the line change nothing: their commands do."""
+        if self.history is not None:
+            self.history.add_wire(message)
+
     def _take_notice(self, notice: Notice) -> None:
         if notice.kind is NoticeKind.CONNECTED:
             self._now = replace(self._now, client=notice.subject)
@@ -288,18 +388,25 @@ class Reducer:
         # Some logs do not say in their header that a mission is under way.
         mission = self.mission
         if isinstance(event.subject, Goal):
-            mission = dataclasses.replace(mission, goals={**mission.goals, event.subject: event.time})
+            mission = replace(mission, goals={**mission.goals, event.subject: event.time})
         else:
-            mission = dataclasses.replace(mission, result=event.subject, reason=event.reason)
+            end = None if event.subject is Result.UNDER_WAY else self._mission_end(event.time)
+            mission = replace(mission, result=event.subject, reason=event.reason, end=end)
         self._now = replace(self._now, mission=mission)
         if self.history is not None:
             self.history.add_mission(event)
+
+    def _mission_end(self, time: float) -> MissionSums:
+        run = self._checkpoint(time, self.pose_at(time))
+        return MissionSums(time, run.distance, run.commands, run.contacts, run.spent)
 
     # -- the state -----------------------------------------------------------------------------
 
     def pose_at(self, time: float) -> Pose:
         """The robot's pose at a simulated time from the last event on."""
-        return self._now.pose if self._movement is None else self._movement.trajectory.pose_at(time)
+        if self._movement is not None:
+            return self._movement.trajectory.pose_at(time)
+        return self._now.pose if self._leg is None else self._leg.pose_at(time)
 
     @property
     def time(self) -> float:
@@ -317,19 +424,25 @@ class Reducer:
         return self._now.mission or MissionProgress()
 
     @property
+    def leg(self) -> Leg | None:
+        """The leg of a continuous motion under way, if there is one."""
+        return self._leg
+
+    @property
     def still(self) -> bool:
         """True if no movement is under way."""
-        return self._movement is None
+        return self._movement is None and self._leg is None
 
     def beginning(self) -> Checkpoint:
         """All that a reducer must know to go on from here. Only while no movement is under way."""
-        assert self._movement is None, "a movement is under way"
+        assert self.still, "a movement is under way"
         return self._checkpoint(self._time, self._now.pose)
 
     def at(self, time: float | None = None) -> State:
         """The state at a simulated time, by default that of the last event."""
         now = self._time if time is None else max(time, self._time)
         pose, movement = self.pose_at(now), self._movement
+        moving = movement is not None and now < movement.trajectory.end_time
         # A plan knows its contact beforehand; it is shown only once it has come.
         contact = self._legs[-1].contact if self._legs else None
         if contact is not None and contact.time > now:
@@ -337,9 +450,10 @@ class Reducer:
         return State(
             **asdict(self._checkpoint(now, pose)),
             number=self.number,
-            moving=movement is not None and now < movement.trajectory.end_time,
+            moving=moving or self._leg is not None,
             touching=contact is not None and contact.pose == pose,
             contact=contact,
+            velocity=None if self.velocity is None else self.velocity.twist,
             legs=tuple(_leg(each, now) for each in self._legs),
             moved=self._moved,
             sensors={
@@ -356,6 +470,7 @@ class Reducer:
             twins=dict(self._twins),
             last=self._last,
             ended=self._ended,
+            movement=movement if moving else None,
             belief=self._belief,
         )
 
@@ -365,6 +480,8 @@ class Reducer:
         if self._movement is not None:
             trajectory = self._movement.trajectory
             travelled, driving = trajectory.travelled(time), time - trajectory.start_time
+        elif self._leg is not None:
+            travelled, driving = self._leg.travelled(time), time - self._leg.start_time
         return replace(
             self._now,
             time=time,
@@ -376,8 +493,50 @@ class Reducer:
         )
 
 
-def _leg(trajectory: Trajectory, time: float) -> FloatArray:
+class _Track:
+    """A part of a continuous motion's trail: the legs that are over, and the one under way."""
+
+    def __init__(self, leg: Leg) -> None:
+        self.length = 0.0
+        """Inches of the legs that are over."""
+        self._points = [(leg.before.x, leg.before.y)]
+        self._leg: Leg | None = leg
+        self.contact: Contact | None = leg.contact
+
+    def go_on(self, leg: Leg) -> None:
+        """Another leg begins."""
+        self._leg = leg
+        self.contact = leg.contact or self.contact
+
+    def end(self, leg: Leg) -> None:
+        """The leg under way is over."""
+        self._leg = None
+        self.contact = leg.contact or self.contact
+        self.length += leg.travelled(leg.end_time)
+        self._points += leg.centres(leg.end_time)[1:]
+        # Every second of them: a trail of hours still shows where it came from.
+        if len(self._points) > 2 * LEG_POINTS:
+            self._points = [*self._points[:-1:2], self._points[-1]]
+
+    def trail(self, time: float) -> FloatArray:
+        """The robot's centres till a simulated time, (k, 2)."""
+        under_way = self._leg.centres(time)[1:] if self._leg is not None else []
+        return np.array([*self._points, *under_way])
+
+
+def _leg(trajectory: Trajectory | _Track, time: float) -> FloatArray:
     """A movement's way till now, thinned."""
     points = trajectory.trail(time)
     stride = max(1, len(points) // LEG_POINTS)
     return np.concatenate((points[:-1:stride], points[-1:]))
+
+
+def _with_cells(belief: Belief, before: Belief | None) -> Belief:
+    """A belief with the cells of the one before it, where a log has left out its own: they are at most half
+    a second old, and what is drawn of it does not come and go."""
+    grid, known = belief.grid, None if before is None else before.grid
+    if grid is None or grid.cells or known is None:
+        return belief
+    if (grid.shape, grid.bounds, grid.first) != (known.shape, known.bounds, known.first):
+        return belief
+    return replace(belief, grid=replace(grid, cells=known.cells))

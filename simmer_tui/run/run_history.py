@@ -10,26 +10,32 @@ from __future__ import annotations
 import math
 from collections import Counter, deque
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
+from msgspec import Struct, field
 from msgspec.structs import replace
 
 from simmer_tui.config.nominal import Nominal
+from simmer_tui.dialect.fault_notices import UNKNOWN_MESSAGE
 from simmer_tui.events import (
     ActionDone,
     Belief,
     CommandResult,
+    LegBegun,
+    LegEnded,
     MissionEvent,
     MovementEnded,
     MovementPlanned,
     Notice,
     NoticeKind,
     ProgramEnded,
+    VelocityEnded,
+    WireMessage,
 )
 from simmer_tui.run.episodes import BeliefEpisodes
-from simmer_tui.run.facts import deviation
+from simmer_tui.run.facts import Stuck, deviation
 from simmer_tui.run.history_rows import (
     ActionRow,
     BeliefRow,
@@ -47,16 +53,20 @@ from simmer_tui.run.history_rows import (
     RepeatedContact,
     SeenReading,
 )
+from simmer_tui.run.message_trail import MessageTrail
 from simmer_tui.run.paths import PathRecord, Truth
 from simmer_tui.run.state import Checkpoint
 from simmer_tui.run.table import Columns, Errors, Newest, RowTable, Thinned
+from simmer_tui.sim.angles import BoolArray
 from simmer_tui.sim.block import Block
 from simmer_tui.sim.command import Command, parse_value
 from simmer_tui.sim.gripper import in_robot_frame
+from simmer_tui.sim.legs import Leg
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.records import REFUSALS, Reading
 from simmer_tui.sim.specs import Axes, DriveKind
 from simmer_tui.sim.trajectory import Trajectory
+from simmer_tui.sim.velocity_commands import WAIT
 
 KEPT = 200_000
 """Commands of which rows are kept. A minute of the fastest program has 150,000."""
@@ -64,6 +74,9 @@ KEPT_BELIEFS = 15_000
 """Beliefs kept. Programs tell one a movement, and a tenth of commands are movements."""
 KEPT_OBJECTS = 500
 """Contacts, grips, actions and the like that are kept: as many as a player marks."""
+# A dialect has some twenty commands; a program that speaks another language sends anything.
+KEPT_MESSAGES = 60
+"""Messages of a dialect that are counted each; all others are counted together."""
 KEPT_BLOCKS = 6000
 """Poses of the block: two for each movement that a player shows."""
 TRACE_POINTS = 800
@@ -72,8 +85,13 @@ SAME_PLACE = 0.1
 """Poses this close, inches, are one place: the robot did not get away from the wall."""
 CHAIN = 21
 """Newest movements kept whole: the deciding one, and the 20 that may be laid again before it."""
+# A program that steers 50 times a second makes 100 legs on the 12 in that may be laid again, at 6 in/s.
+KEPT_LEGS = 400
+"""Newest legs of continuous motion kept whole."""
 STUCK = 3
 """Movements in a row that a contact ended and that count as being stuck: two happen to good programs."""
+PRESSED, PRESSED_WAY = 0.25, 1.0
+"""Share of the time limit, and inches not gone: who presses on so long does not notice the wall."""
 OTHER_CODES = "other"
 STOPS = "stop"
 """The row of commands that stop the robot, whatever their dialect calls them."""
@@ -118,8 +136,7 @@ class TracePoint(NamedTuple):
     true: float
 
 
-@dataclass(slots=True)
-class SensorTotals:
+class SensorTotals(Struct):
     """Sums over the readings of one sensor."""
 
     trace: Thinned[TracePoint] = field(default_factory=lambda: Thinned(TRACE_POINTS))
@@ -131,8 +148,7 @@ class SensorTotals:
     """Simulated seconds spent reading it."""
 
 
-@dataclass(slots=True)
-class CodeTotals:
+class CodeTotals(Struct):
     """Number of commands with one code, and of those in vain."""
 
     count: int = 0
@@ -167,12 +183,18 @@ class Totals:
         self.commands = 0
         self.codes: dict[str, CodeTotals] = {}
         self.sources: Counter[str] = Counter()
+        self.messages: Counter[tuple[str, str]] = Counter()
+        """Messages of a dialect by the pattern that they match, or by what they are and why that is none."""
+        self.wires = 0
+        """Messages and replies of a dialect."""
         self.link_seconds = 0.0
         """Simulated seconds on the link."""
         self.last_command_line = 0
         self.sensors: dict[str, SensorTotals] = {}
         """By the sensor's ID."""
         self.movements = 0
+        self.legs = 0
+        """Legs of continuous motion, which are no movements: one velocity may lead to hundreds of them."""
         self.distance = 0.0
         """Inches driven."""
         self.turned = 0.0
@@ -184,6 +206,10 @@ class Totals:
         self.actions: Counter[str] = Counter()
         self.beliefs = Errors()
         self.belief_turns = Errors()
+        self.entropies = Errors()
+        """Bits, of grids."""
+        self.missed_shares = Errors()
+        """Probability that grids did not give the true state."""
         self.belief_trace: Thinned[BeliefRow] = Thinned(TRACE_POINTS)
 
 
@@ -198,7 +224,8 @@ class RunHistory:
         counters_known: bool = True,
         paths: PathRecord | None = None,
         now: Callable[[], float] | None = None,
-        nominal: Nominal | None = None,
+        kept: int = KEPT,
+        nominal: Callable[[], Nominal | None] = lambda: None,
     ) -> None:
         """Make the history of a run that stands so.
 
@@ -208,9 +235,11 @@ class RunHistory:
             counters_known: True if counting sensors begin at 0.
             paths: Record of the paths, if they are to be drawn.
             now: Clock of real time, for events that come without one.
-            nominal: Set that the run's own is a variant of.
+            kept: Commands of which rows are kept.
+            nominal: Reads the set that the run's own is a variant of; called when first asked for, as that
+                takes time.
         """
-        self.nominal = nominal
+        self._read_nominal = nominal
         self.is_twin = False
         """True if the robot is a real one: what is true here is true of its simulated twin."""
         self.spec = spec = beginning.spec
@@ -224,16 +253,17 @@ class RunHistory:
         self.line = 0
         self.real_time = self._first = math.nan
         self._totals = Totals()
+        self._trail = MessageTrail()
         self._codes, self._sensors = _Names(), _Names()
         self._sources = _Names(_SOURCES)
         self.code_names, self.source_names = self._codes.names, self._sources.names
         self.sensor_codes = self._sensors.names
-        self.readings = RowTable(ReadingRow, KEPT, self._sum_readings)
-        self.movements = RowTable(MovementRow, KEPT, self._sum_movements)
+        self.readings = RowTable(ReadingRow, kept, self._sum_readings)
+        self.movements = RowTable(MovementRow, kept, self._sum_movements)
         self.beliefs = RowTable(BeliefRow, KEPT_BELIEFS, self._sum_beliefs)
         rows = (self.readings, self.movements, self.beliefs)
         # Commands are the most frequent rows: when theirs are dropped, the others of that time go with them.
-        self.commands = RowTable(CommandRow, KEPT, self._sum_commands, rows)
+        self.commands = RowTable(CommandRow, kept, self._sum_commands, rows)
         self.contacts: Newest[ContactRow] = Newest(KEPT_OBJECTS)
         self.refusals: Newest[RefusalRow] = Newest(KEPT_OBJECTS)
         self.actions: Newest[ActionRow] = Newest(KEPT_OBJECTS)
@@ -249,6 +279,8 @@ class RunHistory:
         """Contacts, those in a row at one place as one."""
         self.newest: deque[tuple[int, MovementEnded]] = deque(maxlen=CHAIN)
         """The newest movements with their order, until a mission ends; none from before a placement."""
+        self.newest_legs: deque[tuple[int, LegEnded]] = deque(maxlen=KEPT_LEGS)
+        """The newest legs of continuous motion, likewise."""
         self._is_over = False
         self.episodes = BeliefEpisodes()
         self.wedged: Newest[ContactRow] = Newest(1)
@@ -262,6 +294,8 @@ class RunHistory:
         self._known = {*self._names, *(each.code for each in spec.drives)}
         if spec.gripper is not None:
             self._known.add(spec.gripper.code)
+        self._velocities = frozenset(each.code for each in spec.velocities)
+        self._known.update((WAIT, *self._velocities))
         self._gone = self._turned = 0.0
         self._holding = beginning.holding
         self._blocked = False
@@ -277,6 +311,11 @@ class RunHistory:
         """Simulated seconds from the beginning to the newest event."""
         return self.clock.now
 
+    @cached_property
+    def nominal(self) -> Nominal | None:
+        """Set that the run's own is a variant of."""
+        return self._read_nominal()
+
     @property
     def totals(self) -> Totals:
         """The sums up to now."""
@@ -286,8 +325,8 @@ class RunHistory:
 
     def blocked(self, after: int | None = None, until: int | None = None) -> tuple[int, float]:
         """Movements in a row that a contact ended, and since when (elapsed seconds), up to one event (by
-        default the newest) and no further back than another (by default the last placement): the one
-        definition of being stuck, from `STUCK` on. Grips between them do not count."""
+        default the newest) and no further back than another (by default the last placement). Grips between
+        them do not count."""
         after, until = self.placed if after is None else after, self.order if until is None else until
         count, since = 0, 0.0
         for place in range(self.movements.place_of(until + 1) - 1, -1, -1):
@@ -297,6 +336,36 @@ class RunHistory:
             if row.held:
                 count, since = count + 1, row.arrival
         return count, since
+
+    def stuck(self, time_limit: float, after: int | None = None, until: int | None = None) -> Stuck | None:
+        """Stretch at the end, after one event until another, in which a wall held the robot: the one
+        definition of being stuck. None if it was not.
+
+        Args:
+            time_limit: Seconds that the run may last. A robot that drives until told otherwise is stuck if it
+                was pressed against a wall for a quarter of them and did not go 1 in.
+            after: Event, as for `blocked`.
+            until: The same.
+        """
+        count, since = self.blocked(after, until)
+        if count >= STUCK:
+            return Stuck(since, count)
+        table = self.movements
+        begin = table.place_of((self.placed if after is None else after) + 1)
+        rows = table.columns(begin, table.place_of((self.order if until is None else until) + 1))
+        # From the end back to where it would have gone an inch.
+        away = np.flatnonzero(np.cumsum(rows["went"][::-1]) >= PRESSED_WAY)
+        rows = rows[len(rows) - int(away[0]) :] if len(away) else rows
+        pressed = rows[rows["pressed"]]
+        lasted = float((pressed["arrival"] - pressed["begin"]).sum())
+        if not len(pressed) or lasted < PRESSED * time_limit:
+            return None
+        return Stuck(float(pressed["begin"][0]), 0, lasted)
+
+    def are_legs(self, rows: Columns) -> BoolArray:
+        """True for the rows of movements that are legs of continuous motion, (n,)."""
+        legs = [place for place, name in enumerate(self.code_names) if name in self._velocities]
+        return np.isin(rows["code"], legs)
 
     # -- what the reducer tells ------------------------------------------------------------------
 
@@ -311,14 +380,14 @@ class RunHistory:
             self._first = now
         self.real_time = now - self._first
 
-    def add_result(self, result: CommandResult, under_way: Trajectory | None) -> None:
+    def add_result(self, result: CommandResult, under_way: Trajectory | Leg | None) -> None:
         elapsed = self.clock.advance(result.time)
-        command, pose, link = result.command, result.pose, result.link
+        self._trail.begun(result.number, result.time)
+        command = result.command
         refused = result.status in REFUSALS
         self.commands.append(
-            self.order, self.line, result.time, elapsed, self.real_time,
-            min(result.number, _LARGEST), self._code(command),
-            self._sources.number(command.source), refused, link, pose.x, pose.y, pose.heading,
+            self.order, self.line, elapsed, self.real_time, min(result.number, _LARGEST),
+            self._code(command), self._sources.number(command.source), refused, result.link,
         )  # fmt: skip
         if result.reading is not None:
             self._add_reading(result, result.reading, elapsed, under_way)
@@ -331,24 +400,34 @@ class RunHistory:
         return self._codes.number(STOPS if command.stops else code)
 
     def _add_reading(
-        self, result: CommandResult, reading: Reading, elapsed: float, under_way: Trajectory | None
+        self, result: CommandResult, reading: Reading, elapsed: float, under_way: Trajectory | Leg | None
     ) -> None:
         code, pose = reading.sensor.code, result.pose
         taken = result.time if result.taken is None else result.taken
         error = self._truth.error(reading, under_way, result.time)
         # A reading cannot have been taken after it was answered, whatever a damaged log says.
+        taken = min(self.clock.before + taken, elapsed)
         self.readings.append(
-            self.order, self.line, elapsed, min(self.clock.before + taken, elapsed),
+            self.order, self.line, elapsed, taken,
             self._sensors.number(code), reading.value, reading.true, math.nan if error is None else error,
             reading.took, self._gone, self._turned, pose.x, pose.y, pose.heading,
         )  # fmt: skip
+        if self.paths is not None and reading.scan is not None:
+            self.paths.scan(self.clock.before, elapsed, taken, reading)
 
     def add_plan(self, planned: MovementPlanned) -> None:
         elapsed = self.clock.advance(planned.time)
+        self._trail.begun(planned.number, planned.time)
         if planned.grip is not None:
             self.grips.add(GripRow(self.order, self.line, elapsed, planned.grip, self._holding))
         if self.paths is not None:
-            self.paths.plan(self.clock.before, planned)
+            self.paths.plan(self.clock.before, planned.command.shown, planned.trajectory)
+
+    def add_leg_plan(self, begun: LegBegun) -> None:
+        """A leg of a continuous motion begins."""
+        self.clock.advance(begun.time)
+        if self.paths is not None:
+            self.paths.plan(self.clock.before, begun.command.shown, begun.leg)
 
     def add_movement(
         self, ended: MovementEnded, pose: Pose, went: float, seen: Mapping[str, CommandResult]
@@ -377,11 +456,42 @@ class RunHistory:
         self.movements.append(
             self.order, self.line, zero + begin, zero + arrival, elapsed, self.real_time,
             min(ended.number, _LARGEST),
-            self._code(ended.command), grips, ended.answers, contact is not None, held, went, self._gone,
-            self._turned, asked, totals.x, totals.y, totals.r, pose.x, pose.y, pose.heading,
+            self._code(ended.command), grips, ended.answers, contact is not None, held, False, went,
+            self._gone, self._turned, asked, totals.x, totals.y, totals.r, pose.x, pose.y, pose.heading,
         )  # fmt: skip
         if self.paths is not None:
-            self.paths.move(zero, ended, pose, arrival)
+            self.paths.move(zero, ended.command.shown, trajectory, ended.time, pose, arrival)
+
+    def add_leg(self, ended: LegEnded, seen: Mapping[str, CommandResult]) -> None:
+        """A leg of a continuous motion has ended; `seen` is by code what was read during it."""
+        elapsed, zero, leg = self.clock.advance(ended.time), self.clock.before, ended.leg
+        pose, went = leg.arrival(leg.end_time)
+        turned, contact = pose.heading - leg.before.heading, leg.contact
+        held = contact is not None and contact.ended
+        movement = ended.as_movement()
+        if contact is not None:
+            self._add_contact(movement, pose, went, turned, seen)
+        # Pressed from one contact on until it drives freely again: so long a velocity is stuck.
+        self._blocked = held or (leg.pressed and self._blocked)
+        self._gone += went
+        self._turned += abs(turned)
+        self._truth.move(leg, leg.end_time)
+        if not self._is_over:
+            self.newest.append((self.order, movement))
+            self.newest_legs.append((self.order, ended))
+        nothing = math.nan
+        self.movements.append(
+            self.order, self.line, zero + leg.start_time, elapsed, elapsed, self.real_time,
+            min(ended.number, _LARGEST), self._code(ended.command), False, False,
+            contact is not None, held, leg.pressed, went, self._gone, self._turned,
+            nothing, nothing, nothing, nothing, pose.x, pose.y, pose.heading,
+        )  # fmt: skip
+        if self.paths is not None:
+            self.paths.move(zero, ended.command.shown, leg, leg.end_time, pose, elapsed)
+
+    def add_velocity_end(self, ended: VelocityEnded) -> None:
+        """A velocity has ended without a command that set another."""
+        self.clock.advance(ended.time)
 
     def _add_contact(
         self,
@@ -394,13 +504,13 @@ class RunHistory:
         contact = ended.contact
         assert contact is not None, "it touched something"
         seen = {
-            code: SeenReading(each.command.text, replace(each.reading, view=None))
+            code: SeenReading(each.command.text, replace(each.reading, view=None, scan=None))
             for code, each in results.items()
             if each.reading is not None
         }
         row = ContactRow(
             self.order, self.line, self.clock.before + contact.time, ended, contact, pose, went, turned,
-            self._gone, self._turned, seen,
+            self._gone, self._turned, seen, self._trail.shown(ended.number, ended.command),
         )  # fmt: skip
         self.contacts.add(row)
         self.episodes.touch(row)
@@ -436,6 +546,7 @@ class RunHistory:
             self._truth.restart()
         if not self._is_over:
             self.newest.clear()
+            self.newest_legs.clear()
         self.placed = self.order
         self._blocked = False
         if self.paths is not None:
@@ -451,12 +562,17 @@ class RunHistory:
         self.biases.add(BiasRow(self.order, self.elapsed, bias))
 
     def add_belief(self, belief: Belief) -> None:
-        pose, true, off = belief.pose, belief.true, deviation(belief)
+        if belief.again:
+            if self.paths is not None:
+                self.paths.believe_again(belief)
+            return
+        pose, true, off, grid = belief.pose, belief.true, deviation(belief), belief.grid
+        entropy, at_truth = (math.nan, math.nan) if grid is None else (grid.entropy, grid.true_probability)
         elapsed = self.clock.advance(belief.time)
         row = BeliefRow(
             self.order, self.line, elapsed, pose.x, pose.y, pose.heading, true.x, true.y, true.heading,
             math.nan if belief.spread is None else belief.spread, off.distance, off.turn, off.allowed,
-            off.allowed_turn, self._gone,
+            off.allowed_turn, self._gone, entropy, at_truth, off.above,
         )  # fmt: skip
         self.beliefs.append(*row)
         self.episodes.believe(row, self._turned)
@@ -466,6 +582,19 @@ class RunHistory:
     def add_notice(self, notice: Notice) -> None:
         row = NoticeRow(self.order, self.line, self.elapsed, notice)
         (self.faults if notice.kind is NoticeKind.FAULT else self.notices).add(row)
+
+    def add_wire(self, message: WireMessage) -> None:
+        """A message of a dialect, or a reply."""
+        self._totals.wires += 1
+        self._trail.heard(message)
+        if message.reply:
+            return
+        is_unknown = message.meaning.startswith(UNKNOWN_MESSAGE)
+        key = (message.data.strip(), message.meaning) if is_unknown else (message.meaning, "")
+        counts = self._totals.messages
+        if key not in counts and len(counts) >= KEPT_MESSAGES:
+            key = (OTHER_CODES, "")
+        counts[key] += 1
 
     def add_mission(self, event: MissionEvent) -> None:
         self._is_over |= event.over
@@ -507,13 +636,16 @@ class RunHistory:
 
     def _sum_movements(self, rows: Columns) -> None:
         totals = self._totals
-        totals.movements += int((~rows["grips"]).sum())
         totals.distance += float(rows["went"].sum())
         totals.turned = self._turned
         totals.driving_seconds += float((rows["elapsed"] - rows["begin"]).sum())
         totals.contacts += int(rows["contact"].sum())
         totals.contacts_that_ended += int(rows["held"].sum())
         for name, mine in _by_name(rows, "code", self.code_names):
+            if name in self._velocities:
+                totals.legs += len(mine)
+            else:
+                totals.movements += int((~mine["grips"]).sum())
             if contacts := int(mine["contact"].sum()):
                 totals.codes.setdefault(name, CodeTotals()).contacts += contacts
 
@@ -524,6 +656,9 @@ class RunHistory:
         rows = rows[finite]
         totals.beliefs.add(distance[finite])
         totals.belief_turns.add(turn[finite])
+        grids = rows[~np.isnan(rows["above"])]
+        totals.entropies.add(grids["entropy"].astype(np.float64))
+        totals.missed_shares.add(1.0 - grids["true_probability"])
         made = [BeliefRow._make(each) for each in rows.tolist()]
         # Beliefs without a place were dropped above, so that they have no share in the trace.
         wanted = totals.belief_trace.wanted(len(made))

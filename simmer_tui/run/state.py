@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 
 import numpy as np
-from msgspec import Struct
+from msgspec import Struct, field
 
-from simmer_tui.events import Belief, CommandResult, Goal, MovementEnded, Result, TwinReading
+from simmer_tui.events import Belief, CommandResult, Goal, MovementEnded, MovementPlanned, Result, TwinReading
 from simmer_tui.sim.angles import FloatArray
+from simmer_tui.sim.arcs import Twist
 from simmer_tui.sim.block import Block
 from simmer_tui.sim.path import Contact
 from simmer_tui.sim.pose import Pose
@@ -20,6 +20,7 @@ from simmer_tui.sim.specs import Axes, DriveKind, SimulationSpec
 __all__ = [
     "Checkpoint",
     "MissionProgress",
+    "MissionSums",
     "SensorRow",
     "State",
     "TimeSpent",
@@ -29,8 +30,7 @@ __all__ = [
 _NO_TRAIL: FloatArray = np.empty((0, 2))
 
 
-@dataclass(frozen=True, slots=True)
-class SensorRow:
+class SensorRow(Struct, frozen=True):
     """Knowledge of one sensor: its newest reading, those before it (oldest first), the running
     number of the event it came with, when it was read (simulated time), and where robot and block
     were then."""
@@ -43,25 +43,7 @@ class SensorRow:
     block: Block
 
 
-@dataclass(frozen=True, slots=True)
-class MissionProgress:
-    """Progress of a mission: when each goal was met (simulated time, None for those that are not),
-    how it stands, and why it failed. `helped` tells that a person put robot or block elsewhere, or
-    took errors away."""
-
-    goals: Mapping[Goal, float | None] = field(default_factory=lambda: dict.fromkeys(Goal))
-    result: Result = Result.UNDER_WAY
-    reason: str = ""
-    helped: bool = False
-
-    @property
-    def over(self) -> bool:
-        """True if the mission has ended."""
-        return self.result is not Result.UNDER_WAY
-
-
-@dataclass(frozen=True, slots=True)
-class TimeSpent:
+class TimeSpent(Struct, frozen=True):
     """Simulated time spent since the run last began anew, seconds: driving, reading sensors (by
     code) and on the link. What is left of the time the robot stood and waited; where a sensor is read
     during a drive both count."""
@@ -74,6 +56,34 @@ class TimeSpent:
     def reading(self) -> float:
         """Time spent on reading sensors, seconds."""
         return sum(self.by_sensor.values())
+
+
+class MissionSums(Struct, frozen=True):
+    """Sums of a run at the end of its mission: simulated seconds, inches, and what came until then.
+    Nothing that comes after it changes them."""
+
+    time: float
+    distance: float
+    commands: int
+    contacts: int
+    spent: TimeSpent
+
+
+class MissionProgress(Struct, frozen=True):
+    """Progress of a mission: when each goal was met (simulated time, None for those that are not),
+    how it stands, and why it failed. `helped` tells that a person put robot or block elsewhere, or
+    took errors away. `end` is None while the mission goes on."""
+
+    goals: Mapping[Goal, float | None] = field(default_factory=lambda: dict.fromkeys(Goal))
+    result: Result = Result.UNDER_WAY
+    reason: str = ""
+    helped: bool = False
+    end: MissionSums | None = None
+
+    @property
+    def over(self) -> bool:
+        """True if the mission has ended."""
+        return self.result is not Result.UNDER_WAY
 
 
 class Checkpoint(Struct, frozen=True, kw_only=True):
@@ -133,19 +143,22 @@ class State(Checkpoint, frozen=True, kw_only=True, eq=False):
     that the robot stands there. `legs` are the ways of the latest movements, each (n, 2) inches,
     oldest first. `moved` is the running number of the last event that moved the robot. `twins`
     holds, by code, what the real robot and the simulated one last read side by side. `ended` is how
-    the latest movement that is over went.
+    the latest movement that is over went, `movement` the plan of one under way.
     """
 
     number: int
     moving: bool
     touching: bool
     contact: Contact | None
+    velocity: Twist | None
+    """The velocity that the robot drives at until told otherwise; None while it is told to stand."""
     legs: tuple[FloatArray, ...]
     moved: int
     sensors: Mapping[str, SensorRow]
     twins: Mapping[str, TwinReading]
     last: CommandResult | None
     ended: MovementEnded | None
+    movement: MovementPlanned | None
     belief: Belief | None
 
     @property

@@ -7,7 +7,7 @@ from bisect import bisect_left
 from collections import deque
 from collections.abc import Callable, Iterable, Sequence
 from struct import Struct
-from typing import Annotated, Any, Generic, Protocol, TypeVar, cast, get_type_hints, overload
+from typing import Annotated, Any, Generic, Protocol, TypeVar, cast, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -95,6 +95,12 @@ class Newest(Generic[TimedItem]):
         if len(self.items) > self._limit:
             self.items.popleft()
             self.since = max(self.since, self.items[0].elapsed)
+
+    def after(self, given: int) -> list[TimedItem]:
+        """The kept ones of those that came after the first `given`."""
+        # From the end: a deque is slow in its middle.
+        count = min(self.first.given - given, len(self.items))
+        return [self.items[-each] for each in range(count, 0, -1)]
 
     @property
     def dropped(self) -> int:
@@ -189,12 +195,13 @@ class RowTable(Sequence[RowT]):
         """Make an empty table.
 
         Args:
-            row: Class of its rows.
+            row: Class of its rows. Its module must not import annotations from `__future__`: evaluating them
+                here would take a millisecond a run.
             most: Rows kept at least.
             settle: Function that sums up rows; it is called with each row once.
             followers: Tables whose rows are dropped with the rows of their time here.
         """
-        hints = get_type_hints(row, include_extras=True)
+        hints = row.__annotations__
         codes = [getattr(hint, "__metadata__", [_CODES.get(hint)])[0] for hint in hints.values()]
         packed = Struct("<" + "".join(codes))
         self._pack, self._unpack, self._size = packed.pack, packed.unpack_from, packed.size

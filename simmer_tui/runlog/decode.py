@@ -7,7 +7,7 @@ from collections import deque
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from msgspec.structs import replace
+from msgspec.structs import astuple, replace
 
 from simmer_tui.errors import RunLogError
 from simmer_tui.events import (
@@ -17,6 +17,8 @@ from simmer_tui.events import (
     CommandResult,
     Event,
     Goal,
+    LegBegun,
+    LegEnded,
     MissionEvent,
     MovementEnded,
     MovementPlanned,
@@ -24,10 +26,13 @@ from simmer_tui.events import (
     OutputLine,
     ProgramEnded,
     TwinReading,
+    VelocityEnded,
+    WireMessage,
 )
-from simmer_tui.run.state import Checkpoint, MissionProgress, TimeSpent
+from simmer_tui.run.state import Checkpoint, MissionProgress, MissionSums, TimeSpent
 from simmer_tui.runlog.log_records import (
     LARGEST,
+    NO_REPLY,
     SHARED_WITH_CHECKPOINT,
     SHARED_WITH_CONTACT,
     SHARED_WITH_PROGRAM,
@@ -39,6 +44,8 @@ from simmer_tui.runlog.log_records import (
     ContactFields,
     EndRecord,
     GripFields,
+    LegCutRecord,
+    LegRecord,
     LoggedPose,
     MissionRecord,
     MovementRecord,
@@ -48,22 +55,32 @@ from simmer_tui.runlog.log_records import (
     ProgramRecord,
     ReadingRecord,
     TwinRecord,
+    VelocityEndRecord,
+    VelocityFields,
+    WireRecord,
     unpacked_particles,
 )
+from simmer_tui.runlog.logged_scans import ScanDecoder
+from simmer_tui.sim.arcs import LARGEST_TURN, Arc, Twist
 from simmer_tui.sim.block import Block
-from simmer_tui.sim.command import Command, parse_command, parse_value
+from simmer_tui.sim.command import Command, escape, parse_command, parse_value
 from simmer_tui.sim.footprint import Footprint
 from simmer_tui.sim.gripper import missed_by
+from simmer_tui.sim.legs import Leg
 from simmer_tui.sim.motion import profile_of, rebuilt, standing
 from simmer_tui.sim.path import Contact, Path, PathPosition
 from simmer_tui.sim.pose import Pose
-from simmer_tui.sim.records import Grip, Reading, Status
-from simmer_tui.sim.specs import Axes, DriveSpec, GripperSpec, SimulationSpec
+from simmer_tui.sim.recent_motion import Piece
+from simmer_tui.sim.records import Grip, LidarScan, Reading, Status, VelocityChange
+from simmer_tui.sim.specs import Axes, DriveSpec, GripperSpec, SensorSpec, SimulationSpec
 from simmer_tui.sim.trajectory import Trajectory, VelocityProfile
 
 # A command is answered at most a few commands late: sessions and the link allow fewer than these.
 _REMEMBERED = 16
 """Movements that are over but may still be answered."""
+# Rounding, by far, and nothing beside a maze.
+_SLACK = 1e-3
+"""Inches or degrees by which a leg may lead out of the maze, or turn more than one can."""
 # A program uses some hundred texts; one that never repeats itself must not fill the memory.
 _CACHED = 4096
 """Texts of commands that are parsed only once."""
@@ -82,9 +99,14 @@ class LogDecoder:
             each.code: each for each in (*spec.drives, *([spec.gripper] if spec.gripper else ()))
         }
         self._planned: MovementPlanned | None = None
+        self._leg: LegBegun | None = None
+        """The leg under way."""
+        self._legs: deque[Leg] = deque(maxlen=_REMEMBERED)
+        """The latest legs that are over."""
         self._ended: deque[tuple[MovementEnded, Pose]] = deque(maxlen=_REMEMBERED)
         """The latest movements that are over, and where each began."""
         self._begun = pose
+        self._scans = ScanDecoder(spec.sensors)
         self._commands: dict[tuple[str, str], Command] = {}
         self._profiles: dict[str, tuple[VelocityProfile | None, float]] = {}
         self._decoders: Mapping[type, Callable[[Any], tuple[Event, ...]]] = {
@@ -100,6 +122,10 @@ class LogDecoder:
             TwinRecord: self._twin,
             ProgramRecord: _program_end,
             CheckpointRecord: lambda record: (),
+            LegRecord: self._leg_begun,
+            LegCutRecord: self._leg_cut,
+            VelocityEndRecord: lambda record: (VelocityEnded(record.t, record.reason, record.source),),
+            WireRecord: lambda record: (WireMessage(record.t, record.data, record.reply, record.meaning),),
         }
 
     def events(self, record: AnyRecord) -> tuple[Event, ...]:
@@ -107,20 +133,27 @@ class LogDecoder:
 
         Raises RunLogError for a record that does not fit the configuration or the records before it.
         """
-        return self._decoders[type(record)](record)
+        ended = self._leg_over(record)
+        return ended + self._decoders[type(record)](record)
 
     def resume(self, record: CheckpointRecord) -> Checkpoint:
         """Go on decoding from a checkpoint, and give it."""
         self.pose = Pose(*record.pose)
-        self._planned = None
+        self._planned = self._leg = None
+        self._legs.clear()
         # A checkpoint is written only where nothing is under way or still to be answered.
         self._ended.clear()
+        self._scans.forget(all_scans=True)
         mission = record.mission
         progress = None
         if mission is not None:
             # The record leaves out goals that have not been met.
             goals = {goal: mission.goals.get(goal) for goal in Goal}
-            progress = MissionProgress(goals, mission.result, mission.reason, mission.helped)
+            end = None
+            if mission.end is not None:
+                time, distance, commands, contacts, *times = astuple(mission.end)
+                end = MissionSums(time, distance, commands, contacts, TimeSpent(*times))
+            progress = MissionProgress(goals, mission.result, mission.reason, mission.helped, end)
         x, y, heading = record.block
         return Checkpoint(
             spec=self._spec,
@@ -139,6 +172,10 @@ class LogDecoder:
         planned = self._planned
         if planned is not None and (planned.trajectory.start_time, planned.number) < (time, number):
             return planned.trajectory.pose_at(time)
+        under_way = [] if self._leg is None else [self._leg.leg]
+        for leg in (*under_way, *reversed(self._legs)):
+            if leg.start_time <= time < leg.end_time or (leg.end_time == time and leg.last_pose == self.pose):
+                return leg.pose_at(time)
         pose = self.pose
         # From the latest back: an answer is at most a few movements late.
         for ended, before in reversed(self._ended):
@@ -170,19 +207,30 @@ class LogDecoder:
         sensor = self._sensors.get(command.code)
         if sensor is None:
             raise RunLogError(f"{command.shown} reads no sensor of the log's configuration")
-        value = float(record.reply)
-        true = value if record.true is None else float(record.true)
         pose = self._pose_at(record.t, record.n)
         before = pose if record.taken is None else self._pose_at(record.taken, record.n)
-        reading = Reading(sensor, value, true, None, sensor.read_time)
+        scan, value = None, float(record.reply)
+        if record.reply is NO_REPLY:
+            scan = self._scan(record, sensor, before)
+            value = float(scan.ranges[0])
+        true = value if record.true is None else float(record.true)
+        reading = Reading(sensor, value, true, None, sensor.read_time, scan)
         n, t, taken, link = record.n, record.t, record.taken, record.link
         # Positional, since a log has millions of these: with keywords it takes twice as long.
         arguments = (n, t, command, Status.READING, value, before, pose, "", reading, None, None, taken, link)
         return (CommandResult(*arguments),)
 
+    def _scan(self, record: ReadingRecord, sensor: SensorSpec, pose: Pose) -> LidarScan:
+        under_way: Piece | None = None
+        if self._planned is not None:
+            under_way = self._planned.trajectory
+        elif self._leg is not None:
+            under_way = self._leg.leg
+        return self._scans.scan(record, sensor, pose, under_way)
+
     def _answer(self, record: AnswerRecord) -> tuple[Event, ...]:
         command = self._command(record.command, record.source, record.stops)
-        if record.status is Status.DONE:
+        if record.status is Status.DONE and record.velocity is None:
             # The movement's own record has told pose, contact and grip.
             for ended, started in self._ended:
                 if ended.number == record.n:
@@ -197,6 +245,8 @@ class LogDecoder:
             reason=record.reason,
             taken=record.taken,
             link=record.link,
+            velocity=None if record.velocity is None else _velocity(record.velocity),
+            waits=record.waits,
         )
         return (result,)
 
@@ -211,8 +261,75 @@ class LogDecoder:
             # Poses of movements before it would be wrong for what is answered after it.
             if action.name.restarts or done.pose != self.pose:
                 self._ended.clear()
+                self._legs.clear()
+            if action.name.restarts or action.name.places:
+                self._scans.forget(all_scans=action.name.restarts)
             self.pose = done.pose
         return (done,)
+
+    # -- continuous motion -----------------------------------------------------------------------
+
+    def _leg_begun(self, record: LegRecord) -> tuple[Event, ...]:
+        command = self._command(record.command, record.source)
+        seconds = math.inf if record.end is None else record.end - record.t
+        self._check_leg(record, seconds)
+        arc = Arc(self.pose, record.velocity, record.rate, seconds, record.spin)
+        fields, contact = record.contact, None
+        if fields is not None:
+            same = {name: getattr(fields, name) for name in SHARED_WITH_CONTACT}
+            segment, turned, translated = fields.at
+            contact = Contact(
+                Pose(*record.pose),
+                segment=segment,
+                turned=turned,
+                translated=translated,
+                time=fields.t,
+                **same,
+            )
+        leg = Leg(
+            arc,
+            record.t,
+            math.inf if record.end is None else record.end,
+            Pose(*record.pose),
+            Twist(*record.told),
+            pressed=record.pressed,
+            contact=contact,
+        )
+        self._leg = LegBegun(record.n, command, leg)
+        return (self._leg,)
+
+    def _check_leg(self, record: LegRecord, seconds: float) -> None:
+        """Raises RunLogError for a leg that no robot drives in this maze: what is drawn of it and counted by
+        cell would take for ever."""
+        maze, (x, y, _) = self._spec.maze, record.pose
+        speed = math.dist((0.0, 0.0), record.velocity)
+        far = speed > 0.0 and speed * seconds > math.hypot(maze.width, maze.height) + _SLACK
+        turns = record.rate != 0.0 and abs(record.rate) * seconds > LARGEST_TURN + _SLACK
+        inside = -_SLACK <= x <= maze.width + _SLACK and -_SLACK <= y <= maze.height + _SLACK
+        if far or turns or not inside:
+            raise RunLogError(f"the leg of {escape(record.command)!r} leads out of the maze")
+
+    def _leg_over(self, record: AnyRecord) -> tuple[Event, ...]:
+        """The end of the leg under way, if its time is over before a record."""
+        begun = self._leg
+        if begun is None:
+            return ()
+        leg = begun.leg
+        if isinstance(record, LegCutRecord):
+            if record.t < leg.start_time:
+                raise RunLogError("the leg ends before it begins")
+            leg = leg.cut(record.t)
+        elif record.t < leg.end_time:
+            # Another that begins at the same time takes its place.
+            return ()
+        self._leg = None
+        self.pose = leg.last_pose
+        self._legs.append(leg)
+        self._scans.went(leg)
+        return (LegEnded(begun.number, begun.command, leg),)
+
+    def _leg_cut(self, record: LegCutRecord) -> tuple[Event, ...]:
+        return ()
 
     # -- movements -------------------------------------------------------------------------------
 
@@ -226,6 +343,7 @@ class LogDecoder:
         )
         before, self.pose, self._planned = self.pose, Pose(*record.pose), None
         self._ended.append((ended, before))
+        self._scans.went(trajectory)
         return (planned, ended, self._done(ended, before)) if record.answers else (planned, ended)
 
     def _plan(self, record: PlanRecord) -> tuple[Event, ...]:
@@ -256,6 +374,7 @@ class LogDecoder:
         )
         self._planned, self.pose = None, Pose(*record.pose)
         self._ended.append((ended, self._begun))
+        self._scans.went(trajectory)
         return (ended, self._done(ended, self._begun)) if record.answers else (ended,)
 
     def _done(self, ended: MovementEnded, before: Pose) -> CommandResult:
@@ -349,13 +468,22 @@ class LogDecoder:
         return Grip(time, fields.closed, fields.holding, Pose(x, y, heading), missed)
 
 
+def _velocity(fields: VelocityFields) -> VelocityChange:
+    expires = math.inf if fields.expires is None else fields.expires
+    twist = Twist(*fields.twist)
+    return VelocityChange(twist, expires, fields.changed, fields.slip, limited=fields.limited)
+
+
 def _belief(record: BeliefRecord) -> tuple[Event, ...]:
     believed, true = Pose(*record.believed), Pose(*record.pose)
-    return (Belief(record.t, believed, true, record.spread, unpacked_particles(record), record.note),)
+    particles = unpacked_particles(record)
+    return (
+        Belief(record.t, believed, true, record.spread, particles, record.note, record.grid, record.again),
+    )
 
 
 def _notice(record: NoticeRecord) -> tuple[Event, ...]:
-    return (Notice(record.about, record.text, record.subject),)
+    return (Notice(record.about, record.text, record.subject, record.advice),)
 
 
 def _program_end(record: ProgramRecord) -> tuple[Event, ...]:

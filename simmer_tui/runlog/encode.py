@@ -6,14 +6,19 @@ points and poses on the way are worked out again by `decode.py`.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from typing import Any
+
+from msgspec.structs import astuple, replace
 
 from simmer_tui.events import (
     ActionDone,
     Belief,
     CommandResult,
     Event,
+    LegBegun,
+    LegEnded,
     MissionEvent,
     MovementEnded,
     MovementPlanned,
@@ -21,10 +26,13 @@ from simmer_tui.events import (
     ProgramEnded,
     Result,
     TwinReading,
+    VelocityEnded,
+    WireMessage,
 )
 from simmer_tui.run.state import Checkpoint
 from simmer_tui.runlog.log_records import (
     NO_DELAY,
+    NO_REPLY,
     SHARED_WITH_CHECKPOINT,
     SHARED_WITH_CONTACT,
     SHARED_WITH_PROGRAM,
@@ -35,10 +43,13 @@ from simmer_tui.runlog.log_records import (
     ContactFields,
     EndRecord,
     GripFields,
+    LegCutRecord,
+    LegRecord,
     LoggedPose,
     LogRecord,
     MissionFields,
     MissionRecord,
+    MissionSumsFields,
     MoveRecord,
     NoticeRecord,
     OutputFields,
@@ -46,17 +57,32 @@ from simmer_tui.runlog.log_records import (
     ProgramRecord,
     ReadingRecord,
     TwinRecord,
+    VelocityEndRecord,
+    VelocityFields,
+    WireRecord,
     logged_number,
     packed_particles,
 )
+from simmer_tui.runlog.logged_scans import packed_ranges
+from simmer_tui.sim.path import Contact
 from simmer_tui.sim.pose import Pose
-from simmer_tui.sim.records import Status
+from simmer_tui.sim.records import LidarScan, Reading, Status, VelocityChange
 from simmer_tui.sim.trajectory import Trajectory
+
+LARGE_GRID = 2000
+"""States of a grid beyond which a log has only some of its cells: at 10 Hz they would be 100 MB an hour."""
+# A hair less than half a second: five times a tenth may come to less.
+GRID_EVERY = 0.499
+"""Simulated seconds between two large grids with their cells."""
 
 
 class LogEncoder:
     """Makes the records of events. A movement that nothing interrupts has one record, other movements
-    have one for their plan and one for their end."""
+    have one for their plan and one for their end.
+
+    Of a large grid the numbers are in every record, the cells in two a second. A movement, a contact and the
+    end come after one more record of the belief before them, with its cells.
+    """
 
     def __init__(self, timed: bool, present: Callable[[], tuple[int, float]]) -> None:
         """Args:
@@ -71,6 +97,16 @@ class LogEncoder:
         """The number of the movement whose plan has a record but not its end, or 0."""
         self._answered: int | None = None
         """The number of the movement whose end was its answer too."""
+        self._leg_end = math.inf
+        """End of the leg under way as its record has it."""
+        self._stood_since: float | None = -math.inf
+        """Simulated time of the end of the last leg; None while one is under way."""
+        self._grid_kept = -math.inf
+        """Simulated time of the last large grid with its cells."""
+        self._without_cells: Belief | None = None
+        """The newest belief, if its record has no cells."""
+        self._scans: dict[str, LidarScan] = {}
+        """The newest scan of each lidar that a record has since reading can begin."""
 
     @property
     def complete(self) -> bool:
@@ -86,11 +122,15 @@ class LogEncoder:
         real_time = round(real_time, 3)  # whole milliseconds: no timer of a run is finer
         # A plan waits for one event at most: if that is not its end, something came between the two.
         planned, self._planned = self._planned, None
+        if self._without_cells is not None and self._shows_belief(event):
+            yield from self._rest(planned, real_time)
+            yield from self._cells_of_belief(real_time)
+            planned = None
         match event:
             case CommandResult():
                 yield from self._rest(planned, real_time)
                 if event.reading is not None and event.status is Status.READING:
-                    yield _reading_record(event, real_time)
+                    yield self._reading_record(event, event.reading, real_time)
                 # The end of a movement may have been its answer: then that has said all.
                 elif event.status is not Status.DONE or event.number != self._answered:
                     yield _answer_record(event, real_time)
@@ -112,24 +152,91 @@ class LogEncoder:
                     yield _plan_record(event, again, real_time)
                 else:
                     self._planned = event
+            case LegBegun() | LegEnded():
+                yield from self._rest(planned, real_time)
+                yield from self._leg_records(event, real_time)
+            case Belief():
+                yield from self._rest(planned, real_time)
+                yield _other_record(self._thinned(event), self._present(), real_time)
             case _:
                 yield from self._rest(planned, real_time)
                 yield _other_record(event, self._present(), real_time)
 
+    def _leg_records(self, event: LegBegun | LegEnded, real_time: float) -> Iterator[LogRecord]:
+        self._stood_since = event.time if isinstance(event, LegEnded) else None
+        if isinstance(event, LegBegun):
+            self._leg_end = event.leg.end_time
+            yield _leg_record(event, real_time)
+        # What ends as its record says needs no other.
+        elif event.time != self._leg_end:
+            yield LegCutRecord(event.time, real_time)
+
+    def _shows_belief(self, event: Event) -> bool:
+        """True for what a belief led to, or what it is held against: a movement, a contact, the end."""
+        match event:
+            case MovementPlanned():
+                return True
+            case LegBegun():
+                # A leg that follows another at once goes on with its movement.
+                return self._stood_since not in (None, event.time)
+            case MovementEnded() | LegEnded():
+                return event.contact is not None
+            case MissionEvent():
+                return event.over
+        return isinstance(event, ProgramEnded)
+
+    def _thinned(self, belief: Belief) -> Belief:
+        """A belief as its record has it."""
+        grid, self._without_cells = belief.grid, None
+        if grid is None or not grid.cells or belief.again or grid.states <= LARGE_GRID:
+            return belief
+        # Time begins anew after a reset.
+        if 0.0 <= belief.time - self._grid_kept < GRID_EVERY:
+            self._without_cells = belief
+            return replace(belief, grid=replace(grid, cells=b""))
+        self._grid_kept = belief.time
+        return belief
+
+    def _cells_of_belief(self, real_time: float) -> Iterator[LogRecord]:
+        belief, self._without_cells = self._without_cells, None
+        if belief is not None:
+            self._grid_kept = belief.time
+            # Its note and its particles have been told.
+            told = replace(belief, particles=(), again=True)
+            yield _other_record(told, self._present(), real_time)
+
+    def begin_anew(self) -> None:
+        """Reading can begin here: what comes next refers to nothing before it."""
+        self._scans.clear()
+
+    def _reading_record(self, result: CommandResult, reading: Reading, real_time: float) -> ReadingRecord:
+        record = _reading_record(result, reading, real_time)
+        scan = reading.scan
+        if scan is None:
+            return record
+        code = reading.sensor.code
+        # A program may ask ten times for the same revolution.
+        if self._scans.get(code) is scan:
+            return replace(record, reply=NO_REPLY, revolution=scan.revolution)
+        self._scans[code] = scan
+        text, floats = packed_ranges(scan.ranges, reading.sensor.resolution)
+        revolution = scan.revolution
+        return replace(record, reply=NO_REPLY, revolution=revolution, scan=text, floats=floats)
+
     def rest(self, real_time: float) -> Iterator[LogRecord]:
-        """The record of a plan that still has none."""
+        """The records of what still has none: a plan, and the cells of the newest belief."""
         planned, self._planned = self._planned, None
-        return self._rest(planned, round(real_time, 3))
+        real_time = round(real_time, 3)
+        yield from self._rest(planned, real_time)
+        yield from self._cells_of_belief(real_time)
 
     def _rest(self, planned: MovementPlanned | None, real_time: float) -> Iterator[LogRecord]:
         if planned is not None:
             yield _plan_record(planned, False, real_time)
 
 
-def _reading_record(result: CommandResult, real_time: float) -> ReadingRecord:
+def _reading_record(result: CommandResult, reading: Reading, real_time: float) -> ReadingRecord:
     # Fields one by one: a log has millions of readings, and a dict for each takes time.
-    reading = result.reading
-    assert reading is not None, "only a reading has a record of this kind"
     return ReadingRecord(
         result.time,
         real_time,
@@ -146,6 +253,7 @@ def _reading_record(result: CommandResult, real_time: float) -> ReadingRecord:
 
 def _answer_record(result: CommandResult, real_time: float) -> AnswerRecord:
     taken = result.taken
+    moved = result.status is Status.DONE and result.velocity is None and not result.waits
     return AnswerRecord(
         result.time,
         real_time,
@@ -153,12 +261,45 @@ def _answer_record(result: CommandResult, real_time: float) -> AnswerRecord:
         command=result.command.text,
         source=result.command.source,
         reply=logged_number(result.reply),
-        # The reader takes it from the movement's plan.
-        taken=None if taken == result.time or result.status is Status.DONE else taken,
+        # Of a movement the reader takes it from the plan.
+        taken=None if taken == result.time or moved else taken,
         link=result.link or NO_DELAY,
         status=result.status,
         reason=result.reason,
         stops=result.command.stops,
+        velocity=None if result.velocity is None else _velocity_fields(result.velocity),
+        waits=result.waits or NO_DELAY,
+    )
+
+
+def _velocity_fields(velocity: VelocityChange) -> VelocityFields:
+    twist, expires = velocity.twist, velocity.expires
+    return VelocityFields(
+        (twist.x, twist.y, twist.r),
+        None if expires == math.inf else expires,
+        velocity.changed,
+        velocity.slip,
+        velocity.limited,
+    )
+
+
+def _leg_record(begun: LegBegun, real_time: float) -> LegRecord:
+    leg, arc = begun.leg, begun.leg.arc
+    told = leg.commanded
+    return LegRecord(
+        leg.start_time,
+        real_time,
+        n=begun.number,
+        command=begun.command.text,
+        source=begun.command.source,
+        end=None if leg.end_time == math.inf else leg.end_time,
+        velocity=arc.velocity,
+        rate=arc.rate,
+        spin=arc.spin or NO_DELAY,
+        told=(told.x, told.y, told.r),
+        pose=_pose_fields(leg.last_pose),
+        pressed=leg.pressed,
+        contact=None if leg.contact is None else _contact_fields(leg.contact),
     )
 
 
@@ -199,20 +340,33 @@ def _path_fields(trajectory: Trajectory) -> dict[str, Any]:
     contact, stop = trajectory.contact, trajectory.rest_stop
     fields: dict[str, Any] = {}
     if contact is not None:
-        at = (contact.segment, contact.turned, contact.translated)
-        same = {name: getattr(contact, name) for name in SHARED_WITH_CONTACT}
-        fields["contact"] = ContactFields(t=contact.time, at=at, **same)
+        fields["contact"] = _contact_fields(contact)
     if stop is not None:
         fields["stop"] = (stop.segment, stop.turned, stop.translated)
     return fields
 
 
+def _contact_fields(contact: Contact) -> ContactFields:
+    at = (contact.segment, contact.turned, contact.translated)
+    same = {name: getattr(contact, name) for name in SHARED_WITH_CONTACT}
+    return ContactFields(t=contact.time, at=at, **same)
+
+
 def _other_record(
-    event: ActionDone | Belief | TwinReading | Notice | MissionEvent | ProgramEnded,
+    event: VelocityEnded
+    | ActionDone
+    | Belief
+    | TwinReading
+    | Notice
+    | MissionEvent
+    | ProgramEnded
+    | WireMessage,
     present: tuple[int, float],
     real_time: float,
 ) -> LogRecord:
     match event:
+        case VelocityEnded():
+            return VelocityEndRecord(event.time, real_time, reason=event.reason, source=event.source)
         case ActionDone():
             return ActionRecord(
                 event.time,
@@ -235,6 +389,8 @@ def _other_record(
                 pose=_pose_fields(event.true),
                 spread=event.spread,
                 note=event.note,
+                grid=event.grid,
+                again=event.again,
                 particles=packed_particles(event.particles, believed),
             )
         case TwinReading():
@@ -247,9 +403,18 @@ def _other_record(
                 robot=logged_number(event.robot),
                 simulated=logged_number(event.simulated),
             )
+        case WireMessage():
+            return WireRecord(
+                event.time, real_time, data=event.data, reply=event.reply, meaning=event.meaning
+            )
         case Notice():  # without a simulated time of its own
             return NoticeRecord(
-                present[1], real_time, about=event.kind, text=event.text, subject=event.subject
+                present[1],
+                real_time,
+                about=event.kind,
+                text=event.text,
+                subject=event.subject,
+                advice=event.advice,
             )
         case MissionEvent():
             return MissionRecord(
@@ -276,8 +441,13 @@ def checkpoint_record(checkpoint: Checkpoint, real_time: float) -> CheckpointRec
     if mission is not None:
         # A goal not met yet is left out; the reader puts it back as None.
         goals = {goal: time for goal, time in mission.goals.items() if time is not None}
+        end = None
+        if mission.end is not None:
+            time, distance, commands, contacts, used = astuple(mission.end)
+            times = used.driving, used.link, dict(used.by_sensor)
+            end = MissionSumsFields(time, distance, commands, contacts, *times)
         progress = MissionFields(
-            goals=goals, result=mission.result, reason=mission.reason, helped=mission.helped
+            goals=goals, result=mission.result, reason=mission.reason, helped=mission.helped, end=end
         )
     return CheckpointRecord(
         checkpoint.time,

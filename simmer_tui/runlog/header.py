@@ -12,15 +12,28 @@ from typing import Any
 import msgspec
 from msgspec.structs import replace
 
+from simmer_tui.config.device_trust import DeviceUse
 from simmer_tui.config.loader import Configuration, Override, load
+from simmer_tui.config.set_devices import DeviceStatus
 from simmer_tui.config.settings import Settings, all_settings
 from simmer_tui.errors import RunLogError
 from simmer_tui.run.state import Checkpoint, MissionProgress
-from simmer_tui.runlog.log_records import Count, LoggedPose, Real, RealSeconds, decoded
+from simmer_tui.runlog.log_records import Count, LoggedPose, Real, RealSeconds
+from simmer_tui.runlog.logged_devices import (
+    LoggedDevice,
+    logged_devices,
+    logged_kinds,
+    recorded_kinds,
+    runnable_kinds,
+    same_files,
+)
+from simmer_tui.runlog.typed_json import TypedJson
 from simmer_tui.sim.block import Block
 from simmer_tui.sim.command import escape
 from simmer_tui.sim.fingerprint import math_fingerprint
 from simmer_tui.sim.pose import Pose
+from simmer_tui.sim.sensors import SensorKinds
+from simmer_tui.sim.sensors.recorded_kinds import RecordedKind
 from simmer_tui.sim.simulator import Simulator
 from simmer_tui.sim.specs import Axes, DriveKind
 from simmer_tui.version import __version__
@@ -55,7 +68,8 @@ class Header(msgspec.Struct, tag_field="kind", tag="header", frozen=True, kw_onl
     simulated time, commands before it, and what a person may have changed till then. `real_time` is
     seconds since 1970. `mission` is true if a mission was under way. `taken_over` is the origin of a run
     that began as another one did, and from which moment on it is its own. `mathematics` is the fingerprint
-    of the machine's sines; empty if it is not known.
+    of the machine's sines; empty if it is not known. `devices` are the set's own device files by hash, and
+    `kinds` describes the kinds of sensor that are not built in.
     """
 
     t: Real
@@ -76,6 +90,8 @@ class Header(msgspec.Struct, tag_field="kind", tag="header", frozen=True, kw_onl
     logged_bias: dict[DriveKind, LoggedPose] = msgspec.field(name="bias")
     settings: dict[str, Any]
     files: dict[str, str]
+    devices: tuple[LoggedDevice, ...] = ()
+    kinds: tuple[RecordedKind, ...] = ()
 
     def beginning(self, configuration: Configuration) -> Checkpoint:
         """The checkpoint at which the log begins."""
@@ -123,8 +139,8 @@ class _Version(msgspec.Struct, tag_field="kind", tag="header"):
     program: Any = "?"
 
 
-_VERSION_DECODER = msgspec.json.Decoder(_Version)
-_DECODER = msgspec.json.Decoder(Header)
+_VERSION: TypedJson[_Version] = TypedJson(_Version)
+_HEADER: TypedJson[Header] = TypedJson(Header)
 
 
 def header_of(
@@ -155,6 +171,8 @@ def header_of(
         logged_bias={kind: (axes.x, axes.y, axes.r) for kind, axes in simulator.bias.items()},
         settings=msgspec.to_builtins(_without_token(configuration.settings)),
         files={name: _TOKEN_LINE.sub(r'\1""', text) for name, text in configuration.files.items()},
+        devices=logged_devices(configuration.devices),
+        kinds=logged_kinds(configuration.simulation.sensors),
     )
 
 
@@ -162,8 +180,8 @@ def parse_header(line: bytes, shown: str) -> Header:
     """Read the first line. Raises RunLogError, which names the log as `shown`, if it is not a header of
     this format."""
     try:
-        version = decoded(line, _VERSION_DECODER)
-    except (ValueError, RecursionError):
+        version = _VERSION.decode(line)
+    except ValueError:
         raise RunLogError(f"{shown} is not a run log: its first line is not the header of one") from None
     # Asked before the whole header is decoded: one of another format has other fields.
     if version.format != FORMAT:
@@ -173,24 +191,50 @@ def parse_header(line: bytes, shown: str) -> Header:
             "log the run again, with --log"
         )
     try:
-        return decoded(line, _DECODER)
-    except (ValueError, RecursionError) as error:
+        return _HEADER.decode(line)
+    except ValueError as error:
         raise RunLogError(f"{shown}: the header is broken: {escape(str(error), 120)}") from None
 
 
-def rebuild(header: Header) -> Configuration:
-    """The configuration of a logged run, read by the ordinary loader from the header's texts.
+def rebuild(header: Header, kinds: SensorKinds | None = None) -> Configuration:
+    """The configuration of a logged run, read by the ordinary loader from the header's texts. Kinds that are
+    not built in are as the header describes them, unless `kinds` are given, and cannot be read.
 
     Raises ConfigurationError for mistakes in them, RunLogError for names that are no files of a set.
     """
+    known = recorded_kinds(header.kinds) if kinds is None else kinds
     # As files, so that the ordinary loader finds the same mistakes with the same messages.
     with tempfile.TemporaryDirectory(prefix="simmer-tui-") as folder:
         for name, text in header.files.items():
             if not _is_plain_name(name):
                 raise RunLogError(f"the header holds {escape(name, 80)!r}, which is no file of a set")
             (Path(folder) / name).write_bytes(text.encode("utf-8", "surrogatepass"))
-        loaded = load(Path(folder), _overrides(header.settings))
-    return replace(loaded, directory=Path(header.configuration), name=header.configuration)
+        loaded = load(Path(folder), _overrides(header.settings), known, devices=DeviceUse.GIVEN)
+    kinds_of = tuple(kind.name for kind in header.kinds)
+    statuses = tuple(
+        DeviceStatus(each.path, each.sha256, trusted=False, ran=False, kinds=kinds_of)
+        for each in header.devices
+    )
+    directory = Path(header.configuration)
+    return replace(loaded, directory=directory, name=header.configuration, device_statuses=statuses)
+
+
+def rebuild_to_run(header: Header, folder: Path | None = None) -> Configuration:
+    """The same with the device files of the run, so that its sensors can be read. They are looked for in a
+    `folder`, or in that of the run's set. Raises RunLogError if they are not there as they were, or not
+    trusted."""
+    if not header.kinds and not header.devices:
+        return rebuild(header)
+    where = Path(header.configuration) if folder is None else folder
+    files = same_files(header.devices, where)
+    kinds = runnable_kinds(files, where)
+    for kind in header.kinds:
+        if kind.name not in kinds:
+            raise RunLogError(
+                f"the run had sensors of the kind {escape(kind.name, 40)!r}, which is in none of its device "
+                "files: they were given in Python, and can be run again from there only"
+            )
+    return replace(rebuild(header, kinds), devices=files)
 
 
 def _without_token(settings: Settings) -> Settings:

@@ -21,6 +21,8 @@ from simmer_tui.runlog.log_records import (
     BrokenLine,
     CheckpointRecord,
     EndRecord,
+    LegCutRecord,
+    LegRecord,
     MissionRecord,
     MoveRecord,
     NoticeRecord,
@@ -28,6 +30,8 @@ from simmer_tui.runlog.log_records import (
     ProgramRecord,
     ReadingRecord,
     TwinRecord,
+    VelocityEndRecord,
+    WireRecord,
     decode_line,
 )
 from simmer_tui.runlog.reader import MAX_LINE, RecordStream, open_log, too_long
@@ -67,6 +71,10 @@ _FLAGS: dict[type, tuple[EntryFlag, EntryFlag]] = {
     TwinRecord: (EntryFlag.OTHER, EntryFlag.OTHER),
     MissionRecord: (EntryFlag.MISSION, EntryFlag.MISSION),
     ProgramRecord: (EntryFlag.OTHER, EntryFlag.OTHER),
+    LegRecord: (EntryFlag.OTHER, EntryFlag.OTHER | EntryFlag.CONTACT),
+    LegCutRecord: (EntryFlag.OTHER, EntryFlag.OTHER),
+    VelocityEndRecord: (EntryFlag.OTHER, EntryFlag.OTHER),
+    WireRecord: (EntryFlag.OTHER, EntryFlag.OTHER),
     CheckpointRecord: (EntryFlag.CHECKPOINT, EntryFlag.CHECKPOINT),
 }
 """The flags of each kind of record: usually, and if it tells of a contact, a refusal or a restart."""
@@ -78,8 +86,10 @@ def _flags_of(record: AnyRecord) -> EntryFlag:
     if usual is special:
         return usual
     match record:
-        case MoveRecord() | EndRecord():
+        case MoveRecord() | EndRecord() | LegRecord():
             return usual if record.contact is None else special
+        case AnswerRecord(status=Status.DONE) if record.velocity is not None or record.waits:
+            return usual  # it moves the robot, or time, itself
         case AnswerRecord(status=Status.ACCEPTED | Status.DONE):
             return EntryFlag.OTHER  # the plan before it is the command's entry
         # Answered with a refusal, or asked for something that moves nothing.

@@ -12,12 +12,14 @@ import math
 import operator
 from enum import StrEnum
 from itertools import zip_longest
-from typing import Annotated, Any, TypeVar
+from typing import Annotated
 
 import msgspec
 
 from simmer_tui.actions import argument_count
-from simmer_tui.events import ActionName, Goal, NoticeKind, Result
+from simmer_tui.belief_grid import GridBelief
+from simmer_tui.events import ActionName, Goal, NoticeKind, Result, VelocityEnd
+from simmer_tui.runlog.typed_json import TypedJson
 from simmer_tui.sim.command import escape
 from simmer_tui.sim.records import Status
 
@@ -29,6 +31,8 @@ USUAL_SOURCE = "client"
 # msgspec leaves out a field that holds the very object of its default, not one that is merely equal.
 NO_DELAY = 0.0
 """Default of a delay on the link, seconds."""
+NO_REPLY = math.nan
+"""Reply of a reading whose scan says it. A reply that is no number is written as `NotFinite`."""
 _HUNDREDTH = 100
 
 Real = Annotated[float, msgspec.Meta(ge=-LARGEST, le=LARGEST)]
@@ -39,6 +43,8 @@ RealSeconds = Annotated[float, msgspec.Meta(ge=-1e10, le=1e10)]
 Hundredths = Annotated[int, msgspec.Meta(ge=-(10**15), le=10**15)]
 """Hundredths of an inch or of a degree, from a place within `LARGEST` to another."""
 Count = Annotated[int, msgspec.Meta(ge=0)]
+# Revolutions of a fast lidar in a time within `LARGEST`; -1 is the one before time 0.
+Revolution = Annotated[int, msgspec.Meta(ge=-(10**14), le=10**14)]
 Fraction = Annotated[float, msgspec.Meta(ge=0, le=1)]
 LoggedPoint = tuple[Real, Real]
 """x, y, inches."""
@@ -85,9 +91,24 @@ class ReplyRecord(LogRecord, frozen=True, kw_only=True, gc=False):
 
 
 class ReadingRecord(ReplyRecord, tag="read", frozen=True, kw_only=True, gc=False):
-    """A sensor reading. Without `true` it was exact."""
+    """A sensor reading. Without `true` it was exact. Of a scan also the `revolution`, and the `scan` in
+    base64, unless it is the one that was read before; its reply is the first of its ranges."""
 
+    reply: LoggedNumber = NO_REPLY
     true: LoggedNumber | None = None
+    revolution: Revolution | None = None
+    scan: str = ""
+    floats: bool = False
+
+
+class VelocityFields(msgspec.Struct, frozen=True, omit_defaults=True):
+    """The velocity that a command set: x, y, turning, its end if it has one of its own."""
+
+    twist: tuple[Real, Real, Real]
+    expires: Real | None = None
+    changed: bool = True
+    slip: tuple[Real, ...] = ()
+    limited: Real = 1.0
 
 
 class AnswerRecord(ReplyRecord, tag="answer", frozen=True, kw_only=True, gc=False):
@@ -96,6 +117,8 @@ class AnswerRecord(ReplyRecord, tag="answer", frozen=True, kw_only=True, gc=Fals
     status: Status
     reason: str = ""
     stops: bool = False
+    velocity: VelocityFields | None = None
+    waits: Real = 0.0
 
 
 class GripFields(msgspec.Struct, frozen=True):
@@ -163,6 +186,39 @@ class MoveRecord(PlannedRecord, tag="move", frozen=True, kw_only=True):
             raise ValueError("it ends before it begins")
 
 
+class LegRecord(LogRecord, tag="leg", frozen=True, kw_only=True):
+    """The beginning of a leg of a continuous motion, and how it goes on unless something comes between:
+    `velocity` of its centre (global), turning rate of its way and beside it, velocity that the wheels were
+    `told`, and its end; without one it goes on until something changes."""
+
+    n: Count
+    command: str = msgspec.field(name="cmd")
+    source: str = USUAL_SOURCE
+    end: Real | None = None
+    velocity: LoggedPoint
+    rate: Real
+    spin: Real = 0.0
+    told: tuple[Real, Real, Real]
+    pose: LoggedPose
+    pressed: bool = False
+    contact: ContactFields | None = None
+
+    def __post_init__(self) -> None:
+        if self.end is not None and self.end < self.t:
+            raise ValueError("it ends before it begins")
+
+
+class LegCutRecord(LogRecord, tag="cut", frozen=True):
+    """The end of the leg under way before its time."""
+
+
+class VelocityEndRecord(LogRecord, tag="velocity", frozen=True, kw_only=True):
+    """The end of a velocity without a command that set another."""
+
+    reason: VelocityEnd
+    source: str = ""
+
+
 class ActionRecord(LogRecord, tag="action", frozen=True, kw_only=True, gc=False):
     """A person's action; `n` commands had begun before it."""
 
@@ -183,12 +239,15 @@ class ActionRecord(LogRecord, tag="action", frozen=True, kw_only=True, gc=False)
 
 class BeliefRecord(LogRecord, tag="belief", frozen=True, kw_only=True, gc=False):
     """A program's belief, and the true pose at that time. Particles are columns of x, y and heading (null
-    for a particle without one), in whole hundredths of an inch and of a degree from `believed`."""
+    for a particle without one), in whole hundredths of an inch and of a degree from `believed`. `again` is
+    the belief before, now with the cells of its grid."""
 
     believed: LoggedPose
     pose: LoggedPose
     spread: Real | None = None
     note: str = ""
+    grid: GridBelief | None = None
+    again: bool = False
     # A cloud of particles is most of a log: as rows of floats it takes twice the room.
     particles: tuple[tuple[Hundredths | None, ...], ...] = ()
 
@@ -233,6 +292,15 @@ class NoticeRecord(LogRecord, tag="notice", frozen=True, kw_only=True):
     about: NoticeKind
     text: str
     subject: str = ""
+    advice: bool = False
+
+
+class WireRecord(LogRecord, tag="wire", frozen=True, kw_only=True):
+    """Bytes on the line of a dialect, one character each."""
+
+    data: str
+    reply: bool = False
+    meaning: str = ""
 
 
 class MissionRecord(LogRecord, tag="mission", frozen=True, kw_only=True):
@@ -278,13 +346,26 @@ class TwinRecord(LogRecord, tag="twin", frozen=True, kw_only=True):
     source: str = USUAL_SOURCE
 
 
-class MissionFields(msgspec.Struct, frozen=True, kw_only=True):
+class MissionSumsFields(msgspec.Struct, frozen=True):
+    """Sums of the run at the end of its mission. Logs before the time spent was among them have none."""
+
+    time: Real
+    distance: Real
+    commands: Count
+    contacts: Count
+    driving: Real = 0.0
+    link: Real = 0.0
+    reading: dict[str, Real] = {}
+
+
+class MissionFields(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     """Progress of a mission."""
 
     goals: dict[Goal, Real]
     result: Result
     reason: str
     helped: bool
+    end: MissionSumsFields | None = None
 
 
 class CheckpointRecord(LogRecord, tag="checkpoint", frozen=True, kw_only=True):
@@ -341,13 +422,16 @@ AnyRecord = (
     | TwinRecord
     | ProgramRecord
     | CheckpointRecord
+    | LegRecord
+    | LegCutRecord
+    | VelocityEndRecord
+    | WireRecord
 )
-_DECODER: msgspec.json.Decoder[AnyRecord] = msgspec.json.Decoder(AnyRecord)
+_LINE: TypedJson[AnyRecord] = TypedJson(AnyRecord)
 # Some numbers of a run are NumPy scalars.
 _plain_number = operator.methodcaller("item")
 """The plain number of a NumPy scalar, which msgspec cannot encode."""
 _ENCODER = msgspec.json.Encoder(enc_hook=_plain_number)
-_Record = TypeVar("_Record")
 
 
 def encode_line(record: msgspec.Struct) -> bytes:
@@ -366,22 +450,6 @@ def encode_line(record: msgspec.Struct) -> bytes:
 def decode_line(data: bytes, line: int) -> AnyRecord | BrokenLine:
     """The record of a line. Never fails: a line without one gives a `BrokenLine`."""
     try:
-        return decoded(data, _DECODER)
-    except (ValueError, RecursionError) as error:
+        return _LINE.decode(data)
+    except ValueError as error:
         return BrokenLine(line, escape(str(error), 160))
-
-
-def decoded(data: bytes, decoder: msgspec.json.Decoder[_Record]) -> _Record:
-    """Decode a line, half pairs of surrogates included. Raises ValueError, RecursionError."""
-    try:
-        return decoder.decode(data)
-    except (ValueError, RecursionError):
-        if b"\\ud" not in data.lower():
-            raise
-    # The json module accepts half pairs of surrogates, which msgspec refuses.
-    found: _Record = msgspec.convert(json.loads(data, parse_constant=_refuse), decoder.type)
-    return found
-
-
-def _refuse(name: str) -> Any:
-    raise ValueError(f"{name} is no JSON")

@@ -32,6 +32,9 @@ LOOK_BACK = 400
 # To seek means to reduce LOOK_BACK to LOOK_BACK + 500 entries, and to look for contacts and belief.
 SKIP = 1500
 """Largest distance of a later entry that is reached without a seek, entries."""
+# Two large grids with their cells are half a second apart, and no filter takes a step in 1 ms.
+_MOST_WITHOUT_CELLS = 500
+"""Beliefs gone back to find one with the cells of its grid."""
 
 
 class Playback:
@@ -46,6 +49,7 @@ class Playback:
         self.index = index
         self.configuration: Configuration = rebuild(index.header)
         self._spec = self.configuration.simulation
+        self._has_scans = any(sensor.kind.is_scan for sensor in self._spec.sensors)
         self._ended: float | None = None
         """End of the movement of the last entry, if that has been reduced."""
         self._restart(-1)
@@ -85,7 +89,8 @@ class Playback:
     def events(self, begin: int, end: int) -> list[Logged | BrokenLine]:
         """The events of the entries from `begin` to before `end`."""
         begin = max(begin, 0)
-        decoder, at = self._decoder_before(begin)
+        # The poses that a lidar's rays were sent from follow from the movements before.
+        decoder, at = self._decoder_before(max(begin - LOOK_BACK, 0) if self._has_scans else begin)
         found: list[Logged | BrokenLine] = []
         for entry in range(at, min(end, self.index.count)):
             line = self.index.record(entry)
@@ -146,12 +151,11 @@ class Playback:
         index = self.index
         restart = index.find_previous(at, EntryFlag.RESTART)
         points: list[tuple[float, float]] = []
-        for entry in index.find_all(EntryFlag.CONTACT, 0 if restart is None else restart, at):
+        touched = list(index.find_all(EntryFlag.CONTACT, 0 if restart is None else restart, at))
+        for entry in touched[-CONTACT_POINTS:]:
             record = index.record(entry)
             if isinstance(record, MoveRecord | EndRecord) and record.contact is not None:
                 points.append(record.contact.point)
-            if len(points) == CONTACT_POINTS:
-                break
         return tuple(points)
 
     def _recall_belief(self, at: int) -> None:
@@ -168,11 +172,23 @@ class Playback:
             if isinstance(line, ActionRecord) and line.action.places and not line.refused:
                 return
             done = index.find_previous(done, EntryFlag.ACTION)
-        line = index.record(found)
-        if isinstance(line, BeliefRecord):
-            for event in _decoded(self._decoder, line, found):
+        for entry in self._shown_with(found):
+            for event in _decoded(self._decoder, index.record(entry), entry):
                 if not isinstance(event, BrokenLine):
                     self._reducer.apply(event)
+
+    def _shown_with(self, found: int) -> list[int]:
+        """The entry of a belief, and before it that with the cells of its grid, if the log has left its own
+        out."""
+        at: int | None = found
+        for _ in range(_MOST_WITHOUT_CELLS):
+            line = None if at is None else self.index.record(at)
+            if at is None or not isinstance(line, BeliefRecord) or line.grid is None:
+                break
+            if line.grid.cells:
+                return [at, found] if at != found else [found]
+            at = self.index.find_previous(at, EntryFlag.BELIEF)
+        return [found]
 
     def _decoder_before(self, entry: int) -> tuple[LogDecoder, int]:
         """A decoder at the last checkpoint before an entry, and the entry to decode next."""

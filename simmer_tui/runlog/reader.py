@@ -192,7 +192,7 @@ def _unpacked(file: IO[bytes], shown: str) -> IO[bytes]:
             if is_large and not READS_LARGE.get():
                 raise RunLogError(
                     f"{shown} unpacks to more than {MOST_PACKED} times its size and "
-                    f"{MOST_UNPACKED / 1e9:g} GB, as no run log does; --large reads it all the same"
+                    f"{MOST_UNPACKED / 1e9:g} GB, as no run log does; --large reads it anyway"
                 )
     except BaseException:
         plain.close()
@@ -222,5 +222,5 @@ def _read_header(file: IO[bytes], shown: str) -> Header:
     if not line:
         raise RunLogError(f"{shown} is empty, not a run log")
     if not line.endswith(b"\n") and len(line) < MAX_LINE and line.startswith(_HEADER_START[: len(line)]):
-        raise RunLogError(f"{shown} is cut off within its first line; nothing can be made of it")
+        raise RunLogError(f"{shown} is cut off within its first line: it cannot be read")
     return parse_header(line, shown)

@@ -4,16 +4,20 @@ from __future__ import annotations
 
 import heapq
 import math
+from collections import deque
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
+
+import numpy as np
+from msgspec.structs import replace
 
 from simmer_tui import actions
 from simmer_tui.config.loader import Configuration
 from simmer_tui.errors import RunLogError, SimmerError
-from simmer_tui.events import Action, ActionName
+from simmer_tui.events import Action, ActionName, VelocityEnd
 from simmer_tui.runlog.closing import Closing
-from simmer_tui.runlog.header import Header
+from simmer_tui.runlog.header import Header, rebuild_to_run
 from simmer_tui.runlog.log_records import (
     ActionRecord,
     AnswerRecord,
@@ -22,16 +26,21 @@ from simmer_tui.runlog.log_records import (
     ContactFields,
     EndRecord,
     GripFields,
+    LegRecord,
     MoveRecord,
     PlanRecord,
     ReadingRecord,
+    VelocityEndRecord,
 )
+from simmer_tui.runlog.logged_scans import LoggedRanges
 from simmer_tui.runlog.reader import LogReader
+from simmer_tui.sim.angles import FloatArray
 from simmer_tui.sim.command import Command, escape, parse_command
 from simmer_tui.sim.fingerprint import math_fingerprint
+from simmer_tui.sim.legs import Leg
 from simmer_tui.sim.path import Contact
 from simmer_tui.sim.pose import Pose
-from simmer_tui.sim.records import TOO_MANY_WAIT, CommandResult, Status
+from simmer_tui.sim.records import TOO_MANY_WAIT, CommandResult, Reading, Status
 from simmer_tui.sim.simulator import Simulator
 from simmer_tui.version import __version__
 
@@ -41,6 +50,9 @@ SAME_TIME = 1e-9
 # Last bits of sines, 1e-16, grow with the length of a run; what differs by more has gone another way.
 _SAME_NUMBER = 1e-9
 """Numbers this close, absolutely or relatively, count as equal on a machine with other mathematics."""
+# Legs of one moment come together; these are far more.
+_UNMATCHED = 100
+"""Legs of the rerun that may wait for theirs in the log."""
 # Chosen: the event loop answers within milliseconds, unless the computer is overloaded.
 _LATE = 1.0
 """Longest delay of an answer by a busy computer, seconds of real time."""
@@ -71,9 +83,9 @@ class InOrder:
     """Takes records as they stand in a log, and gives them back in the order in which commands were taken
     up, some of them later.
 
-    A log has events in the order in which they happened: an answer when it was given. In timed motion a
-    reading takes time and an answer is delayed on the link, so it may come after commands that were taken
-    up later. A rerun needs commands in the order in which they were taken up.
+    A log has events in the order in which they happened: an answer when it was given. A wait is answered at
+    its end, in timed motion a reading takes time and an answer is delayed on the link, so it may come after
+    commands that were taken up later. A rerun needs commands in the order in which they were taken up.
     """
 
     def __init__(self, configuration: Configuration) -> None:
@@ -81,28 +93,33 @@ class InOrder:
         link, motion = settings.link, settings.motion
         longest = max((sensor.read_time for sensor in sensors), default=0.0) + link.latency + link.jitter
         self._longest = longest if motion.motion == "timed" else 0.0
-        """Longest time of an answer, simulated seconds. If it is 0 all records are in order."""
+        """Longest time of an answer but that of a wait, simulated seconds."""
         self._scale = motion.time_scale
-        self._held: list[tuple[float, float, int, AnyRecord]] = []
+        self._held: list[tuple[float, int, int, AnyRecord]] = []
         self._begun = 0
         """Number of the latest command so far."""
+        self._whole = 0
+        """Number up to which there is a record of each command."""
+        self._ahead: set[int] = set()
+        """The numbers beyond it of which there is one."""
 
     def take(self, line: int, record: AnyRecord) -> Iterator[tuple[int, AnyRecord]]:
         """Take a record. Gives those that no later record can precede."""
-        if not self._longest:
-            yield line, record
-            return
         if isinstance(record, ActionRecord) and not record.refused:
             if record.action is ActionName.SPEED:
                 self._scale = max(self._scale, *record.arguments)
             if record.action.restarts:
                 yield from self.rest()  # nothing of the run before comes after this
-                self._begun = 0
+                self._begun = self._whole = 0
+                self._ahead.clear()
                 yield line, record
                 return
         heapq.heappush(self._held, (*self._key(record), line, record))
+        if self._whole < self._begun:
+            return  # somebody still waits
         # Real time passes _LATE at the run's speed; no later record can have been taken up before that.
-        settled = record.t - self._longest - _LATE * self._scale
+        late = self._longest + _LATE * self._scale
+        settled = record.t - late if self._longest else math.inf
         while self._held and self._held[0][0] < settled:
             yield self._held[0][2:]
             heapq.heappop(self._held)
@@ -112,24 +129,40 @@ class InOrder:
         while self._held:
             yield heapq.heappop(self._held)[2:]
 
-    def _key(self, record: AnyRecord) -> tuple[float, float]:
-        """The sort key of a record: when its command was taken up, then its command's number, so that a
-        late answer goes before later commands of the same moment."""
+    def _key(self, record: AnyRecord) -> tuple[float, int]:
+        """The sort key of a record: when its command was taken up, then twice its command's number, so that a
+        late answer goes before later commands of the same moment. What has none comes between two."""
         if isinstance(record, ReadingRecord | AnswerRecord | PlanRecord | MoveRecord | ActionRecord):
             self._begun = max(self._begun, record.n)
+            if not isinstance(record, ActionRecord):
+                self._note(record.n)
         if isinstance(record, ReadingRecord | AnswerRecord) and record.taken is not None:
-            return record.taken, record.n
+            return record.taken, 2 * record.n
         if isinstance(record, ReadingRecord | AnswerRecord | PlanRecord | MoveRecord):
-            return record.t, record.n
-        return record.t, self._begun + 0.5
+            return record.t, 2 * record.n
+        return record.t, 2 * self._begun + 1
+
+    def _note(self, number: int) -> None:
+        """There is a record of a command."""
+        if number > self._whole:
+            self._ahead.add(number)
+        while self._whole + 1 in self._ahead:
+            self._whole += 1
+            self._ahead.remove(self._whole)
 
 
 class Rerun(Closing):
     """A rerun of a log, line by line, on a simulator of its own."""
 
-    def __init__(self, path: Path) -> None:
-        """Open a log and build its robot. Raises RunLogError, ConfigurationError."""
+    def __init__(self, path: Path, folder: Path | None = None) -> None:
+        """Open a log and build its robot. Device files of its set are taken from a `folder`, by default from
+        where the run had them. Raises RunLogError, ConfigurationError."""
         self._log = LogReader(path)
+        try:
+            self._configuration = rebuild_to_run(self._log.header, folder)
+        except SimmerError:
+            self.close()
+            raise
         self.commands = 0
         self.actions = 0
         self.difference: Difference | None = None
@@ -137,6 +170,13 @@ class Rerun(Closing):
         self.notes: list[str] = []
         """Remarks for the user."""
         header = self.header = self._log.header
+        self._legs: deque[tuple[int, LegRecord]] = deque()
+        """Legs of the log whose turn in the rerun is still to come."""
+        self._laid: deque[Leg] = deque()
+        self._ranges = LoggedRanges()
+        self._scans: dict[int, FloatArray] = {}
+        """Ranges of readings not compared yet, by their lines."""
+        """Legs of the rerun that have not been found in the log yet."""
         try:
             self.simulator = self._robot(header)
             """The robot."""
@@ -170,10 +210,11 @@ class Rerun(Closing):
     def _robot(self, header: Header) -> Simulator:
         if not header.simulated:
             raise RunLogError(f"{self._log.shown} is the log of a real robot, which cannot be run again")
-        simulator = Simulator(self._log.configuration.simulation, header.seed)
+        simulator = Simulator(self._configuration.simulation, header.seed)
         simulator.noise = header.noise
         if header.number == 0:
             _set_up(simulator, header)
+        simulator.listener = self
         return simulator
 
     def steps(self) -> Iterator[int]:
@@ -204,7 +245,7 @@ class Rerun(Closing):
     @property
     def configuration(self) -> Configuration:
         """The configuration of the log."""
-        return self._log.configuration
+        return self._configuration
 
     def until(self, last: int, time: float) -> Iterator[tuple[int, AnyRecord]]:
         """Run it up to a moment: the lines up to number `last`, and then until a simulated time, pausing
@@ -224,7 +265,7 @@ class Rerun(Closing):
             self._take_all(self._in_order.rest())
         except _DifferenceError as differs:
             raise RunLogError(
-                f"{self._log.shown} does not come out the same again: {differs.difference} (written by "
+                f"{self._log.shown} does not repeat exactly: {differs.difference} (written by "
                 f"simmer-tui {escape(self.header.program, 20)}, this is {__version__})"
             ) from None
         self.simulator.advance(time)
@@ -246,7 +287,19 @@ class Rerun(Closing):
                 return
             if isinstance(said, BrokenLine):
                 raise RunLogError(f"{self._log.shown}: {said}")
+            if isinstance(said, ReadingRecord) and said.revolution is not None:
+                self._keep_scan(line, said)
             yield line, said
+
+    def _keep_scan(self, line: int, said: ReadingRecord) -> None:
+        """Keep the ranges of a reading until it is compared: that may be in another order than the log's."""
+        try:
+            sensor = self.simulator.sensor(parse_command(said.command).code)
+            ranges = self._ranges.of(said, sensor)
+        except SimmerError as error:
+            raise RunLogError(f"{self._log.shown}: line {line}: {error}") from None
+        if self._comparing:
+            self._scans[line] = ranges
 
     def _take_all(self, records: Iterator[tuple[int, AnyRecord]]) -> None:
         for line, said in records:
@@ -270,6 +323,47 @@ class Rerun(Closing):
                 self._answer(line, said)
             case ActionRecord():
                 self._act(line, said)
+            case LegRecord():
+                self._legs.append((line, said))
+                self._compare_legs()
+            case VelocityEndRecord():
+                self._end_velocity(said)
+
+    # -- continuous motion -------------------------------------------------------------------------
+
+    def leg_begun(self, leg: Leg) -> None:
+        """A leg begins in the rerun (see `MotionListener`)."""
+        # What another takes the place of was never logged as over: the log has both.
+        self._laid.append(leg)
+        # A log has each leg before what comes later: a time from elsewhere would have it drive for ever.
+        if len(self._laid) > _UNMATCHED:
+            first = self._laid[0]
+            raise RunLogError(
+                f"{self._log.shown}: a leg from {first.start_time:g} s on is missing: the log has a gap"
+            )
+        self._compare_legs()
+
+    def leg_ended(self, leg: Leg) -> None:
+        """A leg is over in the rerun: its record in the log is its beginning."""
+
+    def velocity_expired(self, time: float) -> None:
+        """A velocity has ended by its time: so it did in the log."""
+
+    def _compare_legs(self) -> None:
+        """Compare the legs of log and rerun, as far as there are both."""
+        while self._legs and self._laid and self._comparing:
+            (line, said), leg = self._legs.popleft(), self._laid.popleft()
+            what = f"leg of {said.command!r}"
+            self._compare(line, what, "t", said.t, leg.start_time)
+            self._compare(line, what, "end", math.inf if said.end is None else said.end, leg.end_time)
+            self._compare(line, what, "pose", Pose(*said.pose), leg.last_pose)
+            self._compare(line, what, "contact", _contact_values(said.contact), _contact_values(leg.contact))
+
+    def _end_velocity(self, said: VelocityEndRecord) -> None:
+        """A velocity has ended: what the log's commands and the robot do not bring about is done here."""
+        if said.reason is VelocityEnd.LEFT:
+            self.simulator.advance(said.t)
+            self.simulator.release()
 
     # -- actions ---------------------------------------------------------------------------------
 
@@ -294,14 +388,29 @@ class Rerun(Closing):
     def _read(self, line: int, said: ReadingRecord) -> None:
         outcome, what = self._begin(line, said, parse_command(said.command, said.source))
         self._compare(line, what, "verdict", Status.READING.value, outcome.status.value)
-        self._compare(line, what, "reply", float(said.reply), outcome.reply)
+        if said.revolution is None:
+            self._compare(line, what, "reply", float(said.reply), outcome.reply)
         if outcome.reading is not None and said.true is not None:
             self._compare(line, what, "true", float(said.true), outcome.reading.true)
+        self._compare_scan(line, what, said, outcome.reading)
+
+    def _compare_scan(self, line: int, what: str, said: ReadingRecord, reading: Reading | None) -> None:
+        scan = None if reading is None else reading.scan
+        self._compare(line, what, "revolution", said.revolution, None if scan is None else scan.revolution)
+        if scan is None:
+            return
+        ranges = self._scans.pop(line)
+        self._compare(line, what, "rays", len(ranges), len(scan.ranges))
+        # All rays at once: one after the other takes a millisecond, and an hour has 20,000 scans.
+        for ray in np.flatnonzero(ranges.view(np.int64) != scan.ranges.view(np.int64)).tolist():
+            self._compare(line, what, f"ray {ray}", float(ranges[ray]), float(scan.ranges[ray]))
 
     def _answer(self, line: int, said: AnswerRecord) -> None:
-        if said.status in (Status.ACCEPTED, Status.DONE):
-            return  # its plan or its end says more
         command = parse_command(said.command, said.source)
+        if said.status is Status.ACCEPTED or (
+            said.status is Status.DONE and self.simulator.is_drive(command)
+        ):
+            return  # its plan or its end says more
         if said.stops:
             command = Command(said.command, command.code, source=said.source, stops=True)
         elif said.status in (Status.REFUSED, Status.UNKNOWN) or (

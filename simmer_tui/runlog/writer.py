@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import os
 import stat
-import sys
 import time
 import zlib
 from collections.abc import Callable
@@ -18,9 +17,10 @@ from typing import Protocol
 import platformdirs
 from msgspec import Struct
 
+from simmer_tui import platform_has
 from simmer_tui.config.loader import Configuration
 from simmer_tui.errors import RunLogError
-from simmer_tui.events import Event
+from simmer_tui.events import Event, Notice, NoticeKind
 from simmer_tui.run.reducer import Reducer
 from simmer_tui.run.state import checkpoint_of
 from simmer_tui.runlog.closing import Closing
@@ -29,9 +29,6 @@ from simmer_tui.runlog.header import TakenOver, header_of
 from simmer_tui.runlog.log_records import encode_line
 from simmer_tui.sim.command import escape
 from simmer_tui.sim.simulator import Simulator
-
-if sys.platform != "win32":
-    import fcntl
 
 # A log has a program's output and, in a mission, what grades are made of: others never write it.
 MODE = 0o644
@@ -179,7 +176,7 @@ class RunLog(Closing):
 
     def __call__(self, event: Event) -> None:
         """Append one event."""
-        if self.stopped:
+        if self.stopped or (isinstance(event, Notice) and event.kind is NoticeKind.HINT):
             return
         # Before the record: a checkpoint is to hold the state with this event.
         self._reducer.apply(event)
@@ -190,6 +187,7 @@ class RunLog(Closing):
         is_due = self.lines - self._last_checkpoint >= CHECKPOINT_EVERY
         if is_due and self._reducer.still and self._encoder.complete:
             self._last_checkpoint = self.lines
+            self._encoder.begin_anew()
             self._write(checkpoint_record(self._reducer.beginning(), real_time))
 
     @property
@@ -306,12 +304,10 @@ def _existing(path: Path, flags: int) -> int:
 
 def _locked(descriptor: int) -> bool:
     """True if this run alone has the file, or if the system cannot tell."""
-    if sys.platform == "win32":
-        return True
     try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError as error:  # other errors come from file systems without locks
-        return not isinstance(error, BlockingIOError)
+        platform_has.lock_alone(descriptor)
+    except BlockingIOError:
+        return False
     return True
 
 

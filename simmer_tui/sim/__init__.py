@@ -10,9 +10,12 @@
 See `Simulator` for stepping, reading the truth, and casting many rays at once.
 """
 
+from simmer_tui.sim.arcs import Arc as Arc
+from simmer_tui.sim.arcs import Twist as Twist
 from simmer_tui.sim.block import Block as Block
 from simmer_tui.sim.command import Command as Command
 from simmer_tui.sim.command import parse_command as parse_command
+from simmer_tui.sim.legs import Leg as Leg
 from simmer_tui.sim.maze import Maze as Maze
 from simmer_tui.sim.path import Contact as Contact
 from simmer_tui.sim.pose import Pose as Pose
@@ -22,6 +25,7 @@ from simmer_tui.sim.records import Grip as Grip
 from simmer_tui.sim.records import RangeScan as RangeScan
 from simmer_tui.sim.records import Reading as Reading
 from simmer_tui.sim.records import Status as Status
+from simmer_tui.sim.records import VelocityChange as VelocityChange
 from simmer_tui.sim.sensors import Compass as Compass
 from simmer_tui.sim.sensors import CountingSensor as CountingSensor
 from simmer_tui.sim.sensors import Gyro as Gyro
@@ -46,4 +50,8 @@ from simmer_tui.sim.specs import RobotSpec as RobotSpec
 from simmer_tui.sim.specs import SensorKind as SensorKind
 from simmer_tui.sim.specs import SensorSpec as SensorSpec
 from simmer_tui.sim.specs import SimulationSpec as SimulationSpec
+from simmer_tui.sim.specs import VelocityKind as VelocityKind
+from simmer_tui.sim.specs import VelocitySpec as VelocitySpec
+from simmer_tui.sim.specs import WheelLayout as WheelLayout
+from simmer_tui.sim.specs import WheelsSpec as WheelsSpec
 from simmer_tui.sim.trajectory import Trajectory as Trajectory

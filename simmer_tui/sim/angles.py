@@ -57,6 +57,13 @@ def cos_sin_array(degrees: FloatArray) -> tuple[FloatArray, FloatArray]:
     return cos, sin
 
 
+def turned(points: FloatArray, cos: float, sin: float) -> FloatArray:
+    """(n, 2) points turned counter-clockwise by the angle of this cosine and sine. Written out: products of
+    matrices round differently from one processor to the next."""
+    x, y = points[:, 0], points[:, 1]
+    return np.column_stack((cos * x - sin * y, sin * x + cos * y))
+
+
 def rotation(degrees: float) -> FloatArray:
     """The (2, 2) matrix that turns column vectors counter-clockwise."""
     cos, sin = cos_sin(degrees)

@@ -1,15 +1,14 @@
 """The block: a square the robot fetches, seen by sensors that are low enough."""
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
+from msgspec import Struct
 
 from simmer_tui.sim.angles import FloatArray, cos_sin
 
 
-@dataclass(frozen=True, slots=True)
-class Block:
+class Block(Struct, frozen=True):
     """A square of side `size` around (x, y), inches, turned by `heading` degrees. One of size 0 is
     no block at all: nothing sees, meets or takes it."""
 

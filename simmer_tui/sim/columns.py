@@ -9,6 +9,8 @@ import re
 from functools import partial
 from typing import Any
 
+from msgspec.structs import replace
+
 from simmer_tui.sim.rules import IntegerRule, NumberRule, Rule, WordRule
 from simmer_tui.sim.values import CourseRule, Value
 
@@ -144,6 +146,23 @@ ANSWER = _column(
     "digital: 1 or 0 by the threshold; analog: the share itself, 0 to 1 (digital)",
     noun="answer",
     field="analog",
+)
+
+SCAN_RATE = _column(
+    *("Scan Rate (Hz)", NumberRule(1, 20), _AT_MOST), "revolutions of the lidar's head a second (5.5)"
+)
+TURN_RAYS = replace(
+    RAYS, rule=IntegerRule(1, 2000), course=_AT_MOST, help=f"{RAYS.help}; lidar: rays a revolution (360)"
+)
+CLOCKWISE = _column(
+    *("Clockwise", WordRule(("0", "1"), (False, True)), _FREE),
+    "1: the lidar's head turns clockwise, seen from above; 0: the other way (1)",
+)
+MISSED = _column(
+    *("Missed", WordRule(("infinity", "0"), (False, True)), _FREE),
+    "what a ray of a lidar that meets nothing says: Infinity or 0 (Infinity)",
+    field="missed_as_zero",
+    label="missed",
 )
 
 ELECTRONICS = (GAIN, ABSOLUTE_ERROR, BIAS, DRIFT, RESOLUTION, WRAP)

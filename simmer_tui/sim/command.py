@@ -1,14 +1,14 @@
 """The text of a command, `CC` or `CC-V`, taken apart."""
 
 import re
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?", re.ASCII)
 """A decimal number as people and MATLAB's num2str write it; Python's float takes far more."""
 
 
-@dataclass(frozen=True, slots=True)
-class Command:
+class Command(Struct, frozen=True):
     """One command: its text as sent, the two-character `code`, and the text after the separator.
 
     `source` says who sent it (`client`, `console`, ...). `problem` is set when the text cannot

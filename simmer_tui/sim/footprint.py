@@ -10,7 +10,7 @@ from msgspec.structs import replace
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
-from simmer_tui.sim.angles import FloatArray, cos_sin
+from simmer_tui.sim.angles import FloatArray, cos_sin, turned
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.specs import RobotSpec
 
@@ -123,11 +123,8 @@ class Footprint(Struct, frozen=True, dict=True):
     def placed(self, pose: Pose) -> list[FloatArray]:
         """The polygons, each (n, 2), in the global frame."""
         cos, sin = cos_sin(pose.heading)
-        placed = []
-        for polygon in self.polygons:
-            x, y = polygon[:, 0], polygon[:, 1]
-            placed.append(np.column_stack((cos * x - sin * y + pose.x, sin * x + cos * y + pose.y)))
-        return placed
+        place = np.array((pose.x, pose.y))
+        return [turned(polygon, cos, sin) + place for polygon in self.polygons]
 
     def shapes(self, pose: Pose) -> list[Part]:
         """The parts at a pose, a held block last."""

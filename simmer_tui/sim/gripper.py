@@ -78,10 +78,4 @@ def in_robot_frame(block: Block, pose: Pose) -> Block:
 
 def in_global_frame(block: Block, pose: Pose) -> Block:
     """The reverse of `in_robot_frame`."""
-    cos, sin = cos_sin(pose.heading)
-    return Block(
-        pose.x + cos * block.x - sin * block.y,
-        pose.y + sin * block.x + cos * block.y,
-        block.size,
-        block.heading + pose.heading,
-    )
+    return Block(*pose.place(block.x, block.y), block.size, block.heading + pose.heading)

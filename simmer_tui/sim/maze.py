@@ -173,6 +173,17 @@ class Maze:
         walls |= ~inside
         return walls
 
+    def has_walls(self, low: tuple[float, float], high: tuple[float, float]) -> bool:
+        """False if no point of a box (inches) is a wall as `is_wall` has it; True if one is, or may be."""
+        if not (ON_WALL < low[0] <= high[0] < self.width - ON_WALL):
+            return True
+        if not (ON_WALL < low[1] <= high[1] < self.height - ON_WALL):
+            return True
+        # A hair more than `is_wall` looks at beside a line between cells.
+        left, below = (int((each - _FROM_LINE) // CELL_SIZE) + 1 for each in low)
+        right, above = (int((each + _FROM_LINE) // CELL_SIZE) + 1 for each in high)
+        return bool(self.walls[below : above + 1, left : right + 1].any())
+
     def cast_many(self, x: FloatArray, y: FloatArray, dx: FloatArray, dy: FloatArray) -> FloatArray:
         """`cast` for many rays at once, all arrays (n,); the same numbers bit for bit.
 
@@ -186,12 +197,13 @@ class Maze:
             on_wall = self.are_walls(x[part], y[part])
             if on_wall.any():
                 free = np.flatnonzero(~on_wall)
-                distances[begin + free] = self._cast_free(*(each[free] for each in rays))
+                distances[begin + free] = self.cast_free(*(each[free] for each in rays))
             else:
-                distances[part] = self._cast_free(*rays)
+                distances[part] = self.cast_free(*rays)
         return distances
 
-    def _cast_free(self, x: FloatArray, y: FloatArray, dx: FloatArray, dy: FloatArray) -> FloatArray:
+    def cast_free(self, x: FloatArray, y: FloatArray, dx: FloatArray, dy: FloatArray) -> FloatArray:
+        """`cast_many` for origins that are known to be on no wall."""
         column = np.floor(x / CELL_SIZE)
         row = np.floor(y / CELL_SIZE)
         distances = self._march_many(x, y, dx, dy, column, row)

@@ -1,5 +1,7 @@
 """From a drive command to a trajectory: errors drawn, path laid out, contact found."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Iterable, Mapping
 

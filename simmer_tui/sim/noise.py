@@ -1,5 +1,10 @@
 """Random streams: one seed, and an independent stream for each consumer of random numbers."""
 
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from functools import cached_property
+
 import numpy as np
 
 from simmer_tui.sim.specs import Axes, DriveKind
@@ -11,6 +16,11 @@ DRIVE_STREAM = "drive"
 def fault_stream(sensor: str) -> str:
     """The name of the stream from which a sensor's faults are drawn, by its ID."""
     return f"{sensor} faults"
+
+
+def distance_stream(consumer: str, kind: DriveKind) -> str:
+    """The name of the stream of a consumer's errors by distance driven: `drive right`, `odom1 rot`."""
+    return f"{consumer} {kind.value}"
 
 
 def stream(seed: int, name: str) -> np.random.Generator:
@@ -50,3 +60,28 @@ def random_bias(seed: int, strength: tuple[float, float]) -> dict[DriveKind, Axe
         else:
             biases[kind] = Axes(straight * x, straight * y, 10.0 * straight * r)
     return biases
+
+
+class RandomBias(Mapping[DriveKind, Axes]):
+    """The same, drawn when it is first read: a run that never drives needs no draws, and a start should not
+    wait for the generator's import."""
+
+    def __init__(self, seed: int, strength: tuple[float, float]) -> None:
+        self._seed = seed
+        self._strength = strength
+
+    @cached_property
+    def _drawn(self) -> dict[DriveKind, Axes]:
+        return random_bias(self._seed, self._strength)
+
+    def __getitem__(self, kind: DriveKind) -> Axes:
+        return self._drawn[kind]
+
+    def __iter__(self) -> Iterator[DriveKind]:
+        return iter(self._drawn)
+
+    def __len__(self) -> int:
+        return len(self._drawn)
+
+    def __repr__(self) -> str:
+        return repr(self._drawn)

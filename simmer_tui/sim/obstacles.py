@@ -4,17 +4,16 @@ By them robot and block are checked before they are placed somewhere.
 """
 
 import math
-from dataclasses import replace
 from functools import cached_property
-from itertools import pairwise
 
 import numpy as np
 import shapely
 from msgspec import Struct
+from msgspec.structs import replace
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
-from simmer_tui.sim.angles import FloatArray
+from simmer_tui.sim.angles import BoolArray, FloatArray, cos_sin_array
 from simmer_tui.sim.block import Block
 from simmer_tui.sim.footprint import Edges, Footprint, Part
 from simmer_tui.sim.maze import Maze
@@ -92,9 +91,41 @@ class Obstacles(Struct, frozen=True, dict=True):
         corners = self.corners[((self.corners <= high) & (self.corners >= low)).all(axis=1)]
         return self.faces.select(np.asarray(chosen)), corners
 
+    def clearance(self, x: float, y: float) -> float:
+        """Distance of a place from the nearest obstacle, inches."""
+        place = shapely.Point(x, y)
+        return float(shapely.distance(place, self.tree.geometries[int(self.tree.nearest(place))]))
+
     def overlap(self, footprint: Footprint, pose: Pose) -> bool:
         """True if the robot at `pose` overlaps an obstacle by more than rounding."""
         return any(len(self._overlapped(part)) for part in footprint.shapes(pose))
+
+    def overlapped(self, footprint: Footprint, poses: FloatArray) -> BoolArray:
+        """`overlap` at (n, 3) poses of x, y and heading: (n,)."""
+        overlapping = np.zeros(len(poses), np.bool_)
+        # A disc is the same at every heading, so that each place is looked at once.
+        places, place_of = np.unique(poses[:, :2], axis=0, return_inverse=True)
+        if footprint.radius:
+            overlapping |= self._within(places, footprint.radius)[place_of.reshape(-1)]
+        if not footprint.polygons:
+            return overlapping
+        # Only what is within reach of a wall needs its outline.
+        close = self._within(places, footprint.reach + SKIN)[place_of.reshape(-1)]
+        looked_at = np.flatnonzero(close & ~overlapping)
+        cos, sin = (each[:, None] for each in cos_sin_array(poses[looked_at, 2]))
+        for polygon in footprint.polygons:
+            x, y = polygon[:, 0], polygon[:, 1]
+            corners = np.stack((cos * x - sin * y, sin * x + cos * y), axis=-1)
+            outlines = shapely.polygons(corners + poses[looked_at, None, :2])
+            met, _ = self.tree.query(outlines, predicate="intersects")
+            overlapping[looked_at[met]] = True
+        return overlapping
+
+    def _within(self, places: FloatArray, distance: float) -> BoolArray:
+        """True for each of the (n, 2) places that lies within a distance of an obstacle, inches."""
+        near = np.zeros(len(places), np.bool_)
+        near[self.tree.query(shapely.points(places), predicate="dwithin", distance=distance)[0]] = True
+        return near
 
     def touch(self, footprint: Footprint, pose: Pose, beyond: Pose) -> Obstruction:
         """The obstruction at a pose, where the robot would overlap an obstacle a little further on,
@@ -179,14 +210,13 @@ def _onto(place: float, lines: tuple[int, int]) -> float:
 def _runs(walls: NDArray[np.bool_], rows: int) -> NDArray[np.float64]:
     """Upright wall faces as (x, y, x, y) in cells, neighbouring ones joined. `walls` has `rows`
     rows and a ring column on either side."""
-    runs = []
-    for column in range(walls.shape[1] - 1):
-        side = walls[:, column + 1].astype(np.int8) - walls[:, column]
-        breaks = np.flatnonzero(np.diff(side, prepend=0, append=0))
-        for begin, end in pairwise(breaks):
-            if begin < rows and side[begin]:
-                runs.append((column, begin, column, end))
-    return np.array(runs, dtype=np.float64).reshape(-1, 4)
+    side = walls[:, 1:].astype(np.int8) - walls[:, :-1]
+    columns, breaks = np.nonzero(np.diff(side, axis=0, prepend=0, append=0).T)
+    column, begin, end = columns[:-1], breaks[:-1], breaks[1:]
+    kept = np.flatnonzero((column == columns[1:]) & (begin < rows))
+    kept = kept[side[begin[kept], column[kept]] != 0]
+    runs: FloatArray = np.column_stack((column, begin, column, end))[kept].astype(np.float64)
+    return runs
 
 
 def _boxes(walls: NDArray[np.bool_]) -> list[BaseGeometry]:
@@ -201,11 +231,10 @@ def _boxes(walls: NDArray[np.bool_]) -> list[BaseGeometry]:
         (-thick, -thick, width + thick, 0.0),
         (-thick, height, width + thick, height + thick),
     ]
-    for row in range(rows):
-        solid = walls[row + 1, 1:-1].astype(np.int8)
-        breaks = np.flatnonzero(np.diff(solid, prepend=0, append=0)).reshape(-1, 2) * CELL_SIZE
-        bounds += [(begin, row * CELL_SIZE, end, (row + 1) * CELL_SIZE) for begin, end in breaks]
-    low_x, low_y, high_x, high_y = np.array(bounds).T
+    solid = walls[1:-1, 1:-1].astype(np.int8)
+    row, breaks = (each.reshape(-1, 2) for each in np.nonzero(np.diff(solid, axis=1, prepend=0, append=0)))
+    boxes = np.column_stack((breaks[:, 0], row[:, 0], breaks[:, 1], row[:, 0] + 1)) * CELL_SIZE
+    low_x, low_y, high_x, high_y = np.concatenate((bounds, boxes)).T
     return list(shapely.box(low_x + SKIN, low_y + SKIN, high_x - SKIN, high_y - SKIN))
 
 

@@ -6,13 +6,24 @@ import numpy as np
 from msgspec import Struct
 from numpy.typing import NDArray
 
+from simmer_tui.sim.arcs import Twist
 from simmer_tui.sim.command import Command
 from simmer_tui.sim.path import Contact
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.specs import SensorSpec
 from simmer_tui.sim.trajectory import Trajectory
 
-__all__ = ["CommandResult", "Contact", "FloorPatch", "Grip", "Pose", "RangeScan", "Reading", "Status"]
+__all__ = [
+    "CommandResult",
+    "Contact",
+    "FloorPatch",
+    "Grip",
+    "LidarScan",
+    "Pose",
+    "RangeScan",
+    "Reading",
+    "Status",
+]
 
 
 class RangeScan(Struct, frozen=True):
@@ -37,6 +48,32 @@ class FloorPatch(Struct, frozen=True):
     black: NDArray[np.bool_]
 
 
+class LidarScan(Struct, frozen=True):
+    """One whole revolution of a lidar, ray by ray in the order of time, (n,) each.
+
+    `revolution` counts from time 0, -1 is the one before it. `ranges` are the distances that the sensor
+    reported (inches; infinite where it missed), `bearings` the directions of the rays in the robot's frame
+    (degrees), and `true` the distances from where the robot was at the moment of each ray. `poses` are those
+    poses, (n, 3): x and y in inches, heading in degrees. What is not known is empty: `true` of a scan in a
+    log, and both of a real robot's whose rays are others than the set's.
+    """
+
+    revolution: int
+    ranges: NDArray[np.float64]
+    bearings: NDArray[np.float64]
+    true: NDArray[np.float64]
+    poses: NDArray[np.float64]
+
+
+def ray_bearings(like: NDArray[np.float64], count: int) -> NDArray[np.float64]:
+    """The directions of so many rays that go around as others do, degrees."""
+    if len(like) == count:
+        return like
+    turn = -360.0 if len(like) < 2 or like[1] < like[0] else 360.0
+    bearings: NDArray[np.float64] = like[0] + turn * np.arange(count) / count
+    return bearings
+
+
 class Reading(Struct, frozen=True):
     """One reading of one sensor.
 
@@ -50,6 +87,8 @@ class Reading(Struct, frozen=True):
     view: RangeScan | FloorPatch | None = None
     took: float = 0.0
     """Seconds of simulated time from the look to the answer: the sensor's Read Time."""
+    scan: LidarScan | None = None
+    """The numbers of a reading that is many; `value` is then the one that tables and panels show."""
 
 
 class Grip(Struct, frozen=True):
@@ -68,6 +107,20 @@ class Grip(Struct, frozen=True):
     missed: tuple[float, float] | None = None
 
 
+class VelocityChange(Struct, frozen=True):
+    """A velocity that a command set: what the robot was told (in/s, deg/s, its own frame), the simulated
+    time at which it ends by itself (infinite: never), False for `changed` if it was in force already, the
+    rim speed of each wheel that slips, in/s, True for `times_out` if it ends only since it is not sent
+    again, and the share of what was asked that the robot can do (`limited`)."""
+
+    twist: Twist
+    expires: float
+    changed: bool
+    slip: tuple[float, ...] = ()
+    times_out: bool = False
+    limited: float = 1.0
+
+
 class Status(StrEnum):
     """Outcome of a command, in a word."""
 
@@ -81,7 +134,7 @@ class Status(StrEnum):
     REFUSED = "refused"
     """Malformed: empty, cut short, or with a value that is no finite number."""
     UNANSWERED = "unanswered"
-    """A real robot did not answer."""
+    """A real robot did not answer, or a team's own device failed."""
 
 
 REFUSALS = (Status.REFUSED, Status.UNKNOWN, Status.BUSY, Status.UNANSWERED)
@@ -115,14 +168,25 @@ class CommandResult(Struct, frozen=True):
     """Simulated time at which the command was taken up; None stands for `time`."""
     link: float = 0.0
     """Simulated seconds that command and reply spent on the link."""
+    velocity: VelocityChange | None = None
+    """The velocity that the command set, if it was for continuous motion."""
+    waits: float = 0.0
+    """Seconds of simulated time that the command itself waits, as planned."""
+
+    @property
+    def ranges(self) -> NDArray[np.float64] | None:
+        """The numbers of the reply, inches, if they are many: those of a scan that was asked for as a whole.
+        Of one ray, as in `sc-90`, the reply is one number."""
+        reading = self.reading
+        return None if reading is None or reading.scan is None else reading.scan.ranges
 
     @property
     def duration(self) -> float:
         """Seconds of simulated time that the command takes, as planned: a reading its Read Time, a
-        movement its whole length; 0 for what is answered at once."""
+        movement its whole length, a wait its own; 0 for what is answered at once."""
         if self.reading is not None:
             return self.reading.took
-        return self.trajectory.duration if self.trajectory is not None else 0.0
+        return self.trajectory.duration if self.trajectory is not None else self.waits
 
     @property
     def contact(self) -> Contact | None:

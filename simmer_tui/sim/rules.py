@@ -194,6 +194,29 @@ class NumberOrOffRule(Rule[float], frozen=True):
         return 0.0 if is_off else NumberRule(self.low, self.high)._accepted(value)
 
 
+class PortOrOffRule(Rule[str], frozen=True):
+    """A TCP port, 0 for any free one, or off; the value is a text."""
+
+    allowed: ClassVar[str] = "a port from 0 to 65535, or off"
+    metavar: ClassVar[str] = "PORT|off"
+
+    @property
+    def schema(self) -> dict[str, Any]:
+        return {"anyOf": [IntegerRule(0, 65535).schema, {"enum": ["off"]}]}
+
+    def _parsed(self, text: str) -> object:
+        text = text.strip().lower()
+        return int(text) if WHOLE_NUMBER.fullmatch(text) else text
+
+    def _accepted(self, value: object) -> Any:
+        if isinstance(value, str):
+            value = self._parsed(value)
+        if value == "off":
+            return "off"
+        accepted = IntegerRule(0, 65535)._accepted(value)
+        return accepted if accepted is _REFUSED else str(accepted)
+
+
 class IntegerRule(Rule[int], frozen=True):
     """A whole number from `low` to `high`; `meaning` says it in other words."""
 
@@ -375,6 +398,25 @@ class TextRule(Rule[str], frozen=True):
         if not isinstance(value, str) or not value.isprintable() or len(value) > MAX_TEXT:
             return _REFUSED
         return value.strip() if value.strip() or self.blank else _REFUSED
+
+
+class RawTextRule(Rule[str], frozen=True):
+    """A text of up to `longest` characters, whichever they are: what goes over a wire."""
+
+    longest: int = 256
+
+    @property
+    def allowed(self) -> str:
+        return f"a text of at most {self.longest} characters"
+
+    metavar: ClassVar[str] = "TEXT"
+
+    @property
+    def schema(self) -> dict[str, Any]:
+        return {"type": "string", "maxLength": self.longest}
+
+    def _accepted(self, value: object) -> Any:
+        return value if isinstance(value, str) and len(value) <= self.longest else _REFUSED
 
 
 class PairRule(Rule[tuple[float, float]], frozen=True):

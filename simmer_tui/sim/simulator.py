@@ -1,30 +1,38 @@
 """The simulated robot: commands in, outcomes out. No clock, no sockets, no files."""
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 from msgspec.structs import replace
 
-from simmer_tui.errors import PlacementError, UnknownSensorError
+from simmer_tui.errors import DeviceError, PlacementError, UnknownSensorError
 from simmer_tui.sim import noise
 from simmer_tui.sim.angles import FloatArray
+from simmer_tui.sim.arcs import Twist
 from simmer_tui.sim.block import Block
 from simmer_tui.sim.command import Command, parse_command, parse_value
+from simmer_tui.sim.continuous import ContinuousMotion, MotionListener, Surroundings
+from simmer_tui.sim.distance_errors import DistanceErrors
 from simmer_tui.sim.footprint import Footprint
 from simmer_tui.sim.gripper import Gripper
+from simmer_tui.sim.legs import Leg
 from simmer_tui.sim.maze import Maze
 from simmer_tui.sim.motion import CollisionChecker, Planner
 from simmer_tui.sim.obstacles import Obstacles, block_problem, robot_problem
 from simmer_tui.sim.pose import Pose
-from simmer_tui.sim.records import TOO_MANY_WAIT, CommandResult, Grip, Reading, Status
+from simmer_tui.sim.recent_motion import BlockPlace, RecentMotion
+from simmer_tui.sim.records import TOO_MANY_WAIT, CommandResult, Grip, Reading, Status, VelocityChange
 from simmer_tui.sim.sensors import (
     CountingSensor,
     Faults,
+    Lidar,
+    Now,
     ObservingSensor,
     Pings,
     RangeSensor,
     Sensor,
+    Turning,
     View,
     World,
     has_faults,
@@ -32,6 +40,7 @@ from simmer_tui.sim.sensors import (
 )
 from simmer_tui.sim.specs import Axes, DriveKind, DriveSpec, GripperSpec, SensorSpec, SimulationSpec
 from simmer_tui.sim.trajectory import Trajectory
+from simmer_tui.sim.velocity_commands import WAIT, VelocityControl, VelocityRequest, parse_wait
 
 # 16 miles, beyond any maze by far; at 1e6 in a coordinate still has nine decimals.
 LARGEST_VALUE = 1e6
@@ -60,29 +69,41 @@ class Simulator:
         self._drives: dict[str, DriveSpec | GripperSpec] = {drive.code: drive for drive in spec.drives}
         if spec.gripper is not None:
             self._drives[spec.gripper.code] = spec.gripper
+        self._velocities = {velocity.code: velocity for velocity in spec.velocities}
+        self._control = VelocityControl(spec.drives, spec.wheels)
         working = self._sensors.values()
         self._ranging = {each.spec.code: each for each in working if isinstance(each, RangeSensor)}
         self._counting = [each for each in working if isinstance(each, CountingSensor)]
+        lidars = [each for each in working if isinstance(each, Lidar)]
+        # The last complete revolution began at most two turns ago.
+        self._recent = RecentMotion(max((2.0 / each.spec.scan_rate for each in lidars), default=0.0))
+        self._turning = {each.spec.code: Turning(each, self.maze, self._recent) for each in lidars}
         self._seen: dict[str, tuple[Pose, tuple[float, View | None]]] = {}
         """The last view of each observing sensor, with the pose it was seen from."""
-        self.noise = True
-        """True if sensors and drives have random errors. Biases stay."""
+        self._noise = True
+        self.listener: MotionListener | None = None
+        """Told of continuous motion after the simulator itself."""
         self._trajectory: Trajectory | None = None
         self._last: Trajectory | None = None
         self.seed = seed
+        self.time = 0.0
+        """Simulated time, seconds."""
+        self._streams = noise.Streams(seed)
+        self._continuous = self._standing_robot()
         self.reset()
 
     # -- the state, all of it readable -------------------------------------------------------
 
     def reset(self, seed: int | None = None) -> None:
         """Everything as at the start, with the same seed or a new one."""
-        if self._trajectory is not None:
-            self.stop()
+        self.stop()
         if seed is not None:
             self.seed = seed
         spec = self.spec
         self.time = 0.0
-        """Simulated time, seconds."""
+        self._asked: set[str] = set()
+        """Codes that have come since simulated time last moved, at `_asked_at`."""
+        self._asked_at = 0.0
         self.commands = 0
         """Number of commands so far."""
         self.contacts = 0
@@ -94,12 +115,19 @@ class Simulator:
         self._faults = {
             code: Faults(sensor, self._streams[noise.fault_stream(sensor.spec.id)], pings)
             for code, sensor in self._sensors.items()
-            if has_faults(sensor)
+            if has_faults(sensor) and code not in self._turning
         }
+        for turning in self._turning.values():
+            turning.forget()
+        self._recent.forget()
         self._planner = Planner(spec.num_segments, spec.contact, self._streams, spec.clearance)
-        # Drawn when first asked for: a run that never drives needs no draws.
-        self._bias: dict[DriveKind, Axes] | None = None
+        self._bias: Mapping[DriveKind, Axes] = (
+            noise.RandomBias(self.seed, spec.strength)
+            if spec.randbias
+            else {drive.kind: drive.bias for drive in spec.drives}
+        )
         self._counted = {sensor.spec.id: 0.0 for sensor in self._counting}
+        self._continuous = self._standing_robot()
         self._gripper = Gripper(self.footprint, self.walls)
         self._pose = Pose(float(spec.bot_center[0]), float(spec.bot_center[1]), float(spec.bot_rot))
         self._set_block(self._checked_block(spec.block_center))
@@ -108,7 +136,35 @@ class Simulator:
     @property
     def pose(self) -> Pose:
         """The robot's present pose."""
-        return self._pose if self._trajectory is None else self._trajectory.pose_at(self.time)
+        if self._trajectory is not None:
+            return self._trajectory.pose_at(self.time)
+        leg = self._continuous.leg
+        return self._pose if leg is None else leg.pose_at(self.time)
+
+    @property
+    def noise(self) -> bool:
+        """True if sensors and drives have random errors. Biases stay."""
+        return self._noise
+
+    @noise.setter
+    def noise(self, on: bool) -> None:
+        self._noise = on
+        self._drive_on()
+
+    @property
+    def leg(self) -> Leg | None:
+        """The leg of a continuous motion under way, if there is one."""
+        return self._continuous.leg
+
+    @property
+    def next_event(self) -> float:
+        """Simulated time of the next event of a continuous motion, infinite if there is none."""
+        return self._continuous.due
+
+    @property
+    def velocity(self) -> Twist:
+        """The velocity that the robot was told last and drives at until told otherwise: in/s and deg/s."""
+        return self._continuous.commanded
 
     @property
     def trajectory(self) -> Trajectory | None:
@@ -122,8 +178,10 @@ class Simulator:
 
     def distance_at(self, time: float) -> float:
         """Inches driven so far, the movement under way included."""
-        under_way = self._trajectory.travelled(time) if self._trajectory is not None else 0.0
-        return self.distance + under_way
+        if self._trajectory is not None:
+            return self.distance + self._trajectory.travelled(time)
+        leg = self._continuous.leg
+        return self.distance if leg is None else self.distance + leg.travelled(time)
 
     @property
     def moving(self) -> bool:
@@ -151,21 +209,26 @@ class Simulator:
         return self._gripper.body
 
     @property
-    def bias(self) -> dict[DriveKind, Axes]:
+    def bias(self) -> Mapping[DriveKind, Axes]:
         """The drive bias in force, by kind of movement."""
-        if self._bias is None:
-            spec = self.spec
-            self._bias = (
-                noise.random_bias(self.seed, spec.strength)
-                if spec.randbias
-                else {drive.kind: drive.bias for drive in spec.drives}
-            )
         return self._bias
 
     def is_drive(self, command: Command) -> bool:
         """True if a command's code is that of an enabled drive, or of the gripper."""
         drive = self._drives.get(command.code)
         return drive is not None and drive.enabled
+
+    def asks_for_scan(self, command: Command) -> bool:
+        """True if the reply to a command is many numbers: a whole scan of a lidar, not one ray of it."""
+        sensor = self._sensors.get(command.code)
+        if sensor is None or command.argument is not None:
+            return False
+        return sensor.spec.enabled and sensor.spec.kind.is_scan
+
+    def is_velocity(self, command: Command) -> bool:
+        """True if a command sets a velocity that lasts."""
+        code = command.code
+        return code in self._velocities and code not in self._drives
 
     def sensor(self, code: str) -> SensorSpec:
         """The sensor with a command code. Raises UnknownSensorError."""
@@ -176,10 +239,14 @@ class Simulator:
     def execute(self, command: Command | str) -> CommandResult:
         """Do one command from beginning to end. Simulated time jumps to the end of a movement, and on
         by a sensor's Read Time."""
+        if isinstance(command, str):
+            command = parse_command(command)
+        self.begin_pass((command,))
+        self.wait_for_scan(command)
         outcome = self.begin(command)
         reading = outcome.reading
         takes = outcome.status is Status.ACCEPTED if reading is None else reading.took > 0.0
-        return self.finish(outcome) if takes else outcome
+        return self.finish(outcome) if takes or outcome.waits else outcome
 
     def begin(self, command: Command | str) -> CommandResult:
         """Read a sensor, or plan a movement and set it going at the present simulated time.
@@ -202,11 +269,10 @@ class Simulator:
             return self._refused(command, before, Status.REFUSED, command.problem)
         sensor = self._sensors.get(command.code)
         if sensor is not None and sensor.spec.enabled:
-            reading = self._read(sensor, before)
-            return CommandResult(
-                self.commands, self.time, command, Status.READING, reading.value, before, before, "", reading
-            )
+            return self._begin_reading(sensor, command, before)
         drive = self._drives.get(command.code)
+        if drive is None and (command.code == WAIT or command.code in self._velocities):
+            return self._begin_continuous(command, before)
         if drive is None or not drive.enabled:
             return self._refused(command, before, Status.UNKNOWN, self._unknown(command.code))
         value = _amount(drive, command.argument)
@@ -214,6 +280,8 @@ class Simulator:
             return self._refused(command, before, Status.REFUSED, value)
         if self._trajectory is not None:
             return self._refused(command, before, Status.BUSY, "the robot is still moving")
+        # A movement of known length ends a velocity before it begins.
+        self._continuous.halt(self.time)
         grip = None
         if isinstance(drive, GripperSpec):
             grip = self._grip(drive, value == 1.0, before)
@@ -221,6 +289,18 @@ class Simulator:
             self._plan(drive, value, before)
         return CommandResult(
             self.commands, self.time, command, Status.ACCEPTED, math.inf, before, before, grip=grip
+        )
+
+    def _begin_reading(self, sensor: Sensor, command: Command, before: Pose) -> CommandResult:
+        try:
+            reading = self._read(sensor, before) if not self._turning else self._read_any(sensor, command)
+        except DeviceError as error:
+            # The run goes on: a program may ask others, or again.
+            return self._refused(command, before, Status.UNANSWERED, str(error))
+        if isinstance(reading, str):
+            return self._refused(command, before, Status.REFUSED, reading)
+        return CommandResult(
+            self.commands, self.time, command, Status.READING, reading.value, before, before, "", reading
         )
 
     def refuse(self, command: Command) -> CommandResult:
@@ -233,6 +313,9 @@ class Simulator:
         end of the movement, unless it is over already, or by what the reading takes."""
         if outcome.reading is not None:
             self.advance(outcome.time + outcome.reading.took)
+            return replace(outcome, time=self.time, pose=self.pose, taken=outcome.time)
+        if outcome.waits:
+            self.advance(outcome.time + outcome.waits)
             return replace(outcome, time=self.time, pose=self.pose, taken=outcome.time)
         trajectory = self._trajectory or self._last
         assert trajectory is not None, "no movement has begun"
@@ -252,6 +335,9 @@ class Simulator:
         """Set simulated time, which never goes back. A movement that ends by then is over."""
         # Clocks of callers may be behind by a little; simulated time never is.
         self.time = max(time, self.time)
+        if self._continuous.leg is not None:
+            while self._continuous.due <= self.time:
+                self._continuous.step()
         trajectory = self._trajectory
         if trajectory is None or self.time < trajectory.end_time:
             return
@@ -262,14 +348,21 @@ class Simulator:
         for sensor in self._counting:
             self._counted[sensor.spec.id] = self._count(sensor, end)
         self._trajectory, self._last = None, trajectory
+        self._recent.went(trajectory)
 
     def stop(self) -> bool:
-        """End the movement under way now. Returns whether there was one."""
+        """End the motion under way now. Returns True if there was one."""
+        drove = self._continuous.commanded.moves
+        self._continuous.halt(self.time)
         if self._trajectory is None:
-            return False
+            return drove
         self._trajectory = self._trajectory.stopped(self.time)
         self.advance(self.time)
         return True
+
+    def release(self) -> None:
+        """Let a velocity end as if it had been told to stand, with its lag and its ramp."""
+        self._continuous.release(self.time, self.pose)
 
     # -- what people may change ---------------------------------------------------------------
 
@@ -279,6 +372,9 @@ class Simulator:
         self._check_pose(pose)
         self.stop()
         self._pose = pose
+        self._recent.forget()
+        for turning in self._turning.values():
+            turning.forget()
 
     def move_block(self, x: float, y: float) -> None:
         """Put the block somewhere. A movement under way is checked anew against it, without new
@@ -299,10 +395,12 @@ class Simulator:
         if self._trajectory is not None and self.spec.block_solid:
             checker = CollisionChecker(self.footprint, self._obstacles, self.maze)
             self._trajectory = self._planner.checked_again(self._trajectory, self.time, checker)
+        self._drive_on()
 
     def set_bias(self, bias: dict[DriveKind, Axes]) -> None:
         """Replace the drive bias, for some or all kinds of movement."""
         self._bias = {**self.bias, **bias}
+        self._drive_on()
 
     # -- truth, for programs that learn or localize --------------------------------------------
 
@@ -311,8 +409,15 @@ class Simulator:
         return self._observe(self._working(code), self.pose)[0]
 
     def true_values(self) -> dict[str, float]:
-        """Readings of all enabled sensors now, without random error, by code."""
-        return {code: self.true_value(code) for code, sensor in self._sensors.items() if sensor.spec.enabled}
+        """Readings of all enabled sensors now, without random error, by code; NaN of a device that failed."""
+        values = {}
+        for code, sensor in self._sensors.items():
+            if sensor.spec.enabled:
+                try:
+                    values[code] = self.true_value(code)
+                except DeviceError:
+                    values[code] = math.nan
+        return values
 
     def look(self, code: str) -> Reading:
         """The true value as a reading with its geometry, drawing nothing. Raises
@@ -375,13 +480,34 @@ class Simulator:
     def _read(self, sensor: Sensor, pose: Pose) -> Reading:
         true, view = self._observe(sensor, pose)
         spec = sensor.spec
-        if not self.noise:
+        if not self._noise:
             value = sensor.reading(true, None, self.time)
         elif (faults := self._faults.get(spec.code)) is not None:
             value = faults.reading(true, self._streams[spec.id], self.time)
         else:
             value = sensor.reading(true, self._streams[spec.id], self.time)
         return Reading(spec, value, true, view, spec.read_time)
+
+    def wait_for_scan(self, command: Command) -> None:
+        """A command is about to come in instant motion. If it asks a lidar for what has been read already,
+        time goes on until the next revolution is complete."""
+        turning = self._turning.get(command.code)
+        if turning is None or command.problem or not turning.lidar.spec.enabled:
+            return
+        ray = turning.ray(command.argument)
+        if not isinstance(ray, str):
+            self.advance(turning.waits_until(self.time, ray))
+
+    def _read_any(self, sensor: Sensor, command: Command) -> Reading | str:
+        """A reading of a sensor of a robot with a lidar, or why a command to it is refused."""
+        turning = self._turning.get(command.code)
+        if turning is None:
+            return self._read(sensor, self.pose)
+        ray = turning.ray(command.argument)
+        if isinstance(ray, str):
+            return ray
+        now = Now(self.time, self.pose, self._trajectory or self._continuous.leg)
+        return turning.reading(ray, now, self._streams[sensor.spec.id] if self._noise else None)
 
     def _observe(self, sensor: Sensor, pose: Pose) -> tuple[float, View | None]:
         code = sensor.spec.code
@@ -398,12 +524,112 @@ class Simulator:
 
     def _count(self, sensor: CountingSensor, time: float) -> float:
         counted = self._counted[sensor.spec.id]
-        return counted if self._trajectory is None else counted + sensor.counted(self._trajectory, time)
+        if self._trajectory is not None:
+            return counted + sensor.counted(self._trajectory, time)
+        leg = self._continuous.leg
+        if leg is None:
+            return counted
+        return counted + leg.counts[sensor.spec.id] * (min(time, leg.end_time) - leg.start_time)
+
+    # -- continuous motion ---------------------------------------------------------------------
+
+    def _standing_robot(self) -> ContinuousMotion:
+        """The motion of a robot that has not been told a velocity yet."""
+        spec = self.spec
+        return ContinuousMotion(
+            drives=spec.drives,
+            bias=lambda: self.bias,
+            errors=DistanceErrors(spec.num_segments, self._streams, self._counting),
+            surroundings=self._surroundings,
+            rule=spec.contact,
+            control_period=spec.control_period,
+            wall_friction=spec.wall_friction,
+            listener=self,
+        )
+
+    def begin_pass(self, commands: Sequence[Command]) -> None:
+        """Commands are about to come at one moment, in instant motion. While the robot drives, a program's
+        loop takes time: it goes on by `loop_time` if one of the codes has come since it last moved."""
+        asked = self._asked
+        if self._asked_at != self.time:
+            asked.clear()
+        # A program that looks twice at one thing expects that something may have changed.
+        if self._continuous.leg is not None and any(command.code in asked for command in commands):
+            self.advance(self.time + self.spec.loop_time)
+            asked.clear()
+        # A loop, not a set of its own: nearly always it is one command, and this runs for each.
+        for command in commands:
+            asked.add(command.code)
+        self._asked_at = self.time
+
+    def _begin_continuous(self, command: Command, pose: Pose) -> CommandResult:
+        """Wait, or take a velocity."""
+        if command.code == WAIT:
+            seconds = parse_wait(command.argument)
+            if isinstance(seconds, str):
+                return self._refused(command, pose, Status.REFUSED, seconds)
+            return CommandResult(
+                self.commands, self.time, command, Status.DONE, math.inf, pose, pose, waits=seconds
+            )
+        velocity = self._velocities[command.code]
+        if not velocity.enabled:
+            return self._refused(command, pose, Status.UNKNOWN, self._unknown(command.code))
+        request = self._control.parse(velocity, command.argument, self.velocity)
+        if isinstance(request, str):
+            return self._refused(command, pose, Status.REFUSED, request)
+        if self._trajectory is not None:
+            return self._refused(command, pose, Status.BUSY, "the robot is still moving")
+        change = self._take_velocity(request, pose)
+        return CommandResult(
+            self.commands, self.time, command, Status.DONE, math.inf, pose, pose, velocity=change
+        )
+
+    def _take_velocity(self, request: VelocityRequest, pose: Pose) -> VelocityChange:
+        timeout = self.spec.velocity_timeout or math.inf
+        twist = request.target.twist
+        # A robot that is told to stand has nothing that could end.
+        expires = self.time + min(request.seconds, timeout) if twist.moves else math.inf
+        changed = self._continuous.command(self.time, pose, request.target, expires, noise=self._noise)
+        return VelocityChange(
+            twist, expires, changed, request.slip, timeout < request.seconds, request.limited
+        )
+
+    def _drive_on(self) -> None:
+        """Something has changed that a robot under way has to do with."""
+        self._continuous.look_again(self.time, self.pose, noise=self._noise)
+
+    # The simulator listens to its own continuous motion first.
+
+    def leg_begun(self, leg: Leg) -> None:
+        """A leg begins (see `MotionListener`)."""
+        if self.listener is not None:
+            self.listener.leg_begun(leg)
+
+    def leg_ended(self, leg: Leg) -> None:
+        """A leg is over."""
+        self._pose = leg.last_pose
+        self._recent.went(leg)
+        self.distance += leg.travelled(leg.end_time)
+        self.contacts += leg.contact is not None
+        for sensor, rate in leg.counts.items():
+            self._counted[sensor] += rate * leg.duration
+        if self.listener is not None:
+            self.listener.leg_ended(leg)
+
+    def velocity_expired(self, time: float) -> None:
+        """The time of a velocity is over."""
+        if self.listener is not None:
+            self.listener.velocity_expired(time)
+
+    def _surroundings(self, pose: Pose) -> Surroundings:
+        return Surroundings(
+            self.body, self._obstacles_at(pose), math.hypot(self.maze.width, self.maze.height)
+        )
 
     def _plan(self, drive: DriveSpec, value: float, pose: Pose) -> None:
         bias = self.bias.get(drive.kind, Axes())
-        trajectory = self._planner.plan(drive, bias, value, pose, self.time, self.noise)
-        trajectory = self._planner.counted(trajectory, self._counting, self.noise)
+        trajectory = self._planner.plan(drive, bias, value, pose, self.time, self._noise)
+        trajectory = self._planner.counted(trajectory, self._counting, self._noise)
         checker = CollisionChecker(self.body, self._obstacles_at(pose), self.maze)
         self._trajectory = self._planner.checked(trajectory, checker)
 
@@ -430,10 +656,10 @@ class Simulator:
         return CommandResult(self.commands, self.time, command, status, math.nan, pose, pose, reason)
 
     def _unknown(self, code: str) -> str:
-        if code in self._sensors or code in self._drives:
+        if code in self._sensors or code in self._drives or code in self._velocities:
             return f"the code {code} is disabled"
-        known = [sensor.code for sensor in self.spec.sensors if sensor.enabled]
-        known += [drive.code for drive in self._drives.values() if drive.enabled]
+        rows = (*self.spec.sensors, *self._drives.values(), *self._velocities.values())
+        known = [row.code for row in rows if row.enabled]
         near = [other for other in known if other.lower() == code.lower() or other == code[::-1]]
         near = near or [other for other in known if other[0] == code[0]]
         hint = f"; did you mean {' or '.join(near)}?" if near else ""
@@ -454,6 +680,9 @@ class Simulator:
     def _set_block(self, block: Block) -> None:
         # The block where it lies.
         self._world = World(self.maze, block)
+        held = self._gripper.held
+        place = BlockPlace(self.time, block) if held is None else BlockPlace(self.time, held, held=True)
+        self._recent.block_is(place)
         self._seen.clear()
         solid = self.spec.block_solid and block.size > 0.0 and not self.holding
         self._obstacles = self.walls.with_block(block) if solid else self.walls

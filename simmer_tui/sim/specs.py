@@ -80,6 +80,11 @@ class RobotSpec(Struct, frozen=True):
         """A polygon; `vertices` are (x, y) in inches, in either orientation."""
         return cls(vertices=vertices)
 
+    @property
+    def reach(self) -> float:
+        """Greatest distance from the origin to the outline, inches."""
+        return self.radius if self.radius is not None else max(math.hypot(x, y) for x, y in self.vertices)
+
 
 class SensorKind:
     """A kind of sensor, as it describes itself. Kinds are classes, never objects of this one; how
@@ -99,10 +104,19 @@ class SensorKind:
     """True if it measures the distance to the nearest thing ahead of it."""
     is_yes_or_no: ClassVar[bool] = False
     """True if its reply is 1 for yes and 0 for no."""
+    is_scan: ClassVar[bool] = False
+    """True if a reading is many numbers: the ranges of a whole revolution."""
     counts: ClassVar[bool] = False
     """True if it counts: movements add to its value."""
+    stands_for: ClassVar[tuple[str, ...]] = ()
+    """The functions of a dialect's expressions that such a sensor is needed for: ray, scan, contact."""
     devices: ClassVar[tuple[str, ...]] = ()
     """The classes of a simmer-python `config.py` that are this kind there."""
+    is_opaque: ClassVar[bool] = False
+    """True for a team's own device: only the simulation asks how it works. Reports and calibration go by its
+    logged readings, so that they say the same with the device file and without it."""
+    any_columns: ClassVar[bool] = False
+    """True if its columns are not known: sensors.csv may have any, and their cells are not read."""
 
     @classmethod
     def has(cls, field: str) -> bool:
@@ -269,6 +283,58 @@ class GripperSpec(Struct, frozen=True, kw_only=True):
     speed: float = 2.0
 
 
+class VelocityKind(StrEnum):
+    """A command of continuous motion; the value is the ID in drive.csv."""
+
+    values: tuple[str, ...]
+    """Names of its values, without the time after which it ends; of rim speeds there is one a wheel."""
+
+    def __new__(cls, value: str, values: tuple[str, ...] = ()) -> Self:
+        """A member with its row of the table below."""
+        kind = str.__new__(cls, value)
+        kind._value_, kind.values = value, values
+        return kind
+
+    ALL = "velocity", ("VX", "VY", "OMEGA")
+    X = "velocity-x", ("VX",)
+    Y = "velocity-y", ("VY",)
+    R = "velocity-r", ("OMEGA",)
+    WHEELS = "wheels"
+
+
+class VelocitySpec(Struct, frozen=True, kw_only=True):
+    """One row of drive.csv for a command of continuous motion."""
+
+    kind: VelocityKind
+    code: str
+    enabled: bool = True
+
+
+class WheelLayout(StrEnum):
+    """Arrangement of a robot's wheels, as in `[wheels] layout`."""
+
+    DIFF = "diff"
+    """Two plain wheels on the Y axis."""
+    OMNI_3 = "omni-3"
+    """Three omni wheels at 0, 120 and 240 degrees."""
+    OMNI_4 = "omni-4"
+    """Four omni wheels: ahead, behind, left, right."""
+    MECANUM = "mecanum"
+    """Four wheels at the corners with rollers at 45 degrees."""
+
+
+class WheelsSpec(Struct, frozen=True, kw_only=True):
+    """A robot's wheels. `track` is the distance of left and right wheels, `wheelbase` that of front and
+    rear ones, `radius` that of an omni wheel from the centre, all in inches; `top_speed` the greatest
+    speed of a rim, in/s."""
+
+    layout: WheelLayout
+    track: float = 6.0
+    wheelbase: float = 6.0
+    radius: float = 3.0
+    top_speed: float = 12.0
+
+
 class SimulationSpec(Struct, frozen=True, kw_only=True):
     """Everything a `Simulator` needs but the seed.
 
@@ -295,3 +361,13 @@ class SimulationSpec(Struct, frozen=True, kw_only=True):
     gripper: GripperSpec | None = None
     contact: ContactRule = ContactRule.DRIVE
     clearance: float = 0.0
+    velocities: tuple[VelocitySpec, ...] = ()
+    wheels: WheelsSpec | None = None
+    velocity_timeout: float = 0.0
+    """Seconds after which a velocity ends that is not sent again; 0 for never."""
+    loop_time: float = 0.02
+    """Seconds that a pass of a program's loop takes in instant motion while its robot drives."""
+    wall_friction: float = 0.3
+    """Friction of a robot that slides along a wall, of the speed into it."""
+    control_period: float = 0.02
+    """Seconds of a step of the robot's speed control."""

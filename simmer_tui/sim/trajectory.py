@@ -106,6 +106,12 @@ class Trajectory(Struct, frozen=True):
     profile: VelocityProfile | None = None
 
     @property
+    def before(self) -> Pose:
+        """The pose at its beginning."""
+        x, y = self.path.places[0]
+        return Pose(x, y, self.path.start)
+
+    @property
     def turning(self) -> bool:
         """Which part of a segment takes the time: the turn, or else the translation."""
         return self.kind is not None and self.kind.turns
@@ -160,6 +166,28 @@ class Trajectory(Struct, frozen=True):
         """The robot's pose at a simulated time."""
         path, at = self.place(time)
         return path.pose(at.segment, at.turned, at.translated)
+
+    def poses_at(self, times: FloatArray) -> FloatArray:
+        """`pose_at` for many times, (n,): poses (n, 3), the same numbers bit for bit."""
+        if self.contact is not None or self.profile is not None or not self.duration:
+            one_by_one = map(self.pose_at, times.tolist())
+            return np.array([(pose.x, pose.y, pose.heading) for pose in one_by_one]).reshape(-1, 3)
+        # As `_parts`, `progress` and `Path.pose` do it.
+        if self.cut is not None:
+            times = np.minimum(times, self.cut)
+        path, segments = self.path, self.path.segments
+        parts = np.maximum((times - self.start_time) / self.duration, 0.0) * segments
+        parts[times >= self.start_time + self.duration] = segments
+        segment = np.minimum(parts.astype(np.intp), segments - 1)
+        fraction = parts - segment
+        whole = parts >= segments
+        turned, translated = (fraction, np.where(whole, 1.0, 0.0)) if self.turning else (1.0, fraction)
+        places = path.points
+        poses = np.empty((3, len(times)))
+        for row, along in zip(poses, places.T, strict=False):
+            row[:] = along[segment] + translated * np.diff(along)[segment]
+        poses[2] = path.start + path.turn * (segment + turned)
+        return poses.T
 
     def time_of(self, stop: PathPosition) -> float:
         """Simulated time at which the robot gets to a place on its path."""
@@ -240,7 +268,9 @@ class Trajectory(Struct, frozen=True):
         # Exactly all of them: start + duration and its parts round differently.
         if time >= self.start_time + self.duration:
             return float(self.path.segments)
-        elapsed = max(time - self.start_time, 0.0)
+        elapsed = time - self.start_time
+        if elapsed <= 0.0:  # a movement of no length has no duration to divide by
+            return 0.0
         done = elapsed / self.duration if self.profile is None else self.profile.fraction_at(elapsed)
         return done * self.path.segments
 

@@ -15,10 +15,13 @@ from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
+from simmer_tui import platform_has
 from simmer_tui.errors import ClusterError, SimmerError, TrialsError
+from simmer_tui.program.program_command import is_python
 from simmer_tui.sim.command import escape
 from simmer_tui.trials.run import TrialRun, fault_result
 from simmer_tui.trials.trial import Trial, TrialResult
+from simmer_tui.version import requirement
 
 if TYPE_CHECKING:
     from distributed import Client, Future
@@ -37,7 +40,8 @@ from pathlib import PurePath
 MOST_BYTES, MOST_FILES = 8_000_000, 2000
 _ELSEWHERE = "elsewhere"
 """Folder of files from outside the working directory."""
-_PYTHONS = ("python", "python3")
+_PYTHON = "python"
+"""Python in a packed command: each machine takes its own."""
 _CACHES = ("__pycache__", "node_modules", "site-packages")
 _OWN_RESULTS = "trials.json"
 
@@ -68,8 +72,8 @@ def pack(command: str, folder: Path) -> ProgramBundle:
     Raises TrialsError if a file cannot be read or there is too much.
     """
     words = _split(command)
-    if words and PurePath(words[0]).stem.lower() in _PYTHONS:
-        words[0] = _PYTHONS[0]  # each machine its own
+    if words and is_python(words[0]):
+        words[0] = _PYTHON
     files: dict[str, PackedFile] = {}
     packed = 0
     for index, word in enumerate(words):
@@ -94,11 +98,11 @@ def unpack(bundle: ProgramBundle, folder: Path) -> str:
     """Lay the files out in `folder`; returns the command that is to be started there."""
     lay_out(bundle.files, folder)
     words = list(bundle.words)
-    if words and words[0] == _PYTHONS[0]:
+    if words and words[0] == _PYTHON:
         words[0] = sys.executable  # the one that has this package
     elif words and words[0] in bundle.files:
         words[0] = str(folder / words[0])
-    return subprocess.list2cmdline(words) if sys.platform == "win32" else shlex.join(words)
+    return shlex.join(words) if platform_has.POSIX else subprocess.list2cmdline(words)
 
 
 def lay_out(files: Mapping[str, PackedFile], folder: Path) -> None:
@@ -113,10 +117,10 @@ def lay_out(files: Mapping[str, PackedFile], folder: Path) -> None:
 def _split(command: str) -> list[str]:
     """Raises TrialsError."""
     try:
-        words = shlex.split(command, posix=sys.platform != "win32")
+        words = shlex.split(command, posix=platform_has.POSIX)
     except ValueError as error:
         raise TrialsError(f"--run {command!r}: {error}") from None
-    return [word.strip('"') for word in words] if sys.platform == "win32" else words
+    return words if platform_has.POSIX else [word.strip('"') for word in words]
 
 
 def _module(folder: Path, name: str) -> Path:
@@ -162,7 +166,7 @@ def _add(files: dict[str, PackedFile], name: str, path: Path) -> None:
         left = MOST_BYTES - sum(len(file.data) for file in files.values())
         if path.stat().st_size > left or len(files) >= MOST_FILES:
             raise TrialsError(
-                f"--run: {shown} is one file too many: at most {MOST_FILES} files of together "
+                f"--run: {shown} is one file too many: at most {MOST_FILES} files, together "
                 f"{MOST_BYTES / 1e6:g} MB go to the cluster's workers; put the program in a folder of its own"
             )
         files[name] = PackedFile(path.read_bytes(), os.access(path, os.X_OK))
@@ -184,7 +188,8 @@ def connect(address: str) -> Client:
     try:
         from distributed import Client
     except ImportError:
-        raise TrialsError("--dask needs the package distributed: pip install 'simmer-tui[dask]'") from None
+        needed = f"--dask needs the package distributed: pip install '{requirement('dask')}'"
+        raise TrialsError(needed) from None
     try:
         return Client(address, timeout=CONNECT_TIMEOUT, set_as_default=False)
     except ValueError as error:

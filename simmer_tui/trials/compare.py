@@ -22,6 +22,7 @@ from simmer_tui.trials.intervals import (
     paired_difference,
 )
 from simmer_tui.trials.trial import RANDOM, TrialResult
+from simmer_tui.trials.trial_clock import clocks_text
 
 # The usual level; with the interval of 95 % in the same table, both say the same.
 SIGNIFICANCE = 0.05
@@ -35,6 +36,7 @@ SETS = DataTable(
         DataColumn("program", short(120), wraps=True),
         DataColumn("configuration", short(80), wraps=True),
         DataColumn("runs", COUNT),
+        DataColumn("clock"),
         DataColumn("success_rate", ESTIMATE),
     ),
 )
@@ -90,18 +92,18 @@ def paired(first: TrialFolder, second: TrialFolder, *, other_robot: bool = False
     if not pairs:
         seeds = f"{first.plan.seed} and {second.plan.seed}"
         raise TrialsError(
-            f"there are no runs of both with the same seed and maze (the seeds are {seeds}): start both "
-            "sets of trials with the same --seed and the same mazes"
+            f"A and B have no run with the same seed and maze (their seeds are {seeds}): start both sets of "
+            "trials with the same --seed and the same mazes"
         )
     if differences := task_differences(first, second, {a.maze for a, _ in pairs}):
         raise TrialsError(
-            f"A and B did not do the same: they differ in {', '.join(differences)}; run both with the same "
+            f"A and B had different tasks: they differ in {', '.join(differences)}; run both with the same "
             "maze, mission and block"
         )
     if not other_robot and (differences := robot_differences(first, second)):
         raise TrialsError(
-            f"the robots of A and B are not alike: they differ in {', '.join(differences)}; add "
-            "--other-robot if that is what is to be compared"
+            f"A and B had different robots: they differ in {', '.join(differences)}; add "
+            "--other-robot to compare them anyway"
         )
     return pairs
 
@@ -124,7 +126,7 @@ def verdict(pairs: list[RunPair]) -> str:
     """Sentence that compares the success rates."""
     counts = count_pairs(pairs)
     if mcnemar(counts) >= SIGNIFICANCE:
-        return f"Which of them succeeds more often cannot be told from these runs ({shown_test(counts)})."
+        return f"These runs do not show which program succeeds more often ({shown_test(counts)})."
     better, worse = "BA" if counts.second_only > counts.first_only else "AB"
     return f"{better} succeeds more often than {worse} ({shown_test(counts)})."
 
@@ -144,10 +146,11 @@ def _sets(first: TrialFolder, second: TrialFolder, pairs: list[RunPair]) -> Data
     rows = []
     for index, (name, folder) in enumerate((("A", first), ("B", second))):
         plan, rated = folder.plan, rate([pair[index] for pair in pairs])
-        rows.append((name, folder.path, plan.command, plan.configuration, len(folder.results), rated))
+        clock = clocks_text([pair[index] for pair in pairs])
+        rows.append((name, folder.path, plan.command, plan.configuration, len(folder.results), clock, rated))
     left_out = len(first.results) + len(second.results) - 2 * len(pairs)
-    note = f"Compared are the {len(pairs)} runs that both have. In brackets: 95 % Wilson intervals."
-    more = f" {left_out} runs of one of them alone are left out." if left_out else ""
+    note = f"Only the {len(pairs)} runs that both have are compared. In brackets: 95 % Wilson intervals."
+    more = f" {left_out} runs that only one of them has are left out." if left_out else ""
     if differences := robot_differences(first, second):
         more += f" They differ in {', '.join(differences)}."
     return SETS.filled(rows, note + more)
@@ -169,7 +172,7 @@ def _difference(pairs: list[RunPair]) -> DataTable:
     counts = count_pairs(pairs)
     note = (
         "In brackets: the 95 % interval by Newcombe's method 10 for paired proportions (1998), an "
-        f"approximation. What can be said goes by {shown_test(counts)}."
+        f"approximation. The decision is by {shown_test(counts)}."
     )
     row = (paired_difference(counts), mcnemar(counts))
     return DIFFERENCE.filled([row], note)
@@ -192,15 +195,13 @@ def _means(pairs: list[RunPair]) -> DataTable:
         alone = IntervalEstimate(b - a, math.nan, math.nan)
         rows.append((name, unit, len(chosen), a, b, mean_difference([y - x for x, y in values]) or alone))
     note = (
-        "In brackets, from three runs on: the 95 % interval of the mean over the pairs, by Student's t and "
-        "the bootstrap-t, whichever reaches further (10 000 resamples, fixed seed)."
+        "In brackets, from three runs on: the 95 % interval of the mean over the pairs. It is the wider of "
+        "Student's t and the bootstrap-t (10 000 resamples, fixed seed)."
     )
     return MEANS.filled(rows, note)
 
 
-_OF_THE_TASK = ("bot_center", "bot_rot", "block_center", "blocksize", "motion.block_solid")
-_DRAWN = ("bot_center", "bot_rot", "block_center")
-"""Settings that a mission overrides."""
+_OF_THE_TASK = (*mission_toml.OVERRIDDEN, "blocksize", "motion.block_solid")
 _NOT_OF_A_RUN = ("seed", "randerror", "sim", "plot_robot", "plot_sense")
 """Settings that trials do without, or have of their own."""
 _TABLES_NOT_OF_A_RUN = ("server", "serial", "screen", "keys")
@@ -209,7 +210,11 @@ _TABLES_NOT_OF_A_RUN = ("server", "serial", "screen", "keys")
 _ROBOT_FILES: dict[str, Callable[[Configuration], object]] = {
     robot_csv.FILE: lambda configuration: configuration.simulation.robot,
     sensors_csv.FILE: lambda configuration: configuration.simulation.sensors,
-    drive_csv.FILE: lambda configuration: (configuration.simulation.drives, configuration.simulation.gripper),
+    drive_csv.FILE: lambda configuration: (
+        configuration.simulation.drives,
+        configuration.simulation.gripper,
+        configuration.simulation.velocities,
+    ),
 }
 
 
@@ -233,7 +238,7 @@ def task_differences(first: TrialFolder, second: TrialFolder, mazes: Iterable[st
         for name in sorted(kinds - {"", RANDOM})
         if first.mazes[name].cells != second.mazes[name].cells
     ]
-    settled = _DRAWN if one.mission is not None else ()
+    settled = mission_toml.OVERRIDDEN if one.mission is not None else ()
     return found + _settings(one, other, lambda name: name in _OF_THE_TASK and name not in settled)
 
 

@@ -1,5 +1,6 @@
 """Explanations of failed runs: each runs again, with one change at a time; what made it succeed is named.
 
+What made it succeed is then repeated with other errors, beside the unchanged run: `chance_control.py`.
 Results are lines of `why/results.jsonl` in the folder of the trials, so that they can be gone on with. Logs
 of changed runs are not kept: a set's files do not hold such changes.
 """
@@ -18,23 +19,27 @@ from simmer_tui.config.nominal import nominal_of
 from simmer_tui.document.formats import COUNT, Format
 from simmer_tui.document.model import DataColumn, DataTable
 from simmer_tui.errors import ConfigurationError, RunLogError, TrialsError
+from simmer_tui.phrases import capitalized
 from simmer_tui.report.causes import Kind, Sureness
 from simmer_tui.report.run_statistics import report_of
 from simmer_tui.runlog.reader import LogReader
+from simmer_tui.trials.chance_control import REPEATS, ChanceControl, control_of, control_table
 from simmer_tui.trials.failures import failures_in_turn
 from simmer_tui.trials.folder import WHY, TrialFolder, TrialPlan
 from simmer_tui.trials.interventions import UNCHANGED, ChangedPart, Intervention, interventions
 from simmer_tui.trials.local import run_locally
 from simmer_tui.trials.store import RunStore, StoreKind
-from simmer_tui.trials.trial import Ending, Trial, TrialResult
+from simmer_tui.trials.trial import Ending, Trial, TrialResult, run_seed
 
 EXPLAINED = 3
-"""Failed runs that are run again, unless another number is asked for: each takes some ten runs."""
+"""Failed runs that are run again, unless another number is asked for: each takes some ten runs, and twenty or
+more to control for chance."""
 
 
 class ChangedRun(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """The result of a run with one change. `succeeded` is None if the simulator failed. `part` says what
-    was changed, `codes` which sensors were. `text` is its verdict."""
+    was changed, `codes` which sensors were. `text` is its verdict. `repeat` is 0 with its own errors,
+    else the number of the other errors."""
 
     run: int
     change: str
@@ -42,6 +47,7 @@ class ChangedRun(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     codes: tuple[str, ...]
     succeeded: bool | None
     text: str
+    repeat: int = 0
 
 
 _KIND = StoreKind(
@@ -58,12 +64,17 @@ _KIND = StoreKind(
 @dataclass(frozen=True, slots=True)
 class Explanation:
     """Why a run failed, by what made it succeed. `confirmed` is True or False where its verdict was only
-    likely and the changes speak for or against it, else None."""
+    likely and the changes speak for or against it, else None. `controls` are of what made it succeed."""
 
     run: int
     text: str
     suspected: str
     confirmed: bool | None
+    controls: tuple[ChanceControl, ...] = ()
+
+
+_Asked = tuple[int, Intervention, int]
+"""A run by its number, its change, and the number of its errors: 0 for its own."""
 
 
 class Explanations:
@@ -73,10 +84,10 @@ class Explanations:
         """Read those that are done. Raises TrialsError."""
         self._folder = folder
         self._store = RunStore(folder.path / WHY, _KIND)
-        self.done: dict[tuple[int, str], ChangedRun] = {}
-        """By run and change."""
+        self.done: dict[tuple[int, str, int], ChangedRun] = {}
+        """By run, change and repeat."""
         for _, each in self._store.lines():
-            self.done.setdefault((each.run, each.change), each)
+            self.done.setdefault((each.run, each.change, each.repeat), each)
 
     def explain(self, most: int, jobs: int) -> Generator[ChangedRun, None, None]:
         """Run up to `most` failed runs again, without and then with changes, and keep what comes of it.
@@ -89,9 +100,22 @@ class Explanations:
             self._store.recover()
             numbers = failures_in_turn(self._folder.done)[:most]
             planned = {number: self._interventions(number) for number in numbers}
-            yield from self._run([(number, planned[number][0]) for number in numbers], jobs)
-            failing = [number for number in numbers if self.done[number, UNCHANGED].succeeded is False]
-            yield from self._run([(number, each) for number in failing for each in planned[number][1:]], jobs)
+            yield from self._run([(number, planned[number][0], 0) for number in numbers], jobs)
+            failing = [number for number in numbers if self.done[number, UNCHANGED, 0].succeeded is False]
+            changed = [(number, each, 0) for number in failing for each in planned[number][1:]]
+            yield from self._run(changed, jobs)
+            yield from self._run(
+                [each for number in failing for each in self._repeats(planned[number], number)], jobs
+            )
+
+    def _repeats(self, planned: Sequence[Intervention], number: int) -> Iterator[_Asked]:
+        """Runs with other errors: of the changes that saved a run, and of the unchanged run."""
+        done = [self.done[number, each.change, 0] for each in planned[1:]]
+        saved = {each.change for each in _simplest([each for each in done if each.succeeded])}
+        if saved:
+            for repeat in range(1, REPEATS + 1):
+                wanted = (each for each in planned if each.change in saved | {UNCHANGED})
+                yield from ((number, each, repeat) for each in wanted)
 
     def explanations(self) -> list[Explanation]:
         """Explanations of all runs that ran again, by number."""
@@ -111,21 +135,21 @@ class Explanations:
             suspects=cause.get("culprits", ()),
         )
 
-    def _run(self, asked: Sequence[tuple[int, Intervention]], jobs: int) -> Iterator[ChangedRun]:
-        missing = [(number, each) for number, each in asked if (number, each.change) not in self.done]
+    def _run(self, asked: Sequence[_Asked], jobs: int) -> Iterator[ChangedRun]:
+        missing = [each for each in asked if (each[0], each[1].change, each[2]) not in self.done]
         if not missing:
             return
         # The number of a trial names its files, and must differ; programs see `repetition`.
         trials = [
-            replace(_trial(self._folder, number), number=place, configuration=each.configuration)
-            for place, (number, each) in enumerate(missing, 1)
+            replace(_trial(self._folder, number, repeat), number=place, configuration=each.configuration)
+            for place, (number, each, repeat) in enumerate(missing, 1)
         ]
         with (
             tempfile.TemporaryDirectory() as logs,
             contextlib.closing(run_locally(trials, Path(logs), min(jobs, len(trials)))) as results,
         ):
             for result in results:
-                number, each = missing[result.number - 1]
+                number, each, repeat = missing[result.number - 1]
                 failed_itself = result.ending is Ending.FAULT
                 done = ChangedRun(
                     run=number,
@@ -134,15 +158,18 @@ class Explanations:
                     codes=each.codes,
                     succeeded=None if failed_itself else result.success,
                     text=str(result.verdict.get("text") or result.reason),
+                    repeat=repeat,
                 )
                 self._store.append(done)
-                self.done[number, each.change] = done
+                self.done[number, each.change, repeat] = done
                 yield done
 
 
-def _trial(folder: TrialFolder, number: int) -> Trial:
+def _trial(folder: TrialFolder, number: int, repeat: int) -> Trial:
+    """A run of the trials, with its own errors, or with other ones."""
     trial = folder.trial(number)
-    return replace(trial, repetition=trial.repetition or number)
+    errors = run_seed(trial.seed, repeat) if repeat else None
+    return replace(trial, repetition=trial.repetition or number, errors_seed=errors)
 
 
 def _sensors_read(log: Path) -> set[str] | None:
@@ -171,10 +198,10 @@ _BY_KIND: Mapping[Kind, frozenset[ChangedPart]] = {
 _LIKELY = {
     ChangedPart.SENSOR: "the sensor",
     ChangedPart.SENSORS: "the sensors together",
-    ChangedPart.NOISE: "the noise of the drives",
-    ChangedPart.BIAS: "the bias of the drives",
-    ChangedPart.DRIVES: "noise and bias of the drives together",
-    ChangedPart.TIME: "the time of readings and link",
+    ChangedPart.NOISE: "drive noise",
+    ChangedPart.BIAS: "drive bias",
+    ChangedPart.DRIVES: "drive noise and bias together",
+    ChangedPart.TIME: "the time that readings and the link take",
 }
 
 
@@ -182,27 +209,74 @@ def explained(result: TrialResult, changed: Sequence[ChangedRun]) -> Explanation
     """Explanation of a failed run by its changed runs."""
     cause = result.verdict.get("cause") or {}
     likely = cause.get("sure") == Sureness.LIKELY.value
-    repeats = not any(each.succeeded for each in changed if each.part is ChangedPart.NOTHING)
-    tried = [each for each in changed if each.part is not ChangedPart.NOTHING and each.succeeded is not None]
+    own = [each for each in changed if not each.repeat]
+    repeats = not any(each.succeeded for each in own if each.part is ChangedPart.NOTHING)
+    tried = [each for each in own if each.part is not ChangedPart.NOTHING and each.succeeded is not None]
     saved = _simplest([each for each in tried if each.succeeded])
-    text = f"Run {result.number} succeeds when it runs again unchanged: the program does not repeat."
+    text = f"Run {result.number} succeeds when repeated unchanged: the program does not repeat exactly."
+    controls: list[ChanceControl] = []
     if repeats:
-        text = f"Run {result.number} {_told(len(tried), saved)}"
+        controls = _controls(saved, changed)
+        text = f"Run {result.number} {_told(len(tried), saved, controls)}"
     suspected = str(cause.get("kind", "")) if likely else ""
-    confirmed = _confirmed(cause, tried, saved) if likely and repeats else None
-    return Explanation(result.number, text, suspected, confirmed)
+    confirmed = _confirmed_surely(cause, tried, saved, controls) if likely and repeats else None
+    return Explanation(result.number, text, suspected, confirmed, tuple(controls))
 
 
-def _told(tried: int, saved: Sequence[ChangedRun]) -> str:
-    """The rest of the sentence about a run that fails again without a change."""
+def _confirmed_surely(
+    cause: Mapping[str, object],
+    tried: Sequence[ChangedRun],
+    saved: Sequence[ChangedRun],
+    controls: Sequence[ChanceControl],
+) -> bool | None:
+    """`_confirmed` by what saved the run surely: what did so perhaps by chance speaks neither for a cause nor
+    against it."""
+    sure = {each.change for each in controls if each.is_sure}
+    kept = [each for each in saved if each.change in sure]
+    return _confirmed(cause, tried, kept) if bool(kept) == bool(saved) else None
+
+
+def _controls(saved: Sequence[ChangedRun], changed: Sequence[ChangedRun]) -> list[ChanceControl]:
+    """The controls of the changes that saved a run, as far as they were repeated."""
+
+    def outcomes(change: str) -> dict[int, bool]:
+        return {
+            each.repeat: each.succeeded
+            for each in changed
+            if each.repeat and each.change == change and each.succeeded is not None
+        }
+
+    unchanged = outcomes(UNCHANGED)
+    found = (control_of(each.change, outcomes(each.change), unchanged, len(saved)) for each in saved)
+    return [each for each in found if each is not None]
+
+
+def _told(tried: int, saved: Sequence[ChangedRun], controls: Sequence[ChanceControl]) -> str:
+    """The rest of the sentences about a run that fails again without a change."""
     if not tried:
-        return "has not been run with changes yet."
+        return "has not been repeated with changes yet."
     if not saved:
-        return f"fails with each of {tried} changes; the likely cause is the program itself."
-    *others, last = (each.change for each in saved)
-    if others:
-        return f"succeeds with {', '.join(others)} or {last}; these cannot be told apart."
-    return f"succeeds with {last}; the likely cause is {_LIKELY[saved[0].part]}."
+        return f"fails with each of {tried} changes. The likely cause is the program itself."
+    sure = {each.change for each in controls if each.is_sure}
+    named = [each for each in saved if each.change in sure] or list(saved)
+    *others, last = (each.change for each in named)
+    text = f"succeeds with {', '.join(others)} or {last}" if others else f"succeeds with {last}"
+    if not controls:
+        return f"{text}. That has not been repeated yet and may be chance."
+    if not sure:
+        text += ", perhaps by chance"
+    else:
+        text += (
+            ". These cannot be told apart" if others else f". The likely cause is {_LIKELY[named[0].part]}"
+        )
+    return f"{text}. {_shown([each for each in controls if each.change in {*others, last}])}"
+
+
+def _shown(controls: Sequence[ChanceControl]) -> str:
+    """The figures of controls, each with its change if there are several."""
+    if len(controls) == 1:
+        return f"{capitalized(controls[0].text)}."
+    return " ".join(f"{capitalized(each.change)}: {each.text}." for each in controls)
 
 
 def _simplest(saved: Sequence[ChangedRun]) -> list[ChangedRun]:
@@ -249,10 +323,10 @@ def _confirmed(
 _YES_NO = Format(lambda value: "yes" if value else "no")
 WHY_FAILED = DataTable(
     "why",
-    "Failed runs, run again with one change at a time",
+    "Failed runs, repeated with one change at a time",
     (
         DataColumn("run", COUNT),
-        DataColumn("text", heading="what made it succeed", wraps=True),
+        DataColumn("text", heading="result", wraps=True),
         DataColumn("suspected", heading="likely cause"),
         DataColumn("confirmed", _YES_NO),
     ),
@@ -263,6 +337,7 @@ CHANGED_RUNS = DataTable(
     (
         DataColumn("run", COUNT),
         DataColumn("change", wraps=True),
+        DataColumn("repeat", COUNT),
         DataColumn("succeeded", _YES_NO),
         DataColumn("text", heading="what happened", wraps=True),
     ),
@@ -273,7 +348,11 @@ CHANGED_RUNS = DataTable(
 def explanation_tables(folder: TrialFolder) -> list[DataTable]:
     """Tables of explanations and of changed runs; without rows if there are none. Raises TrialsError."""
     found = Explanations(folder)
-    told = [(each.run, each.text, each.suspected or None, each.confirmed) for each in found.explanations()]
-    changed = [(each.run, each.change, each.succeeded, each.text) for each in found.done.values()]
-    changed.sort(key=lambda row: row[0])
-    return [WHY_FAILED.filled(told), CHANGED_RUNS.filled(changed)]
+    explanations = found.explanations()
+    told = [(each.run, each.text, each.suspected or None, each.confirmed) for each in explanations]
+    controls = [(each.run, control) for each in explanations for control in each.controls]
+    changed = [
+        (each.run, each.change, each.repeat, each.succeeded, each.text) for each in found.done.values()
+    ]
+    changed.sort(key=lambda row: (row[0], row[2]))
+    return [WHY_FAILED.filled(told), control_table(controls), CHANGED_RUNS.filled(changed)]

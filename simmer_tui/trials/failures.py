@@ -44,7 +44,7 @@ CAUSES = DataTable(
         DataColumn("runs", COUNT),
         DataColumn("share", ESTIMATE, "share of all"),
         DataColumn("which", NUMBERS, wraps=True),
-        DataColumn("text", heading="look at", wraps=True),
+        DataColumn("text", heading="fix", wraps=True),
     ),
 )
 CHANGED_CAUSES = DataTable(
@@ -109,9 +109,9 @@ def failure_summary(results: Sequence[TrialResult]) -> str:
         whole, failed = len(results), sum(not result.success for result in results)
         best = (whole - failed + len(group)) / whole
         return (
-            f"Fix first: {kind.advice}. {len(group)} of {failed} failed runs: {name}. Without them at most "
-            f"{best:.3f} of the runs would succeed, in place of {(whole - failed) / whole:.3f}. "
-            f"For example run {group[0].number}: {group[0].why or name}"
+            f"Fix first: {kind.advice}. {len(group)} of {failed} failed runs: {name}. Without it "
+            f"up to {round(best * whole)} of {whole} runs could have succeeded, not {whole - failed}. "
+            f"Example, run {group[0].number}: {group[0].why or name}"
         )
     return ""
 

@@ -9,8 +9,8 @@ from types import MappingProxyType
 from simmer_tui.document import svg
 from simmer_tui.document.model import Figure
 from simmer_tui.errors import ConfigurationError, RunLogError
-from simmer_tui.report.content import report_page
 from simmer_tui.report.figure import AXIS, LEFT, RIGHT, TOP, WIDTH, MazeFrame
+from simmer_tui.report.page import report_page
 from simmer_tui.report.run_statistics import report_of
 from simmer_tui.runlog.reader import LogReader
 from simmer_tui.sim.specs import BLOCK, CELL_SIZE, START, MazeSpec

@@ -18,6 +18,7 @@ from typing import Annotated, Any
 
 from msgspec import Meta, Struct, structs
 
+from simmer_tui.config.device_trust import DeviceUse
 from simmer_tui.config.loader import Configuration, Override, load
 from simmer_tui.config.settings import all_settings
 from simmer_tui.errors import ConfigurationError, Problem, TrialsError
@@ -77,14 +78,14 @@ KIND = StoreKind(
 class TrialFolder:
     """An open folder. Make it with `create` or `resume`, or `read` for one that is only looked at."""
 
-    def __init__(self, path: Path, plan: TrialPlan) -> None:
-        """Raises ConfigurationError."""
+    def __init__(self, path: Path, plan: TrialPlan, devices: DeviceUse = DeviceUse.RUN) -> None:
+        """With `devices` parsed it can be looked at, and no run be done. Raises ConfigurationError."""
         self.path = path
         self.plan = plan
         self.store = RunStore(path, KIND)
-        self.configuration = _load(path / SET, plan, {})
+        self.configuration = _load(path / SET, plan, {}, devices)
         self._configurations = [
-            _load_point(path, plan, index, self.configuration) for index in range(len(plan.points))
+            _load_point(path, plan, index, self.configuration, devices) for index in range(len(plan.points))
         ]
         self.mazes: dict[str, MazeSpec] = read_mazes(path / MAZES) if plan.mazes else {}
         """The mazes that the runs take in turn, by name; empty for the set's own."""
@@ -112,10 +113,10 @@ class TrialFolder:
         return folder
 
     @classmethod
-    def read(cls, path: Path) -> TrialFolder:
+    def read(cls, path: Path, devices: DeviceUse = DeviceUse.RUN) -> TrialFolder:
         """A set of trials as far as it is done. Raises TrialsError, ConfigurationError."""
         store = RunStore(path, KIND)
-        folder = cls(path, store.read_plan())
+        folder = cls(path, store.read_plan(), devices)
         for where, result in store.lines():
             if result.seed != run_seed(folder.plan.seed, folder.plan.repetition(result.number)):
                 raise TrialsError(f"{where}: is of a run with another seed")
@@ -204,11 +205,11 @@ class TrialFolder:
             raise ConfigurationError(problems)
 
 
-def _load(directory: Path, plan: TrialPlan, values: Mapping[str, Any]) -> Configuration:
+def _load(directory: Path, plan: TrialPlan, values: Mapping[str, Any], devices: DeviceUse) -> Configuration:
     options = {item.name: item.option for item in all_settings()}
     given = {**plan.settings, **values}
     overrides = {name: Override(options.get(name, name), value) for name, value in given.items()}
-    loaded = load(directory, overrides)
+    loaded = load(directory, overrides, devices=devices)
     return structs.replace(loaded, name=plan.configuration)
 
 
@@ -216,12 +217,14 @@ def _point_folder(index: int) -> str:
     return f"{POINTS}/{index + 1}"
 
 
-def _load_point(path: Path, plan: TrialPlan, index: int, base: Configuration) -> Configuration:
+def _load_point(
+    path: Path, plan: TrialPlan, index: int, base: Configuration, devices: DeviceUse
+) -> Configuration:
     """The configuration of a point. Raises ConfigurationError."""
     point, own = plan.points[index], path / _point_folder(index)
     values = settings_at(point, base)
     try:
-        return _load(own if own.is_dir() else path / SET, plan, values)
+        return _load(own if own.is_dir() else path / SET, plan, values, devices)
     except ConfigurationError as error:
         where = f"--vary {shown_point(point)}"
         raise ConfigurationError([Problem(where, str(each)) for each in error.problems]) from None

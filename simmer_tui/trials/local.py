@@ -11,10 +11,8 @@ from __future__ import annotations
 
 import contextlib
 import multiprocessing
-import os
 import queue
 import signal
-import sys
 import threading
 import time
 from collections.abc import Callable, Generator, Iterable
@@ -26,6 +24,7 @@ from pathlib import Path
 from types import FrameType
 from typing import Any, Protocol
 
+from simmer_tui import platform_has
 from simmer_tui.errors import InterruptedTrialError, SimmerError, TrialsError
 from simmer_tui.program import Keeper
 from simmer_tui.trials.run import TrialRun, fault_result
@@ -111,7 +110,7 @@ class _Worker:
 
     def give(self, trial: Trial) -> None:
         self.trial = trial
-        self.deadline = time.monotonic() + trial.time_limit + _OVERDUE
+        self.deadline = time.monotonic() + trial.longest + _OVERDUE
         with contextlib.suppress(OSError):  # it has died: the connection will say so
             self.connection.send(trial)
 
@@ -207,8 +206,7 @@ class _Interruptions:
         # Ctrl-C in a terminal is for whoever started the trials, who says what is to become of the
         # runs. Not ignored but handled: what is ignored, control programs would ignore as well.
         signal.signal(signal.SIGINT, self._handle)
-        if sys.platform != "win32":
-            os.setpgid(0, 0)  # so that Ctrl-C reaches neither this process nor its programs
+        platform_has.leave_process_group()  # so that Ctrl-C reaches neither this process nor its programs
 
     def _handle(self, number: int, frame: FrameType | None) -> None:
         self.interrupt()

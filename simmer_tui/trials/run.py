@@ -17,13 +17,16 @@ from msgspec import structs
 
 from simmer_tui.config import maze_csv
 from simmer_tui.config.loader import Configuration
-from simmer_tui.errors import InterruptedTrialError
+from simmer_tui.config.mission_plan import MissionPlan
+from simmer_tui.config.settings import ELSE_REAL
+from simmer_tui.errors import InterruptedTrialError, ProgramError
 from simmer_tui.events import Event, Goal, MissionEnd, Result
 from simmer_tui.links.ports import Listener, PortRequest, take_port
 from simmer_tui.mission import MissionState
 from simmer_tui.phrases import last_output
-from simmer_tui.program import Keeper, Program, ProgramOutput
-from simmer_tui.report.verdict import verdict_of
+from simmer_tui.program import Keeper, Program, ProgramOutput, not_started
+from simmer_tui.report.finding import plain_findings
+from simmer_tui.report.verdict import findings_of, verdict_of
 from simmer_tui.run.attempt import task_of
 from simmer_tui.run.run_history import RunHistory
 from simmer_tui.server import Server
@@ -31,6 +34,7 @@ from simmer_tui.sim.command import escape
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.simulator import Simulator
 from simmer_tui.trials.trial import Ending, Trial, TrialResult, prepare
+from simmer_tui.trials.trial_clock import REAL, clock_of, with_clock
 
 LOG, PACKED_LOG, OUTPUT, MAZE = ".jsonl", ".jsonl.gz", ".txt", ".maze.csv"
 """Name endings of a run's log, of its program's output and of a maze of its own."""
@@ -52,6 +56,8 @@ class RunningProgram(Protocol):
     def stopped(self) -> bool:
         """True if the program did not end by itself."""
         ...
+
+    def settle_output(self) -> bool: ...
 
     def end(self, grace: float = 0.0) -> None: ...
 
@@ -93,7 +99,9 @@ class Unconfined:
         on_line: Callable[[str], None],
         output: ProgramOutput,
     ) -> Program:
-        return Program(command, variables, on_end, on_line, self._folder, self._keeper, output)
+        # A worker with a keeper does one run after the other; on a cluster the process is not ours alone.
+        adopts = self._keeper is not None
+        return Program(command, variables, on_end, on_line, self._folder, self._keeper, output, adopts=adopts)
 
     def close(self) -> None:
         pass
@@ -107,18 +115,18 @@ class TrialRun:
         trial: Trial,
         folder: Path,
         start: Path | None = None,
-        sandbox: Sandbox | None = None,
+        sandbox: Callable[[], Sandbox] | None = None,
         most_log: float = math.inf,
         keeper: Keeper | None = None,
     ) -> None:
         """`folder` takes the run's log, compressed that of a sandboxed program, and its output; the
-        program is started in `start`, or where we are, or in an `sandbox`. A log of more bytes than
+        program is started in `start`, or where we are, or in what `sandbox` makes. A log of more bytes than
         `most_log` is not gone on with."""
         self._most_log = most_log
         self._events = 0
         self._trial = trial
         self._is_confined = sandbox is not None
-        self._sandbox = sandbox or Unconfined(start, keeper)
+        self._new_sandbox = sandbox or (lambda: Unconfined(start, keeper))
         self._log = folder / f"{trial.name}{LOG if sandbox is None else PACKED_LOG}"
         self._output_file = folder / f"{trial.name}{OUTPUT}"
         self._maze_file = folder / f"{trial.name}{MAZE}"
@@ -131,10 +139,30 @@ class TrialRun:
         self._happened.put(_What.STOP)
 
     def run(self) -> TrialResult:
-        """Do the run. Raises ConfigurationError, PortError, RunLogError, ProgramError,
-        InterruptedTrialError."""
-        started, used = time.perf_counter(), time.process_time()
+        """Do the run. Raises ConfigurationError, PortError, RunLogError, InterruptedTrialError, and
+        ProgramError if the program cannot be started and is in no sandbox."""
         configuration, plan = prepare(self._trial)
+        clock = clock_of(configuration)
+        result = self._attempt(with_clock(configuration, clock), plan)
+        if clock == ELSE_REAL and result.clock == "program" and result.clock_note:
+            self._forget()
+            again = self._attempt(with_clock(configuration, REAL), plan)
+            return structs.replace(again, clock_note=result.clock_note)
+        return result
+
+    def _forget(self) -> None:
+        """Begin anew. Raises InterruptedTrialError."""
+        while not self._happened.empty():
+            if self._happened.get() is _What.STOP:
+                raise InterruptedTrialError
+        self._output.clear()
+        self._events = 0
+        self._mission_end = MissionEnd(lambda: self._happened.put(_What.OVER))
+
+    def _attempt(self, configuration: Configuration, plan: MissionPlan | None) -> TrialResult:
+        """Do the run by one clock."""
+        started, used = time.perf_counter(), time.process_time()
+        self._sandbox = self._new_sandbox()
         try:
             server = Server(configuration, plan=plan, take=self._sandbox.take)
             simulator, history = server.simulator, server.keep_history()
@@ -148,7 +176,9 @@ class TrialRun:
         end = _judged(end, state)
         words = self._keep_output(end, history)
         task = None if plan is None else task_of(configuration, server.seed, plan)
-        verdict = verdict_of(history, task, cut_off=end.ending is Ending.REAL_TIME_LIMIT)
+        findings = findings_of(history, task)
+        cut_off = end.ending is Ending.REAL_TIME_LIMIT
+        verdict = verdict_of(history, task, cut_off=cut_off, findings=findings)
         cause = verdict.cause
         return structs.replace(
             fault_result(self._trial, _reason(end, self._trial.time_limit), configuration),
@@ -160,6 +190,9 @@ class TrialRun:
             cause="" if cause is None else cause.kind.value,
             why="" if cause is None else cause.text,
             verdict=verdict.settled(),
+            clock=_clock(server),
+            clock_note="" if server.clock is None else escape(server.clock.unfit, 200),
+            findings=plain_findings(findings),
             real_seconds=time.perf_counter() - started,
             simulator_seconds=time.process_time() - used,
             **(_measured_figures(simulator, history) if state is None else _judged_figures(state)),
@@ -190,9 +223,18 @@ class TrialRun:
             self._maze_file.write_text(configuration.files[maze_csv.FILE], "utf-8", newline="\n")
             variables["SIMMER_MAZE"] = str(self._maze_file.resolve())
         output = ProgramOutput(lambda: server.engine.present)
-        program = self._sandbox.start(
-            self._trial.command, variables, self._happened.put, self._take_line, output
-        )
+        try:
+            program = self._sandbox.start(
+                self._trial.command, variables, self._happened.put, self._take_line, output
+            )
+        except ProgramError as error:
+            # Of many programs one that cannot be started is a failure; the only one of trials is a mistake.
+            if not self._is_confined:
+                raise
+            ended = not_started(str(error), server.engine.present)
+            server.tell(ended)
+            return self._give_up(server, _End(Ending.EXIT, ended.exit_code))
+        server.note_output(program.settle_output)
         grace = 0.0
         try:
             end = self._wait(server, program, output)
@@ -234,8 +276,12 @@ class TrialRun:
             program.end()  # what it left running has no say any more
             server.drain()
             server.tell(output.end(what, server.engine.present))
-            silent = what == 0 and not server.simulator.commands
+            silent = what == 0 and server.is_silent
             end = _End(Ending.SILENCE if silent else Ending.EXIT, what)
+        return self._give_up(server, end)
+
+    def _give_up(self, server: Server, end: _End) -> _End:
+        """End a mission that nobody can finish any more."""
         if server.referee is not None:
             server.call(server.referee.end, _reason(end, self._trial.time_limit))
             if server.referee.result is Result.UNDER_WAY:
@@ -256,6 +302,13 @@ class TrialRun:
         if what is _What.STOP:
             raise InterruptedTrialError
         return what
+
+
+def _clock(server: Server) -> str:
+    """The clock of a run, as its result has it."""
+    if server.clock is not None and not server.clock.is_real:
+        return "program"
+    return REAL if server.configuration.settings.motion.motion == "timed" else "instant"
 
 
 class _What(Enum):

@@ -15,20 +15,20 @@ from __future__ import annotations
 
 import contextlib
 import json
-import math
 import os
 import shutil
-import sys
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from datetime import datetime
 from itertools import count, takewhile
 from pathlib import Path, PurePath
-from typing import Any, Generic, TypeVar
+from typing import Generic, TypeVar
 
 import msgspec
 
+from simmer_tui import platform_has
 from simmer_tui.errors import SimmerError
+from simmer_tui.runlog.typed_json import TypedJson
 from simmer_tui.sim.command import escape
 from simmer_tui.version import __version__
 
@@ -62,12 +62,17 @@ class _Head(msgspec.Struct):
     format: int | None = None
 
 
+_HEAD: TypedJson[_Head] = TypedJson(_Head)
+
+
 class RunStore(Generic[Plan, Line]):
     """The files of one folder. Every method raises the error of its kind if a file cannot be used."""
 
     def __init__(self, path: Path, kind: StoreKind[Plan, Line]) -> None:
         self.path = path
         self._kind = kind
+        self._plan: TypedJson[Plan] = TypedJson(kind.plan)
+        self._line: TypedJson[Line] = TypedJson(kind.line)
 
     @property
     def results(self) -> Path:
@@ -110,10 +115,10 @@ class RunStore(Generic[Plan, Line]):
         except OSError as error:
             raise kind.error(f"{shown} cannot be read: {error.strerror or error}") from None
         try:
-            if _decoded(data, _Head).format != kind.format:
+            if _HEAD.decode(data).format != kind.format:
                 raise ValueError(f"the format is not {kind.format}")
-            return _decoded(data, kind.plan)
-        except (ValueError, RecursionError) as error:
+            return self._plan.decode(data)
+        except ValueError as error:
             raise kind.error(
                 f"{escape(str(file), 200)}: {escape(str(error), 200)}; simmer-tui {__version__} cannot go on "
                 "with it: begin in another folder"
@@ -127,8 +132,8 @@ class RunStore(Generic[Plan, Line]):
         for number, line in enumerate(_whole(data).splitlines(), 1):
             where = f"{shown}:{number}"
             try:
-                yield where, _decoded(line, self._kind.line)
-            except (ValueError, RecursionError) as error:
+                yield where, self._line.decode(line)
+            except ValueError as error:
                 raise self._kind.error(
                     f"{where}: {escape(str(error), 200)}; delete the line to run it again"
                 ) from None
@@ -164,27 +169,23 @@ class RunStore(Generic[Plan, Line]):
         """Write the files of a configuration set, as they are, while the folder is `made`. Raises OSError."""
         (self.path / folder).mkdir(parents=True, exist_ok=True)
         for name, text in files.items():
+            (self.path / folder / name).parent.mkdir(exist_ok=True)
             (self.path / folder / name).write_bytes(text.encode())
 
     @contextlib.contextmanager
     def locked(self) -> Iterator[None]:
         """Keep other processes from adding results meanwhile: two would do the same runs. The system
         releases the lock of a process that is killed. On Windows there is none."""
-        with contextlib.ExitStack() as stack:
-            if sys.platform != "win32":
-                import fcntl
-
-                with self._used("written"):
-                    file = stack.enter_context(self.results.open("ab"))
-                try:
-                    fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-                except BlockingIOError:
-                    shown = escape(str(self.path), 200)
-                    raise self._kind.error(
-                        f"{shown}: another simmer-tui is adding results; wait for its end"
-                    ) from None
-                except OSError:  # some network file systems have no locks
-                    pass
+        with self._used("written"):
+            file = self.results.open("ab")
+        with file:
+            try:
+                platform_has.lock_alone(file.fileno())
+            except BlockingIOError:
+                shown = escape(str(self.path), 200)
+                raise self._kind.error(
+                    f"{shown}: another simmer-tui is adding results: wait until it has ended"
+                ) from None
             yield
 
     @property
@@ -226,29 +227,7 @@ def _whole(data: bytes) -> bytes:
     return data[: data.rfind(b"\n") + 1]
 
 
-def _decoded(data: bytes, kind: type[_Result]) -> _Result:
-    """A value from JSON. Raises ValueError, RecursionError.
-
-    By the json of the standard library: a name of a file that is no UTF-8 has surrogates, which msgspec
-    refuses.
-    """
-    fields = json.loads(data, parse_float=_finite, parse_constant=_finite)
-    return msgspec.convert(fields, kind, dec_hook=_typed)
-
-
-def _finite(text: str) -> float:
-    if not math.isfinite(value := float(text)):
-        raise ValueError(f"{text} is no number")
-    return value
-
-
 def _plain(value: object) -> object:
     if isinstance(value, PurePath):
         return str(value)
     raise NotImplementedError(f"{type(value).__name__} cannot be kept in a plan")
-
-
-def _typed(kind: type, value: Any) -> Any:
-    if issubclass(kind, PurePath) and isinstance(value, str):
-        return kind(value)
-    raise ValueError(f"expected {kind.__name__}")

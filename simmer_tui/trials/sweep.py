@@ -114,9 +114,11 @@ def _change(
         row = None if table is None else _row(table, owner)
         if table is None or row is None:
             continue
-        header = next((each for each in headers if column_name(each) == column), None)
+        # With those of the set's own devices, which stand in its file alone.
+        known = dict.fromkeys((*headers, *(each.strip() for each in table.rows[0].cells)))
+        header = next((each for each in known if column_name(each) == column), None)
         if header is None:
-            hint = did_you_mean(column, [column_name(each) for each in headers])
+            hint = did_you_mean(column, [column_name(each) for each in known])
             problems.append(Problem(where, f"{file} has no column {escape(column, 60)}{hint}"))
         else:
             changed[file] = _with_cell(table, row, header, value)

@@ -8,13 +8,23 @@ from dataclasses import dataclass, replace
 from simmer_tui.document import svg
 from simmer_tui.document.as_data import csv_text
 from simmer_tui.document.formats import COUNT, ESTIMATE, LENGTH, short
-from simmer_tui.document.model import DataColumn, DataTable, Document, DocumentPart, Figure, Paragraph
+from simmer_tui.document.model import (
+    DataColumn,
+    DataTable,
+    Document,
+    DocumentPart,
+    Figure,
+    Paragraph,
+    Tone,
+    VerdictBox,
+)
 from simmer_tui.report.figure import WIDTH
 from simmer_tui.sim.command import escape
 from simmer_tui.trials.failures import rate
 from simmer_tui.trials.folder import TrialFolder
 from simmer_tui.trials.intervals import IntervalEstimate, distribution
 from simmer_tui.trials.trial import TrialResult
+from simmer_tui.trials.trial_clock import clocks_text
 from simmer_tui.trials.trials_summary import runs_table
 
 WANTED_RATE = 0.9
@@ -171,22 +181,50 @@ _CAP = 5.0
 """Half the width of an interval's ends, points."""
 _LABEL = 30.0
 """Room for the label of a value; one that finds none is left out, and stands in the table."""
-_CURVE = "#1f69c8"
+_CURVE = "#3066e4"  # of a robot's path, which the page has in a lighter blue where it is dark
 
 
 def sweep_document(folder: TrialFolder, wanted: float) -> Document:
-    """The runs of a sweep that are done; there must be one."""
+    """The runs of a sweep that are done, for terminals and programs; there must be one."""
+    about = Paragraph(_about(folder), kind="run")
+    tables = sweep_tables(folder, wanted)
+    return Document(_title(folder), (about, *tables, _INTERVALS, runs_table(folder)))
+
+
+def sweep_page(folder: TrialFolder, wanted: float) -> Document:
+    """The page of a sweep: the number of values that keep the rate, and a curve for each name."""
+    found = curves(folder)
+    tried = sum(len(curve.values) for curve in found)
+    kept = sum(len(curve.kept(wanted)) for curve in found)
+    told = " ".join(answer(curve, wanted) for curve in found)
+    verdict = VerdictBox(
+        key="answer",
+        text=told,
+        headline=f"{kept} of {tried} values keep a success rate of {wanted:g}",
+        tone=Tone.GOOD if kept == tried else Tone.MIXED if kept else Tone.BAD,
+    )
+    parts: list[DocumentPart] = [Paragraph(_about(folder), kind="run"), verdict]
+    for curve, table in zip(found, sweep_tables(folder, wanted), strict=True):
+        parts += [replace(table, note=""), curve_figure(curve, wanted, table.title)]
+    return Document(_title(folder), (*parts, _INTERVALS))
+
+
+_INTERVALS = Paragraph(
+    "In brackets, and as bars: the 95 % Wilson interval. Each name is varied alone; the others keep the "
+    "set's values. All values have runs with the same seeds.",
+    kind="note",
+)
+
+
+def _title(folder: TrialFolder) -> str:
+    return f"Sweep of {escape(folder.plan.command, 120)}"
+
+
+def _about(folder: TrialFolder) -> str:
     plan = folder.plan
     about = f"configuration {plan.configuration}, seed {plan.seed}, {len(folder.done)} of {plan.total} runs"
-    parts: list[DocumentPart] = [Paragraph(escape(about, 400), kind="run")]
-    for curve, table in zip(curves(folder), sweep_tables(folder, wanted), strict=True):
-        parts += [table, curve_figure(curve, wanted, table.title)]
-    note = (
-        "In brackets, and as bars: the 95 % Wilson interval. Each name is varied alone, the others are as "
-        "the set has them; all values have runs with the same seeds."
-    )
-    parts += [Paragraph(note, kind="note"), runs_table(folder)]
-    return Document(f"Sweep of {escape(plan.command, 120)}", parts)
+    clocks = clocks_text(folder.done)
+    return escape(about + (f", clock: {clocks}" if clocks else ""), 400)
 
 
 def curve_figure(curve: Curve, wanted: float, title: str) -> Figure:

@@ -13,7 +13,7 @@ from msgspec.structs import replace
 from simmer_tui.config import maze_csv
 from simmer_tui.config.loader import Configuration
 from simmer_tui.config.mission_plan import MissionPlan, mission_problems
-from simmer_tui.config.settings import with_any_ports
+from simmer_tui.config.settings import ELSE_REAL, with_any_ports
 from simmer_tui.errors import ConfigurationError, Problem
 from simmer_tui.mission import plan_run, planned
 from simmer_tui.sim.obstacles import placement_problems
@@ -32,7 +32,8 @@ _TRIES = 200
 class Trial:
     """One run. `configuration` has the maze already, unless one is to be made at random. In a sweep
     `repetition` is which of the runs of its value it is; 0 stands for the run's number. With `drawn_for`
-    the mission is drawn as for that configuration, so that different robots meet the same one."""
+    the mission is drawn as for that configuration, so that different robots meet the same one. With
+    `errors_seed` sensors and drives draw their errors by it; mission and maze stay those of `seed`."""
 
     number: int
     repetition: int = 0
@@ -43,24 +44,23 @@ class Trial:
     fixed_ports: bool
     time_limit: float
     drawn_for: Configuration | None = None
+    errors_seed: int | None = None
 
     @property
     def name(self) -> str:
         """Name of its files, without an ending."""
         return f"{self.number:04}"
 
+    @property
+    def longest(self) -> float:
+        """The most real time that it may take, seconds: twice its limit if it may be repeated."""
+        may_repeat = self.configuration.settings.motion.clock == ELSE_REAL
+        return self.time_limit * (2 if may_repeat else 1)
+
 
 def run_seed(seed: int, number: int) -> int:
     """The seed of a run, derived from that of all of them: 32 bits of a child of its `SeedSequence`."""
     return int(np.random.SeedSequence(seed, spawn_key=(number,)).generate_state(1)[0])
-
-
-def timed_seconds(configuration: Configuration) -> float:
-    """Real time of a mission by its time limit, seconds: 0 unless motion is timed."""
-    motion, mission = configuration.settings.motion, configuration.mission
-    if motion.motion != "timed" or mission is None:
-        return 0.0
-    return mission.time_limit / motion.time_scale
 
 
 def with_maze(configuration: Configuration, maze: MazeSpec) -> Configuration:
@@ -94,7 +94,7 @@ def maze_of(trial: Trial) -> Configuration:
         if not maze_faults(made):
             return made
     faults = "; ".join(maze_faults(made))
-    raise ConfigurationError([Problem("--random-mazes", f"no maze was found that will do: {faults}")])
+    raise ConfigurationError([Problem("--random-mazes", f"no maze was found that fits: {faults}")])
 
 
 def prepare(trial: Trial) -> tuple[Configuration, MissionPlan | None]:
@@ -107,7 +107,8 @@ def prepare(trial: Trial) -> tuple[Configuration, MissionPlan | None]:
         configuration = planned(configuration, plan, trial.seed)
     elif configuration.mission is not None:
         configuration, plan = plan_run(configuration, trial.seed)
-    settings = replace(configuration.settings, randerror=False, seed=trial.seed)
+    errors = trial.seed if trial.errors_seed is None else trial.errors_seed
+    settings = replace(configuration.settings, randerror=False, seed=errors)
     if not trial.fixed_ports:
         settings = replace(settings, server=with_any_ports(settings.server))
     return replace(configuration, settings=settings), plan
@@ -134,8 +135,11 @@ class TrialResult(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True)
     heading, `block` and `drop_zone` are x, y. `reached`, `taken` and `delivered` are when the
     mission's goals were met. `exit_code` is None if the program did not end by itself. `cause` is the
     cause of a failure (`report.causes.Kind`), `why` the same in a sentence; both are empty for a success.
-    `verdict` is all of it, as `report --json` has it, without the program's output.
-    `real_seconds` and `simulator_seconds` (CPU) depend on the machine, all else on the seed.
+    `verdict` is all of it, as `report --json` has it, without the program's output; `findings` are the
+    sensors and drives that were not as they should be, whatever came of it, as it has them too.
+    `clock` is what made simulated time pass: `program`, `real`, or `instant` for commands alone;
+    `clock_note` is why the program's clock was left, or could not be followed. `real_seconds` and
+    `simulator_seconds` (CPU) depend on the machine, all else on the seed.
     """
 
     number: Annotated[int, Meta(ge=1)]
@@ -161,6 +165,9 @@ class TrialResult(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True)
     cause: str = ""
     why: str = ""
     verdict: dict[str, Any] = {}
+    findings: tuple[dict[str, Any], ...] = ()
+    clock: str = ""
+    clock_note: str = ""
     real_seconds: float
     simulator_seconds: float
 

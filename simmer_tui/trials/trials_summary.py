@@ -14,36 +14,26 @@ from simmer_tui.document.formats import (
     POSE,
     SHARE,
     Format,
-    TextLink,
     estimate,
     number,
     short,
 )
-from simmer_tui.document.model import (
-    Bullets,
-    DataColumn,
-    DataTable,
-    Document,
-    DocumentPart,
-    Paragraph,
-    Prose,
-    SectionHeading,
-)
-from simmer_tui.phrases import computing_text
+from simmer_tui.document.model import DataColumn, DataTable, Document, DocumentPart, Paragraph
 from simmer_tui.report.causes import Kind
 from simmer_tui.sim.command import escape
+from simmer_tui.trials.chance_control import CONTROL
 from simmer_tui.trials.explanations import CHANGED_RUNS, WHY_FAILED, explanation_tables
-from simmer_tui.trials.failures import CAUSES, causes_table, counted_causes, failure_summary, rate
-from simmer_tui.trials.figures import histogram_figure, map_figure, start_cell
+from simmer_tui.trials.failures import CAUSES, causes_table, failure_summary, rate
+from simmer_tui.trials.figures import start_cell
 from simmer_tui.trials.folder import RUNS, TABLE, TrialFolder
 from simmer_tui.trials.intervals import distribution
+from simmer_tui.trials.run_findings import DEVICES, RUN_FINDINGS, findings_tables
 from simmer_tui.trials.trial import RANDOM, Ending, TrialResult
+from simmer_tui.trials.trial_clock import clock_sentences, clocks_text
 
 LISTED = 20
 """Most failed runs listed; all of them are in trials.csv."""
 SLOWEST = 5
-_MAPS = 12
-"""Most mazes drawn: the page stays one that can be scrolled through."""
 
 
 def _shown_runs(runs: tuple[int, int]) -> str:
@@ -65,6 +55,7 @@ TRIALS = DataTable(
         DataColumn("mazes"),
         DataColumn("options", _OPTIONS),
         DataColumn("seed"),
+        DataColumn("clock"),
         DataColumn("runs", Format(_shown_runs, ("", "_planned"), tuple)),
         DataColumn("successes"),
         DataColumn("success_rate", ESTIMATE),
@@ -75,7 +66,7 @@ TRIALS = DataTable(
 _SHARES = (DataColumn("runs", COUNT), DataColumn("share", SHARE))
 ENDINGS = DataTable("endings", "How runs ended", (DataColumn("ended_by"), *_SHARES))
 GOALS = DataTable(
-    "goals", "How far they came", (DataColumn("goal"), *_SHARES, DataColumn("median_time_s", LENGTH))
+    "goals", "Goals reached", (DataColumn("goal"), *_SHARES, DataColumn("median_time_s", LENGTH))
 )
 _VALUE = number()
 DISTRIBUTION = DataTable(
@@ -105,7 +96,7 @@ RUNS_TABLE = DataTable(
         *map(DataColumn, ("exit_code", "time_s", "distance_in", "commands", "contacts")),
         *(DataColumn(key, Format(str, POSE.suffixes, tuple)) for key in ("start", "end")),
         *(DataColumn(key, Format(str, ("_x_in", "_y_in"), tuple)) for key in ("block", "drop")),
-        *map(DataColumn, ("reached_s", "taken_s", "delivered_s", "output", "log")),
+        *map(DataColumn, ("reached_s", "taken_s", "delivered_s", "output", "clock", "log")),
     ),
     hidden=True,
 )
@@ -118,44 +109,34 @@ BY_START = DataTable(
 )
 TABLES = (
     *(TRIALS, CAUSES, ENDINGS, GOALS, DISTRIBUTION, BY_MAZE, BY_START, SLOWEST_RUNS, FAILED_RUNS),
-    *(RUNS_TABLE, WHY_FAILED, CHANGED_RUNS),
+    *(DEVICES, RUN_FINDINGS, RUNS_TABLE, WHY_FAILED, CONTROL, CHANGED_RUNS),
 )
 """All tables of a set of trials."""
 _OF_THE_PROGRAM = (Kind.CRASHED.value, Kind.ENDED.value, Kind.NOTHING_SENT.value)
 _PORTS_ADVICE = (
-    "No program sent a command. A program finds its simulator by the variables SIMMER_HOST and SIMMER_PORT "
-    "(simmer_tui.client does so by itself); one that has port 9000 built in needs --fixed-ports."
+    "No program sent a command. Connect to the address in SIMMER_HOST and SIMMER_PORT; simmer_tui.client "
+    "does so by itself. For a program with port 9000 built in, add --fixed-ports."
 )
 
 
-def trials_document(folder: TrialFolder, run_pages: Mapping[int, str]) -> Document:
-    """The runs that are done; there must be one.
-
-    Args:
-        folder: The set of trials.
-        run_pages: Pages of runs that are linked to, by number.
-    """
+def trials_document(folder: TrialFolder) -> Document:
+    """The answer about the runs that are done, for terminals and programs; there must be one run."""
     results = folder.done
-    successes = sum(result.success for result in results)
-    rated = ESTIMATE.text(rate(results))
-    first, *others = tables(folder)
     parts: list[DocumentPart] = [
-        Paragraph(f"{successes} of {len(results)} runs succeeded: success rate {rated}", "answer", "strong"),
+        Paragraph(": ".join(success_texts(results)), "answer", "strong"),
         Paragraph(failure_summary(results), "advice"),
         Paragraph(ports_advice(results), "ports", "warning"),
-        Paragraph(computing_text(folder.configuration.settings.motion.motion), "computing", "note"),
-        first,
-        Bullets("Failed runs, to be played", _links(results, run_pages) if run_pages else ()),
-        SectionHeading("Where runs failed and contacts happened"),
-        *_maps(folder, results, run_pages),
-        SectionHeading("Simulated time, s"),
-        _histogram(results, [result.time for result in results], "s"),
-        SectionHeading("Distance driven, in"),
-        _histogram(results, [result.distance for result in results], "in"),
-        *others,
+        Paragraph(" ".join(clock_sentences(folder.configuration, results)), "computing", "note"),
+        *tables(folder),
         runs_table(folder),
     ]
     return Document(f"Trials of {escape(folder.plan.command, 120)}", parts)
+
+
+def success_texts(results: Sequence[TrialResult]) -> tuple[str, str]:
+    """The number of successes, and the success rate, in words."""
+    successes = sum(result.success for result in results)
+    return f"{successes} of {len(results)} runs succeeded", f"success rate {ESTIMATE.text(rate(results))}"
 
 
 def tables(folder: TrialFolder) -> list[DataTable]:
@@ -164,6 +145,7 @@ def tables(folder: TrialFolder) -> list[DataTable]:
     made = [
         _summary(folder, results),
         causes_table(results),
+        *findings_tables(results),
         *explanation_tables(folder),
         _endings(results),
         _goals(results),
@@ -193,6 +175,7 @@ def runs_table(folder: TrialFolder) -> DataTable:
                 *(each.cause, each.why, each.exit_code, each.time, each.distance, each.commands),
                 *(each.contacts, each.start, each.end, each.block, each.drop_zone),
                 *(each.reached, each.taken, each.delivered, each.last_output),
+                each.clock or None,
                 f"{RUNS}/{folder.log(each.number).name}",
                 *(point.get(name) for name in varied),
             )
@@ -223,58 +206,13 @@ def failure_text(result: TrialResult) -> str:
     return f"{reason}{output}"
 
 
-def _links(results: Sequence[TrialResult], run_pages: Mapping[int, str]) -> list[tuple[Prose, ...]]:
-    """The runs that can be looked at, by cause."""
-    items: list[tuple[Prose, ...]] = []
-    for name, group in counted_causes(results):
-        links = [
-            TextLink(f"run {each.number}", run_pages[each.number], each.why or each.reason)
-            for each in group
-            if each.number in run_pages
-        ]
-        if links:
-            rest = (piece for link in links[1:] for piece in (", ", link))
-            items.append((f"{name}: ", links[0], *rest))
-    return items
-
-
-def _maps(
-    folder: TrialFolder, results: Sequence[TrialResult], run_pages: Mapping[int, str]
-) -> list[DocumentPart]:
-    """A map a maze, those with most failures first; of mazes made for one run each, the failed ones."""
-    groups: dict[str, list[TrialResult]] = {}
-    for result in results:
-        if result.maze != RANDOM:
-            groups.setdefault(result.maze, []).append(result)
-        elif not result.success or result.contacts:
-            groups[f"run {result.number}"] = [result]
-    drawn = sorted(groups.items(), key=lambda item: -sum(not result.success for result in item[1]))
-    parts: list[DocumentPart] = []
-    for name, group in drawn[:_MAPS]:
-        label = escape(name, 80)
-        parts += [SectionHeading(label, 3)] if label else []
-        parts.append(map_figure(folder.maze(group[0].number), group, run_pages, f"Map {label}"))
-    if len(drawn) > _MAPS:
-        parts.append(Paragraph(f"and {len(drawn) - _MAPS} more mazes", kind="note"))
-    return parts or [Paragraph("No run failed, and no wall was touched.")]
-
-
-def _histogram(results: Sequence[TrialResult], values: Sequence[float], unit: str) -> DocumentPart:
-    pairs = list(zip(results, values, strict=True))
-    return histogram_figure(
-        [value for result, value in pairs if result.success],
-        [value for result, value in pairs if not result.success],
-        unit,
-    )
-
-
 def _summary(folder: TrialFolder, results: list[TrialResult]) -> DataTable:
     plan = folder.plan
-    mazes = "one at random for every run" if plan.random_mazes else len(plan.mazes) or None
+    mazes = "a random one for each run" if plan.random_mazes else len(plan.mazes) or None
     row = (
         *(folder.path, plan.command, plan.configuration),
         "its mission" if folder.configuration.mission is not None else "exit code 0",
-        *(mazes, dict(plan.settings), plan.seed, (len(results), plan.runs)),
+        *(mazes, dict(plan.settings), plan.seed, clocks_text(results), (len(results), plan.runs)),
         *(sum(result.success for result in results), rate(results)),
         (sum(result.contacts for result in results), sum(result.contacts > 0 for result in results)),
     )

@@ -3,36 +3,64 @@
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from pathlib import Path
+from textwrap import fill
 from typing import ClassVar
 
 from textual.app import SystemCommand
 from textual.binding import Binding, BindingType
+from textual.events import Event, Key
 from textual.screen import Screen
 from textual.widget import Widget
 
+from simmer_tui.config.dialects import COMMANDS
+from simmer_tui.config.examples import EXAMPLE, example_command
 from simmer_tui.config.settings import ScreenSettings
-from simmer_tui.errors import RunLogError
+from simmer_tui.errors import ProgramError, RunLogError
 from simmer_tui.events import Action
+from simmer_tui.operating.orders import ConsoleCommand, Local
+from simmer_tui.operating.robot_operator import Operator
 from simmer_tui.playback_throttle import checked_pace
 from simmer_tui.report.why import why
 from simmer_tui.server import Server
 from simmer_tui.sim.command import Command, escape, printable
 from simmer_tui.sim.specs import DriveKind
 from simmer_tui.snapshot import Snapshot
+from simmer_tui.tui.answers import (
+    AnswerCard,
+    bias_answer,
+    first_steps,
+    program_output,
+    verdict_answer,
+    verdict_so_far,
+    why_answer,
+)
 from simmer_tui.tui.console import ConsolePane, History
-from simmer_tui.tui.event_text import POINTER, REASONS, complaint_of, has_failed
-from simmer_tui.tui.help import CommandProvider, HelpScreen, help_screen
-from simmer_tui.tui.key_table import IN_CONSOLE, Hint, MazePane, drive_keys, hints_of, keymap, maze_hints
-from simmer_tui.tui.line_panel import LinePanel, heading, length
-from simmer_tui.tui.live import LiveSource, Operator, report_of
-from simmer_tui.tui.orders import ConsoleCommand, Local
+from simmer_tui.tui.event_text import REASONS, complaint_of
+from simmer_tui.tui.headline import RunPhase
+from simmer_tui.tui.help import CommandProvider, ReportScreen, help_screen
+from simmer_tui.tui.key_table import (
+    IN_CONSOLE,
+    Hint,
+    MazePane,
+    drive_keys,
+    hints_of,
+    keymap,
+    maze_hints,
+)
+from simmer_tui.tui.key_velocity import PERIOD, KeyVelocity
+from simmer_tui.tui.line_panel import LinePanel, between, heading, shortened
+from simmer_tui.tui.live import LiveSource, report_of
 from simmer_tui.tui.picture import picture
-from simmer_tui.tui.readouts import FirstSteps, first_steps, link_lines, status_line
+from simmer_tui.tui.readouts import Room, last_reply, status_line
 from simmer_tui.tui.shell import Shell, put
-from simmer_tui.tui.sizes import Box
+from simmer_tui.tui.sizes import BRIEF_ANSWER, Box
 from simmer_tui.tui.terminal import TerminalChoice
-from simmer_tui.tui.textual_internals import rows_of
+from simmer_tui.tui.textual_internals import age_of, rows_of
 
+EXAMPLE_KEY = "F5"
+"""Key that runs the sample program: where development environments have theirs to run one."""
+_PROMPT = 5
+"""Columns that what is typed has more than the reply beside it, on a small screen."""
 # They have an order or a key of their own here.
 _REPLACED = ("Screenshot", "Keys", "Maximize", "Minimize", "Quit")
 
@@ -46,55 +74,82 @@ class SimmerApp(Shell):
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("colon", "colon", priority=True),
         Binding("enter", "focus_console"),
+        Binding(EXAMPLE_KEY.lower(), "example"),
+        Binding("R", "again", priority=True),
     ]
 
-    def __init__(self, server: Server, choice: TerminalChoice, history_file: Path | None = None) -> None:
+    def __init__(
+        self,
+        server: Server,
+        choice: TerminalChoice,
+        history_file: Path | None = None,
+        *,
+        program: str = "",
+    ) -> None:
+        """`program` is the name of the one that runs beside, if there is one."""
         super().__init__(LiveSource(server), choice, MazePane(choice.glyphs, choice.color, id="maze"))
         self.server = server
         self._console = ConsolePane(self._spec, History(history_file), self.follow)
         self._console_head = LinePanel(id="console-head")
+        self._console.again = self._again_typed
         self._prompt = LinePanel(id="prompt")
+        self._reply = LinePanel(id="reply")
         self._operator = Operator(server)
+        self._held_key = KeyVelocity(self._operator, server)
+        self.run_program: Callable[[str], None] | None = None
+        """Starts a program beside the run; None where there may be none, as beside another."""
+        self.page_links: tuple[str, ...] = ()
+        """Lines with the links to the page that shows the run in browsers."""
+        self.run_again: Callable[[], None] = partial(self.action_press, "reset")
+        """Begins the run anew."""
         self._panes.pointer = " ".join(REASONS)
-        self._panes.first_steps = self._first_steps
+        self._panes.home.first_steps = self._first_steps
+        self._panes.home.has_orders = True
+        self._panes.program_name = program
 
     # -- putting together ------------------------------------------------------------------------
 
     def controls(self) -> Iterable[Widget]:
-        return self._console_head, self._console, self._prompt
+        return self._console_head, self._console, self._prompt, self._reply
 
     def on_mount(self) -> None:
         self.set_keymap(keymap(self._settings.keys))
         self._console.focus_line()
         self.paste_target = self._console.line
         for warning in self.server.warnings:
-            self.notify(warning, severity="warning", timeout=10, markup=False)
+            self._operator.hint(warning)
+        if self._settings.screen.keys_velocity:
+            self.set_interval(PERIOD, self._held_key.pass_time)
 
     def shown(self, snapshot: Snapshot, since: int) -> None:
+        self._operator.note_block(snapshot.state)
         complaint = complaint_of(snapshot.entries, since)
         new = [entry for entry in snapshot.entries if entry.number > since]
-        if has_failed(new):
-            self.notify(POINTER, timeout=15, markup=False)
         if complaint is not None:
             self._console.show_complaint(complaint)
         elif any(not entry.folds for entry in new):
             self._console.note_event()
 
-    def numbers_shown(self, snapshot: Snapshot) -> None:
+    def events_shown(self, snapshot: Snapshot) -> None:
         brief = "events" not in self._plan.boxes
         entries = self._panes.log.entries if brief else ()
-        status = status_line(snapshot, entries, brief=brief)
-        if brief and not entries:
-            run = self._first_steps().lines[0]
-            # Half a program is none.
-            status = run if length(run) <= self.size.width - 2 else link_lines(snapshot, self.server.ports)[1]
+        status = status_line(snapshot, entries, brief=brief, plain=self._plain)
+        answer = self._panes.answer
+        if brief and "answer" in self._plan.boxes and answer is not None and answer.covers:
+            # The third of its lines: the other two stand where legend and pose were.
+            lines = answer.shown(Room(self.size.width, BRIEF_ANSWER, self._plain))
+            status = lines[2][1:] if len(lines) > 2 else ()
         self._console.show_status(status)
+        room = self._reply.size.width
+        self._reply.show([between((), shortened(last_reply(snapshot), room - 1), room)])
 
     def _arrange(self, width: int, height: int) -> None:
         super()._arrange(width, height)
         box = self._plan.boxes.get("console-head")
         if box is not None:
-            note = "Tab goes to the maze" if self._console.has_focus_within else ": or Enter comes here"
+            note = (
+                "Up brings back the last line" if self._console.has_focus_within else ": or Enter comes here"
+            )
             self._console_head.show(
                 [((" ", "plain"), *heading("console", note, box.width - 1, plain=self._plain))]
             )
@@ -103,18 +158,65 @@ class SimmerApp(Shell):
         if console is not None:
             put(self._prompt, Box(console.x + 1, console.y + 1, 1, 1))
             self._prompt.show([((">", "title"),)])
+        # Without events the line above says what goes on, and the last reply stands beside what is typed.
+        room = console.width // 2 - _PROMPT if console is not None and "events" not in self._plan.boxes else 0
+        self._reply.display = room > 0
+        if console is not None:
+            self._console.line.styles.width = console.width - room if room > 0 else "1fr"
+            put(self._reply, Box(console.x + console.width - room, console.y + 1, max(room - 1, 1), 1))
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
         """Leave the colon a letter where text is typed."""
         if action == "colon":
             return len(self.screen_stack) == 1 and not self._console.has_focus_within
+        if action == "again":
+            is_elsewhere = len(self.screen_stack) == 1 and not self._console.has_focus_within
+            return is_elsewhere and self._panes.phase.is_over
         return super().check_action(action, parameters)
 
-    def _first_steps(self) -> FirstSteps:
+    def _first_steps(self) -> AnswerCard:
         drives = [drive for drive in self._spec.drives if drive.enabled]
         drives.sort(key=lambda drive: drive.kind is not DriveKind.RIGHT)  # forward, if it can
         command = f"{drives[0].code}-3" if drives else "u1"
-        return first_steps(self.server.ports, self._settings.server, command, drive_keys(self._settings.keys))
+        key = EXAMPLE_KEY if self._can_run_example else ""
+        return first_steps(key, command, drive_keys(self._settings.keys))
+
+    @property
+    def _can_run_example(self) -> bool:
+        """True while a simulated robot, served on the ports that the sample program knows, waits for a
+        program."""
+        server = self.server
+        is_simulated = server.robot is None and self._settings.sim
+        is_waiting = self._panes.phase is RunPhase.WAITING
+        return (
+            self.run_program is not None and is_simulated and is_waiting and COMMANDS.purpose in server.ports
+        )
+
+    def action_example(self) -> None:
+        """Run the sample program, if a robot waits for one."""
+        if not self._can_run_example or self.run_program is None:
+            return
+        try:
+            self.run_program(example_command())
+        except ProgramError as error:
+            self._console.show_error(str(error))
+        else:
+            self.run_program = None
+            self._panes.program_name = EXAMPLE
+
+    def action_again(self) -> None:
+        """Begin the run anew, after its end, and its program with it."""
+        self._panes.home.close()
+        self._console.forget_errors()
+        self.run_again()
+        self.refresh_frame()
+
+    def _again_typed(self) -> bool:
+        """Begin the run anew if it is over, for the key that says so in an empty console."""
+        if self._panes.phase.is_over:
+            self.action_again()
+            return True
+        return False
 
     def page_turned(self) -> None:
         if not self._console.has_focus_within:
@@ -144,7 +246,7 @@ class SimmerApp(Shell):
         if isinstance(order, Command):
             self._operator.send(order, partial(self._console.refuse, self._console.given, order.text))
         elif isinstance(order, Action):
-            self._warn(self._operator.perform(order))
+            self._complain(self._operator.perform(order))
         else:
             self._follow_local(order)
         self.refresh_frame()
@@ -160,10 +262,13 @@ class SimmerApp(Shell):
             "pace": lambda factor: self._set_pace(float(factor)),
             "why": self._show_why,
             "report": lambda _: self.run_worker(self._show_report(), group="report", exclusive=True),
+            "program": lambda _: self._show_program(),
             "bias": lambda _: self._show_bias(),
+            "vv": self._drive_for,
             "log": lambda file: self.run_worker(self._start_log(file), group="log"),
             "robot": self.server.use_robot,
             "simulator": lambda _: self.server.use_simulator(),
+            "web": lambda _: self._show_links(),
             "copy": lambda _: self.action_copy_log(),
             "shot": self._write_picture,
             "save": lambda file: self._write(file, self._panes.whole_log, "log"),
@@ -175,35 +280,50 @@ class SimmerApp(Shell):
         snapshot = self._snapshot
         if snapshot is None:
             return
-        text = why(snapshot.state, self._spec)
         if snapshot.verdict is not None and not about:
-            text = "\n".join(snapshot.verdict.lines)
-        self.notify(text, title="Why", timeout=20, markup=False)
+            if self.has_pages:  # three rows would cut it
+                # As wide as the page's text, which does not wrap.
+                room = self.size.width - 6
+                text = "\n\n".join(fill(printable(line), room) for line in snapshot.verdict.lines)
+                self.push_screen(ReportScreen(text, "Why", "Esc closes"))
+            else:
+                self.ask(verdict_answer(snapshot.verdict))
+        else:
+            self.ask(why_answer(why(snapshot.state, self._spec), snapshot))
 
     async def _show_report(self) -> None:
-        """Show the report of this run, made from its saved log."""
-        saved = self.server.saved_run
+        """Show the report of this run: the verdict at once, and all of it once it is made from the log."""
+        saved, snapshot = self.server.saved_run, self._snapshot
         if saved is None:
             self._console.show_error(
                 "report: this run is not saved; :log FILE logs it, simmer-tui report reads it"
             )
             return
-        self.notify("reading the run", timeout=2)
+        begun = verdict_so_far(snapshot) if snapshot is not None else ()
+        note = f"Esc closes; saved in {printable(saved.path.name)}"
+        text = "\n".join([*map(printable, begun), "", "Reading the run ..."])
+        screen = ReportScreen(text, "Report of this run", note)
+        # On the screen before its making takes the machine.
+        await self.push_screen(screen)
         try:
             text = await report_of(saved, self.size.width - 6, self._plain)
         except OSError as error:
-            self._console.show_error(f"report: {error.strerror or error}")
-        else:
-            note = f"escape closes; saved in {printable(saved.path.name)}"
-            self.push_screen(ReportScreen(text, "Report of this run", note))
+            text = f"The report cannot be made: {error.strerror or error}"
+        screen.replace(text)
+
+    def _show_program(self) -> None:
+        """Show the last lines that the program has printed."""
+        snapshot = self._snapshot
+        verdict = None if snapshot is None else snapshot.verdict
+        if verdict is None or verdict.program is None:
+            self._console.show_error("program: none has ended yet; the events have its output (/ program)")
+            return
+        text = program_output(verdict.program)
+        self.push_screen(ReportScreen(text, "Program", f"Esc closes; exit code {verdict.program.exit_code}"))
 
     def _complain(self, text: str) -> None:
         if text:
             self._console.show_error(text)
-
-    def _warn(self, text: str) -> None:
-        if text:
-            self.notify(text, severity="warning", markup=False)
 
     def _write_picture(self, name: str) -> None:
         dark = self._settings.screen.theme != "light"
@@ -217,7 +337,15 @@ class SimmerApp(Shell):
             reason = getattr(error, "strerror", None) or str(error)
             self._console.show_error(f"{escape(name)}: {escape(reason)}")
         else:
-            self.notify(f"{what} written to {file}", markup=False)
+            self._operator.hint(f"{what} written to {printable(str(file))}")
+
+    def _show_links(self) -> None:
+        """Show the links to the page, for as long as they are looked at."""
+        if not self.page_links:
+            self._console.show_error("web: no page is served; start with --web")
+            return
+        text = "\n\n".join(self.page_links)
+        self.push_screen(ReportScreen(text, "Page", "Esc closes; whoever has a link may use it"))
 
     async def _start_log(self, name: str) -> None:
         """Log the run from here on, or show why that fails."""
@@ -226,18 +354,27 @@ class SimmerApp(Shell):
         except RunLogError as error:
             self._console.show_error(str(error))
         else:
-            self.notify(f"logging to {file}", markup=False)
+            self._operator.hint(f"logging to {printable(str(file))}")
+
+    def _drive_for(self, values: str) -> None:
+        refused = partial(self._console.refuse, self._console.given, f":vv {values.replace(';', ' ')}")
+        self._complain(self._operator.drive_for(values, refused))
 
     def _show_bias(self) -> None:
-        text = "       x        y        r"
-        for kind, bias in self.server.simulator.bias.items():
-            text += f"\n{kind.value:6}{bias.x:+9.4f}{bias.y:+9.4f}{bias.r:+9.4f}"
-        self.notify(text, title="Drive bias", timeout=15, markup=False)
+        bias = self.server.simulator.bias
+        self.ask(bias_answer({kind.value: (each.x, each.y, each.r) for kind, each in bias.items()}))
+
+    async def on_event(self, event: Event) -> None:
+        """Have any other key end the velocity of a held one before it does what it says."""
+        if isinstance(event, Key) and not event.is_forwarded:
+            self._held_key.note_key(event.key if self._maze.has_focus else "", age_of(event))
+        await super().on_event(event)
 
     def action_drive(self, name: str, fine: bool) -> None:
         """Drive or turn by a key's step."""
         self._console.forget_errors()
-        self._complain(self._operator.drive(name, fine))
+        by_velocity = self._settings.screen.keys_velocity
+        self._complain((self._held_key if by_velocity else self._operator).drive(name, fine))
         self.refresh_frame()
 
     def action_press(self, name: str) -> None:
@@ -255,12 +392,12 @@ class SimmerApp(Shell):
 
     def _set_pace(self, pace: float) -> None:
         if self.server.engine.timed:
-            self._warn("no effect: timed motion takes its time; :speed changes it")
+            self._complain("no effect: timed motion takes its time; :speed changes it")
             return
         pace = checked_pace(pace)
         self.server.set_pace(pace)
         how = f"{pace:g} times real speed" if pace else "as fast as possible"
-        self.notify(f"movements are shown {how}", timeout=2)
+        self.tell(f"movements are shown {how}")
 
     def action_help(self, code: str = "") -> None:
         """Show all of the help, or the description of one code."""
@@ -277,9 +414,3 @@ class SimmerApp(Shell):
         """Textual's own commands, without those that have an order here."""
         theirs = super().get_system_commands(screen)
         return [each for each in theirs if each.title not in _REPLACED]
-
-
-class ReportScreen(HelpScreen):
-    """Shows the report of this run."""
-
-    FRAME = "report"

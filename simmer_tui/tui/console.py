@@ -14,14 +14,17 @@ from textual.suggester import Suggester
 from textual.widgets import Input
 
 from simmer_tui.errors import ConsoleCommandError
+from simmer_tui.operating.orders import ConsoleCommand, completed, completions, read_console_command
 from simmer_tui.sim.specs import SimulationSpec
 from simmer_tui.tui.key_table import IN_CONSOLE, bindings_of
 from simmer_tui.tui.line_panel import LinePanel, StyledLine
-from simmer_tui.tui.orders import ConsoleCommand, completed, completions, read_console_command
 
 # A file of a few KB, which is written anew with every line.
 KEPT = 500
 """Lines kept in the history."""
+# Codes are of small letters, and so is the maze's key for it, which resets at any time.
+AGAIN = "R"
+"""Key that begins a run that is over anew, also from an empty console."""
 
 
 def default_history_file() -> Path:
@@ -106,6 +109,9 @@ class _ConsoleInput(Input):
 
     async def take_key(self, event: Key) -> bool:
         """Do what a key says, wholly, before this returns; False if it means nothing here."""
+        is_free = event.character == AGAIN and not self.value and not completions(AGAIN, self._spec)
+        if is_free and self._owner.again():
+            return True
         if event.is_printable and event.character is not None:
             self.replace(event.character, *self.selection)
             return True
@@ -195,6 +201,8 @@ class ConsolePane(Vertical):
         self._mistaken = ""
         """Text of the line when the error was shown; with something else in it the error goes."""
         self._note = ""
+        self.again: Callable[[], bool] = lambda: False
+        """Begins a run that is over anew; returns false for one that is not."""
         self.given = 0
         """Lines given so far."""
 

@@ -6,8 +6,19 @@ from collections.abc import Callable, Sequence
 from msgspec import Struct
 
 from simmer_tui import events
+from simmer_tui.belief_grid import GridBelief
+from simmer_tui.engine import PEOPLE
 from simmer_tui.events import Belief, EventHandler, MovementEnded, NoticeKind, Result
-from simmer_tui.phrases import WEDGED_TEXT, contact_line, counted, grip_text, movement_text
+from simmer_tui.phrases import (
+    WEDGED_TEXT,
+    contact_line,
+    counted,
+    grip_text,
+    movement_text,
+    scan_text,
+    velocity_text,
+    went_text,
+)
 from simmer_tui.sim.angles import half_turn
 from simmer_tui.sim.command import escape
 from simmer_tui.sim.pose import Pose
@@ -18,12 +29,10 @@ from simmer_tui.tui.sensor_readouts import number_text, with_unit
 
 REASONS = (":why", ":report")
 """Orders that explain what went wrong."""
-POINTER = ":why says why it ended as it did, :report what happened"
-PEOPLE = ("console", "keys")
-"""Sources of commands and actions that are somebody at the screen."""
 _NOTICE_ROLES = {
     NoticeKind.FAULT: "danger",
     NoticeKind.TURNED_AWAY: "warning",
+    NoticeKind.HINT: "warning",
     NoticeKind.PROGRAM: "plain",
     NoticeKind.VERDICT: "bold",
 }
@@ -44,21 +53,57 @@ def clock(seconds: float) -> str:
     return f"{sign}{tenths // 600:02d}:{tenths % 600 / 10:04.1f}"
 
 
-def reply_text(result: CommandResult) -> str:
-    """A reply as people read it."""
+def reply_text(result: CommandResult, ended: MovementEnded | None = None) -> str:
+    """A reply as people read it; `ended` is the movement that ended last, perhaps this command's."""
+    if ended is not None and ended.number == result.number and ended.grip is None:
+        contact = ended.contact
+        if contact is not None and contact.ended and not ended.stopped_by:
+            return f"stopped after {went_text(ended)} by a contact"
     if result.status is Status.READING and result.reading is not None:
+        if result.reading.scan is not None:
+            return scan_text(result.reading.scan)
         return with_unit(result.reply, result.reading.sensor)
+    if result.velocity is not None:
+        cut = result.velocity.limited
+        return velocity_text(result.velocity.twist) + (f", limited to {cut:.0%}" if cut < 1.0 else "")
     words = {Status.DONE: "done", Status.ACCEPTED: "under way", Status.STOPPED: "stopped"}
     return words.get(result.status, "NaN")
 
 
-def belief_texts(belief: Belief) -> tuple[str, str]:
-    """A belief, and its error when it was told."""
-    pose, true = belief.pose, belief.true
-    apart = math.hypot(pose.x - true.x, pose.y - true.y)
-    turned = abs(half_turn(pose.heading - true.heading))
-    spread = "" if belief.spread is None else f", spread {belief.spread:.0f}"
-    return pose_text(pose), f"{apart:.1f} in {turned:.0f} deg{spread}"
+def distance_off(belief: Belief) -> float:
+    """Distance between a belief and the true place when it was told, inches."""
+    return math.hypot(belief.pose.x - belief.true.x, belief.pose.y - belief.true.y)
+
+
+def off_text(belief: Belief) -> str:
+    """Error of a belief when it was told: `3.4 in 12 deg`."""
+    if belief.grid is not None and not belief.grid.has_headings:
+        return f"{distance_off(belief):.1f} in"
+    turned = abs(half_turn(belief.pose.heading - belief.true.heading))
+    return f"{distance_off(belief):.1f} in {turned:.0f} deg"
+
+
+def spread_text(belief: Belief) -> str:
+    """Spread of a belief as the end of a sentence; empty if the program sent none."""
+    return "" if belief.spread is None else f", spread {belief.spread:.0f}"
+
+
+def truth_text(grid: GridBelief) -> str:
+    """Probability that a grid gives the true cell: `41 % true`."""
+    return f"{_percent(grid.true_probability)} true"
+
+
+def grid_lines(grid: GridBelief) -> tuple[str, str]:
+    """A grid in two lines: its best cell, and how sure it is, beside the entropy of knowing nothing."""
+    best, most = grid.best_pose, math.log2(grid.states)
+    return (
+        f"best {best.x:.1f}, {best.y:.1f} in {_percent(grid.best_probability)}, {truth_text(grid)}",
+        f"entropy {grid.entropy:.1f} of {most:.1f} bit, spread {grid.spread:.0f}",
+    )
+
+
+def _percent(share: float) -> str:
+    return "<1 %" if 0.0 < share < 0.01 else f"{100 * share:.0f} %"
 
 
 def pose_text(pose: Pose) -> str:
@@ -116,6 +161,12 @@ class _Wording(EventHandler[EventWords]):
 
         return EventWords(command.source, command.shown, told, f"{command.shown}: {reason}" if reason else "")
 
+    def on_velocity_ended(self, event: events.VelocityEnded) -> EventWords:
+        # Its own time is what its sender wanted.
+        style = "plain" if event.reason is events.VelocityEnd.TIME else "warning"
+        text: StyledLine = ((f"ended: {event.reason.value}", style),)
+        return EventWords(event.source or "robot", "velocity", lambda: text)
+
     def on_action(self, event: events.ActionDone) -> EventWords:
         name = event.action.name.value
         arguments = "".join(f" {number:g}" for number in event.action.arguments)
@@ -125,7 +176,8 @@ class _Wording(EventHandler[EventWords]):
 
     def on_belief(self, event: Belief) -> EventWords:
         def told() -> StyledLine:
-            believed, off = belief_texts(event)
+            believed, off = pose_text(event.pose), f"{off_text(event)}{spread_text(event)}"
+            off += "" if event.grid is None else f", {truth_text(event.grid)}"
             note = f"  {escape(event.note, _LONGEST_NOTE)}" if event.note else ""
             return (f"{believed}, off {off}", "belief"), (note, "plain")
 
@@ -143,6 +195,12 @@ class _Wording(EventHandler[EventWords]):
         source = _NOTICE_SOURCES.get(event.kind, "robot")
         text: StyledLine = ((event.text, _NOTICE_ROLES.get(event.kind, "good")),)
         return EventWords(source, source, lambda: text, is_departure=event.kind in _AFTER_THE_END)
+
+    def on_wire(self, event: events.WireMessage) -> EventWords:
+        shown = escape(event.data, _LONGEST_NOTE)
+        if event.reply:
+            return EventWords("robot", "<", lambda: ((shown, "value"),))
+        return EventWords("client", ">", lambda: ((f"{shown}  ", "plain"), (event.meaning, "dim")))
 
     def _end_pieces(self, ended: MovementEnded) -> StyledLine:
         """End of a movement."""
@@ -205,7 +263,10 @@ def kept_lines(entry: LogEntry) -> list[StyledLine]:
 def folded_text(entry: LogEntry) -> str:
     """Numbers of readings and beliefs that are folded into an entry."""
     parts = ((entry.readings, "reading"), (entry.beliefs, "belief"))
-    return ", ".join(counted(count, noun) for count, noun in parts if count)
+    shown = [counted(count, noun) for count, noun in parts if count]
+    if entry.velocities:
+        shown.append("one velocity" if entry.velocities == 1 else f"{entry.velocities} velocities")
+    return ", ".join(shown)
 
 
 def last_event_line(entries: Sequence[LogEntry]) -> StyledLine:
@@ -231,22 +292,24 @@ def _last_told(entries: Sequence[LogEntry]) -> LogEntry | None:
     return told[-1] if told else None
 
 
-def has_failed(entries: Sequence[LogEntry]) -> bool:
-    """True if one of these entries is the end of a mission that failed."""
-    return any(words_of(entry).result is Result.FAILED for entry in entries)
-
-
 def complaint_of(entries: Sequence[LogEntry], since: int = 0) -> str | None:
     """Reason why a person's last command or action after the event `since` was refused; empty if it was
     not, None without such."""
     for entry in reversed(entries):
         if entry.number <= since:
             break
-        if entry.folds:
+        # A program's readings come by the thousand; wording each would cost a tenth of the screen's time.
+        if entry.readings or entry.beliefs or entry.velocities:
             found = complaint_of(entry.kept, since)
-        else:
+            if found is not None:
+                return found
+            continue
+        command = getattr(entry.event, "command", None)
+        if command is None or command.source in PEOPLE:
             words = words_of(entry)
             found = words.complaint if words.source in PEOPLE else None
+        else:
+            continue
         if found is not None:
             return found
     return None

@@ -10,6 +10,7 @@ from textual.binding import Binding, BindingType
 from textual.command import DiscoveryHit, Hit, Hits, Provider
 from textual.containers import VerticalScroll
 from textual.content import Content
+from textual.events import Key
 from textual.keys import format_key
 from textual.screen import ModalScreen
 from textual.types import IgnoreReturnCallbackType
@@ -17,14 +18,14 @@ from textual.widgets import Static
 
 from simmer_tui.config.describe_code import describe_code
 from simmer_tui.config.keys import DRIVING, keys_of
-from simmer_tui.config.robot_drawing import robot_drawing, sensor_drawing
+from simmer_tui.config.robot_drawing import movement_commands, robot_drawing, sensor_drawing
 from simmer_tui.config.settings import KeySettings, all_settings
 from simmer_tui.links.port_list import list_ports
+from simmer_tui.operating.orders import CONSOLE_COMMANDS
 from simmer_tui.sim.command import escape
 from simmer_tui.sim.specs import SimulationSpec
 from simmer_tui.tui import key_table
 from simmer_tui.tui.key_table import KeyGroup, MazePane
-from simmer_tui.tui.orders import CONSOLE_COMMANDS
 from simmer_tui.tui.sizes import PAGES
 from simmer_tui.tui.terminal_app import ALLOWING
 
@@ -72,10 +73,7 @@ def _key_rows(groups: Sequence[KeyGroup]) -> _Rows:
 
 def _commands(spec: SimulationSpec) -> _Rows:
     """Commands of a robot and their meanings."""
-    rows = [(f"{drive.code}-V   ", f"{drive.kind.meaning} by V") for drive in spec.drives if drive.enabled]
-    gripper = spec.gripper
-    if gripper is not None and gripper.enabled:
-        rows.append((f"{gripper.code}-1   ", f"close the gripper; {gripper.code}-0 opens it"))
+    rows = [(f"{command}   ", meaning) for command, meaning in movement_commands(spec)]
     used = [sensor for sensor in spec.sensors if sensor.enabled]
     return rows + [(f"{sensor.code}     ", f"read {sensor.id}: {sensor.kind.meaning}") for sensor in used]
 
@@ -116,6 +114,28 @@ class HelpScreen(ModalScreen[None]):
         frame = self.query_one(f"#{self.FRAME}")
         frame.border_title, frame.border_subtitle = self._title, self._note
         frame.focus()
+
+
+class ReportScreen(HelpScreen):
+    """Shows a long text about this run. What is typed meanwhile goes to the console, as before it opened."""
+
+    FRAME = "report"
+
+    def replace(self, text: str) -> None:
+        """Show another text, unless the page is closed already."""
+        self.text = text
+        for shown in self.query(f"#{self.FRAME}-text").results(Static):
+            shown.update(Text(text, no_wrap=True))
+
+    async def on_key(self, event: Key) -> None:
+        if event.is_printable and event.character is not None and event.character not in _CLOSING:
+            event.stop()
+            self.dismiss()
+            await self.app.run_action(f"app.begin_order({event.character!r})")
+
+
+_CLOSING = ("q", "?")
+"""Characters that close a page; all others are typed into the console."""
 
 
 # -- the palette -----------------------------------------------------------------------------------

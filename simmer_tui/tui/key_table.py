@@ -9,7 +9,7 @@ from textual.keys import format_key
 
 from simmer_tui.config.keys import DRIVING, keys_of, shifted
 from simmer_tui.config.settings import KeySettings
-from simmer_tui.sim.specs import DriveKind
+from simmer_tui.operating.robot_operator import DRIVES
 from simmer_tui.tui.line_panel import StyledLine
 from simmer_tui.tui.maze.view import MazeView
 
@@ -53,15 +53,19 @@ WITH_THE_MOUSE = (
     KeyGroup("drag", "on the maze: look elsewhere; on text: mark and copy it"),
     KeyGroup("click", "on the maze: what is there"),
 )
+_ORDERS = KeyGroup("ctrl+p", "command palette: all orders by name", hints=(("Ctrl+P", "all there is to do"),))
+_QUIT = KeyGroup("ctrl+q", "end", hints=(("Ctrl+Q", "quit"),))
 ANYWHERE = (
-    KeyGroup("tab", "from pane to pane; in the console, complete what is typed"),
-    KeyGroup("escape", "from the console to the maze"),
+    KeyGroup("tab", "in the console, complete; if nothing is typed, the next pane"),
+    KeyGroup("escape", "close an answer; then from the console to the maze"),
     KeyGroup("enter", "in the console: give the line; from the maze: to the console"),
     KeyGroup(":", "from the maze to the console, beginning an order", hints=((":", "order"),)),
     KeyGroup("up, down", "in the console: what was typed before"),
-    KeyGroup("ctrl+p", "command palette: everything by name", hints=(("Ctrl+P", "all there is to do"),)),
+    _ORDERS,
     KeyGroup("f2, or 1 to 4", "on small screens: the next page, or a page (from the maze)"),
-    KeyGroup("ctrl+q", "end", hints=(("Ctrl+Q", "quit"),)),
+    _QUIT,
+    KeyGroup("f5", "run the sample program, while a simulated robot waits for one"),
+    KeyGroup("R", "after the end of a run: begin it anew, with its program"),
 )
 IN_LOG = (
     KeyGroup("/, slash", "filter by what is typed next; escape shows all",
@@ -78,9 +82,10 @@ IN_LOG = (
 IN_CONSOLE = (
     KeyGroup("", "", {"enter": "submit"}, (("Enter", "runs"),)),
     KeyGroup("", "", {"tab": "complete"}, (("Tab", "completes"),)),
+    KeyGroup("", "", {"escape": "app.close_answer"}, (("Esc", "drives by keys"),)),
+    KeyGroup("", "", hints=((":why", "explains"), *_ORDERS.hints)),
     KeyGroup("", "", {"up": "older", "down": "newer"}, (("Up", "last line"),)),
-    KeyGroup("", "", {"escape": "app.focus_pane"}, (("Esc", "drive by keys"),)),
-    KeyGroup("", "", hints=ANYWHERE[5].hints + ANYWHERE[7].hints),
+    KeyGroup("", "", hints=_QUIT.hints),
 )
 
 
@@ -114,6 +119,7 @@ IN_REPLAY = (
     KeyGroup("plus, minus, f", "zoom, show the whole maze; with the mouse: wheel, drag, click",
              {"plus,equals_sign": "zoom(1)", "minus": "zoom(-1)", "f": "fit"}),
     KeyGroup("k", "keep the robot in sight", {"k": "follow"}),
+    KeyGroup("escape", "close an answer", {"escape": "close_answer"}),
     KeyGroup("tab, /, enter", "to the events, filter them, unfold readings"),
     KeyGroup("f2, or 1 to 4", "on small screens: the next page, or a page"),
     KeyGroup("", "", {"question_mark": "help"}, (("?", "help"),), late=True),
@@ -123,16 +129,6 @@ IN_REPLAY = (
 
 # -- keys that are settings ------------------------------------------------------------------------
 
-# Drive of each driving key, and the sign of its step. In drive.csv forward is +X, to the left +Y, and a turn
-# to the left is positive.
-DRIVES: dict[str, tuple[DriveKind, float]] = {
-    "forward": (DriveKind.RIGHT, 1.0),
-    "back": (DriveKind.LEFT, 1.0),
-    "turn_left": (DriveKind.ROT, 1.0),
-    "turn_right": (DriveKind.ROT, -1.0),
-    "sideways_left": (DriveKind.UP, 1.0),
-    "sideways_right": (DriveKind.DOWN, 1.0),
-}
 # Also the order in which the palette lists them: what drives comes before what only looks.
 MAZE_ACTIONS: dict[str, tuple[str, str]] = {
     "stop": ("app.press('stop')", "Stop"),
@@ -155,6 +151,7 @@ MAZE_ACTIONS: dict[str, tuple[str, str]] = {
     "pan_up": ("pan(0, -1)", "Look up"),
     "pan_down": ("pan(0, 1)", "Look down"),
     "floor": ("floor", "Floor"),
+    "heat": ("heat", "Map of the belief"),
     "help": ("app.help", "Help"),
 }
 """The maze's or the app's action of each further key setting, and its name in the palette."""
@@ -171,6 +168,7 @@ _MAZE_HINTS = {
     "trail": ("trail",),
     "truth": ("truth",),
     "floor": ("floor",),
+    "map": ("heat",),
     "reset": ("reset",),
     "follow": ("follow",),
     "help": ("help",),
@@ -188,6 +186,12 @@ def keymap(keys: KeySettings) -> dict[str, str]:
     for name in DRIVING:
         mapped[f"{name}_fine"] = ",".join(shifted(key) for key in keys_of(keys, name)) or _NO_KEY
     return mapped
+
+
+def driving_keys(keys: KeySettings) -> frozenset[str]:
+    """Names of the keys that drive, with Shift and without."""
+    plain = [key for name in DRIVING for key in keys_of(keys, name)]
+    return frozenset((*plain, *map(shifted, plain)))
 
 
 def _maze_bindings() -> list[BindingType]:

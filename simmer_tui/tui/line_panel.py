@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import ClassVar
 
+from rich.cells import cell_len
 from rich.segment import Segment
 from rich.style import Style
 from textual.events import MouseDown, MouseEvent, MouseMove, MouseUp
@@ -12,15 +13,18 @@ from textual.strip import Strip
 from textual.widget import Widget
 
 from simmer_tui.sim.command import escape, printable
+from simmer_tui.tui.direct_lines import DirectLines
 
 StyledLine = tuple[tuple[str, str], ...]
 """Pieces of one line, each (text, role); a role is one of `ROLES`."""
 ROLES = (
     *("plain", "label", "value", "good", "warning", "danger", "newest", "dim", "title", "belief"),
     *("mark", "rule", "contact", "chosen", "robot", "bold"),
+    *("driving", "sensing", "link", "black-tile", "white-tile"),
 )
 """Besides words by their weight: `title` and `mark` stand out, `newest` was read last, `rule` is a line
-or the track of a gauge, `contact` a cell that marks one, `chosen` what a person has picked."""
+or the track of a gauge, `contact` a cell that marks one, `chosen` what a person has picked; `driving`,
+`sensing` and `link` are shares of the time spent, `black-tile` and `white-tile` what a line sensor sees."""
 
 
 _MARKED = Style(reverse=True)
@@ -62,7 +66,11 @@ def wrapped(line: StyledLine, width: int, indent: int) -> list[StyledLine]:
 def strip_of(line: StyledLine, styles: Mapping[str, Style], width: int) -> Strip:
     """A line as a Strip of exactly `width` cells. Every segment has a style."""
     segments = [Segment(printable(text), styles[role]) for text, role in line if text]
-    return Strip(segments).adjust_cell_length(width, styles["plain"])
+    spare = width - sum(cell_len(segment.text) for segment in segments)
+    if spare < 0:
+        return Strip(segments).adjust_cell_length(width, styles["plain"])
+    # One strip in place of two: making one takes longer than all that is put into it.
+    return Strip([*segments, Segment(" " * spare, styles["plain"])] if spare else segments, width)
 
 
 class RoleWidget(Widget):
@@ -155,6 +163,8 @@ class MarkableLines(RoleWidget):
 
     def marked(self, strip: Strip, y: int) -> Strip:
         """A strip as drawn, row `y` of the panel, with its marked part reversed."""
+        if self._to is None:
+            return strip
         row = y + self.scroll_offset.y
         if row not in self._marked_rows():
             return strip
@@ -214,12 +224,18 @@ class MarkableLines(RoleWidget):
         return first.x if row == first.y else 0, last.x + 1 if row == last.y else None
 
 
-class LinePanel(MarkableLines):
+class LinePanel(MarkableLines, DirectLines):
     """Shows a list of lines, cut at its width."""
 
     def __init__(self, *, id: str | None = None, classes: str | None = None) -> None:  # noqa: A002 - as in Textual
         super().__init__(id=id, classes=classes)
         self._lines: list[StyledLine] = []
+        # Textual asks for more rows than those that changed.
+        self._drawn: dict[int, tuple[StyledLine, Strip]] = {}
+
+    def notify_style_update(self) -> None:
+        self._drawn = {}
+        super().notify_style_update()
 
     def show(self, lines: Sequence[StyledLine]) -> None:
         """Show these lines in place of the last; only changed ones are sent."""
@@ -247,7 +263,12 @@ class LinePanel(MarkableLines):
 
     def render_line(self, y: int) -> Strip:
         line: StyledLine = self._lines[y] if y < len(self._lines) else ()
-        return self.marked(self.strip(shortened(line, self.size.width), self.size.width), y)
+        width = self.size.width
+        shown, strip = self._drawn.get(y, (None, None))
+        if strip is None or shown != line or strip.cell_length != width:
+            strip = self.strip(shortened(line, width), width)
+            self._drawn[y] = line, strip
+        return self.marked(strip, y)
 
     def text_rows(self) -> list[str]:
         return self.lines

@@ -47,13 +47,13 @@ class LogPanel(StillWhenClamped, ScrollView, MarkableLines, can_focus=True):
         self._rows: list[tuple[LogEntry, StyledLine | None]] = []
         """An entry itself, or a line of what is folded into it."""
         self._unfolded: set[int] = set()
-        self._guide: Sequence[StyledLine] = ()
         self._cursor: int | None = None
         self._typing = False
         self._at_end = True
         self._told = 0
         self.filter = ""
         """Text that an entry must have in its line, or as its source, to be shown; empty for all."""
+        self._before_events = ""
 
     # -- what is shown ---------------------------------------------------------------------------
 
@@ -76,16 +76,19 @@ class LogPanel(StillWhenClamped, ScrollView, MarkableLines, can_focus=True):
             while self._rows and self._rows[-1][0] is grown:
                 self._rows.pop()
         # A replay that has jumped brings more than the list holds.
-        for entry in entries[-EVENTS:]:
-            self._entries.append(entry)
-            self._rows += self._rows_of(entry)
+        new = entries[-EVENTS:]
+        self._entries.extend(new)
+        if self.filter or self._unfolded:
+            self._rows += [row for entry in new for row in self._rows_of(entry)]
+        else:
+            self._rows += [(entry, None) for entry in new]
         self._drop_rows()
         self._lay_out(top)
 
-    def guide(self, lines: Sequence[StyledLine]) -> None:
-        """Show lines below the entries as long as there are few of these."""
-        if tuple(lines) != tuple(self._guide):
-            self._guide = tuple(lines)
+    def show_before_events(self, text: str) -> None:
+        """Show a text as long as there are no entries."""
+        if text != self._before_events:
+            self._before_events = text
             self.refresh()
 
     @property
@@ -272,10 +275,9 @@ class LogPanel(StillWhenClamped, ScrollView, MarkableLines, can_focus=True):
         return [""] * _HEADING + [text_of(self._line_at(row, width)) for row in range(len(self._rows))]
 
     def _line_at(self, row: int, width: int) -> StyledLine:
-        """A row as it is shown: of the entries, or of the guide after them."""
+        """A row as it is shown."""
         if row >= len(self._rows):
-            after = row - len(self._rows)
-            return ((" ", "plain"), *(self._guide[after] if after < len(self._guide) else ()))
+            return () if row or self._told else ((f" {self._before_events}", "dim"),)
         entry, folded = self._rows[row]
         mark = ">" if self.has_focus and row == self._cursor else " "
         if folded is not None:

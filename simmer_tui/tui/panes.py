@@ -3,33 +3,43 @@
 To add a panel of lines: write a function of a `Snapshot` and a `Room`, and list it in `PANELS`.
 """
 
+import math
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
+from itertools import chain
 from typing import Protocol
 
 from msgspec import Struct
 from textual.events import Click
-from textual.strip import Strip
 from textual.widget import Widget
 
-from simmer_tui.config.describe_code import describe_code
 from simmer_tui.config.loader import Configuration
+from simmer_tui.phrases import counted
 from simmer_tui.sim.maze import Maze
+from simmer_tui.sim.wheels import WheelKinematics
 from simmer_tui.snapshot import LogEntry, Snapshot
-from simmer_tui.tui.line_panel import LinePanel, StyledLine, fault_line, heading, text_of, wrapped
+from simmer_tui.tui.answer_home import AnswerHome
+from simmer_tui.tui.answers import AnswerCard
+from simmer_tui.tui.headline import RunPhase, header_line, phase_of
+from simmer_tui.tui.legend import Legend
+from simmer_tui.tui.line_panel import LinePanel, StyledLine, fault_line, text_of
 from simmer_tui.tui.log_panel import LogPanel
+from simmer_tui.tui.maze.palette import Role
 from simmer_tui.tui.maze.scene import Scene, scene_of
 from simmer_tui.tui.maze.view import MazeView
 from simmer_tui.tui.radar import RadarPanel
-from simmer_tui.tui.readouts import FirstSteps, Room, header_line, pose_line, robot_lines, run_lines
+from simmer_tui.tui.readouts import Room, pose_line, program_lines, robot_lines, run_lines
+from simmer_tui.tui.sensor_facts import sensor_facts
 from simmer_tui.tui.sensor_readouts import SensorsView, rows_wanted, sensor_lines
+from simmer_tui.tui.sizes import BRIEF_ANSWER
 from simmer_tui.tui.terminal import GlyphMode, TerminalChoice
 
-# Every number on the screen is sent again when it changes: most bytes of a busy run.
-_NUMBERS = 0.5
-"""Least time between two pictures of the numbers, seconds: nobody reads faster."""
+# What is history has nothing beside it that says the same, so it may lag: each line of it that changes
+# is bytes over a slow link, and nobody reads faster.
+_LAGS = {"events": 0.5, "values": 1.0, "radar": 0.2}
+"""Least time between two pictures of a part that is history, seconds."""
 
 
 class SnapshotSource(Protocol):
@@ -62,6 +72,43 @@ class SnapshotSource(Protocol):
         ...
 
 
+class Lags:
+    """Parts of the screen that may show an older moment than the rest: whose turn it is."""
+
+    def __init__(self) -> None:
+        self._shown = dict.fromkeys(_LAGS, -math.inf)
+        self._calm = False
+        self._marks: tuple[object, ...] = ()
+        self.waiting: set[str] = set()
+        """Parts that do not show the newest snapshot yet."""
+
+    def hurry(self) -> None:
+        """Let all parts have their turn now."""
+        self._shown = dict.fromkeys(_LAGS, -math.inf)
+
+    def take(self, snapshot: Snapshot, before: Snapshot | None) -> None:
+        """Take note of a new snapshot. When the robot comes to stand, at a pause, a contact and a verdict all
+        of the screen shows that moment."""
+        state = snapshot.state
+        calm = not state.moving and (before is None or before.state.pose == state.pose)
+        # What waits while nothing happens has its turn one after the other, and then the screen rests.
+        if before is None or snapshot.number != before.number or snapshot.anew or not calm:
+            self.waiting = set(_LAGS)
+        marks = state.paused, state.contacts, snapshot.verdict is None
+        if marks != self._marks or (calm and not self._calm):
+            self.hurry()
+        self._calm, self._marks = calm, marks
+
+    def is_due(self, part: str) -> bool:
+        """True if a part is to show the newest snapshot now; it counts as shown then."""
+        now = time.monotonic()
+        if now - self._shown[part] < _LAGS[part]:
+            return False
+        self._shown[part] = now
+        self.waiting.discard(part)
+        return True
+
+
 class PanelKind(Struct, frozen=True):
     """A panel of lines beside the maze: its name, its rows, and its lines for a snapshot."""
 
@@ -70,8 +117,15 @@ class PanelKind(Struct, frozen=True):
     lines: Callable[[Snapshot, Room], Sequence[StyledLine]]
 
 
-PANELS = (PanelKind("robot", 6, robot_lines), PanelKind("run", 6, run_lines))
+PANELS = (PanelKind("robot", 6, robot_lines), PanelKind("run", 4, run_lines))
 """Panels beside the maze, in the order in which there is room for them."""
+# Three goals, the time, and the time spent in two lines, below a heading.
+_MISSION_ROWS = 7
+# Heading, pose and state; with a radar beside it there is room for the belief as well.
+_BRIEF_ROBOT, _TALL_ROBOT, _TALL = 3, 4, 45
+"""Rows of the robot's panel beside those of a mission, and the screen's rows from which it has one more."""
+_FRAMES = {RunPhase.SUCCESS: Role.FRAME_SUCCESS, RunPhase.FAILURE: Role.FRAME_FAILURE}
+"""Colour of the maze's frame at a verdict."""
 _BARS = (
     PanelKind("header", 1, lambda snapshot, room: [header_line(snapshot, room)]),
     PanelKind("pose", 1, lambda snapshot, room: [pose_line(snapshot, room)]),
@@ -93,30 +147,6 @@ class SensorsPanel(LinePanel):
             self.picked(self.codes[event.y])
 
 
-class Legend(Widget):
-    """Legend of the maze's picture."""
-
-    ALLOW_SELECT = False
-
-    def __init__(self, maze: MazeView) -> None:
-        super().__init__(id="legend")
-        self._maze = maze
-        self._strip = Strip([])
-
-    def bring_up_to_date(self) -> None:
-        strip = self._maze.legend(max(self.size.width - 1, 1)) if self.size.width else Strip([])
-        if strip != self._strip:
-            self._strip = strip
-            self.refresh()
-
-    def on_resize(self) -> None:
-        self.bring_up_to_date()
-
-    def render_line(self, y: int) -> Strip:
-        line = Strip.join((Strip.blank(1, self.rich_style), self._strip))
-        return line.adjust_cell_length(self.size.width, self.rich_style)
-
-
 class Panes:
     """Maze, events and panels. A fault in one is told in its place and keeps nothing else from going on."""
 
@@ -126,7 +156,11 @@ class Panes:
         self._source = source
         self._spec = configuration.simulation
         self._name = source.name
+        wheels = self._spec.wheels
+        self._wheels = None if wheels is None else WheelKinematics.of(wheels)
         self._world = Maze(self._spec.maze)
+        self.program_name = ""
+        """Name of the program that runs beside, if there is one."""
         self._glyphs = choice.glyphs
         self._plain = choice.glyphs is GlyphMode.ASCII
         self.sensor_rows = rows_wanted(self._spec.sensors)
@@ -137,8 +171,15 @@ class Panes:
         self.radar = RadarPanel(self._world, choice.glyphs, choice.color, id="radar")
         self.panels = {kind.name: LinePanel(id=kind.name) for kind in (*PANELS, *_BARS)}
         self.facts = LinePanel(id="facts")
-        self.first_steps: Callable[[], FirstSteps | None] = lambda: None
-        """Advice to show as long as no command has come."""
+        self.program = LinePanel(id="program")
+        self.home = AnswerHome()
+        self._answer_panel = LinePanel(id="answer")
+        self.answer: AnswerCard | None = None
+        """AnswerCard of the moment."""
+        self.phase = RunPhase.GOING
+        """Phase of the run that is shown."""
+        self.has_mission = False
+        """True if the run shown is a mission."""
         self.pointer = ""
         """Orders that give the reasons of a failure."""
         self.chosen = ""
@@ -153,40 +194,69 @@ class Panes:
         self._waiting: list[LogEntry] = []
         self._anew = False
         self._snapshot: Snapshot | None = None
-        self._numbered = 0.0
-        self.has_unshown = False
-        """True while numbers wait for their next turn."""
+        self._lags = Lags()
+        self._past: Mapping[str, Sequence[float]] = {}
+        """Earlier values of each sensor, by code, as they are shown."""
+
+    @property
+    def has_unshown(self) -> bool:
+        """True while something that may lag waits for its turn."""
+        return bool(self._lags.waiting)
 
     @property
     def widgets(self) -> Iterator[Widget]:
         """All panes, in the order in which Tab goes through those that take keys."""
-        yield from (self.maze, self.legend, self.sensors, self.radar)
+        yield from (self.maze, self.legend, self._answer_panel, self.sensors, self.radar)
         yield from self.panels.values()
-        yield from (self.log, self.facts)
+        yield from (self.log, self.facts, self.program)
+
+    def panel_rows(self, height: int, *, page: bool) -> list[tuple[str, int]]:
+        """Name and rows of each panel beside the maze, on a screen of so many rows; on a `page` of their own
+        they have all of it."""
+        robot, run = (kind.rows for kind in PANELS)
+        if self.has_mission:
+            run = _MISSION_ROWS
+            robot = robot if page else _BRIEF_ROBOT if height < _TALL else _TALL_ROBOT
+        return [(PANELS[0].name, robot), (PANELS[1].name, run)]
+
+    @property
+    def answer_rows(self) -> int:
+        """Rows that the answer wants; 0 if it gives way to all else."""
+        answer = self.answer
+        if answer is None or not answer.covers:
+            return 0
+        return answer.rows(self._answer_panel.size.width or self.sensors.size.width or 1)
 
     def switch(self, name: str, word: str = "") -> None:
         """Show something or not, `on` or `off`; without a word, change over."""
         self.shown[name] = not self.shown[name] if not word else word == "on"
-        self._numbered = 0.0
+        self._lags.hurry()
 
     def choose(self, code: str) -> None:
         """Look at a sensor more closely; at the same one again, no longer."""
         self.chosen = "" if code == self.chosen else code
-        self._numbered = 0.0
+        self._lags.hurry()
 
-    def show(self, snapshot: Snapshot) -> None:
-        """Bring the maze up to date, and the numbers if it is their turn."""
-        self._snapshot = snapshot
+    def show(self, snapshot: Snapshot) -> bool:
+        """Show a snapshot, the same one in every pane. Returns true if the events, which may lag, show it."""
+        before, self._snapshot = self._snapshot, snapshot
+        self._lags.take(snapshot, before)
         self._take_entries(snapshot)
+        if self._lags.is_due("values"):
+            self._past = {code: row.history for code, row in snapshot.state.sensors.items()}
+        self._show_phase(snapshot)
         scene = self._show_maze(snapshot)
-        if time.monotonic() - self._numbered >= _NUMBERS:
-            self._show_numbers(snapshot, scene)
-        else:
-            self.has_unshown = True
+        self._show_numbers(snapshot)
+        if self._lags.is_due("radar") and scene is not None and self.radar.display:
+            self.radar.show(scene, self.maze.painter.look)
+        is_due = self._lags.is_due("events")
+        if is_due:
+            self._show_events()
+        return is_due
 
     def show_again(self) -> None:
         """Bring everything up to date after a change of sizes."""
-        self._numbered = 0.0
+        self._lags.hurry()
         if self._snapshot is not None:
             self.show(replace(self._snapshot, entries=(), anew=False))
 
@@ -207,55 +277,72 @@ class Panes:
             self._waiting.pop()  # it has grown
         self._waiting += entries
 
+    def _show_phase(self, snapshot: Snapshot) -> None:
+        """Have row 0 and the maze's frame wear the colour of the run's phase."""
+        phase = phase_of(snapshot, self._source.ports)
+        self.has_mission = snapshot.mission is not None
+        if phase is not self.phase:
+            self.phase = phase
+            self.panels["header"].set_classes([phase.value])
+            self._lags.hurry()
+        self.maze.frame_role = _FRAMES.get(phase, Role.EDGE)
+
     def _show_events(self) -> None:
-        told = self._snapshot.told if self._snapshot is not None else 0
+        told = 0
+        if self._snapshot is not None:
+            told = self._snapshot.told
+            self.log.show_before_events(self._ready_text(self._snapshot.state.seed))
         self.log.add(self._waiting, told=told, anew=self._anew)
         self._waiting, self._anew = [], False
 
-    def _show_numbers(self, snapshot: Snapshot, scene: Scene | None) -> None:
-        self._numbered = time.monotonic()
-        self.has_unshown = False
-        self._show_events()
-        # Advice for a beginner goes with the first command, or with a program that connects.
-        idle = not snapshot.state.commands and not snapshot.state.client
-        steps = self.first_steps() if idle else None
-        room = max(self.log.size.width - 2, 1)
-        self.log.guide([part for line in (steps.lines if steps else ()) for part in wrapped(line, room, 4)])
+    def _ready_text(self, seed: int) -> str:
+        maze, sensors = self._spec.maze, self._spec.sensors
+        used = counted(sum(sensor.enabled for sensor in sensors), "sensor")
+        return f"ready: {self._name}, maze {maze.columns} x {maze.rows}, {used}, seed {seed}"
+
+    def _show_numbers(self, snapshot: Snapshot) -> None:
+        self._choose_answer(snapshot)
         for kind in (*PANELS, *_BARS):
             _show(self.panels[kind.name], partial(self._lines_of, kind, snapshot))
+        _show(self._answer_panel, self._answer_lines)
         _show(self.facts, lambda width, rows: self._facts(snapshot, width))
-        _show(self.sensors, partial(self._sensor_lines, snapshot, steps))
+        _show(self.program, partial(self._program_lines, snapshot))
+        _show(self.sensors, partial(self._sensor_lines, snapshot))
         self.legend.bring_up_to_date()
-        if scene is not None and self.radar.display:
-            self.radar.show(scene, self.maze.painter.look)
+
+    def _choose_answer(self, snapshot: Snapshot) -> None:
+        try:
+            # The list of events lags; what is said here is of the same moment as the maze.
+            newest = chain(reversed(self._waiting), reversed(self.log.entries))
+            self.answer = self.home.answer(snapshot, newest, self.phase, plain=self._plain)
+        except Exception as error:  # noqa: BLE001 - a fault in an answer must not end the app
+            self.answer = AnswerCard("answer", "", (fault_line(error),), covers=False)
+
+    def _answer_lines(self, width: int, rows: int) -> Sequence[StyledLine]:
+        if self.answer is None:
+            return []
+        # On a small screen it goes on in the line below, which the console has.
+        return self.answer.shown(self._room(width, max(rows, BRIEF_ANSWER)))[:rows]
+
+    def _program_lines(self, snapshot: Snapshot, width: int, rows: int) -> Sequence[StyledLine]:
+        return program_lines(snapshot, self.log.entries, self._room(width, rows))
+
+    def _room(self, width: int, rows: int) -> Room:
+        source = self._source
+        words = self._name, source.pace, source.ports, self.pointer, self.program_name
+        return Room(width, rows, self._plain, *words, self._wheels)
 
     def _lines_of(self, kind: PanelKind, snapshot: Snapshot, width: int, rows: int) -> Sequence[StyledLine]:
-        source = self._source
-        room = Room(width, rows, self._plain, self._name, source.pace, source.ports, self.pointer)
-        return kind.lines(snapshot, room)
+        return kind.lines(snapshot, self._room(width, rows))
 
-    def _sensor_lines(
-        self, snapshot: Snapshot, steps: FirstSteps | None, width: int, rows: int
-    ) -> list[StyledLine]:
-        view = SensorsView(self._glyphs, self.shown["truth"], self.chosen)
+    def _sensor_lines(self, snapshot: Snapshot, width: int, rows: int) -> list[StyledLine]:
+        view = SensorsView(self._glyphs, self.shown["truth"], self.chosen, self._past)
         lines = sensor_lines(self._spec.sensors, snapshot, width, rows, view)
         self.sensors.codes = [line.code for line in lines]
-        shown = [line.line for line in lines]
-        if steps is not None and not self.log.display:
-            # Keys and help, where there are no events to have them below.
-            shown += [line for each in ((), *steps.narrow) for line in wrapped(each, width, 0)]
-        return shown
+        return [line.line for line in lines]
 
     def _facts(self, snapshot: Snapshot, width: int) -> list[StyledLine]:
-        """One sensor looked at closely: the one picked, or the one read last."""
-        rows = sorted(snapshot.state.sensors.values(), key=lambda row: row.number)
-        code = self.chosen or (rows[-1].reading.sensor.code if rows else "")
-        if not code:
-            return [heading("sensor", "", width, plain=self._plain), (("none read yet", "dim"),)]
-        note = "click on another" if self.chosen else f"read last; :help {code}"
-        said = describe_code(self._spec, code)
-        lines = [heading(f"sensor {code}", note, width, plain=self._plain)]
-        return lines + [((line[:7], "label"), (line[7:], "value")) for line in said[1:]]
+        return sensor_facts(snapshot, width, self.chosen, self._past, self._spec.sensors, plain=self._plain)
 
     def _show_maze(self, snapshot: Snapshot) -> Scene | None:
         if not self.shown["plot_robot"]:

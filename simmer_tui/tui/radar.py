@@ -7,65 +7,145 @@ from textual.strip import Strip
 
 from simmer_tui.sim.angles import FloatArray
 from simmer_tui.sim.maze import Maze
-from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.records import RangeScan
-from simmer_tui.sim.specs import CELL_SIZE
+from simmer_tui.sim.scan_rays import ScanRays
 from simmer_tui.tui.line_panel import RoleWidget, heading
-from simmer_tui.tui.maze.glyphs import BRAILLE, Cells, Signs, blank_cells, dot_patterns, signs_for
-from simmer_tui.tui.maze.palette import Attribute, Look, Palette, Role, palette_for
-from simmer_tui.tui.maze.scene import Scene
-from simmer_tui.tui.maze.shapes import ray_points, reach, to_local
+from simmer_tui.tui.maze.glyphs import BRAILLE, Cells, Mask, Signs, blank_cells, dot_patterns, signs_for
+from simmer_tui.tui.maze.palette import DEFAULT, Attribute, Look, Palette, Role, palette_for
+from simmer_tui.tui.maze.robot import on_hand
+from simmer_tui.tui.maze.scene import Scene, SensorView
+from simmer_tui.tui.maze.shapes import covers, ray_points, to_local
 from simmer_tui.tui.strips import CellsWidget
 from simmer_tui.tui.terminal import ColorDepth, GlyphMode
 
-# A foot each: three maze cells, further than a robot that looks for walls needs to see.
-RINGS = (12.0, 24.0, 36.0)
-"""Radii of the rings around the robot's centre, inches."""
+_SCALES = (24.0, 36.0, 48.0)
+"""Distances that the outer ring may stand for, inches."""
+# A foot, which is a maze cell.
+_RING_EVERY = 12.0
+"""Inches from one ring to the next."""
+_MOST = 0.75
+"""Share of the last readings that the scale must hold."""
 _LABEL_ROOM = 2.0
 """Units beyond the last ring, for the code of a sensor whose ray ends there."""
-_RING_GAP = 3.0
-"""Units between two dots of a ring: fewer than those of a wall, which has one every half unit."""
-_LABEL_AT = 1.06
-"""Place of a label along its ray, as a multiple of its length: just beyond the end."""
+# A wall has two a unit. With fewer than these a ring is dust, not a circle.
+_RING_GAP = 1.2
+"""Units between two dots of a ring."""
+_RING_NUMBERS = math.radians(-90.0 - 28.0)
+"""Direction of the rings' numbers from the front: below the right, where bundled sets have no sensor."""
+# Twice as many as the panel has dots across, so that a wall has no gaps.
+_LOOKS = 720
+"""Directions in which walls are looked for around the robot."""
+_LEAST_ROBOT = 2.4
+"""Least radius of the robot, units: fewer show no hand."""
+_NO_ECHO = 9.0
+"""Length of the stub of a ray without an echo, inches."""
+_BEAM = 10.0
+"""Degrees from which a beam has two sides, and an arc where it ends."""
+_SPARSE = 1.5
+"""Units between two dots of the sides of a beam."""
+_GIVES_WAY = (1.06, 1.18, 0.9, 0.75)
+"""Places of a label along its ray, as multiples of its length: beyond the end, then further out, then in."""
+
+
+def radar_scale(scene: Scene) -> float:
+    """Distance of the outer ring, inches: the least that holds three quarters of the last readings."""
+    read = [each.reading for each in scene.views if isinstance(each.view, RangeScan)]
+    finite = [value for value in read if value is not None and math.isfinite(value)]
+    for scan in scene.scans:
+        finite += scan.ranges.tolist()
+    finite.sort()
+    if not finite:
+        return _SCALES[0]
+    wanted = finite[math.ceil(_MOST * len(finite)) - 1]
+    return next((scale for scale in _SCALES if scale >= wanted), _SCALES[-1])
 
 
 def radar_cells(scene: Scene, maze: Maze, rows: int, columns: int, signs: Signs, palette: Palette) -> Cells:
     """The picture, (rows, columns)."""
     cells = blank_cells(rows, columns)
-    scale = (min(columns / 2, float(rows)) - _LABEL_ROOM) / RINGS[-1]
+    outer = radar_scale(scene)
+    scale = (min(columns / 2, float(rows)) - _LABEL_ROOM) / outer
     if scale > 0:
-        _Radar(cells, scene, signs, palette, scale).draw(maze)
+        _Radar(cells, scene, signs, palette, scale, outer).draw(maze)
     return cells
 
 
 class _Radar:
-    """A picture in the making. Its units are those of the maze's picture; `scale` is units an inch."""
+    """A picture in the making. Its units are those of the maze's picture; `scale` is units an inch, `outer`
+    the distance of the outer ring, inches."""
 
-    def __init__(self, cells: Cells, scene: Scene, signs: Signs, palette: Palette, scale: float) -> None:
-        self.cells, self.scene, self.signs, self.palette, self.scale = cells, scene, signs, palette, scale
+    def __init__(
+        self, cells: Cells, scene: Scene, signs: Signs, palette: Palette, scale: float, outer: float
+    ) -> None:
+        self.cells, self.scene, self.signs, self.palette = cells, scene, signs, palette
+        self.scale, self.outer = scale, outer
         rows, columns = cells.shape
         # A row is two units high.
         self.middle = columns / 2, float(rows)
+        self._labels: list[tuple[int, int, int]] = []
 
     def draw(self, maze: Maze) -> None:
-        """Rings, walls, rays, their labels, and the robot over all of it."""
-        scene, step = self.scene, 1 / (2 * self.scale)
-        for radius in RINGS:
+        """Rings, walls, rays, block and robot, and the labels over all of it."""
+        scene = self.scene
+        rings = np.arange(_RING_EVERY, self.outer + 1.0, _RING_EVERY).tolist()
+        for radius in rings:
             angles = np.arange(0.0, 2 * math.pi, _RING_GAP / (radius * self.scale))
-            self._put_dots(Role.GRID, radius * np.stack((np.cos(angles), np.sin(angles)), axis=-1))
-        walls = to_local(_wall_faces(maze, scene.pose, step), scene.pose)
-        self._put_dots(Role.EDGE, walls[np.hypot(walls[:, 0], walls[:, 1]) <= RINGS[-1]])
-        labels = []
-        for each in scene.views if scene.show_rays else ():
-            if not isinstance(each.view, RangeScan) or not each.view.distances:
-                continue
-            bright = scene.is_bright(each)
-            ray = to_local(_nearest_ray(each.view, step), scene.pose)
-            self._put_dots(Role.RAY_STRONG if bright else Role.RAY_WEAK, ray)
-            labels.append((ray[-1], each.sensor, Role.RAY_STRONG if bright else Role.TEXT))
-        for place, code, role in labels:
-            self._put_label(place, code, role)
+            self._put_dots(Role.RING, radius * _directions(angles))
+        self._put_dots(Role.EDGE, self._walls(maze))
+        for scan in scene.scans if scene.show_rays else ():
+            self._put_scan(scan)
+        rays = [each for each in scene.views if isinstance(each.view, RangeScan) and each.view.distances]
+        ends = [self._put_ray(each) for each in rays] if scene.show_rays else []
+        self._put_block()
         self._put_robot()
+        for radius in rings:
+            text = f"{radius:g} in" if radius == rings[-1] else f"{radius:g}"
+            self._put_text(radius * _directions(np.array([_RING_NUMBERS]))[0], text, Role.DIM_TEXT, (1.0,))
+        # The newest has the best place.
+        for end, text, role in reversed(ends):
+            self._put_text(end, text, role, _GIVES_WAY)
+
+    def _walls(self, maze: Maze) -> FloatArray:
+        """Places of walls that can be seen from the robot, (n, 2), in its frame."""
+        pose = self.scene.pose
+        if maze.is_wall(pose.x, pose.y):
+            return np.empty((0, 2))
+        angles = np.linspace(0.0, 2 * math.pi, _LOOKS, endpoint=False)
+        ways = _directions(angles)
+        x, y = np.full(_LOOKS, pose.x), np.full(_LOOKS, pose.y)
+        found = maze.cast_many(x, y, ways[:, 0], ways[:, 1])
+        near = np.flatnonzero(found <= self.outer)
+        places = np.array((pose.x, pose.y)) + found[near, None] * ways[near]
+        return to_local(places, pose)
+
+    def _put_scan(self, scan: ScanRays) -> None:
+        """A dot where each beam ended, over the walls that are there."""
+        places = to_local(scan.ends, self.scene.pose)
+        self._put_dots(Role.RAY_STRONG, places[np.hypot(*places.T) <= self.outer])
+
+    def _put_ray(self, each: SensorView) -> tuple[FloatArray, str, Role]:
+        """Ray of a reading, as long as it told. Returns its end, its label and the label's colour."""
+        view, pose, scale = each.view, self.scene.pose, self.scale
+        assert isinstance(view, RangeScan), "only those have rays"
+        bright = self.scene.is_bright(each)
+        role, ink = (Role.RAY_STRONG, Role.RAY_STRONG) if bright else (Role.RAY_WEAK, Role.TEXT)
+        length = min(view.distances) if each.reading is None else each.reading
+        echo = math.isfinite(length)
+        shown = max(min(length, self.outer), 0.0) if echo else _NO_ECHO
+        middle = view.bearings[len(view.bearings) // 2]
+        step = 1 / (2 * scale)
+        ray = to_local(ray_points(view.origin, middle, shown + step, step), pose)
+        self._put_dots(role, ray)
+        wide = max(view.bearings) - min(view.bearings)
+        if echo and wide >= _BEAM:
+            for bearing in (min(view.bearings), max(view.bearings)):
+                side = ray_points(view.origin, bearing, shown, _SPARSE / scale)
+                self._put_dots(role, to_local(side, pose))
+            angles = np.radians(np.arange(min(view.bearings), max(view.bearings), 2.0))
+            arc = np.array(view.origin) + shown * _directions(angles)
+            self._put_dots(role, to_local(arc, pose))
+        none = "-" if not self.signs.has_blocks else "–"
+        return ray[-1], each.sensor if echo else f"{each.sensor} {none}", ink
 
     def _units(self, places: FloatArray) -> FloatArray:
         """The robot's frame in units of the panel: x right, y down, the front up."""
@@ -83,55 +163,95 @@ class _Radar:
             wall = role is Role.EDGE and not signs.has_blocks
             cells.characters.reshape(-1)[there] = ord("#") if wall else signs.line(role)
         cells.foreground.reshape(-1)[there] = palette[role]
-        dim = Attribute.DIM if palette.is_mono and role is Role.GRID and signs.has_blocks else Attribute.NONE
+        dim = Attribute.DIM if palette.is_mono and role is Role.RING and signs.has_blocks else Attribute.NONE
         cells.attributes.reshape(-1)[there] = dim
 
-    def _put_label(self, end: FloatArray, code: str, role: Role) -> None:
-        """Write the code of a sensor beyond the end of its ray."""
+    def _put_text(self, end: FloatArray, text: str, role: Role, places: tuple[float, ...]) -> None:
+        """Write a label along the ray to `end`, at the first of `places` where none stands yet."""
         rows, columns = self.cells.shape
-        x, y = self._units(end[None] * _LABEL_AT)[0]
-        row, column = math.floor(y / 2), math.floor(x - len(code) / 2 + 0.5)
-        if 0 <= row < rows and 0 <= column <= columns - len(code):
-            self.cells.write(row, column, code, self.palette[role], Attribute.BOLD)
+        for place in places:
+            x, y = self._units(end[None] * place)[0]
+            row, column = math.floor(y / 2), math.floor(x - len(text) / 2 + 0.5)
+            fits = 0 <= row < rows and 0 <= column <= columns - len(text)
+            until = column + len(text)
+            taken = any(row == at and column <= stop and start <= until for at, start, stop in self._labels)
+            if fits and not taken:
+                self._labels.append((row, column, until))
+                bold = Attribute.NONE if role is Role.DIM_TEXT else Attribute.BOLD
+                self.cells.write(row, column, text, self.palette[role], bold)
+                return
+
+    # -- block and robot -------------------------------------------------------------------------
+
+    def _pixels(self, scale: float) -> FloatArray:
+        """Middles of all pixels in the robot's frame, inches, (rows * down, columns * across, 2)."""
+        rows, columns = self.cells.shape
+        across, down = self.signs.across, self.signs.down
+        x = (np.arange(columns * across) + 0.5) / across
+        y = (np.arange(rows * down) + 0.5) * 2 / down
+        left, ahead = (self.middle[0] - x) / scale, (self.middle[1] - y) / scale
+        return np.stack(np.broadcast_arrays(ahead[:, None], left[None, :]), axis=-1)
+
+    def _put_pixels(self, role: Role, mask: Mask, paper: Role | None = None) -> None:
+        """Lay pixels over what is there, on the ground or on a `paper`."""
+        cells, signs, palette = self.cells, self.signs, self.palette
+        rows, columns = cells.shape
+        bits = mask.reshape(rows, signs.down, columns, signs.across).transpose(0, 2, 1, 3)
+        patterns = (bits.reshape(rows, columns, -1) << np.arange(signs.down * signs.across)).sum(axis=-1)
+        for row, column in np.argwhere(patterns).tolist():
+            cells.characters[row, column] = signs.blocks[patterns[row, column]]
+            cells.foreground[row, column] = palette[role]
+            cells.background[row, column] = DEFAULT if paper is None else palette[paper]
+            reverse = palette.is_mono and paper is not None
+            cells.attributes[row, column] = Attribute.REVERSE if reverse else Attribute.NONE
+
+    def _put_block(self) -> None:
+        scene = self.scene
+        if scene.block_centre is None:
+            return
+        centre = to_local(np.array([scene.block_centre]), scene.pose)[0]
+        if math.hypot(*centre) > self.outer:
+            return
+        if self.signs.has_blocks:
+            away = np.abs(self._pixels(self.scale) - centre).max(axis=-1)
+            mask = away <= max(scene.block_size / 2, 1 / self.scale)
+            self._put_pixels(Role.BLOCK, mask)
+        else:
+            self._put_text(centre, "B", Role.BLOCK, (1.0,))
 
     def _put_robot(self) -> None:
-        """The robot's body, cell by cell, and its front."""
-        cells, signs, palette = self.cells, self.signs, self.palette
-        radius = reach(self.scene.robot) * self.scale
-        wide, high = max(1, round(radius)), max(0, round((radius - 1) / 2))
+        """The robot's body, its front up, with the hand that it has in the maze."""
+        radius = self.scene.robot.reach
+        scale = max(self.scale, _LEAST_ROBOT / radius)
+        if not self.signs.has_blocks:
+            self._put_letters(round(radius * scale))
+            return
+        places = self._pixels(scale)
+        body: Mask = covers(self.scene.robot, places)
+        hand = on_hand(places / radius)
+        rows, columns = self.cells.shape
+        grid = body.reshape(rows, self.signs.down, columns, self.signs.across)
+        whole = np.repeat(
+            np.repeat(grid.all(axis=(1, 3)), self.signs.down, axis=0), self.signs.across, axis=1
+        )
+        # In cells of the rim the ground shows through the hand: its own colour would be a third one there.
+        self._put_pixels(Role.ROBOT, body & ~(hand & ~whole))
+        self._put_pixels(Role.HEADING, hand & whole, Role.ROBOT)
+
+    def _put_letters(self, radius: int) -> None:
+        """The robot in ASCII: a body of letters, and an arrow."""
         row, column = math.floor(self.middle[1] / 2), math.floor(self.middle[0])
-        body = " " if signs.has_blocks else "O"
-        mono = Attribute.REVERSE if palette.is_mono and signs.has_blocks else Attribute.NONE
+        wide, high = max(1, radius), max(0, round((radius - 1) / 2))
         for offset in range(-high, high + 1):
-            if 0 <= row + offset < cells.shape[0]:
-                inset = 1 if abs(offset) == high and high else 0
-                left = max(column - wide + inset, 0)
-                text = body * (2 * wide + 1 - 2 * inset)
-                cells.write(row + offset, left, text, palette[Role.HEADING], mono)
-                cells.background[row + offset, left : left + len(text)] = palette[Role.ROBOT]
-        cells.write(row, column, signs.arrows[2][0], palette[Role.HEADING], Attribute.BOLD | mono)
+            if 0 <= row + offset < self.cells.shape[0]:
+                left = max(column - wide, 0)
+                self.cells.write(row + offset, left, "O" * (2 * wide + 1), self.palette[Role.ROBOT])
+        self.cells.write(row, column, self.signs.arrows[2][0], self.palette[Role.ROBOT], Attribute.BOLD)
 
 
-def _wall_faces(maze: Maze, pose: Pose, step: float) -> FloatArray:
-    """Samples of the faces of walls near a pose, (n, 2), global."""
-    reached = RINGS[-1] // CELL_SIZE + 1
-    cell = np.array((pose.y, pose.x)) // CELL_SIZE + 1
-    along = np.arange(0.0, CELL_SIZE, step)[:, None]
-    parts = [np.empty((0, 2))]
-    for axis, direction in enumerate(np.eye(2)):
-        # A face lies between a wall and a free cell, one row apart or one column.
-        faces = np.argwhere(np.diff(maze.walls, axis=axis))
-        faces = faces[(np.abs(faces - cell) <= reached).all(axis=1)]
-        begins = CELL_SIZE * (faces[:, ::-1] - direction)
-        parts.append((begins[:, None] + along * direction).reshape(-1, 2))
-    return np.concatenate(parts)
-
-
-def _nearest_ray(view: RangeScan, step: float) -> FloatArray:
-    """Samples of the shortest ray of a fan."""
-    nearest = view.distances.index(min(view.distances))
-    length = min(view.distances[nearest], RINGS[-1])
-    return ray_points(view.origin, view.bearings[nearest], length + step, step)
+def _directions(angles: FloatArray) -> FloatArray:
+    """Unit vectors, (n, 2)."""
+    return np.stack((np.cos(angles), np.sin(angles)), axis=-1)
 
 
 class RadarPanel(RoleWidget, CellsWidget):
@@ -165,6 +285,6 @@ class RadarPanel(RoleWidget, CellsWidget):
     def render_line(self, y: int) -> Strip:
         if y:
             return super().render_line(y)
-        note = f"front is up, rings {' '.join(f'{ring:g}' for ring in RINGS)} in"
+        note = f"front is up, rings every {_RING_EVERY:g} in"
         title = heading("radar", note, self.size.width, plain=self._glyphs is GlyphMode.ASCII)
         return self.strip(title, self.size.width)

@@ -4,35 +4,40 @@ from collections.abc import Mapping, Sequence
 
 from msgspec import Struct, field
 
-from simmer_tui import client
-from simmer_tui.config.dialects import COMMANDS, PACKET_REPLIES, PACKETS, REPLIES
-from simmer_tui.config.settings import ServerSettings
-from simmer_tui.events import Result
+from simmer_tui.events import EventHandler, Goal, Notice, NoticeKind, Result
 from simmer_tui.mission import MissionState
-from simmer_tui.phrases import counted
-from simmer_tui.report.verdict import Outcome
-from simmer_tui.run.state import TimeSpent
-from simmer_tui.sim.command import escape, printable
+from simmer_tui.phrases import counted, progress_text, side_text, velocity_text
+from simmer_tui.run.state import SensorRow, State, TimeSpent
+from simmer_tui.sim.angles import half_turn
+from simmer_tui.sim.command import escape, parse_value, printable
+from simmer_tui.sim.wheels import WheelKinematics
 from simmer_tui.snapshot import LogEntry, Snapshot
-from simmer_tui.tui.event_text import belief_texts, clock, last_event_line, pose_text, reply_text
-from simmer_tui.tui.line_panel import StyledLine, between, heading, length, shortened, wrapped
-from simmer_tui.tui.maze.glyphs import ARROWS
-from simmer_tui.tui.sensor_readouts import gauge
+from simmer_tui.tui.event_text import (
+    clock,
+    last_event_line,
+    off_text,
+    pose_text,
+    reply_text,
+    spread_text,
+    truth_text,
+)
+from simmer_tui.tui.gauges import gauge
+from simmer_tui.tui.line_panel import StyledLine, between, heading, length, shortened
+from simmer_tui.tui.sensor_readouts import heading_sign, scan_line
 
 # The longest, "contacts" and "commands", have eight letters.
 _LABEL = 9
-_OUTCOMES = {Outcome.SUCCEEDED: "good", Outcome.FAILED: "danger", Outcome.CRASHED: "danger"}
 """Columns of a label."""
-# Fewer letters of a name say nothing; a longer one is a path, whose end is cut.
-_LEAST_NAME, _LONGEST_NAME = 12, 60
 # Between the usual 80 columns and the 110 at which panels stand in full.
-_ROOMY = 100
+ROOMY = 100
 """Columns from which a bar has room for what is not needed at every glance."""
-_EAST_ON_PLAIN = ("E", "NE", "N", "NW", "W", "SW", "S", "SE")
 # The widest panel beside a maze has 60: see sizes.py.
 _WIDE_PANEL = 60
 """Columns from which a panel has room for a second place in one line."""
 _GAP: StyledLine = (("  ", "plain"),)
+# A heading, pose, belief and state; and with contacts and block a line each.
+_WITH_BELIEF, _WITH_BLOCK = 4, 6
+"""Rows of the robot's panel from which it shows more."""
 
 
 class Room(Struct, frozen=True):
@@ -44,6 +49,8 @@ class Room(Struct, frozen=True):
         pace: speed of simulated time, in a word or two.
         ports: ports that a program may connect to, by purpose; none for a run from a log.
         pointer: orders that give the reasons of a failure.
+        program: name of the program that runs beside, if there is one.
+        wheels: the robot's, if the set describes them.
     """
 
     width: int
@@ -53,40 +60,18 @@ class Room(Struct, frozen=True):
     pace: str = ""
     ports: Mapping[str, int] = field(default_factory=dict)
     pointer: str = ""
-
-
-def header_line(snapshot: Snapshot, room: Room) -> StyledLine:
-    """The bar on top: simulated set, who drives it and how busily, its pace, seed and clock."""
-    state = snapshot.state
-    roomy = room.width >= _ROOMY
-    right: StyledLine = ((f"{'o' if room.plain else '○'} no client", "dim"),)
-    if state.client:
-        who = state.client if roomy else state.client.rpartition(":")[0] or state.client
-        rate = f"{snapshot.rate:.0f}{' commands' if roomy else ''}/s"
-        right = ((f"{'*' if room.plain else '●'} ", "robot"), (f"client {who}  {rate}", "plain"))
-    paused = "PAUSED, a command waits" if snapshot.waiting and roomy else "PAUSED"
-    for text, role, shown in (
-        (room.pace, "plain", bool(room.pace)),
-        (paused, "title", state.paused),
-        (f"seed {state.seed}", "plain", roomy),
-        (clock(state.time), "plain", True),
-    ):
-        right = (*right, ("   ", "plain"), (text, role)) if shown else right
-    left: StyledLine = ((" SimMeR", "title"),)
-    free = room.width - length(left) - length(right) - 4
-    if free >= min(len(room.name), _LEAST_NAME):
-        left = (*left, (f"  {escape(room.name, min(free, _LONGEST_NAME))}", "dim"))
-    return between(left, (*right, (" ", "plain")), room.width)
+    program: str = ""
+    wheels: WheelKinematics | None = None
 
 
 def pose_line(snapshot: Snapshot, room: Room) -> StyledLine:
     """Pose, error of the belief, totals and mission in one line: as much of each as there is room for."""
     state = snapshot.state
-    pose: StyledLine = ((" pose ", "label"), (_place(snapshot, room), "bold"))
+    pose: StyledLine = ((" pose ", "label"), *_place_pieces(snapshot, room))
     doing, role = _state(snapshot)
     lefts: tuple[StyledLine, ...] = ((*pose, (f"  {doing}", role)), pose)
     if state.belief is not None:
-        off = belief_texts(state.belief)[1].partition(",")[0], "belief"
+        off = off_text(state.belief), "belief"
         lefts = (*pose, ("  belief off ", "label"), off), (*pose, ("  off ", "label"), off)
     driven = f"{state.distance:.1f} in  ", "label"
     contacts: StyledLine = ((counted(state.contacts, "contact"), "danger" if state.contacts else "label"),)
@@ -99,8 +84,7 @@ def pose_line(snapshot: Snapshot, room: Room) -> StyledLine:
     pairs = [(left, right) for left in lefts for right in rights] + [(left, least) for left in lefts]
     for left, right in pairs:
         if length(left) + length(right) + 2 <= room.width:
-            right = (*right, (" ", "plain"))
-            return between(_with_time(left, state.spent, room.width - length(right) - 1), right, room.width)
+            return between(left, (*right, (" ", "plain")), room.width)
     return shortened(lefts[0], room.width)
 
 
@@ -113,173 +97,254 @@ def _goal_pieces(mission: MissionState, pointer: str) -> tuple[StyledLine, Style
     if mission.result is Result.SUCCESS:
         return ((result, "good"),), ((result.upper(), "good"),)
     orders: StyledLine = tuple((f" {order}", "mark") for order in pointer.split())
-    return (*mission_lines(mission)[0][1:], *orders), ((result.upper(), "danger"), *orders[:1])
-
-
-def _with_time(line: StyledLine, spent: TimeSpent, width: int) -> StyledLine:
-    """A line with the time spent behind it, if there is room."""
-    told = time_lines(spent, width - length(line) - 2)
-    longer = (*line, *_GAP, *told[0]) if told else line
-    return longer if length(longer) <= width else line
+    full: StyledLine = ((f"{result}: {escape(mission.reason)}", "danger"), *orders)
+    return full, ((result.upper(), "danger"), *orders[:1])
 
 
 def robot_lines(snapshot: Snapshot, room: Room) -> list[StyledLine]:
-    """Pose, belief, state, and the totals, below a heading."""
-    state, block = snapshot.state, snapshot.state.block
-    believed = _fact("belief", "none told", "dim")
+    """Pose, belief, state, and the totals, below a heading: in as many lines as there are."""
+    state = snapshot.state
+    head = heading("robot", "", room.width, plain=room.plain)
+    pose = (("pose".ljust(_LABEL), "label"), *_place_pieces(snapshot, room))
+    doing = _fact("state", *_state(snapshot))
+    driven: StyledLine = (("   driven ", "label"), (f"{state.distance:.1f} in", "value"))
+    role = "danger" if state.contacts else "bold"
+    contacts: StyledLine = (("   contacts ", "label"), (f"{state.contacts}", role))
+    if room.rows < _WITH_BELIEF:
+        return [head, pose, (*doing, *(contacts if state.contacts else driven))]
+    believed = _fact("belief", "none sent", "dim")
     if state.belief is not None:
-        place, off = belief_texts(state.belief)
-        at = f", at {place}" if room.width >= _WIDE_PANEL else ""
+        grid, off = state.belief.grid, off_text(state.belief)
+        # The spread of a grid stands beside its entropy, in the answer card.
+        off += spread_text(state.belief) if grid is None else f", {truth_text(grid)}"
+        at = f", at {pose_text(state.belief.pose)}" if room.width >= _WIDE_PANEL else ""
         believed = _fact("belief", f"off {off}{at}", "belief")
-    if not block.size:
-        lies = _fact("block", "there is none", "dim")
-    elif state.holding:
-        lies = _fact("block", "held by the robot")
-    else:
-        lies = _fact("block", f"lies at {block.x:.1f}, {block.y:.1f} in")
-    last = f", last {clock(state.contact.time)}" if state.contact is not None else ""
+    if room.rows < _WITH_BLOCK:
+        return [head, pose, believed, (*doing, *driven, *contacts)]
+    last: StyledLine = ()
+    if state.contact is not None:
+        last = ((f", last {clock(state.contact.time)} {side_text(state.contact)}", "label"),)
+    touched = (*_fact("contacts", f"{state.contacts}", role), *last)
     return [
-        heading("robot", "", room.width, plain=room.plain),
-        _fact("pose", _place(snapshot, room)),
+        head,
+        pose,
         believed,
-        (*_fact("state", *_state(snapshot)), ("   driven ", "label"), (f"{state.distance:.1f} in", "value")),
-        _fact("contacts", f"{state.contacts}{last}", "danger" if state.contacts else "value"),
-        lies,
+        (*doing, *driven),
+        _wheels(snapshot, room) or touched,
+        _block_line(snapshot),
     ]
+
+
+def _wheels(snapshot: Snapshot, room: Room) -> StyledLine:
+    """Rim speeds of a robot that drives until told otherwise, with its contacts if there were any."""
+    velocity = snapshot.state.velocity
+    if room.wheels is None or velocity is None:
+        return ()
+    speeds = " ".join(f"{speed:.1f}" for speed in room.wheels.speeds(velocity))
+    count = snapshot.state.contacts
+    touched: StyledLine = ((f"   {counted(count, 'contact')}", "danger"),) if count else ()
+    return (*_fact("wheels", f"{speeds} in/s", "good"), *touched)
+
+
+def _block_line(snapshot: Snapshot) -> StyledLine:
+    block = snapshot.state.block
+    if not block.size:
+        return _fact("block", "there is none", "dim")
+    if snapshot.state.holding:
+        return _fact("block", "held by the robot")
+    return _fact("block", f"lies at {block.x:.1f}, {block.y:.1f} in")
 
 
 def run_lines(snapshot: Snapshot, room: Room) -> list[StyledLine]:
-    """State of the run: mission, commands, noise, and the ports that a program may connect to."""
+    """The mission with its goals and the time spent; without one the time spent and the totals."""
     state, mission = snapshot.state, snapshot.mission
-    link = link_lines(snapshot, room.ports)
-    title = heading("run" if mission is None else "mission", "", room.width, plain=room.plain)
-    lines = [title, *link[:1], *time_lines(state.spent, room.width)]
-    if snapshot.verdict is not None:
-        role = _OUTCOMES.get(snapshot.verdict.outcome, "value")
-        lines += wrapped(_fact("verdict", printable(snapshot.verdict.text), role), room.width, _LABEL)
-    elif mission is not None:
-        for line in mission_lines(mission, plain=room.plain):
-            lines += wrapped(line, room.width, _LABEL)
-    if mission is not None and room.pointer and mission.result is Result.FAILED:
-        lines.append(_fact("reasons", room.pointer, "mark"))
-    lines.append(_fact("commands", f"{state.commands}, {snapshot.rate:.0f}/s"))
-    lines.append(_fact("seed", f"{state.seed}{'' if state.noise else ', noise off'}"))
-    lines += link[1:]
-    # The least needed first.
-    for spare in ("seed", "commands", "client"):  # the header shows the client too
-        if len(lines) > room.rows:
-            lines = [line for line in lines if not line[0][0].startswith(spare)]
-    return lines
+    # Once a mission has ended, its time stands still.
+    spent = spent_lines(state.spent if mission is None else mission.spent, room)
+    if mission is None:
+        totals = _fact("commands", f"{state.commands:,}", "bold")
+        return [*spent, (*totals, ("   seed ", "label"), (f"{state.seed}", "value")), _fact("set", room.name)]
+    note = "with help" if mission.helped else ""
+    return [heading("mission", note, room.width, plain=room.plain), *mission_lines(mission, room), *spent]
 
 
-def time_lines(spent: TimeSpent, width: int) -> list[StyledLine]:
-    """Simulated time by purpose, once reading or the link has taken any, and the sensor that took most."""
-    if not (spent.reading or spent.link):
-        return []
-    most = max(spent.by_sensor, key=lambda code: spent.by_sensor[code], default="")
-    dearest = f" ({most} {spent.by_sensor[most]:.1f})" if most else ""
-    text = f"drive {spent.driving:.1f} s, read {spent.reading:.1f}{dearest}, link {spent.link:.1f}"
-    if _LABEL + len(text) > width:
-        brief = f" {most}" if most else ""
-        text = f"drive {spent.driving:.0f} read {spent.reading:.0f}{brief} link {spent.link:.0f} s"
-    return [_fact("time", text)]
+def spent_lines(spent: TimeSpent, room: Room) -> list[StyledLine]:
+    """Simulated time by purpose: one bar of three shares, and below it the words in the same colours."""
+    width = max(room.width - _LABEL, 1)
+    shares = (
+        (spent.driving, "driving", "drive"),
+        (spent.reading, "sensing", "sense"),
+        (spent.link, "link", "link"),
+    )
+    whole = sum(seconds for seconds, _, _ in shares)
+    bar: list[tuple[str, str]] = []
+    done, at = 0.0, 0
+    for seconds, role, _ in shares:
+        done += seconds
+        end = round(done / whole * width) if whole else 0
+        bar.append((("=" if room.plain else "━") * (end - at), role))
+        at = end
+    if not whole:
+        bar = [(("-" if room.plain else "─") * width, "rule")]
+    words = [(f"{word} {seconds:.0f}", role) for seconds, role, word in shares]
+    taken = sum(len(text) for text, _ in words) + 2  # with the unit
+    gap = min(max((width - taken) // (len(words) - 1), 1), 2)
+    pieces: list[tuple[str, str]] = [(" " * _LABEL, "plain")]
+    for text, role in words:
+        pieces += [(text, role), (" " * gap, "plain")]
+    unit: StyledLine = ((" s", "label"),) if taken + gap * (len(words) - 1) <= width else ()
+    return [(("spent".ljust(_LABEL), "label"), *bar), (*pieces[:-1], *unit)]
 
 
-def mission_lines(mission: MissionState, *, plain: bool = False) -> list[StyledLine]:
-    """State of a mission, and its next goal."""
-    met = sum(when is not None for when in mission.goals.values())
-    if mission.over:
-        role = "good" if mission.result is Result.SUCCESS else "danger"
-        reason = f": {escape(mission.reason)}" if mission.reason else ""
-        return [_fact("mission", f"{mission.result.value}{reason}", role)]
-    following = next((goal.value for goal, when in mission.goals.items() if when is None), "")
-    holding = ", holding the block" if mission.holding else ""
-    bar = gauge(mission.time, mission.plan.time_limit, 6, plain=plain)
-    return [
-        (*_fact("mission", f"{mission.time_left:.0f} s left{holding} "), *bar),
-        _fact("goals", f"{met} of {len(mission.goals)} met, next: {following}"),
-    ]
+def spent_words(spent: TimeSpent) -> StyledLine:
+    """The same in words alone: `drive 46 s  sense 7 s  link 11 s`."""
+    return (
+        (f"drive {spent.driving:.0f} s", "driving"),
+        (f"  sense {spent.reading:.0f} s", "sensing"),
+        (f"  link {spent.link:.0f} s", "link"),
+    )
 
 
-def link_lines(snapshot: Snapshot, ports: Mapping[str, int]) -> list[StyledLine]:
-    """The client that is connected, and the ports for one."""
-    who, role = (snapshot.state.client, "good") if snapshot.state.client else ("waiting", "dim")
-    lines: list[StyledLine] = [_fact("client", who, role)] if ports else []
-    numbered = [f"{port} {purpose}" for purpose, port in ports.items()]
-    for place in range(0, len(numbered), 2):
-        label = "ports " if place == 0 else "      "  # narrow, for two numbers and their purpose
-        lines.append(((label, "label"), (", ".join(numbered[place : place + 2]), "value")))
-    return lines
+_GOALS = {
+    Goal.REACHED: ("reach the loading zone", "reached the loading zone"),
+    Goal.TAKEN: ("pick the block up", "picked the block up"),
+    Goal.DELIVERED: ("set it down at {x:g}, {y:g}", "set it down at {x:g}, {y:g}"),
+}
+"""Words for a goal before and after it is met."""
+# Judged: a last tenth of the time is enough to stop, and too little for a detour.
+_HURRY = 0.9
+"""Share of the time limit from which the time stands out."""
 
 
-def status_line(snapshot: Snapshot, entries: Sequence[LogEntry], *, brief: bool) -> StyledLine:
-    """Above the console while nothing is typed: on small screens the last event, else the last reply."""
+def mission_lines(mission: MissionState, room: Room) -> list[StyledLine]:
+    """Goals of a mission, each with a sign and when it was met, and the time."""
+    lines: list[StyledLine] = []
+    drop, limit = mission.plan.drop_zone, mission.plan.time_limit
+    missed = mission.result is Result.FAILED
+    for goal, when in mission.goals.items():
+        text = _GOALS[goal][when is not None].format(x=drop.x, y=drop.y)
+        if when is not None:
+            sign: StyledLine = (("+ " if room.plain else "✓ ", "good"), (text, "value"))
+            lines.append(between(sign, ((clock(when), "label"),), room.width))
+        else:
+            mark = ("x " if room.plain else "✗ ") if missed else ("- " if room.plain else "○ ")
+            lines.append(((mark, "danger" if missed else "dim"), (text, "value" if missed else "label")))
+    said = f" {mission.time:.0f} of {limit:g} s"
+    hurry = mission.time >= _HURRY * limit
+    bar = gauge(
+        mission.time,
+        limit,
+        max(room.width - _LABEL - len(said), 1),
+        plain=room.plain,
+        role="danger" if hurry else "mark",
+    )
+    return [*lines, (("time".ljust(_LABEL), "label"), *bar, (said, "danger" if hurry else "value"))]
+
+
+_GOAL_WORDS = {Goal.REACHED: "loading zone", Goal.TAKEN: "picked up", Goal.DELIVERED: "delivered"}
+
+
+def goals_line(mission: MissionState) -> StyledLine:
+    """Goals that were met in one line: `✓ loading zone 00:19   ✓ picked up 00:33`."""
+    pieces: list[tuple[str, str]] = []
+    for goal, when in mission.goals.items():
+        if when is not None:
+            pieces += [
+                ("✓ ", "good"),
+                (f"{_GOAL_WORDS[goal]} ", "value"),
+                (f"{clock(when).partition('.')[0]}   ", "label"),
+            ]
+    return tuple(pieces)
+
+
+class _Printed(EventHandler[str | None]):
+    """Line that the program printed; None for any other event."""
+
+    def on_notice(self, event: Notice) -> str | None:
+        return event.text if event.kind is NoticeKind.PROGRAM else None
+
+
+_PRINTED = _Printed()
+
+
+def program_lines(snapshot: Snapshot, entries: Sequence[LogEntry], room: Room) -> list[StyledLine]:
+    """The last lines that the program printed; once it has failed those of its standard error."""
+    verdict = snapshot.verdict
+    program = None if verdict is None else verdict.program
+    if program is not None and program.exit_code and program.stderr:
+        head = heading("program", "last lines of its errors", room.width, plain=room.plain)
+        told = [(("  ", "plain"), (printable(line.text), "value")) for line in program.stderr]
+        return [head, *told[-(room.rows - 1) :]]
+    head = heading("program", "last lines of what it prints", room.width, plain=room.plain)
+    printed: list[StyledLine] = []
+    for entry in reversed(entries):
+        if len(printed) >= room.rows - 1:
+            break
+        text = _PRINTED.handle(entry.event)
+        if text is not None:
+            printed.append(((f"{clock(entry.time)}  ", "dim"), (printable(text), "value")))
+    if not printed:
+        printed = [(("shows what a program started with --run prints", "dim"),)]
+    return [head, *reversed(printed)]
+
+
+def status_line(
+    snapshot: Snapshot, entries: Sequence[LogEntry], *, brief: bool, plain: bool = False
+) -> StyledLine:
+    """Above the console while nothing is typed: on small screens the movement under way, a scan or the last
+    event, else the last reply."""
+    if brief and snapshot.state.movement is not None:
+        return movement_line(snapshot, plain=plain)
+    row = standing_scan(snapshot.state) if brief else None
+    if row is not None and row.reading.scan is not None:
+        return scan_line(row.reading.sensor, row.reading.scan, plain=plain)
     if brief and entries:
         return last_event_line(entries)
-    last = snapshot.state.last
+    reply = last_reply(snapshot)
+    if not reply:
+        return (("last reply  ", "label"), ("none yet", "value"))
+    return (("last reply  ", "label"), *reply)
+
+
+def standing_scan(state: State) -> SensorRow | None:
+    """The row of a lidar whose scan was read last of all, if the robot has not moved since."""
+    if state.moving or state.velocity is not None:
+        return None
+    newest = max(state.sensors.values(), key=lambda row: row.number, default=None)
+    if newest is None or newest.reading.scan is None or newest.number <= state.moved:
+        return None
+    return newest
+
+
+def last_reply(snapshot: Snapshot) -> StyledLine:
+    """The last command and its reply: `u1 -> 12.4 in`; empty before the first."""
+    last, ended = snapshot.state.last, snapshot.state.ended
     if last is None:
-        return (("Tab completes, Up brings back the last, Esc drives by keys", "dim"),)
+        return ()
     role = "danger" if last.reason else "value"
-    line: StyledLine = (("last reply  ", "label"), (f"{last.command.shown} -> {reply_text(last)}", role))
+    text = reply_text(last, ended)
+    line: StyledLine = ((f"{last.command.shown} -> {text}", role),)
     return (*line, (f"  {last.reason}", "warning")) if last.reason else line
 
 
-# -- before anything has happened ------------------------------------------------------------------
+def movement_line(snapshot: Snapshot, *, plain: bool) -> StyledLine:
+    """The movement under way: `▶ d1-12 forward, 4.1 of 12 in`; empty while the robot stands."""
+    planned = snapshot.state.movement
+    if planned is None:
+        return ()
+    text = progress_text(planned.trajectory, parse_value(planned.command.argument), snapshot.state.time)
+    return (("> " if plain else "▶ ", "robot"), (planned.command.shown, "title"), (f" {text}", "bold"))
 
 
-class FirstSteps(Struct, frozen=True):
-    """Advice as long as nothing has happened. `lines` are a program to run, keys that drive, commands to
-    type, and help; `narrow` has keys and help in lines of a few words."""
-
-    lines: tuple[StyledLine, ...]
-    narrow: tuple[StyledLine, ...]
+# -- within ----------------------------------------------------------------------------------------
 
 
-def first_steps(
-    ports: Mapping[str, int], settings: ServerSettings, command: str, drive_keys: str
-) -> FirstSteps:
-    """Advice for a beginning. The program needs nothing but this package; it gives the robot `command`."""
-    return FirstSteps(
-        ((("run ", "label"), (_one_liner(ports, settings, command), "mark")),
-         (("drive here: ", "label"), (f"Esc, then {drive_keys}", "mark"), ("; ", "label"), ("p", "mark"),
-          (" reads all sensors", "label")),
-         (("type a command below: ", "label"), ("u1", "mark"), (" reads, ", "label"), ("d1-3", "mark"),
-          (" drives 3 in", "label")),
-         (("help: ", "label"), (":help", "mark"), ("  all there is to do: ", "label"), ("Ctrl+P", "mark"))),
-        ((("drive here:", "label"),), (("Esc, then", "mark"),), ((drive_keys, "mark"),),
-         (("p", "mark"), (" reads all", "label")), (), (("help:", "label"),), ((":help", "mark"),),
-         (("Ctrl+P", "mark"), (" all", "label"))),
-    )  # fmt: skip
-
-
-def _one_liner(ports: Mapping[str, int], settings: ServerSettings, command: str) -> str:
-    """A program of one line for the client library, with those arguments that are not as usual."""
-    arguments = []
-    if COMMANDS.purpose in ports:
-        if ports[COMMANDS.purpose] != client.DEFAULT_PORT:
-            arguments.append(f"port={ports[COMMANDS.purpose]}")
-        elif ports.get(REPLIES.purpose, client.DEFAULT_REPLY_PORT) != client.DEFAULT_REPLY_PORT:
-            arguments.append(f"reply_port={ports[REPLIES.purpose]}")
-        usual = ServerSettings()
-        if settings.reply_format != usual.reply_format:
-            arguments.append(f"reply_format='{settings.reply_format}'")
-        if settings.byte_order != usual.byte_order:
-            arguments.append(f"byte_order='{settings.byte_order}'")
-    elif PACKETS.purpose in ports:
-        arguments.append("protocol='packets'")
-        if ports[PACKETS.purpose] != client.DEFAULT_PACKET_PORT:
-            arguments.append(f"port={ports[PACKETS.purpose]}")
-        if ports[PACKET_REPLIES.purpose] != client.DEFAULT_PACKET_REPLY_PORT:
-            arguments.append(f"reply_port={ports[PACKET_REPLIES.purpose]}")
-    robot = f"Robot({', '.join(arguments)})"
-    return f"python -c \"from simmer_tui import Robot; {robot}.send('{command}')\""
-
-
-def _place(snapshot: Snapshot, room: Room) -> str:
+def _place_pieces(snapshot: Snapshot, room: Room) -> StyledLine:
     """Pose, with its heading as an arrow too, or as a point of the compass with north up."""
     pose = snapshot.state.pose
-    arrows = _EAST_ON_PLAIN if room.plain else ARROWS
-    return f"{pose_text(pose)} {arrows[round(pose.heading / 45) % 8]}"
+    heading_shown = half_turn(pose.heading)
+    turned = f"{heading_shown:.0f}" if round(heading_shown) else "0"
+    sign = heading_sign(pose.heading, plain=room.plain)
+    return (f"{pose.x:.1f}, {pose.y:.1f} in  ", "value"), (f"{turned} deg {sign}", "bold")
 
 
 def _state(snapshot: Snapshot) -> tuple[str, str]:
@@ -288,6 +353,8 @@ def _state(snapshot: Snapshot) -> tuple[str, str]:
         return ("paused, a command waits" if snapshot.waiting else "paused"), "warning"
     if snapshot.state.touching:
         return "held by a wall" if snapshot.state.moving else "at a wall", "danger"
+    if snapshot.state.velocity is not None:
+        return velocity_text(snapshot.state.velocity), "good"
     return ("moving", "good") if snapshot.state.moving else ("standing", "value")
 
 

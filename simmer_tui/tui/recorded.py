@@ -1,18 +1,33 @@
 """A logged run as a source of snapshots: the replay's counterpart of a live run."""
 
+import asyncio
 from collections.abc import Mapping
 from enum import StrEnum
+from pathlib import Path
 
 from msgspec import Struct
 from msgspec.structs import replace
 
 from simmer_tui.config.loader import Configuration
-from simmer_tui.events import ActionName, Event, EventHandler, MovementEnded, Notice, NoticeKind
+from simmer_tui.events import (
+    ActionDone,
+    ActionName,
+    Event,
+    EventHandler,
+    MissionEvent,
+    MovementEnded,
+    Notice,
+    NoticeKind,
+    ProgramEnded,
+)
 from simmer_tui.mission import MissionPlan, mission_state, plan_run
+from simmer_tui.report.run_statistics import RunStatistics
+from simmer_tui.report.verdict import Verdict
 from simmer_tui.run.reducer import Reducer
 from simmer_tui.runlog.index import EntryFlag, RunLogIndex
 from simmer_tui.runlog.log_records import ActionRecord, BrokenLine
 from simmer_tui.runlog.playback import LOOK_BACK, Playback
+from simmer_tui.runlog.reader import LogReader
 from simmer_tui.snapshot import EventFeed, Snapshot
 
 # Doubled each time, as `[` and `]` of a live run do.
@@ -37,6 +52,62 @@ class TimelineMark(Struct, frozen=True):
     kind: TimelineMarkKind
     entry: int
     elapsed: float
+
+
+class JudgedEnd(Struct, frozen=True):
+    """The verdict on a log's last run, and the entry of that run's end."""
+
+    verdict: Verdict
+    entry: int
+
+
+def judged_end(path: Path, configuration: Configuration) -> JudgedEnd:
+    """The verdict on a log. Reads all of it, which takes seconds for a long one.
+
+    Raises:
+        RunLogError: if the log cannot be read.
+    """
+    end = _RunEnd()
+    with LogReader(path, configuration) as log:
+        run = RunStatistics(log.header, log.configuration, recorded=False)
+        for logged in log:
+            run.add(logged)
+            if not isinstance(logged, BrokenLine):
+                end.line = logged.line
+                end.handle(logged.event)
+        run.finish(log.note)
+    return JudgedEnd(run.verdict, (end.over or end.left or end.line) - _FIRST_LINE)
+
+
+_FIRST_LINE = 2
+"""Line of a log's first entry; the header has the one before."""
+
+
+class _RunEnd(EventHandler[None]):
+    """Lines at which the last run of a log ended: by its mission's end, or without one by its program's."""
+
+    def __init__(self) -> None:
+        self.line = _FIRST_LINE - 1
+        """Line of the event that comes next, or came last."""
+        self.over = self.left = 0
+
+    def other(self, event: Event) -> None:
+        """Nothing ends."""
+
+    def on_mission(self, event: MissionEvent) -> None:
+        if event.over:
+            self.over = self.line
+
+    def on_program_ended(self, event: ProgramEnded) -> None:
+        self.left = self.line
+
+    def on_notice(self, event: Notice) -> None:
+        if event.kind is NoticeKind.CONNECTED:
+            self.left = 0
+
+    def on_action(self, event: ActionDone) -> None:
+        if event.restarts:
+            self.over = self.left = 0
 
 
 class RecordedRun(EventHandler[None]):
@@ -68,6 +139,7 @@ class RecordedRun(EventHandler[None]):
         self._told_at = 0.0
         self._number = 0
         self._marked: tuple[int, tuple[TimelineMark, ...]] = (-1, ())
+        self._end: JudgedEnd | None = None
 
     # -- as a source -----------------------------------------------------------------------------
 
@@ -93,7 +165,17 @@ class RecordedRun(EventHandler[None]):
             told=self.entry + 1,
             true_values=readings if true_values else {},
             mission=None if self._plan is None else mission_state(self._plan, state),
+            verdict=self._end.verdict if self._end is not None and self.entry >= self._end.entry else None,
         )
+
+    async def find_verdict(self) -> None:
+        """Find the verdict on the log as it stands; the moments from its end on show it.
+
+        Raises:
+            RunLogError: if the log cannot be read.
+        """
+        self._end = await asyncio.to_thread(judged_end, self.index.path, self.configuration)
+        self._changed = True
 
     def _feed_until(self, now: float) -> None:
         """Bring the list of events to the moment shown."""

@@ -4,7 +4,9 @@ The timeline has a clock, a bar, and marks of contacts, goals and pauses to jump
 """
 
 import asyncio
+import contextlib
 from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
 from typing import ClassVar
 
 from textual.binding import BindingType
@@ -14,8 +16,10 @@ from textual.widgets import Input
 
 from simmer_tui.errors import RunLogError, SimmerError
 from simmer_tui.runlog.index import EntryFlag
+from simmer_tui.runlog.log_records import ProgramRecord
 from simmer_tui.snapshot import Snapshot
 from simmer_tui.takeover import TakeOver, moment_of
+from simmer_tui.tui.answers import note
 from simmer_tui.tui.event_text import clock
 from simmer_tui.tui.help import HelpScreen, replay_help
 from simmer_tui.tui.key_table import IN_REPLAY, Hint, bindings_of, hints_of
@@ -120,13 +124,17 @@ class ReplayApp(Shell):
     ENABLE_COMMAND_PALETTE = False
     BINDINGS: ClassVar[list[BindingType]] = bindings_of(IN_REPLAY)
 
-    def __init__(self, run: RecordedRun, choice: TerminalChoice, *, follow: bool = False) -> None:
+    def __init__(
+        self, run: RecordedRun, choice: TerminalChoice, *, follow: bool = False, devices: Path | None = None
+    ) -> None:
+        """A take-over looks for the device files of the run in the folder `devices`."""
         maze = MazeView(choice.glyphs, choice.color, id="maze")
         super().__init__(run, choice, maze)
         # The maze's own actions, wherever the focus is.
         self.action_zoom, self.action_fit = maze.action_zoom, maze.action_fit
         self.action_follow = maze.action_follow
         self.run_shown = run
+        self._devices = devices
         self._head = LinePanel(id="console-head")
         self._timeline = Timeline(run, self.refresh_frame, plain=self._plain)
         self._following = follow
@@ -144,6 +152,7 @@ class ReplayApp(Shell):
         # Who replays a run looks for what went wrong: true values belong to that.
         self._panes.switch("truth", "on")
         self.set_interval(1 / self._settings.screen.fps, self._tick)
+        self.run_worker(self._find_verdict(), group="verdict")
         if self._following:
             self.set_interval(_REFRESH, self._take_in)
             self.run_shown.stand_at_end()
@@ -152,9 +161,9 @@ class ReplayApp(Shell):
         return super().hints() if self._panes.log.has_focus else hints_of(IN_REPLAY)
 
     def shown(self, snapshot: Snapshot, since: int) -> None:
-        self.numbers_shown(snapshot)
+        self.events_shown(snapshot)
 
-    def numbers_shown(self, snapshot: Snapshot) -> None:
+    def events_shown(self, snapshot: Snapshot) -> None:
         self._timeline.bring_up_to_date(self._note or self.run_shown.index.note)
 
     def _arrange(self, width: int, height: int) -> None:
@@ -183,10 +192,21 @@ class ReplayApp(Shell):
             self.run_shown.play(False)
             self.refresh_frame()
 
+    async def _find_verdict(self) -> None:
+        """Have the end of the run show its cause, as a live one does."""
+        with contextlib.suppress(RunLogError):  # whoever follows the log is told by `_take_in`
+            await self.run_shown.find_verdict()
+            self.refresh_frame()
+
     def _take_in(self) -> None:
-        """Read the entries that were written since."""
+        """Read the entries that were written since; after one that may end a run, find the verdict anew."""
+        index = self.run_shown.index
+        known = index.count
         try:
-            self.run_shown.take_in()
+            fresh = self.run_shown.take_in()
+            has_program_ended = fresh and isinstance(index.record(index.count - 1), ProgramRecord)
+            if has_program_ended or index.find_next(known - 1, EntryFlag.MISSION) is not None:
+                self.run_worker(self._find_verdict(), group="verdict", exclusive=True)
         except RunLogError as error:
             self._note = str(error)
             self._following = False
@@ -236,15 +256,15 @@ class ReplayApp(Shell):
         """Go on from the moment shown, if the log comes out the same up to there."""
         self.run_shown.play(False)
         index, elapsed = self.run_shown.index, self.run_shown.elapsed
-        chosen = TakeOver(index.path, moment_of(index, self.run_shown.entry, elapsed))
-        self.notify(f"running it again up to {elapsed:.2f} s", timeout=2, markup=False)
+        chosen = TakeOver(index.path, moment_of(index, self.run_shown.entry, elapsed), self._devices)
+        self.tell(f"running it again up to {elapsed:.2f} s")
         self.run_worker(self._try_to_take_over(chosen), group="take over", exclusive=True)
 
     async def _try_to_take_over(self, chosen: TakeOver) -> None:
         try:
             await asyncio.to_thread(chosen.check)
         except SimmerError as error:
-            self.notify(str(error), title="Not taken over", severity="error", timeout=20, markup=False)
+            self.ask(note("not taken over", str(error), "danger"))
         else:
             self.taken_over = chosen
             self.exit(0)
@@ -261,13 +281,17 @@ class ReplayApp(Shell):
         try:
             seconds = seconds_of(event.value)
         except ValueError as error:
-            self.notify(str(error), severity="error", markup=False)
+            self.ask(note("no such time", str(error), "danger"))
         else:
             self.run_shown.play(False)
             self.run_shown.move_to(seconds)
             self.refresh_frame()
         self._put_time(False)
         self._maze.focus()
+
+    def tell(self, text: str) -> None:
+        """Show a note where answers stand."""
+        self.ask(note("replay", text))
 
     def action_help(self) -> None:
         self.push_screen(HelpScreen(replay_help(self.run_shown.index.shown)))

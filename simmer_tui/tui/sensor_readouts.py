@@ -2,16 +2,20 @@
 
 import math
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Mapping, Sequence
 
-from msgspec import Struct
+from msgspec import Struct, field
 
 from simmer_tui.events import TwinReading
 from simmer_tui.run.reducer import HISTORY
 from simmer_tui.run.state import SensorRow
+from simmer_tui.sim.records import LidarScan
+from simmer_tui.sim.scan_rays import extremes
+from simmer_tui.sim.sensors import Compass
 from simmer_tui.sim.specs import SensorKind, SensorSpec
 from simmer_tui.snapshot import Snapshot
-from simmer_tui.tui.line_panel import StyledLine, heading, length
+from simmer_tui.tui.gauges import gauge, scale_end, span_text, sparkline
+from simmer_tui.tui.line_panel import StyledLine, between, heading, length
 from simmer_tui.tui.maze.glyphs import ARROWS
 from simmer_tui.tui.terminal import GlyphMode
 
@@ -21,16 +25,25 @@ SHORT, NEAR = 3.0, 6.0
 # Code, direction, value and unit take 13; the rest is gauge, sparkline and span.
 FULL_COLUMNS = 32
 """Width from which a row has unit, gauge, sparkline and its range."""
+# Code, way, value and unit, and a gap.
+_BEFORE_BAR = 14
+"""Columns before the gauge of a row in full."""
 # ` sim 35.8` and ` -10.0` beside each other.
 _TWIN_ROOM = 14
-# A gauge of 8, a sparkline of 5, a span of 5, and the gaps between them.
-_SPARK_ROOM = 20
-# Without the full block, which would run into the row above.
-_BARS = " ▁▂▃▄▅▆▇"
-_PLAIN_BARS = " .:-=+*#"
+_POINTS = ("E", "NE", "N", "NW", "W", "SW", "S", "SE")
 _WAYS = ("F", "FL", "L", "BL", "B", "BR", "R", "FR")
-# Two maze cells: most readings in a maze are shorter.
-_SCALE = 24.0
+_WAY_WORDS = (
+    "ahead",
+    "ahead left",
+    "to the left",
+    "behind left",
+    "behind",
+    "behind right",
+    "to the right",
+    "ahead right",
+)
+# Four maze cells: ranges in the bundled mazes are seldom longer, and a scale that stays is read at a glance.
+RANGE_SCALE = 48.0
 """Least end of the gauges of ranges, inches."""
 
 
@@ -45,16 +58,22 @@ class SensorLine(Struct, frozen=True):
 
 class SensorsView(Struct, frozen=True):
     """Options of the panel: `truth` adds true values, `chosen` is the code of the sensor that a person has
-    picked."""
+    picked. `past` has the earlier values by code, where they are to lag behind the readings."""
 
     glyphs: GlyphMode = GlyphMode.QUADRANT
     truth: bool = False
     chosen: str = ""
+    past: Mapping[str, Sequence[float]] = field(default_factory=dict)
 
     @property
     def plain(self) -> bool:
         """True for terminals and fonts without fine bars."""
         return self.glyphs in (GlyphMode.ASCII, GlyphMode.HALF)
+
+    @property
+    def dash(self) -> str:
+        """Sign of a span, and of a value that was never read."""
+        return "-" if self.plain else "–"
 
 
 def number_text(value: float) -> str:
@@ -80,11 +99,36 @@ def range_role(sensor: SensorSpec, value: float) -> str:
 
 def way(sensor: SensorSpec, *, plain: bool) -> str:
     """Direction in which a sensor looks, the robot's front being up: an arrow, or letters such as `FL`."""
-    if not sensor.kind.has("rotation"):
-        return ""
-    eighths = round(sensor.rotation / 45)
+    if sensor.kind.is_scan:
+        return "" if plain else "○"
+    return bearing_sign(sensor.rotation, plain=plain) if sensor.kind.has("rotation") else ""
+
+
+def bearing_sign(bearing: float, *, plain: bool) -> str:
+    """Direction from the robot's front, degrees, the front being up: an arrow, or letters such as `FL`."""
+    eighths = round(bearing / 45)
     # Two eighths on: the robot's front is up here, and to the right in the table.
     return _WAYS[eighths % 8] if plain else ARROWS[(eighths + 2) % 8]
+
+
+def bearing_words(bearing: float, *, plain: bool) -> str:
+    """The same in words, with the arrow where there is one: `behind left ↙`."""
+    words = _WAY_WORDS[round(bearing / 45) % 8]
+    return words if plain else f"{words} {bearing_sign(bearing, plain=False)}"
+
+
+def scan_line(sensor: SensorSpec, scan: LidarScan, *, plain: bool) -> StyledLine:
+    """A scan in one line: its points, and the nearest and farthest echo with their directions."""
+    found = extremes(scan)
+    pieces: list[tuple[str, str]] = [(sensor.code, "newest"), (f" {len(scan.ranges)} points", "value")]
+    if found.nearest is None:
+        pieces.append((", no echo", "value"))
+    for word, echo in (("nearest", found.nearest), ("farthest", found.farthest)):
+        if echo is not None:
+            distance, bearing = echo
+            where = f" {sensor.unit} {bearing_words(bearing, plain=plain)}"
+            pieces += [(f", {word} ", "value"), (f"{distance:.1f}", "bold"), (where, "value")]
+    return tuple(pieces)
 
 
 def kind_name(kind: type[SensorKind]) -> str:
@@ -92,105 +136,49 @@ def kind_name(kind: type[SensorKind]) -> str:
     return re.sub(r"(?<=[a-z])(?=[A-Z])", " ", kind.__name__).lower()
 
 
-def sparkline(values: Sequence[float], width: int, *, plain: bool) -> str:
-    """The last `width` values as bars between the least and the greatest; infinite ones full."""
-    bars = _PLAIN_BARS if plain else _BARS
-    shown = values[-width:] if width > 0 else ()
-    finite = [value for value in shown if math.isfinite(value)]
-    low, high = (min(finite), max(finite)) if finite else (0.0, 0.0)
-    text = ""
-    for value in shown:
-        if not math.isfinite(value):
-            text += "?" if math.isnan(value) else bars[-1]
-        elif high == low:
-            text += bars[len(bars) // 2]
-        else:
-            text += bars[1 + round((value - low) / (high - low) * (len(bars) - 2))]
-    return text
-
-
-def span_text(values: Sequence[float]) -> str:
-    """Least and greatest value, `30-35`."""
-    finite = [round(value) for value in values if math.isfinite(value)]
-    if not finite:
-        return ""
-    low, high = min(finite), max(finite)
-    if low == high:
-        return f"{low}"
-    return f"{low}-{high}" if low >= 0 else f"{low}..{high}"
-
-
-def gauge(value: float, end: float, width: int, *, plain: bool, role: str = "mark") -> StyledLine:
-    """A value as a line on a track from 0 to `end`."""
-    full, half, track = ("=", "-", ".") if plain else ("━", "╸", "─")
-    halves = 0 if math.isnan(value) else round(min(abs(value) / end, 1.0) * 2 * width)
-    line = full * (halves // 2) + half * (halves % 2)
-    return (line, role), (track * (width - len(line)), "rule")
-
-
-def scale_end(values: Iterable[float], unit: str) -> float:
-    """End of the gauges of a kind: the least round number that none of its values exceeds."""
-    most = max((abs(value) for value in values if math.isfinite(value)), default=0.0)
-    # Doubled, so that not every longer reading changes the scale of all gauges.
-    if unit == "in":
-        end = _SCALE
-        while end < most:
-            end *= 2
-        return end
-    power = 10.0 ** math.floor(math.log10(most)) if most > 0 else 1.0
-    return next(step * power for step in (1.0, 2.0, 5.0, 10.0) if step * power >= most)
-
-
 def sensor_lines(
     sensors: Sequence[SensorSpec], snapshot: Snapshot, width: int, rows: int, view: SensorsView
 ) -> list[SensorLine]:
-    """Sensors in use in at most `rows` lines: those read by kind, those never read in a line."""
+    """All sensors in use in at most `rows` lines, also those never read."""
     table = _SensorTable(snapshot, width, view)
     groups = _groups(sensors)
     lines = [line for group in groups for line in table.lines_of(group)]
-    never = [sensor.code for sensor in sensors if sensor.enabled and not table.is_shown(sensor)]
-    unread = _unread(never, width)
-    if len(lines) + len(unread) > rows:  # headings of kinds can be done without
+    if table.full:
+        lines = [SensorLine(table.heading(groups), heads=True), *lines]
+    elif len(lines) > rows:  # headings of kinds can be done without
         lines = [line for line in lines if not line.heads]
-    lines += [SensorLine(line) for line in unread]
     if len(lines) > rows:
         hidden = len(lines) - rows + 1
-        lines = [*lines[: rows - 1], SensorLine(((f"{hidden} more: F2", "dim"),))]
+        lines = [*lines[: rows - 1], SensorLine(((f"{hidden} more{'' if table.full else ': F2'}", "dim"),))]
     return lines
 
 
 def rows_wanted(sensors: Sequence[SensorSpec]) -> int:
-    """Number of lines of the sensors once all are read."""
-    return max(
-        1, sum(1 if _is_one_line(group) else len(group) + _has_heading(group) for group in _groups(sensors))
-    )
+    """Number of lines of the sensors beside a maze in full, the heading included."""
+    return 1 + sum(1 if _is_one_line(group) else len(group) for group in _groups(sensors))
 
 
 def _groups(sensors: Sequence[SensorSpec]) -> list[list[SensorSpec]]:
-    """Sensors in use by kind: ranges first, then yes or no, then other kinds of many sensors, at last single
-    ones; each kind where it first stands in the file."""
-    kinds: dict[type[SensorKind], list[SensorSpec]] = {}
+    """Sensors in use that are shown below one heading: ranges first, then yes or no, then other kinds of many
+    sensors, at last single ones; each kind where it first stands in the file."""
+    kinds: dict[object, list[SensorSpec]] = {}
     for sensor in sensors:
         if sensor.enabled:
-            kinds.setdefault(sensor.kind, []).append(sensor)
+            kinds.setdefault((sensor.kind, sensor.is_yes_or_no), []).append(sensor)
 
     def rank(group: list[SensorSpec]) -> int:
         kind = group[0].kind
         if kind.is_range:
-            return 0
-        return 3 if len(group) == 1 else 1 if kind.is_yes_or_no else 2
+            # What looks all around comes first.
+            return -1 if kind.is_scan else 0
+        return 3 if len(group) == 1 else 1 if group[0].is_yes_or_no else 2
 
     return sorted(kinds.values(), key=rank)
 
 
 def _is_one_line(group: Sequence[SensorSpec]) -> bool:
     """True for sensors that are shown side by side."""
-    return len(group) > 1 and all(sensor.is_yes_or_no for sensor in group)
-
-
-def _has_heading(group: Sequence[SensorSpec]) -> bool:
-    """True if a line above the sensors of a kind names it."""
-    return len(group) > 1 or group[0].kind.is_range
+    return len(group) > 1 and group[0].is_yes_or_no
 
 
 class _SensorTable:
@@ -205,108 +193,201 @@ class _SensorTable:
         self.newest = max((row.number for row in self.rows.values()), default=0)
         self.width, self.view = width, view
         self.full = width >= FULL_COLUMNS
+        self._ends: dict[str, float] = {}
+        self._named: set[str] = set()
 
-    def is_shown(self, sensor: SensorSpec) -> bool:
-        """True for a sensor with a line of its own."""
-        return self.view.truth or sensor.code in self.rows
+    def heading(self, groups: Sequence[Sequence[SensorSpec]]) -> StyledLine:
+        """Name of the panel, and what its columns are."""
+        if self.view.truth:
+            note = "reading, true value"
+        else:
+            ranges = [sensor for group in groups for sensor in group if sensor.kind.is_range]
+            scale = f"bar 0{self.view.dash}{self._end(ranges[0]):g} {ranges[0].unit}   " if ranges else ""
+            note = f"{scale}last values"
+        return heading("sensors", note, self.width, plain=self.view.plain)
 
     def lines_of(self, group: Sequence[SensorSpec]) -> list[SensorLine]:
-        """Lines of a kind's sensors, as far as they were read."""
-        shown = [sensor for sensor in group if self.is_shown(sensor)]
-        if not shown:
-            return []
+        """Lines of a kind's sensors."""
         if _is_one_line(group):
             return [SensorLine(self._digits(group))]
-        if not _has_heading(group):
-            return [SensorLine(self._line(sensor, 0.0), sensor.code) for sensor in shown]
-        read = [self.rows[sensor.code] for sensor in shown if sensor.code in self.rows]
-        end = scale_end((value for row in read for value in row.history), group[0].unit)
-        lines = [SensorLine(self._line(sensor, end), sensor.code) for sensor in shown]
-        return [SensorLine(self._heading(group[0], end), heads=True), *lines]
+        lines = [SensorLine(self._line(sensor), sensor.code) for sensor in group]
+        title = "range" if group[0].kind.is_range else group[0].kind.name
+        if self.full or title in self._named or (len(group) == 1 and not group[0].kind.is_range):
+            return lines
+        self._named.add(title)
+        scale = f"0{self.view.dash}{self._end(group[0]):g}"
+        head: StyledLine = ((title[: self.width - len(scale) - 1], "title"),)
+        return [SensorLine(between(head, ((scale, "dim"),), self.width), heads=True), *lines]
 
-    def _heading(self, sensor: SensorSpec, end: float) -> StyledLine:
-        """Name of a kind, and what its gauges end at."""
-        if not self.full:
-            scale = f"{sensor.unit} 0-{end:g}".strip()
-            room = max(self.width - len(scale) - 1, 1)
-            return (sensor.kind.name[:room].ljust(room), "title"), (f" {scale}", "dim")
-        note = "reading, true value" if self.view.truth else f"gauge 0-{end:g} {sensor.unit}".rstrip()
-        return heading(kind_name(sensor.kind), note, self.width, plain=self.view.plain)
-
-    def _line(self, sensor: SensorSpec, end: float) -> StyledLine:
-        """One sensor: its reading, and what there is to say of it. Without an `end` it has no gauge."""
-        row, plain = self.rows.get(sensor.code), self.view.plain
-        fresh = row is not None and row.number == self.newest
-        role = "newest" if fresh else "label"
-        if row is None:
-            value: tuple[str, str] = "-" if plain else "–", "dim"
-        else:
-            stands_out = range_role(sensor, row.reading.value)
-            value = (
-                _value_text(row.reading.value, sensor),
-                "newest" if fresh and stands_out == "value" else stands_out,
+    def _end(self, sensor: SensorSpec) -> float:
+        """End of the gauges of a sensor's kind; all that measure ranges have the same."""
+        is_range = sensor.kind.is_range
+        key = "range" if is_range else sensor.kind.name
+        if key not in self._ends:
+            alike = (
+                row
+                for row in self.rows.values()
+                if not row.reading.sensor.kind.is_scan
+                and row.reading.sensor.kind.is_range == is_range
+                and (is_range or row.reading.sensor.kind is sensor.kind)
             )
-        look = way(sensor, plain=plain)
-        line: StyledLine = (
-            (sensor.code, "chosen" if sensor.code == self.view.chosen else role),
-            (look.ljust(2) if plain else f" {look}".ljust(2), role),
-            (value[0].rjust(6 if self.full else 5), value[1]),
-        )
-        if self.full or not end:
-            line = (*line, (f" {'' if sensor.is_yes_or_no else sensor.unit}".ljust(3), "dim"))
-        return (*line, *self._rest(sensor, row, self.width - length(line), end, fresh))
+            end = scale_end((value for row in alike for value in row.history), sensor.unit)
+            self._ends[key] = max(end, RANGE_SCALE) if is_range else end
+        return self._ends[key]
 
-    def _rest(
-        self, sensor: SensorSpec, row: SensorRow | None, room: int, end: float, fresh: bool
-    ) -> StyledLine:
+    def _line(self, sensor: SensorSpec) -> StyledLine:
+        """One sensor: its reading, and what there is to say of it."""
+        row = self.rows.get(sensor.code)
+        fresh = row is not None and row.number == self.newest
+        begin = self._begin(sensor, row, fresh)
+        if row is None:
+            return self._unread(sensor, begin)
+        if row.reading.scan is not None:
+            return self._scan(row.reading.scan, sensor, begin, fresh)
+        value = row.reading.value
+        if sensor.kind.is_range and value == math.inf:
+            return self._no_echo(sensor, begin, fresh)
+        stands_out = range_role(sensor, value)
+        role = "newest" if fresh and stands_out == "value" else stands_out
+        line: StyledLine = (*begin, (_value_text(value, sensor).rjust(6 if self.full else 5), role))
+        is_gauged = self._is_gauged(sensor)
+        if self.full or not is_gauged:
+            unit = "" if sensor.is_yes_or_no else sensor.unit
+            line = (*line, (f" {unit}".ljust(3), "dim"))
+        return (*line, *self._rest(sensor, row, self.width - length(line), fresh))
+
+    def _begin(self, sensor: SensorSpec, row: SensorRow | None, fresh: bool) -> StyledLine:
+        """Code and direction."""
+        look = way(sensor, plain=self.view.plain)
+        role = "dim" if row is None else "newest" if fresh else "value"
+        return (
+            (sensor.code, "chosen" if sensor.code == self.view.chosen else role),
+            (look.ljust(2) if self.view.plain else f" {look}".ljust(2), role),
+        )
+
+    def _unread(self, sensor: SensorSpec, begin: StyledLine) -> StyledLine:
+        """A sensor that was never read: its direction and its kind, and no number."""
+        true = self.true_values.get(sensor.code)
+        if not self.full:
+            line: StyledLine = (*begin, (self.view.dash.rjust(5), "dim"))
+            return line if true is None else (*line, (f" {true:.1f}"[: self.width - length(line)], "good"))
+        line = (*begin, (f"   {self.view.dash}   ", "dim"))
+        if self.view.truth and true is not None:
+            return (*line, (f"true {_value_text(true, sensor)}", "good"))
+        return between((*line, (kind_name(sensor.kind), "dim")), (("not read", "dim"),), self.width)
+
+    def _scan(self, scan: LidarScan, sensor: SensorSpec, begin: StyledLine, fresh: bool) -> StyledLine:
+        """A scan: how many points it has, and as much of the nearest and farthest as there is room for."""
+        role = "newest" if fresh else "value"
+        if not self.full:
+            return (*begin, (f" {len(scan.ranges)} pts", role))
+        found, plain = extremes(scan), self.view.plain
+        line: StyledLine = (*begin, (f" {len(scan.ranges)} points", role))
+        if found.nearest is None or found.farthest is None:
+            return (*line, (", no echo", role))
+        (near, at), (far, _) = found.nearest, found.farthest
+        stands_out = range_role(sensor, near)
+        pieces: tuple[StyledLine, ...] = (
+            (
+                (", nearest ", role),
+                (f"{near:.1f}", role if stands_out == "value" else stands_out),
+                (f" {sensor.unit} {bearing_sign(at, plain=plain)}", role),
+            ),
+            ((f" farthest {far:.1f} {sensor.unit}", role),),
+        )
+        for more in pieces:
+            if length(line) + length(more) > self.width:
+                break
+            line = (*line, *more)
+        return line
+
+    def _no_echo(self, sensor: SensorSpec, begin: StyledLine, fresh: bool) -> StyledLine:
+        """A range that ended at nothing: words, and no bar."""
+        role = "newest" if fresh else "value"
+        true = self.true_values.get(sensor.code)
+        if not self.full:
+            return (*begin, ("  no echo", role))
+        line: StyledLine = (*begin, ("   no echo", role))
+        if self.view.truth and true is not None:
+            return (*line, (f"  {_value_text(true, sensor)}", "good"))
+        bars = self._bar_columns(self.width - _BEFORE_BAR)[0]
+        dots = (". " if self.view.plain else "· ") * (bars // 2 - 1)
+        far = f"beyond {sensor.max_range:.0f}" if math.isfinite(sensor.max_range) else ""
+        return between((*line, (f" {dots}", "rule")), ((far, "dim"),), self.width)
+
+    def _is_gauged(self, sensor: SensorSpec) -> bool:
+        """True for kinds whose values have a bar: lengths, of which a robot has several."""
+        if sensor.kind.is_scan:
+            return False
+        return sensor.kind.is_range or (sensor.kind.counts and sensor.unit == "in")
+
+    def _bar_columns(self, room: int) -> tuple[int, int, int]:
+        """Columns of the gauge, the sparkline and the span of a row in full: 9, 5 and 7 of 22."""
+        more = max(room - 22, 0)
+        bars = 9 + more // 3
+        spark = min(5 + more - more // 3, HISTORY)
+        return bars, spark, room - bars - spark - 1
+
+    def _rest(self, sensor: SensorSpec, row: SensorRow, room: int, fresh: bool) -> StyledLine:
         """Pieces behind a reading: the true value or the twin's, else gauge and sparkline."""
         twin, true = self.twins.get(sensor.code), self.true_values.get(sensor.code)
+        plain, value = self.view.plain, row.reading.value
         if twin is not None:
             apart = "warning" if _apart(twin) else "dim"
             simulated = (f" sim {twin.simulated:.1f}", "belief")
-            return (
-                (simulated, (f" {twin.robot - twin.simulated:+.1f}", apart))
-                if room >= _TWIN_ROOM
-                else (simulated,)
-            )
+            difference = (f" {twin.robot - twin.simulated:+.1f}", apart)
+            return (simulated, difference) if room >= _TWIN_ROOM else (simulated,)
         if self.view.truth and true is not None:
             return ((f" {_value_text(true, sensor)}".rjust(min(room, 8)), "good"),)
-        if row is None:
-            return ()
-        if not end:
+        if not self._is_gauged(sensor):
             name = kind_name(sensor.kind)
-            return ((name.rjust(room), "dim"),) if room > len(name) else ()
-        value, role, plain = row.reading.value, "newest" if fresh else "mark", self.view.plain
-        if room < _SPARK_ROOM:
+            turned = f" {heading_sign(value, plain=plain)}" if sensor.kind.name == Compass.name else ""
+            return ((f" {name}", "dim"), (turned, "value")) if room > len(name) + len(turned) else ()
+        stands_out = range_role(sensor, value)
+        role = stands_out if stands_out != "value" else "newest" if fresh else "mark"
+        end = self._end(sensor)
+        if not self.full:
             return (" ", "plain"), *gauge(value, end, max(room - 1, 0), plain=plain, role=role)
-        span = span_text(row.history)
-        # Spans such as `9-35` leave the sparklines of all rows below one another.
-        tail = max(len(span) + 1, 5)
-        bars = 8 + max(0, (room - 23) // 4)
-        spark = min(room - bars - 2 - tail, HISTORY)
-        bars = room - spark - 2 - tail
-        history = sparkline(row.history, spark, plain=plain).rjust(spark)
-        line = gauge(value, end, bars, plain=plain, role=role)
-        return (" ", "plain"), *line, (f" {history}", "dim"), (span.rjust(tail), "dim")
+        past = self.view.past.get(sensor.code, row.history)
+        bars, spark, tail = self._bar_columns(room - 1)
+        return (
+            (" ", "plain"),
+            *gauge(value, end, bars, plain=plain, role=role),
+            (f" {sparkline(past, spark, plain=plain).ljust(spark)}", "dim"),
+            (span_text(past, plain=plain).rjust(tail), "dim"),
+        )
 
     def _digits(self, group: Sequence[SensorSpec]) -> StyledLine:
-        """Sensors that say yes or no, side by side."""
-        name = group[0].kind.__name__.removesuffix("Sensor").lower()
-        pieces: list[tuple[str, str]] = [(name[:4].ljust(5), "title")]
+        """Sensors that say yes or no, side by side, each on the colour of what it sees."""
+        kind, plain = group[0].kind, self.view.plain
+        if not self.full:
+            name = kind.__name__.removesuffix("Sensor").lower()
+            return (name[:4].ljust(5), "title"), *self._yes_or_no(group, "")
+        read = any(sensor.code in self.rows for sensor in group)
+        codes = "".join(_ranges([sensor.code for sensor in group], plain=plain))
+        begin = (codes.ljust(6), "value" if read else "dim")
+        white = {sensor.detects_white for sensor in group}
+        note = f"1 is {'white' if white.pop() else 'black'}" if len(white) == 1 else ""
+        if not read and not self.view.truth:
+            said = ", ".join(filter(None, (kind_name(kind).removesuffix(" sensor"), note)))
+            line: StyledLine = (begin, (f" {self.view.dash:<4}{said}", "dim"))
+            return between(line, (("not read", "dim"),), self.width)
+        pad = " " if len(group) * 3 + len(note) + 7 <= self.width else ""
+        return between((begin, *self._yes_or_no(group, pad)), ((note, "dim"),), self.width)
+
+    def _yes_or_no(self, group: Sequence[SensorSpec], after: str) -> StyledLine:
+        pieces: list[tuple[str, str]] = []
         for sensor in group:
             row, true = self.rows.get(sensor.code), self.true_values.get(sensor.code)
-            text = ("." if self.view.plain else "·") if row is None else f"{row.reading.value:.0f}"
+            text = self.view.dash if row is None else f"{row.reading.value:.0f}"
             role = "dim" if row is None else "newest" if row.number == self.newest else "value"
-            pieces.append((f" {text}", role))
+            if row is not None and after and not self.view.plain:
+                is_white = bool(row.reading.value) == sensor.detects_white
+                role = "white-tile" if is_white else "black-tile"
+            pieces.append((f" {text}{after}", role))
             if self.view.truth and true is not None and self.full:
                 pieces.append((f"/{true:.0f}", "good"))
-        white = {sensor.detects_white for sensor in group}
-        note = f"   1 over {'white' if white.pop() else 'black'}" if len(white) == 1 else ""
-        line = tuple(pieces)
-        codes = "  " + "".join(_ranges([sensor.code for sensor in group]))
-        if self.width < length(line) + len(note) + len(codes):
-            return line
-        return (*line, (note, "dim"), (codes.rjust(self.width - length(line) - len(note)), "dim"))
+        return tuple(pieces)
 
 
 def _value_text(value: float, sensor: SensorSpec) -> str:
@@ -318,22 +399,16 @@ def _value_text(value: float, sensor: SensorSpec) -> str:
     return text if len(text) <= 5 else f"{value:.0f}"
 
 
-def _unread(codes: Sequence[str], width: int) -> list[StyledLine]:
-    """Those never read in as few lines as there is room for."""
-    if not codes:
-        return []
-    words = ["never read", *_ranges(codes)] if width >= FULL_COLUMNS else ["unread", *_ranges(codes)]
-    lines: list[str] = []
-    for word in words:
-        if lines and len(lines[-1]) + 1 + len(word) <= width:
-            lines[-1] += f" {word}"
-        else:
-            lines.append(word)
-    return [((line, "dim"),) for line in lines]
+def heading_sign(value: float, *, plain: bool) -> str:
+    """Arrow, or point of the compass, for a heading in degrees counter-clockwise; empty for NaN."""
+    if not math.isfinite(value):
+        return ""
+    return (_POINTS if plain else ARROWS)[round(value / 45) % 8]
 
 
-def _ranges(codes: Sequence[str]) -> list[str]:
-    """Codes with those in a row as `u1-5`."""
+def _ranges(codes: Sequence[str], *, plain: bool) -> list[str]:
+    """Codes with those in a row as `u1–5`."""
+    dash = "-" if plain else "–"
     runs: list[list[str]] = []
     for code in codes:
         last = runs[-1][-1] if runs else ""
@@ -342,7 +417,7 @@ def _ranges(codes: Sequence[str]) -> list[str]:
             runs[-1].append(code)
         else:
             runs.append([code])
-    return [run[0] if len(run) == 1 else f"{run[0]}-{run[-1][1:]}" for run in runs]
+    return [run[0] if len(run) == 1 else f"{run[0]}{dash}{run[-1][1:]}" for run in runs]
 
 
 def _apart(twin: TwinReading) -> bool:

@@ -17,15 +17,25 @@ from textual.widget import Widget
 
 from simmer_tui.sim.command import escape
 from simmer_tui.snapshot import Snapshot
+from simmer_tui.tui.answers import AnswerCard
+from simmer_tui.tui.jump_thinning import JumpThinning
 from simmer_tui.tui.key_table import ANYWHERE, IN_LOG, Hint, hints_of, keys_line
 from simmer_tui.tui.line_panel import LinePanel
 from simmer_tui.tui.maze.palette import Look
 from simmer_tui.tui.maze.view import MazeView
-from simmer_tui.tui.panes import PANELS, Panes, SnapshotSource
-from simmer_tui.tui.sizes import PAGES, SMALLEST_COLUMNS, SMALLEST_ROWS, Arrangement, Box, arrangement
+from simmer_tui.tui.panes import Panes, SnapshotSource
+from simmer_tui.tui.sizes import (
+    ANSWER_ROWS,
+    PAGES,
+    SMALLEST_COLUMNS,
+    SMALLEST_ROWS,
+    Arrangement,
+    Box,
+    arrangement,
+)
 from simmer_tui.tui.terminal import ColorDepth, GlyphMode, TerminalChoice
 from simmer_tui.tui.terminal_app import AsciiFilter, Backpressure, TerminalApp
-from simmer_tui.tui.textual_internals import FaultTold, forget_traceback
+from simmer_tui.tui.textual_internals import FaultTold, draw_at_once, forget_traceback
 from simmer_tui.tui.themes import THEMES, theme_name, themes, variables
 
 
@@ -55,10 +65,14 @@ class Shell(FaultTold, TerminalApp):
         self._plan = Arrangement({}, False)
         self._known = 0
         self._sampling = False
-        self._idle = False
+        self._idle = self._jumps = False
+        self._thinning = JumpThinning()
         self._snapshot: Snapshot | None = None
         self._page = 0
-        self._said = 0
+        self._answer_rows = 0
+        self._had_mission = False
+        self._is_arranged = False
+        """True while widgets have boxes, but not their sizes."""
         self._ending: int | None = None
         self.frames = 0
         """Pictures drawn so far."""
@@ -91,19 +105,18 @@ class Shell(FaultTold, TerminalApp):
         if self._choice.color is ColorDepth.NONE:
             self.theme = "ansi-light" if look is Look.LIGHT else "ansi-dark"
         self.set_class(self._plain, "plain")
+        self.set_class(self._choice.color is ColorDepth.NONE, "mono")
         self.set_interval(1 / self._settings.screen.fps, self._sample)
         # The first picture does not wait for the first tick.
         self.call_after_refresh(self._sample)
-        # Notifications come and go by layouts of their own; nothing else tells of them.
-        self.screen.screen_layout_refresh_signal.subscribe(self, self._make_room)
+        self.screen.screen_layout_refresh_signal.subscribe(self, self._laid_out)
 
     def get_theme_variable_defaults(self) -> dict[str, str]:
         """Colours that other themes than the app's own do not name."""
         return variables(self._choice.color)
 
     def get_line_filters(self) -> Sequence[LineFilter]:
-        """Textual's filters but one, which would look through all rows of every picture for the 16
-        colours by name that nothing here uses, and one for terminals that show nothing but ASCII."""
+        """Textual's filters but one, and another for terminals that show nothing but ASCII."""
         # Nothing here uses the 16 colours by name; the filter would look through all rows of every picture.
         filters = [each for each in super().get_line_filters() if not isinstance(each, ANSIToTruecolor)]
         return [*filters, AsciiFilter()] if self._plain else filters
@@ -119,7 +132,7 @@ class Shell(FaultTold, TerminalApp):
             self.skipped += 1
             return
         # A snapshot comes from the robot's thread; a slow one must not queue up more of them.
-        if self._sampling or self._nothing_new():
+        if self._sampling or self._nothing_new() or self._thinning.passes_over(self._jumps):
             return
         self._sampling = True
         try:
@@ -146,20 +159,37 @@ class Shell(FaultTold, TerminalApp):
             and before.state.pose == snapshot.state.pose
             and not snapshot.state.paused
         )
+        self._jumps = (
+            before is not None
+            and snapshot.pace == 0.0
+            and not (before.state.moving or snapshot.state.moving)
+            and before.state.pose != snapshot.state.pose
+        )
         self.frames += 1
-        self._panes.show(snapshot)
+        has_events = self._panes.show(snapshot)
         self.shown(snapshot, since)
-        if not self._panes.has_unshown:
-            self.numbers_shown(snapshot)
+        if has_events:
+            self.events_shown(snapshot)
+        self._make_room_for_answers()
+        draw_at_once(self.screen_stack[0])
+
+    def _make_room_for_answers(self) -> None:
+        """Arrange the panes anew where an answer, or a mission's panel, wants other rows than the last."""
+        rows = self._panes.answer_rows
+        # On a small screen it is there or not; beside the maze only one longer than usual takes more.
+        rows = min(rows, 1) if self.has_pages else rows * (rows > ANSWER_ROWS)
+        if (rows, self._panes.has_mission) != (self._answer_rows, self._had_mission):
+            self._answer_rows, self._had_mission = rows, self._panes.has_mission
+            self._arrange(self.size.width, self.size.height)
 
     def _show_again(self) -> None:
         """Bring everything up to date after a change of sizes."""
         self._panes.show_again()
         if self._snapshot is not None:
-            self.numbers_shown(self._snapshot)
+            self.events_shown(self._snapshot)
 
-    def numbers_shown(self, snapshot: Snapshot) -> None:
-        """Called when the numbers of a snapshot are on the screen, which is less often than its maze."""
+    def events_shown(self, snapshot: Snapshot) -> None:
+        """Called when the events of a snapshot are on the screen, which is less often than its state."""
 
     def shown(self, snapshot: Snapshot, since: int) -> None:
         """Called when a snapshot is on the screen; its entries are those after the event `since`."""
@@ -173,7 +203,7 @@ class Shell(FaultTold, TerminalApp):
 
     def refresh_frame(self) -> None:
         """Draw again soon, even if nothing happened."""
-        self._idle = False
+        self._idle = self._jumps = False
         self.call_later(self._sample)
 
     # -- sizes -----------------------------------------------------------------------------------
@@ -195,9 +225,9 @@ class Shell(FaultTold, TerminalApp):
             width,
             height,
             sensors=self._panes.sensor_rows,
-            panels=[(kind.name, kind.rows) for kind in PANELS],
+            panels=self._panes.panel_rows(height, page=PAGES[self._page] == "robot"),
             page=PAGES[self._page],
-            said=self._said,
+            answer=self._answer_rows,
         )
         least = f"at least {SMALLEST_COLUMNS} x {SMALLEST_ROWS} please"
         self._small.show([(("The terminal is too small:", "warning"),), ((least, "plain"),)])
@@ -211,18 +241,15 @@ class Shell(FaultTold, TerminalApp):
                         put(widget, box)
         self._show_keys()
         self.refresh_bindings()
-        self.call_after_refresh(self._show_again)
+        self._is_arranged = True
         self.refresh_frame()
 
-    def _make_room(self, screen: Screen[object]) -> None:
-        """Keep notifications from covering a page that has no maze."""
-        # Notifications begin below the header.
-        header = 1
-        said = max((toast.region.bottom - header for toast in screen.query("Toast")), default=0)
-        if said != self._said:
-            self._said = said
-            if self.has_pages and "maze" not in self._plan.boxes:
-                self._arrange(self.size.width, self.size.height)
+    def _laid_out(self, screen: Screen[object]) -> None:
+        """Draw into boxes that have just got their sizes."""
+        if self._is_arranged:
+            self._is_arranged = False
+            self._show_again()
+            self.refresh_frame()
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
         """Allow pages on small screens only."""
@@ -263,6 +290,23 @@ class Shell(FaultTold, TerminalApp):
         box = self._plan.boxes.get("keys")
         if box is not None:
             self._keys.show([keys_line(self.hints(), box.width, always)])
+
+    # -- answers ---------------------------------------------------------------------------------
+
+    def ask(self, answer: AnswerCard) -> None:
+        """Show an answer in its place, until it is closed or the robot moves again."""
+        if self._snapshot is not None:
+            self._panes.home.ask(answer, self._snapshot)
+            self._show_again()
+            self._make_room_for_answers()
+
+    def action_close_answer(self) -> None:
+        """Close the answer, or go to the maze if there is none to close."""
+        if self._panes.home.close():
+            self._show_again()
+            self._make_room_for_answers()
+        else:
+            self.action_focus_pane()
 
     # -- what people do --------------------------------------------------------------------------
 

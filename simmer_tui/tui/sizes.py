@@ -1,7 +1,8 @@
 """Division of a terminal of any size among the panes: a box of cells for each, by name.
 
-The maze grows first, then the sensors beside it, then a radar around the robot, then the events
-below. Nothing here draws; the shell puts each widget into its box and hides those without one.
+The maze grows first, then the column beside it: the home for answers, sensors, a radar around the robot,
+robot and mission. Events and console stand below. Nothing here draws; the shell puts each widget into its
+box and hides those without one.
 """
 
 from collections.abc import Mapping, Sequence
@@ -32,15 +33,21 @@ _CONTROLS = 2
 """Rows of console or timeline at the bottom."""
 # A heading and two events: fewer rows are better given to the sensors.
 _LEAST_EVENTS = 3
-# A heading and two lines.
-_LEAST_PAGE = 3
-"""Rows that a page keeps, whatever is said in passing."""
 # Its outer ring is then ten columns from the middle: 3.6 in a column.
 _RADAR = (40, 13)
 """Least columns and rows of the radar."""
-# A heading and the six lines of a range sensor.
-_FACTS_ROWS = 7
-
+# A heading, place, direction, reading and last values of a sensor.
+_FACTS_ROWS = 5
+# A heading and two lines of output: fewer say nothing.
+_LEAST_PROGRAM = 3
+# A heading and six lines of 36 columns: an error, the frames that led to it, and what one can do now.
+ANSWER_ROWS = 7
+"""Rows of the home for answers beside the maze."""
+# Where legend and pose stand, which say nothing new while an answer is read, and the line below them.
+BRIEF_ANSWER = 3
+"""Rows of an answer on a small screen."""
+# A heading and the first sensors: what a long answer leaves of them.
+_LEAST_SENSORS = 4
 
 Panels = Sequence[tuple[str, int]]
 
@@ -73,7 +80,7 @@ def arrangement(
     sensors: int,
     panels: Panels,
     page: str = "maze",
-    said: int = 0,
+    answer: int = 0,
 ) -> Arrangement:
     """Panes of a terminal of `width` columns and `height` rows.
 
@@ -81,18 +88,16 @@ def arrangement(
         sensors: rows of the sensors.
         panels: name and rows of the other panels beside the maze.
         page: the page shown, on a small screen.
-        said: rows of notifications. They stand over a maze; where there is none they get rows of their own.
+        answer: rows that an answer wants; 0 without one. Beside the maze it has a place in any case.
     """
     if width < SMALLEST_COLUMNS or height < SMALLEST_ROWS:
         return Arrangement({"small": Box(0, 0, width, height)}, False)
     boxes = {"header": Box(0, 0, width, 1), "keys": Box(0, height - 1, width, 1)}
     if width >= _FULL[0] and height >= _FULL[1]:
-        return Arrangement(boxes | _full(maze, width, height, sensors, panels), False)
+        return Arrangement(boxes | _full(maze, width, height, sensors, panels, answer), False)
     if page == "maze":
-        return Arrangement(boxes | _brief(maze, width, height), True)
-    rows = height - 2 - _CONTROLS
-    said = max(min(said, rows - _LEAST_PAGE), 0)
-    body = Box(0, 1 + said, width, rows - said)
+        return Arrangement(boxes | _brief(maze, width, height, answer), True)
+    body = Box(0, 1, width, height - 2 - _CONTROLS)
     boxes |= {"console": Box(0, body.bottom, width, _CONTROLS)}
     if page == "robot":
         return Arrangement(boxes | _stacked(body, panels), True)
@@ -106,8 +111,9 @@ def _fit(maze: MazeSpec, columns: int, rows: int) -> tuple[int, int]:
     return max(min(wide, columns), 1), max(min(high, rows), 1)
 
 
-def _brief(maze: MazeSpec, width: int, height: int) -> dict[str, Box]:
-    """Everything at once, in brief: sensors beside the maze, one line each for the rest."""
+def _brief(maze: MazeSpec, width: int, height: int, answer: int) -> dict[str, Box]:
+    """Everything at once, in brief: sensors beside the maze, one line each for the rest, or an answer in
+    their place."""
     # From 13 columns at 80 to the 36 that full panels have at 120.
     beside = BRIEF_SENSORS + max(0, (width - 80) * 23 // 40)
     beside = 0 if width - beside - 1 < _LEAST_MAZE else beside
@@ -129,10 +135,18 @@ def _brief(maze: MazeSpec, width: int, height: int) -> dict[str, Box]:
         boxes["sensors"] = boxes["sensors"]._replace(height=rows + spare)
         boxes |= {name: boxes[name]._replace(y=boxes[name].y + spare) for name in ("legend", "pose")}
     boxes["console"] = Box(0, console, width, _CONTROLS)
+    if answer:
+        legend, pose, events = boxes.pop("legend"), boxes.pop("pose"), boxes.get("events")
+        # The console's line above what is typed is the third row, unless events stand between.
+        boxes["answer"] = Box(0, legend.y, width, legend.height + pose.height + (events is not None))
+        if events is not None:
+            boxes["events"] = events._replace(y=events.y + 1, height=events.height - 1)
     return boxes
 
 
-def _full(maze: MazeSpec, width: int, height: int, sensors: int, panels: Panels) -> dict[str, Box]:
+def _full(
+    maze: MazeSpec, width: int, height: int, sensors: int, panels: Panels, answer: int
+) -> dict[str, Box]:
     """Panels beside the maze and below it."""
     # 36 columns hold a full row of a sensor; 51 at 200, the rest is the maze's.
     beside = min(36 + max(0, (width - 120) * 15 // 80), 60)
@@ -141,22 +155,35 @@ def _full(maze: MazeSpec, width: int, height: int, sensors: int, panels: Panels)
     columns, rows = _fit(maze, width - beside - 2, height - 3 - lower)
     left = max(columns, min(_LEAST_BELOW, width - beside - 2))
     boxes = {"maze": Box(0, 1, columns, rows), "legend": Box(0, 1 + rows, left, 1)}
-    boxes |= _beside(Box(left + 1, 1, width - left - 2, height - 2), sensors, panels)
+    room = width - left - 2
+    # One column more is no use to a panel; a gap of two beside the maze is.
+    room = beside if room == beside + 1 else room
+    boxes |= _beside(Box(width - room - 1, 1, room, height - 2), sensors, panels, answer)
     top = 2 + rows
     return boxes | _below(Box(0, top, left, height - 1 - top))
 
 
-def _beside(side: Box, sensors: int, panels: Panels) -> dict[str, Box]:
-    """The column beside the maze: sensors, radar, robot, and how the run stands."""
-    boxes = {}
-    rest = side.height - min(sensors, side.height)
-    at = side.y + min(sensors, side.height)
-    boxes["sensors"] = Box(side.x, side.y, side.width, side.height - rest)
-    wanted = sum(rows for _, rows in panels) + 1
-    radar = min(rest - wanted, side.width // 2 + 1)
+def _beside(side: Box, sensors: int, panels: Panels, answer: int) -> dict[str, Box]:
+    """The column beside the maze: answers, sensors, radar, robot, and how the run stands."""
+    wanted = sum(rows for _, rows in panels)
+    # An answer that is longer than usual takes the gaps, then the radar's rows and those of the sensors.
+    said = min(max(ANSWER_ROWS, answer), side.height - _LEAST_SENSORS)
+    sensors = min(sensors, side.height - said)
+    if answer > ANSWER_ROWS:
+        sensors = max(min(sensors, side.height - said - wanted), _LEAST_SENSORS)
+    rest = side.height - said - sensors
+    gaps = min(max(rest - wanted, 0), 2)
+    boxes = {"answer": Box(side.x, side.y, side.width, said)}
+    at = side.y + said + (gaps > 0)
+    boxes["sensors"] = Box(side.x, at, side.width, sensors)
+    at += sensors + (gaps > 1)
+    rest -= gaps
+    # As wide as high, with a heading.
+    radar = min(rest - wanted, side.width // 2 - 2)
     if side.width >= _RADAR[0] and radar >= _RADAR[1]:
         boxes["radar"] = Box(side.x, at, side.width, radar)
-        at, rest = at + radar, rest - radar
+        # The radar has what is left: no gaps below it.
+        at, rest = at + radar, wanted
     return boxes | _stacked(Box(side.x, at, side.width, rest), panels)
 
 
@@ -184,9 +211,12 @@ def _below(low: Box) -> dict[str, Box]:
             "console-head": Box(left + 2, top, right, 1),
             "console": Box(left + 2, top + 1, right, _CONTROLS),
         }
-        facts = top + console + 1
+        facts = top + console + 2
         if low.bottom - facts >= _FACTS_ROWS:
-            boxes["facts"] = Box(left + 2, facts, right, low.bottom - facts)
+            boxes["facts"] = Box(left + 3, facts, right - 1, _FACTS_ROWS)
+        program = facts + _FACTS_ROWS + 1
+        if low.bottom - program >= _LEAST_PROGRAM:
+            boxes["program"] = Box(left + 3, program, right - 1, low.bottom - program)
         return boxes
     at = low.bottom - console
     return {

@@ -1,6 +1,6 @@
 """From rows of cells to what Textual sends: runs of equal style, and only what changed."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from functools import lru_cache
 from typing import ClassVar
 
@@ -12,15 +12,10 @@ from rich.segment import Segment
 from rich.style import Style
 from textual.geometry import Region
 from textual.strip import Strip
-from textual.widget import Widget
 
+from simmer_tui.tui.direct_lines import DirectLines
 from simmer_tui.tui.maze.glyphs import BLANK, Cells, Mask
 from simmer_tui.tui.maze.palette import DEFAULT, Attribute
-from simmer_tui.tui.textual_internals import spans_are_cropped
-
-# Moving the cursor to the next span takes about as many bytes as the cells in between.
-_JOIN = 6
-"""Changed spans nearer than this are sent as one, columns."""
 
 
 class Span(Struct, frozen=True):
@@ -31,66 +26,70 @@ class Span(Struct, frozen=True):
     stop: int
 
 
-def changed_spans(old: Cells, new: Cells, join: int | None) -> list[Span]:
-    """Spans in which two pictures of one shape differ.
+def changed_spans(old: Cells, new: Cells) -> list[Span]:
+    """Spans in which two pictures of one shape differ, one a row.
 
-    Spans of a row less than `join` cells apart become one, since moving the cursor costs bytes
-    too; None makes one span a row.
+    The writer leaves out what stays in between.
     """
     changed = new.differs(old)
     spans: list[Span] = []
     for row in np.flatnonzero(changed.any(axis=1)).tolist():
         columns = np.flatnonzero(changed[row])
-        if join is None:
-            spans.append(Span(row, int(columns[0]), int(columns[-1]) + 1))
-            continue
-        gaps = np.flatnonzero(np.diff(columns) > join)
-        starts = columns[np.concatenate(([0], gaps + 1))]
-        stops = columns[np.concatenate((gaps, [len(columns) - 1]))] + 1
-        spans.extend(Span(row, *span) for span in zip(starts.tolist(), stops.tolist(), strict=True))
+        spans.append(Span(row, int(columns[0]), int(columns[-1]) + 1))
     return spans
 
 
-def make_strip(cells: Cells, row: int, default: Style) -> Strip:
-    """One row as a strip; cells without colours take the default style.
+def make_strips(cells: Cells, rows: Sequence[int], default: Style) -> list[Strip]:
+    """Some rows as strips; cells without colours take the default style.
 
     No segment is ever without a style: Textual's colour filters fail on one.
     """
-    text = cells.text(row)
-    segments = [
-        Segment(text[start:stop], _style(foreground, background, attributes, default))
-        for start, stop, foreground, background, attributes in _runs(cells, row)
-    ]
-    return Strip(segments, len(text))
+    if not rows:
+        return []
+    texts = [cells.text(row) for row in rows]
+    # All rows at once: of a single one the arithmetic costs less than asking for it.
+    background, attributes = cells.background[rows], cells.attributes[rows]
+    blank = cells.characters[rows] == BLANK
+    foreground = _borrowed_foreground(blank, cells.foreground[rows], background)
+    begins = np.ones(blank.shape, dtype=np.bool_)
+    begins[:, 1:] = (foreground[:, 1:] != foreground[:, :-1]) | (background[:, 1:] != background[:, :-1])
+    begins[:, 1:] |= attributes[:, 1:] != attributes[:, :-1]
+    of_runs = (values[begins].tolist() for values in (foreground, background, attributes))
+    styles = [_style(*run, default) for run in zip(*of_runs, strict=True)]
+    starts = np.nonzero(begins)[1].tolist()
+    ends = np.cumsum(begins.sum(axis=1)).tolist()
+    strips, run = [], 0
+    for text, end in zip(texts, ends, strict=True):
+        stops = [*starts[run + 1 : end], len(text)]
+        pieces = zip(starts[run:end], stops, styles[run:end], strict=True)
+        strips.append(Strip([_segment(text[start:stop], style) for start, stop, style in pieces], len(text)))
+        run = end
+    return strips
 
 
-def _runs(cells: Cells, row: int) -> Iterator[tuple[int, int, int, int, int]]:
-    """(start, stop, foreground, background, attributes) of the runs that need no change of style."""
-    background, attributes = cells.background[row], cells.attributes[row]
-    foreground = _borrowed_foreground(cells.characters[row] == BLANK, cells.foreground[row], background)
-    breaks = (np.diff(foreground) != 0) | (np.diff(background) != 0) | (np.diff(attributes) != 0)
-    starts = np.concatenate(([0], np.flatnonzero(breaks) + 1))
-    stops = np.concatenate((starts[1:], [len(background)]))
-    of_runs = (values[starts].tolist() for values in (foreground, background, attributes))
-    yield from zip(starts.tolist(), stops.tolist(), *of_runs, strict=True)
+def _segment(text: str, style: Style) -> Segment:
+    # A named tuple's own constructor takes three times as long, and a busy picture has thousands.
+    return tuple.__new__(Segment, (text, style, None))
 
 
 def _borrowed_foreground(
     blank: Mask, foreground: NDArray[np.int32], background: NDArray[np.int32]
 ) -> NDArray[np.int32]:
     """A blank shows no foreground, so it takes that of its neighbour on the same background: one
-    run then goes on through it."""
-    index = np.arange(len(blank))
-    new_stretch = np.concatenate(([True], np.diff(background) != 0))
-    first = np.maximum.accumulate(np.where(new_stretch, index, 0))
+    run then goes on through it. All are (rows, columns)."""
+    width = blank.shape[1]
+    index = np.arange(width)
+    new_stretch = np.ones(blank.shape, dtype=np.bool_)
+    new_stretch[:, 1:] = background[:, 1:] != background[:, :-1]
+    first = np.maximum.accumulate(np.where(new_stretch, index, 0), axis=1)
     # An index beyond the end means "none"; looking backwards is looking forwards in the mirror.
-    before = np.maximum.accumulate(np.where(blank, -1, index))
-    after = np.minimum.accumulate(np.where(blank, len(blank), index)[::-1])[::-1]
-    lends_before = before >= first
-    after_clipped = np.minimum(after, len(blank) - 1)
-    lends_after = (after < len(blank)) & (first[after_clipped] == first)
-    lender = np.where(lends_before, before, np.where(lends_after, after_clipped, index))
-    return np.where(background == DEFAULT, foreground, foreground[lender])
+    before = np.maximum.accumulate(np.where(blank, -1, index), axis=1)
+    after = np.minimum.accumulate(np.where(blank, width, index)[:, ::-1], axis=1)[:, ::-1]
+    after_clipped = np.minimum(after, width - 1)
+    lends_after = (after < width) & (np.take_along_axis(first, after_clipped, axis=1) == first)
+    lender = np.where(before >= first, before, np.where(lends_after, after_clipped, index))
+    borrowed = np.take_along_axis(foreground, lender, axis=1)
+    return np.where(background == DEFAULT, foreground, borrowed)
 
 
 # Making a Style takes longer than all else about a run of cells.
@@ -114,7 +113,7 @@ def _color(packed: int) -> Color:
     return Color.from_rgb(packed >> 16, (packed >> 8) & 255, packed & 255)
 
 
-class CellsWidget(Widget):
+class CellsWidget(DirectLines):
     """Shows a picture of cells, below rows of another kind if there are any, and sends only what changed."""
 
     CELLS_TOP: ClassVar[int] = 0
@@ -130,13 +129,14 @@ class CellsWidget(Widget):
         # Another shape or style changes every cell: comparing would find nothing that stays.
         if before is None or before.shape != cells.shape or style != self._cells_style:
             self._cells_style = style
-            self._strips = [make_strip(cells, row, style) for row in range(cells.shape[0])]
+            self._strips = make_strips(cells, range(cells.shape[0]), style)
             self.refresh()
             return
-        spans = changed_spans(before, cells, _JOIN if spans_are_cropped() else None)
+        spans = changed_spans(before, cells)
         strips = list(self._strips)
-        for row in {span.row for span in spans}:
-            strips[row] = make_strip(cells, row, style)
+        rows = [span.row for span in spans]
+        for row, strip in zip(rows, make_strips(cells, rows, style), strict=True):
+            strips[row] = strip
         self._strips = strips
         if spans:
             top = self.CELLS_TOP

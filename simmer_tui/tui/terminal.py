@@ -44,6 +44,7 @@ GLYPH_OPTIONS = (AUTO, *(mode.value for mode in GlyphMode))
 # Programs that show 24-bit colour and say who they are, but not all set COLORTERM.
 _TRUECOLOR_PROGRAMS = frozenset(
     {"iterm.app", "wezterm", "vscode", "ghostty", "hyper", "rio", "warpterminal", "mintty", "tabby", "zed"}
+    | {"textual"}  # a terminal in a browser
 )
 _TRUECOLOR_TERMS = ("xterm-kitty", "xterm-ghostty", "wezterm", "alacritty", "foot", "contour", "rio")
 # A multiplexer keeps the variables of the terminal it was started in, not of the one it is seen in.

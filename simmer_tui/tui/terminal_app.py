@@ -33,7 +33,7 @@ _WAITING = 2
 _RESEMBLING = {
     "-": "─━▁▂▔–—",
     "|": "│┃▌▐▎▊▏",
-    "+": "┌┐└┘├┤┬┴┼╭╮╰╯",
+    "+": "┌┐└┘├┤┬┴┼╭╮╰╯✓",
     "#": "█▃▄▅▆▇▀",
     "*": "•",
     ".": "·",
@@ -73,6 +73,10 @@ class TerminalApp(App[int]):
 
     async def on_event(self, event: events.Event) -> None:
         """Take keys and pastes for a line editor here, in the app's own queue."""
+        if isinstance(event, events.Key | events.Paste) and not event.is_forwarded and not self.app_focus:
+            # Textual would give the focus back only with this key, which then reaches nobody: in a browser
+            # the app begins without it.
+            self.app_focus = True
         if isinstance(event, events.Key) and not event.is_forwarded:
             focused = self.focused
             if isinstance(focused, LineEditor) and await focused.take_key(event):
@@ -103,7 +107,7 @@ class TerminalApp(App[int]):
 
     def tell(self, text: str) -> None:
         """Say something in passing."""
-        self.notify(text, markup=False)
+        raise NotImplementedError
 
     def on_text_selected(self) -> None:
         """Text of a widget that has Textual's own selection, such as the help, has been marked."""
@@ -114,6 +118,8 @@ class TerminalApp(App[int]):
 
 def _end_when_hung_up() -> None:
     """Wait until the terminal has gone, and have this process end as by a signal."""
+    if sys.platform == "win32":
+        raise NotImplementedError  # there is no poll
     terminal = select.poll()
     terminal.register(sys.__stdin__.fileno() if sys.__stdin__ is not None else 0, 0)
     for _, events_seen in terminal.poll():

@@ -3,12 +3,10 @@
 Each function says what it stands in for. `KNOWN_VERSION` is the minor version of Textual that they were
 written against; with any other, what replaces something is left out and what only asks falls back.
 
-Dirty spans: when part of a widget is dirty, `ChopsUpdate.render_segments` sends the line from the
-widget's left edge to the right end of the dirty span; here it starts at the left end of the span.
-A robot that moves at the right of a maze makes Textual resend most of the line; over a slow SSH
-connection half of the bytes of a frame are such repetition. It can go once Textual crops both ends
-itself (Textualize/textual#5625). A span may begin in the middle of a wide character only if a
-widget asks for it; the maze view draws none.
+Updates: Textual sends every dirty span from its widget's left edge on, each piece with its whole style and
+a reset after it. Here a `DeltaWriter` sends the cells that differ from those on the screen; over a slow SSH
+connection the rest is two thirds of the bytes. The spans can go once Textual crops both ends itself
+(Textualize/textual#5625), the styles cannot.
 """
 
 from collections.abc import Iterator
@@ -16,13 +14,17 @@ from contextlib import contextmanager
 from typing import Any
 
 import textual
+from rich.color import ColorSystem
 from rich.console import Console
-from textual._compositor import ChopsUpdate
+from textual._compositor import ChopsUpdate, LayoutUpdate
 from textual.app import App
 from textual.geometry import Size
+from textual.message import Message
 from textual.screen import Screen
 from textual.scroll_view import ScrollView
 from textual.strip import Strip
+
+from simmer_tui.tui.delta_writer import DeltaWriter
 
 # pyproject.toml pins it; a newer one needs a look at each function here.
 KNOWN_VERSION = "8.2."
@@ -32,39 +34,65 @@ def is_known_version(version: str = textual.__version__) -> bool:
     return version.startswith(KNOWN_VERSION)
 
 
-# -- dirty spans -----------------------------------------------------------------------------------
+# -- updates ---------------------------------------------------------------------------------------
 
 
 @contextmanager
-def cropped_dirty_spans() -> Iterator[bool]:
-    """While this lasts, dirty spans are cropped on both sides. Gives true if they are."""
+def delta_updates() -> Iterator[bool]:
+    """While this lasts, updates of the screen are written as deltas. Gives true if they are."""
     if not is_known_version(textual.__version__):
         yield False
         return
-    original = ChopsUpdate.render_segments
-    ChopsUpdate.render_segments = _render_cropped  # type: ignore[method-assign]
+    originals = ChopsUpdate.render_segments, LayoutUpdate.render_segments
+    writer = DeltaWriter()
+
+    def render_spans(self: ChopsUpdate, console: Console) -> str:
+        writer.begin(self.chop_ends[0][-1], len(self.chop_ends), _colors_of(console))
+        for y, start, stop in self.spans:
+            # Textual keeps a line as pieces that end where another widget begins.
+            for end, (left, strip) in zip(self.chop_ends[y], self.chops[y].items(), strict=False):
+                first, last = max(left, start), min(end, stop)
+                if strip is not None and first < last:
+                    writer.write(y, left, strip, first, last)
+        return writer.end()
+
+    def render_whole(self: LayoutUpdate, console: Console) -> str:
+        region = self.region
+        # Textual asks for it when it does not know what the terminal shows, so nothing else does.
+        writer.begin(region.right, region.bottom, _colors_of(console), anew=True)
+        for y, strips in enumerate(self.strips, region.y):
+            x = region.x
+            for strip in strips:
+                writer.write(y, x, strip)
+                x += strip.cell_length
+        return writer.end()
+
+    ChopsUpdate.render_segments = render_spans  # type: ignore[method-assign]
+    LayoutUpdate.render_segments = render_whole  # type: ignore[method-assign]
     try:
         yield True
     finally:
-        ChopsUpdate.render_segments = original  # type: ignore[method-assign]
+        ChopsUpdate.render_segments, LayoutUpdate.render_segments = originals  # type: ignore[method-assign]
 
 
-def spans_are_cropped() -> bool:
-    return ChopsUpdate.render_segments is _render_cropped
+def _colors_of(console: Console) -> ColorSystem:
+    return console._color_system or ColorSystem.TRUECOLOR
 
 
-def _render_cropped(self: ChopsUpdate, console: Console) -> str:
-    """Terminal sequences of the dirty spans, and of nothing beside them."""
-    sequences: list[str] = []
-    for y, start, stop in self.spans:
-        # Textual keeps a line as pieces that end where another widget begins.
-        for end, (left, strip) in zip(self.chop_ends[y], self.chops[y].items(), strict=False):
-            first, last = max(left, start), min(end, stop)
-            if strip is None or first >= last:
-                continue
-            sequences.append(f"\x1b[{y + 1};{first + 1}H")
-            sequences.append(strip.crop(first - left, last - left).render(console))
-    return "".join(sequences)
+def draw_at_once(screen: Screen[Any]) -> None:
+    """Send all that has changed on a screen in one update, now.
+
+    Textual would have each widget tell the screen of it by a message, and may send an update between two of
+    them: one part of the screen would show another moment than the next.
+    """
+    # By the default argument: Textual looks its version up in a file whenever it is asked.
+    if not is_known_version() or not screen.is_attached:
+        return
+    for widget in screen.children:
+        if widget._repaint_required and widget.display:
+            widget._repaint_required = False
+            screen._dirty_widgets.add(widget)
+    screen._on_timer_update()
 
 
 # -- what is asked ---------------------------------------------------------------------------------
@@ -76,6 +104,12 @@ def writes_waiting(app: App[Any]) -> int:
     writer = getattr(app._driver, "_writer_thread", None)
     queue = getattr(writer, "_queue", None)
     return 0 if queue is None else int(queue.qsize())
+
+
+def age_of(event: Message) -> float:
+    """Real seconds since an event was made; of a key, since it was read from the terminal."""
+    # By the clock of Textual's events, which is not the same on every system.
+    return Message().time - event.time
 
 
 def rows_of(screen: Screen[Any]) -> list[Strip]:

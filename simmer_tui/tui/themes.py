@@ -1,7 +1,7 @@
 """Themes of the app: the colours of the maze's picture, for everything around it.
 
 There is one theme for each look and colour depth, so that panels are sent exactly the entries that
-the terminal has. Text is at least 7:1 on its ground; what is not, such as the red of a contact, colours
+the terminal has. Text is at least 7:1 on its ground; what is not, such as the pink of a contact, colours
 marks and leaves the words to the colour of text.
 """
 
@@ -21,11 +21,25 @@ _VARIABLES = {
     "strong": Role.RAY_STRONG,
     "belief": Role.BELIEF,
     "contact": Role.CONTACT,
+    "good": Role.GOOD,
+    "warning": Role.WARNING,
+    "danger": Role.DANGER,
     "rule": Role.GRID,
     "bars": Role.BARS,
     "robot": Role.ROBOT,
+    "state-waiting": Role.WAITING,
+    "state-paused": Role.PAUSED,
+    "state-success": Role.SUCCESS,
+    "state-failure": Role.FAILURE,
+    "light-text": Role.LIGHT_TEXT,
+    "dark-text": Role.DARK_TEXT,
+    "black-tile": Role.LOUD_BLACK,
+    "white-tile": Role.LOUD_WHITE,
+    "driving-time": Role.DRIVING_TIME,
+    "sensing-time": Role.SENSING_TIME,
+    "link-time": Role.LINK_TIME,
 }
-_WORDS = ("strong", "belief", "contact", "mark", "robot")
+_WORDS = ("strong", "belief", "mark", "robot", "good", "warning", "danger")
 """Colours that words are written in too, as `$contact-text`, where they can be read."""
 
 

@@ -12,16 +12,20 @@
 using std::isinf;
 using std::isnan;
 typedef uint8_t byte;
-enum { A0, A1, LED_BUILTIN, OUTPUT, LOW, HIGH };
+enum { A0, A1, LED_BUILTIN, OUTPUT, INPUT, LOW, HIGH };
 
 inline unsigned long millis() {
   timespec now;
   clock_gettime(CLOCK_MONOTONIC, &now);
   return now.tv_sec * 1000UL + now.tv_nsec / 1000000UL;
 }
+inline void delay(unsigned long) {}
 inline int analogRead(int pin) { return pin == A0 ? 341 : 1000; }
 inline void digitalWrite(int, int) {}
 inline void pinMode(int, int) {}
+inline void delayMicroseconds(int) {}
+// An echo from 50 cm, there and back.
+inline unsigned long pulseIn(int, int, unsigned long) { return 2910; }
 
 struct SerialPort {
   int waiting = -1;
@@ -53,6 +57,11 @@ struct SerialPort {
   }
 } Serial;
 
+// The Arduino IDE declares the functions of a sketch by itself.
+void obey(float value);
+void start(float value, float speed);
+void finish(const char *word);
+float distance(byte i);
 float readSensor(const char *code, bool &known);
 bool drive(const char *code, float value);
 void stopMotors();

@@ -45,5 +45,5 @@ def logged(tmp_path_factory: pytest.TempPathFactory) -> Logged:
 
 @pytest.fixture(scope="session")
 def found(logged: Logged) -> Fit:
-    """What it tells."""
+    """Its reading."""
     return fit(read_runs([logged.path]))

@@ -1,4 +1,4 @@
-"""What `simmer-tui calibrate` says of logs and folders that it cannot work with."""
+"""Messages of `simmer-tui calibrate` for logs and folders that it cannot work with."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ Capture = pytest.CaptureFixture[str]
 
 
 def refused(argv: list[str], capsys: Capture) -> str:
-    """What a command says that ends with exit code 2, on one line."""
+    """The message of a command that ends with exit code 2, on one line."""
     assert main(["calibrate", *argv]) == 2
     return " ".join(capsys.readouterr().err.split())
 
@@ -53,6 +53,7 @@ def test_a_real_robot_and_a_simulated_one_are_not_one(
     assert f"{simulated} is of a simulated robot, {logged.path} of a real one" in said
 
 
+@pytest.mark.slow
 def test_logs_of_robots_that_behave_differently_are_refused(
     logged: Logged, tmp_path: Path, capsys: Capture
 ) -> None:
@@ -133,11 +134,12 @@ def test_why_a_figure_is_not_told_is_said_once_and_is_true(found: Fit) -> None:
         ),
     )
     whys = {(each.owner, each.label): each.why_not for each in estimates_of(instant)}
-    assert whys["link", "link latency"].startswith("how long movements took does not tell it")
-    assert whys["ultra1", "read time"] == "the link's latency, which is part of it, is not told"
+    assert whys["link", "link latency"].startswith("the durations of movements do not show it")
+    assert whys["ultra1", "read time"] == "the link's latency, which is part of it, is not known"
     assert whys["tof1", "read time"] == "t1 was never read"
 
 
+@pytest.mark.slow
 def test_the_tables_fit_a_terminal_of_80_columns(found: Fit) -> None:
     held = held_back(found)
     assert held is not None

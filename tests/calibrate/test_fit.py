@@ -1,8 +1,7 @@
-"""What is estimated from a made-up run, and the tests that are made of it."""
+"""Estimates from a made-up run, and the tests that are made of them."""
 
 from __future__ import annotations
 
-import json
 import math
 from dataclasses import replace
 
@@ -17,7 +16,7 @@ from simmer_tui.calibrate.geometry import moved
 from simmer_tui.calibrate.pose_filter import PoseFilter
 from simmer_tui.calibrate.posterior import RANGE
 from simmer_tui.calibrate.prediction import held_back
-from simmer_tui.calibrate.written_set import knowledge_text, learned_spec
+from simmer_tui.calibrate.written_set import Knowledge, knowledge_of, learned_spec
 from simmer_tui.sim.sensors import Compass, Sort
 from tests.calibrate.synthetic import START, Synthetic, make
 
@@ -82,7 +81,7 @@ def test_ranges_that_fit_no_place_are_told_with_their_line(fitted: Fit) -> None:
     weights[(rows.family == RANGE) & (rows.stop >= 15) & (rows.stop <= 20)] = 0.0
     said = lost_stretch(fitted.model, replace(rows, weights=weights))
     assert said is not None
-    assert said.startswith("about line")
+    assert said.startswith("near line")
     weights[rows.family == RANGE] = 0.75
     said = lost_stretch(fitted.model, replace(rows, weights=weights))
     assert said is not None
@@ -132,11 +131,11 @@ def test_a_change_has_the_probability_of_a_chi_square(fitted: Fit) -> None:
     names = [each.name for each in fitted.space.parameters]
     count = len(names)
     information, covariance = np.diag(np.full(count, 400.0)), np.diag(np.full(count, 0.01))
-    knowledge = {
-        "parameters": names,
-        "values": fitted.state.parameters.tolist(),
-        "covariance": covariance.tolist(),
-    }
+    knowledge = Knowledge(
+        parameters=tuple(names),
+        values=tuple(fitted.state.parameters.tolist()),
+        covariance=tuple(map(tuple, covariance.tolist())),
+    )
     column = names.index("comp1 bias")
     off = fitted.state.parameters.copy()
     off[column] += 0.3
@@ -158,13 +157,13 @@ def test_a_change_has_the_probability_of_a_chi_square(fitted: Fit) -> None:
 
 
 def test_knowledge_holds_what_the_data_say(fitted: Fit) -> None:
-    knowledge = json.loads(knowledge_text(fitted, estimates_of(fitted)))
+    knowledge = knowledge_of(fitted, estimates_of(fitted))
     told = fitted.identified
     offsets = np.array([each.sort is Sort.OFFSET for each in fitted.space.parameters])
     # The set has the sensors where they were found, so that offsets from there are 0.
     expected = np.where(offsets, 0.0, fitted.state.parameters)
-    assert knowledge["values"] == pytest.approx(expected[told])
-    assert np.diag(knowledge["covariance"]) == pytest.approx(np.diag(fitted.covariance)[told], rel=1e-5)
+    assert knowledge.values == pytest.approx(expected[told])
+    assert np.diag(knowledge.covariance) == pytest.approx(np.diag(fitted.covariance)[told], rel=1e-5)
     assert not any(each.changed for each in judged(fitted, knowledge))
 
 

@@ -121,4 +121,4 @@ def test_the_picture_fits_the_terminal_and_begins_with_what_is_known_least(found
     lengths = [line.count("#") for line in figures]
     assert lengths == sorted(lengths, reverse=True)
     assert figures[0].split()[0] in {"ultra5", "tof1"}  # which were never read
-    assert lines[-1].endswith("figures that are known better")
+    assert lines[-1].endswith("parameters that are known better")

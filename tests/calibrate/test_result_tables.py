@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import xml.etree.ElementTree as ElementTree
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,9 +14,19 @@ from simmer_tui.calibrate.change_detection import PartVerdict
 from simmer_tui.calibrate.estimates import estimates_of
 from simmer_tui.calibrate.fit import Fit, fit_path
 from simmer_tui.calibrate.posterior import COUNTER, OBSERVATION, PROCESS, RANGE
-from simmer_tui.calibrate.result_page import check_document, figures_table, path_pictures, residual_table
+from simmer_tui.calibrate.result_page import (
+    check_document,
+    figures_table,
+    path_pictures,
+    residual_table,
+    result_document,
+    result_page,
+)
 from simmer_tui.document import svg
+from simmer_tui.document.as_data import document_value
+from simmer_tui.document.as_html import html_page
 from simmer_tui.document.model import DataTable, Figure, Paragraph
+from tests.report.browser import SIZES, measured
 
 
 @pytest.fixture(scope="module")
@@ -121,9 +132,42 @@ def test_a_check_names_each_part_once() -> None:
     assert isinstance(table, DataTable)
     assert isinstance(answer, Paragraph)
     assert [row[3] for row in table.rows] == ["rot", None, "up"]
-    assert [row[-1] for row in table.rows] == ["changed (p = 0.00012)", None, "as it was (p = 0.5)"]
+    assert [row[-1] for row in table.rows] == ["changed (p = 0.00012)", None, "unchanged (p = 0.5)"]
     assert table.rows[1][4:8] == ("b", 3.0, 4.0, 0.2)
     assert answer.text == "Changed: rot"
     unchanged = check_document(parts[1:]).parts[1]
     assert isinstance(unchanged, Paragraph)
     assert unchanged.text == "The robot behaves as the set says."
+
+
+# -- the page ------------------------------------------------------------------------------------------
+
+
+def test_the_page_begins_with_the_answer_and_what_differs(found: Fit) -> None:
+    page = html_page(result_page(found, estimates_of(found), None))
+    words = (
+        "class='verdict good'",
+        "class='figures'",
+        "differs from the set",
+        "<svg",
+        "<details>",
+        "Residuals",
+    )
+    places = [page.index(word, page.index("<body>")) for word in words]
+    assert places == sorted(places)
+    # A table that is folded on the page is a table like all others to a program.
+    assert {"parameters", "residuals"} <= set(
+        document_value(result_document(found, estimates_of(found), None))
+    )
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("size", SIZES)
+def test_the_first_screenful_has_the_answer(found: Fit, size: str, tmp_path: Path) -> None:
+    page = tmp_path / "calibration.html"
+    page.write_text(html_page(result_page(found, estimates_of(found), None)), "utf-8")
+    seen = measured(page, size)
+    width, height = SIZES[size]
+    assert seen["edges"][".verdict"] < seen["edges"][".figures"] <= height
+    assert seen["width"] <= width
+    assert seen["broken"] == []

@@ -54,6 +54,7 @@ def logged_with(folder: Path, wrong: Wrong) -> Path:
     return path
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("wrong", "expected"),
     [
@@ -77,7 +78,7 @@ def test_a_robot_of_the_model_is_not_suspected(found: Fit) -> None:
 def test_a_turned_gyro_is_suspected_where_it_leads_to_no_path(tmp_path: Path) -> None:
     log = logged_with(tmp_path, turned("g1"))
     assert [each.text[:28] for each in suspicions_without_path(read_runs([log]))] == [
-        "g1 reads with its sign turne"
+        "g1 reads with the wrong sign"
     ]
 
 
@@ -87,6 +88,7 @@ def test_a_report_holds_no_real_robot_against_its_twin(tmp_path: Path) -> None:
     assert run.findings == ()
 
 
+@pytest.mark.slow
 def test_a_set_that_hides_a_fault_is_written_only_if_asked(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -172,7 +172,7 @@ def test_a_reading_five_movements_ahead_is_predicted_by_commands_alone(known: Sy
 
 
 def ranges_at(known: Synthetic, spec: SimulationSpec, pose: FloatArray, time: float) -> dict[str, float]:
-    """What the range sensors read at a pose, by code."""
+    """Readings of the range sensors at a pose, by code."""
     sensors = [sensor_of(each) for each in spec.sensors if each.kind.is_range]
     world = known.model.world
     return {

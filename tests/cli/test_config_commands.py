@@ -81,9 +81,7 @@ def test_check_prints_every_problem_on_a_line_of_stderr(
 def test_check_of_an_unknown_set_says_which_there_are(capsys: pytest.CaptureFixture[str]) -> None:
     assert run_check(["defualt"]) == 2
     err = capsys.readouterr().err
-    assert err.startswith(
-        "defualt: there is no such folder, nor a set of that name; sets that come along: default"
-    )
+    assert err.startswith("defualt: there is no such folder, and no set of that name; bundled sets: default")
     assert err.endswith('did you mean "default"?\n')
     assert err.count("\n") == 1
 

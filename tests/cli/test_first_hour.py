@@ -1,4 +1,4 @@
-"""What helps in the first hour: sets that explain themselves, schemas, completion, doctor, JSON."""
+"""Help for the first hour: sets that explain themselves, schemas, completion, doctor, JSON."""
 
 from __future__ import annotations
 
@@ -315,4 +315,4 @@ def test_report_as_json_has_the_figures(tmp_path: Path, capsys: Capture) -> None
 def test_a_misspelt_command_is_told_of_with_the_one_that_was_meant(capsys: Capture) -> None:
     with pytest.raises(SystemExit, match="2"):
         main(["chekc", "config"])
-    assert 'unknown argument "chekc"; did you mean "check"?' in capsys.readouterr().err
+    assert 'unknown command "chekc"; did you mean "check"?' in capsys.readouterr().err

@@ -21,10 +21,12 @@ import pytest
 from simmer_tui.cli.headless import READY, EventLines, LinePrinter
 from simmer_tui.cli.log_commands import build_report
 from simmer_tui.cli.main import main
-from simmer_tui.events import MovementEnded, Notice, NoticeKind
+from simmer_tui.config.sets import bundled_sets, init_set
+from simmer_tui.events import MovementEnded, Notice, NoticeKind, VelocityEnd, VelocityEnded
+from simmer_tui.report.verdict import Outcome
 from simmer_tui.sim import SimulationSpec, Simulator
 
-SECONDS = 30.0
+SECONDS = 120.0
 posix = pytest.mark.skipif(sys.platform == "win32", reason="signals and quoting are those of POSIX")
 
 
@@ -120,6 +122,16 @@ def test_the_seed_then_ready_and_both_ports_are_open(run: Callable[..., Run]) ->
     assert lines[1:] == [READY]
     for purpose in ("commands", "replies"):
         socket.create_connection(("127.0.0.1", started.ports[purpose]), SECONDS).close()
+
+
+@posix
+def test_a_sets_name_and_a_logs_steer_no_terminal(tmp_path: Path) -> None:
+    folder = tmp_path / "set\x1b[2J\x9b31m"
+    init_set(folder, bundled_sets()["default"])
+    run = Run("--config", str(folder), "--log", str(folder / "run.jsonl")).until_ready()
+    _, out, err = run.end(signal.SIGTERM)
+    assert "set\\x1b[2J\\x9b31m" in out
+    assert not {"\x1b", "\x9b"} & set(out + err)
 
 
 def test_what_happens_is_told_in_short_lines_on_stderr(run: Callable[..., Run]) -> None:
@@ -273,6 +285,7 @@ def test_a_signal_ends_it_though_peers_flood_and_the_terminal_takes_nothing(run:
     stuck.close()
 
 
+@pytest.mark.slow
 @posix
 def test_after_an_end_by_signal_the_ports_are_free_at_once(run: Callable[..., Run]) -> None:
     started = run().until_ready()
@@ -312,6 +325,7 @@ def test_run_passes_the_exit_code_on(run: Callable[..., Run]) -> None:
     assert run("--run", python("raise SystemExit(3)")).end()[0] == 3
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="a child has its parent's connections")
 def test_what_happens_after_the_program_has_ended_is_told_too(run: Callable[..., Run]) -> None:
     """Its child keeps the connection open until it is ended as well."""
@@ -350,11 +364,26 @@ def test_run_with_once_ends_with_the_program_not_with_its_first_connection(run: 
 
 @pytest.mark.parametrize("command", ["no-such-program-anywhere", "''", ""])
 @posix
-def test_a_program_that_cannot_be_started_is_one_line_and_127(run: Callable[..., Run], command: str) -> None:
-    code, out, err = run("--run", command).end()
+def test_a_program_that_cannot_be_started_has_a_verdict_and_127(
+    run: Callable[..., Run], tmp_path: Path, command: str
+) -> None:
+    log = tmp_path / "run.jsonl"
+    code, out, err = run("--run", command, "--log", str(log)).end()
     assert (code, out) == (127, "")
-    assert len(err.splitlines()) == 1
-    assert "--run" in err
+    *_, advice, last = err.splitlines()
+    assert advice == "  Fix first: the command after --run. Try it alone in a terminal."
+    assert last.startswith("verdict: The program could not start: --run")
+    found = build_report(log).verdict
+    assert (found.outcome, last) == (Outcome.CRASHED, f"verdict: {found.text}")
+
+
+@posix
+def test_a_program_that_cannot_be_started_is_one_line_where_no_verdict_is_told(
+    run: Callable[..., Run],
+) -> None:
+    code, out, err = run("--quiet", "--run", "no-such-program-anywhere").end()
+    assert (code, out) == (127, "")
+    assert err == "simmer-tui: --run 'no-such-program-anywhere': No such file or directory\n"
 
 
 @posix
@@ -376,6 +405,7 @@ def test_a_signal_ends_the_program_too(run: Callable[..., Run], name: str) -> No
     assert err.count("Traceback") == 0
 
 
+@pytest.mark.slow
 @posix
 def test_a_program_that_does_not_want_to_end_is_ended_by_a_signal_to_the_simulator(
     run: Callable[..., Run],
@@ -388,6 +418,7 @@ def test_a_program_that_does_not_want_to_end_is_ended_by_a_signal_to_the_simulat
     assert (code, out) == (128 + signal.SIGTERM, "")
 
 
+@pytest.mark.slow
 @posix
 def test_a_signal_ends_it_though_its_first_line_is_never_read(tmp_path: Path) -> None:
     reading, writing = os.pipe()
@@ -425,6 +456,7 @@ def test_a_mission_that_a_signal_ends_is_no_success(run: Callable[..., Run]) -> 
         assert started.end(signal.SIGTERM)[0] == 1
 
 
+@pytest.mark.slow
 @posix
 def test_a_signal_ends_it_when_standard_error_has_filled_up(run: Callable[..., Run]) -> None:
     started = run().until_ready()
@@ -438,6 +470,7 @@ def test_a_signal_ends_it_when_standard_error_has_filled_up(run: Callable[..., R
         assert started.process.wait(SECONDS) == 0
 
 
+@pytest.mark.slow
 def test_a_mission_in_which_nothing_was_sent_says_so(run: Callable[..., Run]) -> None:
     code, _, err = run("--mission", "--run", python("pass")).end()
     assert code == 1
@@ -497,7 +530,7 @@ def test_a_mission_that_failed_says_why_and_its_log_says_the_same(
     assert code == 1
     told = err.splitlines()[-1]
     assert re.match("verdict: Failed after .* because it drove without looking: w1-200.* led the", told), err
-    assert "No beliefs were told" in err
+    assert "No beliefs were sent" in err
     assert "It would have" in err
     assert f"verdict: {build_report(log).verdict.text}" == told
 
@@ -505,11 +538,24 @@ def test_a_mission_that_failed_says_why_and_its_log_says_the_same(
 # -- parts -----------------------------------------------------------------------------------
 
 
-def test_nothing_of_the_screen_is_imported() -> None:
-    code = (
-        "import sys, simmer_tui.cli.main, simmer_tui.cli.headless, simmer_tui.server; "
-        "print(sorted({name.split('.')[0] for name in sys.modules} & {'textual', 'rich', 'serial'}))"
-    )
+def test_a_start_imports_nothing_of_the_screen_and_nothing_that_waits_for_commands() -> None:
+    code = """
+import sys
+from simmer_tui.cli import headless, main
+from simmer_tui.config.loader import load
+from simmer_tui.config.settings import with_any_ports
+from simmer_tui.config.sets import bundled_folder
+from simmer_tui.server import Server
+from msgspec.structs import replace
+
+found = load(bundled_folder())
+settings = replace(found.settings, server=with_any_ports(found.settings.server))
+server = Server(replace(found, settings=settings))
+server.keep_history()
+server.stop()
+later = {"textual", "rich", "serial", "numpy.random", "simmer_tui.document", "simmer_tui.program.crash"}
+print(sorted(later & set(sys.modules)))
+"""
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=SECONDS)
     assert (done.stdout, done.stderr) == ("[]\n", "")
 
@@ -528,6 +574,10 @@ def test_only_what_needs_telling_has_a_line(course_spec: SimulationSpec) -> None
         "contact: d1-100 was stopped at (45.0, 42.0) heading 0.0 deg by the wall at (48.0, 42.0)"
     )
     assert EventLines().handle(Notice(NoticeKind.FAULT, "out of paper")) == "out of paper"
+    assert EventLines().handle(VelocityEnded(2.0, VelocityEnd.STOP)) == ""
+    assert EventLines().handle(VelocityEnded(2.0, VelocityEnd.TIMEOUT)) == (
+        "velocity ended: it was not sent again"
+    )
 
 
 def test_a_stopped_terminal_loses_lines_but_says_how_many(capsys: pytest.CaptureFixture[str]) -> None:

@@ -16,7 +16,7 @@ from simmer_tui.cli.headless import READY, LinePrinter
 from simmer_tui.events import MovementPlanned
 from simmer_tui.sim import CommandResult, SimulationSpec, Simulator
 
-SECONDS = 30.0
+SECONDS = 120.0
 Start = Callable[..., tuple[subprocess.Popen[str], dict[str, int]]]
 
 PROGRAM = """

@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 
 from simmer_tui.cli.command_line import OneLineParser, add_setting_options, default_text, overrides_from
+from simmer_tui.cli.main import COMMANDS, build_parser, main
 from simmer_tui.config.loader import load
 from simmer_tui.config.settings import Settings, all_settings
 from simmer_tui.errors import ConfigurationError
@@ -12,7 +13,7 @@ from simmer_tui.errors import ConfigurationError
 
 def parser() -> OneLineParser:
     made = OneLineParser(prog="simmer-tui")
-    add_setting_options(made)
+    add_setting_options(made, has_screen=True)
     return made
 
 
@@ -92,8 +93,8 @@ def test_bad_values_are_collected_and_named_by_their_options(folder: Path) -> No
 @pytest.mark.parametrize(
     ("argv", "message"),
     [
-        (["--bot-centre", "1,2"], 'unknown argument "--bot-centre"; did you mean "--bot-center"?'),
-        (["--bot-cent", "1,2"], 'unknown argument "--bot-cent"; did you mean "--bot-center"?'),
+        (["--bot-centre", "1,2"], 'unknown option "--bot-centre"; did you mean "--bot-center"?'),
+        (["--bot-cent", "1,2"], 'unknown option "--bot-cent"; did you mean "--bot-center"?'),
         (["stray\nline"], 'unknown argument "stray\\nline"'),
         (["--port"], "argument --port: expected one argument"),
     ],
@@ -111,9 +112,9 @@ def test_usage_error_is_exactly_one_line(
 
 def test_help_groups_options_and_names_units_and_defaults(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("COLUMNS", "200")
-    text = parser().format_help()
+    text = parser().format_settings()
     for title in ("start positions:", "movement and random errors:", "server:", "motion:"):
-        assert f"\n{title}\n" in text
+        assert f"\n{title}\n" in f"\n{text}"
     assert "where the robot's centre starts (in, default 9.5,42)" in text
     assert "--bot-rot ANGLE" in text
     assert "(deg, default 0)" in text
@@ -121,3 +122,60 @@ def test_help_groups_options_and_names_units_and_defaults(monkeypatch: pytest.Mo
     assert "(s, default 0.005)" in text
     for item in all_settings():
         assert item.option in text
+
+
+def test_help_begins_with_the_commands_and_fits_a_terminal(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
+    assert main(["help"]) == 0
+    text = capsys.readouterr().out
+    assert text == build_parser().format_help()
+    lines = text.splitlines()
+    assert len(lines) <= 60
+    assert max(map(len, lines)) <= 84
+    places = [text.index(f"\n  {name} ") for name in COMMANDS]
+    assert places == sorted(places)
+    assert places[-1] < text.index("--config DIR")
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_help_on_a_command_is_its_own_and_has_nothing_else(
+    name: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
+    assert main(["help", name]) == 0
+    text = capsys.readouterr().out
+    with pytest.raises(SystemExit):
+        main([name, "--help"])
+    assert capsys.readouterr().out == text
+    assert f"usage: simmer-tui {name}" in text
+    assert "--key-" not in text
+    assert len(text.splitlines()) <= 100
+
+
+def test_help_on_settings_has_every_one(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["help", "settings"]) == 0
+    text = capsys.readouterr().out
+    assert all(item.option in text for item in all_settings())
+    assert "--config" not in text
+
+
+def test_keys_are_options_of_what_has_a_screen_alone(capsys: pytest.CaptureFixture[str]) -> None:
+    for arguments in (["check", "--key-forward", "x"], ["trials", "--theme", "dark"]):
+        with pytest.raises(SystemExit):
+            main(arguments)
+        assert f'unknown option "{arguments[1]}"' in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "meant"),
+    [(["reprot"], "report"), (["help", "trails"], "trials"), (["help", "setting"], "settings")],
+)
+def test_a_misspelt_command_gets_its_neighbour(
+    arguments: list[str], meant: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as caught:
+        main(arguments)
+    assert caught.value.code == 2
+    assert f'did you mean "{meant}"?' in capsys.readouterr().err

@@ -1,4 +1,4 @@
-"""What spreadsheets do to files, and what maze, floor and robot may be."""
+"""Changes that spreadsheets make to files, and the limits of maze, floor and robot."""
 
 from __future__ import annotations
 
@@ -263,6 +263,7 @@ def test_robot_mistakes_are_named(folder: Path, problems: Problems, text: str, e
     assert problems()[0].startswith(expected)
 
 
+@pytest.mark.slow
 def test_a_file_of_thousands_of_mistakes_shows_the_first_twenty(tmp_path: Path) -> None:
     folder = tmp_path / "set"
     shutil.copytree(bundled_folder(), folder, ignore=shutil.ignore_patterns("*/"))

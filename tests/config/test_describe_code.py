@@ -1,4 +1,4 @@
-"""What a code stands for, in words."""
+"""Meanings of codes, in words."""
 
 from __future__ import annotations
 

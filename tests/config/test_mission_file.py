@@ -221,7 +221,7 @@ def test_two_grippers_are_a_problem(folder: Path, problems: Problems) -> None:
     with (folder / "drive.csv").open("a") as file:
         file.write("grip,p2,1,,,,,,,3,4\n")
     (line,) = problems()
-    assert line.startswith('drive.csv:8:ID: "grip" is in line 7 already')
+    assert line.startswith('drive.csv:13:ID: "grip" is in line 7 already')
 
 
 def test_a_load_sensor_needs_only_its_error(folder: Path, problems: Problems, edit: Edit) -> None:

@@ -20,10 +20,11 @@ from simmer_tui.config.profiles import (
     sensor_profiles,
 )
 from simmer_tui.config.set_summary import summarize
-from simmer_tui.config.sets import bundled_folder
+from simmer_tui.config.sets import bundled_folder, find_set
+from simmer_tui.config.settings import all_settings
 from simmer_tui.config.settings_file import Override
 from simmer_tui.errors import ConfigurationError, Problem
-from simmer_tui.sim import DriveKind, SensorSpec, Simulator, Status
+from simmer_tui.sim import DriveKind, Simulator, Status
 from simmer_tui.sim.sensors import KINDS, Compass, Ultrasonic
 
 Problems = Callable[..., list[str]]
@@ -35,9 +36,11 @@ KIND_OF = {
     "mpu-6050": "gyro",
     "qmc5883l": "comp",
     "encoder": "odom",
+    "rplidar-a1m8": "lidar",
 }
 EVERY_KIND = tuple(
-    SensorSpec(kind=kind, number=1, code=f"x{index}") for index, kind in enumerate(KINDS.values())
+    kind.spec_type(kind=kind, number=1, code=f"x{index}", error=0.5)
+    for index, kind in enumerate(KINDS.values())
 )
 
 
@@ -89,7 +92,8 @@ def test_sensor_profiles_say_what_a_reading_takes(name: str, seconds: float) -> 
 @pytest.mark.parametrize("name", profile_names(SENSOR))
 def test_no_sensor_is_read_in_no_time(name: str) -> None:
     (profile,) = sensor_profiles([name], "here", EVERY_KIND, [])
-    assert profile.values["read_time"] >= 0.002
+    # A lidar's reading takes as long as its next revolution.
+    assert profile.kind.is_scan or profile.values["read_time"] >= 0.002
 
 
 @pytest.mark.parametrize("name", profile_names(DRIVE))
@@ -214,7 +218,7 @@ def test_realistic_chooses_a_profile_for_everything_there_is() -> None:
     assert changed.settings.drive_profile == "omni-4"
     assert changed.settings.sensor_profile == ("hc-sr04", "vl53l0x", "qtr", "mpu-6050", "qmc5883l", "encoder")
     kinds = {sensor.kind.name: sensor for sensor in changed.simulation.sensors}
-    assert set(kinds) == set(KIND_OF.values())
+    assert set(kinds) == set(KIND_OF.values()) - {"lidar"}
     assert all(sensor.read_time for sensor in changed.simulation.sensors)
     assert kinds["odom"].ticks_per_inch == 149.0
     assert changed.simulation.strength == (0.01, 0.5)
@@ -223,11 +227,23 @@ def test_realistic_chooses_a_profile_for_everything_there_is() -> None:
     assert "Profiles: omni-4, hc-sr04, vl53l0x, qtr, mpu-6050, qmc5883l, encoder, usb." in summarize(changed)
 
 
+def test_the_help_of_realistic_names_every_profile_that_it_chooses() -> None:
+    [setting] = [each for each in all_settings() if each.name == "realistic"]
+    chosen = [*loaded(realistic=True).settings.sensor_profile]
+    lidar = load(find_set("lidar"), {"realistic": Override("--realistic", True)})
+    chosen += lidar.settings.sensor_profile
+    assert "rplidar-a1m8" in chosen
+    for name in ("omni-4", "usb", *chosen):
+        assert f" {name}" in setting.help
+
+
 def test_what_is_chosen_by_name_goes_before_what_realistic_chooses() -> None:
     settings = loaded(realistic=True, drive_profile="diff-dc", strength=(0.5, 2.0)).settings
     assert (settings.drive_profile, settings.strength) == ("diff-dc", (0.5, 2.0))
     settings = loaded(realistic=True, sensor_profile="vl53l0x").settings
-    assert sorted(settings.sensor_profile) == sorted(KIND_OF)
+    assert sorted(settings.sensor_profile) == sorted(set(KIND_OF) - {"rplidar-a1m8"})
+    configuration = load(find_set("lidar"), {"realistic": Override("--realistic", True)})
+    assert "rplidar-a1m8" in configuration.settings.sensor_profile
 
 
 def test_realistic_asks_for_no_sensor_that_is_not_there(folder: Path, edit: Edit) -> None:
@@ -241,7 +257,7 @@ def test_unknown_names_list_what_there_is() -> None:
         loaded(drive_profile="omni4", sensor_profile="hc-sr05,mpu-6050")
     assert [str(problem) for problem in raised.value.problems] == [
         "--sensor_profile: there is no such sensor profile; there are encoder, hc-sr04, mpu-6050, qmc5883l, "
-        'qtr or vl53l0x; did you mean "hc-sr04"?',
+        'qtr, rplidar-a1m8 or vl53l0x; did you mean "hc-sr04"?',
         "--drive_profile: there is no such drive profile; there are diff-dc, diff-stepper, mecanum or "
         'omni-4; did you mean "omni-4"?',
     ]

@@ -12,6 +12,7 @@ from simmer_tui.sim.sensors import KINDS
 from simmer_tui.sim.specs import Axes, DriveKind, SensorSpec
 
 DRIVES = ", ".join(f'"{kind.value}"' for kind in DriveKind)
+IDS = f'{DRIVES}, "grip", "velocity", "velocity-x", "velocity-y", "velocity-r"'
 Edit = Callable[[str, str, str], None]
 Problems = Callable[..., list[str]]
 
@@ -116,7 +117,7 @@ def test_the_vertical_field_of_view_is_read(folder: Path) -> None:
 def test_range_columns_are_for_range_sensors_only(folder: Path, problems: Problems, column: str) -> None:
     write_sensors(folder, "comp1,c1,1,,,,0,0.1,,,5", columns=(column,))
     assert problems() == [
-        f'sensors.csv:2:{column}: is for ultra or tof only; leave it blank for comp, not "5"'
+        f'sensors.csv:2:{column}: is for ultra, tof or lidar only; leave it blank for comp, not "5"'
     ]
 
 
@@ -250,8 +251,8 @@ def test_ids_are_unique_by_type_and_number(edit: Edit, problems: Problems) -> No
     edit("sensors.csv", "ultra2", "Ultra01")
     edit("drive.csv", "down", "UP")
     assert problems() == [
-        'sensors.csv:3:ID: "ultra1" is in line 2 already; every ID must be there once',
-        'drive.csv:3:ID: "up" is in line 2 already; every ID must be there once',
+        'sensors.csv:3:ID: "ultra1" is in line 2 already; every ID must occur once',
+        'drive.csv:3:ID: "up" is in line 2 already; every ID must occur once',
     ]
 
 
@@ -290,7 +291,7 @@ def test_columns_and_rows_of_notes_without_header_are_left_alone(folder: Path, p
 
 def test_doubled_header_is_a_problem(edit: Edit, problems: Problems) -> None:
     edit("drive.csv", "Rotation Bias", "Rotation Bias,enabled")
-    assert problems() == ["drive.csv:1:enabled: is a column already (column C); it must be there once"]
+    assert problems() == ["drive.csv:1:enabled: is a column already (column C); each column must occur once"]
 
 
 @pytest.mark.parametrize("name", ["sensors.csv", "drive.csv"])
@@ -326,7 +327,7 @@ def test_start_lag_and_acceleration_are_for_movements(folder: Path, problems: Pr
     assert problems() == [
         'drive.csv:2:Start Lag (s): must be a number, 0 or more, not "-1"',
         'drive.csv:2:Acceleration: must be a number, 0 or more, not "fast"',
-        "drive.csv:7:Start Lag (s): is for movements only; leave it blank for grip",
+        "drive.csv:12:Start Lag (s): is for movements only; leave it blank for grip",
     ]
 
 
@@ -339,7 +340,7 @@ def test_drives_may_be_fewer_than_five(folder: Path, problems: Problems) -> None
 @pytest.mark.parametrize(
     ("row", "expected"),
     [
-        ("upp,w1,1,0,0,0,0,0,0,,", f'ID: must be {DRIVES} or "grip", not "upp"; did you mean "up"?'),
+        ("upp,w1,1,0,0,0,0,0,0,,", f'ID: must be {IDS} or "wheels", not "upp"; did you mean "up"?'),
         ("up,w,1,0,0,0,0,0,0,,", 'Poll Character: must be two printable'),
         ("up,w1,2,0,0,0,0,0,0,,", 'Enabled: must be 0 (off) or 1 (on), not "2"'),
         ("up,w1,1,-1,0,0,0,0,0,,", 'Y-Axis Error: must be a number, 0 or more, not "-1"'),

@@ -8,6 +8,7 @@ import json
 import math
 import re
 from html.parser import HTMLParser
+from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
@@ -39,10 +40,17 @@ from simmer_tui.document.model import (
     DataTable,
     Document,
     Figure,
+    Folded,
+    KeyFigures,
     Paragraph,
     SectionHeading,
+    ShareBar,
+    SideBySide,
+    Tone,
+    VerdictBox,
 )
 from simmer_tui.sim import Pose
+from tests.report.browser import opened
 
 RATE = SimpleNamespace(value=0.94, low=0.838, high=0.979)
 COLUMNS = (
@@ -121,7 +129,7 @@ def test_people_see_headings_and_text() -> None:
         assert words in out
     assert "code" not in out
     page = html_page(shown(TABLE, RECORD, Paragraph((TextLink("there", "a.html"), Code("b")))))
-    assert "<td class='n'>1.2</td>" in page
+    assert "<td class='n' data-label='time s'>1.2</td>" in page
     assert "<a href='a.html'>there</a><code>b</code>" in page
 
 
@@ -173,7 +181,8 @@ class Tags(HTMLParser):
         self.tags: list[str] = []
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        self.tags.append(tag + ",".join(name for name, _ in attrs))
+        if tag != "wbr":  # a long word may be broken there: the only tag that depends on text
+            self.tags.append(tag + ",".join(name for name, _ in attrs))
 
 
 def hostile(text: str) -> Document:
@@ -219,3 +228,45 @@ def test_text_from_outside_stays_data_in_every_renderer(text: str) -> None:
     rows = list(csv.reader(io.StringIO(csv_text(document.tables[0]))))
     assert len(rows) == 2
     assert not any(cell.startswith(tuple("=+-@＝＋－＠")) for cell in rows[1])
+
+
+def test_parts_within_others_are_parts_like_all_to_terminals_and_programs() -> None:
+    box = VerdictBox(key="answer", text="Two of three.", headline="2 of 3", tone=Tone.MIXED)
+    columns = SideBySide((TABLE,), (Folded("More", (RECORD,)),))
+    only_on_pages = (KeyFigures((("2", "good"),)), ShareBar(((2, "good", Tone.GOOD),)))
+    document = shown(box, *only_on_pages, columns)
+    answer = json.loads(json_text(document))
+    assert answer["text"] == {"answer": "Two of three.", "run": "a note"}
+    assert answer["run"]["time_s"] == 1.25
+    out = terminal(document)
+    assert out.startswith("Two of three.\n")
+    assert "a note" in out
+    assert "good" not in out
+    page = html_page(document)
+    assert "<h1>2 of 3</h1><p>Two of three.</p>" in page
+    assert "<details><summary>More</summary>" in page
+    assert "✓ 2 good" in page
+
+
+def test_only_long_words_may_be_broken_and_only_after_signs() -> None:
+    page = html_page(shown(Paragraph("see /home/somebody/course/run.jsonl and incomprehensibilities")))
+    assert "/<wbr>home/<wbr>somebody/<wbr>course/<wbr>run.<wbr>jsonl" in page
+    assert "incomprehensibilities" in page
+
+
+@pytest.mark.slow
+def test_a_click_on_a_heading_sorts_the_rows_and_another_turns_them_around(tmp_path: Path) -> None:
+    columns = (DataColumn("team"), DataColumn("rate", number(".1f")))
+    rows = [("b", 0.25), ("c", 10.0), ("a", None), ("d", 9.0)]
+    table = DataTable("grades", "Grades", columns, rows, sortable=True)
+    script = """<script>
+      const seen = [];
+      for (const place of [1, 1, 0]) {
+        document.querySelectorAll("th")[place].click();
+        seen.push([...document.querySelectorAll("tbody tr")].map((row) => row.cells[0].textContent).join(""));
+      }
+      document.title = seen.join(" ");
+    </script>"""
+    page = tmp_path / "page.html"
+    page.write_text(html_page(shown(table), script=script), "utf-8")
+    assert "<title>bdca cdba abcd</title>" in opened(page)

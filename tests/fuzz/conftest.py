@@ -1,12 +1,20 @@
-"""Seeded mutations of good files: the same seed always makes the same case."""
+"""Seeded mutations of good files: the same seed always makes the same case. And commands that read them."""
 
 from __future__ import annotations
 
 import random
 import re
+import sys
 from collections.abc import Callable, Sequence
+from pathlib import Path
 
 import pytest
+
+from simmer_tui.cli.main import main
+from simmer_tui.config.loader import load
+from simmer_tui.config.sets import bundled_folder
+from simmer_tui.runlog.writer import RunLog
+from simmer_tui.sim import Simulator
 
 Mutate = Callable[[bytes, random.Random, Sequence[bytes]], bytes]
 
@@ -17,7 +25,10 @@ HOSTILE = (
     *(b"\0", b"\r", b"\r\n", b"\n\n", b"\t", b"\x1b[31m", b"\xff\xfe", b"\xef\xbb\xbf", b"\xe2\x80\xae"),
     *(b"\xed\xa0\x80", b"\xc3", b"\xf0\x9f\xa4\x96", b"x" * 300, b"[server]", b"[motion]\n", b"[[keys]]\n"),
 )
-"""What is put in place of something, or between two things."""
+"""Texts that are put in place of something, or between two things."""
+CODES = (0, 1, 2, 3, 4, 130)
+"""Exit codes of the command line that are no crash (`ExitCode`)."""
+_PROGRAM = "from simmer_tui.client import Robot\nwith Robot() as robot: robot.drive('d1', 1)\n"
 _NUMBER = re.compile(rb"-?\d+(?:\.\d+)?(?:e-?\d+)?")
 _WORD = re.compile(rb"[A-Za-z_][A-Za-z0-9_]*")
 
@@ -67,3 +78,37 @@ def _bytes(text: bytes, chance: random.Random, words: Sequence[bytes]) -> bytes:
     end = min(len(text), start + chance.choice((0, 0, 1, 1, 2, 5, 20, 200)))
     put = chance.choice((b"", text[start:end] * 2, chance.choice(HOSTILE), chance.choice(words)))
     return text[:start] + put + text[end:]
+
+
+def run(arguments: list[str], seed: int) -> None:
+    """Anything but a `SimmerError`, which becomes a message, is a crash."""
+    try:
+        assert main(arguments) in CODES
+    except Exception as error:
+        error.add_note(f"seed {seed}: {arguments[0]}")
+        raise
+
+
+@pytest.fixture(scope="session")
+def log(tmp_path_factory: pytest.TempPathFactory) -> bytes:
+    """A run of a few movements, every sensor read between them."""
+    path = tmp_path_factory.mktemp("log") / "run.jsonl"
+    configuration = load(bundled_folder())
+    simulator = Simulator(configuration.simulation, 3)
+    with RunLog(path, configuration, simulator) as run:
+        for drive in ("r1-30", "d1-2", "r1--60", "d1-3", "a1-2"):
+            for code in ("u1", "u2", "u3", "i1", "c1", "o1", "g1", "t1", "zz"):
+                run(simulator.execute(code))
+            run(simulator.execute(drive))
+    return path.read_bytes()
+
+
+@pytest.fixture(scope="session")
+def trials(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder of finished trials."""
+    base = tmp_path_factory.mktemp("trials")
+    (base / "robot.py").write_text(_PROGRAM)
+    folder = base / "done"
+    run = ("--run", f'"{sys.executable}" "{base / "robot.py"}"')
+    assert main(["trials", "--runs", "2", "--seed", "1", "--port", "0", "--out", str(folder), *run]) == 0
+    return folder

@@ -4,56 +4,16 @@ from __future__ import annotations
 
 import random
 import shutil
-import sys
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from simmer_tui.cli.main import main
-from simmer_tui.config.loader import load
-from simmer_tui.config.sets import bundled_folder
-from simmer_tui.runlog.writer import RunLog
-from simmer_tui.sim import Simulator
+from tests.calibrate.conftest import drive
+from tests.fuzz.conftest import run
 
 WORDS = (b"null", b"[]", b"{}", b"1e999", b'"inf"', b'"-inf"', b'"nan"', rb"\ud800", b"Infinity", b"true")
-PROGRAM = "from simmer_tui.client import Robot\nwith Robot() as robot: robot.drive('d1', 1)\n"
-CODES = (0, 1, 2, 3, 4)
-"""Exit codes of the command line that are no crash (`ExitCode`)."""
-
-
-@pytest.fixture(scope="module")
-def log(tmp_path_factory: pytest.TempPathFactory) -> bytes:
-    """A run of a few movements, every sensor read between them."""
-    path = tmp_path_factory.mktemp("log") / "run.jsonl"
-    configuration = load(bundled_folder())
-    simulator = Simulator(configuration.simulation, 3)
-    with RunLog(path, configuration, simulator) as run:
-        for drive in ("r1-30", "d1-2", "r1--60", "d1-3", "a1-2"):
-            for code in ("u1", "u2", "u3", "i1", "c1", "o1", "g1", "t1", "zz"):
-                run(simulator.execute(code))
-            run(simulator.execute(drive))
-    return path.read_bytes()
-
-
-@pytest.fixture(scope="module")
-def trials(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder of finished trials."""
-    base = tmp_path_factory.mktemp("trials")
-    (base / "robot.py").write_text(PROGRAM)
-    folder = base / "done"
-    run = ("--run", f'"{sys.executable}" "{base / "robot.py"}"')
-    assert main(["trials", "--runs", "2", "--seed", "1", "--port", "0", "--out", str(folder), *run]) == 0
-    return folder
-
-
-def run(arguments: list[str], seed: int) -> None:
-    """Anything but a `SimmerError`, which becomes a message, is a crash."""
-    try:
-        assert main(arguments) in CODES
-    except Exception as error:
-        error.add_note(f"seed {seed}: {arguments[0]}")
-        raise
 
 
 @pytest.mark.parametrize("cases", [12, pytest.param(300, marks=pytest.mark.slow)])
@@ -77,6 +37,28 @@ def test_broken_logs_of_robots(seeds: range, log: bytes, tmp_path: Path, mutate:
         path.write_bytes(mutate(log, random.Random(seed), WORDS))
         shutil.rmtree(out, ignore_errors=True)
         run(["calibrate", str(path), "--out", str(out), "--anyway"], seed)
+
+
+@pytest.mark.slow
+def test_broken_calibrations(tmp_path: Path, mutate: Any) -> None:
+    """Of the set that was learned, of the log that is compared with it, and of one robot in two logs."""
+    pytest.importorskip("scipy")
+    first, second = (drive(tmp_path, 3, 30, name).path for name in ("first.jsonl", "second.jsonl"))
+    good, broken, log = tmp_path / "good", tmp_path / "broken", tmp_path / "log.jsonl"
+    run(["calibrate", str(first), "--out", str(good), "--anyway"], 0)
+    for seed in range(30):
+        chance = random.Random(seed)
+        shutil.rmtree(broken, ignore_errors=True)
+        shutil.copytree(good, broken)
+        file = broken / chance.choice(
+            ["calibration.json"] * 3 + ["sensors.csv", "settings.toml", "drive.csv"]
+        )
+        file.write_bytes(mutate(file.read_bytes(), chance, WORDS))
+        log.write_bytes(mutate(first.read_bytes(), chance, WORDS) if seed % 2 else first.read_bytes())
+        run(["calibrate", str(log), "--check", str(broken)], seed)
+        run(["calibrate", "--strength", *[str(broken)] * 2, *[str(good)] * 4], seed)
+        if seed % 8 == 1:
+            run(["calibrate", str(log), str(second), "--out", str(tmp_path / str(seed)), "--json"], seed)
 
 
 @pytest.mark.parametrize("code", ["c1", "g1", "o1", "u1", "t1", "i1"])

@@ -28,7 +28,7 @@ WORDS = (
 
 
 def check(folder: Path) -> bool:
-    """Whether the set loads, and then makes a robot; a refusal must be of use to people."""
+    """True if the set loads, and then makes a robot; a refusal must be of use to people."""
     problems: Sequence[Problem] = ()
     try:
         configuration = load(folder)

@@ -59,7 +59,7 @@ def problems_of(error: ConfigurationError) -> Sequence[Problem]:
 
 
 def check(source: Path, target: Path) -> bool:
-    """Whether a set is made; a refusal, and what is left out, must be of use to people. The set has no
+    """True if a set is made; a refusal, and what is left out, must be of use to people. The set has no
     mistakes but the places of robot and block, in a maze without room."""
     imported = None
     problems: Sequence[Problem] = ()

@@ -20,7 +20,7 @@ from simmer_tui.server import Server
 from simmer_tui.sim import CommandResult
 
 BATCH = 50
-SECONDS = 20.0
+SECONDS = 120.0
 CORPUS = Path(__file__).parent / "corpus" / "network"
 STREAMS = {
     folder.name.replace("_", " "): {path.name: path.read_bytes() for path in sorted(folder.iterdir())}
@@ -40,7 +40,7 @@ class Attacked:
         given = {"server.port": 0, "server.listeners": "binary,packets", "seed": 5}
         self.told: list[str] = []
         self.readings: dict[float, float] = {}
-        """What u1 was answered, and the true value then."""
+        """The answer to u1, and the true value then."""
         self.server = Server(load(bundled_folder(), {name: Override("--it", v) for name, v in given.items()}))
         self.server.start(self._watch)
 

@@ -46,7 +46,7 @@ def _missing() -> str:
 
 @pytest.fixture
 def isolation() -> str:
-    """What closes programs in here; a machine that has no namespaces to give skips the tests that need it,
+    """The sandbox of these tests; a machine that has no namespaces to give skips the tests that need it,
     but in CI the program itself has to be there."""
     assert "CI" not in os.environ or shutil.which("bwrap")
     if _missing():

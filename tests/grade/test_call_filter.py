@@ -10,7 +10,7 @@ import struct
 
 import pytest
 
-from simmer_tui.grade.bubblewrap import call_filter
+from simmer_tui.grade.call_filter import call_filter
 
 ARCHITECTURES = {"x86_64": 0xC000003E, "aarch64": 0xC00000B7}
 CLONE = {"x86_64": 56, "aarch64": 220}
@@ -19,20 +19,29 @@ NEW_USER, NEW_NET, FORK = 0x10000000, 0x40000000, 0x01200011
 CLONE3 = 435
 REFUSED = {
     # ptrace, process_vm_*, keys, bpf, perf_event_open, userfaultfd, io_uring, memfd_*, System V's memory,
-    # semaphores and queues
-    "x86_64": {101, 310, 311, 248, 249, 250, 321, 298, 323, 425, 426, 427, 319, 447, 29, 64, 68},
-    "aarch64": {117, 270, 271, 217, 218, 219, 280, 241, 282, 425, 426, 427, 279, 447, 194, 190, 186},
+    # semaphores and queues, inotify_init*, fanotify_init
+    "x86_64": {
+        *(101, 310, 311, 248, 249, 250, 321, 298, 323, 425, 426, 427, 319, 447, 29, 64, 68, 253, 294, 300)
+    },
+    "aarch64": {
+        *(117, 270, 271, 217, 218, 219, 280, 241, 282, 425, 426, 427, 279, 447, 194, 190, 186, 26, 262)
+    },
 }
+FLOCK = {"x86_64": 73, "aarch64": 32}
+FCNTL = {"x86_64": 72, "aarch64": 25}
 ALLOWED, KILLED, NOT_PERMITTED, NO_SUCH_CALL = 0x7FFF0000, 0x80000000, 0x00050000 | 1, 0x00050000 | 38
-"""SECCOMP_RET_ALLOW, SECCOMP_RET_KILL_PROCESS, and SECCOMP_RET_ERRNO with EPERM and ENOSYS."""
+NO_LOCK = 0x00050000 | 37
+"""SECCOMP_RET_ALLOW, SECCOMP_RET_KILL_PROCESS, and SECCOMP_RET_ERRNO with EPERM, ENOSYS and ENOLCK."""
 
 machines = pytest.mark.parametrize("machine", ["x86_64", "aarch64"])
 
 
-def verdict(machine: str, call: int, argument: int = 0, architecture: int | None = None) -> int:
+def verdict(
+    machine: str, call: int, argument: int = 0, architecture: int | None = None, second: int = 0
+) -> int:
     """The filter's answer to a call, by the instructions of classic BPF that it uses (linux/bpf_common.h)."""
     architecture = ARCHITECTURES[machine] if architecture is None else architecture
-    data = struct.pack("=IIQQ", call, architecture, 0x7F0000001000, argument)  # struct seccomp_data
+    data = struct.pack("=IIQQQ", call, architecture, 0x7F0000001000, argument, second)  # struct seccomp_data
     program = list(struct.iter_unpack("=HBBI", call_filter(machine)))
     held, at = 0, 0
     while True:
@@ -58,7 +67,7 @@ def test_it_refuses_the_calls_that_open_other_ways_and_no_others(machine: str) -
     answers = {call: verdict(machine, call) for call in range(600)}
     refused = {call for call, answer in answers.items() if answer == NOT_PERMITTED}
     assert refused == REFUSED[machine]
-    rest = {call for call in answers if call not in refused and call != CLONE3}
+    rest = {call for call in answers if call not in refused and call not in (CLONE3, FLOCK[machine])}
     assert {answers[call] for call in rest} == {ALLOWED}
 
 
@@ -103,3 +112,15 @@ def test_sockets_are_of_families_that_a_namespace_confines(machine: str) -> None
         allowed = {family for family in range(60) if verdict(machine, call, family) == ALLOWED}
         assert allowed == {0, 1, 2, 10, 16}
         assert verdict(machine, call, 40) == NOT_PERMITTED
+
+
+@machines
+def test_locks_of_all_kinds_are_not_there(machine: str) -> None:
+    """They hang on the file, which other sandboxes see as well (linux/fcntl.h)."""
+    assert verdict(machine, FLOCK[machine]) == NO_LOCK
+    answers = {command: verdict(machine, FCNTL[machine], 5, second=command) for command in range(1100)}
+    refused = {command for command, answer in answers.items() if answer == NO_LOCK}
+    # F_SETLK, F_SETLKW, F_OFD_SETLK, F_OFD_SETLKW, F_SETLEASE, F_NOTIFY, F_SET_RW_HINT, F_SET_FILE_RW_HINT,
+    # F_SETDELEG; not F_GETLK, F_SETFL, F_DUPFD_CLOEXEC, F_SETPIPE_SZ and all others
+    assert refused == {6, 7, 37, 38, 1024, 1026, 1036, 1038, 1040}
+    assert {answers[command] for command in answers if command not in refused} == {ALLOWED}

@@ -1,4 +1,4 @@
-"""What is asked of teams, and which robots may be graded."""
+"""Demands on teams, and which robots may be graded."""
 
 from __future__ import annotations
 
@@ -21,7 +21,6 @@ from simmer_tui.grade.submission import check_submission, keep_files, reference
 from simmer_tui.grade.team_result import TeamStatus, team_results
 from simmer_tui.mission import plan_run
 from simmer_tui.sim.sensors import KINDS
-from simmer_tui.sim.specs import SensorSpec
 from simmer_tui.trials.trial import prepare
 from tests.grade.conftest import read_grades
 
@@ -62,9 +61,9 @@ def problems(tmp_path: Path, course_set: Path) -> Callable[..., str]:
          "drive.csv:grip: its reach is above the course's 3"),
         ("drive.csv", "up,w1", "up,z1", Rules(cells={"drive.csv": ("Poll Character",)}), ""),
         ("drive.csv", "up,w1,1", "up,w1,0", Rules(cells={"drive.csv": ("Poll Character",)}),
-         "drive.csv:up:Enabled: may not differ from the course's"),
+         "drive.csv:up:Enabled: must be the same as in the course's set"),
         ("robot.csv", "(in),6", "(in),7", Rules(cells={"robot.csv": ()}),
-         "robot.csv:Diameter or x-size (in): may not differ from the course's"),
+         "robot.csv:Diameter or x-size (in): must be the same as in the course's set"),
         ("maze.csv", "3,3,1", "0,0,0", None, ""),
         ("settings.toml", "port = 9000", "port = 9100", None, ""),
     ],
@@ -104,7 +103,7 @@ _SENSOR = dict(zip(("ID", "Poll Character", "Enabled", "X Position (in)", "Y Pos
         ("odom1", {"Ticks per Inch": "2"}, {"Ticks per Inch": "1000"},
          "ticks per inch is above the course's 2"),
         ("odom1", {"Ticks per Inch": "2"}, {"Ticks per Inch": "1"}, ""),
-        ("load1", {}, {"Percent Error (0-1)": "1.0"}, "error is above 0.98: a sensor that is always wrong"),
+        ("load1", {}, {"Percent Error (0-1)": "1.0"}, "error is above 0.98: the opposite"),
         ("load1", {}, {"Percent Error (0-1)": "0.9"}, ""),
         ("ir1", {}, {"Percent Error (0-1)": "1.0"}, ""),
         ("ir1", {}, {"Answer": "analog"}, "answer is not the course's digital"),
@@ -130,7 +129,8 @@ def test_sensor_that_is_better_by_a_detour(
 
 def test_every_property_of_a_sensor_is_judged_or_the_teams() -> None:
     judged = {column.field for kind in KINDS.values() for column in kind.columns}
-    assert judged == {*SensorSpec.__struct_fields__} - {"kind", "number", "code", "enabled"}
+    fields = {field for kind in KINDS.values() for field in kind.spec_type.__struct_fields__}
+    assert judged == fields - {"kind", "number", "code", "enabled"}
 
 
 def test_robot_is_no_better_than_one_of_the_courses_sensors(tmp_path: Path, course_set: Path) -> None:
@@ -333,6 +333,7 @@ def test_mistake_in_a_teams_own_file_is_that_teams(
     assert folder.is_open(folder.entries[0])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("listed", [False, True])
 def test_team_again_is_read_anew(make_course: Callable[..., Path], tmp_path: Path, listed: bool) -> None:
     """Its team.toml and its robot; but what the course says of it goes first."""

@@ -133,6 +133,28 @@ for name in ("hostname", "core_pattern"):  # opened, not written: they may be th
 attempt(lambda: os.nice(-5) < 0)
 attempt(lambda: os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(50)) is None)
 """,
+    "locks files that others see": """
+import ctypes, fcntl, os, struct, sys
+libc = ctypes.CDLL(None)
+for name in (sys.executable, "/usr/bin/env", "/usr/lib", "/program/main.py", "/dev/null"):
+    held = os.open(name, os.O_RDONLY)
+    attempt(lambda: fcntl.flock(held, fcntl.LOCK_EX | fcntl.LOCK_NB) is None)
+    attempt(lambda: fcntl.flock(held, fcntl.LOCK_SH | fcntl.LOCK_NB) is None)
+    attempt(lambda: fcntl.lockf(held, fcntl.LOCK_SH | fcntl.LOCK_NB) is None)
+    whole = struct.pack("=hhqqi4x", 0, 0, 0, 0, 0)  # struct flock
+    for command in (6, 37): attempt(lambda: fcntl.fcntl(held, command, whole))
+    for command in (1024, 1026): attempt(lambda: fcntl.fcntl(held, command, 0) == 0)
+    for command in (1036, 1038): attempt(lambda: fcntl.fcntl(held, command, bytes(8)))
+null = os.open("/dev/null", os.O_RDWR)
+attempt(lambda: fcntl.lockf(null, fcntl.LOCK_EX | fcntl.LOCK_NB) is None)
+""",
+    "watches files that others see": """
+import ctypes, platform
+libc = ctypes.CDLL(None)
+attempt(lambda: libc.inotify_init1(0) >= 0)
+attempt(lambda: libc.inotify_init() >= 0)
+attempt(lambda: libc.syscall({"x86_64": 300, "aarch64": 262}[platform.machine()], 0x200, 0) >= 0)
+""",
     "says that it has done the mission by a belief": CONNECT
     + """
 import socket

@@ -63,11 +63,22 @@ def test_course_is_graded_and_all_of_the_answer_is_there(
     index = (out / "site" / "index.html").read_text()
     assert "odd &lt;b&gt;=1" in index
     assert "<b>=1" not in index
+    assert ">1 of 4 teams passed</h1>" in index
+    assert "✓ passed" in index
+    assert "Never started: " in index
+    assert "class='verdict mixed'" in index
     for name in re.findall(r"href='([^']+)'", index):
         assert (out / "site" / name).exists()
     assert "run 1" in (out / "site" / "wall.html").read_text()
     kept = sorted(path.name for path in (out / "runs").rglob("*.gz"))
-    assert len(kept) == sum(int(row["runs"]) - int(row["successes"]) for row in rows.values())
+    failures = sum(int(row["runs"]) - int(row["successes"]) for row in rows.values())
+    results_of = (json.loads(line)["result"] for line in (out / "results.jsonl").read_text().splitlines())
+    first = sum(each["success"] and each["number"] % 100_000 == 1 for each in results_of)
+    assert len(kept) == failures + first, "and those of first runs"
+    page = (out / "site" / "good.html").read_text()
+    assert "✓ succeeded" in page
+    (played,) = re.findall(r"href='(good-run-[^']+)'", page)
+    assert ">Mission succeeded</h1>" in (out / "site" / played).read_text()
     # All runs with a number had the same seed and mission, those of another none.
     drawn: dict[int, set[int]] = {}
     for line in (out / "results.jsonl").read_text().splitlines():
@@ -157,6 +168,7 @@ def test_student_practises_at_home(
     assert "name another --out" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_program_or_robot_that_cannot_be_is_the_teams_own_failure(
     isolation: str, make_course: Callable[..., Path], tmp_path: Path
 ) -> None:
@@ -192,6 +204,7 @@ def test_without_a_sandbox_it_says_what_is_missing(
     assert "docker is not installed" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_logs_take_no_more_than_their_room(
     isolation: str, make_course: Callable[..., Path], tmp_path: Path
 ) -> None:

@@ -21,7 +21,7 @@ from simmer_tui.grade.sandbox import Isolation
 from simmer_tui.grade.supervisor import Supervisor
 from simmer_tui.grade.usage import SandboxUsage, descendants, tells_descendants
 
-LIMITS = "[limits]\ntime = 30.0\ncpu = 2.0\nmemory = 300.0\ndisk = 8.0\nprocesses = 20\n"
+LIMITS = "[limits]\ntime = 30.0\ncpu = {}\nmemory = 300.0\ndisk = 8.0\nprocesses = 20\n"
 STAY = "import sys, os\nos.write(1, b'ready\\n')\nsys.stdin.read()\n"
 linux = pytest.mark.skipif(not tells_descendants(), reason="processes tell their children on Linux alone")
 
@@ -59,6 +59,13 @@ for _ in range(12):
         time.sleep(60)
 time.sleep(60)
 """,
+    "names of files": """
+import itertools, os
+try:
+    for number in itertools.count(): os.mkdir(f"/tmp/{number}")
+except OSError as error: print(error, flush=True)
+import time; time.sleep(60)
+""",
     "processor time of many processes": """
 import os
 for _ in range(8):
@@ -74,7 +81,7 @@ while True: pass
 def test_all_processes_of_a_run_have_one_limit(
     isolation: str, make_course: Callable[..., Path], tmp_path: Path, what: str
 ) -> None:
-    file = make_course({"cheat": EXCEED[what]}, LIMITS)
+    file = make_course({"cheat": EXCEED[what]}, LIMITS.format(60.0 if "names" in what else 2.0))
     folder = GradeFolder.create(tmp_path / "out", read_course(file), 5, Isolation(isolation))
     result = GradeRun(folder.trial(folder.entries[0], 1), folder.runs).run()
     assert not result.success

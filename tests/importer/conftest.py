@@ -102,7 +102,7 @@ def matlab_folder(tmp_path: Path) -> Path:
         "ID,Poll Character,Enabled,X Position (in),Y Position (in),Z Position (in),Rotation (deg),"
         "Percent Error (0-1),Field of View (deg),Threshold,,\n"
         "ultra1,u1,1,3,0,6,0,0.02,5,0,,front\n"
-        "lidar1,l1,1,0,0,6,0,0.02,5,0,,own\n"
+        "radar1,l1,1,0,0,6,0,0.02,5,0,,own\n"
         "ir1,i1,0,2,0,1,0,0.05,40,0.8,,\n",
         encoding="utf-8",
     )

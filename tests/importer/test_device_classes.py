@@ -61,6 +61,23 @@ class Ranger:
 class ToF(Ranger):
     beamwidth = 15
 """
+TABLE = """
+DEFAULTS = {'num_rays': 13, 'min_range': 1.1}
+
+class ToF(Device):
+    BEAM = {'beamwidth': 15}
+    UNUSED = {'min_range': 9.9}
+    def __init__(self, info):
+        info = {**DEFAULTS, **self.BEAM, **info}
+        self.num_rays = info['num_rays']
+"""
+SET_DEFAULT = """
+class ToF(Device):
+    def __init__(self, info):
+        info.setdefault('num_rays', 13)
+        self.beamwidth = info.setdefault('beamwidth', 15)
+        self.min_range = float(info.pop('min_range', 1.1))
+"""
 
 
 def team(folder: Path, text: str) -> Path:
@@ -70,7 +87,7 @@ def team(folder: Path, text: str) -> Path:
     return folder
 
 
-@pytest.mark.parametrize("text", [GET, BRANCHES, CONSTANTS, ARGUMENTS])
+@pytest.mark.parametrize("text", [GET, BRANCHES, CONSTANTS, ARGUMENTS, TABLE, SET_DEFAULT])
 def test_a_class_gives_what_the_description_does_not(text: str, tmp_path: Path) -> None:
     imported = read_path(team(tmp_path, text))
     (sensor,) = imported.sensors
@@ -86,7 +103,7 @@ def test_a_class_gives_what_the_description_does_not(text: str, tmp_path: Path) 
     assert "num_rays 13 (devices/ToF.py:" in what
     assert "min_range 1.1 (devices/ToF.py:" in what
     assert what.endswith(
-        "numbers of ultra0 that are assumed, because no file has them: max_range inf, rotation 0"
+        "numbers of ultra0 that are assumed, because no file gives them as numbers: max_range inf, rotation 0"
     )
 
 

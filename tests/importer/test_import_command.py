@@ -81,7 +81,7 @@ def test_a_team_s_config_py_becomes_a_set_that_loads(
     assert run_import([str(source), str(tmp_path / "set")]) == 0
     out = capsys.readouterr().out
     assert "settings.toml" in out
-    assert "Not taken over" not in out
+    assert "Not imported" not in out
     assert load(tmp_path / "set").settings.bot_rot == 90.0
 
 

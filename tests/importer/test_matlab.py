@@ -49,7 +49,7 @@ def test_the_csv_files_are_taken_as_they_are_and_bad_rows_listed(matlab_folder: 
     assert [(s.id, s.enabled) for s in imported.sensors] == [("ultra1", True), ("ir1", False)]
     assert imported.sensors[1].kind is LineSensor
     assert [drive.kind for drive in imported.drives] == [DriveKind.RIGHT, DriveKind.ROT]
-    assert "lidar1" in listed(imported, "sensors.csv:3:ID")
+    assert "radar1" in listed(imported, "sensors.csv:3:ID")
 
 
 def test_the_set_loads_as_it_was_read(matlab_folder: Path, tmp_path: Path) -> None:

@@ -22,7 +22,7 @@ from simmer_tui.sim.specs import Axes, DriveKind, DriveSpec, RobotSpec, SensorSp
 
 
 def listed(imported: Imported, place: str) -> str:
-    """What is said of the one place that is listed."""
+    """The message about the one place that is listed."""
     (found,) = [problem.what for problem in imported.left_out if problem.where == f"config.py:{place}"]
     return found
 
@@ -355,7 +355,7 @@ def test_another_class_of_the_team_s_own_is_shown_as_the_row_to_add() -> None:
     assert "add to sensors.csv: ultra1,l1,1,2,-1,5,-90,0.02,12.8571,;" in what
     # Numbers of a row that is proposed are told where they are assumed.
     assert what.endswith(
-        "assumed, because no file has them: num_rays 7, beamwidth 15, min_range 0, max_range inf"
+        "assumed, because no file gives them as numbers: num_rays 7, beamwidth 15, min_range 0, max_range inf"
     )
     assert "sensors.csv" not in listed(imported, "3:b0")
     assert "left out" in listed(imported, "4:b1")
@@ -582,6 +582,7 @@ KEYS = (
 DEVICES = ("Ultrasonic", "Infrared", "Gyroscope", "Compass", "MotorSimple", "Drive")
 
 
+@pytest.mark.slow
 @settings(max_examples=60, deadline=None)
 @given(
     names=st.dictionaries(st.sampled_from(NAMES), ODD, max_size=4),

@@ -20,7 +20,7 @@ Hearer = Callable[[bytes], None]
 
 
 class OtherEnd:
-    """What a link leads to. Bytes that come go to `hear`."""
+    """The far end of a link. Bytes that come go to `hear`."""
 
     by_threads = False
     """True if the near end is read by threads, as on Windows."""

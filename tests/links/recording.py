@@ -1,4 +1,4 @@
-"""What tests of links share: waiting in an event loop, and a listener that remembers."""
+"""Shared by tests of links: waiting in an event loop, and a listener that remembers."""
 
 from __future__ import annotations
 

@@ -6,6 +6,7 @@ import json
 import queue
 import re
 import socket
+import threading
 from collections.abc import Iterator
 from typing import Any
 
@@ -22,11 +23,12 @@ from simmer_tui.server import Server
 from simmer_tui.sim import Pose
 
 TRUE = Pose(1.0, 2.0, 3.0)
-SECONDS = 30.0
+MAZE = (0.0, 0.0, 96.0, 48.0)
+SECONDS = 120.0
 
 
 def parse(value: Any) -> Belief:
-    return parse_belief(json.dumps(value).encode(), 4.0, TRUE)
+    return parse_belief(json.dumps(value).encode(), 4.0, TRUE, MAZE)
 
 
 def test_all_fields_are_taken() -> None:
@@ -73,7 +75,7 @@ def test_any_bytes_are_a_belief_or_a_complaint(line: bytes | str) -> None:
     data = line if isinstance(line, bytes) else line.encode()
     complaint = ""
     try:
-        parse_belief(data, 0.0, TRUE)
+        parse_belief(data, 0.0, TRUE, MAZE)
     except ValueError as error:
         complaint = str(error)
     assert complaint.isprintable()
@@ -146,6 +148,22 @@ def test_several_programs_believe_at_once_and_none_touches_the_commands(served: 
         while not isinstance(event := served.next(), Belief):
             assert isinstance(event, Notice)
         assert event.note == "here"
+
+
+def test_a_hundred_programs_that_believe_and_leave_at_once_are_all_believed(served: Served) -> None:
+    with served.connect() as patient:
+        busy, done = threading.Event(), threading.Event()
+        served.server.call(busy.set)
+        served.server.call(done.wait, SECONDS)
+        assert busy.wait(SECONDS)
+        for _ in range(100):
+            with served.connect() as sock:
+                sock.sendall(GOOD)
+        done.set()
+        for _ in range(100):
+            assert isinstance(served.next(), Belief)
+        patient.sendall(GOOD)
+        assert isinstance(served.next(), Belief)
 
 
 def test_a_belief_port_in_use_is_only_a_warning() -> None:

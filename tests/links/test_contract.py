@@ -1,4 +1,4 @@
-"""What every link to a robot does, and the bridge over it, whatever the link is made of."""
+"""Contract of every link to a robot, and of the bridge over it, whatever the link is made of."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ from simmer_tui.events import Action, ActionName, Event, Notice, NoticeKind, Twi
 from simmer_tui.links.serial_bridge import SerialBridge
 from simmer_tui.protocol.replies import ReplyForm, ReplyFormat
 from simmer_tui.sim import CommandResult, SimulationSpec, Simulator, Status, parse_command
+from simmer_tui.sim.sensors.lidar import Lidar, LidarSpec
 from tests.links.recording import RecordingListener, until
 
 BIG = ReplyForm(ReplyFormat.FLOAT64, "big")
@@ -354,6 +355,7 @@ def test_suffix_is_added_where_there_is_none(
     check(pty_end, course_spec, replace(SLOW, suffix=suffix), steps)
 
 
+@pytest.mark.slow
 def test_unplugged_and_plugged_in_again_a_hundred_times_under_load(
     pty_end: Any, course_spec: SimulationSpec
 ) -> None:
@@ -483,3 +485,123 @@ def test_a_reply_that_comes_after_its_time_is_not_taken_for_the_next_one(
         assert (await rig.send("u3\n"))[1] == double(3)
 
     check(other_end, course_spec, SLOW, steps)
+
+
+# -- a lidar: replies of many numbers ---------------------------------------------------------------
+
+LIDAR = LidarSpec(kind=Lidar, number=1, code="sc", rays=6)
+RANGES = [12.5, 11.25, math.inf, 7.0, 30.0, 31.5]
+
+
+def with_lidar(spec: SimulationSpec) -> SimulationSpec:
+    return replace(spec, sensors=(*spec.sensors, LIDAR))
+
+
+def doubles(*numbers: float, order: str = ">") -> bytes:
+    return struct.pack(f"{order}{len(numbers)}d", *numbers)
+
+
+@pytest.mark.parametrize("ranges", [RANGES, RANGES[:4]], ids=["as many rays as the twin", "other rays"])
+def test_the_robots_scan_reaches_client_watchers_and_log_unchanged(
+    other_end: Any, course_spec: SimulationSpec, ranges: list[float]
+) -> None:
+    async def steps(rig: Rig) -> None:
+        answers = {b"sc": doubles(len(ranges), *ranges), b"u1": double(3.5), b"sc-90": double(11.25)}
+        rig.robot(lambda line: answers[line])
+        outcome, data = await rig.send("sc\n")
+        assert data == answers[b"sc"]
+        assert outcome.ranges is not None
+        assert outcome.ranges.tolist() == ranges
+        assert outcome.reply == 12.5, "one number stands for all: the first ray's"
+        assert outcome.reading is not None
+        scan = outcome.reading.scan
+        assert scan is not None
+        assert scan.bearings.tolist() == [-360.0 / len(ranges) * ray for ray in range(len(ranges))]
+        outcome, data = await rig.send("u1\n")
+        assert (outcome.reply, outcome.ranges, data) == (3.5, None, double(3.5))
+        outcome, data = await rig.send("sc-90\n")
+        assert (outcome.reply, outcome.ranges, data) == (11.25, None, double(11.25))
+        twins = [each for each in rig.events if isinstance(each, TwinReading)]
+        assert [(each.code, each.robot) for each in twins] == [("sc", 12.5), ("u1", 3.5), ("sc", 11.25)]
+
+    check(other_end, with_lidar(course_spec), SLOW, steps)
+
+
+def test_a_robots_scan_comes_in_pieces_after_a_greeting(other_end: Any, course_spec: SimulationSpec) -> None:
+    async def steps(rig: Rig) -> None:
+        data = doubles(len(RANGES), *RANGES)
+
+        def slowly(line: bytes) -> bytes:
+            for begin in range(0, len(data), 5):
+                other_end.write(data[begin : begin + 5])
+            return b""
+
+        other_end.write(b"ready, version 3\r\n")
+        rig.robot(slowly)
+        for _ in range(3):
+            outcome, passed = await rig.send("sc\n")
+            assert passed == data
+            assert outcome.ranges is not None
+            assert outcome.ranges.tolist() == RANGES
+
+    check(other_end, with_lidar(course_spec), SLOW, steps)
+
+
+@pytest.mark.parametrize(
+    ("form", "reply"),
+    [
+        ("text", b"12.5;11.25;inf;7.0;30.0;31.5\r\n"),
+        ("float32", struct.pack("<7f", 6, *RANGES)),
+        ("float64", doubles(6, *RANGES, order="<")),
+    ],
+)
+def test_a_robots_scan_in_another_form_is_converted_for_the_client(
+    other_end: Any, course_spec: SimulationSpec, form: str, reply: bytes
+) -> None:
+    async def steps(rig: Rig) -> None:
+        rig.robot(lambda line: reply)
+        outcome, data = await rig.send("sc\n")
+        assert data is None, "the link writes it in its own dialect"
+        assert outcome.ranges is not None
+        assert outcome.ranges.tolist() == RANGES
+
+    check(other_end, with_lidar(course_spec), replace(SLOW, robot_reply=form), steps)
+
+
+def test_a_scan_in_a_robots_packet_stands_among_others(other_end: Any, course_spec: SimulationSpec) -> None:
+    async def steps(rig: Rig) -> None:
+        rig.robot(lambda packet: b"[u1:7.002,sc:12.5;11.25;inf;7.0;30.0;31.5,d1:True]\r\n", end=b"]")
+        _, data = await rig.send("[u1,sc,d1:3]", FRAMED)
+        assert data == b"[u1:7.002,sc:12.5;11.25;inf;7.0;30.0;31.5,d1:True]"
+        first, scan, drive = rig.outcomes()
+        assert (first.reply, drive.reply) == (7.002, math.inf)
+        assert scan.ranges is not None
+        assert scan.ranges.tolist() == RANGES
+
+    check(other_end, with_lidar(course_spec), SLOW, steps)
+
+
+def test_a_robot_may_refuse_a_scan_with_one_nan(other_end: Any, course_spec: SimulationSpec) -> None:
+    async def steps(rig: Rig) -> None:
+        rig.robot(lambda line: double(math.nan))
+        outcome, data = await rig.send("sc\n")
+        assert data == double(math.nan)
+        assert math.isnan(outcome.reply)
+        assert outcome.ranges is None
+
+    check(other_end, with_lidar(course_spec), SLOW, steps)
+
+
+def test_a_robot_that_sends_one_number_for_a_scan_has_not_answered(
+    other_end: Any, course_spec: SimulationSpec
+) -> None:
+    async def steps(rig: Rig) -> None:
+        rig.robot(lambda line: double(12.25))
+        outcome, data = await rig.send("sc\n")
+        assert (outcome.status, outcome.ranges, data) == (Status.UNANSWERED, None, None)
+        assert "a lidar's reply is its count and so many numbers" in outcome.reason
+        rig.robot(lambda line: double(3.5))
+        outcome, data = await rig.send("u1\n")
+        assert data == double(3.5)
+
+    check(other_end, with_lidar(course_spec), replace(QUICK, baud=4_000_000), steps)

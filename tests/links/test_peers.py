@@ -25,7 +25,7 @@ from simmer_tui.links.ports import Acceptor, PortRequest, take_port
 from simmer_tui.server import Server
 from simmer_tui.sim import CommandResult, Pose
 
-SECONDS = 20.0
+SECONDS = 120.0
 FLOODS = {
     "beliefs": [
         b'{"x":1,"y":2,"heading":3}\n' * 2000,
@@ -110,7 +110,9 @@ def flood(running: Served, purpose: str, data: bytes) -> Iterator[threading.Even
 @pytest.mark.parametrize(
     ("purpose", "data"),
     [
-        pytest.param(purpose, data, id=f"{purpose} {data[:6]!r}")
+        pytest.param(
+            purpose, data, id=f"{purpose} {data[:6]!r}", marks=[pytest.mark.slow] if data != each[0] else []
+        )
         for purpose, each in FLOODS.items()
         for data in each
     ],
@@ -173,6 +175,7 @@ def small_buffer(running: Served) -> socket.socket:
     return made
 
 
+@pytest.mark.slow
 def test_one_that_closes_its_side_and_reads_nothing_does_not_keep_the_robot(
     served: Callable[..., Served],
 ) -> None:
@@ -185,6 +188,7 @@ def test_one_that_closes_its_side_and_reads_nothing_does_not_keep_the_robot(
             assert running.ask(client, "d1-1") == math.inf
 
 
+@pytest.mark.slow
 def test_a_newcomer_waits_only_so_long_for_one_that_is_about_to_leave(served: Callable[..., Served]) -> None:
     running = served(step_time=60)
     with running.connect() as first, running.connect() as second:

@@ -20,7 +20,7 @@ from simmer_tui.events import Event, Notice
 from simmer_tui.server import Server
 from tests.listening import HOST, listening
 
-SECONDS = 30.0
+SECONDS = 120.0
 
 
 @contextmanager

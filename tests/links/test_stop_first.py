@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import math
 from collections.abc import Awaitable, Callable, Sequence
 
 from simmer_tui.backend import MOST_COMMANDS, BackendSession, BackendSwitch, CommandBudget, Message
@@ -147,3 +148,46 @@ def test_a_stop_frees_the_way_for_the_next_movement() -> None:
         assert rig.robot.heard == [b"d1-600\n", b"xx\n", b"d1-1\n"]
 
     played(steps)
+
+
+# -- continuous motion: what a robot may not know stays with the simulator -----------------------------
+
+
+def test_a_wait_is_answered_here_and_what_comes_after_it_waits() -> None:
+    async def steps(rig: Rig) -> None:
+        program = rig.program()
+        waited, read = rig.send(program, "wt-0.05"), rig.send(program, "u1")
+        other = rig.send(rig.program(), "u2")
+        assert rig.robot.heard == [b"u2\n"]
+        await until(lambda: bool(waited))
+        assert (waited[0].status, waited[0].reply) == (Status.DONE, math.inf)
+        await until(lambda: bool(read) and bool(other))
+        assert rig.robot.heard == [b"u2\n", b"u1\n"]
+
+    played(steps)
+
+
+def test_a_stop_cuts_a_wait() -> None:
+    async def steps(rig: Rig) -> None:
+        program = rig.program()
+        waited = rig.send(program, "wt-3600")
+        rig.send(program, "xx")
+        await until(lambda: bool(waited))
+        assert rig.robot.heard == [b"xx\n"]
+
+    played(steps)
+
+
+def test_a_velocity_is_sent_only_to_a_robot_that_knows_it() -> None:
+    async def refused(rig: Rig) -> None:
+        (result,) = rig.send(rig.program(), "vv-4;0;0")
+        assert result.status is Status.REFUSED
+        assert "velocity = true" in result.reason
+        assert rig.robot.heard == []
+
+    async def sent(rig: Rig) -> None:
+        rig.send(rig.program(), "vv-4;0;0")
+        assert rig.robot.heard == [b"vv-4;0;0\n"]
+
+    played(refused)
+    played(sent, SerialSettings(port="robot", timeout=0.02, velocity=True))

@@ -44,7 +44,7 @@ def outcome(command: Command, status: Status, reply: float = math.nan) -> Comman
 
 
 def answer(command: Command) -> CommandResult:
-    """What a robot with the sensors above and drives w0 and r0 does, as the engine judges it."""
+    """Results of a robot with the sensors above and drives w0 and r0, as the engine judges them."""
     if command.problem:
         return outcome(command, Status.REFUSED)
     if command.code in SENSORS:

@@ -1,4 +1,4 @@
-"""Where a robot's reply begins and ends, whatever noise is around it and however it is cut up."""
+"""Beginning and end of a robot's reply, whatever noise is around it and however it is cut up."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def trusting(end: ReplyEnd, count: int = 1) -> ReplyFramer:
 
 
 def fed(framer: ReplyFramer, data: bytes, cuts: list[int]) -> bytes | None:
-    """What the framer finds in data that comes in pieces, and then falls silent."""
+    """Replies that the framer finds in data that comes in pieces, and then stops."""
     places = [0, *sorted(cut % (len(data) + 1) for cut in cuts), len(data)]
     for start, stop in itertools.pairwise(places):
         reply = framer.receive(data[start:stop])

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass, field
@@ -38,8 +37,8 @@ class Run:
             session.submit(parse_command(text), self.outcomes.append)
 
     def stop(self) -> None:
-        """What packets do to end all motion."""
-        stop = dataclasses.replace(parse_command("xx"), stops=True)
+        """The end of all motion, as packets ask for it."""
+        stop = replace(parse_command("xx"), stops=True)
         self.engine.session().submit(stop, self.outcomes.append)
 
     def perform(self, name: ActionName, *arguments: float) -> None:

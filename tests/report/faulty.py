@@ -24,7 +24,7 @@ from simmer_tui.config.loader import Configuration, find_set, load
 from simmer_tui.engine import Engine
 from simmer_tui.events import Belief, OutputLine, ProgramEnded
 from simmer_tui.mission import MissionPlan, Referee, plan_run
-from simmer_tui.report.cause_search import cause_of
+from simmer_tui.report.cause_search import causes_of
 from simmer_tui.report.causes import Cause, Kind
 from simmer_tui.run.attempt import Attempt, task_of
 from simmer_tui.run.reducer import Reducer
@@ -105,7 +105,7 @@ class FaultyRobot:
 
 @dataclass
 class Setting:
-    """What a fault may lay its hands on before the mission begins."""
+    """The parts of a run that a fault may change before the mission begins."""
 
     parts: dict[str, ModuleType]
     robot: FaultyRobot
@@ -212,7 +212,7 @@ class Fault:
 
 FAULTS = {
     "clean": Fault(nothing, frozenset()),
-    "heading offset": Fault(turned_heading, frozenset({Kind.LOST})),
+    "heading offset": Fault(turned_heading, frozenset({Kind.LOST, Kind.UNDECIDED})),
     "closed early": Fault(closed_early, frozenset({Kind.MISSED_GRIP})),
     "no slowing": Fault(closed_late, frozenset({Kind.MISSED_GRIP})),
     "clearance": Fault(small_robot, frozenset({Kind.CLEARANCE, Kind.HELD_BLOCK}), small=True),
@@ -250,10 +250,10 @@ def fly(parts: dict[str, ModuleType], fault: Fault, seed: int) -> tuple[bool, Ca
         reason = f"the program has ended with exit code {code}" if code is not None else "the wall limit"
         robot.referee.end(reason)
     program = None if code is None else ProgramEnded(0.0, code, stdout=(OutputLine(0.0, words),))
-    cause = cause_of(
+    causes = causes_of(
         Attempt(robot.history, robot.task), program, cut_off=code is None and robot.drives > MOST_DRIVES
     )
-    return robot.referee.state().result.value == "success", cause
+    return robot.referee.state().result.value == "success", causes[0] if causes else None
 
 
 def _halved(robot: RobotSpec) -> RobotSpec:

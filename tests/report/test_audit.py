@@ -162,6 +162,15 @@ def test_what_differs_from_the_nominal_set_is_named(
     assert all("the nominal set mission" in each.text for each in found)
 
 
+@pytest.mark.parametrize("gain", [0.5, 3.0])
+def test_few_movements_show_a_gain_that_stands_in_the_rows(mission: SimulationSpec, gain: float) -> None:
+    few = wandered(drive(mission, "d1", gain=gain), 4, steps=4, nominal=Nominal("mission", mission))
+    (found,) = audit(few)
+    assert (found.of, found.kind, found.count <= 2) == ("d1", FindingKind.GAIN, True)
+    assert found.value == gain
+    assert not audit(wandered(mission, 4, steps=4, nominal=Nominal("mission", mission)))
+
+
 def test_a_sign_that_the_nominal_set_declares_is_convention() -> None:
     spec = load(find_set("simmer-python")).simulation
     assert audit(wandered(spec, 1, nominal=Nominal("simmer-python", spec))) == ()
@@ -235,3 +244,8 @@ def test_findings_together_hold_the_error() -> None:
     # Holm: 0.001 times four, 0.003 times three, and then 0.006 times two is more than a hundredth.
     tests = [made(0.006), made(0.001), made(0.003), Claim(0.5)]
     assert [each.text for each in kept(tests)] == ["0.001", "0.003"]
+
+
+def test_a_sensor_that_misses_everything_by_its_set_is_as_its_set_says(mission: SimulationSpec) -> None:
+    silent = sensor(mission, "u1", dropout=1.0)
+    assert "u1" not in {each.of for each in audit(wandered(silent, 1))}

@@ -81,4 +81,4 @@ def test_without_pillow_it_says_what_to_install(
 ) -> None:
     monkeypatch.setitem(sys.modules, "PIL", None)
     assert run_export([str(log), "--gif", str(tmp_path / "a.gif")]) == 2
-    assert "pip install 'simmer-tui[export]'" in capsys.readouterr().err
+    assert "pip install 'simmer-tui[export] @ git+" in capsys.readouterr().err

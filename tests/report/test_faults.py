@@ -30,7 +30,7 @@ def flown(parts: dict[str, ModuleType]) -> Flown:
 
 
 def right(flown: Flown, name: str, seed: int) -> bool:
-    """Whether a run is laid to its fault; one that succeeds all the same is laid to nothing."""
+    """True if a run is put down to its fault; one that succeeds all the same has no cause."""
     fault = FAULTS[name]
     success, cause = flown(name, seed)
     return cause is None if success else cause is not None and cause.kind in fault.kinds

@@ -25,7 +25,7 @@ from simmer_tui.engine import Engine
 from simmer_tui.events import Action, ActionName, Belief, MissionEvent, Result
 from simmer_tui.mission import Referee, plan_run
 from simmer_tui.report import recording
-from simmer_tui.report.content import report_page
+from simmer_tui.report.page import report_page
 from simmer_tui.run import paths
 from simmer_tui.run.reducer import Reducer
 from simmer_tui.run.state import checkpoint_of

@@ -6,6 +6,7 @@ import json
 import queue
 import re
 import shutil
+import threading
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -28,8 +29,14 @@ from simmer_tui.events import (
     Result,
 )
 from simmer_tui.mission import plan_run
+from simmer_tui.report import live_verdict
 from simmer_tui.report.causes import Kind
-from simmer_tui.report.verdict import Outcome, Verdict
+from simmer_tui.report.live_verdict import LiveVerdict
+from simmer_tui.report.verdict import Outcome, Verdict, verdict_of
+from simmer_tui.run.attempt import Attempt, Task, task_of
+from simmer_tui.run.reducer import Reducer
+from simmer_tui.run.run_history import RunHistory
+from simmer_tui.run.state import checkpoint_of
 from simmer_tui.server import Server
 
 CRASH = ProgramEnded(
@@ -142,8 +149,33 @@ def test_what_comes_after_the_mission_is_counted_apart(mission_run: Any) -> None
     assert (after.totals.commands, after.totals.contacts, after.pose) == (2, 0, before.pose)
     assert after.verdict == before.verdict
     [note] = after.notes
-    assert note == "after the mission's end came 3 commands and 2 contacts, which do not count here"
+    assert note == "after the mission's end: 3 commands and 2 contacts, not counted here"
     assert before.notes == []
+
+
+def test_continuous_motion_after_the_mission_is_counted_apart(mission_run: Any) -> None:
+    mission_run.send("vv-1;0;0", "wt-1", "vv-0;0;0", "d1-1")
+    mission_run.engine.tell(SUCCESS)
+    before = build_report(mission_run.path)
+    mission_run.send("vv-6;0;0", "wt-20")
+    after = build_report(mission_run.path)
+    assert (after.totals.commands, after.totals.contacts, after.pose) == (4, 0, before.pose)
+    assert after.totals.distance == before.totals.distance
+    assert after.history.elapsed == before.history.elapsed
+    [note] = after.notes
+    assert re.fullmatch(r"after the mission's end: 2 commands and \d+ contacts?, not counted here", note)
+
+
+def test_a_leg_under_way_at_the_missions_end_counts_to_its_own_end(mission_run: Any) -> None:
+    mission_run.send("vv-1;0;0", "wt-1")
+    mission_run.engine.tell(MissionEvent(1.0, Result.SUCCESS, "mission: success"))
+    mission_run.send("vv-0;0;0")
+    place = mission_run.simulator.pose
+    mission_run.send("wt-1", "vv-6;0;0", "wt-20")
+    report = build_report(mission_run.path)
+    assert report.totals.contacts == 0
+    assert report.reducer.still
+    assert report.pose == place
 
 
 def test_a_run_that_begins_anew_counts_again_at_the_time_of_its_replay(mission_run: Any) -> None:
@@ -186,3 +218,122 @@ def test_the_verdict_on_screen_sees_what_the_report_sees(tmp_path: Path) -> None
         assert "the nominal set mission" in verdicts.get(timeout=20)
     finally:
         server.stop()
+
+
+def test_the_legs_of_a_continuous_motion_are_no_commands(mission_run: Any) -> None:
+    mission_run.send("vv-3;0;9", "wt-20")
+    run = build_report(mission_run.path)
+    assert Attempt(run.history, None).commands == 2
+
+
+def test_a_slow_robot_that_steers_often_makes_progress(mission_run: Any) -> None:
+    for step in range(600):
+        mission_run.send(f"vv-1;0;{step % 3 - 1}", "wt-0.05")
+    run = build_report(mission_run.path)
+    attempt = Attempt(run.history, None)
+    assert run.totals.legs >= 600
+    assert run.pose.x > 30.0
+    assert attempt.stretch.since > 20.0, "it came to new ground to the end"
+    assert attempt.stretch.movements < 5
+
+
+def test_a_robot_that_steers_to_and_fro_makes_none(mission_run: Any) -> None:
+    for step in range(600):
+        mission_run.send(f"vv-{3 - 6 * (step % 2)};0;0", "wt-0.5")
+    attempt = Attempt(build_report(mission_run.path).history, None)
+    assert attempt.stretch.since < 60.0
+    assert attempt.stretch.movements > 100
+
+
+MANY = 600
+"""Contacts: a run keeps its newest 500, and those that do not count must not push out the one that does."""
+
+
+@pytest.mark.parametrize("commands", [1, MANY])
+def test_contacts_after_the_mission_change_no_verdict_of_a_run(commands: int) -> None:
+    configuration, plan = plan_run(load(find_set("mission"), {"server.port": Override("--port", 0)}), 1)
+    server = Server(configuration, plan=plan)
+    history = server.keep_history()
+    server.start(lambda event: None)
+    try:
+        with Robot(port=server.ports[COMMANDS.purpose], reply_port=server.ports[REPLIES.purpose]) as robot:
+            for _ in range(commands):
+                robot.drive("d1", 60)
+    finally:
+        server.stop()
+    task = task_of(configuration, server.seed, plan)
+    assert Attempt(history, task).commands == 1, "its answer came after the mission's end"
+    found = verdict_of(history, task)
+    assert found.cause is not None
+    assert "d1-60 led the robot into the wall" in found.text
+
+
+@pytest.mark.slow
+def test_contacts_after_the_mission_change_no_verdict_on_screen(mission_run: Any) -> None:
+    simulator, engine = mission_run.simulator, mission_run.engine
+    calls: queue.SimpleQueue[tuple[Any, ...]] = queue.SimpleQueue()
+    beginning = checkpoint_of(simulator, mission=True)
+    live = LiveVerdict(
+        Reducer(beginning),
+        RunHistory(beginning),
+        Task(0, 300.0, None),
+        lambda *call: calls.put(call),
+        lambda event: None,
+    )
+    engine.watch(live.watch)
+    engine.tell(MissionEvent(0.0, Result.UNDER_WAY, "mission: begun"))
+    texts = []
+    mission_run.send("u1", "d1-60")
+    for ends in (BROKEN, Notice(NoticeKind.LEFT, "client a disconnected", "a")):
+        engine.tell(ends)
+        tell, *found = calls.get(timeout=20)
+        tell(*found)
+        assert live.verdict is not None
+        texts.append(live.verdict.text)
+        mission_run.send(*("d1-60",) * MANY)
+    assert texts[0] == texts[1]
+    assert "d1-60 led the robot into the wall" in texts[1]
+
+
+def test_the_end_waits_for_a_search_of_the_verdict(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The libraries that the search is in must not be taken down under it: the process would die of that."""
+    begun, over = threading.Event(), threading.Event()
+
+    def search(history: RunHistory, task: Task | None) -> Verdict:
+        begun.set()
+        threading.Event().wait(0.3)  # a search takes a while
+        over.set()
+        raise ValueError("there is none")
+
+    monkeypatch.setattr(live_verdict, "verdict_of", search)
+    server = Server(load(find_set("default"), {"server.port": Override("--port", 0)}))
+    server.keep_verdict(has_program=True)
+    server.start(lambda event: None)
+    server.call(server.engine.tell, ProgramEnded(8.0, 0))
+    assert begun.wait(20.0)
+    server.stop()
+    assert over.is_set()
+
+
+def test_a_program_that_ends_with_its_mission_is_told_one_verdict(mission_run: Any) -> None:
+    engine = mission_run.engine
+    calls: queue.SimpleQueue[tuple[Any, ...]] = queue.SimpleQueue()
+    beginning = checkpoint_of(mission_run.simulator, mission=True)
+    told: list[Any] = []
+    live = LiveVerdict(
+        Reducer(beginning),
+        RunHistory(beginning),
+        Task(0, 300.0, None),
+        lambda *call: calls.put(call),
+        told.append,
+    )
+    engine.watch(live.watch)
+    engine.tell(MissionEvent(0.0, Result.UNDER_WAY, "mission: begun"))
+    mission_run.send("u1")
+    for ends in (ProgramEnded(8.0, 0), SUCCESS):  # the second comes while the first is searched
+        engine.tell(ends)
+    for _ in range(2):
+        found, *of_search = calls.get(timeout=20)
+        found(*of_search)
+    assert live.verdict is not None
+    assert [event.text for event in told] == [live.verdict.text]

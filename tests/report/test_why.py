@@ -13,7 +13,7 @@ from simmer_tui.config.loader import load
 from simmer_tui.config.sets import MISSION_SET, bundled_sets
 from simmer_tui.engine import Engine
 from simmer_tui.events import Action, ActionName
-from simmer_tui.report.why import NOTHING_MOVED, why
+from simmer_tui.report.why import why
 from simmer_tui.run.reducer import Reducer
 from simmer_tui.run.state import checkpoint_of
 from simmer_tui.sim import SimulationSpec, Simulator, parse_command
@@ -36,7 +36,7 @@ class Run:
 
     @property
     def why(self) -> str:
-        return why(self.fold.at(), self.spec)
+        return "; ".join(f"{fact.label} {fact.text}" for fact in why(self.fold.at(), self.spec))
 
 
 @pytest.fixture
@@ -45,30 +45,49 @@ def run() -> Run:
 
 
 def test_before_the_first_movement_there_is_nothing_to_say(run: Run) -> None:
-    assert run.give("u1") == NOTHING_MOVED
+    assert run.give("u1") == ""
     run.give("d1-2")
     run.engine.perform(Action(ActionName.RESET))
-    assert run.why == NOTHING_MOVED
+    assert run.why == ""
 
 
 def test_a_movement_that_nothing_stopped(run: Run) -> None:
     said = run.give("d1-2")
-    assert said.startswith("d1-2 (client, begun at 100.00 s) ended at 100.")
-    assert said.endswith(" s, after 1.7 of 1.7 in. Nothing was in the way.")
-    assert " deg." in run.give("r1-20")
+    assert said.startswith("asked 2.0 in forward; went forward 1.7 in; errors bias -")
+    assert said.endswith("; ended as asked; nothing in its way")
+    assert run.give("r1--20").startswith("asked turn by -20.0 deg; went turned -")
+
+
+@pytest.mark.parametrize("command", ["d1-20", "d1--20", "w1-5", "r1-40", "r1--40"])
+def test_the_parts_of_the_error_add_up_to_it(run: Run, command: str) -> None:
+    """Bias and noise along the way are all that parts what was asked from what became of it."""
+    run.engine.perform(Action(ActionName.TELEPORT, (30.0, 8.0, 0.0)))
+    said = run.give(command)
+    assert "errors bias" in said, said
+    bias, noise = (float(each) for each in re.findall(r"[+-]\d+\.\d", said.partition("errors")[2])[:2])
+    kind, _, value = command.partition("-")
+    ended = run.fold.at().ended
+    assert ended is not None
+    totals, sign = ended.trajectory.totals, -1.0 if float(value) < 0 and kind != "r1" else 1.0
+    went = {"d1": totals.x, "w1": totals.y, "r1": totals.r}[kind]
+    assert sign * (went - float(value)) == pytest.approx(bias + noise, abs=0.11)
+    run.engine.perform(Action(ActionName.NOISE, (0.0,)))
+    run.engine.perform(Action(ActionName.TELEPORT, (30.0, 8.0, 0.0)))
+    said = run.give(command)
+    assert "errors" not in said or re.search(r"noise [+-]0\.0", said), said
 
 
 def test_a_wall_is_named_with_what_the_sensor_that_looks_there_had_read(course_spec: SimulationSpec) -> None:
     run = Run(course_spec)
     said = run.give("u1", "w1-30")  # to the maze's upper side
-    assert "the robot met the maze's outer wall at (9.5, 48.0), where the command led it." in said
-    assert said.startswith("w1-30 (client, begun at 100.00 s) was stopped at 100.")
-    assert "after 3.0 of 30.0 in: " in said
+    assert said.startswith("asked 30.0 in left; went 3.0 in, stopped by a wall left (X); ")
+    assert "hit the maze's outer wall at (9.5, 48.0)" in said
+    assert said.endswith("errors exact drives would have hit it too")
     code = "u2"  # at 45 degrees: nearest to straight left
-    assert f"{code}, the nearest, which looks 45 deg beside it, was not read." in said
-    said = run.give("s1-2", "u2", "w1-30")
-    assert f"{code}, the nearest, which looks 45 deg beside it, last read " in said
-    assert "s before the contact." in said
+    assert f"{code}, 45 deg beside it, was not read" in said
+    assert re.search(
+        rf"{code}, 45 deg beside it, read \d+\.\d in, \d\.\d s before", run.give("s1-2", "u2", "w1-30")
+    )
 
 
 def test_a_wall_inside_the_maze_is_named_by_its_cell(course_spec: SimulationSpec) -> None:
@@ -90,7 +109,7 @@ def test_who_stopped_it_is_said(course_spec: SimulationSpec) -> None:
         return run.why
 
     said = asyncio.run(play())
-    assert re.search(r"was stopped by stop from keys at 10\d\.\d\d s, after \d+\.\d of 12\.0 in\.$", said)
+    assert re.search(r"went forward \d\.\d in; ended stopped by stop from keys at 10\d\.\d\d s$", said)
 
 
 def test_the_gripper_says_what_it_holds() -> None:

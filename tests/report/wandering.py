@@ -39,7 +39,7 @@ def wandered(
     simulator = Simulator(spec, seed)
     engine = Engine(simulator)
     beginning = checkpoint_of(simulator if told is None else Simulator(told, seed))
-    history = RunHistory(beginning, nominal=nominal)
+    history = RunHistory(beginning, nominal=lambda: nominal)
     reducer = Reducer(beginning, history=history)
 
     def tell(event: Event) -> None:

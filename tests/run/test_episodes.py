@@ -107,7 +107,7 @@ def test_a_frozen_belief_is_seen_however_vague_it_says_it_is(told: Told) -> None
         told.drive("d1-2")
         told.engine.tell(Belief(told.simulator.time, pose, told.simulator.pose, 20.0))
     assert told.kinds == ["localized", "frozen"]
-    assert "the same pose was told on while the robot went 4." in episode_text(told.episodes()[1])
+    assert "the pose sent stayed the same while the robot moved by 4." in episode_text(told.episodes()[1])
 
 
 def test_a_robot_that_stands_may_tell_one_pose_for_ever(told: Told) -> None:

@@ -1,7 +1,5 @@
 """The history of a run: rows of the newest commands, and sums over all of them."""
 
-from __future__ import annotations
-
 import tracemalloc
 from typing import NamedTuple
 
@@ -134,9 +132,9 @@ def test_numbers_of_a_damaged_log_fit_into_rows() -> None:
     assert len(run.history.commands) == 2
 
 
+@pytest.mark.slow
 def test_a_history_is_bounded_by_bytes_a_command(monkeypatch: pytest.MonkeyPatch) -> None:
     for name, most in (
-        ("KEPT", 2048),
         ("TRACE_POINTS", 20),
         ("KEPT_BELIEFS", 300),
         ("KEPT_OBJECTS", 10),
@@ -151,7 +149,7 @@ def test_a_history_is_bounded_by_bytes_a_command(monkeypatch: pytest.MonkeyPatch
     for laps in (200, 400):
         tracemalloc.start()
         try:
-            history = RunHistory(checkpoint_of(run.simulator))
+            history = RunHistory(checkpoint_of(run.simulator), kept=2048)
             reducer = Reducer(checkpoint_of(run.simulator), history=history)
             for _ in range(laps):
                 for event in events:

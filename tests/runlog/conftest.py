@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import itertools
 import random
 from collections.abc import Callable, Iterator
@@ -43,7 +42,7 @@ class Run:
     fold: Reducer
     clock: Callable[[], float]
     events: list[Event] = field(default_factory=list)
-    """What the engine has told."""
+    """Events that the engine has told."""
     moments: list[tuple[int, float, State]] = field(default_factory=list)
     """Moments looked at: the log's newest entry, simulated time, and how the run stood."""
 
@@ -145,7 +144,7 @@ def random_run(start_run: StartRun) -> Callable[..., Run]:
             elif kind < 0.8:
                 run.perform(*_random_action(chance))
             elif kind < 0.83:
-                stop = dataclasses.replace(parse_command("xx", "packets"), stops=True)
+                stop = replace(parse_command("xx", "packets"), stops=True)
                 run.session.submit(stop, lambda outcome: None)
             elif timed:
                 run.loop.run_until(

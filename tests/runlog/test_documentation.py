@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
-import dataclasses
 import json
 import re
 from collections import defaultdict
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from msgspec import structs
 from msgspec.structs import replace
 
+from simmer_tui.belief_grid import grid_belief
 from simmer_tui.engine import Engine
 from simmer_tui.events import (
     ActionName,
+    Belief,
     Goal,
     MissionEvent,
     MovementEnded,
@@ -25,10 +27,13 @@ from simmer_tui.events import (
     ProgramEnded,
     Result,
     TwinReading,
+    VelocityEnd,
+    WireMessage,
 )
 from simmer_tui.runlog.header import TakenOver
 from simmer_tui.runlog.writer import CHECKPOINT_EVERY, ReplayedPrefix, RunLog
-from simmer_tui.sim import GripperSpec, Simulator, Status, parse_command
+from simmer_tui.sim import GripperSpec, Pose, Simulator, Status, WheelLayout, WheelsSpec, parse_command
+from simmer_tui.sim.sensors.lidar import Lidar, LidarSpec
 
 DOCUMENT = Path(__file__).parents[2] / "docs" / "run-log.md"
 
@@ -39,9 +44,19 @@ def sections() -> dict[str, str]:
 
 
 def other_log(path: Path, configuration: Any, motion: str) -> None:
-    """What the varied log has not: a gripper, plans, ends, stops, a twin, a mission, half a contact."""
+    """A log of what the varied one lacks: gripper, plans, ends, stops, a twin, a mission, half a contact."""
     gripper = GripperSpec(code="p1")
-    simulation = replace(configuration.simulation, gripper=gripper, bot_center=(4.1, 24.0), contact="drive")
+    wheels = WheelsSpec(layout=WheelLayout.OMNI_4)
+    lidar = LidarSpec(kind=Lidar, number=1, code="sc", resolution=0.0)
+    sensors = (*configuration.simulation.sensors, lidar)
+    simulation = replace(
+        configuration.simulation,
+        gripper=gripper,
+        bot_center=(4.1, 24.0),
+        contact="drive",
+        wheels=wheels,
+        sensors=sensors,
+    )
     settings = replace(configuration.settings.motion, motion=motion)
     changed = replace(
         configuration, simulation=simulation, settings=replace(configuration.settings, motion=settings)
@@ -53,9 +68,10 @@ def other_log(path: Path, configuration: Any, motion: str) -> None:
         engine = Engine(simulator)
         engine.watch(log)
         session = engine.session()
-        for text in ("p1-1", "d1-8", "r1-60", "d1-60"):
+        for text in ("p1-1", "d1-8", "r1-60", "d1-60", "sc"):
             session.submit(parse_command(text, "x"), lambda outcome: None)
         engine.mirror(parse_command("d1-1"))
+        drive_continuously(engine)
         if motion == "instant":
             return
         begun = simulator.begin(parse_command("d1--20", "x"))
@@ -67,21 +83,40 @@ def other_log(path: Path, configuration: Any, motion: str) -> None:
         ended = simulator.finish(begun)
         assert simulator.last_trajectory is not None
         log(MovementEnded(ended.number, ended.time, ended.command, simulator.last_trajectory, "xx from x"))
-        stop = dataclasses.replace(parse_command("xx", "packets"), stops=True)
+        stop = structs.replace(parse_command("xx", "packets"), stops=True)
         log(structs.replace(simulator.begin(stop), taken=-1.0, link=0.1))
         reading = simulator.begin("u1")
         log(
             structs.replace(
-                reading, taken=-1.0, link=0.1, command=dataclasses.replace(reading.command, source="x")
+                reading, taken=-1.0, link=0.1, command=structs.replace(reading.command, source="x")
             )
         )
+        log(large_belief(0.0))
+        log(large_belief(0.1))
         log(TwinReading(simulator.time, parse_command("u1", "console"), "u1", 3.0, float("nan")))
         said = (OutputLine(1.0, "x"),)
         log(ProgramEnded(2.0, 139, "SIGSEGV", True, "segmentation fault", "robot.c:3", said, said))
+        log(WireMessage(simulator.time, "w 1", meaning="w {n}"))
+        log(WireMessage(simulator.time, "ok", reply=True))
         log(MissionEvent(simulator.time, Goal.TAKEN, "block taken"))
         log(MissionEvent(simulator.time, Result.FAILED, "failed", "no time"))
         for _ in range(CHECKPOINT_EVERY):
-            log(Notice(NoticeKind.FAULT, "x"))
+            log(Notice(NoticeKind.FAULT, "x", advice=True))
+
+
+def large_belief(time: float) -> Belief:
+    """A belief with a grid of which the log leaves the cells out, if another one has just been told."""
+    grid = grid_belief(np.ones((10, 20, 11)), (0.0, 0.0, 96.0, 48.0), 5.0, Pose(1.0, 2.0, 3.0))
+    return Belief(time, grid.best_pose, Pose(1.0, 2.0, 3.0), 3.0, grid=grid)
+
+
+def drive_continuously(engine: Engine) -> None:
+    """Velocities that change, slip, end by their time and lead a disc along a wall, and a wait."""
+    session = engine.session()
+    for text in ("ww-1;2;3;4;0.1", "wt-0.4", "vv-6;0;30", "wt-8", "vx-3"):
+        session.submit(parse_command(text, "x"), lambda outcome: None)
+    engine.simulator.advance(engine.simulator.time + 0.05)
+    session.submit(parse_command("d1-1", "x"), lambda outcome: None)
 
 
 def test_the_documented_fields_are_those_written(
@@ -107,6 +142,8 @@ def test_the_documented_fields_are_those_written(
         assert written[kind] <= names | {"t", "kind", "real"}
         # Of a contact that did not end its movement; of sensors that take their time.
         rare = {"stop", "drift", "reading"}
+        # Of a set with devices of its own.
+        rare |= {"devices", "kinds"}
         assert names - rare <= written[kind], kind
 
 
@@ -116,6 +153,7 @@ def test_the_documented_words_are_those_used() -> None:
         ("answer", "status", Status),
         ("action", "action", ActionName),
         ("notice", "about", NoticeKind),
+        ("velocity", "reason", VelocityEnd),
         ("mission", "goal", Goal),
         ("mission", "result", Result),
     ):

@@ -101,7 +101,7 @@ def same_state(live: State, read_back: State, *, looked_back: bool = False) -> N
     """The same in all that a screen shows. With `looked_back` folding began on the way: histories and
     trails are as long as the look back, and running numbers count from there."""
     # A checkpoint in a log has no bias.
-    numbers = {"number", "moved", "sensors", "legs", "last", "ended", "twins", "bias"}
+    numbers = {"number", "moved", "sensors", "legs", "last", "ended", "movement", "twins", "bias"}
     for name in {each.name for each in structs.fields(live)} - numbers:
         assert getattr(live, name) == getattr(read_back, name), name
     told, again = live.legs, read_back.legs
@@ -114,6 +114,9 @@ def same_state(live: State, read_back: State, *, looked_back: bool = False) -> N
     if live.ended is not None and not (looked_back and read_back.ended is None):
         assert read_back.ended is not None
         same_event(live.ended, read_back.ended)
+    assert (live.movement is None) == (read_back.movement is None)
+    if live.movement is not None and read_back.movement is not None:
+        same_event(live.movement, read_back.movement)
     assert set(read_back.sensors) <= set(live.sensors)
     for code, row in read_back.sensors.items():
         same_row(live.sensors[code], row, live.moved, read_back.moved)
@@ -147,7 +150,7 @@ def test_the_state_comes_back_at_any_time_in_any_order(
             same_state(live, playback.state_when(entry, time))
 
 
-@pytest.mark.parametrize("timed", [True, False])
+@pytest.mark.parametrize("timed", [True, pytest.param(False, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("looks", [12, pytest.param(150, marks=pytest.mark.slow)])
 def test_a_long_run_is_folded_from_lines_that_sum_up(
     random_run: Callable[..., Any], timed: bool, looks: int

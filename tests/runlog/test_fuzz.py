@@ -17,7 +17,8 @@ from rich.console import Console
 
 from simmer_tui.document.as_terminal import print_document
 from simmer_tui.errors import SimmerError
-from simmer_tui.report.content import report_document, report_page, svg_picture
+from simmer_tui.report.content import report_document, svg_picture
+from simmer_tui.report.page import report_page
 from simmer_tui.report.run_statistics import CommandTable, RunStatistics
 from simmer_tui.runlog import playback, reader
 from simmer_tui.runlog.header import Header, rebuild

@@ -25,7 +25,7 @@ UNIX = pytest.mark.skipif(sys.platform == "win32", reason="modes and links of Un
 
 @pytest.fixture
 def small_limit(monkeypatch: pytest.MonkeyPatch) -> None:
-    """What is a gigabyte is a megabyte here."""
+    """Limits a thousand times smaller: a megabyte for a gigabyte."""
     monkeypatch.setattr(reader, "MOST_UNPACKED", 1_000_000)
 
 

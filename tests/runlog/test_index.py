@@ -226,6 +226,7 @@ def test_what_people_do_shows_in_the_state(start_run: Any) -> None:
         assert log.time_of(6) == log.over_of(5)
 
 
+@pytest.mark.slow
 def test_looking_back_is_bounded(start_run: Any) -> None:
     run = start_run()
     run.send("u3", *("d1-0",) * 2500)

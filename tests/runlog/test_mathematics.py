@@ -48,7 +48,7 @@ with RunLog(Path(sys.argv[1]), configuration, simulator) as log:
 
 
 def other_machine(*arguments: str) -> str:
-    """What Python prints on a machine without these instructions."""
+    """Output of Python on a machine without these instructions."""
     done = subprocess.run(
         [sys.executable, "-c", *arguments],
         env={**os.environ, **_WITHOUT},
@@ -111,7 +111,7 @@ def test_only_what_is_off_by_more_than_rounding_differs(
     assert run_rerun([str(varied_log)]) == code
     out = capsys.readouterr().out
     assert ("line 10, command 'd1-3': pose is" in out) == bool(code)
-    assert ("from there on the runs part" in out) == bool(code)
+    assert ("from there on the runs differ" in out) == bool(code)
 
 
 def test_what_is_no_number_must_be_the_same(varied_log: Path) -> None:

@@ -5,11 +5,11 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
+from msgspec.structs import replace
 
 from simmer_tui.cli.log_commands import run_rerun
 from simmer_tui.config.loader import load
@@ -86,7 +86,7 @@ def test_the_same_run_is_reported_in_one_line(varied_log: Path, capsys: Any) -> 
     assert run_rerun([str(varied_log)]) == 0
     out, err = capsys.readouterr()
     assert out == (
-        f"{varied_log}: 18 commands and 4 actions again, every reply the same "
+        f"{varied_log}: 18 commands and 4 actions repeated, every reply the same "
         "(seed 7, configuration default)\n"
     )
     assert err == ""
@@ -220,7 +220,7 @@ def test_a_log_begun_mid_run_counts_from_the_next_reset(
         run.send("u1", "d1-3", "u1")
     assert run_rerun([str(path)]) == 0
     out, err = capsys.readouterr()
-    assert "3 commands and 1 action again" in out
+    assert "3 commands and 1 action repeated" in out
     assert "compared from the seed in line 4 on" in err
 
 

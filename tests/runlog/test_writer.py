@@ -76,7 +76,7 @@ def test_particles_read_back_as_they_came_in(
 ) -> None:
     names = ("x", "y", "heading")
     told = {**dict(zip(names, believed, strict=True)), "particles": particles}
-    belief = parse_belief(json.dumps(told).encode(), 0.0, Pose(0.0, 0.0, 0.0))
+    belief = parse_belief(json.dumps(told).encode(), 0.0, Pose(0.0, 0.0, 0.0), (0.0, 0.0, 96.0, 48.0))
     place = (belief.pose.x, belief.pose.y, belief.pose.heading)
     assert place == tuple(round(value, 2) for value in believed)
     record = BeliefRecord(

@@ -170,6 +170,18 @@ def test_a_movement_goes_on_as_time_advances(course_spec: SimulationSpec) -> Non
 # -- the truth -------------------------------------------------------------------------------
 
 
+def test_a_turn_of_nothing_has_a_pose_before_it_began(course_spec: SimulationSpec) -> None:
+    """A mission may end between the time limit and the command under way."""
+    simulator = Simulator(course_spec, seed=3)
+    simulator.advance(1000.3)
+    before = simulator.pose
+    simulator.begin(parse_command("r1-0"))
+    planned = simulator.trajectory or simulator.last_trajectory
+    assert planned is not None
+    assert planned.duration == 0.0
+    assert [planned.pose_at(time) for time in (1000.0, 1000.3, 1001.0)] == [before] * 3
+
+
 def test_truth_is_free_of_noise_and_draws_nothing(noisy_spec: SimulationSpec) -> None:
     simulator, other = Simulator(noisy_spec, 3), Simulator(noisy_spec, 3)
     for code in ("u1", "i1", "c1", "o1", "g1", "t1"):

@@ -1,4 +1,4 @@
-"""What a contact does to a movement: reference.md section 4, "Collision"."""
+"""Effects of a contact on a movement."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What befalls readings: each column, how often and how far it strikes, and that its absence changes
+"""Faults of readings: each column, how often and how far it strikes, and that its absence changes
 nothing. The formulas and their sources are in docs/sensors.md."""
 
 from __future__ import annotations

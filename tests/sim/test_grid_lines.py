@@ -32,6 +32,23 @@ def test_a_point_is_on_a_wall_within_a_millionth_of_an_inch() -> None:
     assert found.tolist() == expected
 
 
+def test_a_box_without_walls_has_no_point_on_one() -> None:
+    """Boxes that end at lines between cells, a little on either side of them, and in the middles of cells."""
+    places = [12.0 * k + off for k in range(5) for off in (-3e-6, -5e-7, 0.0, 5e-7, 3e-6, 6.0)]
+    places = [each for each in places if -1.0 < each < 49.0]
+    spans = [(low, high) for low, high in product(places, places) if low <= high <= low + 13.0]
+    free = 0
+    for (left, right), (below, above) in product(spans, spans):
+        if not MAZE.has_walls((left, below), (right, above)):
+            free += 1
+            middle = ((left + right) / 2, (below + above) / 2)
+            corners = product((left, right), (below, above))
+            assert not any(MAZE.is_wall(*point) for point in (middle, *corners))
+    assert free
+    assert MAZE.has_walls((13.0, 13.0), (23.0, 25.0))
+    assert not MAZE.has_walls((13.0, 13.0), (23.0, 23.0))
+
+
 @pytest.mark.parametrize(
     ("cells", "rays"),
     [

@@ -307,7 +307,7 @@ def test_the_robots_frame_and_back_is_where_the_block_was(
 
 
 def depth_in_walls(simulator: Simulator) -> float:
-    """How deep the robot, or the block, is in the walls, measured apart from the code under test."""
+    """Depth of the robot, or the block, in the walls, measured apart from the code under test."""
     cells = simulator.maze.walls
     walls = [
         shapely.box(12 * (c - 1), 12 * (r - 1), 12 * c, 12 * r) for r, c in zip(*cells.nonzero(), strict=True)
@@ -343,6 +343,7 @@ moves = st.tuples(
 grips = st.sampled_from(["p1-1", "p1-0", "p1-1", "p1-3", "l1", "u5"])
 
 
+@pytest.mark.slow
 @calm
 @given(
     robot=st.sampled_from([RobotSpec.circle(6), RobotSpec.rectangle(6, 6), RobotSpec.rectangle(8, 4)]),

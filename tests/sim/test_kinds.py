@@ -1,4 +1,4 @@
-"""What the built-in kinds of sensors are, in a table: nothing is what it is not by a default alone."""
+"""A table of the built-in kinds of sensors: nothing is what it is not by a default alone."""
 
 from simmer_tui.sim.sensors import Sensor, sensor_kinds
 
@@ -15,4 +15,5 @@ def test_kinds_are_what_their_names_say() -> None:
         "odom": (False, False, False, True),
         "gyro": (False, False, False, True),
         "load": (False, False, True, False),
+        "lidar": (True, False, False, False),
     }

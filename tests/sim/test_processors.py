@@ -14,7 +14,7 @@ except ImportError:  # numpy 1
     from numpy.core import _multiarray_umath
 
 WIDE = ("X86_V4", "AVX512")
-"""How numpy names instructions with registers of 512 bits (since 2.4, and before)."""
+"""Numpy's names of instructions with registers of 512 bits (since 2.4, and before)."""
 
 DRIVE = """
 import sys
@@ -57,6 +57,7 @@ def replies(state: str, names: list[str]) -> list[str]:
     return done.stdout.splitlines()
 
 
+@pytest.mark.slow
 def test_replies_do_not_depend_on_avx512() -> None:
     features, dispatched = _multiarray_umath.__cpu_features__, _multiarray_umath.__cpu_dispatch__
     names = [name for name in dispatched if name.startswith(WIDE) and features[name]]

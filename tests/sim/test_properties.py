@@ -1,4 +1,4 @@
-"""What holds for every maze, robot and sequence of commands."""
+"""Properties of every maze, robot and sequence of commands."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ mazes = st.integers(1, 4).flatmap(
 
 
 def overlap_depth(simulator: Simulator) -> float:
-    """How deep the robot is in the walls, measured apart from the code under test."""
+    """Depth of the robot in the walls, measured apart from the code under test."""
     maze = simulator.maze
     cells = maze.walls
     pose = simulator.pose

@@ -21,7 +21,9 @@ from simmer_tui.document.model import DataTable
 from simmer_tui.trials.figures import histogram_figure, map_figure
 from simmer_tui.trials.folder import TrialFolder, TrialPlan
 from simmer_tui.trials.trial import Ending, TrialResult, run_seed
-from simmer_tui.trials.trials_summary import ports_advice, runs_table, tables, trials_document
+from simmer_tui.trials.trials_page import trials_page
+from simmer_tui.trials.trials_summary import ports_advice, runs_table, tables
+from tests.report.browser import SIZES, measured
 
 
 @pytest.fixture
@@ -66,7 +68,7 @@ def test_start_cells_are_told_apart(folder: TrialFolder) -> None:
 def test_goals_and_endings_are_counted(folder: TrialFolder) -> None:
     made = named(folder)
     assert list(made["How runs ended"].texts()) == [["success", "6", "60%"], ["contacts", "4", "40%"]]
-    assert [row[:3] for row in made["How far they came"].texts()] == [
+    assert [row[:3] for row in made["Goals reached"].texts()] == [
         ["loading zone reached", "10", "100%"],
         ["block taken", "6", "60%"],
         ["block delivered", "6", "60%"],
@@ -87,14 +89,40 @@ def test_failed_and_slowest_runs_come_with_the_command_that_replays_them(folder:
 
 
 def test_page_is_whole_escaped_and_needs_nothing_else(folder: TrialFolder) -> None:
-    page = html_page(trials_document(folder, {}))
-    assert "Motion is instant: the time that a program computes costs no simulated time." in page
-    assert "6 of 10 runs succeeded: success rate 0.600 (0.313 to 0.832)" in page
+    page = html_page(trials_page(folder, {}))
+    assert "Motion is instant: while a program computes, simulated time stands still." in page
+    assert ">6 of 10 runs succeeded</h1>" in page
+    assert "Success rate 0.600 (0.313 to 0.832). Most frequent cause: " in page
     assert "python &lt;b&gt;algo&lt;/b&gt;.py" in page
     assert "<b>" not in page
     assert page.count("<svg") == 3
     assert page.endswith("</html>\n")
     assert not any(each in page for each in ("<script", "<link", "src=", "url("))
+
+
+def test_the_page_says_first_if_the_required_rate_is_reached(folder: TrialFolder) -> None:
+    for required, headline, tone in ((0.5, "enough", "good"), (0.9, "too few", "bad")):
+        page = html_page(trials_page(folder, {1: "runs/0001.html"}, required))
+        assert f"6 of 10 runs succeeded: {headline}</h1>" in page
+        assert f"class='verdict {tone}'" in page
+        assert f", {required:g} is required." in page
+    words = ("class='verdict", "class='bar'", "class='figures'", "Why runs failed", "<details>")
+    places = [page.index(word, page.index("<body>")) for word in words]
+    assert places == sorted(places)
+    assert page.index("href='runs/0001.html'") < page.index("<details>")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("size", SIZES)
+def test_the_first_screenful_has_the_answer(folder: TrialFolder, size: str, tmp_path: Path) -> None:
+    page = tmp_path / "trials.html"
+    page.write_text(html_page(trials_page(folder, {}, 0.9)), "utf-8")
+    found = measured(page, size)
+    width, height = SIZES[size]
+    for part in (".verdict", ".bar", ".figures", "table"):
+        assert found["edges"][part] <= height, part
+    assert found["width"] <= width
+    assert found["broken"] == []
 
 
 def test_map_marks_contacts_failed_ends_and_shares_of_start_cells(folder: TrialFolder) -> None:

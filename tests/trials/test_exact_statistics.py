@@ -218,7 +218,7 @@ def test_cap_is_the_smallest_that_keeps_both_errors(rate: float, margin: float, 
 
 
 def all_ends(test: SequentialTest) -> dict[tuple[int, int, bool], int]:
-    """How many walks there are to each end (runs, successes, passed), one walk after the other."""
+    """Numbers of walks to each end (runs, successes, passed), one walk after the other."""
     ends: dict[tuple[int, int, bool], int] = {}
     seen = set()
     for walk in product((False, True), repeat=test.cap):

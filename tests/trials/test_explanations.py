@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
+from msgspec import structs
 from msgspec.structs import replace
 
 from simmer_tui.cli.trials_command import run_trials
@@ -15,10 +17,11 @@ from simmer_tui.config.loader import Configuration, load
 from simmer_tui.config.nominal import nominal_of
 from simmer_tui.config.sets import bundled_sets, init_set
 from simmer_tui.sim.specs import Axes
+from simmer_tui.trials import explanations
 from simmer_tui.trials.explanations import ChangedRun, explained
 from simmer_tui.trials.interventions import UNCHANGED, ChangedPart, Intervention, interventions
 from simmer_tui.trials.sweep import files_at
-from simmer_tui.trials.trial import TrialResult
+from simmer_tui.trials.trial import Trial, TrialResult, prepare
 
 # From the start of the bundled set, the wall ahead of u1 is 35.5 in away.
 BY_U1 = """
@@ -76,13 +79,24 @@ def trials(
     return Started(tmp_path, program(BY_U1), capfd)
 
 
-def test_true_readings_of_one_sensor_explain_a_run_that_they_save(trials: Started) -> None:
+@pytest.mark.slow
+def test_true_readings_of_one_sensor_explain_a_run_that_they_save(
+    trials: Started, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(explanations, "REPEATS", 6)
     answer, told = trials.begin("--why", "1")
     [why] = answer["why"]
     assert why["run"] == 1
-    assert why["text"] == "Run 1 succeeds with true readings of u1; the likely cause is the sensor."
+    assert why["text"] == (
+        "Run 1 succeeds with true readings of u1. The likely cause is the sensor. "
+        "With other random errors 6 of 6 runs succeed, unchanged 0 of 6 (p = 0.031)."
+    )
+    [control] = answer["control"]
+    assert (control["change"], control["runs"]) == ("true readings of u1", 6)
+    assert (control["succeeded"], control["unchanged"]) == (6, 0)
     assert "run 1 succeeds with true readings of u1" in told
-    changed = {each["change"]: each["succeeded"] for each in answer["interventions"]}
+    assert "run 1 fails with nothing changed and other errors (6)" in told
+    changed = {each["change"]: each["succeeded"] for each in answer["interventions"] if not each["repeat"]}
     assert not changed.pop(UNCHANGED)
     assert {change for change, succeeded in changed.items() if succeeded} == {
         "true readings of u1",
@@ -91,13 +105,15 @@ def test_true_readings_of_one_sensor_explain_a_run_that_they_save(trials: Starte
     assert "true readings of u2" in changed
     assert not any("u3" in change for change in changed), "a sensor that was not read"
     assert (
-        "true readings of u1; the likely cause is the sensor"
+        "true readings of u1. The likely cause is the sensor"
         in (trials.folder / "out/report.html").read_text()
     )
     assert not list((trials.folder / "out/why").glob("*.jsonl.gz"))
 
 
-def test_what_was_run_again_is_not_run_twice(trials: Started) -> None:
+@pytest.mark.slow
+def test_what_was_run_again_is_not_run_twice(trials: Started, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(explanations, "REPEATS", 1)
     answer, _ = trials.begin()
     assert answer.get("why", []) == []
     assert trials.programs == [1, 2]
@@ -125,7 +141,9 @@ def test_a_sweep_is_not_explained(trials: Started) -> None:
     assert trials.printed().startswith("simmer-tui trials: --why is for one program as it is")
 
 
-@pytest.mark.parametrize("option", [("--why",), ("--sure", "0.9", "--require", "0.5")])
+@pytest.mark.parametrize(
+    "option", [("--why",), pytest.param(("--sure", "0.9", "--require", "0.5"), marks=pytest.mark.slow)]
+)
 def test_a_sweep_is_refused_before_its_runs_go_on(trials: Started, option: tuple[str, ...]) -> None:
     out = ("--out", str(trials.folder / "out"))
     trials.begin("--vary", "u1.bias=0,6")
@@ -200,42 +218,49 @@ CHANGES = {
 }
 
 
-def changed(*saving: str) -> list[ChangedRun]:
-    return [
+def changed(*saving: str, by_chance: int = 0) -> list[ChangedRun]:
+    """Runs with each change, and ten with other errors: so many succeed unchanged, all with what saved it."""
+    own = [
         ChangedRun(run=7, change=name, part=part, codes=codes, succeeded=name in saving, text="")
         for name, (part, codes) in CHANGES.items()
     ]
+    return own + [
+        structs.replace(each, repeat=repeat, succeeded=each.succeeded or repeat <= by_chance)
+        for each in own
+        if each.succeeded or each.change == UNCHANGED
+        for repeat in range(1, 11)
+    ]
+
+
+SURE = "ith other random errors 10 of 10 runs succeed, unchanged 0 of 10 (p = "
 
 
 @pytest.mark.parametrize(
     ("saving", "text", "confirmed"),
     [
-        ((), "Run 7 fails with each of 5 changes; the likely cause is the program itself.", False),
+        ((), "fails with each of 5 changes. The likely cause is the program itself.", False),
         (
             ("true readings of u1", "true readings of all sensors"),
-            "Run 7 succeeds with true readings of u1; the likely cause is the sensor.",
+            f"succeeds with true readings of u1. The likely cause is the sensor. W{SURE}0.002).",
             True,
         ),
         (
             ("true readings of u2",),
-            "Run 7 succeeds with true readings of u2; the likely cause is the sensor.",
+            f"succeeds with true readings of u2. The likely cause is the sensor. W{SURE}0.002).",
             False,
         ),
         (
             ("no noise of the drives", "exact drives"),
-            "Run 7 succeeds with no noise of the drives; the likely cause is the noise of the drives.",
+            f"succeeds with no noise of the drives. The likely cause is drive noise. W{SURE}0.002).",
             False,
         ),
         (
             ("true readings of u1", "no noise of the drives"),
-            "Run 7 succeeds with true readings of u1 or no noise of the drives; these cannot be told apart.",
+            "succeeds with true readings of u1 or no noise of the drives. These cannot be told apart. "
+            f"True readings of u1: w{SURE}0.0039). No noise of the drives: w{SURE}0.0039).",
             None,
         ),
-        (
-            (UNCHANGED,),
-            "Run 7 succeeds when it runs again unchanged: the program does not repeat.",
-            None,
-        ),
+        ((UNCHANGED,), "succeeds when repeated unchanged: the program does not repeat exactly.", None),
     ],
 )
 def test_what_saves_a_run_confirms_its_verdict_or_not(
@@ -244,7 +269,42 @@ def test_what_saves_a_run_confirms_its_verdict_or_not(
     cause = {"kind": "sensor wrong", "sure": "likely", "culprits": ["u1"]}
     result = made_result(7, 1, success=False, verdict={"cause": cause})
     told = explained(result, changed(*saving))
-    assert (told.text, told.confirmed, told.suspected) == (text, confirmed, "sensor wrong")
+    assert (told.text, told.confirmed, told.suspected) == (f"Run 7 {text}", confirmed, "sensor wrong")
+
+
+def test_what_succeeds_as_often_unchanged_saved_a_run_perhaps_by_chance(
+    made_result: Callable[..., TrialResult],
+) -> None:
+    cause = {"kind": "sensor wrong", "sure": "likely", "culprits": ["u1"]}
+    result = made_result(7, 1, success=False, verdict={"cause": cause})
+    told = explained(result, changed("true readings of u1", by_chance=6))
+    assert told.text == (
+        "Run 7 succeeds with true readings of u1, perhaps by chance. "
+        "With other random errors 10 of 10 runs succeed, unchanged 6 of 10 (p = 0.12)."
+    )
+    assert told.confirmed is None
+    [control] = told.controls
+    assert (control.successes, control.unchanged, control.is_sure) == (10, 6, False)
+
+
+def test_a_run_that_was_not_repeated_says_so(made_result: Callable[..., TrialResult]) -> None:
+    result = made_result(7, 1, success=False, verdict={"cause": {"kind": "sensor wrong", "sure": "likely"}})
+    own = [each for each in changed("true readings of u1") if not each.repeat]
+    told = explained(result, own)
+    assert told.text == (
+        "Run 7 succeeds with true readings of u1. That has not been repeated yet and may be chance."
+    )
+    assert told.confirmed is None
+
+
+def test_other_errors_keep_the_mission(mission: Configuration) -> None:
+    own = Trial(
+        number=1, seed=5, configuration=mission, maze="", command="x", fixed_ports=False, time_limit=9.0
+    )
+    (first, plan), (second, same_plan) = prepare(own), prepare(dataclasses.replace(own, errors_seed=8))
+    assert plan == same_plan
+    assert (first.settings.seed, second.settings.seed) == (5, 8)
+    assert structs.replace(second.settings, seed=5) == first.settings
 
 
 def test_a_certain_verdict_needs_no_confirmation(made_result: Callable[..., TrialResult]) -> None:

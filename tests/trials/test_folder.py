@@ -67,7 +67,7 @@ def test_line_that_was_cut_off_is_a_run_not_done(
 @pytest.mark.parametrize(
     ("line", "why"),
     [
-        ("nonsense\n", r"results\.jsonl:1: Expecting value.*; delete the line to run it again"),
+        ("nonsense\n", r"results\.jsonl:1: JSON is malformed.*; delete the line to run it again"),
         ("[]\n", r"results\.jsonl:1: Expected `object`, got `array`"),
     ],
 )
@@ -95,7 +95,7 @@ def test_trials_are_not_begun_in_a_folder_that_holds_anything(folder: TrialFolde
 @pytest.mark.parametrize(
     ("text", "why"),
     [
-        ("{", "Expecting property name"),
+        ("{", "Input data was truncated"),
         ('{"format": 99}', "the format is not 1"),
         ('{"format": 1}', "missing required field `command`"),
         ('{"format": 1, "command": 5}', r"Expected `str`, got `int` - at `\$\.command`"),
@@ -110,11 +110,11 @@ def test_plan_that_cannot_be_read_is_named(folder: TrialFolder, text: str, why: 
 @pytest.mark.parametrize(
     ("options", "error"),
     [
-        (["--run", "python b.py"], "--run is not as it was when these trials began (python a.py)"),
-        (["--seed", "10"], "--seed is not as it was when these trials began (9)"),
-        (["--config", "default"], "--config is not as it was when these trials began (mission)"),
-        (["--random-mazes"], "--random-mazes is not as it was"),
-        (["--num-segments", "10"], "an option of the settings is not as it was"),
+        (["--run", "python b.py"], "--run differs from that of these trials (python a.py)"),
+        (["--seed", "10"], "--seed differs from that of these trials (9)"),
+        (["--config", "default"], "--config differs from that of these trials (mission)"),
+        (["--random-mazes"], "--random-mazes differs from that of these trials"),
+        (["--num-segments", "10"], "an option of the settings differs from that of these trials"),
         (["--runs", "3"], "--runs 3 is less than the 4"),
     ],
 )

@@ -68,16 +68,16 @@ def test_line_that_was_cut_off_is_no_result_and_does_not_begin_the_next(
 @pytest.mark.parametrize(
     ("text", "why"),
     [
-        ("{", "Expecting property name"),
+        ("{", "Input data was truncated"),
         ("[]", "Expected `object`, got `array`"),
         ('{"names": []}', "the format is not 7"),
         ('{"format": "7"}', "Expected `int | null`, got `str`"),
         ('{"format": 7}', "missing required field `names`"),
         ('{"format": 7, "names": [1], "home": "/"}', r"Expected `str`, got `int` - at `\$\.names\[0\]`"),
         ('{"format": 7, "names": [], "home": 1}', r"expected Path - at `\$\.home`"),
-        ('{"format": 7, "names": [], "home": "/", "limit": NaN}', "NaN is no number"),
-        ('{"format": 7, "names": [], "home": "/", "limit": 1e999}', "1e999 is no number"),
-        ("[" * 100_000, "recursion"),
+        ('{"format": 7, "names": [], "home": "/", "limit": NaN}', "JSON is malformed"),
+        ('{"format": 7, "names": [], "home": "/", "limit": 1e999}', "Number out of range"),
+        ('{"x": ' + "[" * 100_000, "recursion"),
     ],
 )
 def test_plan_that_does_not_fit_is_one_error_with_its_place(
@@ -91,12 +91,12 @@ def test_plan_that_does_not_fit_is_one_error_with_its_place(
 @pytest.mark.parametrize(
     ("line", "why"),
     [
-        ("nonsense", "Expecting value"),
+        ("nonsense", "JSON is malformed"),
         ("[]", "Expected `object`, got `array`"),
         ('{"number": "1", "time": 1.0}', "Expected `int`, got `str`"),
         ('{"number": 1, "time": true}', "Expected `float`, got `bool`"),
         ('{"number": 1}', "missing required field `time`"),
-        ("\xff", "codec can't decode"),
+        ("\xff", "JSON is malformed"),
     ],
 )
 def test_result_that_does_not_fit_is_one_error_with_its_line(

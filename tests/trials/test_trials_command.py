@@ -18,7 +18,7 @@ from simmer_tui.cli.trials_command import run_trials
 from simmer_tui.trials.folder import TrialFolder
 
 ROOT = Path(__file__).resolve().parents[2]
-SECONDS = 60.0
+SECONDS = 300.0
 HELD_RUN = 3
 LINES = f"""
 with open(os.environ["STARTED"], "a") as file:
@@ -96,6 +96,7 @@ def trials(
     return made
 
 
+@pytest.mark.slow
 def test_runs_in_parallel_give_one_table_whatever_their_number(trials: Trials) -> None:
     code, one, _ = trials.run("--runs", "5", "--out", "a", "--jobs", "1")
     assert code == 0
@@ -129,6 +130,7 @@ def test_the_answer_as_json_is_all_that_is_printed(trials: Trials) -> None:
 
 
 @posix
+@pytest.mark.slow
 def test_kill_9_loses_nothing_and_nothing_is_done_twice(trials: Trials) -> None:
     with trials.held("--runs", "5", "--out", "killed", "--jobs", "1") as (process, connection):
         process.send_signal(signal.SIGKILL)
@@ -153,7 +155,7 @@ def test_ctrl_c_keeps_what_is_done_prints_the_table_and_says_how_to_go_on(trials
         out, err = process.communicate(timeout=SECONDS)
     assert process.returncode == 130
     assert "2 of 4" in out
-    assert err.endswith("interrupted; to go on: simmer-tui trials --resume --out half\n")
+    assert err.endswith("interrupted; to resume: simmer-tui trials --resume --out half\n")
     assert (trials.folder / "half/trials.csv").read_text().count("\n") == 3
     assert (trials.folder / "half/report.html").exists()
     process = trials.open("trials", "--resume", "--out", "half", "--jobs", "1", "--runs", "5")
@@ -163,6 +165,7 @@ def test_ctrl_c_keeps_what_is_done_prints_the_table_and_says_how_to_go_on(trials
     assert trials.runs_started() == [1, 2, 3, 3, 4, 5]
 
 
+@pytest.mark.slow
 @posix
 def test_newest_trials_of_the_folder_are_gone_on_with_when_none_are_named(trials: Trials) -> None:
     assert trials.run("--runs", "1")[0] == 0

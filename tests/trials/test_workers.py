@@ -55,6 +55,7 @@ def test_worker_that_dies_takes_one_run_with_it(trials: Callable[[str], list[Tri
     assert results[1].reason.startswith("the simulator's process died with exit code ")
 
 
+@pytest.mark.slow
 def test_closing_the_results_ends_the_runs_under_way(
     trials: Callable[[str], list[Trial]], tmp_path: Path
 ) -> None:
@@ -105,7 +106,7 @@ def in_process_of_its_own(script: str, *arguments: str) -> subprocess.CompletedP
     """Dask keeps threads that work on, which would hold up all tests that wait for idleness."""
     pytest.importorskip("distributed", reason="the extra simmer-tui[dask] is not installed")
     words = [sys.executable, "-c", script, *arguments]
-    return subprocess.run(words, capture_output=True, text=True, check=False, timeout=120)
+    return subprocess.run(words, capture_output=True, text=True, check=False, timeout=600)
 
 
 @pytest.mark.slow
@@ -126,11 +127,12 @@ def test_cluster_gives_the_same_table_as_this_machine(tmp_path: Path, program: C
     assert len(TrialFolder.read(there).results) == 4
 
 
+@pytest.mark.slow
 def test_cluster_that_is_not_there_is_said_and_runs_can_be_gone_on_with(tmp_path: Path) -> None:
     done = in_process_of_its_own(NO_CLUSTER, str(tmp_path / "out"))
     assert done.returncode == 3
     assert "--dask tcp://127.0.0.1:1: no Dask scheduler answers there" in done.stderr
-    assert f"to go on: simmer-tui trials --resume --out {tmp_path / 'out'}" in done.stderr
+    assert f"to resume: simmer-tui trials --resume --out {tmp_path / 'out'}" in done.stderr
     assert TrialFolder.read(tmp_path / "out").to_do == list(range(1, 101))
 
 
@@ -201,7 +203,7 @@ def caller(folder: Path, *options: str) -> tuple[int, str]:
         capture_output=True,
         text=True,
         check=False,
-        timeout=120,
+        timeout=600,
     )
     return done.returncode, done.stderr
 
@@ -252,7 +254,7 @@ def test_lost_scheduler_is_said_keeps_what_is_done_and_can_be_gone_on_with(
     code, said = caller(here, *options, "--out", "out", "--dask", cluster.address)
     assert code == 3, said
     assert "the connection to the Dask scheduler was lost" in said
-    assert "; to go on: simmer-tui trials --resume --out out\n" in said
+    assert "; to resume: simmer-tui trials --resume --out out\n" in said
     assert [each.number for each in TrialFolder.read(here / "out").done] == [1]
     assert (here / "out/trials.csv").exists()
     cluster.worker.kill()

@@ -13,8 +13,9 @@ from textual.widgets import Input
 
 from simmer_tui.client import Robot
 from simmer_tui.config.loader import Override, load
-from simmer_tui.config.sets import bundled_folder, init_set
+from simmer_tui.config.sets import MISSION_SET, bundled_folder, bundled_sets, init_set
 from simmer_tui.events import Event, MovementPlanned
+from simmer_tui.mission import plan_run
 from simmer_tui.server import Server
 from simmer_tui.sim.command import Command
 from simmer_tui.sim.records import CommandResult, FloorPatch, Pose, RangeScan
@@ -76,7 +77,7 @@ class Cockpit:
 
     @property
     def line(self) -> str:
-        """What stands in the console."""
+        """Text typed in the console."""
         return self.app.screen_stack[0].query_one("#line", Input).value
 
     @property
@@ -95,7 +96,7 @@ class Cockpit:
 
     @property
     def is_drawn(self) -> bool:
-        """Whether the panels that there is room for have been drawn."""
+        """True once the panels that there is room for have been drawn."""
         panels = [self.app.query_one(f"#{name}", LinePanel) for name in ("header", "robot")]
         return all(panel.lines or not panel.display for panel in panels)
 
@@ -138,7 +139,8 @@ Scenario = Callable[[Cockpit], Awaitable[None]]
 @pytest.fixture
 def fly(tmp_path: Path) -> Callable[..., int | None]:
     """Runs the app through a scenario and returns what the app returned. Options are settings by dotted
-    name (`motion__motion="timed"`), `files` replace those of the default set."""
+    name (`motion__motion="timed"`), `files` replace those of the default set. A `mission` has a set of its
+    own."""
 
     def run(
         scenario: Scenario,
@@ -146,6 +148,7 @@ def fly(tmp_path: Path) -> Callable[..., int | None]:
         glyphs: GlyphMode = GlyphMode.QUADRANT,
         history: Path | None = None,
         files: Mapping[str, str] | None = None,
+        mission: bool = False,
         **options: object,
     ) -> int | None:
         given: dict[str, object] = {"seed": 5, "server__port": 0, "screen__fps": 20} | options
@@ -155,8 +158,13 @@ def fly(tmp_path: Path) -> Callable[..., int | None]:
             directory = tmp_path / "set"
             init_set(directory, bundled_folder())
             for name, text in files.items():
+                (directory / name).parent.mkdir(exist_ok=True)
                 (directory / name).write_text(text, encoding="utf-8")
-        server = Server(load(directory, overrides))
+        configuration, plan = load(directory, overrides), None
+        if mission:
+            configuration, plan = plan_run(load(bundled_sets()[MISSION_SET], overrides))
+        server = Server(configuration, plan=plan)
+        server.keep_verdict(has_program=False)
         server.record()
         told: list[Event] = []
         server.engine.watch(told.append)

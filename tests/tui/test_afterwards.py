@@ -2,24 +2,24 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
 from textual.widgets import Static
-from textual.widgets._toast import Toast
 
-from simmer_tui.events import Goal, MissionEvent, Result
-from simmer_tui.tui.app import ReportScreen
-from simmer_tui.tui.event_text import POINTER
+from simmer_tui.events import Goal, MissionEvent, OutputLine, ProgramEnded
+from simmer_tui.tui.help import ReportScreen
 
 Fly = Callable[..., int | None]
 Cockpit = Any
 
 
-def toasts(cockpit: Cockpit) -> str:
-    return "\n".join(str(toast._notification.message) for toast in cockpit.app.query(Toast))
+def page(cockpit: Cockpit) -> str:
+    """The text of the page that is open."""
+    return str(cockpit.app.screen.query_one("#report-text", Static).content)
 
 
 def test_why_says_what_stopped_the_robot(fly: Fly) -> None:
@@ -27,7 +27,14 @@ def test_why_says_what_stopped_the_robot(fly: Fly) -> None:
         await cockpit.type("w1-40")
         await cockpit.until(lambda: "w1-40" in cockpit["log"])
         await cockpit.type(":why")
-        await cockpit.until(lambda: "the robot met the maze's outer wall" in toasts(cockpit))
+        await cockpit.until(lambda: "why w1-40" in cockpit["answer"])
+        assert "asked   40.0 in left" in cockpit["answer"]
+        assert "stopped by a wall left" in " ".join(cockpit["answer"].split())
+        await cockpit.pilot.press("escape")
+        await cockpit.until(lambda: "why w1-40" not in cockpit["answer"])
+        assert cockpit.app.query_one("#line").has_focus, (
+            "the first closes the answer, the next goes to the maze"
+        )
 
     fly(scenario)
 
@@ -46,23 +53,153 @@ def test_the_report_of_this_run_opens_and_closes(
         await cockpit.type("w1-40")
         await cockpit.until(lambda: "w1-40" in cockpit["log"])
         await cockpit.type(":report")
-        while not isinstance(app.screen, ReportScreen):
+        await cockpit.until(lambda: isinstance(app.screen, ReportScreen))
+        # What is known stands there at once; on a quick machine the whole is there before one looks.
+        await cockpit.until(lambda: "Still going after" in page(cockpit))
+        while "What happened" not in page(cockpit):
             await cockpit.pilot.pause(0.05)
-        text = str(app.screen.query_one("#report-text", Static).content)
-        assert "What happened" in text
-        assert "w1-40" in text
+        assert "w1-40" in page(cockpit)
         await cockpit.pilot.press("escape")
         await cockpit.until(lambda: not isinstance(app.screen, ReportScreen))
+        await cockpit.type(":report")
+        await cockpit.until(lambda: isinstance(app.screen, ReportScreen))
+        await cockpit.pilot.press(*"d1-3")
+        await cockpit.until(lambda: cockpit.line == "d1-3")
+        assert cockpit.app.query_one("#line").has_focus, (
+            "what is typed belongs to the console, not to the maze"
+        )
+        assert cockpit.commands("keys") == []
 
     fly(scenario)
 
 
-def test_a_failed_mission_points_to_why_and_report(fly: Fly) -> None:
+@pytest.mark.slow
+def test_the_end_of_a_crashed_program_names_the_line_and_all_of_it_can_be_read(fly: Fly) -> None:
+    told = (
+        "Traceback (most recent call last):",
+        '  File "/home/me/robot.py", line 52, in main',
+        "    steer(robot, readings)",
+        '  File "/home/me/robot.py", line 37, in steer',
+        "    left = readings[5]",
+        '  File "/usr/lib/python3/site-packages/simmer.py", line 3, in send',
+        "    raise",
+        "IndexError: list index out of range",
+    )
+
     async def scenario(cockpit: Cockpit) -> None:
-        cockpit.server.tell(MissionEvent(1.0, Goal.REACHED, "mission: loading zone reached"))
-        await cockpit.until(lambda: "loading zone" in cockpit["log"])
-        assert POINTER not in toasts(cockpit)
-        cockpit.server.tell(MissionEvent(2.0, Result.FAILED, "mission: failed", "no time"))
-        await cockpit.until(lambda: POINTER in toasts(cockpit))
+        await cockpit.type("c1")
+        await cockpit.type(":program")
+        await cockpit.until(lambda: "none has ended" in cockpit["hint"])
+        lines = tuple(OutputLine(0.5, line) for line in told)
+        error, place = "IndexError: list index out of range", "robot.py:37"
+        cockpit.server.tell(ProgramEnded(0.5, 1, error=error, place=place, stderr=lines))
+        await cockpit.until(lambda: "why it ended" in cockpit["answer"])
+        assert cockpit["header"].startswith(f" ! PROGRAM CRASHED   {error} in {place}")
+        assert [line.rstrip() for line in cockpit["answer"].splitlines()] == [
+            "why it ended ─────────── exit code 1",
+            error,
+            "robot.py:37 in steer",
+            "    left = readings[5]",
+            "robot.py:52 in main",
+            "    steer(robot, readings)",
+            "0.0 s   1 command   0 contacts",
+            ":program whole error  :report page",
+        ]
+        await cockpit.type(":program")
+        await cockpit.until(lambda: isinstance(cockpit.app.screen, ReportScreen))
+        assert "site-packages/simmer.py" in page(cockpit)
 
     fly(scenario)
+
+
+@pytest.mark.slow
+def test_the_end_of_a_mission_is_an_event_until_the_run_begins_anew(fly: Fly) -> None:
+    async def scenario(cockpit: Cockpit) -> None:
+        server = cockpit.server
+        await cockpit.until(lambda: "○ pick the block up" in cockpit["run"])
+        server.tell(MissionEvent(1.0, Goal.REACHED, "mission: loading zone reached"))
+        await cockpit.until(lambda: "✓ reached the loading zone" in cockpit["run"])
+        assert not cockpit.app.query_one("#header").has_class("failure")
+        server.call(server.referee.end, "out of patience")
+        await cockpit.until(lambda: "why it failed" in cockpit["answer"])
+        assert cockpit["header"].startswith(" ✗ MISSION FAILED   out of patience")
+        assert cockpit["header"].endswith(" of 5:00 ")
+        assert cockpit.app.query_one("#header").has_class("failure")
+        assert ":why more  :report page  R again" in cockpit["answer"]
+        await cockpit.pilot.press("escape")
+        await cockpit.until(lambda: "why it failed" not in cockpit["answer"])
+        assert "MISSION FAILED" in cockpit["header"]
+        await cockpit.pilot.press("R")
+        await cockpit.until(lambda: "back at the start" in cockpit["log"])
+        await cockpit.until(lambda: "MISSION FAILED" not in cockpit["header"])
+        assert cockpit.line == ""
+
+    fly(scenario, mission=True)
+
+
+@pytest.mark.slow
+def test_on_a_small_screen_the_end_stands_in_three_rows_below_the_maze(fly: Fly) -> None:
+    async def scenario(cockpit: Cockpit) -> None:
+        server = cockpit.server
+        await cockpit.type("c1")
+        await cockpit.until(lambda: cockpit.app.query_one("#legend").display)
+        server.call(server.referee.end, "out of patience")
+        await cockpit.until(lambda: cockpit.app.query_one("#answer").region.height == 2)
+        assert "MISSION FAILED   out of patience" in cockpit["header"]
+        assert ":why more  :report page  R again" in cockpit["answer"]
+        assert not cockpit.app.query_one("#legend").display
+        await cockpit.type(":why")
+        await cockpit.until(lambda: isinstance(cockpit.app.screen, ReportScreen))
+        told = " ".join(page(cockpit).split())
+        verdict = await cockpit.server.snapshot()
+        assert verdict.verdict is not None
+        assert all(line in told for line in verdict.verdict.lines), "nothing of the verdict is cut"
+        await cockpit.pilot.press("escape")
+        await cockpit.until(lambda: not isinstance(cockpit.app.screen, ReportScreen))
+        await cockpit.pilot.press("escape")
+        await cockpit.until(lambda: cockpit.app.query_one("#legend").display)
+        assert not cockpit.app.query_one("#answer").display
+
+    fly(scenario, size=(80, 24), mission=True)
+
+
+def test_on_a_small_screen_the_reply_of_a_stopped_movement_says_so_beside_what_is_typed(fly: Fly) -> None:
+    async def scenario(cockpit: Cockpit) -> None:
+        await cockpit.type("w1-100")
+        await cockpit.until(lambda: "w1-100 -> stopped after" in cockpit["reply"])
+        assert cockpit["reply"].rstrip().endswith("…"), "what there is no room for is marked"
+
+    fly(scenario, size=(80, 24))
+
+
+def test_a_page_of_a_small_screen_keeps_no_part_of_the_answer(fly: Fly) -> None:
+    async def scenario(cockpit: Cockpit) -> None:
+        await cockpit.until(lambda: "3 or press" in cockpit["hint"])
+        await cockpit.pilot.press("f2")
+        await cockpit.until(lambda: "3 or press" not in cockpit["hint"])
+        assert "u1" in cockpit["sensors"]
+
+    fly(scenario, size=(80, 24))
+
+
+def test_a_failure_has_its_cause_before_the_numbers_and_fits_its_place(fly: Fly) -> None:
+    async def scenario(cockpit: Cockpit) -> None:
+        answer = cockpit.app.query_one("#answer")
+        for _ in range(12):
+            await cockpit.type("d1-60")
+        await cockpit.until(lambda: "MISSION FAILED   1 contact" in cockpit["header"])
+        await cockpit.until(lambda: ":why more" in cockpit["answer"] and cockpit["answer"].count("\n") >= 4)
+        lines = cockpit["answer"].splitlines()
+        assert lines[0].startswith("why it failed ")
+        assert lines[1] == "1 contact with a wall, 0 allowed"
+        assert lines[-1].rstrip() == ":why more  :report page  R again"
+        assert re.match(r"\d+\.\d s   \d+ commands?   1 contact$", lines[-2].rstrip())
+        await cockpit.until(lambda: "contacts 1 " not in f"{cockpit['robot']} ")
+        assert "1 contact" in cockpit["answer"].splitlines()[-2], "what comes after the end does not count"
+        assert cockpit["header"].endswith(f"{lines[0].split()[-1]} of 5:00 ")
+        assert len(lines) <= answer.size.height == 7
+        await cockpit.type(":why")
+        await cockpit.until(lambda: "Esc closes" in cockpit["answer"])
+        assert "Failed after" in cockpit["answer"]
+
+    fly(scenario, mission=True)

@@ -1,4 +1,4 @@
-"""What a terminal without UTF-8 is sent."""
+"""Text sent to a terminal without UTF-8."""
 
 from __future__ import annotations
 

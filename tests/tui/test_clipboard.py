@@ -1,4 +1,4 @@
-"""What is sent to the terminal's clipboard, and what is said of it."""
+"""Sequences for the terminal's clipboard, and the note about them."""
 
 from __future__ import annotations
 

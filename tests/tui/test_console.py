@@ -18,6 +18,7 @@ Fly = Callable[..., int | None]
 Cockpit = Any
 
 
+@pytest.mark.slow
 def test_history_comes_back_in_the_next_session(fly: Fly, tmp_path: Path) -> None:
     file = tmp_path / "data" / "history.txt"
 
@@ -41,6 +42,7 @@ def test_history_comes_back_in_the_next_session(fly: Fly, tmp_path: Path) -> Non
     fly(second, history=file)
 
 
+@pytest.mark.slow
 def test_an_error_gives_way_to_what_happens_once_the_console_is_left(fly: Fly) -> None:
     async def scenario(cockpit: Cockpit) -> None:
         console = cockpit.app.query_one("#line", Input)
@@ -91,6 +93,7 @@ def test_tab_completes_and_else_goes_to_the_next_pane(fly: Fly) -> None:
     fly(scenario)
 
 
+@pytest.mark.slow
 def test_what_is_not_an_order_stays_to_be_mended(fly: Fly) -> None:
     async def scenario(cockpit: Cockpit) -> None:
         for line, complaint in (
@@ -197,6 +200,7 @@ def test_the_console_understands_words_without_a_colon_and_describes_codes(fly: 
     assert fly(scenario) == 0
 
 
+@pytest.mark.slow
 def test_the_cursor_is_to_be_seen_without_colour(fly: Fly) -> None:
     async def scenario(cockpit: Cockpit) -> None:
         console = cockpit.app.query_one("#line", Input)
@@ -210,6 +214,7 @@ def test_the_cursor_is_to_be_seen_without_colour(fly: Fly) -> None:
     fly(scenario, glyphs=GlyphMode.ASCII)
 
 
+@pytest.mark.slow
 def test_a_refused_command_is_explained_above_the_line(fly: Fly) -> None:
     async def scenario(cockpit: Cockpit) -> None:
         await cockpit.type("zz")

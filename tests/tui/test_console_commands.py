@@ -9,10 +9,7 @@ from msgspec.structs import replace
 
 from simmer_tui.errors import ConsoleCommandError
 from simmer_tui.events import Action, ActionName
-from simmer_tui.sim import SimulationSpec
-from simmer_tui.sim.command import Command
-from simmer_tui.sim.specs import GripperSpec
-from simmer_tui.tui.orders import (
+from simmer_tui.operating.orders import (
     CONSOLE_COMMANDS,
     ConsoleCommand,
     Local,
@@ -20,6 +17,9 @@ from simmer_tui.tui.orders import (
     completions,
     read_console_command,
 )
+from simmer_tui.sim import SimulationSpec
+from simmer_tui.sim.command import Command
+from simmer_tui.sim.specs import GripperSpec
 
 
 @pytest.mark.parametrize(
@@ -42,6 +42,8 @@ from simmer_tui.tui.orders import (
         (":bias", Local("bias")),
         (":speed 0.5", Action(ActionName.SPEED, (0.5,))),
         (":stop", Action(ActionName.STOP)),
+        (":vv 4 0 -30", Local("vv", "4;0;-30;1")),
+        (":vv 4 0 0 2.5", Local("vv", "4;0;0;2.5")),
         (":pause", Action(ActionName.PAUSE)),
         (":resume", Action(ActionName.RESUME)),
         (":step", Local("step")),

@@ -5,13 +5,13 @@ from __future__ import annotations
 from msgspec.structs import replace
 
 from simmer_tui.config.settings import KeySettings, all_settings
+from simmer_tui.operating.orders import CONSOLE_COMMANDS
 from simmer_tui.sim.specs import GripperSpec, SimulationSpec
 from simmer_tui.tui.app import SimmerApp
 from simmer_tui.tui.console import _ConsoleInput
 from simmer_tui.tui.help import help_text
 from simmer_tui.tui.key_table import ANYWHERE, IN_LOG, MazePane
 from simmer_tui.tui.log_panel import LogPanel
-from simmer_tui.tui.orders import CONSOLE_COMMANDS
 
 
 def test_every_key_setting_is_there_with_its_keys(course_spec: SimulationSpec) -> None:

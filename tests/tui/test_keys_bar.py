@@ -18,5 +18,7 @@ def test_as_many_hints_as_there_is_room_for_and_always_the_page() -> None:
     line = text_of(keys_line(hints_of(IN_CONSOLE), 60, [("F2", "sensors")]))
     assert line.startswith(" Enter runs  Tab completes")
     assert line.rstrip().endswith("F2 sensors")
+    # What helps most once something went wrong comes before what the console's heading says, too.
+    assert ":why explains" in text_of(keys_line(hints_of(IN_CONSOLE), 80, [("F2", "sensors")]))
     for width in range(30, 140):
         assert len(text_of(keys_line(hints_of(IN_CONSOLE), width, [("F2", "sensors")])).rstrip()) <= width

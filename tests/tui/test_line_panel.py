@@ -8,6 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rich.style import Style
 from textual.app import App, ComposeResult
+from textual.geometry import Region
+from textual.strip import Strip
+from textual.widget import Widget
 
 from simmer_tui.sim.command import printable
 from simmer_tui.tui.line_panel import ROLES, LinePanel, fault_line, shortened, strip_of, text_of, wrapped
@@ -84,3 +87,45 @@ def test_a_line_that_is_cut_says_so() -> None:
     assert text_of(shortened(line, 11)) == "twelve sig…"
     assert text_of(shortened(line, 1)) == "…"
     assert text_of(shortened(line, 0)) == ""
+
+
+class _Lines(LinePanel):
+    """A panel whose lines go the way that Textual has for all widgets."""
+
+    render_lines = Widget.render_lines
+
+
+class _TwoWays(App[None]):
+    CSS = "LinePanel { height: 3; width: 20; } .padded { padding: 0 2; }"
+
+    def compose(self) -> ComposeResult:
+        for classes in ("", "padded"):
+            yield LinePanel(classes=classes)
+            yield _Lines(classes=classes)
+
+
+def test_lines_reach_the_screen_as_textual_would_have_drawn_them() -> None:
+    async def play() -> None:
+        app = _TwoWays()
+        async with app.run_test() as pilot:
+            direct, usual, padded, usual_padded = app.query(LinePanel)
+            for crop in (Region(0, 0, 20, 3), Region(4, 1, 7, 2)):
+                for panel in app.query(LinePanel):
+                    panel.show([(("one", "danger"), (" two", "plain")), (("a line that is longer", "good"),)])
+                await pilot.pause()
+                for one, other in ((direct, usual), (padded, usual_padded)):
+                    shown = [_cells(strip) for strip in one.render_lines(crop)]
+                    assert shown == [_cells(strip) for strip in other.render_lines(crop)]
+                    assert len(shown) == crop.height
+                    assert {len(line) for line in shown} == {crop.width}
+
+    asyncio.run(play())
+
+
+def _cells(strip: Strip) -> list[tuple[str, object, object, object]]:
+    """Characters of a line with what a terminal shows of their styles."""
+    return [
+        (each, style and style.color, style and style.bgcolor, style and style.bold)
+        for text, style, _ in strip
+        for each in text
+    ]

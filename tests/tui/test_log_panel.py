@@ -81,6 +81,16 @@ def head(log: LogPanel) -> str:
     return log.render_line(0).text
 
 
+def test_an_empty_list_says_what_is_ready() -> None:
+    async def act(log: LogPanel, pilot: Pilot[None]) -> None:
+        log.show_before_events("ready: default, seed 7")
+        assert log.render_line(1).text.strip() == "ready: default, seed 7"
+        log.add(notices(1, 1), told=1)
+        assert "ready" not in log.render_line(1).text + log.render_line(2).text
+
+    play(act)
+
+
 def test_it_follows_the_newest_until_scrolled_away() -> None:
     async def act(log: LogPanel, pilot: Pilot[None]) -> None:
         log.add(notices(1, 30), told=30)
@@ -185,18 +195,6 @@ def test_another_size_keeps_the_place() -> None:
         await pilot.resize_terminal(100, 38)
         await until(pilot, lambda: log.size.height >= 30)
         assert rows(log)[-1], "no room is left empty"
-
-    play(act)
-
-
-def test_a_guide_stands_where_there_is_little_to_show() -> None:
-    async def act(log: LogPanel, pilot: Pilot[None]) -> None:
-        log.guide([(("run this", "mark"),)])
-        assert rows(log)[0] == "run this"
-        log.add(notices(1, 1), told=1)
-        assert rows(log)[:2] == ["00:00.0  robot   notice 1", "run this"]
-        log.guide(())
-        assert rows(log)[1] == ""
 
     play(act)
 

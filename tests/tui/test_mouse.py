@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+import pytest
 from textual.events import MouseDown, MouseEvent, MouseMove, MouseScrollDown, MouseScrollUp, MouseUp
 from textual.widget import Widget
 
@@ -39,6 +40,7 @@ class Mouse:
         await self.do(MouseUp, *places[-1], button=1)
 
 
+@pytest.mark.slow
 def test_marking_in_a_panel_copies_what_is_marked_and_says_so(fly: Fly) -> None:
     async def scenario(cockpit: Cockpit) -> None:
         panel = cockpit.app.query_one("#robot")
@@ -61,6 +63,7 @@ def test_marking_in_a_panel_copies_what_is_marked_and_says_so(fly: Fly) -> None:
     fly(scenario)
 
 
+@pytest.mark.slow
 def test_marking_in_the_scrolled_log_takes_the_rows_that_are_seen(fly: Fly) -> None:
     async def scenario(cockpit: Cockpit) -> None:
         with cockpit.client() as robot:
@@ -68,6 +71,9 @@ def test_marking_in_the_scrolled_log_takes_the_rows_that_are_seen(fly: Fly) -> N
                 robot.drive("d1", 0.01)
         log = cockpit.app.query_one(LogPanel)
         await cockpit.until(lambda: log.scroll_y > 0 and cockpit["log"].count("d1-0.01") == 60)
+        # The last line that comes: a later one would move the rows while they are marked.
+        await cockpit.until(lambda: "disconnected after 60 commands" in cockpit["log"])
+        await cockpit.until(lambda: log.scroll_y == log.max_scroll_y)
         first = log.render_line(2).text.rstrip()
         await Mouse(cockpit, log).drag((0, 2), (len(first), 2))
         assert cockpit.app.clipboard == first
@@ -75,6 +81,7 @@ def test_marking_in_the_scrolled_log_takes_the_rows_that_are_seen(fly: Fly) -> N
     fly(scenario)
 
 
+@pytest.mark.slow
 def test_marking_in_the_console_and_in_the_help_copies_too(fly: Fly) -> None:
     async def scenario(cockpit: Cockpit) -> None:
         await cockpit.pilot.press(*":teleport 3 4 5")
@@ -89,6 +96,7 @@ def test_marking_in_the_console_and_in_the_help_copies_too(fly: Fly) -> None:
     fly(scenario)
 
 
+@pytest.mark.slow
 def test_the_wheel_zooms_where_the_pointer_is(fly: Fly) -> None:
     async def scenario(cockpit: Cockpit) -> None:
         maze = cockpit.maze
@@ -105,6 +113,7 @@ def test_the_wheel_zooms_where_the_pointer_is(fly: Fly) -> None:
     fly(scenario)
 
 
+@pytest.mark.slow
 def test_dragging_moves_the_picture_with_the_pointer(fly: Fly) -> None:
     async def scenario(cockpit: Cockpit) -> None:
         maze = cockpit.maze

@@ -1,4 +1,4 @@
-"""What the panels say, as strings."""
+"""Lines of the panels, as strings."""
 
 from __future__ import annotations
 
@@ -6,18 +6,20 @@ import dataclasses
 import math
 from collections.abc import Callable
 
+import numpy as np
 import pytest
 from msgspec.structs import replace
 
+from simmer_tui.belief_grid import grid_belief
 from simmer_tui.config.loader import load
 from simmer_tui.config.sets import MISSION_SET, bundled_sets
-from simmer_tui.config.settings import ServerSettings
 from simmer_tui.engine import Engine
 from simmer_tui.events import (
     Action,
     ActionName,
     Belief,
     Event,
+    Goal,
     MissionEvent,
     Notice,
     NoticeKind,
@@ -26,9 +28,13 @@ from simmer_tui.events import (
 )
 from simmer_tui.mission import MissionState, Referee, plan_run
 from simmer_tui.run.reducer import Reducer
-from simmer_tui.run.state import checkpoint_of
+from simmer_tui.run.state import TimeSpent, checkpoint_of
 from simmer_tui.sim import Pose, SimulationSpec, Simulator, parse_command
+from simmer_tui.sim.arcs import Twist
+from simmer_tui.sim.specs import WheelLayout, WheelsSpec
+from simmer_tui.sim.wheels import WheelKinematics
 from simmer_tui.snapshot import EVENTS, LogEntry, Recorder, Snapshot
+from simmer_tui.tui.answers import end_answer, now_answer
 from simmer_tui.tui.event_text import (
     clock,
     complaint_of,
@@ -37,12 +43,11 @@ from simmer_tui.tui.event_text import (
     last_event_line,
     words_of,
 )
+from simmer_tui.tui.gauges import gauge, scale_end, sparkline
+from simmer_tui.tui.headline import header_line
 from simmer_tui.tui.line_panel import StyledLine, text_of
 from simmer_tui.tui.readouts import (
     Room,
-    first_steps,
-    header_line,
-    link_lines,
     mission_lines,
     pose_line,
     robot_lines,
@@ -51,13 +56,10 @@ from simmer_tui.tui.readouts import (
 )
 from simmer_tui.tui.sensor_readouts import (
     SensorsView,
-    gauge,
     number_text,
     range_role,
     rows_wanted,
-    scale_end,
     sensor_lines,
-    sparkline,
     way,
 )
 from simmer_tui.tui.terminal import GlyphMode
@@ -110,34 +112,43 @@ def roles(line: StyledLine) -> dict[str, str]:
 def test_the_robot_panel_of_a_run_that_has_not_begun(run: Run) -> None:
     assert texts(robot_lines(run.snapshot(), Room(36, plain=True))) == [
         "robot ------------------------------",
-        "pose     9.5, 42.0 in  0.0 deg E",
-        "belief   none told",
+        "pose     9.5, 42.0 in  0 deg E",
+        "belief   none sent",
         "state    standing   driven 0.0 in",
         "contacts 0",
         "block    lies at 25.0, 41.0 in",
     ]
 
 
+def test_the_robot_panel_has_the_wheels_while_the_robot_drives(run: Run) -> None:
+    room = Room(36, plain=True, wheels=WheelKinematics.of(WheelsSpec(layout=WheelLayout.DIFF, track=6.0)))
+    assert texts(robot_lines(run.snapshot(), room))[4] == "contacts 0"
+    snapshot = run.snapshot()
+    drives = dataclasses.replace(snapshot, state=replace(snapshot.state, velocity=Twist(4.0, 0.0, 30.0)))
+    lines = robot_lines(drives, room)
+    assert texts(lines)[4] == "wheels   2.4 5.6 in/s"
+
+
 def test_the_robot_panel_after_a_contact(run: Run) -> None:
     run.engine.perform(Action(ActionName.NOISE, (0.0,)))
     lines = robot_lines(run.give("w1-100").snapshot(), Room(36, plain=False))
     assert texts(lines)[1:5] == [
-        "pose     9.5, 45.0 in  0.0 deg →",
-        "belief   none told",
+        "pose     9.5, 45.0 in  0 deg →",
+        "belief   none sent",
         "state    at a wall   driven 3.0 in",
-        "contacts 1, last 00:00.5",
+        "contacts 1, last 00:00.5 left",
     ]
     assert roles(lines[3])["at a wall"] == "danger"
-    assert roles(lines[4])["1, last 00:00.5"] == "danger"
+    assert roles(lines[4])["1"] == "danger"
 
 
 @pytest.mark.parametrize("heading", [350.0, -10.0, 710.0])
 def test_people_read_headings_from_minus_180_to_180(run: Run, heading: float) -> None:
     run.engine.perform(Action(ActionName.TELEPORT, (20.0, 42.0, heading)))
-    assert "-10.0 deg" in texts(robot_lines(run.snapshot(), Room(36, plain=True)))[1]
-    assert "-10.0 deg" in text_of(pose_line(run.snapshot(), Room(80, plain=True)))
+    assert "-10 deg" in texts(robot_lines(run.snapshot(), Room(36, plain=True)))[1]
+    assert "-10 deg" in text_of(pose_line(run.snapshot(), Room(80, plain=True)))
     run.engine.perform(Action(ActionName.TELEPORT, (20.0, 42.0, -180.0)))
-    assert " 180.0 deg" in text_of(pose_line(run.snapshot(), Room(80, plain=True)))
+    assert " 180 deg" in text_of(pose_line(run.snapshot(), Room(80, plain=True)))
 
 
 def test_how_far_a_belief_is_off_is_always_said(run: Run) -> None:
@@ -146,9 +157,29 @@ def test_how_far_a_belief_is_off_is_always_said(run: Run) -> None:
         texts(robot_lines(run.snapshot(), Room(36, plain=True)))[2] == "belief   off 5.0 in 10 deg, spread 2"
     )
     line = text_of(pose_line(run.snapshot(), Room(80, plain=True)))
-    assert line.startswith(" pose 9.5, 42.0 in  0.0 deg E  belief off 5.0 in 10 deg")
+    assert line.startswith(" pose 9.5, 42.0 in  0 deg E  belief off 5.0 in 10 deg")
     assert line.endswith("0 contacts ")
     assert len(line) == 80
+
+
+def believe_grid(run: Run, headings: int) -> None:
+    table = np.full((4, 8, headings), 0.25 / (32 * headings - 1))
+    table[0, 2, 0] = 0.75
+    true = Pose(9.5, 42.0, 30.0)
+    grid = grid_belief(table, (0.0, 0.0, 96.0, 48.0), 0.0, true)
+    run.engine.tell(Belief(0.0, grid.best_pose, true, grid.spread, grid=grid))
+
+
+def test_a_grid_has_its_best_cell_the_chance_of_the_truth_entropy_and_spread(run: Run) -> None:
+    believe_grid(run, 4)
+    told = texts(robot_lines(run.snapshot(), Room(36, plain=True)))[2]
+    assert told == "belief   off 20.5 in 30 deg, <1 % true"
+    believe_grid(run, 1)
+    assert texts(robot_lines(run.snapshot(), Room(36, plain=True)))[2] == "belief   off 20.5 in, <1 % true"
+    lines = texts(now_answer(run.snapshot(), (), plain=True).lines)
+    assert lines[:3] == [
+        "belief is off 20.5 in", "best 30.0, 42.0 in 75 %, <1 % true", "entropy 2.0 of 5.0 bit, spread 20",
+    ]  # fmt: skip
 
 
 @pytest.mark.parametrize("width", [40, 60, 80, 110])
@@ -157,18 +188,47 @@ def test_the_pose_line_fits_any_width(run: Run, width: int) -> None:
     assert len(text_of(pose_line(run.snapshot(), Room(width, plain=True)))) <= width
 
 
-def test_the_header_says_who_drives_and_when_it_is(run: Run) -> None:
-    narrow = text_of(header_line(run.snapshot(), Room(80, plain=True, name="maze", pace="pace 4x")))
-    assert narrow == " SimMeR  maze                                   o no client   pace 4x   00:00.0 "
+def header(snapshot: Snapshot, width: int, **given: object) -> str:
+    return text_of(header_line(snapshot, Room(width, name="maze", pace="pace 4x", **given)))  # type: ignore[arg-type]
+
+
+def test_row_0_is_the_state(run: Run) -> None:
+    ports = {"commands": 9000, "replies": 9001, "beliefs": 9002}
+    assert header(run.snapshot(), 80, ports=ports) == (
+        " ○ WAITING for a program   ports 9000, 9001, 9002              seed 5   00:00.0 "
+    )
+    assert "ports 9000 commands, 9001 replies, 9002 beliefs" in header(run.snapshot(), 120, ports=ports)
     run.engine.tell(Notice(NoticeKind.CONNECTED, "client a connected", "127.0.0.1:5"))
+    assert header(run.snapshot(), 120, ports=ports).startswith(
+        " ● standing   127.0.0.1:5   0 commands/s   pace 4x   seed 5  "
+    )
+    assert header(run.snapshot(), 80, ports=ports, plain=True).startswith(
+        " * standing   127.0.0.1   0/s   pace 4x  "
+    )
     run.engine.perform(Action(ActionName.PAUSE))
-    wide = text_of(header_line(run.snapshot(), Room(120, plain=False, name="maze", pace="pace 4x")))
-    assert "● client 127.0.0.1:5  0 commands/s   pace 4x   PAUSED   seed 5   00:00.0 " in wide
+    assert header(run.snapshot(), 120, ports=ports).startswith(
+        " ‖ PAUSED   the robot is at 9.5, 42.0; b goes on  "
+    )
     for width in range(20, 130):
-        assert (
-            len(text_of(header_line(run.snapshot(), Room(width, plain=True, name="maze", pace="pace 4x"))))
-            <= width
-        )
+        assert len(header(run.snapshot(), width, ports=ports, plain=True)) <= width
+
+
+def test_row_0_tells_what_a_new_program_does_wrong(run: Run) -> None:
+    ports = {"commands": 9000}
+    text = "a is connected to the reply port 9001 alone: connect to port 9000 too, which takes commands"
+    run.engine.tell(Notice(NoticeKind.FAULT, text, advice=True))
+    assert header(run.snapshot(), 120, ports=ports).startswith(f" ? CHECK THE PROGRAM   {text[:78]}")
+    run.engine.tell(Notice(NoticeKind.CONNECTED, "client a connected", "127.0.0.1:5"))
+    line = header_line(run.snapshot(), Room(80, plain=True, ports=ports))
+    assert roles(line)["? CHECK THE PROGRAM"] == "warning"
+    run.engine.perform(Action(ActionName.PAUSE))
+    assert header(run.snapshot(), 120, ports=ports).startswith(" ‖ PAUSED")
+    for width in range(20, 130):
+        assert len(header(run.snapshot(), width, ports=ports, plain=True)) <= width
+
+
+def test_a_replay_waits_for_nobody(run: Run) -> None:
+    assert header(run.snapshot(), 120).startswith(" ● standing   maze   pace 4x   seed 5  ")
 
 
 def test_the_clock_counts_minutes() -> None:
@@ -184,26 +244,40 @@ def test_the_clock_counts_minutes() -> None:
 # -- sensors ---------------------------------------------------------------------------------
 
 
-def test_sensors_never_read_fold_into_one_line(run: Run) -> None:
-    assert run.sensors(50) == ["never read u1-5 i1-4 o1-4 c1 g1 t1"]
-    assert run.sensors(13) == ["unread u1-5", "i1-4 o1-4 c1", "g1 t1"]
-    assert run.give("u2").sensors(36)[-2:] == ["never read u1 u3-5 i1-4 o1-4 c1 g1", "t1"]
+def test_sensors_are_listed_with_their_directions_before_they_were_read(run: Run) -> None:
+    assert run.sensors(36) == [
+        "sensors ── bar 0–48 in   last values",
+        "u1 ↑   –   ultrasonic       not read",
+        "u2 ↖   –   ultrasonic       not read",
+        "u3 ↓   –   ultrasonic       not read",
+        "u4 ↗   –   ultrasonic       not read",
+        "u5 ↑   –   ultrasonic       not read",
+        "t1 ↑   –   time of flight   not read",
+        "i1–4   –   line, 1 is black not read",
+        "o1 ←   –   odometer         not read",
+        "o2 ←   –   odometer         not read",
+        "o3 ↑   –   odometer         not read",
+        "o4 ↑   –   odometer         not read",
+        "c1 ↑   –   compass          not read",
+        "g1     –   gyro             not read",
+    ]
+    assert len(run.sensors(36)) == rows_wanted(run.engine.simulator.spec.sensors)
+    assert run.sensors(13)[:3] == ["range    0–48", "u1 ↑    –", "u2 ↖    –"]
 
 
 def test_in_brief_sensors_have_way_value_and_gauge(run: Run) -> None:
     run.engine.perform(Action(ActionName.NOISE, (0.0,)))
     codes = [sensor.code for sensor in run.engine.simulator.spec.sensors]
     assert run.give(*codes).sensors(13) == [
-        "ultra in 0-48",
+        "range    0–48",
         "u1 ↑ 35.5 ━━─",
         "u2 ↖  5.3 ╸──",
         "u3 ↓  6.5 ╸──",
         "u4 ↗ 16.8 ━──",
         "u5 ↑ 11.0 ╸──",
-        "tof   in 0-48",
         "t1 ↑ 44.0 ━━━",
         "line  0 0 1 1",
-        "odom  in 0-24",
+        "odom     0–24",
         "o1 ←  0.0 ───",
         "o2 ←  0.0 ───",
         "o3 ↑  0.0 ───",
@@ -211,24 +285,39 @@ def test_in_brief_sensors_have_way_value_and_gauge(run: Run) -> None:
         "c1 ↑  0.0 deg",
         "g1    0.0 deg",
     ]
-    assert len(run.sensors(13)) == rows_wanted(run.engine.simulator.spec.sensors)
 
 
 def test_in_full_there_are_units_history_and_its_range(run: Run) -> None:
     run.engine.perform(Action(ActionName.NOISE, (0.0,)))
-    run.give("u1", "d1-10", "u1", "u4")
+    run.give("u1", "d1-10", "u1", "u4", "i1", "c1")
     full = run.sensors(36)
-    assert full[0] == "ultrasonic ─────────── gauge 0-48 in"
-    assert full[1] == "u1 ↑  25.5 in ━━━━────      ▇▁ 26-36"
+    assert full[1] == "u1 ↑  25.5 in ━━━━━──── ▇▁     26–36"
+    assert full[7] == "i1–4   0  –  –  –         1 is black"
+    assert full[12] == "c1 ↑   0.0 deg compass →"
     plain = run.sensors(36, glyphs=GlyphMode.ASCII)
-    assert plain[1] == "u1F   25.5 in ====....      #. 26-36"
+    assert plain[1] == "u1F   25.5 in =====.... #.     26-36"
     assert all(line.isascii() for line in plain)
+
+
+def test_a_range_without_an_echo_is_a_word_and_no_bar(run: Run) -> None:
+    run.give("u1")
+    snapshot = run.snapshot()
+    row = snapshot.state.sensors["u1"]
+    limited = replace(row.reading.sensor, max_range=47.0)
+    silent = replace(row, reading=replace(row.reading, value=math.inf, sensor=limited))
+    shown = dataclasses.replace(snapshot, state=replace(snapshot.state, sensors={"u1": silent}))
+    sensors = (limited, *run.engine.simulator.spec.sensors[1:])
+    lines = [text_of(line.line) for line in sensor_lines(sensors, shown, 36, 17, SensorsView())]
+    assert lines[1] == "u1 ↑   no echo · · ·       beyond 47"
+    assert [text_of(line.line) for line in sensor_lines(sensors, shown, 13, 17, SensorsView())][1] == (
+        "u1 ↑  no echo"
+    )
 
 
 def test_too_few_rows_leave_out_what_kinds_are_called(run: Run) -> None:
     codes = [sensor.code for sensor in run.engine.simulator.spec.sensors]
     run.give(*codes)
-    assert not any("0-48" in line for line in run.sensors(13, 14))
+    assert not any("0–48" in line for line in run.sensors(13, 14))
     assert run.sensors(13, 8)[-1] == "6 more: F2"
     assert len(run.sensors(13, 8)) == 8
 
@@ -247,7 +336,7 @@ def test_true_values_stand_beside_readings(run: Run) -> None:
     lines = run.give("u1").sensors(36, truth=True)
     assert lines[0].endswith("reading, true value")
     assert lines[1].split() == ["u1", "↑", "35.5", "in", "35.5"]
-    assert lines[2].split()[:3] == ["u2", "↖", "–"]
+    assert lines[2].split()[:4] == ["u2", "↖", "–", "true"]
 
 
 def test_the_arrow_has_the_front_up(course_spec: SimulationSpec) -> None:
@@ -315,43 +404,14 @@ def test_numbers_of_any_kind_have_a_text() -> None:
     ]
 
 
-def test_the_run_panel_names_client_rate_and_ports(run: Run) -> None:
-    ports = {"commands": 9000, "replies": 9001, "beliefs": 9002}
-    assert texts(link_lines(run.snapshot(), ports)) == [
-        "client   waiting",
-        "ports 9000 commands, 9001 replies",
-        "      9002 beliefs",
-    ]
-    run.engine.tell(Notice(NoticeKind.CONNECTED, "client a connected", "127.0.0.1:5"))
-    lines = texts(run_lines(run.snapshot(), Room(36, ports=ports, plain=True)))
-    assert lines[0].startswith("run ---")
-    assert lines[1] == "client   127.0.0.1:5"
-    run.engine.tell(Notice(NoticeKind.LEFT, "client a left", "127.0.0.1:5"))
-    assert "waiting" in texts(link_lines(run.snapshot(), ports))[0]
-
-
-def test_before_the_first_client_it_is_said_what_to_run() -> None:
-    def run(settings: ServerSettings | None = None, **ports: int) -> str:
-        named = {name.replace("_", " "): port for name, port in ports.items()}
-        return text_of(first_steps(named, settings or ServerSettings(), "d1-3", "w a s d").lines[0])
-
-    begins = 'run python -c "from simmer_tui import Robot; Robot('
-    assert run(commands=9000, replies=9001, beliefs=9002) == begins + ").send('d1-3')\""
-    assert run(commands=5000, replies=5001) == begins + "port=5000).send('d1-3')\""
-    assert run(commands=9000, replies=5001) == begins + "reply_port=5001).send('d1-3')\""
-    assert run(ServerSettings(reply_format="float32"), commands=9000, replies=9001) == (
-        begins + "reply_format='float32').send('d1-3')\""
-    )
-    assert run(packets=61200, packet_replies=61201) == begins + "protocol='packets').send('d1-3')\""
-    assert run(packets=5, packet_replies=6) == (
-        begins + "protocol='packets', port=5, reply_port=6).send('d1-3')\""
-    )
-    assert "w a s d" in text_of(first_steps({}, ServerSettings(), "d1-3", "w a s d").lines[1])
-
-
 def test_above_the_console_stands_the_last_reply_or_in_brief_the_last_event(run: Run) -> None:
     snapshot = run.give("zz", "u1").snapshot()
     assert text_of(status_line(snapshot, (), brief=False)).startswith("last reply  u1 -> 35.")
+    stopped = run.give("w1-100").snapshot()
+    assert (
+        text_of(status_line(stopped, (), brief=False))
+        == "last reply  w1-100 -> stopped after 3.0 in by a contact"
+    )
     brief = text_of(status_line(snapshot, snapshot.entries, brief=True))
     assert brief.startswith("00:00.0  zz      NaN  no sensor or drive has")
     assert brief.endswith("then 1 reading")
@@ -478,22 +538,22 @@ def mission() -> Callable[..., MissionState]:
     return changed
 
 
-def test_a_mission_shows_the_time_left_and_the_next_goal(mission: Callable[..., MissionState]) -> None:
-    state = mission()
-    assert texts(mission_lines(state)) == [
-        f"mission  {state.plan.time_limit:.0f} s left ──────",
-        "goals    0 of 3 met, next: loading zone reached",
+def test_a_mission_lists_its_goals_and_its_time(mission: Callable[..., MissionState]) -> None:
+    drop = mission().plan.drop_zone
+    goals = {Goal.REACHED: 19.4, Goal.TAKEN: 33.0, Goal.DELIVERED: None}
+    room = Room(36)
+    assert texts(mission_lines(mission(goals=goals, time=41.0), room)) == [
+        "✓ reached the loading zone   00:19.4",
+        "✓ picked the block up        00:33.0",
+        f"○ set it down at {drop.x:g}, {drop.y:g}",
+        "time     ━━───────────── 41 of 300 s",
     ]
-    assert "holding the block" in texts(mission_lines(mission(holding=True)))[0]
-
-
-def test_a_mission_that_is_over_says_how_it_went(mission: Callable[..., MissionState]) -> None:
-    lost = mission_lines(mission(result=Result.FAILED, reason="too many\x1b contacts"))
-    assert texts(lost) == ["mission  failed: too many\\x1b contacts"]
-    assert lost[0][1][1] == "danger"
-    won = mission_lines(mission(result=Result.SUCCESS))
-    assert texts(won) == ["mission  success"]
-    assert won[0][1][1] == "good"
+    late = mission_lines(mission(goals=goals, time=280.0), room)
+    assert late[-1][-1][1] == "danger"
+    lost = mission_lines(mission(goals=goals, result=Result.FAILED), room)
+    assert text_of(lost[2]).startswith("✗ set it down")
+    assert lost[2][0][1] == "danger"
+    assert text_of(mission_lines(mission(goals=goals), Room(36, plain=True))[0]).startswith("+ reached")
 
 
 @pytest.mark.parametrize("believed", [False, True])
@@ -512,14 +572,50 @@ def test_a_failure_and_its_contacts_stay_on_a_narrow_screen(
     wide = text_of(pose_line(snapshot, Room(160, plain=False, pointer=":why :report")))
     assert "1 contact  failed: 1 contact with a wall, 0 allowed :why :report" in wide
     assert ":why" not in text_of(pose_line(snapshot, Room(80, plain=False))), "a replay has no such order"
-    panel = texts(
-        run_lines(snapshot, Room(36, ports={"commands": 9000}, plain=False, pointer=":why :report"))
-    )
-    assert "reasons  :why :report" in panel
-    assert len(panel) <= 6
     going = dataclasses.replace(snapshot, mission=mission())
     assert "1 contact  " in text_of(pose_line(going, Room(80, plain=False)))
     assert "s left" in text_of(pose_line(going, Room(80, plain=False)))
+
+
+@pytest.mark.parametrize(
+    ("number", "text"), [(1, "1 contact   9.5 in driven"), (2, "2 contacts   9.5 in driven")]
+)
+def test_a_success_counts_contacts_and_commands(
+    run: Run, mission: Callable[..., MissionState], number: int, text: str
+) -> None:
+    done = mission(result=Result.SUCCESS, contacts=number, distance=9.5, commands=1200 * number - 1199)
+    answer = end_answer(dataclasses.replace(run.snapshot(), mission=done), orders=False)
+    assert answer is not None
+    assert texts(answer.lines)[1:] == [text, "1 command" if number == 1 else "1,201 commands"]
+
+
+def test_a_success_in_three_rows_has_numbers_and_goals(
+    run: Run, mission: Callable[..., MissionState]
+) -> None:
+    """Row 0 has the outcome and the time."""
+    goals = {Goal.REACHED: 19.4, Goal.TAKEN: 33.0, Goal.DELIVERED: 63.8}
+    spent = TimeSpent(46.0, 11.0, {"u1": 7.0})
+    done = mission(
+        result=Result.SUCCESS, goals=goals, contacts=0, distance=213.1, commands=238, spent=spent, time=63.8
+    )
+    answer = end_answer(dataclasses.replace(run.snapshot(), mission=done), orders=True)
+    assert answer is not None
+    shown = texts(answer.shown(Room(80, rows=3)))
+    assert [line.strip() for line in shown] == [
+        "0 contacts   213.1 in driven   238 commands   drive 46 s  sense 7 s  link 11 s",
+        "✓ loading zone 00:19   ✓ picked up 00:33   ✓ delivered 01:03",
+        ":report page  R again",
+    ]
+    assert max(map(len, texts(answer.shown(Room(36, rows=9))))) <= 36
+
+
+def test_the_time_spent_stands_still_once_the_mission_is_over(
+    run: Run, mission: Callable[..., MissionState]
+) -> None:
+    done = mission(result=Result.FAILED, reason="1 contact", spent=TimeSpent(1.0, 2.0, {"u1": 3.0}))
+    run.give("d1-5", "u1")
+    snapshot = dataclasses.replace(run.snapshot(), mission=done)
+    assert texts(run_lines(snapshot, Room(36)))[-1].split() == ["drive", "1", "sense", "3", "link", "2", "s"]
 
 
 def test_the_end_of_a_mission_outlasts_that_its_program_left(run: Run) -> None:
@@ -537,12 +633,12 @@ def test_the_end_of_a_mission_outlasts_that_its_program_left(run: Run) -> None:
 def test_where_the_time_went_is_on_the_screen(course_spec: SimulationSpec) -> None:
     slow = tuple(replace(each, read_time=0.06 if each.code == "u1" else 0.01) for each in course_spec.sensors)
     run = Run(replace(course_spec, sensors=slow))
-    assert not [
-        line for line in texts(run_lines(run.snapshot(), Room(60, ports={}, plain=True))) if "drive" in line
+    assert texts(run_lines(run.snapshot(), Room(36)))[:2] == [
+        "spent    " + 27 * "─",
+        "         drive 0  sense 0  link 0 s",
     ]
-    snapshot = run.give("d1-2", "u1", "u2", "u1").snapshot()
-    (told,) = [line for line in texts(run_lines(snapshot, Room(60, ports={}, plain=True))) if "drive" in line]
-    assert told.split() == ["time", "drive", "0.3", "s,", "read", "0.1", "(u1", "0.1),", "link", "0.0"]
-    assert "read 0.1 (u1 0.1)" in text_of(pose_line(snapshot, Room(160, plain=True)))
-    assert "drive 0 read 0 u1 link 0 s" in text_of(pose_line(snapshot, Room(105, plain=True)))
-    assert "read" not in text_of(pose_line(snapshot, Room(80, plain=True)))
+    snapshot = run.give("d1-60", *["u1"] * 20, "u2").snapshot()
+    bar, words = run_lines(snapshot, Room(36))[:2]
+    assert [role for _, role in bar] == ["label", "driving", "sensing", "link"]
+    assert len(text_of(bar)) == 36
+    assert text_of(words).split() == ["drive", "10", "sense", "1", "link", "0", "s"]

@@ -11,7 +11,7 @@ from textual.pilot import Pilot
 
 from simmer_tui.config import load_default
 from simmer_tui.engine import Engine
-from simmer_tui.events import Action, ActionName, Belief
+from simmer_tui.events import Action, ActionName, Belief, OutputLine, ProgramEnded
 from simmer_tui.run.reducer import Reducer
 from simmer_tui.run.state import checkpoint_of
 from simmer_tui.runlog.index import RunLogIndex
@@ -99,13 +99,14 @@ async def shows(pilot: Pilot[int], app: ReplayApp, name: str, text: str) -> None
 def test_it_begins_before_the_first_command(run: Run) -> None:
     async def act(app: ReplayApp, pilot: Pilot[int]) -> None:
         assert (app.run_shown.entry, app.run_shown.elapsed) == (-1, 0.0)
-        await shows(pilot, app, "robot", "pose     9.5, 42.0 in  0.0 deg")
+        await shows(pilot, app, "robot", "pose     9.5, 42.0 in  0 deg")
         assert app.query_one(MazeView).fault == ""
         await shows(pilot, app, "header", "stopped")
 
     play(run, act)
 
 
+@pytest.mark.slow
 def test_stepping_shows_each_command_with_reading_truth_and_pose(run: Run) -> None:
     async def act(app: ReplayApp, pilot: Pilot[int]) -> None:
         await pilot.press("n")
@@ -157,6 +158,7 @@ def test_belief_and_its_error_are_shown_at_the_end(run: Run) -> None:
     play(run, act)
 
 
+@pytest.mark.slow
 def test_playing_moves_the_robot_and_stops_at_the_end(run: Run) -> None:
     async def act(app: ReplayApp, pilot: Pilot[int]) -> None:
         for _ in range(10):
@@ -175,6 +177,7 @@ def test_playing_moves_the_robot_and_stops_at_the_end(run: Run) -> None:
     play(run, act)
 
 
+@pytest.mark.slow
 def test_a_time_typed_is_gone_to_and_nonsense_is_refused(run: Run) -> None:
     async def act(app: ReplayApp, pilot: Pilot[int]) -> None:
         await pilot.press("g", *"0:01", "enter")
@@ -198,6 +201,7 @@ def test_a_click_on_the_bar_goes_there(run: Run) -> None:
     play(run, act)
 
 
+@pytest.mark.slow
 def test_toggles_zoom_and_help(run: Run) -> None:
     async def act(app: ReplayApp, pilot: Pilot[int]) -> None:
         await pilot.press("n", "r", "y")
@@ -230,23 +234,44 @@ def test_t_takes_over_where_the_replay_stands(run: Run) -> None:
     assert (chosen.path, chosen.moment.line, chosen.moment.elapsed) == (run.path, 3, 0.5)
 
 
+@pytest.mark.slow
 def test_a_log_that_comes_out_otherwise_is_not_taken_over(run: Run) -> None:
     lines = run.path.read_text().splitlines(keepends=True)
     run.path.write_text("".join((*lines[:1], *lines[2:])))  # the first command is missing
 
     async def act(app: ReplayApp, pilot: Pilot[int]) -> None:
         await pilot.press("n", "t")
-        await until(pilot, lambda: "command number 1 is missing" in "".join(told(app)))
+        await until(pilot, lambda: "command number 1 is missing" in answer(app))
         assert app.taken_over is None
         assert app.is_running
 
     play(run, act)
 
 
-def told(app: ReplayApp) -> list[str]:
-    return [each.message for each in app._notifications]
+def answer(app: ReplayApp) -> str:
+    """Text of the answer, its wrapped lines joined."""
+    return " ".join(line.strip() for line in lines(app, "answer"))
 
 
+def test_the_end_of_a_failed_run_has_the_cause_that_the_live_screen_had(run: Run) -> None:
+    stderr = (OutputLine(1.0, "ValueError: no way on"),)
+    end = ProgramEnded(
+        run.engine.simulator.time, exit_code=1, error="ValueError: no way on", place="way.py:7", stderr=stderr
+    )
+    run.engine.tell(end)
+
+    async def act(app: ReplayApp, pilot: Pilot[int]) -> None:
+        await pilot.press("end")
+        await shows(pilot, app, "header", "PROGRAM CRASHED   ValueError: no way on")
+        assert "way.py:7" in answer(app)
+        await pilot.press("home")
+        await until(pilot, lambda: "CRASHED" not in "".join(lines(app, "header")))
+        assert "ValueError" not in answer(app), "the end is not told before it comes"
+
+    play(run, act)
+
+
+@pytest.mark.slow
 def test_a_log_still_written_is_followed(run: Run) -> None:
     async def act(app: ReplayApp, pilot: Pilot[int]) -> None:
         index = app.run_shown.index

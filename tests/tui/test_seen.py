@@ -1,4 +1,4 @@
-"""What a terminal shows of the maze, read off the cells of one: the bytes the app sends, through pyte."""
+"""Maze as a terminal shows it: cells after pyte has taken the bytes that the app sends."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ import struct
 import subprocess
 import sys
 import termios
+import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -30,13 +31,13 @@ from simmer_tui.tui.maze.glyphs import Cells, blank_cells
 from simmer_tui.tui.maze.painter import Painter
 from simmer_tui.tui.maze.palette import GROUNDS, Attribute, Role
 from simmer_tui.tui.terminal import ColorDepth, GlyphMode
-from tests.tui.maze.decoding import arrow_heading, robot_cells, turned
+from tests.tui.maze.decoding import arrow_heading, hand_heading, robot_cells, turned
 from tests.tui.maze.test_headings import HEADINGS, VIEWS
-from tests.tui.test_tmux import Pane, environment, until
+from tests.tui.test_tmux import UNKNOWN_TO_PYTE, Pane, environment, until
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="ptys are those of POSIX")
 
-SECONDS = 30.0
+SECONDS = 120.0
 KINDS = {
     "truecolor": (GlyphMode.QUADRANT, ColorDepth.TRUECOLOR),
     "256": (GlyphMode.QUADRANT, ColorDepth.COLORS_256),
@@ -44,7 +45,8 @@ KINDS = {
     "mono": (GlyphMode.QUADRANT, ColorDepth.NONE),
     "ascii": (GlyphMode.ASCII, ColorDepth.NONE),
 }
-_UNKNOWN_TO_PYTE = re.compile(rb"\x1b\[[<>=?][0-9;]*[a-zA-Z]|\x1b\[[0-9;?]*\$p|\x1bP.*?\x1b\\", re.DOTALL)
+_STYLE = re.compile(rb"\x1b\[([0-9;]*)m")
+UPDATE_ENDS = b"\x1b[?2026l"
 _SIXTEEN = [pyte.graphics.FG_ANSI[30 + number] for number in range(8)]
 _SIXTEEN += [pyte.graphics.FG_AIXTERM[90 + number] for number in range(8)]
 
@@ -85,7 +87,22 @@ class Terminal:
         begun = self._held.rfind(b"\x1b") if waiting else -1
         whole = self._held if begun < 0 else self._held[:begun]
         self._held = self._held[len(whole) :]
-        self._stream.feed(_UNKNOWN_TO_PYTE.sub(b"", whole))
+        self._show(whole)
+
+    def take_update(self) -> None:
+        """Take what the app sends up to the end of its next update."""
+        end = time.monotonic() + SECONDS
+        while UPDATE_ENDS not in self._held:
+            assert time.monotonic() < end, "it draws nothing more"
+            if select.select([self._master], [], [], 0.05)[0]:
+                self._held += os.read(self._master, 65536)
+        update, self._held = self._held.split(UPDATE_ENDS, 1)
+        self._show(update)
+
+    def _show(self, written: bytes) -> None:
+        if b"\x1b[?2026$p" in written:
+            os.write(self._master, b"\x1b[?2026;2$y")  # its updates are synchronized
+        self._stream.feed(_STYLE.sub(_dim_as_italics, UNKNOWN_TO_PYTE.sub(b"", written)))
 
     def close(self) -> None:
         with contextlib.suppress(ProcessLookupError):
@@ -99,8 +116,17 @@ class Terminal:
         os.close(self._master)
 
 
+def _dim_as_italics(style: re.Match[bytes]) -> bytes:
+    """A style with italics, which the app has none of, for dim, which pyte does not know."""
+    codes = style[1].split(b";")
+    if b"38" in codes or b"48" in codes:
+        return style[0]  # their 2 is no attribute, and with colours nothing is dim
+    changed = [{b"2": b"3", b"22": b"22;23"}.get(code, code) for code in codes]
+    return b"\x1b[" + b";".join(changed) + b"m"
+
+
 def shown_color(packed: int, depth: ColorDepth) -> str:
-    """What pyte calls a colour that was sent at a depth."""
+    """Name that pyte gives to a colour sent at a depth."""
     color = Color.from_triplet(ColorTriplet(packed >> 16, packed >> 8 & 255, packed & 255))
     if depth is ColorDepth.TRUECOLOR:
         return f"{packed:06x}"
@@ -133,7 +159,8 @@ def cells_of(screen: pyte.Screen, size: tuple[int, int], painter: Painter) -> Ce
             cells.characters[row, column] = ord(cell.data[0])
             cells.foreground[row, column] = packed.get(cell.fg, -2)
             cells.background[row, column] = packed.get(cell.bg, -2)
-            cells.attributes[row, column] = Attribute.BOLD * cell.bold + Attribute.REVERSE * cell.reverse
+            attributes = Attribute.BOLD * cell.bold + Attribute.REVERSE * cell.reverse
+            cells.attributes[row, column] = attributes + Attribute.DIM * cell.italics
     return cells
 
 
@@ -177,7 +204,7 @@ class Course:
         self._give(":noise off")
         self._give(":bias off")
         self._give(f":teleport 66 30 {heading:g}")
-        self._until(rf"66\.0, 30\.0 in +{shown:.1f} deg")
+        self._until(rf"66\.0, 30\.0 in +{shown:.0f} deg")
         # Of the four ways it can go, the one that leads most nearly up, to the outer wall.
         ways = {("d1", 1): 0, ("w1", 1): 90, ("d1", -1): 180, ("w1", -1): 270}
         code, sign = min(ways, key=lambda way: turned(heading + ways[way], 90))
@@ -186,7 +213,7 @@ class Course:
         for sensor in ("u1", "u2", "u3", "u4", "u5", "t1"):
             self._robot.send(sensor)
         self._until(r"contacts +1\b|\b1 contact\b")
-        pose = self._until(r"(\d+\.\d), (\d+\.\d) in +(-?\d+\.\d) deg")
+        pose = self._until(r"(\d+\.\d), (\d+\.\d) in +(-?\d+) deg")
         x, y = float(pose[1]), float(pose[2])
         self._robot.believe(x - 2.4, y + 1.3, heading + 130, 4.0, [(x, y)])
         self._until(r"off \d")
@@ -238,7 +265,7 @@ def run_on_a_pty(tmp_path: Path, size: str, kind: str, headings: list[float]) ->
     options += ["--belief-port", f"{beliefs}", "--color", depth.value, "--glyphs", glyphs.value]
     terminal = Terminal((columns, rows), options, environment(tmp_path))
     try:
-        terminal.until(lambda: terminal.shows("no client"))
+        terminal.until(lambda: terminal.shows("WAITING"))
         with Robot("127.0.0.1", commands, replies, belief_port=beliefs) as robot:
             course = Course(
                 robot, terminal.type, lambda: list(terminal.screen.display), terminal.until, VIEWS[size]
@@ -254,9 +281,44 @@ def run_on_a_pty(tmp_path: Path, size: str, kind: str, headings: list[float]) ->
         terminal.close()
 
 
+@pytest.mark.slow
 def test_a_terminal_shows_heading_and_layers(tmp_path: Path) -> None:
     """With a number of colours that the option asks for: the terminal says it has more."""
     run_on_a_pty(tmp_path, "80x24", "256", [67.5])
+
+
+@pytest.mark.slow
+def test_every_update_shows_one_moment(tmp_path: Path) -> None:
+    """Whatever a program does meanwhile, the robot looks where the pose line says."""
+    commands, replies, beliefs = free_ports(3)
+    options = ["--pace", "off", "--port", f"{commands}", "--reply-port", f"{replies}"]
+    terminal = Terminal((120, 36), [*options, "--belief-port", f"{beliefs}"], environment(tmp_path))
+    painter, over = Painter(GlyphMode.QUADRANT, ColorDepth.TRUECOLOR), threading.Event()
+
+    def spin() -> None:
+        with Robot("127.0.0.1", commands, replies) as robot:
+            while not over.is_set():
+                robot.send("r1-37")
+                robot.read("u1", "u3")
+
+    program = threading.Thread(target=spin)
+    try:
+        terminal.until(lambda: terminal.shows("no program") or terminal.shows("WAITING"))
+        program.start()
+        seen = set()
+        while len(seen) < 10:
+            terminal.take_update()
+            told = re.search(r"pose +-?\d+\.\d, -?\d+\.\d in +(-?\d+)", "\n".join(terminal.screen.display))
+            shown = hand_heading(cells_of(terminal.screen, VIEWS["120x36"], painter), painter)
+            assert told is not None
+            assert shown is not None
+            # A hand points to the nearest of 16 headings, and the pose is rounded to a degree.
+            assert turned(shown, float(told[1])) <= 11.25 + 0.5, told[0]
+            seen.add(told[1])
+    finally:
+        over.set()
+        program.join()
+        terminal.close()
 
 
 @pytest.mark.slow
@@ -275,7 +337,7 @@ def test_tmux_shows_all_headings(tmp_path: Path) -> None:
     pane = Pane(tmp_path)
     try:
         pane.start("--pace", "off", "--color", "256", "--glyphs", "quadrant", *ports, size=(120, 36))
-        pane.until("no client")
+        pane.until("WAITING")
         with Robot("127.0.0.1", commands, replies, belief_port=beliefs) as robot:
             course = Course(
                 robot,

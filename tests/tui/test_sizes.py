@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from itertools import combinations
 
 import pytest
@@ -55,9 +56,13 @@ def test_80_x_24_shows_all_at_once(course_spec: SimulationSpec) -> None:
 @pytest.mark.parametrize(
     ("size", "maze", "panes"),
     [
-        ((120, 36), (82, 22), {"sensors", "robot", "run", "events", "console"}),
-        ((160, 45), (106, 28), {"sensors", "robot", "run", "radar", "events", "console"}),
-        ((200, 60), (146, 38), {"sensors", "robot", "run", "radar", "events", "console", "facts"}),
+        ((120, 36), (82, 22), {"answer", "sensors", "robot", "run", "events", "console"}),
+        ((160, 45), (106, 28), {"answer", "sensors", "robot", "run", "events", "console"}),
+        (
+            (200, 60),
+            (146, 38),
+            {"answer", "sensors", "robot", "run", "radar", "events", "console", "facts", "program"},
+        ),
     ],
 )
 def test_larger_screens_grow_the_maze_and_add_panes(
@@ -66,6 +71,74 @@ def test_larger_screens_grow_the_maze_and_add_panes(
     boxes = planned(course_spec.maze, *size).boxes
     assert (boxes["maze"].width, boxes["maze"].height) == maze
     assert set(boxes) - {"header", "maze", "legend", "console-head", "keys"} == panes
+
+
+def places(boxes: Mapping[str, Box], *names: str) -> dict[str, tuple[int, int]]:
+    """First and last row of some panes."""
+    return {name: (boxes[name].y, boxes[name].bottom - 1) for name in names}
+
+
+def test_120_x_36_stands_as_composed(course_spec: SimulationSpec) -> None:
+    mission = [("robot", 3), ("run", 7)]
+    boxes = arrangement(course_spec.maze, 120, 36, sensors=14, panels=mission).boxes
+    assert (boxes["answer"].x, boxes["answer"].width) == (83, 36)
+    assert places(boxes, "maze", "answer", "sensors", "legend", "events", "robot", "run") == {
+        "maze": (1, 22),
+        "answer": (1, 7),
+        "sensors": (9, 22),
+        "legend": (23, 23),
+        "events": (24, 31),
+        "robot": (24, 26),
+        "run": (28, 34),
+    }
+    assert places(boxes, "console-head", "console", "keys") == {
+        "console-head": (32, 32),
+        "console": (33, 34),
+        "keys": (35, 35),
+    }
+
+
+def test_200_x_60_stands_as_composed(course_spec: SimulationSpec) -> None:
+    mission = [("robot", 4), ("run", 7)]
+    boxes = arrangement(course_spec.maze, 200, 60, sensors=14, panels=mission).boxes
+    assert (boxes["answer"].x, boxes["answer"].width) == (148, 51)
+    assert (boxes["maze"].x, boxes["maze"].width) == (0, 146)
+    names = "maze", "answer", "sensors", "radar", "robot", "run", "events", "console-head", "facts", "program"
+    assert places(boxes, *names) == {
+        "maze": (1, 38),
+        "answer": (1, 7),
+        "sensors": (9, 22),
+        "radar": (24, 46),
+        "robot": (47, 50),
+        "run": (51, 57),
+        "events": (41, 58),
+        "console-head": (41, 41),
+        "facts": (46, 50),
+        "program": (52, 58),
+    }
+
+
+def test_on_a_small_screen_an_answer_takes_the_rows_of_legend_and_pose(course_spec: SimulationSpec) -> None:
+    boxes = arrangement(course_spec.maze, 80, 24, sensors=14, panels=[], answer=1).boxes
+    assert places(boxes, "maze", "answer", "console") == {
+        "maze": (1, 18),
+        "answer": (19, 20),
+        "console": (21, 22),
+    }
+    assert not {"legend", "pose"} & set(boxes)
+
+
+@given(st.integers(110, 300), st.integers(30, 120), st.integers(1, 40), st.integers(0, 60))
+def test_a_long_answer_takes_rows_of_others_and_covers_none(
+    course_spec: SimulationSpec, width: int, height: int, sensors: int, answer: int
+) -> None:
+    panels = [("robot", 3), ("run", 7)]
+    plan = arrangement(course_spec.maze, width, height, sensors=sensors, panels=panels, answer=answer)
+    assert overlaps(plan) == []
+    assert plan.boxes["answer"].height >= min(answer, 20)
+    for box in plan.boxes.values():
+        assert box.height >= 1
+        assert box.bottom <= height
 
 
 def test_every_page_has_its_pane_and_the_console(course_spec: SimulationSpec) -> None:

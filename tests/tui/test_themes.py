@@ -13,7 +13,10 @@ from simmer_tui.tui.maze.palette import Look, Role, palette_for
 from simmer_tui.tui.terminal import ColorDepth
 from simmer_tui.tui.themes import LEGIBLE, THEMES, contrast, theme_name, themes, variables
 
-TEXT = ("dim", "strong-text", "belief-text", "contact-text", "mark-text", "robot-text")
+TEXT = (
+    *("dim", "strong-text", "belief-text", "mark-text", "robot-text"),
+    *("good-text", "warning-text", "danger-text"),
+)
 DEPTHS = (ColorDepth.TRUECOLOR, ColorDepth.COLORS_256)
 
 
@@ -29,6 +32,14 @@ def test_all_text_is_at_least_7_to_1_on_its_ground(look: Look, depth: ColorDepth
     colors = [palette[Role.TEXT], *(packed(named[name]) for name in TEXT)]
     for ground in (palette[Role.BACKGROUND], palette[Role.BARS]):
         assert min(contrast(color, ground) for color in colors) >= LEGIBLE
+
+
+@pytest.mark.parametrize("look", list(Look))
+def test_what_went_well_and_what_went_wrong_have_their_own_colors(look: Look) -> None:
+    named = variables(ColorDepth.TRUECOLOR, look)
+    palette = palette_for(ColorDepth.TRUECOLOR, look)
+    words = {packed(named[f"{name}-text"]) for name in ("good", "warning", "danger")}
+    assert len(words - {palette[Role.TEXT], palette[Role.ACCENT]}) == 3
 
 
 def test_every_setting_has_its_theme_and_every_theme_is_registered() -> None:

@@ -17,12 +17,17 @@ from simmer_tui.sim.sensors.base import Sensor as Sensor
 from simmer_tui.sim.sensors.base import Sort as Sort
 from simmer_tui.sim.sensors.base import View as View
 from simmer_tui.sim.sensors.base import World as World
+from simmer_tui.sim.sensors.base import modelled_sensor as modelled_sensor
 from simmer_tui.sim.sensors.base import parameter_value as parameter_value
 from simmer_tui.sim.sensors.base import sensor_of as sensor_of
 from simmer_tui.sim.sensors.base import with_parameters as with_parameters
 from simmer_tui.sim.sensors.faults import Faults as Faults
 from simmer_tui.sim.sensors.faults import Pings as Pings
 from simmer_tui.sim.sensors.faults import has_faults as has_faults
+from simmer_tui.sim.sensors.lidar import Lidar as Lidar
+from simmer_tui.sim.sensors.lidar import LidarSpec as LidarSpec
+from simmer_tui.sim.sensors.lidar import Now as Now
+from simmer_tui.sim.sensors.lidar import Turning as Turning
 from simmer_tui.sim.sensors.own_motion import Compass as Compass
 from simmer_tui.sim.sensors.own_motion import Gyro as Gyro
 from simmer_tui.sim.sensors.own_motion import Odometer as Odometer
@@ -45,6 +50,7 @@ _BUILT_IN: tuple[type[SensorKind], ...] = (
     Odometer,
     Gyro,
     LoadSensor,
+    Lidar,
 )
 
 

@@ -9,6 +9,8 @@ parameters and noise scales, each with a prior. `ObservingSensor.linearised` and
 what a reading is expected to be and how it changes with pose and parameters.
 """
 
+from __future__ import annotations
+
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
@@ -301,7 +303,7 @@ class ObservingSensor(Sensor, ABC):
         curvature = np.where(curvature > _EDGE**2, _SURELY_OFF * curvature, curvature)
         return Linearisation(middle, middle, np.array(slopes), curvature, by_parameter)
 
-    def _with(self, field: str, value: float) -> "ObservingSensor":
+    def _with(self, field: str, value: float) -> ObservingSensor:
         return type(self)(with_parameters(self.spec, {field: value}))
 
     def within_limits(self, expected: FloatArray, margin: FloatArray) -> np.ndarray[Any, np.dtype[np.bool_]]:
@@ -373,9 +375,19 @@ class CountingSensor(Sensor, ABC):
         return self.ideal(true)
 
 
+def modelled_sensor(spec: SensorSpec) -> Sensor:
+    """The sensor of a row as analyses of a run know it: of an opaque kind, one that neither observes nor
+    counts. Raises TypeError if its kind is no class of `Sensor`."""
+    return Sensor(spec) if spec.kind.is_opaque else sensor_of(spec)
+
+
 def sensor_of(spec: SensorSpec) -> Sensor:
     """The sensor at work for a row. Raises TypeError if its kind is no class of `Sensor`."""
     kind = spec.kind
     if not issubclass(kind, Sensor):
         raise TypeError(f"{kind.__name__} says what a sensor is, but not how it works")
+    if not isinstance(spec, kind.spec_type):
+        raise TypeError(
+            f"a row of {kind.__name__} is a {kind.spec_type.__name__}, not a {type(spec).__name__}"
+        )
     return kind(spec)

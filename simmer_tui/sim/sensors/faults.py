@@ -1,6 +1,8 @@
 """Occasional faults of readings: dropouts, outliers, cross-talk. They draw from random streams of their
 own, so that a sensor without such columns reads exactly as if there were no faults."""
 
+from __future__ import annotations
+
 import math
 
 import numpy as np

@@ -1,5 +1,7 @@
 """Sensors of the robot's own motion: wheel encoders and the gyro, which add it up, and the compass."""
 
+from __future__ import annotations
+
 import math
 from functools import cached_property
 

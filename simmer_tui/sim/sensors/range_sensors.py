@@ -39,32 +39,35 @@ class RangeSensor(ObservingSensor):
     # Wider than the profiles' data sheets have parts differ (gains 3 %, offsets 0.5 in) and than people
     # mount them (a few degrees, half an inch). Derivatives by how it is mounted are taken over as much as
     # those by the pose.
-    parameters = (
+    parameters: ClassVar[tuple[Prior, ...]] = (
         Prior("gain", "gain", Sort.GAIN, 0.1),
         Prior("bias", "bias", Sort.BIAS, 1.5, "in"),
         Prior("rotation", "mounting angle", Sort.ANGLE, 8.0, "deg", step=0.6),
         Prior(OFFSET, "mounting offset", Sort.OFFSET, MOUNTED, "in"),
     )
     # Known to a factor of exp(1.2), 3, or exp(1.5), 4.5; where a set has none, those of an HC-SR04.
-    noise_scales = (
+    noise_scales: ClassVar[tuple[Prior, ...]] = (
         Prior("error", "percent error", Sort.NOISE, 1.2, usual=0.02),
         Prior("absolute_error", "absolute error", Sort.NOISE, 1.5, "in", usual=0.1),
     )
 
     def __init__(self, spec: SensorSpec) -> None:
         super().__init__(spec)
-        half = spec.field_of_view / 2
-        # linspace(-h, h, 1) is -h; a single ray looks straight ahead.
-        steps = np.linspace(-half, half, spec.rays) if spec.rays > 1 else np.zeros(1)
-        self.bearings: list[float] = (steps + spec.rotation).tolist()
+        self.bearings: list[float] = (self.fan() + spec.rotation).tolist()
         """Directions of the rays in the robot's frame, degrees."""
         self._directions = [cos_sin(bearing) for bearing in self.bearings]
         half = spec.vertical_field_of_view / 2
         self._slope = math.tan(math.radians(half)) if half else 0.0
         """Slope of the lower edge of its view, inches an inch ahead."""
         limit = spec.incidence_limit
-        self._least_cosine = math.cos(math.radians(limit)) if limit else 0.0
+        self.least_cosine = math.cos(math.radians(limit)) if limit else 0.0
         """Of the angle between a ray and a face's normal, for an echo; 0 if there always is one."""
+
+    def fan(self) -> FloatArray:
+        """Directions of the rays of one reading, degrees from the way it looks."""
+        half = self.spec.field_of_view / 2
+        # linspace(-h, h, 1) is -h; a single ray looks straight ahead.
+        return np.linspace(-half, half, self.spec.rays) if self.spec.rays > 1 else np.zeros(1)
 
     @staticmethod
     def contradiction(spec: SensorSpec) -> tuple[tuple[CsvColumn, ...], str] | None:
@@ -94,10 +97,10 @@ class RangeSensor(ObservingSensor):
         directions = [(cos * a - sin * b, sin * a + cos * b) for a, b in self._directions]
         block_from = self.block_from(world.block.size)
         distances = world.fan(x, y, directions, block_from)
-        if self._least_cosine:
+        if self.least_cosine:
             dx, dy = np.array(directions).T
             origin = np.full(len(dx), x), np.full(len(dx), y)
-            distances = self._echoes(world, *origin, dx, dy, np.array(distances), block_from).tolist()
+            distances = self.echoes(world, *origin, dx, dy, np.array(distances), block_from).tolist()
         return self.combined(distances), RangeScan((x, y), bearings, tuple(distances))
 
     def ranges(self, world: World, poses: FloatArray) -> FloatArray:
@@ -116,8 +119,8 @@ class RangeSensor(ObservingSensor):
             *((cos * a - sin * b).ravel(), (sin * a + cos * b).ravel()),
         )
         fans = world.fans(*rays, block_from)
-        if self._least_cosine:
-            fans = self._echoes(world, *rays, fans, block_from)
+        if self.least_cosine:
+            fans = self.echoes(world, *rays, fans, block_from)
         ranges[free] = self.combined_many(fans.reshape(-1, count))
         return ranges
 
@@ -152,7 +155,7 @@ class RangeSensor(ObservingSensor):
             return 0.0
         return above / self._slope if self._slope else math.inf
 
-    def _echoes(
+    def echoes(
         self,
         world: World,
         x: FloatArray,
@@ -164,7 +167,7 @@ class RangeSensor(ObservingSensor):
     ) -> FloatArray:
         """The distances of rays, infinite where one meets a face too obliquely to send an echo back."""
         cosines = world.incidence(x, y, dx, dy, distances, block_from)
-        return np.where(cosines >= self._least_cosine, distances, math.inf)
+        return np.where(cosines >= self.least_cosine, distances, math.inf)
 
     def anywhere(self, fraction: float) -> float:
         """A reading at a fraction (0 to 1) of the sensor's range, inches."""
@@ -209,7 +212,7 @@ class TimeOfFlight(RangeSensor):
 
     def combined(self, distances: Sequence[float]) -> float:
         """The mean distance, inches."""
-        if self._least_cosine:
+        if self.least_cosine:
             # The mean of the echoes there are.
             distances = [each for each in distances if math.isfinite(each)]
             if not distances:

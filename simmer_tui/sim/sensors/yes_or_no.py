@@ -1,12 +1,13 @@
 """Sensors that answer yes or no: the infrared one that follows lines, and the load sensor of the gripper."""
 
+from __future__ import annotations
+
 import math
 
 import numpy as np
 from msgspec.structs import replace
 
 from simmer_tui.sim import columns
-from simmer_tui.sim.angles import cos_sin
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.records import FloorPatch
 from simmer_tui.sim.rules import NumberRule
@@ -41,8 +42,7 @@ class LineSensor(ObservingSensor):
     def observe(self, world: World, pose: Pose) -> tuple[float, FloorPatch]:
         """The fraction of test points of the colour it detects, and the points."""
         spec = self.spec
-        cos, sin = cos_sin(pose.heading)
-        centre = (pose.x + cos * spec.x - sin * spec.y, pose.y + sin * spec.x + cos * spec.y)
+        centre = pose.place(spec.x, spec.y)
         points = self._offsets + centre
         black = world.maze.black(points)
         fraction = int(np.count_nonzero(black)) / len(points)

@@ -1,14 +1,18 @@
 """Backdrop: all that stands still, floor, walls with their edge, zones. Drawn once for every window."""
 
 import math
+from collections.abc import Sequence
+from copy import copy
 
 import numpy as np
 from numpy.typing import NDArray
 
+from simmer_tui.belief_grid import Levels
 from simmer_tui.sim.angles import FloatArray
 from simmer_tui.sim.specs import TILES_PER_CELL, WALL
 from simmer_tui.tui.maze.glyphs import BLANK, BRAILLE, DOT_BITS, Cells, Mask, Signs
-from simmer_tui.tui.maze.palette import FLOORS, ZONES, Attribute, Palette, Role
+from simmer_tui.tui.maze.heat import HeatNumber
+from simmer_tui.tui.maze.palette import FLOORS, HEATS, ZONES, Attribute, Palette, Role
 from simmer_tui.tui.maze.scene import MazeCells, Scene, Zones, zones_of
 from simmer_tui.tui.maze.viewport import Viewport
 
@@ -35,22 +39,32 @@ class Backdrop:
         pixels: `Role` of the ground in every pixel, (rows, columns, pixels a cell).
         under: `Role` on which a mark in a cell lies, (rows, columns); never the wall's edge.
         keeps_wall: cells that are mostly wall; lines leave those alone.
-        named: cells of a zone's name.
+        has_wall: cells that are wall at all.
+        named: cells of a zone's name, or of a number of the heat map.
         walls: wall cells of the maze, (maze rows, maze columns), the first row on top.
     """
 
     def __init__(
-        self, scene: Scene, viewport: Viewport, signs: Signs, palette: Palette, *, loud: bool
+        self,
+        scene: Scene,
+        viewport: Viewport,
+        signs: Signs,
+        palette: Palette,
+        *,
+        loud: bool,
+        heat: Levels | None = None,
     ) -> None:
-        """Draw floor, walls and zones of a window. `loud` makes the tiles differ and the zones plain."""
+        """Draw floor, walls and zones of a window. `loud` makes the tiles differ and the zones plain. `heat`
+        takes the place of tiles and zones, at each pixel by its level, (pixel rows, pixel columns)."""
         self.viewport, self.signs, self.palette = viewport, signs, palette
         self.walls: Mask = np.array(scene.maze.cells) == WALL
         zones = zones_of(scene)
-        self.pixels = self._grounds(scene, zones, loud=loud)
+        self.pixels = self._grounds(scene, zones, heat, loud=loud)
         paper, ink = _two_grounds(self.pixels)
         has_edge = (self.pixels == Role.EDGE).any(axis=-1)
         walled = ((self.pixels == Role.EDGE) | (self.pixels == Role.WALL)).mean(axis=-1)
         self.keeps_wall: Mask = walled >= 0.5
+        self.has_wall: Mask = walled > 0
         self.under: Grounds = np.where(paper == Role.EDGE, Role.WALL, paper).astype(np.uint8)
         self.named: Mask = np.zeros(self.under.shape, dtype=np.bool_)
         if palette.is_mono:
@@ -59,6 +73,42 @@ class Backdrop:
         self.cells = self._encoded(paper, ink)
         if zones.loading or zones.drop:
             self._draw_zones(zones, ~has_edge & (walled == 0))
+
+    def write_numbers(self, numbers: Sequence[HeatNumber]) -> None:
+        """Write the numbers of a heat map on the ground, where no wall is."""
+        for each in numbers:
+            place = each.row, slice(each.column - len(each.text) + 1, each.column + 1)
+            if not (self.has_wall[place] | self.named[place]).any():
+                self.cells.write(each.row, place[1].start, each.text, self.palette[Role.BELIEF])
+                self.cells.background[place] = self.palette.array[self.under[place]]
+                self.named[place] = True
+
+    def in_wall(self, x: FloatArray, y: FloatArray) -> Mask:
+        """True for places in units of the window that are in a wall or outside the maze."""
+        view, (rows, columns) = self.viewport, self.walls.shape
+        column = np.floor((x + view.left) / view.zoom).astype(np.intp)
+        row = np.floor((y + 2 * view.top) / view.zoom).astype(np.intp)
+        outside = (row < 0) | (row >= rows) | (column < 0) | (column >= columns)
+        blocked: Mask = outside | self.walls[row.clip(0, rows - 1), column.clip(0, columns - 1)]
+        return blocked
+
+    def with_loud(self, loud: "Backdrop", where: Mask) -> "Backdrop":
+        """The same with the floor of another backdrop in some cells, (rows, columns)."""
+        mixed = copy(self)
+        mixed.cells, mixed.pixels, mixed.under = self.cells.copy(), self.pixels.copy(), self.under.copy()
+        mixed.cells.take(loud.cells, where)
+        mixed.pixels[where] = loud.pixels[where]
+        mixed.under[where] = loud.under[where]
+        return mixed
+
+    def tiles_near(self, x: float, y: float, radius: float) -> Mask:
+        """Cells of the tiles whose middle is within `radius` of a place, all in units of the window."""
+        view, (rows, columns) = self.viewport, self.under.shape
+        tile = view.zoom / TILES_PER_CELL
+        middle_x = (np.floor((np.arange(columns) + 0.5 + view.left) / tile) + 0.5) * tile - view.left
+        middle_y = (np.floor((2 * np.arange(rows) + 1 + 2 * view.top) / tile) + 0.5) * tile - 2 * view.top
+        near: Mask = np.hypot(middle_x - x, middle_y[:, None] - y) <= radius
+        return near
 
     def _places(self, across: int, down: int) -> tuple[FloatArray, FloatArray]:
         """Middles of the window's pixels in maze cells, x and y, `across` x `down` of them a terminal cell.
@@ -70,7 +120,7 @@ class Backdrop:
         y = view.top + (np.arange(-1, view.rows * down + 1) + 0.5) / down
         return x / view.zoom, 2 * y / view.zoom
 
-    def _grounds(self, scene: Scene, zones: Zones, *, loud: bool) -> Grounds:
+    def _grounds(self, scene: Scene, zones: Zones, heat: Levels | None, *, loud: bool) -> Grounds:
         """Role of every pixel's ground, (rows, columns, pixels)."""
         view, across, down = self.viewport, self.signs.across, self.signs.down
         x, y = self._places(across, down)
@@ -83,12 +133,17 @@ class Backdrop:
         rows, columns = self.walls.shape
         tile_x = np.floor(x * TILES_PER_CELL).astype(np.intp).clip(0, columns * TILES_PER_CELL - 1)
         tile_y = np.floor(y * TILES_PER_CELL).astype(np.intp).clip(0, rows * TILES_PER_CELL - 1)
-        ground = np.where(scene.floor[np.ix_(tile_y, tile_x)] != 0, white, black).astype(np.uint8)
+        is_white = scene.floor[np.ix_(tile_y, tile_x)] != 0
+        ground = np.where(is_white, white, black).astype(np.uint8)
         if view.zoom < _FINE and not loud:
             ground[:] = black  # tiles smaller than pixels would look like noise
-        if not loud:
+        if not loud and heat is None:
             for role, cells in zip(ZONES, (zones.loading, zones.drop), strict=True):
                 ground[self._members(cells, x, y)] = role
+        if heat is not None:
+            for level, (dark, bright) in enumerate(HEATS, 1):
+                tinted = heat == level
+                ground[tinted] = np.where(is_white, bright, dark)[tinted]
         ground[wall] = Role.WALL
         ground[wall & open_near] = Role.EDGE
         by_cell = ground.reshape(view.rows, down, view.columns, across).transpose(0, 2, 1, 3)

@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 
 from simmer_tui.sim.angles import FloatArray
 from simmer_tui.tui.maze.backdrop import Backdrop
-from simmer_tui.tui.maze.glyphs import BRAILLE, Cells, Mask, dot_patterns
+from simmer_tui.tui.maze.glyphs import BLANK, BRAILLE, Cells, Mask, dot_patterns
 from simmer_tui.tui.maze.palette import Attribute, Role
 from simmer_tui.tui.terminal import ColorDepth
 
 # Without colours the newest, a contact and the block have to stand out, old paths to step back.
 _BOLD_MONO = (Role.RAY_STRONG, Role.CONTACT, Role.BLOCK, Role.HEADING)
-_DIM_MONO = (Role.TRAIL_NEW, Role.TRAIL_OLDER, Role.TRAIL_OLD)
+_DIM_MONO = (Role.TRAIL,)
 # A solid body can only be told from the floor by being reversed where there are no colours.
 _SOLID = (Role.ROBOT, Role.CONTACT)
 
@@ -44,10 +44,12 @@ class Canvas:
         self.viewport, self.signs, self.palette = backdrop.viewport, backdrop.signs, backdrop.palette
         self.cells: Cells = backdrop.cells.copy()
         self.rows, self.columns = self.cells.shape
-        self.robot: Mask = np.zeros(self.cells.shape, dtype=np.bool_)
-        """Cells of the robot's body."""
         self.heading: Mask = np.zeros(self.cells.shape, dtype=np.bool_)
         """Cells that say which way it looks."""
+        self.bodies: Mask = np.zeros(self.cells.shape, dtype=np.bool_)
+        """Cells of robot and block."""
+        self.contacts: Mask = np.zeros(self.cells.shape, dtype=np.bool_)
+        """Cells of the marks of contacts."""
 
     def holds(self, row: int, column: int) -> bool:
         """True for a cell of the window."""
@@ -100,6 +102,12 @@ class Canvas:
                 cell = np.array([row * self.columns + column + offset])
                 self._put(cell, ord(character), role, paper)
 
+    def clear(self, where: Mask) -> None:
+        """Have some cells, (rows, columns), show nothing but the ground."""
+        cells = np.flatnonzero(where)
+        self._put(cells, BLANK, Role.TEXT, None)
+        self.cells.attributes[where] = 0
+
     def area(self, role: Role, patch: Patch, spare: Mask | None = None, paper: Role | None = None) -> None:
         """A body's pixels; the rest of its cells is a `paper`, or the ground that is commonest there."""
         covered = patch.covered
@@ -115,6 +123,7 @@ class Canvas:
         foreground = np.where(full, self.palette[ink], self.palette[role])
         background = np.where(full, self.palette[role], ground)
         attributes = np.where(full, self.attribute(ink, role), self.attribute(role, paper))
+        self.bodies[patch.place] |= there
         self.cells.characters[patch.place][there] = characters[there]
         self.cells.foreground[patch.place][there] = foreground[there]
         self.cells.background[patch.place][there] = background[there]

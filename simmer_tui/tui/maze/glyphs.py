@@ -71,6 +71,11 @@ class Cells(Struct, frozen=True, eq=False):
         for mine, theirs in zip(self._layers, other._layers, strict=True):
             mine[place] = theirs
 
+    def take(self, other: "Cells", where: Mask) -> None:
+        """Copy some cells, (rows, columns), of a picture of the same shape."""
+        for mine, theirs in zip(self._layers, other._layers, strict=True):
+            mine[where] = theirs[where]
+
     def differs(self, other: "Cells") -> Mask:
         """True where a picture of the same shape has another cell, (rows, columns)."""
         layers = zip(self._layers, other._layers, strict=True)
@@ -131,7 +136,7 @@ class Signs(Struct, frozen=True):
 
     def line(self, role: Role) -> int:
         """Sign of a line, where lines are not dotted."""
-        return ord(self.lines.get(role, self.lines[Role.TRAIL_NEW]))
+        return ord(self.lines.get(role, self.lines[Role.TRAIL]))
 
 
 def heading_arrow(signs: Signs, heading: float) -> str:

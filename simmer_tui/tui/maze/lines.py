@@ -1,72 +1,127 @@
-"""Marks drawn in dots: trail, rays, floor spots, the outline of a belief."""
+"""Marks drawn in dots: trail, rays and the codes of their sensors, floor spots, the outline of a belief."""
 
 import math
+from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
+from msgspec import Struct
 
 from simmer_tui.sim.angles import FloatArray
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.records import FloorPatch
-from simmer_tui.sim.sensors import View
 from simmer_tui.sim.specs import RobotSpec
 from simmer_tui.tui.maze import shapes
 from simmer_tui.tui.maze.canvas import Canvas
 from simmer_tui.tui.maze.glyphs import heading_arrow
 from simmer_tui.tui.maze.palette import Role
-from simmer_tui.tui.maze.scene import BeliefMark, Scene
+from simmer_tui.tui.maze.scene import BeliefMark, Scene, SensorView
 
 # Less than a whole dot, so that none is left out on a slanting line.
 _STEP_DOTS = 0.9
 """Distance of samples of a line, in dots."""
-# Two movements: usually a turn and the drive after it.
-_TRAIL_AGES = (2, 4)
-"""Numbers of the last movements that are new, and that are at most older."""
+# Two movements are usually a turn and the drive after it. Older ones have fewer dots, not a fainter colour:
+# a fainter one could not be seen on every floor.
+_TRAIL_GAPS = ((2, _STEP_DOTS), (4, 2.6), (math.inf, 4.2))
+"""For the last movements, as many as the first number, dots from one mark of the trail to the next."""
+# A line of that many samples is longer than any screen has dots.
+_MOST_SAMPLES = 4096
+"""Samples of one movement's trail."""
 _STANDSTILL = 0.05
 """Inches; a movement shorter than this leaves no trail."""
 # The cones of the bundled sets, 5 degrees, are hardly wider than one ray on a screen.
 _WIDE_FAN = 10.0
 """Degrees; a fan at least this wide is shown by its outer rays too."""
+# From 6 in on they are clear of the robot, whose rim is 3 in from its centre in the bundled sets.
+_NO_ECHO = (6.0, 8.0, 10.0)
+"""Places of the dots of a reading without an echo along its direction, inches."""
+# At the end where a ray met something, or where that is covered, further and further in.
+_CODE_AT = (0.97, 0.8, 0.6, 0.45)
+"""Places of a sensor's code along its ray, as parts of its length."""
+# In a smaller maze cell the codes of all would hide what they belong to.
+_CODES_FROM = 12.0
+"""Columns a maze cell from which all rays have their code, and not the one read last alone."""
+_LONGEST_RAY = 1000.0
+"""Inches drawn of a ray at most; no maze of ours is longer across."""
+# A ray that ends on the border of a cell has no dot in the next one.
+_JUST = 1e-6
+"""Inches by which the last dot of a ray is before its end."""
 _TICK = 0.4
 """Length of the mark at the front of a belief, in robot radii."""
 _ARROW_AHEAD = 0.6
 """Distance of the arrow on a body ahead of its middle, inches."""
 
 
+class DrawnRay(Struct, frozen=True, eq=False):
+    """Ray on the picture: code of its sensor, direction, and the places of its dots from the sensor on."""
+
+    sensor: str
+    is_bright: bool
+    places: FloatArray
+
+
 def draw_trail(canvas: Canvas, scene: Scene) -> None:
-    """Path of the last movements: the newer, the brighter."""
-    legs = []
-    step = _step(canvas)
+    """Path of the last movements: the newer, the denser."""
+    if not scene.trail:
+        return
+    # All legs at once: there are dozens of them, most of a few points.
+    points = shapes.near_places(np.concatenate(scene.trail))
+    along = np.concatenate(([0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))))
+    ends = np.cumsum([len(leg) for leg in scene.trail])
     # A movement begins where the one before has ended.
-    for before, after in pairwise((np.empty((0, 2)), *scene.trail)):
-        leg = shapes.near_places(np.concatenate((before[-1:], after)))
-        if len(leg) and np.ptp(leg, axis=0).max() >= _STANDSTILL:
-            legs.append(shapes.sample_segments(leg[:-1], leg[1:], step))
-    newest, older = _TRAIL_AGES
-    for role, part in (
-        (Role.TRAIL_OLD, legs[:-older]),
-        (Role.TRAIL_OLDER, legs[-older:-newest]),
-        (Role.TRAIL_NEW, legs[-newest:]),
-    ):
-        if part:
-            canvas.line(role, np.concatenate(part), canvas.backdrop.keeps_wall)
+    marks = [0.0, *along[ends - 1].tolist()]
+    legs = [leg for leg in pairwise(marks) if leg[1] - leg[0] >= _STANDSTILL]
+    dot = 0.5 / canvas.viewport.scale
+    parts = []
+    for age, (begin, end) in enumerate(reversed(legs)):
+        step = dot * next(gap for until, gap in _TRAIL_GAPS if age < until)
+        parts += [np.arange(begin, min(end, begin + _MOST_SAMPLES * step), step), np.array((end,))]
+    if parts:
+        at = np.concatenate(parts)
+        places = np.stack((np.interp(at, along, points[:, 0]), np.interp(at, along, points[:, 1])), axis=-1)
+        canvas.line(Role.TRAIL, places, canvas.backdrop.keeps_wall)
 
 
-def draw_rays(canvas: Canvas, scene: Scene) -> None:
-    """Views of the sensors: faintly, and what was read last brightly."""
+def draw_rays(canvas: Canvas, scene: Scene) -> list[DrawnRay]:
+    """Views of the sensors: faintly, and what was read last brightly. Returns the rays, for their codes."""
     spare = canvas.backdrop.keeps_wall
-    longest = math.hypot(scene.maze.width, scene.maze.height)
     weak: list[FloatArray] = []
     strong: list[FloatArray] = []
+    rays = []
     for each in scene.views:
-        seen = _seen(each.view, canvas, longest)
-        bright = scene.is_bright(each) and not _saw_nothing(each.view)
-        (strong if bright else weak).extend(seen[:1])
+        seen = _seen(each, canvas)
+        if not seen:
+            continue
+        bright = scene.is_bright(each)
+        (strong if bright else weak).append(seen[0])
         weak += seen[1:]
+        if not isinstance(each.view, FloorPatch):
+            rays.append(DrawnRay(each.sensor, bright, seen[0]))
     if weak:
         canvas.line(Role.RAY_WEAK, np.concatenate(weak), spare | canvas.backdrop.named)
     if strong:
         canvas.line(Role.RAY_STRONG, np.concatenate(strong), spare)
+    return rays
+
+
+def draw_codes(canvas: Canvas, rays: Sequence[DrawnRay]) -> None:
+    """Code of a sensor at the end of its ray, where it covers neither a body nor a wall nor a word."""
+    taken = canvas.bodies | canvas.contacts | canvas.backdrop.named | canvas.backdrop.has_wall
+    # What was read last comes first: it is the one looked for.
+    for ray in sorted(rays, key=lambda ray: not ray.is_bright):
+        if not len(ray.places) or not (ray.is_bright or canvas.viewport.zoom >= _CODES_FROM):
+            continue
+        x, y = canvas.viewport.to_units(ray.places).T
+        for share in _CODE_AT:
+            at = min(int(share * len(x)), len(x) - 1)
+            row, column = math.floor(y[at] / 2), math.floor(x[at] - len(ray.sensor) / 2 + 0.5)
+            cells = (row, slice(column, column + len(ray.sensor)))
+            inside = canvas.holds(row, column) and canvas.holds(row, column + len(ray.sensor) - 1)
+            if inside and not taken[cells].any():
+                role = Role.RAY_STRONG if ray.is_bright else Role.RAY_WEAK
+                canvas.text(row, column, ray.sensor, role)
+                taken[row, max(column - 1, 0) : column + len(ray.sensor) + 1] = True
+                break
 
 
 def draw_particles(canvas: Canvas, belief: BeliefMark) -> None:
@@ -81,15 +136,17 @@ def draw_belief(canvas: Canvas, scene: Scene, belief: BeliefMark) -> None:
     if not shapes.is_near(pose.x, pose.y, pose.heading):
         return
     step = _step(canvas)
-    radius = shapes.reach(robot) * canvas.viewport.scale
+    radius = robot.reach * canvas.viewport.scale
     parts = []
     if belief.spread is not None and 0 < belief.spread < math.inf:
         # Every third dot, so that the circle does not look like another robot.
-        parts.append(shapes.outline_points(RobotSpec(radius=belief.spread), pose, 3 * step))
+        ring = shapes.outline_points(RobotSpec(radius=belief.spread), pose, 3 * step)
+        canvas.line(Role.BELIEF, ring, canvas.backdrop.keeps_wall)
     if canvas.signs.dotted:
         rim = shapes.front(robot)
-        tick = np.linspace(rim, rim + _TICK * shapes.reach(robot), 8)
+        tick = np.linspace(rim, rim + _TICK * robot.reach, 8)
         parts.append(shapes.outline_points(robot, pose, step))
+    if canvas.signs.dotted and belief.headed:
         parts.append(shapes.to_global(np.stack((tick, np.zeros(8)), axis=-1), pose))
     elif radius >= 2:
         _draw_sides(canvas, robot, pose)
@@ -99,7 +156,7 @@ def draw_belief(canvas: Canvas, scene: Scene, belief: BeliefMark) -> None:
     x, y = canvas.viewport.place(pose.x, pose.y)
     heading = math.radians(pose.heading)
     x, y = x + ahead * math.cos(heading), y - ahead * math.sin(heading)
-    arrow = heading_arrow(canvas.signs, pose.heading)
+    arrow = heading_arrow(canvas.signs, pose.heading) if belief.headed else "?"
     row, column = math.floor(y / 2), math.floor(x - (len(arrow) - 1) / 2)
     canvas.text(row, column, arrow, Role.BELIEF)
 
@@ -122,14 +179,10 @@ def _step(canvas: Canvas) -> float:
     return _STEP_DOTS * 0.5 / canvas.viewport.scale
 
 
-def _saw_nothing(view: View) -> bool:
-    return not isinstance(view, FloorPatch) and not any(map(math.isfinite, view.distances))
-
-
-def _seen(view: View, canvas: Canvas, longest: float) -> list[FloatArray]:
-    """Places to mark for one reading: the ray that was measured, and after it the outer rays of a
-    wide fan; or a spot on the floor."""
-    step = _step(canvas)
+def _seen(seen: SensorView, canvas: Canvas) -> list[FloatArray]:
+    """Places to mark for one reading: the ray that was measured, and after it the sides of a wide beam; dots
+    where there was no echo; or a spot on the floor."""
+    view, step = seen.view, _step(canvas)
     if not shapes.is_near(*(view.centre if isinstance(view, FloorPatch) else view.origin)):
         return []
     if isinstance(view, FloorPatch):
@@ -137,15 +190,28 @@ def _seen(view: View, canvas: Canvas, longest: float) -> list[FloatArray]:
     if not view.distances:
         return []
     nearest = view.distances.index(min(view.distances))
+    length = view.distances[nearest] if seen.reading is None else seen.reading
+    if not math.isfinite(length):
+        middle = (view.bearings[0] + view.bearings[-1]) / 2
+        return [_dots_along(canvas, view.origin, middle, np.array(_NO_ECHO))]
     chosen = [nearest]
     if abs(view.bearings[-1] - view.bearings[0]) >= _WIDE_FAN:
         chosen += [ray for ray in (0, len(view.bearings) - 1) if ray != nearest]
-    # A ray ends at a wall; its last dot must not lie in it.
-    lengths = [min(max(view.distances[ray] - 0.5 * step, 0.0), longest) for ray in chosen]
-    return [
-        shapes.ray_points(view.origin, view.bearings[ray], length + step / 2, step)
-        for ray, length in zip(chosen, lengths, strict=True)
-    ]
+    # The sides of a beam end at what they meet, but no further out than what was read.
+    ends = [length, *(min(length, view.distances[ray]) for ray in chosen[1:])]
+    alongs = [np.append(np.arange(0.0, min(end, _LONGEST_RAY), step), end - _JUST) for end in ends]
+    pairs = zip(chosen, alongs, strict=True)
+    return [_dots_along(canvas, view.origin, view.bearings[ray], along) for ray, along in pairs]
+
+
+def _dots_along(canvas: Canvas, origin: tuple[float, float], bearing: float, along: FloatArray) -> FloatArray:
+    """Places (n, 2) at distances from an origin, up to the first that is in a wall."""
+    way = np.array((math.cos(math.radians(bearing)), math.sin(math.radians(bearing))))
+    places: FloatArray = np.array(origin) + along[:, None] * way
+    blocked = canvas.backdrop.in_wall(*canvas.viewport.to_units(places).T)
+    # The sensor itself may stand over a wall, as that of a robot that has touched one does.
+    blocked[: int(blocked.argmin())] = False
+    return places[: int(blocked.argmax())] if blocked.any() else places
 
 
 def _spot(spot: FloorPatch, step: float) -> FloatArray:

@@ -2,29 +2,38 @@
 the legend under it and the small overview in its corner."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from functools import lru_cache
 
 import numpy as np
 from msgspec import Struct
 from msgspec.structs import replace
 from numpy.typing import NDArray
 
+from simmer_tui.belief_grid import GridBelief
 from simmer_tui.sim.specs import MazeSpec
 from simmer_tui.tui.maze.backdrop import Backdrop
-from simmer_tui.tui.maze.bodies import draw_block, draw_contact, draw_robot
+from simmer_tui.tui.maze.bodies import draw_block, draw_contact, draw_past_contacts
 from simmer_tui.tui.maze.canvas import Canvas
-from simmer_tui.tui.maze.glyphs import Cells, blank_cells, heading_arrow, signs_for
-from simmer_tui.tui.maze.lines import draw_belief, draw_particles, draw_rays, draw_trail
-from simmer_tui.tui.maze.palette import DEFAULT, Attribute, Look, Palette, Role, palette_for
+from simmer_tui.tui.maze.glyphs import Cells, blank_cells, signs_for
+from simmer_tui.tui.maze.heat import HeatMap, HeatMark, heat_numbers
+from simmer_tui.tui.maze.lines import draw_belief, draw_codes, draw_particles, draw_rays, draw_trail
+from simmer_tui.tui.maze.palette import DEFAULT, HEATS, Attribute, Look, Palette, Role, palette_for
+from simmer_tui.tui.maze.robot import DrawnRobot
+from simmer_tui.tui.maze.scan_dots import draw_scans
 from simmer_tui.tui.maze.scene import FloorMode, MazePoint, Scene, zones_of
+from simmer_tui.tui.maze.shapes import is_near
 from simmer_tui.tui.maze.viewport import FRAME, Layout, Viewport, arrange, best_zoom, draw_frame
 from simmer_tui.tui.terminal import ColorDepth, GlyphMode
 
-_Key = tuple[Viewport, bool, tuple[MazePoint, ...] | None, MazePoint | None, Palette]
+_Key = tuple[Viewport, tuple[MazePoint, ...] | None, MazePoint | None, Palette]
+# A tile of the course's floor: those that the sensors at the robot's rim may see next.
+_LOUD_BEYOND = 3.0
+"""Inches beyond the robot within which tiles are told apart while a line sensor is in use."""
 
 
 class Painter:
-    """Draws scenes for one kind of terminal, and keeps the last backdrop it drew.
+    """Draws scenes for one kind of terminal, and keeps the last backdrops it drew, quiet and loud.
 
     `look` and `floor` may be changed between two scenes.
     """
@@ -35,8 +44,11 @@ class Painter:
         self.floor = FloorMode.AUTO
         self.signs = signs_for(glyphs, depth)
         self.look = look
-        self._drawn: tuple[MazeSpec, NDArray[np.uint8], _Key] | None = None
-        self._backdrop: Backdrop | None = None
+        self.heat = True
+        """True if a grid's belief is drawn as a map."""
+        self._heat_map = HeatMap()
+        self._heated: tuple[GridBelief, MazeSpec, NDArray[np.uint8], _Key, Backdrop] | None = None
+        self._drawn: dict[bool, tuple[MazeSpec, NDArray[np.uint8], _Key, Backdrop]] = {}
 
     @property
     def palette(self) -> Palette:
@@ -45,51 +57,94 @@ class Painter:
 
     def cells(self, scene: Scene, viewport: Viewport) -> Cells:
         """The picture, (viewport.rows, viewport.columns)."""
-        canvas = Canvas(self.backdrop(scene, viewport))
+        canvas = Canvas(self._ground(scene, viewport))
         belief = scene.belief
+        pose = scene.pose
+        is_robot = scene.show_robot and is_near(pose.x, pose.y, pose.heading)
+        robot = DrawnRobot(canvas, scene) if is_robot else None
         # From the least needed to the robot, since each replaces what stood in its cells.
         if scene.show_trail:
             draw_trail(canvas, scene)
         if belief is not None:
             draw_particles(canvas, belief)
         if scene.show_rays:
-            draw_rays(canvas, scene)
+            draw_scans(canvas, scene)
+        rays = draw_rays(canvas, scene) if scene.show_rays else []
+        # Under the block: the needle is long, the block may lie right ahead.
+        if robot is not None and not scene.block_held:
+            robot.draw_needle()
+        draw_past_contacts(canvas, scene)
         if not (scene.block_held and scene.show_robot):
             draw_block(canvas, scene)
         if belief is not None:
             draw_belief(canvas, scene, belief)
-        if scene.contact is not None and not scene.in_contact:
-            draw_contact(canvas, scene, scene.contact)  # the robot may since have come over it
-        if scene.show_robot:
-            draw_robot(canvas, scene)
-        if scene.contact is not None and scene.in_contact:
+        if robot is not None:
+            robot.draw_body()
+            if scene.block_held:
+                robot.draw_held(scene.block_size)
+        if scene.contact is not None:
             draw_contact(canvas, scene, scene.contact)
+        draw_codes(canvas, rays)
         return canvas.cells
 
-    def backdrop(self, scene: Scene, viewport: Viewport) -> Backdrop:
+    def _ground(self, scene: Scene, viewport: Viewport) -> Backdrop:
+        """Backdrop of a scene; one whose tiles are told apart under the robot alone is mixed of two. With
+        heat on them tiles stay quiet."""
+        if self.heat and scene.heat is not None:
+            return self._heat_backdrop(scene, viewport, self._heat_map.shown(scene.heat))
+        backdrop = self.backdrop(scene, viewport, loud=self.floor is FloorMode.LOUD)
+        if self.floor is not FloorMode.AUTO or not scene.is_loud(self.floor):
+            return backdrop
+        x, y = viewport.place(scene.pose.x, scene.pose.y)
+        radius = (scene.robot.reach + _LOUD_BEYOND) * viewport.scale
+        near = backdrop.tiles_near(x, y, radius)
+        return backdrop.with_loud(self.backdrop(scene, viewport, loud=True), near)
+
+    def backdrop(self, scene: Scene, viewport: Viewport, *, loud: bool) -> Backdrop:
         """Floor, walls and zones of a window, drawn anew only when one of them is another."""
-        loud = scene.is_loud(self.floor)
-        palette = self.palette
-        key = (viewport, loud, scene.loading_zone, scene.drop_zone, palette)
-        drawn, backdrop = self._drawn, self._backdrop
+        palette, key = self.palette, self._key(scene, viewport)
+        drawn = self._drawn.get(loud)
         # By identity: comparing all cells of two mazes would cost more than it saves.
-        same = drawn is not None and drawn[0] is scene.maze and drawn[1] is scene.floor and drawn[2] == key
-        if backdrop is None or not same:
-            backdrop = Backdrop(scene, viewport, self.signs, palette, loud=loud)
-            self._drawn = (scene.maze, scene.floor, key)
-            self._backdrop = backdrop
-        return backdrop
+        if drawn is None or drawn[0] is not scene.maze or drawn[1] is not scene.floor or drawn[2] != key:
+            made = Backdrop(scene, viewport, self.signs, palette, loud=loud)
+            drawn = self._drawn[loud] = (scene.maze, scene.floor, key, made)
+        return drawn[3]
+
+    def _key(self, scene: Scene, viewport: Viewport) -> _Key:
+        return viewport, scene.loading_zone, scene.drop_zone, self.palette
+
+    @property
+    def tints(self) -> bool:
+        """True if this terminal has colours for levels of heat."""
+        return self.signs.has_blocks and self.depth in (ColorDepth.TRUECOLOR, ColorDepth.COLORS_256)
+
+    def _heat_backdrop(self, scene: Scene, viewport: Viewport, mark: HeatMark) -> Backdrop:
+        """Backdrop with the map of a grid, drawn anew only when one of them is another."""
+        key, drawn = self._key(scene, viewport), self._heated
+        if drawn is not None and drawn[0] is mark.grid and drawn[1] is scene.maze and (
+            drawn[2] is scene.floor and drawn[3] == key
+        ):  # fmt: skip
+            return drawn[4]
+        signs = self.signs
+        levels = self._heat_map.levels(mark, scene.maze, viewport, signs.across, signs.down)
+        tints = levels if self.tints else None
+        made = Backdrop(scene, viewport, signs, self.palette, loud=False, heat=tints)
+        made.write_numbers(heat_numbers(mark.grid, viewport, tinted=self.tints))
+        self._heated = (mark.grid, scene.maze, scene.floor, key, made)
+        return made
 
 
 # -- the legend ------------------------------------------------------------------------------------
 
 _DOTS = {
-    Role.TRAIL_NEW: "⠒⠂",
+    Role.TRAIL: "⠒⠂",
     Role.RAY_STRONG: "⠒⠂",
     Role.RAY_WEAK: "⠒⠂",
     Role.LOADING_LINE: "⣏⣹",
     Role.DROP_LINE: "⡠⠊",
 }
+_HEAT_WORDS = ("possible", "likely", "most likely")
+"""Words for the levels of heat."""
 _PLAIN = {Role.LOADING_LINE: "+-+", Role.DROP_LINE: "//"}
 
 
@@ -104,18 +159,24 @@ class LegendEntry(Struct, frozen=True):
 
 
 def legend_cells(scene: Scene | None, painter: Painter, width: int) -> Cells:
-    """The legend as one row of cells; entries that do not fit are left out."""
+    """The legend as one row of cells; entries that do not fit are left out. The same ones come again as the
+    same cells, which are not to be changed."""
+    has_blocks = painter.signs.has_blocks
+    return _legend_cells(tuple(_legend(scene, painter)), painter.palette, width, has_blocks=has_blocks)
+
+
+# From one picture to the next it hardly ever changes.
+@lru_cache(maxsize=64)
+def _legend_cells(entries: Sequence[LegendEntry], palette: Palette, width: int, *, has_blocks: bool) -> Cells:
     cells = blank_cells(1, max(width, 1))
-    palette = painter.palette
     column = 0
-    entries = list(_legend(scene, painter))
     gap = 2 if sum(len(each.sign) + len(each.word) + 3 for each in entries) - 2 <= width else 1
     for each in entries:
         text = f" {each.word}"
         wide = len(each.sign)
         if column + wide + len(text) > width:
             break
-        solid = palette.is_mono and painter.signs.has_blocks and each.paper is not None
+        solid = palette.is_mono and has_blocks and each.paper is not None
         attribute = Attribute.REVERSE if solid else Attribute.NONE
         cells.write(0, column, each.sign, palette[each.role], attribute)
         if each.paper is not None:
@@ -129,25 +190,37 @@ def _legend(scene: Scene | None, painter: Painter) -> Iterator[LegendEntry]:
     """Explanations of a scene's signs, the most needed first."""
     signs = painter.signs
     blocks = signs.has_blocks
-    arrow = heading_arrow(signs, scene.pose.heading if scene is not None else 0.0)
-    yield LegendEntry(f" {arrow} " if blocks else f"({arrow})", Role.HEADING, "robot", Role.ROBOT)
+    # A plain block of its colour: its heading stands in the pose line, and would be sent with every turn.
+    yield LegendEntry("  " if blocks else "(O)", Role.HEADING, "robot", Role.ROBOT)
     if scene is None:
         return
-    if scene.is_loud(painter.floor):
+    if painter.heat and scene.heat is not None:
+        if painter.tints:
+            first = painter.depth is ColorDepth.COLORS_256  # the lowest level has no tint there
+            for (dark, _), word in list(zip(HEATS, _HEAT_WORDS, strict=True))[first:]:
+                yield LegendEntry("  ", Role.TEXT, word, dark)
+    elif scene.is_loud(painter.floor):
         # What matters now comes before what one knows by now.
         yield from _floor_entries(painter)
     if scene.belief is not None:
+        arrow = signs.arrows[0]
         yield LegendEntry(arrow if blocks else f"?{arrow}?", Role.BELIEF, "belief")
     if scene.block_centre is not None:
         yield LegendEntry("■" if blocks else "BB", Role.BLOCK, "block")
     if scene.contact is not None:
-        yield LegendEntry("X", Role.BACKGROUND, "contact", Role.CONTACT)
+        yield LegendEntry(" X " if blocks else "X", Role.BACKGROUND, "contact", Role.CONTACT)
+    if scene.past_contacts:
+        yield LegendEntry("×" if blocks else "x", Role.CONTACT, "earlier")
     zones = zones_of(scene)
     rays = len(scene.views) if scene.show_rays else 0
+    read_last = min(rays, 0 if scene.scan_is_newest else 1)
+    if scene.show_rays and scene.scans:
+        sign = "⠢⠔" if signs.dotted else 2 * chr(signs.line(Role.RAY_STRONG))
+        yield LegendEntry(sign, Role.RAY_STRONG, "scan")
     for role, word, there in (
-        (Role.TRAIL_NEW, "trail", scene.show_trail and len(scene.trail) > 0),
-        (Role.RAY_STRONG, "last ray", rays > 0),
-        (Role.RAY_WEAK, "ray", rays > 1),
+        (Role.TRAIL, "trail", scene.show_trail and len(scene.trail) > 0),
+        (Role.RAY_STRONG, "read last", read_last > 0),
+        (Role.RAY_WEAK, "ray", rays > read_last),
         (Role.LOADING_LINE, "loading", bool(zones.loading)),
         (Role.DROP_LINE, "drop", bool(zones.drop)),
     ):
@@ -158,10 +231,10 @@ def _legend(scene: Scene | None, painter: Painter) -> Iterator[LegendEntry]:
 def _floor_entries(painter: Painter) -> tuple[LegendEntry, LegendEntry]:
     black = painter.signs.fills.get(Role.LOUD_BLACK)
     if black:
-        return LegendEntry(black[0], Role.GRID, "0 black"), LegendEntry("_", Role.GRID, "1 white")
+        return LegendEntry(black[0], Role.GRID, "black"), LegendEntry("_", Role.GRID, "white")
     return (
-        LegendEntry(" ", Role.TEXT, "0 black", Role.LOUD_BLACK),
-        LegendEntry(" ", Role.TEXT, "1 white", Role.LOUD_WHITE),
+        LegendEntry(" ", Role.TEXT, "black", Role.LOUD_BLACK),
+        LegendEntry(" ", Role.TEXT, "white", Role.LOUD_WHITE),
     )
 
 
@@ -196,7 +269,9 @@ def paste_overview(painter: Painter, cells: Cells, scene: Scene, layout: Layout,
     small = blank_cells(rows, columns)
     small.background[:] = painter.palette[Role.BACKGROUND]
     # All else would be noise in few cells.
-    bare = replace(scene, trail=(), views=(), belief=None, contact=None)
+    bare = replace(
+        scene, trail=(), views=(), scans=(), belief=None, heat=None, contact=None, past_contacts=()
+    )
     small.paste(painter.cells(bare, whole), FRAME, FRAME)
     draw_frame(small, inset, whole, painter.signs, painter.palette)
     _outline(painter, small, layout, window, inset)

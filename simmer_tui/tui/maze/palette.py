@@ -49,7 +49,7 @@ class Role(IntEnum):
     BARS = ("10141a", 233, 0), ("f6f7f9", 231, 15), ("000000", 16, 0)
     BLACK_TILE = ("11151b", 233, 0), ("eceff2", 254, 15), ("000000", 16, 0)
     WHITE_TILE = ("191e25", 234, 0), ("f9fafb", 255, 15), ("101010", 232, 0)
-    LOUD_BLACK = ("080a0d", 232, 0), ("d3d9e0", 250, 15), ("000000", 16, 0)
+    LOUD_BLACK = ("080a0d", 232, 0), ("d3d9e0", 252, 15), ("000000", 16, 0)
     LOUD_WHITE = ("2a313b", 236, 0), ("ffffff", 231, 15), ("303030", 236, 0)
     WALL = ("353d49", 237, 8), ("d0d6de", 251, 7), ("303030", 236, 8)
     EDGE = ("8f99a7", 246, 7), ("69737f", 241, 8), ("b8c0c8", 250, 7)
@@ -57,20 +57,45 @@ class Role(IntEnum):
     LOADING_GROUND = ("161d2b", 234, 0), ("e8effb", 189, 15), ("000000", 16, 0)
     LOADING_LINE = ("7f93b8", 104, 6), ("5470a5", 61, 4), ("9dbcf5", 111, 6)
     DROP_GROUND = ("15221f", 234, 0), ("e6f3ee", 194, 15), ("000000", 16, 0)
-    DROP_LINE = ("5d8f80", 66, 2), ("3f7a68", 29, 2), ("7fcbb0", 79, 2)
-    TRAIL_NEW = ("4068e0", 27, 12), ("669af8", 69, 6), ("4068e8", 27, 12)
-    TRAIL_OLDER = ("30509f", 25, 4), ("8fb2f5", 111, 6), ("3454b4", 25, 4)
-    TRAIL_OLD = ("263b6c", 60, 4), ("bccff5", 153, 7), ("2c4688", 60, 4)
-    RAY_WEAK = ("6c6a45", 58, 8), ("b3a76a", 143, 7), ("98945c", 101, 8)
-    RAY_STRONG = ("fff0b8", 230, 15), ("665000", 58, 8), ("fff0b8", 229, 15)
-    BLOCK = ("b2770a", 136, 3), ("a8640c", 94, 5), ("b87c10", 136, 3)
-    ROBOT = ("a6f9c8", 194, 14), ("042832", 233, 0), ("d8ffe8", 194, 14)
+    DROP_LINE = ("5d8f80", 72, 2), ("3f7a68", 29, 2), ("7fcbb0", 79, 2)
+    TRAIL = ("5c8bfc", 69, 12), ("3066e4", 26, 6), ("5c8bfc", 69, 12)
+    RAY_WEAK = ("8c8958", 101, 8), ("837838", 94, 8), ("98945c", 101, 8)
+    RAY_STRONG = ("ffe45e", 221, 15), ("554100", 22, 8), ("ffe45e", 221, 15)
+    BLOCK = ("b2780b", 136, 3), ("aa6619", 130, 5), ("b2780b", 136, 3)
+    ROBOT = ("b9ffd5", 158, 14), ("112729", 234, 0), ("d8ffe8", 158, 14)
     HEADING = ("04150b", 233, 0), ("ffffff", 231, 15), ("000000", 16, 0)
-    BELIEF = ("f9a0f0", 219, 11), ("8a1fc0", 91, 4), ("ffb0f8", 219, 11)
-    CONTACT = ("f2506a", 167, 9), ("e02a1a", 124, 1), ("ff5c74", 203, 9)
+    BELIEF = ("f2a4f4", 219, 11), ("4c0083", 53, 4), ("f2a4f4", 219, 11)
+    CONTACT = ("e86b8f", 168, 9), ("ab4366", 125, 1), ("e86b8f", 168, 9)
     TEXT = ("e2e7ee", 254, 15), ("161b22", 234, 0), ("ffffff", 231, 15)
     DIM_TEXT = ("a3adba", 249, 7), ("46515e", 239, 8), ("d0d6de", 252, 7)
     ACCENT = ("5fd0ff", 81, 10), ("0a5785", 24, 4), ("7fdcff", 117, 14)
+    # The state of a run, as ground of row 0, with the text on it; and the maze's frame at a verdict.
+    WAITING = ("2f5d8f", 24, 4), ("2f5d8f", 24, 4), ("1f4d7f", 24, 4)
+    PAUSED = ("ffcf5c", 221, 3), ("ffd98a", 222, 3), ("ffcf5c", 221, 3)
+    SUCCESS = ("7be3a4", 115, 2), ("bfe8cf", 151, 2), ("7be3a4", 115, 2)
+    FAILURE = ("c4302b", 160, 1), ("b3201c", 124, 1), ("b3201c", 124, 1)
+    LIGHT_TEXT = ("ffffff", 231, 15), ("ffffff", 231, 15), ("ffffff", 231, 15)
+    DARK_TEXT = ("0b0e13", 16, 0), ("0b0e13", 16, 0), ("000000", 16, 0)
+    FRAME_SUCCESS = ("7be3a4", 115, 10), ("0f6b3f", 22, 2), ("7be3a4", 115, 10)
+    FRAME_FAILURE = ("ff7f76", 210, 9), ("b3201c", 124, 1), ("ff9f98", 210, 9)
+    # Words of what went well, of what is near, and of what went wrong: legible as text.
+    GOOD = ("7be3a4", 115, 10), ("0b5f3a", 22, 2), ("7be3a4", 115, 10)
+    WARNING = ("ffcf5c", 221, 11), ("6f4400", 94, 3), ("ffcf5c", 221, 11)
+    DANGER = ("ff7f76", 210, 9), ("a31a17", 124, 1), ("ff9f98", 210, 9)
+    # Rings of the radar, at least 3:1 on the background.
+    RING = ("5d6876", 242, 8), ("8b95a1", 245, 8), ("9a9a9a", 247, 7)
+    # Shares of the time spent, side by side in one bar.
+    DRIVING_TIME = ("3f8cff", 69, 12), ("1a5fd8", 26, 4), ("7fb2ff", 111, 12)
+    SENSING_TIME = ("ffd76a", 221, 11), ("a06a00", 94, 5), ("ffd76a", 221, 11)
+    # A grid's belief on black and white tiles: possible, likely, most likely. With 256 colours the first has
+    # no tint, with 16 none has: there the numbers say it.
+    HEAT_1_BLACK = ("281937", 233, 0), ("eae2f5", 254, 15), ("281937", 16, 0)
+    HEAT_1_WHITE = ("301e41", 234, 0), ("f0eaf8", 255, 15), ("301e41", 232, 0)
+    HEAT_2_BLACK = ("371849", 53, 0), ("e8d7f7", 189, 15), ("371849", 53, 0)
+    HEAT_2_WHITE = ("421d57", 53, 0), ("eee2f9", 189, 15), ("421d57", 53, 0)
+    HEAT_3_BLACK = ("48185c", 54, 0), ("e6cafa", 225, 15), ("48185c", 54, 0)
+    HEAT_3_WHITE = ("561d6e", 54, 0), ("edd9fb", 225, 15), ("561d6e", 54, 0)
+    LINK_TIME = ("c4ccd6", 252, 7), ("2b3440", 237, 0), ("e2e7ee", 254, 7)
 
 
 class Attribute(IntFlag):
@@ -84,6 +109,12 @@ class Attribute(IntFlag):
 
 FLOORS = (Role.BLACK_TILE, Role.WHITE_TILE, Role.LOUD_BLACK, Role.LOUD_WHITE)
 ZONES = (Role.LOADING_GROUND, Role.DROP_GROUND)
+HEATS = (
+    (Role.HEAT_1_BLACK, Role.HEAT_1_WHITE),
+    (Role.HEAT_2_BLACK, Role.HEAT_2_WHITE),
+    (Role.HEAT_3_BLACK, Role.HEAT_3_WHITE),
+)
+"""Grounds of a grid's belief, by level and tile."""
 GROUNDS = (*FLOORS, *ZONES, Role.WALL)
 """Grounds that a mark may lie on."""
 

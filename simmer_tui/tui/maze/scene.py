@@ -15,15 +15,22 @@ from simmer_tui.run.state import SensorRow, State
 from simmer_tui.sim.angles import FloatArray
 from simmer_tui.sim.maze import Maze
 from simmer_tui.sim.pose import Pose
-from simmer_tui.sim.sensors import LineSensor, ObservingSensor, View, World, sensor_of
+from simmer_tui.sim.scan_rays import ScanRays, rays_of
+from simmer_tui.sim.sensors import LineSensor, ObservingSensor, View, World, modelled_sensor
 from simmer_tui.sim.specs import BLOCK, CELL_SIZE, TILES_PER_CELL, MazeSpec, RobotSpec, SimulationSpec
 from simmer_tui.snapshot import Snapshot
+from simmer_tui.tui.maze.heat import HeatMark
 
 MazePoint = tuple[float, float]
 MazeCells = frozenset[tuple[int, int]]
 # A program that follows a line reads its sensors far more often; one that looks now and then sees no flicker.
 LOUD_SECONDS = 10.0
 """Time after a line sensor's reading during which the floor keeps its contrast, seconds."""
+
+
+# More would hide the floor; the report has all of them.
+MOST_CONTACTS = 50
+"""Earlier contacts that are marked."""
 
 
 class FloorMode(StrEnum):
@@ -35,21 +42,25 @@ class FloorMode(StrEnum):
 
 
 class SensorView(Struct, frozen=True, eq=False):
-    """Geometry of one sensor's latest reading; `sensor` is its code."""
+    """Geometry of one sensor's latest reading; `sensor` is its code, `reading` the range that it told,
+    inches, infinite without an echo, None for what its view says."""
 
     view: View
     sensor: str = ""
+    reading: float | None = None
 
 
 class BeliefMark(Struct, frozen=True, eq=False):
     """Pose at which a program believes the robot is.
 
-    `spread` is a radius of uncertainty (inches), `particles` an (n, 2) array of places.
+    `spread` is a radius of uncertainty (inches), `particles` an (n, 2) array of places. `headed` is false for
+    a grid without headings.
     """
 
     pose: Pose
     spread: float | None = None
     particles: FloatArray | None = None
+    headed: bool = True
 
 
 class Scene(Struct, frozen=True, kw_only=True, eq=False):
@@ -63,7 +74,10 @@ class Scene(Struct, frozen=True, kw_only=True, eq=False):
         trail: centres of the robot in its last movements, (n, 2) each, oldest first.
         views: in the order in which they were read. The last is drawn brightly, and so is the one
             of the sensor with the code `chosen`.
+        scans: newest scan of each lidar. `scan_is_newest` is true if one was read after all views.
         contact: last place where the robot touched something; `in_contact` is true if it touches now.
+        past_contacts: places where it touched something before that, oldest first.
+        heat: grid that the program believes with.
         line_age: seconds since a line sensor was read, None for never.
         loading_zone: middles of its cells, None for those that the maze marks.
         drop_zone: middle of its cell.
@@ -79,10 +93,14 @@ class Scene(Struct, frozen=True, kw_only=True, eq=False):
     block_held: bool = False
     trail: tuple[FloatArray, ...] = ()
     views: tuple[SensorView, ...] = ()
+    scans: tuple[ScanRays, ...] = ()
+    scan_is_newest: bool = False
     chosen: str = ""
     contact: MazePoint | None = None
     in_contact: bool = False
+    past_contacts: tuple[MazePoint, ...] = ()
     belief: BeliefMark | None = None
+    heat: HeatMark | None = None
     line_age: float | None = None
     loading_zone: tuple[MazePoint, ...] | None = None
     drop_zone: MazePoint | None = None
@@ -103,7 +121,8 @@ class Scene(Struct, frozen=True, kw_only=True, eq=False):
 
     def is_bright(self, view: SensorView) -> bool:
         """True for the view that was read last and for that of the chosen sensor."""
-        return view is self.views[-1] or view.sensor == self.chosen != ""
+        is_newest = view is self.views[-1] and not self.scan_is_newest
+        return is_newest or view.sensor == self.chosen != ""
 
 
 class Zones(NamedTuple):
@@ -143,11 +162,15 @@ def scene_of(
 ) -> Scene:
     """Scene of a snapshot, with the views read since the robot moved; while it moves, those read before.
 
-    The view of the `chosen` sensor stands out.
+    The view of the `chosen` sensor stands out. Scans stay until the next one: their dots are where the walls
+    are, wherever the robot is by now.
     """
     state = snapshot.state
     rows = sorted(state.sensors.values(), key=lambda row: row.number)
-    seen = [(_view(row, maze), row.reading.sensor.code) for row in rows if _is_fresh(row, state)]
+    seen = [
+        (_view(row, maze), row.reading) for row in rows if row.reading.scan is None and _is_fresh(row, state)
+    ]
+    touched = _touched(state)
     block, zones = state.block, snapshot.mission.plan if snapshot.mission is not None else None
     return Scene(
         maze=spec.maze,
@@ -159,10 +182,18 @@ def scene_of(
         block_heading=block.heading,
         block_held=state.holding,
         trail=state.legs,
-        views=tuple(SensorView(view, code) for view, code in seen if view is not None),
-        contact=state.contact.point if state.contact is not None else None,
+        views=tuple(
+            SensorView(view, reading.sensor.code, reading.value if reading.sensor.kind.is_range else None)
+            for view, reading in seen
+            if view is not None
+        ),
+        scans=tuple(filter(None, map(_scan_rays, rows))),
+        scan_is_newest=bool(rows) and rows[-1].reading.scan is not None,
+        contact=touched[-1] if touched else None,
         in_contact=state.touching,
+        past_contacts=touched[-1 - MOST_CONTACTS : -1],
         belief=_belief_mark(state),
+        heat=_heat_mark(state),
         line_age=_line_age(state),
         loading_zone=tuple((cell.x, cell.y) for cell in zones.loading_zone) if zones is not None else None,
         drop_zone=(zones.drop_zone.x, zones.drop_zone.y) if zones is not None else None,
@@ -172,13 +203,36 @@ def scene_of(
     )
 
 
+def _scan_rays(row: SensorRow) -> ScanRays | None:
+    scan = row.reading.scan
+    return None if scan is None else rays_of(scan, row.reading.sensor, row.pose)
+
+
+def _touched(state: State) -> tuple[MazePoint, ...]:
+    """Places touched, oldest first, that of a movement under way included."""
+    points, now = state.contact_points, state.contact
+    if now is None or (points and points[-1] == now.point):
+        return points
+    return (*points, now.point)
+
+
 def _belief_mark(state: State) -> BeliefMark | None:
     belief = state.belief
     if belief is None:
         return None
     # Particles may have headings, which are not drawn.
     particles = np.array([particle[:2] for particle in belief.particles]) if belief.particles else None
-    return BeliefMark(belief.pose, belief.spread, particles)
+    if belief.grid is None:
+        return BeliefMark(belief.pose, belief.spread, particles)
+    # The map says how sure it is, and where; a circle would say it for one hump only.
+    return BeliefMark(belief.pose, None, particles, belief.grid.has_headings)
+
+
+def _heat_mark(state: State) -> HeatMark | None:
+    belief = state.belief
+    if belief is None or belief.grid is None or not belief.grid.cells:
+        return None
+    return HeatMark(belief.grid, belief.time, not state.moving)
 
 
 def _is_fresh(row: SensorRow, state: State) -> bool:
@@ -195,7 +249,7 @@ def _view(row: SensorRow, maze: Maze) -> View | None:
     """View of a reading. A log does not hold it, since it follows from where the robot was."""
     if row.reading.view is not None:
         return row.reading.view
-    sensor = sensor_of(row.reading.sensor)
+    sensor = modelled_sensor(row.reading.sensor)
     return (
         sensor.observe(World(maze, row.block), row.pose)[1] if isinstance(sensor, ObservingSensor) else None
     )

@@ -36,11 +36,6 @@ def covers(shape: RobotSpec, points: FloatArray) -> NDArray[np.bool_]:
     return np.asarray(shapely.contains_xy(shapely.Polygon(shape.vertices), x, y))
 
 
-def reach(shape: RobotSpec) -> float:
-    """Greatest distance from the origin to a shape's outline."""
-    return shape.radius if shape.radius is not None else max(math.hypot(x, y) for x, y in shape.vertices)
-
-
 def front(shape: RobotSpec) -> float:
     """Extent of a shape along +X from the origin."""
     if shape.radius is not None:

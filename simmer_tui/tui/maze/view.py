@@ -25,7 +25,7 @@ from simmer_tui.tui.maze.viewport import (
     next_zoom,
     point_outside,
 )
-from simmer_tui.tui.strips import CellsWidget, make_strip
+from simmer_tui.tui.strips import CellsWidget, make_strips
 from simmer_tui.tui.terminal import ColorDepth, GlyphMode
 from simmer_tui.tui.terminal_app import TerminalApp
 
@@ -74,6 +74,8 @@ class MazeView(CellsWidget, can_focus=True, inherit_bindings=False):
         """Reason why the last scene could not be drawn; empty if it could."""
         self.follow = True
         """True if the view keeps the robot in sight where the maze does not fit."""
+        self.frame_role = Role.EDGE
+        """Colour of the frame: at a verdict it is the verdict's."""
         self.scene: Scene | None = None
         self.viewport: Viewport | None = None
         """Part of the maze that was last drawn."""
@@ -83,6 +85,8 @@ class MazeView(CellsWidget, can_focus=True, inherit_bindings=False):
         self._held: Offset | None = None
         """Last place of the pointer while a button is held down on the maze."""
         self._dragged = False
+        self._legend: tuple[Cells, Style, Strip] | None = None
+        """The legend last made: its cells, the style of the rest, and the line."""
 
     # -- what is shown ---------------------------------------------------------------------------
 
@@ -112,7 +116,11 @@ class MazeView(CellsWidget, can_focus=True, inherit_bindings=False):
 
     def legend(self, width: int) -> Strip:
         """One line that explains the signs of the picture."""
-        return make_strip(legend_cells(self.scene, self.painter, width), 0, self._style)
+        drawn = legend_cells(self.scene, self.painter, width), self._style
+        before = self._legend
+        if before is None or drawn[0] is not before[0] or drawn[1] != before[1]:
+            before = self._legend = (*drawn, make_strips(drawn[0], [0], drawn[1])[0])
+        return before[2]
 
     # -- what people do --------------------------------------------------------------------------
 
@@ -162,6 +170,12 @@ class MazeView(CellsWidget, can_focus=True, inherit_bindings=False):
         self.painter.floor = modes[(modes.index(self.painter.floor) + 1) % len(modes)]
         self._draw()
         self._tell(f"floor: {_FLOORS[self.painter.floor]}")
+
+    def action_heat(self) -> None:
+        """Show a grid's belief as a map, or stop doing so."""
+        self.painter.heat = not self.painter.heat
+        self._draw()
+        self._tell(f"map of the belief: {'on' if self.painter.heat else 'off'}")
 
     def on_mouse_scroll_up(self, event: MouseScrollUp) -> None:
         event.stop()
@@ -295,7 +309,7 @@ class MazeView(CellsWidget, can_focus=True, inherit_bindings=False):
         painter = self.painter
         cells = blank_cells(layout.height, layout.width)
         cells.paste(painter.cells(scene, window), FRAME, FRAME)
-        draw_frame(cells, layout, window, painter.signs, painter.palette)
+        draw_frame(cells, layout, window, painter.signs, painter.palette, self.frame_role)
         if not layout.fits:
             paste_overview(self._overview, cells, scene, layout, window)
         marks = [(scene.pose, Role.ROBOT)] if scene.show_robot else []

@@ -60,8 +60,10 @@ class Viewport(Struct, frozen=True):
 
     def place(self, x: float, y: float) -> tuple[float, float]:
         """Unit coordinates of one global place."""
-        units = self.to_units(np.array((x, y)))
-        return float(units[0]), float(units[1])
+        # As `to_units`, without the arrays: a frame asks for a dozen places.
+        units = x * self.scale - self.left, (self.maze_height - y) * self.scale - 2 * self.top
+        across, down = (min(max(unit, -_FAR), _FAR) if unit == unit else _FAR for unit in units)
+        return across, down
 
     def to_inches(self, column: float, row: float) -> tuple[float, float]:
         """Global place (x, y) at a place of this window in terminal columns and rows."""
@@ -149,8 +151,16 @@ def next_zoom(zoom: float, step: int) -> float:
 # -- the frame -------------------------------------------------------------------------------------
 
 
-def draw_frame(cells: Cells, layout: Layout, viewport: Viewport, signs: Signs, palette: Palette) -> None:
-    """Draw the outer wall's edge around the window; a plain line where the maze goes on."""
+def draw_frame(
+    cells: Cells,
+    layout: Layout,
+    viewport: Viewport,
+    signs: Signs,
+    palette: Palette,
+    role: Role = Role.EDGE,
+) -> None:
+    """Draw the outer wall's edge around the window in the colour of `role`; a plain line where the maze goes
+    on."""
     right, bottom = layout.columns + 1, layout.rows + 1
     # Left, top, right, bottom.
     ends = (
@@ -160,7 +170,7 @@ def draw_frame(cells: Cells, layout: Layout, viewport: Viewport, signs: Signs, p
         viewport.top + viewport.rows >= layout.maze_rows,
     )
     sides, corners, open_sides = signs.frame[:4], signs.frame[4:8], signs.frame[8:]
-    edge, line = palette[Role.EDGE], palette[Role.GRID]
+    edge, line = palette[role], palette[Role.GRID]
     dim = Attribute.DIM if palette.is_mono and signs.has_blocks else Attribute.NONE
     upright, flat = slice(1, bottom), slice(1, right)
     first, last_row, last_column = slice(0, 1), slice(bottom, bottom + 1), slice(right, right + 1)

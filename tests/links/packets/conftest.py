@@ -28,7 +28,7 @@ from simmer_tui.links.ports import PortRequest, take_port
 from simmer_tui.server import Server
 from simmer_tui.sim import CommandResult, Simulator, Status
 
-SECONDS = 20.0
+SECONDS = 120.0
 """Longest wait for anything, real seconds; nothing waits that long unless it is broken."""
 HOST = "127.0.0.1"
 
@@ -158,7 +158,7 @@ class Bench:
         return sender
 
     async def read(self) -> bytes:
-        """What one read brings when something waits: all bytes up to a clean end."""
+        """The result of one read when something waits: all bytes up to a clean end."""
         reader = await self.connect(1)
         return await self.rest(reader)
 

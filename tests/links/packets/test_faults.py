@@ -24,7 +24,7 @@ Serve = Callable[..., Any]
 
 
 def lines(served: Any) -> list[str]:
-    """What is noted of faults: notices beside those of coming and going, and refusals."""
+    """Notices of faults, beside those of coming and going, and refusals."""
     found = []
     for event in tuple(served.events):
         if isinstance(event, Notice) and "sends packets" not in event.text:

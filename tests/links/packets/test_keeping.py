@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import socket
 import subprocess
@@ -21,6 +22,7 @@ IDLE = 10.0
 @dataclass(eq=False)
 class Program:
     lives: bool = True
+    age: float = math.inf
 
 
 class Programs:
@@ -28,6 +30,7 @@ class Programs:
 
     def __init__(self, *programs: Program | None) -> None:
         self.now: Program | None = programs[0]
+        self.of_run: Program | None = None
 
     def holder(self, sock: socket.socket, peer: str, known: Any) -> Any:
         return self.now
@@ -118,6 +121,52 @@ def test_who_closed_before_it_could_be_seen_is_known_by_its_last_read(on_clock: 
         await bench.send(b"[m1]", 1)
         await long_after(bench, 60)
         assert await bench.read() == b"[m1:0.0]"
+
+    on_clock(scenario, link={"processes": programs})
+
+
+def test_a_program_that_reads_gets_nothing_that_was_asked_for_before_it_began(on_clock: Any) -> None:
+    """Both close their requests before anybody can look whose they are, as simmer-python's programs do."""
+    programs = Programs(None)
+
+    async def scenario(bench: Any) -> None:
+        await bench.send(b"[m0]", 1)
+        await long_after(bench, 2)
+        await bench.send(b"[m1]", 1)
+        await long_after(bench, 1)
+        programs.now = Program(age=1.5)
+        assert await bench.read() == b"[m1:0.0]"
+        assert "1 replies dropped: the program that reads was not there yet" in bench.notices
+
+    on_clock(scenario, link={"processes": programs})
+
+
+def test_a_program_that_only_reads_gets_what_another_has_asked_for(on_clock: Any) -> None:
+    """As in a shell: one `nc` asks, the next one reads."""
+    programs = Programs(None)
+
+    async def scenario(bench: Any) -> None:
+        await bench.send(b"[m0]", 1)
+        await long_after(bench, 2)
+        programs.now = Program(age=0.1)
+        assert await bench.read() == b"[m0:0.0]"
+
+    on_clock(scenario, link={"processes": programs})
+
+
+def test_a_reply_to_a_program_of_the_run_waits_while_that_lives(on_clock: Any) -> None:
+    """Its first request may be closed before anybody can look whose it was."""
+    programs, of_run = Programs(None), Program()
+    programs.of_run = of_run
+
+    async def scenario(bench: Any) -> None:
+        await bench.send(b"[m0]", 1)
+        await long_after(bench, 60)
+        assert await bench.read() == b"[m0:0.0]"
+        await bench.send(b"[m0]", 1)
+        of_run.lives = False
+        await long_after(bench, IDLE + 1)
+        assert bench.left == 1
 
     on_clock(scenario, link={"processes": programs})
 

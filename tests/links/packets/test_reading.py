@@ -1,4 +1,4 @@
-"""Who gets a reply, on which port, and how long a read takes; on a clock that the test moves."""
+"""Replies, who gets them, on which port, and how long a read takes; on a clock that the test moves."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 
 from simmer_tui.backend import MOST_COMMANDS, MOST_REFUSED
+from simmer_tui.events import ActionDone, ActionName
 from simmer_tui.links.packet_connections import IDLE_LIMIT
 from simmer_tui.links.packet_link import MOST_CONNECTIONS
 from simmer_tui.protocol.packets import MAX_WAITING, Reply
@@ -17,7 +18,7 @@ from simmer_tui.sim import Status
 
 
 async def ended(bench: Any, reader: socket.socket) -> bytes:
-    """What a read brings that must be over by now."""
+    """The result of a read that must be over by now."""
     data: bytes = await bench.rest(reader)
     return data
 
@@ -364,6 +365,38 @@ def test_a_stop_goes_before_any_number_of_drives(on_clock: Any, engine: Any, lin
     on_clock(scenario, engine=engine, link=link)
 
 
+class Users:
+    """The users behind connections, as a test says; no process is known."""
+
+    now, of_run = 1000, None
+
+    def user(self, sock: socket.socket, peer: str) -> int:
+        return self.now
+
+    def holder(self, sock: socket.socket, peer: str, known: Any) -> None:
+        return None
+
+
+@pytest.mark.parametrize("user", [1000, 1001])
+def test_where_all_users_are_let_in_one_users_flood_makes_only_that_one_busy(
+    on_clock: Any, user: int
+) -> None:
+    users = Users()
+
+    async def scenario(bench: Any) -> None:
+        flood = await bench.connect(0)
+        await bench.clock.sock_sendall(flood, b"[w0:3]" * 2200)
+        await bench.clock.until(lambda: len(bench.busy) >= 2200 - MOST_COMMANDS - 5)
+        before, users.now = len(bench.busy), user
+        other = await bench.connect(0)
+        await bench.clock.sock_sendall(other, b"[m0]")
+        await bench.clock.until(lambda: bench.link.traffic.speaking == 2)
+        await bench.clock.pass_by(5.0)
+        assert len(bench.busy) - before == (user == 1000)
+
+    on_clock(scenario, engine={"step_time": 1.0}, link={"processes": users, "any_user": True})
+
+
 def test_bytes_that_wait_are_bounded_as_commands_are(on_clock: Any) -> None:
     long = b"[" + b",".join([b"w0:" + b"1" * 250] * 100) + b"]"
 
@@ -392,8 +425,10 @@ def test_one_that_never_waits_for_replies_is_dropped_in_the_end(on_clock: Any) -
     async def scenario(bench: Any) -> None:
         flood = await bench.connect(0)
         with contextlib.suppress(ConnectionError):
-            await bench.clock.sock_sendall(flood, b"[m0]" * (MOST_REFUSED + 4000))
+            await bench.clock.sock_sendall(flood, b"[w0:3]" + b"[m0]" * (MOST_REFUSED + 4000))
         await bench.clock.until(lambda: bench.link.traffic.connections == 0)
+        stopped = [each.action.name for each in bench.events if isinstance(each, ActionDone)]
+        assert stopped == [ActionName.STOP], "a stop may be among what is not read any more"
         assert any("does not read its replies" in text for text in bench.notices)
         next_one = await bench.connect(0)
         await bench.clock.sock_sendall(next_one, b"[m1]")

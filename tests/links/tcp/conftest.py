@@ -18,7 +18,7 @@ from simmer_tui.events import Event, Notice
 from simmer_tui.server import Server
 from simmer_tui.sim import Simulator
 
-SECONDS = 20.0
+SECONDS = 120.0
 """Longest wait for anything; nothing waits that long unless it is broken."""
 SEED = 7
 

@@ -1,4 +1,4 @@
-"""What a new program does wrong with its connections is told once; one that does it right is told nothing."""
+"""Mistakes of a new program with its connections are told once; one without mistakes is told nothing."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ ONLY_LINUX = pytest.mark.skipif(sys.platform != "linux", reason="only Linux says
 
 @pytest.fixture
 def at_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    """What is told after seconds of waiting is told at once."""
+    """Advice that comes after seconds of waiting comes at once."""
     monkeypatch.setattr(binary_link, "ALONE", 0.02)
     monkeypatch.setattr(connection_doctor, "LOOKS", (0.02, 0.1))
 
@@ -35,7 +35,7 @@ def faults(served: Any) -> list[str]:
     return [
         event.text
         for event in tuple(served.events)
-        if isinstance(event, Notice) and event.kind is NoticeKind.FAULT
+        if isinstance(event, Notice) and event.kind is NoticeKind.FAULT and event.advice
     ]
 
 
@@ -48,8 +48,8 @@ def test_a_program_on_the_reply_port_alone_is_told_the_command_port(serve: Any) 
     ports = served.server.ports
     serve.program(served).open_replies()
     served.wait_notice(
-        f"is connected to the reply port {ports[REPLIES.purpose]} alone: "
-        f"connect to port {ports[COMMANDS.purpose]} too"
+        f"is connected only to the reply port {ports[REPLIES.purpose]}: "
+        f"connect to the command port {ports[COMMANDS.purpose]} too"
     )
 
 
@@ -102,7 +102,7 @@ def test_a_program_that_waits_elsewhere_for_its_reply_is_told(serve: Any, separa
     program.send(b"u1\n")  # and reads it nowhere
     commands, replies = (served.server.ports[port.purpose] for port in (COMMANDS, REPLIES))
     where = f"it came on port {replies}" if separate else f"it came back on port {commands}"
-    served.wait_notice(f"waits, its reply is unread: {where}")
+    served.wait_notice(f"waits and has not read its reply: {where}")
 
 
 @pytest.mark.parametrize("separate", [False, True])
@@ -118,7 +118,7 @@ def test_a_program_that_leaves_with_its_first_reply_unread_is_told(serve: Any, s
     if program.replies is not None:
         program.replies.close()
     program.commands.close()
-    served.wait_notice("left with its first reply unread")
+    served.wait_notice("left without reading its first reply")
 
 
 def test_a_program_of_one_command_is_told_nothing(serve: Any) -> None:
@@ -144,12 +144,31 @@ def test_replies_of_another_width_are_told_while_the_program_waits(serve: Any) -
     served.wait_notice("has read a part of its reply: replies here are 8 bytes, big-endian; --reply-format")
 
 
-def test_a_program_that_leaves_after_its_first_reply_is_told_an_unusual_form(serve: Any) -> None:
+@pytest.mark.usefixtures("at_once")
+def test_a_program_that_waits_for_more_than_its_first_reply_is_told_an_unusual_form(serve: Any) -> None:
     served = serve(server__reply_format="float32")
     program = serve.program(served, ">f").open_commands()
     program.ask("u1")
+    program.commands.settimeout(0.05)
+    with pytest.raises(TimeoutError):
+        program.commands.recv(4)  # the other half of eight bytes
     program.close()
-    served.wait_notice("left after its first reply: replies here are 4 bytes, big-endian")
+    served.wait_notice("waited after its first reply and left: replies here are 4 bytes, big-endian")
+
+
+@pytest.mark.parametrize("form", [{"reply_format": "float32"}, {"byte_order": "little"}])
+def test_a_program_of_one_reading_in_an_unusual_form_is_told_nothing(
+    serve: Any, form: dict[str, str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(connection_doctor, "LOOKS", (60.0,))  # a busy machine may take long to close
+    served = serve(**{f"server__{name}": value for name, value in form.items()})
+    for _ in range(3):
+        program = serve.program(served, ">f" if "reply_format" in form else "<d").open_commands()
+        assert program.ask("u1") > 0
+        left = served.clients_left
+        program.close()
+        served.wait(lambda left=left: served.clients_left > left)
+    assert faults(served) == []
 
 
 @pytest.mark.parametrize("value", ["4.2e-310", "nan", "-inf", "3e200"])
@@ -158,7 +177,7 @@ def test_a_nonsense_value_after_the_first_reply_is_told(serve: Any, value: str) 
     program = serve.program(served).open_commands()
     program.ask("u1")
     program.ask(f"d1-{value}")
-    served.wait_notice("replies here are 8 bytes, big-endian; --reply-format and --byte-order have others")
+    served.wait_notice("replies here are 8 bytes, big-endian; --reply-format and --byte-order change that")
     program.ask(f"d1-{value}")
     program.ask("u1")
     assert sum("replies here" in text for text in faults(served)) == 1

@@ -1,4 +1,4 @@
-"""Who gets which reply: framing, formats and routes over real sockets."""
+"""Replies and who gets them: framing, formats and routes over real sockets."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What people make of colours: WCAG 2 contrast, CIEDE2000, and simulated colour blindness."""
+"""Colours as people see them: WCAG 2 contrast, CIEDE2000, and simulated colour blindness."""
 
 from __future__ import annotations
 

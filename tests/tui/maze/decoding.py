@@ -1,4 +1,4 @@
-"""What one can read off the cells of a picture: the robot's place, its arrow, its needle."""
+"""Facts read off the cells of a picture: the robot's place, its arrow, its needle."""
 
 from __future__ import annotations
 
@@ -36,25 +36,79 @@ def arrow_heading(cells: Cells, painter: Painter) -> float | None:
     signs = painter.signs
     if not signs.has_blocks:
         return _plain_arrow(cells, signs)
+    hand = hand_heading(cells, painter)
+    if hand is not None:
+        return hand
     if painter.palette.is_mono:
         there = cells.attributes & (Attribute.REVERSE | Attribute.BOLD) == Attribute.REVERSE | Attribute.BOLD
         there &= cells.characters != ord("X")
     else:
         there = cells.foreground == painter.palette[Role.HEADING]
         there &= cells.background == painter.palette[Role.ROBOT]
-        if signs.pixels == 8:
-            there |= cells.background == painter.palette[Role.HEADING]
-    dotted = there & (cells.characters > BRAILLE) & (cells.characters < BRAILLE + 256)
-    if dotted.sum() >= 3:
-        return _dots_heading(_dots(cells, dotted))
-    pixels = there & np.isin(cells.characters, signs.blocks) if signs.pixels == 8 else there & False
-    if pixels.sum() >= 3:
-        return _dots_heading(_pixels(cells, pixels, signs))
     rows, columns = np.nonzero(there & (cells.characters != ord(" ")))
     if not len(rows):
         return None
     text = "".join(chr(cells.characters[row, column]) for row, column in zip(rows, columns, strict=True))
     return 45.0 * signs.arrows.index(text)
+
+
+def hand_heading(cells: Cells, painter: Painter) -> float | None:
+    """The heading that the hand on the robot shows, degrees: where from the middle of the body what is not of
+    its colour lies. None for a body too small for a hand."""
+    found = _outline(cells, painter)
+    if found is None or found[1] < 2.4:
+        return None
+    signs, body = painter.signs, _robot_pixels(cells, painter)
+    middle, radius = found
+    all_y, all_x = np.indices(body.shape)
+    away_x = (all_x + 0.5) / signs.across - middle[0]
+    away_y = 2 * (all_y + 0.5) / signs.down - middle[1]
+    dark = ~body & (np.hypot(away_x, away_y) < 0.9 * radius)
+    if not dark.any():
+        return None
+    return math.degrees(math.atan2(-away_y[dark].mean(), away_x[dark].mean()))
+
+
+def robot_middle(cells: Cells, painter: Painter) -> tuple[float, float] | None:
+    """The middle of the robot's body, units; None if there is none."""
+    found = _outline(cells, painter)
+    return None if found is None else found[0]
+
+
+def _outline(cells: Cells, painter: Painter) -> tuple[tuple[float, float], float] | None:
+    """Middle and radius of the robot's body, units."""
+    signs = painter.signs
+    rows, columns = np.nonzero(_robot_pixels(cells, painter))
+    if not len(rows):
+        return None
+    x, y = (columns + 0.5) / signs.across, 2 * (rows + 0.5) / signs.down
+    middle = (x.min() + x.max()) / 2, (y.min() + y.max()) / 2
+    return middle, max(x.max() - x.min() + 1 / signs.across, y.max() - y.min() + 2 / signs.down) / 2
+
+
+def _robot_pixels(cells: Cells, painter: Painter) -> NDArray[np.bool_]:
+    """Pixels of the robot's colour, (rows * pixels down, columns * pixels across)."""
+    signs, palette = painter.signs, painter.palette
+    known = {code: pattern for pattern, code in enumerate(signs.blocks)}
+    found = np.zeros((cells.shape[0], signs.down, cells.shape[1], signs.across), dtype=np.bool_)
+    where = robot_cells(cells, painter)
+    if palette.is_mono:
+        # Cells of the rim are not reversed; the edges of walls are dim, and nothing else is made of pixels.
+        where |= (cells.attributes == 0) & np.isin(cells.characters, signs.blocks[1:])
+        # Beside the X of a contact.
+        where &= (cells.characters != ord(" ")) | (cells.attributes & Attribute.BOLD == 0)
+    for row, column in np.argwhere(where):
+        pattern = known.get(int(cells.characters[row, column]))
+        if pattern is None:
+            continue
+        bits = [bool(pattern >> bit & 1) for bit in range(signs.pixels)]
+        if palette.is_mono:
+            solid = bool(cells.attributes[row, column] & Attribute.REVERSE)
+        else:
+            solid = cells.background[row, column] == palette[Role.ROBOT]
+        shape = np.array(bits).reshape(signs.down, signs.across)
+        found[row, :, column, :] = ~shape if solid else shape
+    return found.reshape(cells.shape[0] * signs.down, cells.shape[1] * signs.across)
 
 
 def needle_heading(cells: Cells, painter: Painter) -> float | None:
@@ -99,35 +153,6 @@ def _dots(cells: Cells, where: NDArray[np.bool_]) -> Places:
                 place = (column + (x + 0.5) / 2, 2 * row + (y + 0.5) / 2)
                 places += [place] if pattern & int(DOT_BITS[y, x]) else []
     return np.array(places)
-
-
-def _pixels(cells: Cells, where: NDArray[np.bool_], signs: Signs) -> Places:
-    places = []
-    for row, column in np.argwhere(where):
-        pattern = signs.blocks.index(int(cells.characters[row, column]))
-        for pixel in range(signs.pixels):
-            if pattern >> pixel & 1 or pattern == 0:
-                x = column + (pixel % signs.across + 0.5) / signs.across
-                places.append((x, 2 * (row + (pixel // signs.across + 0.5) / signs.down)))
-    return np.array(places)
-
-
-def _dots_heading(dots: Places) -> float:
-    """Where an arrow of dots points: along its axis, to the side on which it is broader."""
-    middle = dots.mean(axis=0)
-    away = dots - middle
-    _, vectors = np.linalg.eigh(away.T @ away)
-    best, most = 0.0, -math.inf
-    # A stout arrow's longest axis may lie across; its broad end never does.
-    for axis in (*vectors.T, *-vectors.T):
-        along, across = away @ axis, np.abs(away @ np.array((-axis[1], axis[0])))
-        ahead = across[along > 0].mean() if (along > 0).any() else 0.0
-        behind = across[along < 0].mean() if (along < 0).any() else 0.0
-        lopsided = abs(float((across * np.sign(away @ np.array((-axis[1], axis[0])))).sum()))
-        score = float(ahead - behind) - 0.02 * lopsided
-        if score > most:
-            best, most = math.degrees(math.atan2(-axis[1], axis[0])), score
-    return best
 
 
 def _plain_arrow(cells: Cells, signs: Signs) -> float | None:

@@ -14,7 +14,7 @@ from rich.style import Style
 
 from simmer_tui.tui.maze.glyphs import Cells, blank_cells, heading_arrow, side_arrow, signs_for
 from simmer_tui.tui.maze.palette import DEFAULT, Attribute
-from simmer_tui.tui.strips import Span, changed_spans, make_strip
+from simmer_tui.tui.strips import Span, changed_spans, make_strips
 from simmer_tui.tui.terminal import ColorDepth, GlyphMode
 
 THEIRS = Style(color="cyan", bgcolor="blue")
@@ -78,7 +78,7 @@ small_cells = st.builds(
 @given(cells=small_cells)
 def test_runs_show_the_same_as_the_cells_one_by_one(cells: Cells) -> None:
     for row in range(3):
-        strip = make_strip(cells, row, THEIRS)
+        strip = make_strips(cells, [row], THEIRS)[0]
         assert strip.text == cells.text(row)
         assert strip.cell_length == 12
         column = 0
@@ -114,17 +114,15 @@ def test_blanks_join_the_run_beside_them_on_the_same_background() -> None:
     cells.background[:] = 0xFFFFFF
     cells.background[0, 5] = 0
     cells.foreground[0, [1, 3]] = 0xFF0000
-    strip = make_strip(cells, 0, THEIRS)
+    strip = make_strips(cells, [0], THEIRS)[0]
     assert [segment.text for segment in strip] == [" a b ", " "]
 
 
-@given(old=small_cells, new=small_cells, join=st.sampled_from([None, 0, 1, 3, 20]))
-def test_pasting_the_changed_spans_turns_the_old_picture_into_the_new(
-    old: Cells, new: Cells, join: int | None
-) -> None:
+@given(old=small_cells, new=small_cells)
+def test_pasting_the_changed_spans_turns_the_old_picture_into_the_new(old: Cells, new: Cells) -> None:
     names = ("characters", "foreground", "background", "attributes")
     shown = {name: getattr(old, name).copy() for name in names}
-    for span in changed_spans(old, new, join):
+    for span in changed_spans(old, new):
         place = (span.row, slice(span.start, span.stop))
         assert span.start < span.stop
         for name in names:
@@ -132,11 +130,9 @@ def test_pasting_the_changed_spans_turns_the_old_picture_into_the_new(
     assert all((shown[name] == getattr(new, name)).all() for name in names)
 
 
-def test_near_changes_are_one_span_and_far_ones_two() -> None:
+def test_a_row_has_one_span() -> None:
     old, new = blank_cells(2, 20), blank_cells(2, 20)
     new.write(1, 2, "x")
-    new.write(1, 5, "x")
     new.write(1, 15, "x")
-    assert changed_spans(old, old, 5) == []
-    assert changed_spans(old, new, 5) == [Span(1, 2, 6), Span(1, 15, 16)]
-    assert changed_spans(old, new, None) == [Span(1, 2, 16)]
+    assert changed_spans(old, old) == []
+    assert changed_spans(old, new) == [Span(1, 2, 16)]

@@ -95,19 +95,22 @@ def test_the_views_have_the_sizes_of_the_composition() -> None:
 def test_the_heading_is_read_off_the_cells(
     size: tuple[int, int], glyphs: GlyphMode, depth: ColorDepth, contact: float | None
 ) -> None:
-    painter = Painter(glyphs, depth)
+    painter, needles = Painter(glyphs, depth), 0
     for heading in HEADINGS:
         cells = painter.cells(crowded(heading, contact=contact), window(size))
         arrow = arrow_heading(cells, painter)
         assert arrow is not None, heading
-        assert turned(arrow, heading) <= 45, (heading, arrow)
+        assert turned(arrow, heading) <= 22.5, (heading, arrow)
         needle = needle_heading(cells, painter)
         if needle is not None:
+            needles += 1
             assert turned(needle, heading) <= 22.5, (heading, needle)
-        assert needle is not None or not painter.signs.dotted or depth is ColorDepth.NONE or contact == 0.0
+    # A belief close by or a contact ahead may lie over it.
+    seen = painter.signs.dotted and depth is not ColorDepth.NONE and contact != 0.0
+    assert needles >= 12 * seen
 
 
-@pytest.mark.parametrize("zoom", [4.0, 5.0, 6.0, 7.0, 9.0, 12.0, 13.5, 24.0, 40.0])
+@pytest.mark.parametrize("zoom", [4.0, 5.0, 6.0, 7.0, 9.0, 10.0, 12.0, 13.5, 14.0, 16.0, 24.0, 40.0])
 def test_the_heading_is_read_at_any_zoom(zoom: float) -> None:
     painter = Painter(GlyphMode.QUADRANT, ColorDepth.TRUECOLOR)
     viewport = arrange(MAZE, zoom, 2000, 2000).viewport(MAZE, 0, 0)
@@ -116,11 +119,11 @@ def test_the_heading_is_read_at_any_zoom(zoom: float) -> None:
         cells = painter.cells(crowded(heading), viewport)
         arrow, needle = arrow_heading(cells, painter), needle_heading(cells, painter)
         assert arrow is not None
-        assert turned(arrow, heading) <= 45, (heading, arrow)
+        assert turned(arrow, heading) <= (10 if zoom >= 10 else 22.5), (heading, arrow)
         if needle is not None:
             needles += 1
             assert turned(needle, heading) <= 30, (heading, needle)
-    assert needles >= 15, "one heading looks at a wall close by"
+    assert needles >= 8, "a wall close by cuts it off, a belief lies over it"
 
 
 @pytest.mark.parametrize("zoom", [0.4, 0.8, 1.5, 3.0])
@@ -202,10 +205,10 @@ def test_a_contact_with_the_outer_wall_is_marked_beside_the_arrow(
     rows, columns = np.nonzero(cells.characters == ord("X"))
     assert len(rows) == 1
     x, y = window(size).place(*point)
-    assert math.hypot(columns[0] + 0.5 - x, 2 * rows[0] + 1 - y) <= 2 * window(size).scale * 3
+    assert math.hypot(columns[0] + 0.5 - x, 2 * rows[0] + 1 - y) <= 2 * window(size).scale * 3 + 1
     arrow = arrow_heading(cells, painter)
     assert arrow is not None
-    assert turned(arrow, heading) <= 45
+    assert turned(arrow, heading) <= 22.5
 
 
 def unpacked(color: int) -> tuple[int, int, int]:

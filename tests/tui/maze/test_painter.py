@@ -1,4 +1,4 @@
-"""What is drawn over what, in every glyph mode."""
+"""Order in which marks cover each other, in every glyph mode."""
 
 from __future__ import annotations
 
@@ -78,7 +78,8 @@ def test_zones_have_an_outline_a_hatch_and_a_name(painter: Painter, bare: Scene)
     assert (cells.background[1:3, 1:15] == painter.palette[Role.LOADING_GROUND]).all()
     assert " drop " in cells.text(4)[16:]
     assert len(ink(cells, painter, Role.DROP_LINE)) > 12
-    loud = draw(painter, replace(scene, line_age=0.0))
+    painter.floor = FloorMode.LOUD
+    loud = draw(painter, scene)
     assert not (loud.background == painter.palette[Role.LOADING_GROUND]).any()
     assert loud.text(0)[:16] == cells.text(0)[:16]
 
@@ -90,19 +91,30 @@ def test_without_a_mission_the_mazes_own_cells_are_the_loading_zone(painter: Pai
     assert draw(painter, scene, 12.0).text(0)[12:] == "⡏ loading ⠉⢹"
 
 
-def test_the_trail_shows_the_age_of_its_legs(painter: Painter, bare: Scene) -> None:
-    places = [(2.0, 20.0), (20.0, 20.0), (20.0, 14.0), (2.0, 14.0), (2.0, 8.0), (20.0, 8.0), (20.0, 2.0)]
-    trail = tuple(np.split(np.array(places), (2, 3, 4, 5, 6)))
-    scene = replace(bare, trail=trail)
+def dots(cells: Cells, painter: Painter, role: Role, rows: slice) -> int:
+    """The number of dots of a role in some rows."""
+    marks = [place for place in ink(cells, painter, role) if rows.start <= place[0] < rows.stop]
+    return sum(int(cells.characters[place] - BRAILLE).bit_count() for place in marks)
+
+
+def test_an_older_trail_has_fewer_dots_of_the_same_color(painter: Painter, bare: Scene) -> None:
+    lanes = [22.0, 16.0, 10.0, 4.0]
+    legs = [np.array([(2.0, y), (20.0, y)]) for y in lanes]
+    scene = replace(
+        bare, trail=(legs[0], legs[1][::-1], legs[2], legs[3][::-1], np.array([(2.0, 4.0), (2.0, 1.0)]))
+    )
     cells = draw(painter, scene)
-    rows = {role: {row for row, _ in ink(cells, painter, role)} for role in (Role.TRAIL_OLD, Role.TRAIL_NEW)}
-    assert 1 in rows[Role.TRAIL_OLD]
-    assert rows[Role.TRAIL_NEW] >= {5, 6}
-    assert rows[Role.TRAIL_OLD].isdisjoint(rows[Role.TRAIL_NEW])
-    assert ink(cells, painter, Role.TRAIL_OLDER)
-    standing = replace(scene, trail=(*trail, np.array([(20.0, 2.0)])))
-    assert (draw(painter, standing).foreground == cells.foreground).all(), "turning ages nothing"
-    assert not ink(draw(painter, replace(scene, show_trail=False)), painter, Role.TRAIL_NEW)
+    counts = [dots(cells, painter, Role.TRAIL, slice(2 * row, 2 * row + 1)) for row in range(4)]
+    assert counts[0] * 3 < counts[3]
+    assert counts[1] < counts[3] * 0.6
+    assert counts[2] < counts[3] * 0.6
+    assert not ink(draw(painter, replace(scene, show_trail=False)), painter, Role.TRAIL)
+
+
+def test_turning_ages_no_trail(painter: Painter, bare: Scene) -> None:
+    leg, turn = np.array([(2.0, 20.0), (20.0, 20.0)]), np.array([(20.0, 20.0)])
+    fresh = draw(painter, replace(bare, trail=(leg,)))
+    assert (draw(painter, replace(bare, trail=(leg, turn, turn, turn))).characters == fresh.characters).all()
 
 
 def test_what_was_read_last_is_bright_and_lies_on_top(painter: Painter, bare: Scene) -> None:
@@ -135,10 +147,48 @@ def test_only_the_measured_ray_of_a_narrow_fan_is_drawn_and_the_sides_of_a_wide_
     assert ink(wide, painter, Role.RAY_STRONG)
 
 
-def test_a_ray_that_met_nothing_is_faint(painter: Painter, bare: Scene) -> None:
-    cells = draw(painter, replace(bare, views=(ray(270.0, length=math.inf),)))
-    assert not ink(cells, painter, Role.RAY_STRONG)
-    assert ink(cells, painter, Role.RAY_WEAK)
+@pytest.mark.parametrize("told", [None, math.inf])
+def test_without_an_echo_there_are_three_dots_and_no_ray(
+    painter: Painter, bare: Scene, told: float | None
+) -> None:
+    view = replace(ray(270.0, length=math.inf if told is None else 9.0), reading=told)
+    cells = draw(painter, replace(bare, views=(view,)), 12.0)
+    marks = ink(cells, painter, Role.RAY_STRONG)
+    assert sum(int(cells.characters[place] - BRAILLE).bit_count() for place in marks) == 3
+    assert {column for _, column in marks} == {6}
+
+
+def test_a_ray_is_as_long_as_what_was_read_and_ends_at_a_wall(painter: Painter, bare: Scene) -> None:
+    def reach(told: float) -> int:
+        view = replace(ray(0.0, length=15.0, origin=(6.2, 6.0)), reading=told)
+        return max(
+            column for _, column in ink(draw(painter, replace(bare, views=(view,))), painter, Role.RAY_STRONG)
+        )
+
+    assert reach(6.0) == int((6.2 + 6.0) * 8 / 12)
+    assert reach(25.0) == int((6.2 + 25.0) * 8 / 12), "what a sensor says, whatever its view"
+    up = replace(ray(0.0, length=15.0, origin=(6.2, 18.0)), reading=40.0)
+    marks = ink(draw(painter, replace(bare, views=(up,))), painter, Role.RAY_STRONG)
+    assert max(column for _, column in marks) == 15, "no ray goes on behind a wall"
+
+
+def test_a_ray_has_the_code_of_its_sensor_at_its_end(painter: Painter, plain_scene: Scene) -> None:
+    views = (replace(ray(180.0, length=8.0, origin=(6.0, 9.0)), sensor="u3"),)
+    views += (replace(ray(0.0, length=20.0, origin=(12.0, 9.0)), sensor="u1"),)
+    scene = replace(plain_scene, views=views)
+    small = draw(painter, scene, 8.0)
+    text = "".join(small.text(row) for row in range(small.shape[0]))
+    assert "u1" in text
+    assert "u3" not in text, "there is room for what was read last alone"
+    large = draw(painter, scene, 16.0)
+    assert any("u3" in large.text(row) and "u1" in large.text(row) for row in range(large.shape[0]))
+    at = next(row for row in range(large.shape[0]) if "u1" in large.text(row))
+    column = large.text(at).index("u1")
+    assert large.foreground[at, column] == painter.palette[Role.RAY_STRONG]
+    assert abs(column - 31 * 16 / 12) <= 3
+    blocked = draw(painter, replace(scene, block_centre=(31.4, 9.0)), 16.0)
+    row = next(row for row in range(blocked.shape[0]) if "u1" in blocked.text(row))
+    assert blocked.text(row).index("u1") < column - 2, "it gives way to the block"
 
 
 def test_a_zones_name_wins_over_faint_rays_only(painter: Painter, bare: Scene) -> None:
@@ -186,11 +236,54 @@ def test_the_contact_leaves_the_arrow_alone(painter: Painter, plain_scene: Scene
                 assert ink(cells, painter, Role.HEADING)
 
 
-def test_the_robot_hides_where_it_once_touched(painter: Painter, plain_scene: Scene) -> None:
-    past = replace(plain_scene, contact=(9.0, 9.0))
-    assert "X" not in "".join(draw(painter, past).text(row) for row in range(8))
-    now = replace(past, in_contact=True)
-    assert "X" in "".join(draw(painter, now).text(row) for row in range(8))
+def test_a_contact_is_marked_beside_the_robot_that_stands_over_it(
+    painter: Painter, plain_scene: Scene
+) -> None:
+    for now in (False, True):
+        cells = draw(painter, replace(plain_scene, contact=(9.0, 9.0), in_contact=now))
+        assert (cells.characters == ord("X")).sum() == 1
+        robot = draw(painter, plain_scene)
+        there = robot.background == painter.palette[Role.ROBOT]
+        assert (cells.background[there] == robot.background[there]).all(), "it covers no part of the body"
+
+
+def test_earlier_contacts_stay_as_small_crosses_one_a_cell(painter: Painter, bare: Scene) -> None:
+    past = ((24.0, 20.0), (24.0, 20.1), (12.0, 2.0), (40.0, 90.0))
+    cells = draw(painter, replace(bare, past_contacts=past, contact=(30.0, 12.0)))
+    marks = [tuple(place) for place in np.argwhere(cells.characters == ord("×")).tolist()]
+    assert marks == [(1, 15), (7, 8)], "in front of the wall"
+    assert {cells.foreground[place] for place in marks} == {painter.palette[Role.CONTACT]}
+    assert cells.characters[3, 20] == ord("X"), "the last one on the wall it touched"
+
+
+def test_tiles_are_told_apart_under_the_robot_alone(painter: Painter, plain_scene: Scene) -> None:
+    loud = [painter.palette[role] for role in (Role.LOUD_BLACK, Role.LOUD_WHITE)]
+    scene = replace(plain_scene, pose=Pose(6.0, 6.0, 0.0), line_age=1.0)
+    cells = draw(painter, scene)
+    assert np.isin(cells.background[4:, :8], loud).any()
+    assert not np.isin(cells.background[4:, 10:], loud).any()
+    assert not np.isin(draw(painter, replace(scene, line_age=11.0)).background, loud).any()
+    painter.floor = FloorMode.LOUD
+    assert np.isin(draw(painter, scene).background[4:, 10:], loud).any()
+
+
+def test_the_needle_covers_no_part_of_a_block(painter: Painter, plain_scene: Scene) -> None:
+    color = painter.palette[Role.BLOCK]
+    for heading in range(0, 360, 15):
+        for away in (4.6, 5.5, 6.5, 8.0):
+            way = math.radians(heading)
+            place = (18 + away * math.cos(way), 12 + away * math.sin(way))
+            scene = replace(plain_scene, pose=Pose(18, 12, heading), block_centre=place)
+            alone = draw(painter, replace(scene, show_robot=False), 12.0)
+            both = draw(painter, scene, 12.0)
+            body = (both.background == painter.palette[Role.ROBOT]) | (
+                both.background == painter.palette[Role.HEADING]
+            )
+            body |= np.isin(both.characters, painter.signs.blocks[1:]) & (
+                both.foreground == painter.palette[Role.ROBOT]
+            )
+            there = ((alone.foreground == color) | (alone.background == color)) & ~body
+            assert (both.characters[there] == alone.characters[there]).all(), (heading, away)
 
 
 def test_a_contact_at_the_outer_wall_is_seen(painter: Painter, plain_scene: Scene) -> None:
@@ -290,14 +383,17 @@ def test_plain_characters_draw_the_whole_scene(plain_scene: Scene) -> None:
 
 def test_the_backdrop_is_drawn_once(painter: Painter, plain_scene: Scene) -> None:
     viewport = whole_maze(plain_scene.maze, 8.0)
-    first = painter.backdrop(plain_scene, viewport)
-    assert painter.backdrop(replace(plain_scene, pose=Pose(1, 1, 1)), viewport) is first
-    assert painter.backdrop(replace(plain_scene, line_age=1.0), viewport) is not first
+    first = painter.backdrop(plain_scene, viewport, loud=False)
+    loud = painter.backdrop(plain_scene, viewport, loud=True)
+    assert loud is not first
+    assert painter.backdrop(replace(plain_scene, pose=Pose(1, 1, 1)), viewport, loud=False) is first
+    assert painter.backdrop(plain_scene, viewport, loud=True) is loud
 
 
 coordinates = st.floats(-60, 90) | st.sampled_from([0.0, 12.0, 24.0, 36.0, math.inf, math.nan, 1e300])
 
 
+@pytest.mark.slow
 @settings(max_examples=150, deadline=None)
 @given(
     x=coordinates,

@@ -86,6 +86,17 @@ def _pace(order: OrderSpec, words: Sequence[str]) -> ConsoleCommand:
         raise ConsoleCommandError(str(error)) from None
 
 
+def _velocity(order: OrderSpec, words: Sequence[str]) -> ConsoleCommand:
+    # A person's velocity has an end: nobody is to be surprised by a robot that drives on.
+    values = [*words, "1"] if len(words) == 3 else list(words)
+    if len(values) != 4:
+        raise ConsoleCommandError("takes three numbers VX VY OMEGA, and seconds T if not 1")
+    try:
+        return Local(order.name, ";".join(f"{NumberRule().from_text(value):g}" for value in values))
+    except ValueError as error:
+        raise ConsoleCommandError(f"each {error}") from None
+
+
 def _code(order: OrderSpec, words: Sequence[str]) -> ConsoleCommand:
     if len(words) > 1:
         raise ConsoleCommandError("takes one code")
@@ -114,6 +125,7 @@ _ORDERS = (
     OrderSpec(":bias [on|off]", "show the drive bias; random, or as in drive.csv", _switch, ActionName.BIAS),
     OrderSpec(":speed N", "simulated seconds a second", _numbers, ActionName.SPEED),
     OrderSpec(":pace N|off", "how fast movements are shown, times real speed", _pace),
+    OrderSpec(":vv VX VY OMEGA [T]", "drive so fast, in/s and deg/s, for T (or 1) seconds", _velocity),
     OrderSpec(":stop", "stop the robot", _alone, ActionName.STOP),
     OrderSpec(":pause", "let commands wait", _alone, ActionName.PAUSE),
     OrderSpec(":resume", "go on after a pause", _alone, ActionName.RESUME),
@@ -127,7 +139,9 @@ _ORDERS = (
     OrderSpec(":copy", "copy the log panel to the clipboard", _alone),
     OrderSpec(":log FILE", "log the run from here on (or auto)", _file),
     OrderSpec(":why [move]", "why the run ended so, or (before, or with move) a movement", _why),
-    OrderSpec(":report", "what this run amounts to so far", _alone),
+    OrderSpec(":report", "report of this run so far", _alone),
+    OrderSpec(":program", "last output and whole error of a program that has ended", _alone),
+    OrderSpec(":web", "links to the page that shows this run in browsers", _alone),
     OrderSpec(":robot PORT", "drive the robot on a serial port", _file),
     OrderSpec(":simulator", "drive the simulated robot again", _alone),
     OrderSpec(":quit", "end", _alone),

@@ -1,0 +1,120 @@
+"""Step 3b, keep going: the robot drives until it is told otherwise, and is steered fifty times a second.
+
+    simmer-tui --run "python samples/course/step3b_keep_going.py"
+
+`vv-4;0;10` is a velocity: 4 in/s ahead, 0 to the left, 10 deg/s counter-clockwise. It lasts until the next
+one. While the robot drives, each turn of a loop that reads and steers is 0.02 s of its time. It keeps 4 in
+of room to the wall on its left, once around the maze, and stops when dead reckoning says it is back.
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+from collections.abc import Iterator
+
+from step3_dead_reckoning import START, Odometry, Reckoning
+
+from simmer_tui.client import Robot
+
+GAP = 4.0  # in, between the robot's outline and the wall, on the left and ahead
+RADIUS = 3.0  # in, of the robot; u2 is on its outline
+BESIDE = RADIUS + GAP  # in, from the centre to the wall
+LOOK = 47.5  # deg to the left, where u2 looks: it sees 45 +- 2.5, and the nearest counts
+LEFT = BESIDE / math.sin(math.radians(LOOK)) - RADIUS  # in, what it reads then
+OPEN = 10.0  # in, of u2: from here on it looks past the end of the wall
+SPEED, SLOW = 4.0, 2.0  # in/s, ahead and back
+STEER, SHARPEST = 13.0, 40.0  # deg/s for each inch that u2 reads too much, and at most
+HOLD, FASTEST = 8.0, 90.0  # deg/s for each degree that the gyroscope is off, and at most
+ROUND = -350.0  # deg, of the gyroscope: a round along an outer wall is one whole turn to the right
+NEAR = 6.0  # in from the start: it is back
+LONGEST = 500.0  # in, after which it gives up; a round is about 310
+
+Velocity = tuple[float, float]  # ahead, in/s, and counter-clockwise, deg/s
+
+
+class Follower:
+    """A robot that follows the wall on its left, what it reads, and where it thinks it is."""
+
+    def __init__(self, robot: Robot) -> None:
+        self._robot = robot
+        self._odometry = Odometry(robot)
+        self.pose = Reckoning(*START)
+        self.way, self.nearest, self.last_left = 0.0, math.inf, LEFT
+        self.look()
+
+    def look(self) -> None:
+        """Read everything. The codes come again: 0.02 s pass before they are read."""
+        motion = self._odometry.motion()
+        self.ahead, self.left = self._robot.read("u1", "u2")
+        self.pose.add(motion)
+        self.way += motion.forward
+        self.nearest = min(self.nearest, self.ahead, self.left)
+        off = math.hypot(self.pose.x - START[0], self.pose.y - START[1])
+        self.ended = (self.pose.heading < ROUND and off < NEAR) or self.way > LONGEST
+
+    def velocities(self) -> Iterator[Velocity]:
+        """The velocity to send now, again and again: each is asked for after a new look."""
+        while True:
+            if self.ahead < GAP:
+                yield from self.turn_right()
+            elif self.left > OPEN:
+                yield from self.around_corner()
+            else:  # u2 looks ahead: a turn to the wall shortens what it reads at once, which steadies
+                self.last_left = self.left
+                turn = STEER * (self.left - LEFT)
+                yield SPEED, max(-SHARPEST, min(SHARPEST, turn))
+
+    def along(self) -> float:
+        """The direction of the wall, degrees: the nearest multiple of 90."""
+        return 90.0 * round(self.pose.heading / 90.0)
+
+    def towards(self, heading: float, speed: float, rate: float = 0.0) -> Velocity:
+        """The velocity that brings the robot to this heading, which itself changes at `rate`, deg/s."""
+        turn = rate + HOLD * (heading - self.pose.heading)
+        return speed, max(-FASTEST, min(FASTEST, turn))
+
+    def turn_right(self) -> Iterator[Velocity]:
+        """On the spot, since a wall is ahead; then back until there is room, and the wall is in sight."""
+        goal = self.along() - 90.0
+        while abs(self.pose.heading - goal) > 1.0:
+            yield self.towards(goal, 0.0)
+        while self.ahead < GAP or self.left > OPEN:
+            yield self.towards(goal, -SLOW)
+
+    def around_corner(self) -> Iterator[Velocity]:
+        """The wall ends where u2 saw it last: so far straight on, then an arc around that end."""
+        goal = self.along()
+        spot = math.radians(LOOK + self.pose.heading - goal)
+        end = self.way + (RADIUS + self.last_left) * math.cos(spot)
+        while self.pose.heading < goal + 85.0:
+            arc = math.degrees((self.way - end) / BESIDE)
+            rate = math.degrees(SPEED / BESIDE) if 0.0 < arc < 90.0 else 0.0
+            yield self.towards(goal + max(0.0, min(90.0, arc)), SPEED, rate)
+
+
+def once_around(robot: Robot) -> Follower:
+    """Drive until the robot is back, or has gone too far."""
+    follower = Follower(robot)
+    for number, (speed, turn) in enumerate(follower.velocities()):
+        robot.send(f"vv-{speed:.2f};0;{turn:.1f}")
+        follower.look()
+        if number % 25 == 0:  # twice a second
+            robot.believe(follower.pose.x, follower.pose.y, follower.pose.heading, follower.pose.spread)
+        if follower.ended:
+            break
+    robot.send("vv-0;0;0")
+    return follower
+
+
+if __name__ == "__main__":
+    with Robot() as robot:
+        follower = once_around(robot)
+        # The walls of the maze are at x = 0 and y = 48: face each, and see how far it really is.
+        robot.drive("r1", round(math.remainder(90.0 - follower.pose.heading, 360.0), 2))
+        y = 48.0 - 3.0 - robot.read("u1")
+        robot.drive("r1", 90.0)
+        x = 3.0 + robot.read("u1")
+    off = math.hypot(x - START[0], y - START[1])
+    print(f"after {follower.way:.0f} in it is {off:.1f} in from its start; nearest {follower.nearest:.2f} in")
+    sys.exit(0 if off < NEAR and follower.nearest > 0.3 else 1)

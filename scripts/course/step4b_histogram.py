@@ -1,0 +1,119 @@
+"""Step 4b, a histogram filter: find out where the robot is by a probability for every cell and heading.
+
+    simmer-tui --run "python samples/course/step4b_histogram.py"
+
+Step 4 draws guesses. This one keeps every pose of a grid: a reading multiplies them, a movement shifts them.
+Thrun, Burgard, Fox, Probabilistic Robotics, 2005, chapters 4 and 8: histogram filter, grid localization.
+"""
+
+from __future__ import annotations
+
+import sys
+
+import numpy as np
+from step3_dead_reckoning import Motion, Odometry, turned
+from step4_particle_filter import NO_ECHO, RANGES, Array
+
+from simmer_tui import Robot, Simulator
+
+STEP, HEADINGS = 2.0, 36  # in, the side of a cell; directions, evenly spaced from 0
+TURN = 360.0 / HEADINGS  # deg, between two of them
+BLUR = 1.0  # in, by which a robot elsewhere in the cell reads otherwise
+OUTLIER = 0.02  # likelihood of a reading that nothing explains, so that one of them proves nothing
+SURE = 0.9  # share of the belief around the best pose when it is sure
+
+
+class Histogram:
+    """A probability for every row (1 on top), column and heading."""
+
+    def __init__(self, simulator: Simulator) -> None:
+        maze = simulator.maze
+        self.x = np.arange(STEP / 2, maze.width, STEP)
+        self.y = np.arange(STEP / 2, maze.height, STEP)[::-1]
+        self.heading = np.arange(HEADINGS) * TURN
+        y, x, heading = np.meshgrid(self.y, self.x, self.heading, indexing="ij")
+        poses = np.column_stack((x.ravel(), y.ravel(), heading.ravel()))
+        # `simmer-tui atlas atlas.npz --step 2 --headings 36` writes these ranges into a file.
+        ranges = np.minimum(simulator.true_ranges(poses, RANGES), NO_ECHO)
+        self._expected: Array = ranges.reshape(*x.shape, len(RANGES))
+        # Half a heading aside a sensor reads otherwise: little on a wall, much past a corner.
+        aside = np.abs(np.roll(self._expected, 1, axis=2) - np.roll(self._expected, -1, axis=2)) / 8
+        errors = np.array([simulator.sensor(code).error for code in RANGES])
+        self._variance: Array = (errors * self._expected) ** 2 + BLUR**2 + np.minimum(aside, 6) ** 2
+        self._free = (self._expected > 0).all(axis=3)  # a sensor in a wall reads 0
+        self.belief: Array = self._free / self._free.sum()
+
+    def scatter(self, heading: float, deviation: float) -> None:
+        """Anywhere on free floor, with about this heading."""
+        off = (self.heading - heading + 180) % 360 - 180
+        self._set(self._free * np.exp(-0.5 * (off / deviation) ** 2))
+
+    def predict(self, motion: Motion) -> None:
+        """The robot has moved: so does the belief, that of each heading its own way."""
+        ways = turned(motion.forward, motion.left, self.heading + motion.turn / 2).T / STEP
+        for k, (x, y) in enumerate(ways):
+            self.belief[:, :, k] = shifted(shifted(self.belief[:, :, k], -y, 0), x, 1)
+        whole, part = divmod(motion.turn / TURN, 1)
+        before, after = (np.roll(self.belief, int(whole) + more, axis=2) for more in (0, 1))
+        self._set((1 - part) * before + part * after)
+
+    def update(self, readings: Array) -> None:
+        """Weigh all poses by a reading of each of RANGES."""
+        away = np.minimum(readings, NO_ECHO) - self._expected
+        self._set(self.belief * (np.exp(-0.5 * away**2 / self._variance) + OUTLIER).prod(axis=3))
+
+    def _set(self, belief: Array) -> None:
+        # A belief of 0 would stay 0 whatever the readings say.
+        belief = np.where(self._free, belief / belief.sum() + 1e-9, 0)
+        self.belief = belief / belief.sum()
+
+    def best(self) -> tuple[Array, float]:
+        """The most probable pose, and the share of the belief within two cells and headings of it."""
+        row, column, heading = map(int, np.unravel_index(self.belief.argmax(), self.belief.shape))
+        near = self.belief[max(row - 2, 0) : row + 3, max(column - 2, 0) : column + 3]
+        share = np.take(near, range(heading - 2, heading + 3), axis=2, mode="wrap").sum()
+        return np.array((self.x[column], self.y[row], self.heading[heading])), float(share)
+
+
+def shifted(plane: Array, cells: float, axis: int) -> Array:
+    """A plane moved along an axis by a number of cells; a part of a cell is shared between two."""
+    whole, part = divmod(cells, 1)
+    room = abs(int(whole)) + 1  # beside the plane, so that what leaves it does not come back opposite
+    wide = np.pad(plane, [(room, room) if each == axis else (0, 0) for each in (0, 1)])
+    moved = (1 - part) * np.roll(wide, int(whole), axis) + part * np.roll(wide, int(whole) + 1, axis)
+    return np.take(moved, range(room, room + plane.shape[axis]), axis)
+
+
+def look(robot: Robot, histogram: Histogram) -> float:
+    """Read the range sensors, weigh, and show the result; returns how far it is free ahead, 0 if unknown."""
+    readings = robot.read(*RANGES)
+    histogram.update(np.array(readings))
+    robot.believe(grid=histogram.belief, note=f"{histogram.best()[1]:.0%} sure")
+    return readings[0] if readings[0] < NO_ECHO else 0.0  # without an echo a wall may be near
+
+
+def localize(robot: Robot, histogram: Histogram, odometry: Odometry) -> bool:
+    """Turn on the spot, looking, until it knows where it is; where places look alike, go on and look."""
+    compass = np.radians(robot.read(*["c1"] * 25))  # it reads heading times (1 + error)
+    heading = np.degrees(np.arctan2(np.sin(compass).mean(), np.cos(compass).mean())) % 360
+    histogram.scatter(heading, 10 + 0.03 * heading)
+    for _ in range(4):
+        ahead = []
+        for _ in range(9):
+            ahead.append(look(robot, histogram))
+            if histogram.best()[1] > SURE:
+                return True
+            robot.drive("r1", 40)
+            histogram.predict(odometry.motion())
+        for code, value in (("r1", 40 * int(np.argmax(ahead))), ("d1", min(8, max(ahead) - 3))):
+            robot.drive(code, value)
+            histogram.predict(odometry.motion())
+    return False
+
+
+if __name__ == "__main__":
+    with Robot() as robot:
+        histogram = Histogram(Simulator(robot.configuration()))
+        found = localize(robot, histogram, Odometry(robot))
+    print("at" if found else "perhaps at", "({:.0f}, {:.0f}) heading {:.0f}".format(*histogram.best()[0]))
+    sys.exit(0 if found else 1)

@@ -1,0 +1,66 @@
+"""The access token of a run, kept from other users of the machine: they can read every command line (`ps`).
+
+A file or the environment variable SIMMER_TOKEN gives it without one. A word that stands on the command line
+all the same is overwritten there (Linux).
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from simmer_tui import platform_has
+from simmer_tui.config.settings_file import Override
+from simmer_tui.errors import ConfigurationError, Problem
+from simmer_tui.links.access import LONGEST_TOKEN
+from simmer_tui.links.processes import StatField, stat_of
+from simmer_tui.sim.command import escape
+
+TOKEN = "server.token"
+"""The setting."""
+_OPTION = "--token-file"
+
+
+def add_token_of(path: Path, overrides: dict[str, Override]) -> None:
+    """Take the first line of a file for the token. Raises ConfigurationError if it is none, or if the command
+    line has another one."""
+    if TOKEN in overrides:
+        raise _refused("and --token both give the token: leave one of them out")
+    shown = escape(str(path), 200)
+    try:
+        with path.open("rb") as file:
+            line = file.readline(LONGEST_TOKEN + 2)
+        word = line.decode().strip()
+    except OSError as error:
+        raise _refused(f"{shown} cannot be read: {error.strerror or error}") from None
+    except ValueError:
+        raise _refused(f"{shown} is no text in UTF-8") from None
+    if not word or len(line.rstrip(b"\r\n")) > LONGEST_TOKEN:
+        raise _refused(f"the first line of {shown} is no token of 1 to {LONGEST_TOKEN} bytes")
+    overrides[TOKEN] = Override(_OPTION, word)
+
+
+def _refused(what: str) -> ConfigurationError:
+    return ConfigurationError([Problem(_OPTION, what)])
+
+
+def hide_from_command_line(word: str) -> None:
+    """Overwrite a word where this process's command line has it as an argument, or behind `=`."""
+    if not platform_has.LINUX or not word:
+        return
+    # Imported here because only runs with a token need it.
+    import ctypes
+
+    try:
+        fields = stat_of("self")
+        arguments = Path("/proc/self/cmdline").read_bytes()
+    except OSError:
+        return  # no /proc: nobody else reads it there either
+    begin, end = int(fields[StatField.ARGUMENTS_BEGIN]), int(fields[StatField.ARGUMENTS_END])
+    if not begin or end - begin < len(arguments):  # 0: not told
+        return
+    given, place = os.fsencode(word), begin
+    for argument in arguments.split(b"\0"):
+        if argument == given or argument.endswith(b"=" + given):
+            ctypes.memset(place + len(argument) - len(given), ord("*"), len(given))
+        place += len(argument) + 1

@@ -1,0 +1,115 @@
+"""The command `atlas`: expected readings at every pose of a grid, as a file."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
+
+from simmer_tui.atlas.array_files import csv_bytes, mat_bytes, npz_bytes
+from simmer_tui.atlas.c_header import MEGA_FLASH, header_bytes, table_bytes
+from simmer_tui.atlas.expected_readings import Atlas, PoseGrid, atlas_codes, compute_atlas
+from simmer_tui.cli.command_line import (
+    ExitCode,
+    OneLineParser,
+    add_setting_options,
+    add_trust_option,
+    command,
+    overrides_from,
+)
+from simmer_tui.config.loader import load
+from simmer_tui.config.sets import find_set
+from simmer_tui.errors import AtlasError
+from simmer_tui.phrases import counted
+from simmer_tui.sim import Simulator
+from simmer_tui.sim.command import escape
+
+_FORMATS: dict[str, Callable[[Atlas], bytes]] = {
+    "npz": npz_bytes,
+    "mat": mat_bytes,
+    "csv": csv_bytes,
+    "h": header_bytes,
+}
+_MANY = 2_000_000
+"""Poses that are not computed unasked: for six sensors they take 10 s of processor and 0.2 GB."""
+
+
+def _parser() -> OneLineParser:
+    parser = OneLineParser(
+        prog="simmer-tui atlas",
+        description="Compute the readings expected of every range sensor at every pose of a grid, for "
+        "histogram filters (docs/atlas.md). Poses where the robot does not fit are marked.",
+    )
+    parser.add_argument("out", metavar="OUT", type=Path, help="the file to write: .npz, .mat, .csv or .h")
+    parser.add_argument(
+        "--config",
+        metavar="DIR",
+        help="configuration set: a folder or a name (default: ./config, else default)",
+    )
+    parser.add_argument(
+        "--step", metavar="IN", type=float, default=1.0, help="side of a cell, inches (default 1)"
+    )
+    parser.add_argument(
+        "--headings", metavar="N", type=int, default=8, help="directions, evenly spaced from 0 (default 8)"
+    )
+    parser.add_argument(
+        "--sensors", metavar="CODES", help="which, as u1,u2 (default: every enabled range sensor)"
+    )
+    parser.add_argument(
+        "--format", choices=_FORMATS, help="npz: numpy, mat: MATLAB, h: C (default: by OUT's ending)"
+    )
+    parser.add_argument("--yes", action="store_true", help=f"compute more than {_MANY:,} poses")
+    add_trust_option(parser)
+    add_setting_options(parser)
+    return parser
+
+
+@command(_parser)
+def run_atlas(options: argparse.Namespace) -> int:
+    """`simmer-tui atlas OUT`: compute and write expected readings. Returns the exit code."""
+    out: Path = options.out
+    shown = escape(str(out), 200)
+    form = options.format or out.suffix.removeprefix(".").lower()
+    if form not in _FORMATS:
+        raise AtlasError(f"{shown} does not end in .{', .'.join(_FORMATS)}: say --format too")
+    if out.is_dir() or not out.parent.is_dir():
+        # Said before it is computed, not after.
+        what = "is a folder" if out.is_dir() else "is in a folder that does not exist"
+        raise AtlasError(f"{shown} {what}: name a file to write to")
+    simulator = Simulator(load(find_set(options.config), overrides_from(options)).simulation)
+    codes = atlas_codes(simulator, options.sensors.split(",") if options.sensors is not None else ())
+    grid = PoseGrid.over(simulator.maze, options.step, options.headings)
+    if grid.poses > _MANY and not options.yes:
+        what = f"the grid has {grid.poses:,} poses, more than {_MANY:,}"
+        raise AtlasError(f"{what}: take a larger --step, fewer --headings, or say --yes")
+    atlas = _computed(simulator, grid, codes)
+    data = _FORMATS[form](atlas)
+    try:
+        out.write_bytes(data)
+    except OSError as error:
+        raise AtlasError(f"{shown} cannot be written: {error.strerror or error}") from None
+    places = f"{grid.poses:,} poses: {grid.rows} x {grid.columns} places, {counted(grid.headings, 'heading')}"
+    sys.stdout.write(f"Wrote {shown}, {len(data) / 1e6:.2f} MB: {', '.join(codes)}\n")
+    sys.stdout.write(f"{places}; the robot fits at {int(atlas.free.sum()):,}\n")
+    scanning = [each.code for each in simulator.spec.sensors if each.code in codes and each.kind.is_scan]
+    if scanning:
+        sys.stdout.write(f"{', '.join(scanning)}: the first ray of a revolution, along its Rotation\n")
+    if form == "h" and table_bytes(atlas) > MEGA_FLASH:
+        sys.stderr.write(
+            f"note: its tables take {table_bytes(atlas) / 1024:.0f} kB; an Arduino Mega has "
+            f"{MEGA_FLASH // 1024} kB: take a larger --step, fewer --headings or fewer --sensors\n"
+        )
+    return ExitCode.DONE
+
+
+def _computed(simulator: Simulator, grid: PoseGrid, codes: tuple[str, ...]) -> Atlas:
+    """The atlas, with a bar on a terminal (standard error) that goes away at the end."""
+    console = Console(stderr=True)
+    columns = (TextColumn("atlas", markup=False), BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
+        task = progress.add_task("atlas", total=grid.rows)
+        return compute_atlas(simulator, grid, codes, lambda rows: progress.update(task, completed=rows))

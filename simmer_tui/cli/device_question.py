@@ -1,0 +1,42 @@
+"""The question about a device file that its user has not trusted yet, on the terminal."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+from simmer_tui.config.device_file import DeviceFile
+from simmer_tui.sim.command import escape
+
+# The imports and the head of a class: enough to see that it is what one thinks it is.
+_LINES = 12
+"""Lines of the file that are shown."""
+_WIDE = 100
+
+
+def ask_on_terminal(file: DeviceFile, directory: Path) -> bool:
+    """True for a yes, which has to be typed. Without a terminal for question and answer nobody is asked."""
+    if not (sys.stdin.isatty() and sys.stderr.isatty()):
+        return False
+    sys.stderr.write("\n".join(_question(file, directory)))
+    sys.stderr.flush()
+    try:
+        answer = sys.stdin.readline()
+    except (OSError, ValueError):
+        return False
+    return answer.strip().lower() in ("y", "yes")
+
+
+def _question(file: DeviceFile, directory: Path) -> list[str]:
+    path = escape(str(directory / file.path), 300)
+    lines = file.text.splitlines()
+    shown = [f"  {number:3} {escape(line, _WIDE)}" for number, line in enumerate(lines[:_LINES], 1)]
+    rest = len(lines) - len(shown)
+    more = [f"      ... {rest} lines more: read them in an editor"] if rest > 0 else []
+    return [
+        f"The set brings a sensor of its own, a Python file that runs with your rights: {path}",
+        f"SHA-256 {file.sha256}, {len(file.data):,} bytes",
+        *shown,
+        *more,
+        "Trust this file, and run it from now on? A changed file is asked about again. [y/N] ",
+    ]

@@ -1,0 +1,110 @@
+"""The command `env`: the variables by which a program that an IDE starts finds a running simulator."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import shlex
+import socket
+import sys
+from collections.abc import Callable, Mapping
+
+from simmer_tui import platform_has
+from simmer_tui.cli.command_line import ExitCode, OneLineParser, add_setting_options, command, overrides_from
+from simmer_tui.config.device_trust import DeviceUse
+from simmer_tui.config.dialects import SERIAL, TEAM
+from simmer_tui.config.loader import Configuration, load
+from simmer_tui.config.sets import find_set
+from simmer_tui.errors import ConfigurationError, Problem
+from simmer_tui.program.hook_folder import with_hook
+
+# Loopback answers in less than a millisecond; another machine of the same network in a few.
+_LOOK = 0.5
+"""Seconds in which a simulator must answer that runs."""
+
+
+def _sh(name: str, value: str) -> str:
+    return f"export {name}={shlex.quote(value)}"
+
+
+def _powershell(name: str, value: str) -> str:
+    quoted = value.replace("'", "''")
+    return f"$env:{name} = '{quoted}'"
+
+
+def _cmd(name: str, value: str) -> str:
+    return f'set "{name}={value}"'
+
+
+_FORMS: dict[str, Callable[[str, str], str]] = {"sh": _sh, "powershell": _powershell, "cmd": _cmd}
+_JSON = "json"
+
+
+def _env_parser() -> OneLineParser:
+    parser = OneLineParser(
+        prog="simmer-tui env",
+        description="Print the variables with which an IDE must start a Python program, so that its "
+        "serial.Serial leads to a simmer-tui that runs a set with a dialect. Give the same set and options.",
+    )
+    parser.add_argument("--config", metavar="DIR", help="configuration set (default: ./config, else default)")
+    parser.add_argument(
+        "--form",
+        choices=(*_FORMS, _JSON),
+        default="sh" if platform_has.POSIX else "powershell",
+        help="as lines of a shell, or as an object for an IDE (default: powershell on Windows, else sh)",
+    )
+    add_setting_options(parser, names=("server.host", "server.dialect_port", "server.serial_names"))
+    return parser
+
+
+@command(_env_parser)
+def run_env(options: argparse.Namespace) -> int:
+    """`simmer-tui env`: the variables. Returns the exit code."""
+    configuration = load(find_set(options.config), overrides_from(options), devices=DeviceUse.PARSE)
+    variables = variables_of(configuration, os.environ)
+    if options.form == _JSON:
+        sys.stdout.write(json.dumps(variables, indent=2) + "\n")
+    else:
+        sys.stdout.writelines(f"{_FORMS[options.form](*each)}\n" for each in variables.items())
+    host, port = variables["SIMMER_HOST"], int(variables[SERIAL.variable])
+    if not _answers(host, port):
+        sys.stderr.write(f"no simulator answers at {host}, port {port}: start simmer-tui with this set\n")
+    return ExitCode.DONE
+
+
+def variables_of(configuration: Configuration, environment: Mapping[str, str]) -> dict[str, str]:
+    """The variables of a program, by name.
+
+    Args:
+        configuration: The set that the simulator runs.
+        environment: What is set here: its path of Python modules stays, and its token counts.
+
+    Raises:
+        ConfigurationError: The set has no serial port, or one of any number.
+    """
+    from simmer_tui.server import TOKEN, reachable_host
+
+    server = configuration.settings.server
+    if TEAM not in server.listeners:
+        what = "has no dialect.toml: its programs connect over TCP, and need no variables"
+        raise ConfigurationError([Problem(f"the set {configuration.name}", what)])
+    if not server.dialect_port:
+        what = "is any free one: name one, for the simulator as well"
+        raise ConfigurationError([Problem("--dialect-port", what)])
+    variables = {"SIMMER_HOST": reachable_host(server.host), SERIAL.variable: str(server.dialect_port)}
+    if server.serial_names:
+        variables["SIMMER_SERIAL_NAMES"] = ",".join(server.serial_names)
+    token = server.token or environment.get(TOKEN, "").strip()
+    if token:
+        variables[TOKEN] = token
+    before = {"PYTHONPATH": environment["PYTHONPATH"]} if environment.get("PYTHONPATH") else {}
+    return with_hook(variables | before)
+
+
+def _answers(host: str, port: int) -> bool:
+    try:
+        socket.create_connection((host, port), _LOOK).close()
+    except OSError:
+        return False
+    return True

@@ -1,0 +1,44 @@
+"""The command `help`: help on one command, or on the options of settings."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+
+from simmer_tui.cli import main
+from simmer_tui.cli.command_line import ExitCode, OneLineParser, command
+from simmer_tui.sim.command import escape
+from simmer_tui.sim.rules import did_you_mean
+
+SETTINGS = "settings"
+"""The topic that is no command."""
+
+
+def _parser() -> OneLineParser:
+    parser = OneLineParser(
+        prog="simmer-tui help",
+        description="Help on a command, as with its --help, or on the options of all settings.",
+    )
+    parser.add_argument("topic", metavar="COMMAND", nargs="?", help=f"which command, or: {SETTINGS}")
+    return parser
+
+
+def topics() -> tuple[str, ...]:
+    """All that there is help on."""
+    return (*main.COMMANDS, SETTINGS)
+
+
+@command(_parser)
+def run_help(options: argparse.Namespace) -> int:
+    """`simmer-tui help [COMMAND]`. Returns the exit code."""
+    topic = options.topic
+    if topic is None:
+        text = main.build_parser().format_help()
+    elif topic == SETTINGS:
+        text = main.build_parser().format_settings()
+    elif topic in main.COMMANDS:
+        text = main.command_named(topic).parser().format_help()
+    else:
+        _parser().error(f'unknown command "{escape(topic, 60)}"{did_you_mean(topic, topics())}')
+    sys.stdout.write(text)
+    return ExitCode.DONE

@@ -1,0 +1,136 @@
+"""A team's own device files, `devices/*.py` in a set: found, refused if unsafe, and read once.
+
+What is read here is what is hashed, parsed, trusted and run: no file is opened a second time.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import re
+import stat
+from collections.abc import Callable, Sequence
+from pathlib import Path, PurePosixPath, PureWindowsPath
+
+from msgspec import Struct
+
+from simmer_tui.errors import Problem
+from simmer_tui.sim.command import escape
+from simmer_tui.sim.rules import describe
+
+FOLDER = "devices"
+"""The folder of a set that device files stand in."""
+# A class of a sensor has 60 lines, 3 kB; a table of numbers in it may have some thousand.
+LARGEST = 200_000
+"""Largest device file, bytes."""
+# A robot has a dozen sensors.
+MOST = 20
+"""Most device files of a set."""
+_NAME = re.compile(r"[A-Za-z0-9_-]{1,60}\.py")
+_MODULE = "simmer_device_"
+"""The beginning of the module names of device files; nothing in the package or its libraries has it."""
+
+
+class DeviceFile(Struct, frozen=True):
+    """A device file as it was read: its path in the set, with a slash, and its bytes."""
+
+    path: str
+    data: bytes
+
+    @property
+    def sha256(self) -> str:
+        """The hash that trust goes by, 64 hexadecimal digits."""
+        return hashlib.sha256(self.data).hexdigest()
+
+    @property
+    def text(self) -> str:
+        """The text, byte-order mark included, so that it encodes to the same bytes."""
+        return self.data.decode()
+
+    @property
+    def module(self) -> str:
+        """The name of its module: by content, so that two files of one name never meet."""
+        return f"{_MODULE}{PurePosixPath(self.path).stem.replace('-', '_')}_{self.sha256[:16]}"
+
+
+def read_devices(
+    directory: Path, names: Sequence[str], place: str, problems: list[Problem]
+) -> tuple[DeviceFile, ...]:
+    """The device files that a set names.
+
+    Args:
+        directory: The folder of the set.
+        names: Their paths in it, as the setting has them.
+        place: The setting's place in messages.
+        problems: Every file that is refused is added here.
+    """
+    if len(names) > MOST:
+        problems.append(Problem(place, f"names {len(names)} files; a set may have {MOST}"))
+        return ()
+    found: list[DeviceFile] = []
+
+    def refuse(name: str, what: str) -> None:
+        problems.append(Problem(place, f"{describe(name)} {what}"))
+
+    for name in names:
+        why = _unsafe(name)
+        if why:
+            refuse(name, f"{why}; name a file in the set, such as {FOLDER}/thermal.py")
+            continue
+        data = _read(directory, name, refuse)
+        if data is not None:
+            found.append(DeviceFile(name, data))
+    return tuple(found)
+
+
+def is_device_name(name: str) -> bool:
+    """True if a name is one that a set may have for a device file."""
+    return not _unsafe(name)
+
+
+def _unsafe(name: str) -> str:
+    """The reason why a path is refused by its looks; empty if it is not. Rules of all systems count: a
+    set goes from one to the other."""
+    parts = {*PurePosixPath(name).parts, *PureWindowsPath(name).parts}
+    if name.startswith(("/", "\\", "~")) or PureWindowsPath(name).drive:
+        return "is an absolute path"
+    if ".." in parts:
+        return "leads out of the set"
+    if not name.endswith(".py"):
+        return "is no .py file"
+    folder, _, file = name.partition("/")
+    if folder != FOLDER or not _NAME.fullmatch(file):
+        return f"is not {FOLDER}/NAME.py, with letters, digits, _ and - in NAME"
+    return ""
+
+
+def _read(directory: Path, name: str, refuse: Callable[[str, str], None]) -> bytes | None:
+    """The bytes of a file; None, and a refusal, if it cannot be used."""
+    path = directory / name
+    try:
+        if not path.resolve().is_relative_to(directory.resolve()):
+            refuse(name, "is a link that leads out of the set; put a copy of the file in its place")
+            return None
+        # Without waiting: a named pipe would hold up every command.
+        flags = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
+        with open(os.open(path, flags), "rb") as file:  # noqa: PTH123 - a descriptor
+            if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
+                refuse(name, "is no file")
+                return None
+            data = file.read(LARGEST + 1)
+    except FileNotFoundError:
+        refuse(name, f"is not in the set {escape(str(directory), 200)}")
+        return None
+    except (OSError, RuntimeError) as error:  # RuntimeError: links that lead to each other
+        refuse(name, f"cannot be read: {escape(str(getattr(error, 'strerror', None) or error), 120)}")
+        return None
+    if len(data) > LARGEST:
+        refuse(name, f"has more than {LARGEST:,} bytes")
+        return None
+    try:
+        data.decode()
+    except UnicodeDecodeError as error:
+        line = data.count(b"\n", 0, error.start) + 1
+        refuse(name, f"holds in line {line} the byte 0x{data[error.start]:02x}, which is not UTF-8")
+        return None
+    return data

@@ -1,0 +1,96 @@
+"""A device file as far as it can be known without running it: its syntax, its kinds, what is unfinished.
+
+It is parsed, never executed, so this works for files that nobody has trusted yet.
+"""
+
+from __future__ import annotations
+
+import ast
+import warnings
+from collections.abc import Iterator
+
+from msgspec import Struct
+from msgspec.structs import replace
+
+from simmer_tui.config.device_file import DeviceFile
+from simmer_tui.errors import Problem
+from simmer_tui.sim.command import escape
+from simmer_tui.sim.sensors.recorded_kinds import RecordedKind, is_kind_name, is_label, recorded_class
+from simmer_tui.sim.specs import SensorKind
+
+
+class DeviceOutline(Struct, frozen=True):
+    """The kinds that a file seems to define, and the places of methods that are not written yet."""
+
+    kinds: tuple[type[SensorKind], ...]
+    unfinished: tuple[str, ...]
+
+
+def parsed(file: DeviceFile) -> ast.Module:
+    """The syntax tree of a file. Raises ValueError with its line and what is wrong."""
+    try:
+        with warnings.catch_warnings():
+            # Of a string such as "\d": the file's own business.
+            warnings.simplefilter("ignore")
+            return ast.parse(file.text.removeprefix("\ufeff"), file.path)
+    except SyntaxError as error:
+        where = f"{file.path}:{error.lineno}" if error.lineno else file.path
+        raise ValueError(f"{where}: is not Python: {escape(error.msg, 120)}") from None
+    except (ValueError, RecursionError, MemoryError) as error:
+        what = escape(str(error), 120) or type(error).__name__
+        raise ValueError(f"{file.path}: is not Python that can be read: {what}") from None
+
+
+def outline_of(file: DeviceFile, problems: list[Problem]) -> DeviceOutline:
+    """The outline of a file; a file that is no Python is a problem, and has none."""
+    try:
+        module = parsed(file)
+        classes = [node for node in module.body if isinstance(node, ast.ClassDef)]
+        kinds = tuple(kind for node in classes if (kind := _kind(node)) is not None)
+        return DeviceOutline(kinds, tuple(_unfinished(file, classes)))
+    except ValueError as error:
+        where, _, what = str(error).partition(": ")
+        problems.append(Problem(where, what))
+    except RecursionError:
+        problems.append(Problem(file.path, "is nested too deeply to be parsed"))
+    return DeviceOutline((), ())
+
+
+def _kind(node: ast.ClassDef) -> type[SensorKind] | None:
+    """The kind of a class with a name for sensors.csv, as far as literals tell it; any columns will do."""
+    told = {name: value for statement in node.body for name, value in _literals(statement)}
+    name = told.get("name")
+    if not isinstance(name, str) or not is_kind_name(name) or not is_label(node.name):
+        return None
+    kind = RecordedKind(name=name, title=node.name, any_columns=True)
+    wanted = {"meaning": str, "unit": str, "is_yes_or_no": bool, "is_range": bool}
+    literals = {key: told[key] for key, sort in wanted.items() if isinstance(told.get(key), sort)}
+    # What would steer a terminal is a fault of the class, told when it runs.
+    literals = {key: value for key, value in literals.items() if value in (True, False) or is_label(value)}
+    return recorded_class(replace(kind, **literals))
+
+
+def _literals(statement: ast.stmt) -> Iterator[tuple[str, object]]:
+    """The names that a statement of a class gives a constant, and the constants."""
+    match statement:
+        case ast.Assign(targets=[ast.Name(id=name)], value=ast.Constant(value=value)):
+            yield name, value
+        case ast.AnnAssign(target=ast.Name(id=name), value=ast.Constant(value=value)):
+            yield name, value
+
+
+def _unfinished(file: DeviceFile, classes: list[ast.ClassDef]) -> Iterator[str]:
+    """The methods that do nothing but raise NotImplementedError."""
+    for node in classes:
+        for method in node.body:
+            if isinstance(method, ast.FunctionDef) and any(map(_is_open, method.body)):
+                yield f"{file.path}:{method.lineno}: {node.name}.{method.name}"
+
+
+def _is_open(statement: ast.stmt) -> bool:
+    match statement:
+        case ast.Raise(exc=ast.Call(func=ast.Name(id="NotImplementedError"))):
+            return True
+        case ast.Raise(exc=ast.Name(id="NotImplementedError")):
+            return True
+    return False

@@ -1,0 +1,126 @@
+"""Trust in device files, by the SHA-256 of their content, kept for each user.
+
+A device file is code of whoever made the set, and it runs with the rights of whoever runs the set. So it
+runs only if that user has said yes to this very content, or trusts all of them for one command.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import stat
+from collections.abc import Callable
+from contextvars import ContextVar
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from msgspec import Struct
+
+from simmer_tui.errors import Problem
+from simmer_tui.sim.command import escape
+
+if TYPE_CHECKING:  # every command imports this, and few sets have devices
+    from simmer_tui.config.device_file import DeviceFile
+
+OPTION = "--trust-devices"
+"""The option that trusts all device files of one command."""
+VARIABLE = "SIMMER_TRUSTED_DEVICES"
+"""The environment variable by which a run tells its program the hashes that it trusts, with commas."""
+_FILE = "trusted-devices.txt"
+_HASH = re.compile(r"[0-9a-f]{64}\b")
+# A line has some 150 bytes: thousands of files.
+_LARGEST = 1_000_000
+"""Largest file of hashes that is read, bytes."""
+
+
+class DeviceUse(StrEnum):
+    """The use that a command makes of a set's device files."""
+
+    RUN = "run"
+    """They run; one that is not trusted is a mistake of the set."""
+    CHECK = "check"
+    """They run if they are trusted already, else they are parsed."""
+    PARSE = "parse"
+    """They are parsed, never run: the command reads no sensor."""
+    GIVEN = "given"
+    """Their kinds come from elsewhere, a log or files that were read before."""
+
+
+class DeviceTrust(Struct, frozen=True):
+    """The trust of one command: in `everything`, or in what is kept; `ask` may get a yes for a file, of which
+    its user is shown path, hash and first lines."""
+
+    everything: bool = False
+    ask: Callable[[DeviceFile, Path], bool] | None = None
+
+
+TRUST: ContextVar[DeviceTrust] = ContextVar("TRUST", default=DeviceTrust())  # noqa: B039 - frozen
+"""The trust of the command that runs."""
+
+
+def is_trusted(file: DeviceFile, directory: Path, *, asks: bool = True) -> bool:
+    """True if a device file of a set may run. A yes to the question is kept."""
+    trust = TRUST.get()
+    if trust.everything or file.sha256 in os.environ.get(VARIABLE, "") or file.sha256 in trusted_hashes():
+        return True
+    if not asks or trust.ask is None or not trust.ask(file, directory):
+        return False
+    remember(file, directory)
+    return True
+
+
+def untrusted(file: DeviceFile, place: str) -> Problem:
+    """The problem with a file that may not run, which the setting at a place names."""
+    what = (
+        f"{file.path} (SHA-256 {file.sha256[:16]}...) is code of this set that you have not trusted yet. "
+        f"Read it, then run the set on a terminal, which asks, or add {OPTION}"
+    )
+    return Problem(place, what)
+
+
+def trust_file() -> Path:
+    """The file with the hashes, in the user's data folder."""
+    import platformdirs  # few sets have devices
+
+    return platformdirs.user_data_path("simmer-tui", appauthor=False) / _FILE
+
+
+def trusted_hashes() -> frozenset[str]:
+    """The hashes that the user trusts; none if there is no file of them."""
+    try:
+        # Without waiting: a named pipe would hold up every command.
+        with open(os.open(trust_file(), os.O_RDONLY | getattr(os, "O_NONBLOCK", 0)), "rb") as file:  # noqa: PTH123
+            if not _is_own(os.fstat(file.fileno())):
+                return frozenset()
+            text = file.read(_LARGEST).decode("utf-8", "replace")
+    except OSError:
+        return frozenset()
+    return frozenset(found[0] for line in text.splitlines() if (found := _HASH.match(line)))
+
+
+def _is_own(status: os.stat_result) -> bool:
+    """True for a file that nobody but this user, or the machine's administrator, can have written."""
+    if not stat.S_ISREG(status.st_mode):
+        return False
+    if not hasattr(os, "geteuid"):
+        return True  # Windows keeps data folders to their users itself
+    return status.st_uid in (0, os.geteuid()) and not status.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
+
+
+def remember(file: DeviceFile, directory: Path) -> None:
+    """Keep the hash of a file, with a note for people. One that cannot be kept is asked for again."""
+    path = trust_file()
+    line = f"{file.sha256}  {file.path} in {escape(str(directory.resolve()), 300)}\n"
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
+        if path.exists() and not _is_own(path.stat()):
+            # Its lines may be another's, so none of them is kept.
+            path.unlink()
+        if path.exists() and not path.read_bytes().endswith(b"\n"):
+            line = f"\n{line}"  # behind a line that was cut off
+        # For the user only: whoever can write here decides what runs.
+        with open(os.open(path, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o600), "ab") as kept:  # noqa: PTH123
+            kept.write(line.encode())
+    except OSError:
+        return

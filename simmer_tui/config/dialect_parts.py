@@ -1,0 +1,247 @@
+"""The parts of a dialect.toml's rules: expressions, texts and replies, each mistake with its place."""
+
+import struct
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any, TypeVar
+
+from msgspec import Struct
+
+from simmer_tui.config.dialect_toml import (
+    LONGEST_TIME,
+    REPLY_KEYS,
+)
+from simmer_tui.config.toml_file import TomlFile
+from simmer_tui.dialect import expressions, kinds
+from simmer_tui.dialect.dialect_rules import (
+    TYPE,
+    AnyReply,
+)
+from simmer_tui.dialect.expressions import Expression
+from simmer_tui.dialect.frames import FrameKind, Framing
+from simmer_tui.dialect.kinds import ANY, NUMBER, Known, ValueKind
+from simmer_tui.dialect.templates import BinaryReply, Field, TextReply, check_pack, parsed_reply
+from simmer_tui.sim.rules import did_you_mean
+from simmer_tui.sim.specs import DriveSpec, GripperSpec, SensorSpec, VelocityKind, VelocitySpec
+from simmer_tui.sim.velocity_commands import WAIT
+
+# 50 times the cells of the greatest maze.
+MOST_FRAMES = 1000
+"""Frames of one binary reply."""
+READING = frozenset(("time", "contact"))
+"""Names that every expression may use."""
+Names = Mapping[str, Known]
+"""The values of a message, with what is known of each."""
+T = TypeVar("T")
+
+
+class Parts(Struct, frozen=True):
+    """The parts of a set that a dialect may use."""
+
+    sensors: Sequence[SensorSpec] = ()
+    drives: Sequence[DriveSpec] = ()
+    gripper: GripperSpec | None = None
+    velocities: Sequence[VelocitySpec] = ()
+
+    @property
+    def readable(self) -> frozenset[str]:
+        """Codes of the sensors."""
+        return frozenset(each.code for each in self.sensors if each.enabled)
+
+    @property
+    def yes_or_no(self) -> frozenset[str]:
+        """Codes of the sensors that read 1 or 0."""
+        return frozenset(each.code for each in self.sensors if each.enabled and each.is_yes_or_no)
+
+    @property
+    def lidars(self) -> dict[str, SensorSpec]:
+        """The sensors whose reading is many numbers, by code."""
+        return {each.code: each for each in self.sensors if each.enabled and each.kind.is_scan}
+
+    @property
+    def behind(self) -> dict[str, tuple[str, ...]]:
+        """The codes of the sensors behind ray, scan and contact, as far as there are such."""
+        found: dict[str, tuple[str, ...]] = {}
+        for sensor in self.sensors:
+            for function in sensor.kind.stands_for if sensor.enabled else ():
+                found[function] = (*found.get(function, ()), sensor.code)
+        return found
+
+    @property
+    def speeds(self) -> dict[str, tuple[float, float, float]]:
+        """The velocity of each drive at its Speed, by code."""
+        found = {}
+        for drive in self.drives:
+            if drive.enabled:
+                way = drive.kind.direction
+                found[drive.code] = (way.x * drive.speed, way.y * drive.speed, way.r * drive.speed)
+        return found
+
+    @property
+    def velocity(self) -> str:
+        """Code of the command that sets the whole velocity."""
+        rows = (each.code for each in self.velocities if each.enabled and each.kind is VelocityKind.ALL)
+        return next(rows, "")
+
+    @property
+    def commands(self) -> frozenset[str]:
+        """Codes of all that a step may do."""
+        codes = {WAIT, *self.speeds, *(each.code for each in self.velocities if each.enabled)}
+        return frozenset(codes | ({self.gripper.code} if self.gripper and self.gripper.enabled else set()))
+
+
+class RuleParts:
+    """Reads the parts of rules. What cannot be read is a problem, and left out."""
+
+    def __init__(self, file: TomlFile, parts: Parts) -> None:
+        self._file = file
+        self._parts = parts
+        self._state: dict[str, expressions.FieldValue] = {}
+        self._framing = Framing()
+        self._reply_end = ""
+
+    def _replies(self, given: Mapping[str, Any], key: str, prefix: str, names: Names) -> tuple[AnyReply, ...]:
+        if key not in given:
+            return ()
+        place, listed = prefix + key, given[key]
+        listed = listed if isinstance(listed, list) else [listed]
+        made: list[AnyReply] = []
+        for each in listed:
+            if isinstance(each, str):
+                text = self._text(each, place, names)
+                made += [text] if text is not None else []
+                if self._framing.kind is FrameKind.BINARY and not self._reply_end:
+                    way = 'write { type = 1, text = "..." }, or give plain texts an end by [reply] end'
+                    self._file.complain(place, f"a text is no binary frame; {way}")
+            elif isinstance(each, dict):
+                frame = self._binary_reply(each, place, names)
+                made += [frame] if frame is not None else []
+            else:
+                self._file.complain(place, "must be a text, a table for a binary frame, or a list of them")
+        return tuple(made)
+
+    def _binary_reply(self, given: Mapping[str, Any], place: str, names: Names) -> BinaryReply | None:
+        if self._framing.kind is not FrameKind.BINARY:
+            self._file.complain(place, 'a binary frame needs [frame] kind = "binary"')
+            return None
+        self._check_keys(given, REPLY_KEYS, f"{place}.")
+        kind, times = given.get("type"), given.get("times", 1)
+        if TYPE in self._framing.names and (not isinstance(kind, int) or isinstance(kind, bool)):
+            self._file.complain(place, "needs the type of the frame, a whole number")
+            return None
+        if not isinstance(times, int) or isinstance(times, bool) or not 1 <= times <= MOST_FRAMES:
+            self._file.complain(place, f"times must be a whole number from 1 to {MOST_FRAMES}")
+            return None
+        if ("text" in given) is ("pack" in given):
+            self._file.complain(place, "needs either text, or pack with values")
+            return None
+        known = {**names, "k": NUMBER}
+        if "text" in given:
+            text = self._text(str(given["text"]), place, known)
+            reply = BinaryReply(kind, text=text, times=times) if text is not None else None
+        else:
+            reply = self._packed(kind, str(given["pack"]), given.get("values"), times, place, known)
+        if reply is not None:
+            self._check_length(reply, place)
+        return reply
+
+    def _packed(
+        self, kind: int | None, pack: str, values: object, times: int, place: str, names: Names
+    ) -> BinaryReply | None:
+        if not isinstance(values, list):
+            self._file.complain(place, "values must be a list of expressions")
+            return None
+        made = [self._expression(str(each), place, names) for each in values]
+        for each in made:
+            if each is not None and kinds.kind(each, self._known(names)) is ValueKind.LIST:
+                self._file.complain(place, f"'{each.source}' is a list; name its values one by one")
+        if not self._is_packable(pack, len(values), place) or None in made:
+            return None
+        return BinaryReply(kind, pack=pack, values=tuple(e for e in made if e is not None), times=times)
+
+    def _check_length(self, reply: BinaryReply, place: str) -> None:
+        """A frame whose length its own header cannot hold, or whose type, is a problem."""
+        framing = self._framing
+        if not framing.head:
+            return
+        size = struct.calcsize(reply.pack) if reply.pack else len(reply.text.source) if reply.text else 0
+        if isinstance(framing.body, int) and size != framing.body and reply.pack:
+            self._file.complain(place, f"has {size} bytes; the frame has {framing.body}")
+            return
+        try:
+            framing.frame(TYPE, reply.type, bytes(size))
+        except struct.error:
+            what = f"type {reply.type} or {size} bytes of content do not fit the header '{framing.head}'"
+            self._file.complain(place, what)
+
+    def _text(self, text: str, place: str, names: Names) -> TextReply | None:
+        template, mistakes = parsed_reply(text)
+        for each in mistakes:
+            self._file.complain(place, each)
+        for part in template.parts:
+            if isinstance(part, Field):
+                self._check_names(part.expression, place, names)
+                for mistake in kinds.field_mistakes(part, self._known(names)):
+                    self._file.complain(place, mistake)
+        return None if mistakes else template
+
+    def _time(self, given: object, place: str, names: Names) -> Expression | None:
+        if isinstance(given, int | float) and not isinstance(given, bool):
+            if 0 <= given <= LONGEST_TIME:
+                return Expression(repr(given))
+            self._file.complain(place, f"must be from 0 to {LONGEST_TIME:g} s, not {given:g}")
+            return None
+        return self._expression(given, place, names, reads=False)
+
+    def _expression(
+        self, given: object, place: str, names: Names, *, reads: bool = True
+    ) -> Expression | None:
+        """An expression. One that decides whether or when something is done must not read sensors."""
+        if given is None:
+            return None
+        if not isinstance(given, str):
+            self._file.complain(place, "must be an expression in quotes")
+            return None
+        made = self._made(lambda: Expression(given), place)
+        if made is not None:
+            self._check_names(made, place, names)
+            for mistake in kinds.mistakes(made, self._known(names)):
+                self._file.complain(place, mistake)
+            if not reads and (made.sensing or made.names & self._parts.readable):
+                self._file.complain(place, "must not read a sensor; use values of the message and of [state]")
+        return made
+
+    def _check_names(self, expression: Expression, place: str, names: Names) -> None:
+        known = {*names, *self._state, *self._parts.readable, *READING}
+        for name in sorted(expression.names - known):
+            hint = did_you_mean(name, known)
+            what = f"'{name}' is neither a value of the message, nor of [state], nor a sensor of the set"
+            self._file.complain(place, what + (hint or f"; there are {', '.join(sorted(known))}"))
+
+    def _known(self, names: Names) -> Names:
+        """Kinds of all names. The state may become anything."""
+        numbers = dict.fromkeys((*self._parts.readable, *READING), NUMBER)
+        lists = {code: Known(ValueKind.LIST, length=each.rays) for code, each in self._parts.lidars.items()}
+        return {**numbers, **lists, **dict.fromkeys(self._state, ANY), **names}
+
+    def _check_keys(self, given: Mapping[str, Any], known: Iterable[str], prefix: str) -> None:
+        for name in given:
+            if name not in known:
+                hint = did_you_mean(name, known) or f" (known: {', '.join(known)})"
+                self._file.complain(prefix + name, f"is not known here{hint}")
+
+    def _is_packable(self, shape: str, count: int, place: str) -> bool:
+        """True if a struct format is one for so many values; else a problem."""
+        try:
+            check_pack(shape, count)
+        except ValueError as error:
+            self._file.complain(place, str(error))
+            return False
+        return True
+
+    def _made(self, make: Callable[[], T], place: str) -> T | None:
+        """Result of `make`; None, and a problem, if it raises ValueError."""
+        try:
+            return make()
+        except ValueError as error:
+            self._file.complain(place, str(error))
+            return None

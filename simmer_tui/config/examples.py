@@ -1,0 +1,70 @@
+"""Sample programs as files: where they are, and how they are copied out."""
+
+import shlex
+import sys
+from pathlib import Path
+from subprocess import list2cmdline
+
+from simmer_tui import platform_has
+from simmer_tui.config.sets import unreadable, write_files
+
+EXAMPLE = "wander.py"
+"""The sample program to begin with: it reads, drives around, and says where it believes to be."""
+CLIENT = "client.py"
+"""The client library, which lies in the package itself."""
+_PROGRAMS = (EXAMPLE, "solve.py", "robot_emulator.py")
+"""Samples that stand alone, the modules of solve.py (`solve_*.py`) beside it."""
+_FOLDERS = ("course", "c", "matlab", "arduino")
+"""Programs of the course, those in other languages, and sketches for the robot itself."""
+_SUFFIXES = (".py", ".c", ".h", ".m", ".ino", ".md", ".toml")
+_PACKAGE = Path(__file__).resolve().parent.parent
+
+
+def examples_folder() -> Path:
+    """The folder of the sample programs: inside the installed package, or beside it in a checkout."""
+    # The build copies them from the folder `scripts` of a checkout into the package.
+    installed = _PACKAGE / "examples"
+    return installed if installed.is_dir() else _PACKAGE.parent / "scripts"
+
+
+def example_command() -> str:
+    """Command that runs the sample program with our own interpreter."""
+    words = [sys.executable, str(examples_folder() / EXAMPLE)]
+    return shlex.join(words) if platform_has.POSIX else list2cmdline(words)
+
+
+def example_files() -> dict[str, bytes]:
+    """All sample programs and the client library, by path in the folder that people get.
+
+    Raises ConfigurationError if one cannot be read.
+    """
+    folder = examples_folder()
+    found = [folder / name for name in _PROGRAMS] + sorted(folder.glob("solve_*.py"))
+    for name in _FOLDERS:
+        found += sorted(path for path in (folder / name).rglob("*") if path.suffix in _SUFFIXES)
+    try:
+        files = {path.relative_to(folder).as_posix(): path.read_bytes() for path in found}
+        return files | {CLIENT: (_PACKAGE / CLIENT).read_bytes()}
+    except OSError as error:
+        raise unreadable(error, folder) from None
+
+
+def copy_examples(destination: Path) -> tuple[Path, ...]:
+    """Copy the sample programs into a folder, which is made if need be. Those that are there already,
+    unchanged, are left alone.
+
+    Returns the new files. Raises ConfigurationError, before anything is written, if a file that differs would
+    be overwritten.
+    """
+    return write_files(
+        destination,
+        {name: data for name, data in example_files().items() if not _is_there(destination / name, data)},
+    )
+
+
+def _is_there(path: Path, data: bytes) -> bool:
+    """True if a file has these bytes."""
+    try:
+        return path.read_bytes() == data
+    except OSError:
+        return False  # missing, or in the way: writing tells

@@ -1,0 +1,35 @@
+"""Paths as people write them in files and options, on this system or on another."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path, PureWindowsPath
+
+from simmer_tui.sim.command import escape
+
+
+def given_path(text: str, home: Path | None = None) -> Path:
+    """A path relative to `home`, or to where we are. Where / separates folders, one with backslashes that is
+    not there as it stands was written on Windows."""
+    home = home or Path()
+    path = home / text
+    if os.sep == "\\" or "\\" not in text or path.exists():
+        return path
+    return home / PureWindowsPath(text).as_posix()
+
+
+def drive_hint(text: str) -> str:
+    """The reason why a path with a drive letter is not here; empty on Windows and for other paths."""
+    drive = PureWindowsPath(text).drive
+    if not drive or os.sep == "\\":
+        return ""
+    return f"; {escape(drive, 20)} is a drive of Windows: name the folder as it is here"
+
+
+def other_case(path: Path) -> str:
+    """The name of the file that differs from a path in upper and lower case alone; empty if there is none."""
+    try:
+        names = sorted(each.name for each in path.parent.iterdir())
+    except OSError:
+        return ""
+    return next((name for name in names if name != path.name and name.lower() == path.name.lower()), "")

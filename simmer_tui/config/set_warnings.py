@@ -1,0 +1,60 @@
+"""Warnings about a set: no mistakes, but perhaps not as its author expects."""
+
+from collections.abc import Iterator
+
+from simmer_tui.config.loader import Configuration
+from simmer_tui.config.settings import BITS_OF_A_BYTE
+from simmer_tui.sim.sensors import Lidar
+
+# SLAMTEC's data sheet of the RPLIDAR A1M8: 8000 samples a second.
+MOST_SAMPLES = 8000
+"""Rays a second above which a lidar is better than those of the public teams."""
+# Programs of packet dialects call recv(1024) once: 140 rays of 7 characters.
+MOST_IN_A_PACKET = 150
+"""Rays of which a packet may be read whole by one call."""
+_SLOW_LINK = "hc-05"
+# 9600 baud with a start and a stop bit.
+_BYTES_A_SECOND = 960
+# Judged: a program that waits so long for each scan drives past what it should see.
+_LONG = 0.5
+"""Seconds on a real robot's line from which a scan is slow."""
+_SIZES = {"float32": 4, "float64": 8}
+
+
+def set_warnings(configuration: Configuration) -> tuple[str, ...]:
+    """The warnings about a set, each a line."""
+    return tuple(_lidars(configuration))
+
+
+def _lidars(configuration: Configuration) -> Iterator[str]:
+    settings = configuration.settings
+    server = settings.server
+    for sensor in configuration.simulation.sensors:
+        if not (sensor.enabled and issubclass(sensor.kind, Lidar)):
+            continue
+        samples = sensor.rays * getattr(sensor, "scan_rate", 0.0)
+        if samples > MOST_SAMPLES:
+            yield (
+                f"{sensor.id} takes {samples:g} ranges a second (Rays times Scan Rate); lidars of the public "
+                f"teams take at most {MOST_SAMPLES}"
+            )
+        if sensor.rays > MOST_IN_A_PACKET and "packets" in server.listeners:
+            yield (
+                f"{sensor.id} has {sensor.rays} rays, and a packet of more than {MOST_IN_A_PACKET} is not "
+                "read by one recv(1024): read on up to the closing bracket, or set Rays lower"
+            )
+        size = _SIZES.get(server.reply_format, 0)
+        if settings.link_profile == _SLOW_LINK and size and "binary" in server.listeners:
+            seconds = (sensor.rays + 1) * size / _BYTES_A_SECOND
+            yield (
+                f"a scan of {sensor.id} takes {seconds:.1f} s at the {_SLOW_LINK}'s 9600 baud, of which the "
+                "simulated link knows nothing: set Rays lower, or ask for single rays"
+            )
+        serial = settings.serial
+        size = _SIZES.get(serial.robot_reply if serial.robot_reply != "same" else server.reply_format, 0)
+        seconds = (sensor.rays + 1) * size * BITS_OF_A_BYTE / serial.baud
+        if serial.port and seconds > _LONG:
+            yield (
+                f"a scan of {sensor.id} takes {seconds:.1f} s from {serial.port} at {serial.baud} baud: set "
+                "a higher rate here (--baud) and on the robot, or let it answer in float32 or with fewer rays"
+            )

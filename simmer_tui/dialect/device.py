@@ -1,0 +1,684 @@
+"""The robot's own program, played by the rules of a dialect.toml: bytes in, commands and bytes out."""
+
+import math
+import struct
+from collections import deque
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Protocol
+
+from simmer_tui.dialect.dialect_rules import (
+    TYPE,
+    AnyReply,
+    AssignStep,
+    Busy,
+    DialectRules,
+    MessageRule,
+    PauseStep,
+    RunStep,
+    Step,
+    StopStep,
+    StreamRule,
+    expressions_of,
+)
+from simmer_tui.dialect.expressions import (
+    LONGEST_TEXT,
+    Expression,
+    FieldValue,
+    finite,
+    listed_codes,
+    scan_bearings,
+)
+from simmer_tui.dialect.fault_notices import UNKNOWN_MESSAGE, FaultNotices
+from simmer_tui.dialect.frames import Deframer, Frame, Noise
+from simmer_tui.dialect.messages import nearest
+from simmer_tui.dialect.templates import LONGEST_REPLY, BinaryReply
+from simmer_tui.errors import ExpressionError
+from simmer_tui.sim.command import escape
+from simmer_tui.sim.sensors import Lidar, sensor_of
+
+# The bytes of noise that a notice shows: a line of the event list.
+_SHOWN = 60
+# A busy machine holds a process up for some tenths of a second. After it has slept, nobody wants all that its
+# robot would have sent meanwhile.
+LATEST = 1.0
+"""Seconds by which a message of a stream may be late; later ones are left out."""
+WATCHDOG = "watchdog"
+"""Source of the end of an untimed run that `halts_after` ends."""
+
+
+class Timer(Protocol):
+    """A call that is due later."""
+
+    def cancel(self) -> None:
+        """Do not make it."""
+        ...
+
+
+class MoveEnd(Protocol):
+    """End of a movement of known length."""
+
+    @property
+    def refused(self) -> str:
+        """The reason it was not begun; empty if it was."""
+        ...
+
+    @property
+    def touched(self) -> bool:
+        """True if it met an obstacle."""
+        ...
+
+    @property
+    def stopped(self) -> bool:
+        """True if something else has ended it."""
+        ...
+
+
+class DeviceHost(Protocol):
+    """The robot and the wire of a device. Times are simulated seconds."""
+
+    @property
+    def now(self) -> float: ...
+
+    def call_later(self, seconds: float, call: Callable[[], None]) -> Timer: ...
+
+    def read(self, codes: Sequence[str], done: Callable[[Mapping[str, FieldValue]], None]) -> None:
+        """Read sensors at this moment; `done` is called when their Read Times are over."""
+        ...
+
+    def move(self, command: str, done: Callable[[MoveEnd], None]) -> None:
+        """Do a movement of known length."""
+        ...
+
+    def drive(self, velocity: tuple[float, float, float] | None, seconds: float | None) -> str:
+        """Drive at a velocity (in/s, in/s, deg/s) for a time, or until told otherwise. Returns the reason it
+        is refused, or nothing."""
+        ...
+
+    def halt(self, by: str = "") -> None:
+        """End all motion; `by` is who does, if no message does."""
+        ...
+
+    def send(self, data: bytes, *, droppable: bool = False) -> None:
+        """Send bytes to the program. What is `droppable` is left out if too much waits."""
+        ...
+
+    def done(self, message: bytes, meaning: str) -> None:
+        """Tell which message has come, and what it does."""
+        ...
+
+    def tell(self, text: str) -> None:
+        """Tell of a fault of the program, or of the rules."""
+        ...
+
+    def mention(self, text: str) -> None:
+        """Tell of something that is no fault of either."""
+        ...
+
+
+class _Task:
+    """A message that is being done: its values, and the steps that are left."""
+
+    def __init__(self, rule: MessageRule, values: Mapping[str, FieldValue], size: int) -> None:
+        self.rule = rule
+        self.values = values
+        self.size = size
+        self.steps: Iterator[Step] = iter(rule.steps)
+        self.touched = False
+        self.over = False
+        self.step: Step | None = None
+        self.timer: Timer | None = None
+        self.velocity: tuple[float, float, float] | None = None
+        """That of the run under way."""
+
+
+class _TaskScope:
+    """The names of an expression."""
+
+    def __init__(
+        self, device: "DialectDevice", values: Mapping[str, FieldValue], touched: bool = False
+    ) -> None:
+        self._device = device
+        self._values = values
+        self._touched = touched
+
+    def value(self, name: str) -> FieldValue:
+        if name in self._values:
+            return self._values[name]
+        if name == "contact":
+            return int(self._touched)
+        if name == "time":
+            return self._device.host.now
+        return self._device.state[name]
+
+    def call(self, function: str, arguments: Sequence[FieldValue]) -> FieldValue:
+        if function == "named":
+            return self._device.named(listed_codes(arguments[0]), self._values)
+        return self._device.sense(function, arguments, self._values)
+
+
+class DialectDevice:
+    """Plays a robot by its rules.
+
+    Args:
+        rules: The rules.
+        host: The robot and the wire.
+        heard: Called with the rule and the values of each message before it is done.
+    """
+
+    def __init__(
+        self,
+        rules: DialectRules,
+        host: DeviceHost,
+        heard: Callable[[MessageRule, Mapping[str, FieldValue]], None] = lambda rule, values: None,
+    ) -> None:
+        self._heard = heard
+        self.host = host
+        self.state: dict[str, FieldValue] = dict(rules.state)
+        self.unknown = 0
+        """Count of messages that no command matches."""
+        self._rules = rules
+        made = {code: sensor_of(spec) for code, spec in rules.lidars.items()}
+        self._lidars = {code: each for code, each in made.items() if isinstance(each, Lidar)}
+        self._deframer = Deframer(rules.framing, rules.types, TYPE)
+        self._open = False
+        self._deaf = False
+        """True while the robot boots: what comes is lost."""
+        self._silence: Timer | None = None
+        self._watchdog: Timer | None = None
+        self._streams: list[Timer | None] = []
+        self._begun = 0.0
+        """The time when they began."""
+        self._moving: _Task | None = None
+        self._asked: _Task | None = None
+        """A message without a movement that is being done."""
+        self._waiting: deque[_Task] = deque()
+        self._questions: deque[_Task] = deque()
+        """Those that wait for their turn: with a movement, and without."""
+        self._runs = False
+        """True while the robot drives until told otherwise."""
+        self._faults = FaultNotices(host.tell)
+        self._mentions = FaultNotices(host.mention)
+
+    @property
+    def unfinished(self) -> bool:
+        """True if a part of a message waits for the rest."""
+        return self._deframer.unfinished
+
+    @property
+    def moves(self) -> bool:
+        """True while a message with a movement is done, or the robot drives until told otherwise."""
+        return self._moving is not None or self._runs
+
+    @property
+    def doing(self) -> Mapping[str, FieldValue] | None:
+        """The values of the message whose movement is under way, as `heard` was given them."""
+        return self._moving.values if self._moving is not None else None
+
+    # -- the wire ----------------------------------------------------------------------------------
+
+    def opened(self) -> None:
+        """A program has opened the port."""
+        self._open = True
+        boot = self._rules.robot.boot
+        self._streams = [None] * len(self._rules.streams)
+        self._deaf = boot > 0
+        if boot:
+            self.host.call_later(boot, self._boot)
+        else:
+            self._boot()
+
+    def _boot(self) -> None:
+        if not self._open:
+            return
+        self._deaf = False
+        if self._rules.robot.greeting:
+            self.host.send(self._rules.robot.greeting.encode())
+        self._begun = self.host.now
+        for index, stream in enumerate(self._rules.streams):
+            self._next_tick(index, stream, 0)
+
+    def closed(self) -> None:
+        """The program has closed the port."""
+        self._open = False
+        for noise in self._deframer.end():
+            self._tell_noise(noise)
+        self._faults.end()
+        self._mentions.end()
+        for timer in (*self._streams, self._silence):
+            if timer is not None:
+                timer.cancel()
+        if self._runs and not self._rules.robot.runs_on:
+            self._halt()
+
+    def received(self, data: bytes) -> None:
+        """Bytes have come in."""
+        if self._deaf:
+            boot = self._rules.robot.boot
+            what = f"the robot boots for {boot:g} s after the port was opened"
+            self._faults.note(f"'{escape(data.decode('latin-1'), _SHOWN)}' is lost: {what}", alike="boot")
+            return
+        self._rest_watchdog()
+        self._take(self._deframer.receive(data))
+        if self._silence is not None:
+            self._silence.cancel()
+            self._silence = None
+        silence = self._rules.framing.silence
+        if silence and self._deframer.unfinished:
+            self._silence = self.host.call_later(silence, lambda: self._take(self._deframer.silence()))
+
+    def _take(self, parts: Sequence[Frame | Noise]) -> None:
+        for part in parts:
+            if isinstance(part, Noise):
+                self._tell_noise(part)
+            else:
+                self._message(part)
+
+    def _tell_noise(self, noise: Noise) -> None:
+        shown = escape(noise.data[:_SHOWN].decode("latin-1"), 4 * _SHOWN)
+        more = f" and {len(noise.data) - _SHOWN} more" if len(noise.data) > _SHOWN else ""
+        count = "1 byte" if len(noise.data) == 1 else f"{len(noise.data)} bytes"
+        self._faults.note(f"{count} dropped, {noise.why}: '{shown}'{more}", alike=noise.why)
+
+    def _rest_watchdog(self) -> None:
+        if self._watchdog is not None:
+            self._watchdog.cancel()
+            self._watchdog = None
+        after = self._rules.robot.halts_after
+        if after:
+            self._watchdog = self.host.call_later(after, self._fell_silent)
+
+    def _fell_silent(self) -> None:
+        self._watchdog = None
+        if self._runs:
+            silence = f"nothing has come for {self._rules.robot.halts_after:g} s"
+            self._mentions.note(f"{silence}: the robot stops (halts_after)")
+            self._halt(source=WATCHDOG)
+
+    # -- messages ----------------------------------------------------------------------------------
+
+    def _message(self, frame: Frame) -> None:
+        found = self._find(frame)
+        if found is None:
+            self.unknown += 1
+            text = frame.text
+            hint = nearest(text, self._rules)
+            self.host.done(frame.data, UNKNOWN_MESSAGE + hint)
+            self._faults.note(f"'{escape(text)}' is no message of the dialect{hint}", alike=("?", text))
+            self._send(self._rules.unknown, {"text": text})
+            return
+        task = _Task(*found, len(frame.data))
+        self.host.done(frame.data, task.rule.shown)
+        self._heard(task.rule, task.values)
+        self._admit(task)
+
+    def _find(self, frame: Frame) -> tuple[MessageRule, Mapping[str, FieldValue]] | None:
+        """The first rule for a message, with its values."""
+        for rule in self._rules.rules:
+            values = rule.values(frame)
+            if values is None:
+                continue
+            values.setdefault("text", frame.text)
+            try:
+                if rule.condition is None or rule.condition.value(_TaskScope(self, values)):
+                    return rule, values
+            except ExpressionError as error:
+                self._faults.note(f"{rule.place}: if: {error}")
+        return None
+
+    def _admit(self, task: _Task) -> None:
+        """Begin a message, or have it wait, as its `busy` says."""
+        rule, robot = task.rule, self._rules.robot
+        if rule.moves:
+            policy = rule.busy or (Busy.NOW if rule.stops else robot.busy)
+        else:
+            policy = rule.busy or robot.reads
+        if not self._is_blocked(rule, policy):
+            self._begin(task)
+        elif policy is Busy.DROP:
+            self._faults.note(f"'{rule.shown}' is lost: the robot is busy")
+        elif policy is Busy.REPLACE:
+            self._replace(task)
+        else:
+            self._wait(task, self._waiting if rule.moves else self._questions)
+
+    def _is_blocked(self, rule: MessageRule, policy: Busy) -> bool:
+        """True if a message may not begin now."""
+        asked, moving = self._asked is not None, self._moving is not None
+        if policy is Busy.NOW:
+            # Where only the robot says "now", one question is answered after the other.
+            return asked and not rule.moves and rule.busy is None
+        return moving or (asked and (not rule.moves or self._rules.robot.reads is Busy.WAIT))
+
+    def _wait(self, task: _Task, queue: deque[_Task]) -> None:
+        held = sum(each.size for each in (*self._waiting, *self._questions))
+        buffer = self._rules.robot.buffer
+        if held + task.size > buffer:
+            what = f"{held} bytes wait already, and the robot's buffer has {buffer}"
+            self._faults.note(f"'{task.rule.shown}' is lost: {what}", alike="buffer")
+            return
+        queue.append(task)
+
+    def _replace(self, task: _Task) -> None:
+        """End the movement under way and all that waits, and begin another."""
+        before = self._moving
+        if before is not None and self._goes_on(before, task):
+            self._waiting.clear()
+            self._end(before)
+        else:
+            self._halt()
+        self._begin(task)
+
+    def _goes_on(self, before: _Task, task: _Task) -> bool:
+        """True if a message runs the drive that runs already: it goes on without a new start."""
+        first = next(iter(task.rule.steps), None)
+        if before.velocity is None or not isinstance(first, RunStep) or task.rule.takes is not None:
+            return False
+        try:
+            return self._velocity(first, _TaskScope(self, task.values)) == before.velocity
+        except ExpressionError:
+            return False
+
+    def _begin(self, task: _Task) -> None:
+        """Begin a message whose turn has come."""
+        if task.rule.moves:
+            if not task.rule.stops:
+                self._moving = task
+        else:
+            self._asked = task
+        try:
+            takes = task.rule.takes.number(self._scope(task)) if task.rule.takes is not None else 0.0
+        except ExpressionError as error:
+            self._fail(task, "takes", error)
+            return
+        if takes > 0:
+            task.timer = self.host.call_later(takes, lambda: self._answer(task))
+        else:
+            self._answer(task)
+
+    def _answer(self, task: _Task) -> None:
+        if task.over:
+            return
+        rule = task.rule
+        if rule.moves:
+            self._send(rule.reply, task.values, rule)
+            self._next_step(task)
+            return
+        self._send(rule.reply, task.values, rule, lambda: self._next_step(task))
+
+    def _next_step(self, task: _Task) -> None:
+        """Do the next step; after the last one the message is done."""
+        while not task.over:
+            step = task.step = next(task.steps, None)
+            if step is None:
+                self._finish(task)
+                return
+            codes = self._sensors_in(expressions_of(step), task.values)
+            if codes:
+                self.host.read(codes, lambda values, step=step: self._with_readings(task, step, values))  # type: ignore[misc]
+                return
+            if not self._do(task, step, task.values):
+                return
+
+    def _with_readings(self, task: _Task, step: Step, readings: Mapping[str, FieldValue]) -> None:
+        if not task.over and self._do(task, step, {**task.values, **readings}):
+            self._next_step(task)
+
+    def _do(self, task: _Task, step: Step, values: Mapping[str, FieldValue]) -> bool:
+        """Do a step. True if the next one follows at once."""
+        scope = _TaskScope(self, values, task.touched)
+        try:
+            if isinstance(step, AssignStep):
+                self.state[step.name] = step.expression.value(scope)
+            elif isinstance(step, StopStep):
+                self._halt(task)
+            elif isinstance(step, PauseStep):
+                return self._pause(task, step.seconds.number(scope))
+            elif isinstance(step, RunStep):
+                return self._run(task, step, scope)
+            else:
+                self._move(task, step.command.text(scope, "inf"))
+                return False
+        except ExpressionError as error:
+            self._fail(task, "do", error)
+            return False
+        return True
+
+    def _pause(self, task: _Task, seconds: float) -> bool:
+        if not seconds > 0:
+            return True
+        task.timer = self.host.call_later(seconds, lambda: self._next_step(task))
+        return False
+
+    def _run(self, task: _Task, step: RunStep, scope: _TaskScope) -> bool:
+        velocity = self._velocity(step, scope)
+        seconds = step.seconds.number(scope) if step.seconds is not None else None
+        if seconds is not None and not seconds > 0:
+            return True
+        refused = self.host.drive(velocity, seconds)
+        if refused:
+            self._refuse(task, refused)
+            return False
+        self._runs = seconds is None
+        if seconds is None:
+            return True
+        task.velocity = velocity
+        task.timer = self.host.call_later(seconds, lambda: self._run_over(task))
+        return False
+
+    def _run_over(self, task: _Task) -> None:
+        task.velocity = None
+        self._next_step(task)
+
+    def _velocity(self, step: RunStep, scope: _TaskScope) -> tuple[float, float, float]:
+        """The velocity of a run. Raises ExpressionError."""
+        drive = step.drive.text(scope, "")
+        speed = self._rules.speeds.get(drive.removeprefix("-"))
+        if speed is None:
+            raise ExpressionError(f"'{escape(drive)}' is no drive; there are {', '.join(self._rules.speeds)}")
+        sign = -1.0 if drive.startswith("-") else 1.0
+        return (sign * speed[0], sign * speed[1], sign * speed[2])
+
+    def _move(self, task: _Task, command: str) -> None:
+        # The engine ends a velocity before a movement.
+        self._runs = False
+        self.host.move(command, lambda movement: self._moved(task, movement))
+
+    def _moved(self, task: _Task, movement: MoveEnd) -> None:
+        if task.over:
+            return
+        task.touched = task.touched or movement.touched
+        if movement.refused:
+            self._refuse(task, movement.refused)
+        elif movement.stopped:  # by people, or the end of the run
+            self._waiting.clear()
+            self._break_off(task)
+            self._go_on()
+        else:
+            self._next_step(task)
+
+    # -- ends --------------------------------------------------------------------------------------
+
+    def _finish(self, task: _Task) -> None:
+        self._end(task)
+        self._send(task.rule.done, task.values, task.rule, touched=task.touched)
+        self._go_on()
+
+    def _break_off(self, task: _Task) -> None:
+        """Something else has ended a message."""
+        self._end(task)
+        self._send(task.rule.stopped, task.values, task.rule, touched=task.touched)
+
+    def _refuse(self, task: _Task, why: str) -> None:
+        self._faults.note(f"'{task.rule.shown}' at {task.rule.place}: {why}")
+        self._end(task)
+        self._go_on()
+
+    def _fail(self, task: _Task, key: str, error: ExpressionError) -> None:
+        self._faults.note(f"{task.rule.place}: {key}: {error}")
+        self._end(task)
+        self._go_on()
+
+    def _end(self, task: _Task) -> None:
+        task.over = True
+        if task.timer is not None:
+            task.timer.cancel()
+        if self._moving is task:
+            self._moving = None
+        if self._asked is task:
+            self._asked = None
+
+    def _go_on(self) -> None:
+        """Begin what waits."""
+        if self._asked is None and self._questions:
+            ready = self._rules.robot.reads is Busy.NOW or self._moving is None
+            if ready:
+                self._begin(self._questions.popleft())
+        if self._moving is None and self._waiting:
+            self._begin(self._waiting.popleft())
+
+    def _halt(self, by: _Task | None = None, source: str = "") -> None:
+        """A stop, perhaps a step of a message: the motion ends, and nothing that waits begins."""
+        self._waiting.clear()
+        task = self._moving
+        if task is not None and task is not by:
+            self._break_off(task)
+        self._runs = False
+        self.host.halt(source)
+
+    # -- replies -----------------------------------------------------------------------------------
+
+    def _scope(self, task: _Task) -> _TaskScope:
+        return _TaskScope(self, task.values, task.touched)
+
+    def _send(
+        self,
+        replies: Sequence[AnyReply],
+        values: Mapping[str, FieldValue],
+        rule: MessageRule | None = None,
+        then: Callable[[], None] = lambda: None,
+        *,
+        touched: bool = False,
+    ) -> None:
+        """Send replies, then call `then`: at once, or when their sensors have been read."""
+        codes = self._sensors_in([each for reply in replies for each in reply.expressions], values)
+
+        def made(readings: Mapping[str, FieldValue]) -> None:
+            self._write(replies, {**values, **readings}, rule.place if rule is not None else "", touched)
+            then()
+
+        if codes:
+            self.host.read(codes, made)
+        else:
+            made({})
+
+    def _write(
+        self, replies: Sequence[AnyReply], values: Mapping[str, FieldValue], place: str, touched: bool
+    ) -> None:
+        try:
+            for data in self._bounded(replies, values, touched):
+                self.host.send(data)
+        except ExpressionError as error:
+            self._faults.note(f"{place}: reply: {error}")
+
+    def _sensors_in(
+        self, expressions: Sequence[Expression], values: Mapping[str, FieldValue]
+    ) -> tuple[str, ...]:
+        """The sensors that expressions read; those of `named` are in the message, in the state, or in
+        the expression."""
+        found = dict.fromkeys(self._rules.sensors_in(expressions))
+        for each in expressions:
+            if "named" not in each.sensing:
+                continue
+            lists = [values.get(name, self.state.get(name, "")) for name in each.names]
+            asked = [code for text in (*lists, *each.texts) for code in listed_codes(text)]
+            found |= dict.fromkeys(code for code in asked if code in self._rules.codes)
+        return tuple(found)
+
+    def sense(
+        self, function: str, arguments: Sequence[FieldValue], readings: Mapping[str, FieldValue]
+    ) -> FieldValue:
+        """The result of ray or scan, of the lidar that stands behind it. Raises ExpressionError."""
+        code = next(iter(self._rules.behind.get(function, ())), "")
+        lidar, ranges = self._lidars.get(code), readings.get(code)
+        if lidar is None or not isinstance(ranges, tuple):
+            raise ExpressionError(f"{function}() has no reading of a lidar")
+        if function == "ray":
+            return ranges[lidar.nearest_ray(finite(arguments, function)[0])]
+        bearings = scan_bearings(arguments)
+        return tuple(ranges[lidar.nearest_ray(each)] for each in bearings)
+
+    def named(self, codes: Sequence[str], readings: Mapping[str, FieldValue]) -> str:
+        """`u0:3.00,u1:12.50`: readings beside the codes they were asked by. Raises ExpressionError."""
+        items = []
+        for code in codes:
+            value = readings.get(code) if code in self._rules.codes else None
+            is_number = isinstance(value, int | float) and math.isfinite(value)
+            items.append(f"{code}:{value:.2f}" if is_number else f"{code}:{self._rules.missing}")
+        text = ",".join(items)
+        if len(text) > LONGEST_TEXT:
+            raise ExpressionError(f"texts go up to {LONGEST_TEXT} characters")
+        return text
+
+    def _bounded(
+        self, replies: Sequence[AnyReply], values: Mapping[str, FieldValue], touched: bool
+    ) -> Iterator[bytes]:
+        """The bytes of replies, up to a limit. Raises ExpressionError."""
+        size = 0
+        for reply in replies:
+            for data in self._encoded(reply, values, touched):
+                size += len(data)
+                if size > LONGEST_REPLY:
+                    raise ExpressionError(f"the replies to a message go up to {LONGEST_REPLY} bytes")
+                yield data
+
+    def _encoded(self, reply: AnyReply, values: Mapping[str, FieldValue], touched: bool) -> Iterator[bytes]:
+        """The bytes of a reply. Raises ExpressionError."""
+        missing = self._rules.missing
+        if not isinstance(reply, BinaryReply):
+            text = reply.text(_TaskScope(self, values, touched), missing) + self._rules.reply_end
+            yield text.encode("utf-8", "surrogateescape")
+            return
+        for count in range(reply.times):
+            content = reply.content(_TaskScope(self, {**values, "k": count}, touched), missing)
+            try:
+                yield self._rules.framing.frame(TYPE, reply.type, content)
+            except struct.error as error:
+                raise ExpressionError(f"{len(content)} bytes do not fit the frame: {error}") from None
+
+    # -- streams -----------------------------------------------------------------------------------
+
+    def _next_tick(self, index: int, stream: StreamRule, tick: int) -> None:
+        # Each at its own multiple of the period: those that a busy machine has held up are sent at once.
+        left = self._begun + (tick + 1) * stream.every - self.host.now
+        if left < -LATEST:
+            skipped = math.floor(-left / stream.every)
+            tick, left = tick + skipped, left + skipped * stream.every
+            what = f"{skipped} messages of a stream that were more than {LATEST:g} s late are left out"
+            self._mentions.note(what, alike=("late", index))
+        later = self.host.call_later(max(left, 0.0), lambda: self._tick(index, stream, tick))
+        self._streams[index] = later
+
+    def _tick(self, index: int, stream: StreamRule, tick: int) -> None:
+        if not self._open:
+            return
+        self._next_tick(index, stream, tick + 1)
+        values: dict[str, FieldValue] = {"tick": tick}
+        try:
+            if stream.condition is not None and not stream.condition.value(_TaskScope(self, values)):
+                return
+        except ExpressionError as error:
+            self._faults.note(f"{stream.place}: if: {error}")
+            return
+        codes = self._sensors_in([each for reply in stream.send for each in reply.expressions], values)
+
+        def made(readings: Mapping[str, FieldValue]) -> None:
+            try:
+                for data in self._bounded(stream.send, {**values, **readings}, touched=False):
+                    self.host.send(data, droppable=True)
+            except ExpressionError as error:
+                self._faults.note(f"{stream.place}: send: {error}")
+
+        if codes:
+            self.host.read(codes, made)
+        else:
+            made({})

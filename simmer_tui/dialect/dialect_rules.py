@@ -1,0 +1,248 @@
+"""The rules of a dialect.toml: which message does what, and is answered how."""
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from enum import StrEnum
+
+from msgspec import Struct, field
+
+from simmer_tui.dialect.expressions import Expression, FieldValue
+from simmer_tui.dialect.frames import Frame, Framing
+from simmer_tui.dialect.patterns import Pattern
+from simmer_tui.dialect.templates import BinaryReply, TextReply, sensors_in
+from simmer_tui.sim.specs import SensorSpec
+
+AnyReply = TextReply | BinaryReply
+
+
+class Busy(StrEnum):
+    """Fate of a message while another one's steps are under way."""
+
+    NOW = "now"
+    """It is done at once, beside them."""
+    WAIT = "wait"
+    """It waits for their end, as with a sketch that uses delay()."""
+    REPLACE = "replace"
+    """It ends them, and all that waits."""
+    DROP = "drop"
+    """It is lost."""
+
+
+class CourseProtocol(StrEnum):
+    """A protocol of the course, spoken over a serial port: its messages need no rules."""
+
+    PACKETS = "packets"
+    """`[u0,u1]`, answered `[u0:12.3,u1:inf]`."""
+    BINARY9000 = "binary9000"
+    """`u0` and a newline, answered by a floating-point number."""
+
+
+class MoveStep(Struct, frozen=True):
+    """A command of the simulated robot, `w0-{n}`; it ends when the movement has ended."""
+
+    command: TextReply
+
+
+class RunStep(Struct, frozen=True):
+    """A drive at its Speed, the other way with `-`: for `seconds`, or until it is stopped."""
+
+    drive: TextReply
+    seconds: Expression | None = None
+
+
+class PauseStep(Struct, frozen=True):
+    """A pause."""
+
+    seconds: Expression
+
+
+class StopStep(Struct, frozen=True):
+    """The end of all motion."""
+
+
+class AssignStep(Struct, frozen=True):
+    """`name = expression`: a new value of the state."""
+
+    name: str
+    expression: Expression
+
+
+Step = MoveStep | RunStep | PauseStep | StopStep | AssignStep
+
+
+def expressions_of(step: Step) -> Sequence[Expression]:
+    """The expressions of a step."""
+    if isinstance(step, MoveStep):
+        return step.command.expressions
+    if isinstance(step, RunStep):
+        return step.drive.expressions + ((step.seconds,) if step.seconds is not None else ())
+    if isinstance(step, PauseStep):
+        return (step.seconds,)
+    return (step.expression,) if isinstance(step, AssignStep) else ()
+
+
+class MessageRule(Struct, frozen=True, kw_only=True):
+    """A [[command]]: the messages that it is for, and what they do.
+
+    `place` is where it stands, `FILE:LINE`. A binary rule has the `type` of its frames, and takes the
+    content apart with the struct format `unpack` into `names`.
+    """
+
+    number: int
+    place: str = ""
+    patterns: tuple[Pattern, ...] = ()
+    type: int | None = None
+    unpack: str = ""
+    names: tuple[str, ...] = ()
+    condition: Expression | None = None
+    steps: tuple[Step, ...] = ()
+    takes: Expression | None = None
+    reply: tuple[AnyReply, ...] = ()
+    done: tuple[AnyReply, ...] = ()
+    stopped: tuple[AnyReply, ...] = ()
+    busy: Busy | None = None
+
+    @property
+    def moves(self) -> bool:
+        """True if it has steps that take time or move the robot."""
+        return any(not isinstance(step, AssignStep) for step in self.steps)
+
+    @property
+    def stops(self) -> bool:
+        """True if it does nothing but stop the robot."""
+        return any(isinstance(step, StopStep) for step in self.steps) and all(
+            isinstance(step, StopStep | AssignStep) for step in self.steps
+        )
+
+    @property
+    def expressions(self) -> Iterator[Expression]:
+        """All expressions in it."""
+        yield from (each for each in (self.condition, self.takes) if each is not None)
+        for step in self.steps:
+            yield from expressions_of(step)
+        for reply in (*self.reply, *self.done, *self.stopped):
+            yield from reply.expressions
+
+    @property
+    def shown(self) -> str:
+        """Its messages, as they are written in the file."""
+        patterns = ", ".join(each.source for each in self.patterns)
+        kind = f"type {self.type}" if self.type is not None else ""
+        content = f"{self.unpack}: {' '.join(self.names)}" if self.unpack else patterns
+        return f"{kind}: {content}" if kind and content else kind or content
+
+    def values(self, frame: Frame) -> dict[str, FieldValue] | None:
+        """The values in a message, or None if the rule is not for it."""
+        if self.type is not None and frame.head.get(TYPE) != self.type:
+            return None
+        if self.unpack:
+            return _unpacked(self.unpack, self.names, frame.content)
+        if not self.patterns:
+            return {} if self.type is not None else None
+        text = frame.text
+        found = (pattern.match(text) for pattern in self.patterns)
+        return next((values for values in found if values is not None), None)
+
+
+def _unpacked(shape: str, names: tuple[str, ...], content: bytes) -> dict[str, FieldValue] | None:
+    import struct
+
+    if struct.calcsize(shape) != len(content):
+        return None
+    values = struct.unpack(shape, content)
+    plain = (each.decode("latin-1") if isinstance(each, bytes) else each for each in values)
+    return dict(zip(names, plain, strict=True))
+
+
+TYPE = "type"
+"""The field of a binary header that tells one kind of message from another."""
+
+
+class StreamRule(Struct, frozen=True):
+    """A [[stream]]: what the robot sends by itself, every so many seconds."""
+
+    every: float
+    send: tuple[AnyReply, ...]
+    condition: Expression | None = None
+    place: str = ""
+
+
+class RobotRules(Struct, frozen=True):
+    """[robot]: how the robot's own program takes messages. Times are in seconds.
+
+    `buffer` is in bytes. `halts_after` is the silence that stops an untimed run, 0 for never. With `runs_on`
+    such a run goes on when the program has left.
+    """
+
+    busy: Busy = Busy.WAIT
+    reads: Busy = Busy.NOW
+    buffer: int = 64
+    boot: float = 0.0
+    greeting: str = ""
+    halts_after: float = 0.0
+    runs_on: bool = False
+
+
+class DialectRules(Struct, frozen=True, kw_only=True):
+    """A dialect.toml that has been checked."""
+
+    framing: Framing = Framing()
+    protocol: CourseProtocol | None = None
+    """The course's protocol that it is; then there are no rules."""
+    reply_end: str = ""
+    missing: str = "inf"
+    robot: RobotRules = RobotRules()
+    state: Mapping[str, FieldValue] = field(default_factory=dict)
+    rules: tuple[MessageRule, ...] = ()
+    streams: tuple[StreamRule, ...] = ()
+    unknown: tuple[AnyReply, ...] = ()
+    unknown_place: str = ""
+    """Place of `unknown` in the file."""
+    codes: frozenset[str] = frozenset()
+    """The codes of the set's sensors."""
+    yes_or_no: frozenset[str] = frozenset()
+    """The codes of those that read 1 or 0."""
+    behind: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    """The codes of the sensors that ray, scan and contact stand for, as far as there are such."""
+    lidars: Mapping[str, SensorSpec] = field(default_factory=dict)
+    """The sensors whose reading is many numbers, by code."""
+    speeds: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
+    """The velocity of each drive at its Speed, by code: x and y in in/s, rotation in deg/s."""
+    velocity: str = ""
+    """The code of the command that sets the whole velocity; empty if the set has none."""
+
+    @property
+    def placed_expressions(self) -> Iterator[tuple[str, Expression]]:
+        """All expressions of messages, streams and replies to unknown ones, each with its place."""
+        for rule in self.rules:
+            yield from ((rule.place, each) for each in rule.expressions)
+        for stream in self.streams:
+            if stream.condition is not None:
+                yield stream.place, stream.condition
+            yield from ((stream.place, each) for reply in stream.send for each in reply.expressions)
+        yield from ((self.unknown_place, each) for reply in self.unknown for each in reply.expressions)
+
+    def without_sensor(self, names: Iterable[str]) -> Iterator[tuple[str, str]]:
+        """Those of some names that expressions use though no sensor stands behind them, with their place."""
+        wanted = frozenset(names) - self.behind.keys()
+        for place, expression in dict.fromkeys(self.placed_expressions):
+            for name in sorted(wanted & (expression.sensing | expression.names)):
+                yield place, name
+
+    @property
+    def single(self) -> frozenset[str]:
+        """The codes of the sensors whose reading is one number."""
+        return self.codes - self.lidars.keys()
+
+    def sensors_in(self, expressions: Sequence[Expression]) -> tuple[str, ...]:
+        """The sensors that expressions read, in the order in which they are written, each once."""
+        found = dict.fromkeys(sensors_in(expressions, self.codes))
+        for each in expressions:
+            for function in (*sorted(each.sensing), *each.names):
+                found |= dict.fromkeys(self.behind.get(function, ()))
+        return tuple(found)
+
+    @property
+    def types(self) -> frozenset[int]:
+        """The types of binary frames that a rule is for; none if a rule is for any."""
+        kinds = [rule.type for rule in self.rules]
+        return frozenset() if None in kinds else frozenset(kind for kind in kinds if kind is not None)

@@ -1,0 +1,231 @@
+"""An exchange with a real robot against the rules of its dialect: where these answer otherwise. Sans-IO."""
+
+import heapq
+import itertools
+import math
+import statistics
+from collections.abc import Callable, Mapping, Sequence
+
+from msgspec import Struct
+from msgspec.structs import replace
+
+from simmer_tui.dialect.device import DialectDevice, MoveEnd
+from simmer_tui.dialect.dialect_rules import AnyReply, DialectRules, MessageRule
+from simmer_tui.dialect.expressions import FieldValue
+from simmer_tui.dialect.readings import MessageScope
+from simmer_tui.dialect.reply_reader import SILENCE, Due, Heard, ReplyReader
+from simmer_tui.dialect.templates import TextReply
+from simmer_tui.errors import ExpressionError
+from simmer_tui.sim.command import escape, parse_command, parse_value
+
+# A sketch's loop, and an adapter that passes bytes on every 16 ms.
+LATE = 0.1
+"""Seconds by which a reply may come later or earlier than the dialect says."""
+# What was asked at the very end may be answered after it.
+PATIENCE = 1.0
+"""Seconds before the end of an exchange in which a reply may still be missing."""
+
+
+class Exchanged(Struct, frozen=True):
+    """A piece of an exchange: its line in the file, when it went over the port (seconds), its bytes, and true
+    if the robot sent them."""
+
+    line: int
+    time: float
+    data: bytes
+    from_robot: bool
+
+
+class OtherAnswer(Struct, frozen=True, order=True):
+    """Something that the dialect has otherwise than the robot, with the line of the exchange."""
+
+    line: int
+    text: str
+
+
+class _Ended(Struct, frozen=True):
+    """The end of a movement, as planned."""
+
+    refused: str = ""
+    touched: bool = False
+    stopped: bool = False
+
+
+class _Later:
+    def __init__(self, call: Callable[[], None]) -> None:
+        self.call: Callable[[], None] | None = call
+
+    def cancel(self) -> None:
+        self.call = None
+
+
+class _PlannedHost:
+    """A robot that moves at its drives' Speed, in a time that the exchange moves."""
+
+    def __init__(self, rules: DialectRules, told: Callable[[str], None]) -> None:
+        self.now = 0.0
+        self.tell = told
+        self._rules = rules
+        self._due: list[tuple[float, int, _Later]] = []
+        self._count = itertools.count()
+        self._moving: _Later | None = None
+        self._stopped: Callable[[], None] = lambda: None
+
+    def pass_time(self, until: float) -> None:
+        """Do what is due by a time."""
+        while self._due and self._due[0][0] <= until:
+            self.now, _, later = heapq.heappop(self._due)
+            if later.call is not None:
+                later.call()
+        self.now = max(self.now, until)
+
+    def call_later(self, seconds: float, call: Callable[[], None]) -> _Later:
+        later = _Later(call)
+        heapq.heappush(self._due, (self.now + seconds, next(self._count), later))
+        return later
+
+    def read(self, codes: Sequence[str], done: Callable[[Mapping[str, float]], None]) -> None:
+        done(dict.fromkeys(codes, math.nan))
+
+    def move(self, command: str, done: Callable[[MoveEnd], None]) -> None:
+        made = parse_command(command)
+        value, speed = parse_value(made.argument), math.hypot(*self._rules.speeds.get(made.code, (0.0,)))
+        seconds = abs(value) / speed if isinstance(value, float) and speed else 0.0
+        self._stopped = lambda: done(_Ended(stopped=True))
+        self._moving = self.call_later(seconds, lambda: done(_Ended()))
+
+    def drive(self, velocity: tuple[float, float, float] | None, seconds: float | None) -> str:
+        return ""
+
+    def halt(self, by: str = "") -> None:
+        if self._moving is not None and self._moving.call is not None:
+            self._moving.cancel()
+            self._stopped()
+
+    def send(self, data: bytes, *, droppable: bool = False) -> None:
+        """The dialect's answer, looked up in what the robot answered."""
+
+    def mention(self, text: str) -> None:
+        """Not needed: it is nothing that the robot says."""
+
+    def done(self, message: bytes, meaning: str) -> None:
+        """Not needed: the rule of each message is given to `heard`."""
+
+
+class _Asked(Struct, frozen=True):
+    """A message: its line, when it was sent, and the delay of its answer by the dialect."""
+
+    line: int
+    time: float
+    takes: float
+
+
+class Comparison:
+    """Plays an exchange by the rules.
+
+    Args:
+        rules: The dialect.
+        baud: Bits a second of the line; 0 if it is not known.
+    """
+
+    def __init__(self, rules: DialectRules, baud: float = 0.0) -> None:
+        self.messages = 0
+        """Count of messages to the robot."""
+        self._rules = rules
+        self._byte = 10.0 / baud if baud > 0 else 0.0
+        self._found: set[OtherAnswer] = set()
+        self._line = 0
+        self._asked: dict[int, _Asked] = {}
+        """By the identity of the message's values, which `_kept` keeps."""
+        self._kept: list[Mapping[str, FieldValue]] = []
+        self._delays: dict[str, list[tuple[float, float, int]]] = {}
+        heard = replace(rules, streams=(), robot=replace(rules.robot, boot=0.0, greeting=""), unknown=())
+        self._host = _PlannedHost(rules, self._note)
+        self._device = DialectDevice(heard, self._host, self._heard)
+        self._reader = ReplyReader(rules, self._device.state)
+
+    def differences(self, pieces: Sequence[Exchanged]) -> list[OtherAnswer]:
+        """All that is otherwise, in the order of the lines."""
+        last = -math.inf
+        for piece in pieces:
+            if piece.time - last > SILENCE:
+                self._take(self._reader.silence())
+            last = piece.time
+            self._line = piece.line
+            self._host.pass_time(piece.time)
+            if piece.from_robot:
+                self._take(self._reader.receive(piece.data))
+            else:
+                self._device.received(piece.data)
+        self._take(self._reader.silence())
+        self._find_missing(last)
+        self._find_late()
+        return sorted(self._found)
+
+    def _note(self, text: str) -> None:
+        self._found.add(OtherAnswer(self._line, text))
+
+    def _heard(self, rule: MessageRule, values: Mapping[str, FieldValue]) -> None:
+        self.messages += 1
+        if rule.stops:
+            return
+        takes = 0.0
+        if rule.takes is not None:
+            try:
+                takes = rule.takes.number(MessageScope(self._device.state, values))
+            except ExpressionError:
+                takes = math.nan
+        self._kept.append(values)
+        self._asked[id(values)] = _Asked(self._line, self._host.now, takes)
+        self._reader.asked(rule, values)
+
+    def _take(self, replies: Sequence[Heard]) -> None:
+        for heard in replies:
+            if not heard.part:
+                self._find_unknown(heard)
+                continue
+            asked = self._asked.get(id(heard.values)) if heard.values is not None else None
+            if heard.part == "reply" and heard.rule is not None and asked is not None:
+                delay = self._host.now - asked.time - len(heard.data) * self._byte
+                self._delays.setdefault(heard.rule.shown, []).append((delay, asked.takes, asked.line))
+
+    def _find_unknown(self, heard: Heard) -> None:
+        shown = escape(heard.data.decode("latin-1").strip(), 60)
+        if not shown:
+            return
+        due = next(iter(self._reader.due), None)
+        if due is None:
+            self._note(f"the robot says '{shown}', and the dialect nothing")
+            return
+        self._note(f"'{due.rule.shown}': the robot says '{shown}', and the dialect '{_said(due)}'")
+        self._reader.forget(due.rule)
+
+    def _find_missing(self, end: float) -> None:
+        """Replies of the dialect that the robot never sent."""
+        for due in self._reader.due:
+            asked = self._asked.get(id(due.values))
+            if asked is None or due.part == "stopped" or asked.time > end - PATIENCE:
+                continue
+            if due.part == "done" and self._device.doing is due.values:
+                continue
+            what = {"reply": "does not answer", "done": "says nothing at its end"}[due.part]
+            text = f"'{due.rule.shown}': the robot {what}, and the dialect says '{_said(due)}'"
+            self._found.add(OtherAnswer(asked.line, text))
+
+    def _find_late(self) -> None:
+        """Messages that are answered later, or earlier, than the dialect says."""
+        for shown, delays in self._delays.items():
+            measured = statistics.median(delay for delay, _, _ in delays)
+            takes = statistics.median(takes for _, takes, _ in delays)
+            if abs(measured - takes) > LATE:
+                text = f"'{shown}' is answered after {measured:.2f} s; the dialect has takes = {takes:g}"
+                self._found.add(OtherAnswer(delays[0][2], text))
+
+
+def _said(due: Due) -> str:
+    """The dialect's answer."""
+    return escape("; ".join(map(_shown, due.templates)), 60)
+
+
+def _shown(reply: AnyReply) -> str:
+    return reply.source if isinstance(reply, TextReply) else f"a frame of type {reply.type}"

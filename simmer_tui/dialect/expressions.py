@@ -1,0 +1,375 @@
+"""Expressions of a dialect.toml: arithmetic on a message's values and on sensors. None of it is executed.
+
+The text is parsed with `ast` and walked by hand: only what stands in `_OPERATORS` and `FUNCTIONS` is done.
+"""
+
+import ast
+import math
+import operator
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Protocol
+
+from simmer_tui.errors import ExpressionError
+
+RealNumber = float | int
+FieldValue = RealNumber | str | tuple["FieldValue", ...]
+"""Result of an expression: a number, a text, or a list. A number that is not finite stands for one that is
+missing."""
+
+CONSTANTS: Mapping[str, float] = {"cm": 2.54, "mm": 25.4, "m": 0.0254}
+"""Factors from inches to other units of length."""
+# A page of text: no rule of the public teams has more than 90 characters.
+LONGEST = 1000
+"""Characters of an expression."""
+# A walk takes about a microsecond a node, and no expression may take more than a millisecond.
+MOST_NODES = 200
+"""Parts of an expression: names, numbers, operators, calls."""
+# 2**64 is the greatest number with a use in a protocol.
+LARGEST_EXPONENT = 64
+"""Greatest exponent of `**`."""
+# An expression of 200 parts may hold 60 texts at a time, which must stay below 64 KB.
+LONGEST_TEXT = 1000
+"""Characters of a text that an expression may make."""
+# Above it not every whole number is a float; whole numbers without a bound would grow with each `**`.
+_EXACT = 2**53
+
+
+class Scope(Protocol):
+    """The names an expression may use, while it is evaluated."""
+
+    def value(self, name: str) -> FieldValue:
+        """The value of a name."""
+        ...
+
+    def call(self, function: str, arguments: Sequence[FieldValue]) -> FieldValue:
+        """The result of one of `SENSING`."""
+        ...
+
+
+def _number(value: FieldValue) -> RealNumber:
+    if isinstance(value, int | float):
+        return value
+    raise ExpressionError(f"{_shown(value)} is not a number")
+
+
+def _shown(value: FieldValue) -> str:
+    return (
+        f"'{value[:40]}'" if isinstance(value, str) else "a list" if isinstance(value, tuple) else str(value)
+    )
+
+
+def _bounded(value: RealNumber) -> RealNumber:
+    """A whole number with a bound: beyond it, a float."""
+    return float(value) if isinstance(value, int) and abs(value) > _EXACT else value
+
+
+def _power(base: RealNumber, exponent: RealNumber) -> RealNumber:
+    if abs(exponent) > LARGEST_EXPONENT:
+        raise ExpressionError(f"exponents go up to {LARGEST_EXPONENT}")
+    result = base**exponent if abs(base) <= _EXACT else float(base) ** exponent
+    return math.nan if isinstance(result, complex) else result
+
+
+def _add(left: FieldValue, right: FieldValue) -> FieldValue:
+    if isinstance(left, str) and isinstance(right, str):
+        if len(left) + len(right) > LONGEST_TEXT:
+            raise ExpressionError(f"texts go up to {LONGEST_TEXT} characters")
+        return left + right
+    return _bounded(_number(left) + _number(right))
+
+
+_Arithmetic = Callable[[RealNumber, RealNumber], RealNumber]
+_OPERATORS: Mapping[type[ast.operator], _Arithmetic] = {
+    ast.Sub: operator.sub,
+    ast.Mult: operator.mul,
+    ast.Div: operator.truediv,
+    ast.FloorDiv: operator.floordiv,
+    ast.Mod: operator.mod,
+    ast.Pow: _power,
+}
+_COMPARISONS: Mapping[type[ast.cmpop], Callable[[FieldValue, FieldValue], bool]] = {
+    ast.Eq: operator.eq,
+    ast.NotEq: operator.ne,
+    ast.Lt: lambda left, right: _number(left) < _number(right),
+    ast.LtE: lambda left, right: _number(left) <= _number(right),
+    ast.Gt: lambda left, right: _number(left) > _number(right),
+    ast.GtE: lambda left, right: _number(left) >= _number(right),
+}
+
+
+def _int(value: FieldValue) -> FieldValue:
+    number = _number(value)
+    return int(number) if math.isfinite(number) else number
+
+
+def _round(value: FieldValue, digits: FieldValue = 0) -> FieldValue:
+    number, places = _number(value), _number(digits)
+    if not math.isfinite(number) or not abs(places) <= 15:
+        return number
+    return round(number, int(places)) if places else round(number)
+
+
+def _pick(index: FieldValue, *values: FieldValue) -> FieldValue:
+    place = _number(index)
+    if not values or not 0 <= place < len(values):
+        raise ExpressionError(f"pick({_shown(place)}, ...) has {len(values)} values, counted from 0")
+    return values[int(place)]
+
+
+def _length(value: FieldValue) -> FieldValue:
+    if isinstance(value, int | float):
+        raise ExpressionError("len() is for lists and texts")
+    return len(value)
+
+
+FUNCTIONS: Mapping[str, tuple[Callable[..., FieldValue], int, int]] = {
+    "min": (lambda *values: min(map(_number, values)), 1, 100),
+    "max": (lambda *values: max(map(_number, values)), 1, 100),
+    "abs": (lambda value: abs(_number(value)), 1, 1),
+    "round": (_round, 1, 2),
+    "int": (_int, 1, 1),
+    "pick": (_pick, 2, 100),
+    "len": (_length, 1, 1),
+}
+"""Functions by name, with the least and the greatest count of their arguments."""
+SENSING: Mapping[str, tuple[int, int, str]] = {
+    "ray": (1, 1, "ray(bearing)"),
+    "scan": (3, 3, "scan(first, step, count)"),
+    "named": (1, 1, "named(codes)"),
+}
+"""Functions that ask the robot, with the least and the greatest count of their arguments, and their form."""
+
+
+# One a degree. Lidars of the public teams have 360 to 1,450 rays a turn, in frames of few: more take longer
+# than an expression may.
+MOST_RAYS = 360
+"""Rays of one scan."""
+# Measured: a ray takes 0.09 ms, and a scan of 360 rays 0.35 ms.
+_SENSING_COST: Mapping[str, int] = {"ray": 1, "scan": 4, "named": 4}
+_MOST_SENSING = 4
+
+
+# Calculated one by one in 0.1 us each: half of what an expression may take. A sensor has 2,000 rays at most.
+MOST_CALCULATED = 8000
+"""Values of lists that one evaluation may calculate with."""
+
+
+class _Bounded:
+    """A scope, and how many values of lists may still be calculated with in it."""
+
+    def __init__(self, scope: Scope) -> None:
+        self.value, self.call = scope.value, scope.call
+        self.left = MOST_CALCULATED
+
+    def take(self, values: tuple[FieldValue, ...]) -> tuple[FieldValue, ...]:
+        """The values of a list that is calculated with. Raises ExpressionError beyond the limit."""
+        self.left -= len(values)
+        if self.left < 0:
+            raise ExpressionError(f"calculates with more than {MOST_CALCULATED} values of lists")
+        return values
+
+
+class Expression:
+    """An expression that has been checked.
+
+    Args:
+        source: Its text.
+
+    Raises:
+        ValueError: The text is no expression, or has a part that is not allowed.
+    """
+
+    def __init__(self, source: str) -> None:
+        self.source = source.strip()
+        if not self.source:
+            raise ValueError("is empty; write a number, a name or a calculation")
+        if len(self.source) > LONGEST:
+            raise ValueError(f"has {len(self.source)} characters; {LONGEST} are allowed")
+        try:
+            self.tree = ast.parse(self.source, mode="eval").body
+            """It taken apart."""
+        except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
+            reason = error.msg if isinstance(error, SyntaxError) else str(error)
+            raise ValueError(f"'{self.source}' is no expression: {reason}") from None
+        count = sum(1 for node in ast.walk(self.tree) if not isinstance(node, ast.expr_context))
+        if count > MOST_NODES:
+            raise ValueError(f"'{self.source[:40]}...' has {count} parts; {MOST_NODES} are allowed")
+        for node in ast.walk(self.tree):
+            _check(node)
+        called = _called(self.tree)
+        if sum(_SENSING_COST[name] for name in called) > _MOST_SENSING:
+            raise ValueError(f"asks the robot {len(called)} times; one scan() or four ray() are allowed")
+        self.names = frozenset(_names(self.tree))
+        """The names it uses, those of functions and constants apart."""
+        self.sensing = frozenset(called)
+        """The functions of `SENSING` that it calls."""
+        self.texts = frozenset(
+            node.value
+            for node in ast.walk(self.tree)
+            if isinstance(node, ast.Constant) and isinstance(node.value, str)
+        )
+        """The texts in it."""
+
+    def value(self, scope: Scope) -> FieldValue:
+        """Its value. Division by zero gives a missing number, and so does a place that a list does not have.
+        Raises ExpressionError."""
+        return _value(self.tree, _Bounded(scope))
+
+    def number(self, scope: Scope) -> float:
+        """Its value as a number. Raises ExpressionError."""
+        return float(_number(self.value(scope)))
+
+
+def _called(tree: ast.expr) -> list[str]:
+    """The functions of `SENSING` that an expression calls, each as often as it does."""
+    return [
+        call.func.id
+        for call in ast.walk(tree)
+        if isinstance(call, ast.Call) and isinstance(call.func, ast.Name) and call.func.id in SENSING
+    ]
+
+
+def _check(node: ast.AST) -> None:
+    """Raise ValueError for a part that is not allowed."""
+    match node:
+        case ast.Call(func=ast.Name(id=name), args=arguments, keywords=[]):
+            least, most = _arguments_of(name)
+            if not least <= len(arguments) <= most:
+                wanted = str(least) if least == most else f"{least} to {most}"
+                raise ValueError(f"{name}() takes {wanted} values, not {len(arguments)}")
+        case ast.Constant(value=value):
+            if isinstance(value, bool) or not isinstance(value, int | float | str):
+                raise ValueError(f"{value!r} is neither a number nor a text in quotes")
+            if isinstance(value, int) and abs(value) > _EXACT:
+                raise ValueError(f"{str(value)[:20]}... is too large; whole numbers go up to 2**53")
+        case ast.BinOp(op=made):
+            if type(made) is not ast.Add and type(made) not in _OPERATORS:
+                raise ValueError("uses an operator that is not known; there are + - * / // % **")
+        case ast.UnaryOp(op=ast.USub() | ast.UAdd() | ast.Not()):
+            pass
+        case ast.Compare(ops=compared):
+            if any(type(each) not in _COMPARISONS for each in compared):
+                raise ValueError("uses a comparison that is not known; there are == != < <= > >=")
+        case ast.Subscript(slice=ast.Slice()):
+            raise ValueError("takes a part of a list; only one value can be taken, such as sc[3]")
+        case ast.Name() | ast.IfExp() | ast.BoolOp() | ast.Subscript():
+            pass
+        case ast.operator() | ast.unaryop() | ast.boolop() | ast.cmpop() | ast.expr_context():
+            pass
+        case _:
+            raise ValueError(f"uses {type(node).__name__.lower()}, which expressions do not have")
+
+
+def _arguments_of(function: str) -> tuple[int, int]:
+    """Least and greatest count of a function's arguments. Raises ValueError if it is not known."""
+    if function in FUNCTIONS:
+        return FUNCTIONS[function][1:]
+    if function in SENSING:
+        return SENSING[function][:2]
+    raise ValueError(f"{function}() is not known; there are {', '.join([*FUNCTIONS, *SENSING])}")
+
+
+def _names(tree: ast.AST) -> Iterator[str]:
+    functions = {id(node.func) for node in ast.walk(tree) if isinstance(node, ast.Call)}
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Name) and id(node) not in functions and node.id not in CONSTANTS:
+            yield node.id
+
+
+def _value(node: ast.expr, scope: _Bounded) -> FieldValue:
+    match node:
+        case ast.Constant(value=int() | float() | str() as constant):
+            return constant
+        case ast.Name(id=name):
+            factor = CONSTANTS.get(name)
+            return scope.value(name) if factor is None else factor
+        case ast.BinOp(left=left, op=made, right=right):
+            return _calculated(_value(left, scope), type(made), _value(right, scope), scope)
+        case ast.UnaryOp(op=sign, operand=operand):
+            value = _value(operand, scope)
+            if isinstance(sign, ast.Not):
+                return int(not value)
+            return -_number(value) if isinstance(sign, ast.USub) else _number(value)
+        case ast.BoolOp(op=joint, values=parts):
+            return _joined(isinstance(joint, ast.And), parts, scope)
+        case ast.Compare(left=left, ops=compared, comparators=others):
+            return _compared(_value(left, scope), compared, others, scope)
+        case ast.IfExp(test=test, body=body, orelse=orelse):
+            return _value(body if _value(test, scope) else orelse, scope)
+        case ast.Call(func=ast.Name(id=name), args=arguments):
+            values = [_value(each, scope) for each in arguments]
+            return FUNCTIONS[name][0](*values) if name in FUNCTIONS else scope.call(name, values)
+        case ast.Subscript(value=sequence, slice=index):
+            return _item(_value(sequence, scope), _number(_value(index, scope)))
+    raise ExpressionError("has a part that is not known")  # `_check` lets none through
+
+
+def _calculated(left: FieldValue, made: type[ast.operator], right: FieldValue, scope: _Bounded) -> FieldValue:
+    """A list and a number are calculated value by value, all else as it is."""
+    if isinstance(left, tuple) and isinstance(right, int | float):
+        return tuple(_combined(each, made, right) for each in scope.take(left))
+    if isinstance(right, tuple) and isinstance(left, int | float):
+        return tuple(_combined(left, made, each) for each in scope.take(right))
+    return _combined(left, made, right)
+
+
+def _combined(left: FieldValue, made: type[ast.operator], right: FieldValue) -> FieldValue:
+    if made is ast.Add:
+        return _add(left, right)
+    try:
+        return _bounded(_OPERATORS[made](_number(left), _number(right)))
+    except ZeroDivisionError:
+        return math.nan
+    except OverflowError:
+        return math.inf
+
+
+def _joined(every: bool, parts: Sequence[ast.expr], scope: _Bounded) -> FieldValue:
+    """`and` (with `every`) or `or`, as in Python: the value that decides."""
+    value: FieldValue = 0
+    for part in parts:
+        value = _value(part, scope)
+        if bool(value) is not every:
+            break
+    return value
+
+
+def _compared(
+    left: FieldValue, made: Sequence[ast.cmpop], others: Sequence[ast.expr], scope: _Bounded
+) -> FieldValue:
+    for each, other in zip(made, others, strict=True):
+        right = _value(other, scope)
+        if not _COMPARISONS[type(each)](left, right):
+            return 0
+        left = right
+    return 1
+
+
+def _item(sequence: FieldValue, index: RealNumber) -> FieldValue:
+    if isinstance(sequence, int | float):
+        raise ExpressionError(f"{_shown(sequence)} is not a list")
+    # A message may name any place, and its sender waits for an answer: it gets a missing number.
+    return sequence[int(index)] if 0 <= index < len(sequence) else math.nan
+
+
+def listed_codes(value: FieldValue) -> tuple[str, ...]:
+    """The codes in a {name:list}, or in a text."""
+    if isinstance(value, tuple):
+        return tuple(each for each in value if isinstance(each, str))
+    return tuple(each.strip() for each in value.split(",")) if isinstance(value, str) and value else ()
+
+
+def finite(arguments: Sequence[FieldValue], function: str) -> list[float]:
+    """The arguments of a function that takes finite numbers. Raises ExpressionError."""
+    numbers = [each for each in arguments if isinstance(each, int | float)]
+    if len(numbers) != len(arguments) or not all(map(math.isfinite, numbers)):
+        raise ExpressionError(f"{function} needs numbers")
+    return numbers
+
+
+def scan_bearings(arguments: Sequence[FieldValue]) -> list[float]:
+    """The bearings of scan(first, step, count). Raises ExpressionError."""
+    first, step, count = finite(arguments, "scan")
+    if not 1 <= count <= MOST_RAYS:
+        raise ExpressionError(f"scan takes 1 to {MOST_RAYS} rays")
+    return [first + each * step for each in range(int(count))]

@@ -1,0 +1,44 @@
+"""Notices of faults on a line, once each: programs repeat their mistakes many times a second."""
+
+from collections.abc import Callable
+
+UNKNOWN_MESSAGE = "unknown"
+"""Beginning of the meaning of a message that no command matches; the nearest command follows."""
+# More are a program that speaks another language, which twenty lines show as well as a thousand.
+MOST_TOLD = 20
+"""Different faults that are told while a port is open."""
+
+
+class FaultNotices:
+    """Tells each fault of a program, or of the rules, when it comes first, and at the end how often it came.
+
+    Args:
+        tell: Takes a sentence.
+    """
+
+    def __init__(self, tell: Callable[[str], None]) -> None:
+        self._tell = tell
+        self._counts: dict[object, int] = {}
+        self._texts: dict[object, str] = {}
+        self._untold = 0
+
+    def note(self, text: str, alike: object = None) -> None:
+        """A fault has come. Those with an equal `alike`, by default the text, are the same one."""
+        key = text if alike is None else alike
+        if key not in self._counts and len(self._counts) >= MOST_TOLD:
+            self._untold += 1
+            return
+        self._counts[key] = self._counts.get(key, 0) + 1
+        if key not in self._texts:
+            self._texts[key] = text
+            self._tell(text)
+
+    def end(self) -> None:
+        """Tell how often the faults came that came again, and begin anew."""
+        for key, count in self._counts.items():
+            if count > 1:
+                self._tell(f"{count} times in all: {self._texts[key]}")
+        if self._untold:
+            more = "1 more was" if self._untold == 1 else f"{self._untold} more were"
+            self._tell(f"{MOST_TOLD} different faults were told, {more} not")
+        self._counts, self._texts, self._untold = {}, {}, 0

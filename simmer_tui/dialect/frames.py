@@ -1,0 +1,224 @@
+"""The messages in a stream of bytes, framed as a dialect.toml says. Sans-IO."""
+
+import struct
+from collections.abc import Iterator, Mapping
+from enum import StrEnum
+
+from msgspec import Struct, field
+
+
+class FrameKind(StrEnum):
+    """Beginning and end of a message."""
+
+    LINE = "line"
+    BRACKET = "bracket"
+    BYTE = "byte"
+    BINARY = "binary"
+
+
+class Framing(Struct, frozen=True):
+    """[frame] of a dialect.toml.
+
+    `end` ends a line, or must follow the content of a binary frame. `silence` is the time in seconds after
+    which bytes without an end are a message, or are dropped; 0 is never. `longest` is in bytes. `head` is the
+    struct format of a binary header with the fields `names`; `body` is the name of the one that is the
+    content's length, or a fixed length.
+    """
+
+    kind: FrameKind = FrameKind.LINE
+    end: bytes = b"\n"
+    silence: float = 0.0
+    longest: int = 256
+    open: bytes = b"["
+    close: bytes = b"]"
+    head: str = ""
+    names: tuple[str, ...] = ()
+    body: str | int = 0
+
+    def frame(self, type_field: str, kind: int | None, content: bytes) -> bytes:
+        """A binary frame that carries `content`, its length filled in."""
+        fields = dict.fromkeys(self.names, 0)
+        if kind is not None:
+            fields[type_field] = kind
+        if isinstance(self.body, str):
+            fields[self.body] = len(content)
+        return struct.pack(self.head, *fields.values()) + content + self.end
+
+
+class Frame(Struct, frozen=True):
+    """A message: its bytes as they came, its content, and the fields of a binary header."""
+
+    data: bytes
+    content: bytes
+    head: Mapping[str, int] = field(default_factory=dict)
+
+    @property
+    def text(self) -> str:
+        """The content as text. Bytes that are not UTF-8 match only {name:text}."""
+        return self.content.decode("utf-8", "surrogateescape")
+
+
+class Noise(Struct, frozen=True):
+    """Bytes that belong to no message, and the reason."""
+
+    data: bytes
+    why: str
+
+
+class Deframer:
+    """Takes messages out of a stream of bytes.
+
+    Args:
+        framing: How they are framed.
+        types: The values of a binary frame's `type` that are known; with none, every one is.
+        type_field: The name of that field.
+    """
+
+    def __init__(
+        self, framing: Framing, types: frozenset[int] = frozenset(), type_field: str = "type"
+    ) -> None:
+        self._framing = framing
+        self._types = types
+        self._type_field = type_field
+        self._held = bytearray()
+        self._skipping = False
+        """True while the rest of a message that is too long is dropped."""
+
+    @property
+    def unfinished(self) -> bool:
+        """True if a part of a message waits for the rest."""
+        return bool(self._held)
+
+    def receive(self, data: bytes) -> list[Frame | Noise]:
+        """Messages that the stream brings with these bytes."""
+        self._held += data
+        by_kind = {
+            FrameKind.LINE: self._lines,
+            FrameKind.BRACKET: self._brackets,
+            FrameKind.BYTE: self._bytes,
+            FrameKind.BINARY: self._frames,
+        }
+        return list(_joined(by_kind[self._framing.kind]()))
+
+    def silence(self) -> list[Frame | Noise]:
+        """Nothing has come for `silence` seconds: a line is complete, anything else is dropped."""
+        data = self._take(len(self._held))
+        self._skipping = False
+        if not data:
+            return []
+        if self._framing.kind is FrameKind.LINE:
+            content = data.strip()
+            return [Frame(data, content)] if content else []
+        return [Noise(data, "a message without its end")]
+
+    def end(self) -> list[Noise]:
+        """The stream is over: what is left was never complete."""
+        data = self._take(len(self._held))
+        self._skipping = False
+        return [Noise(data, "a message without its end")] if data.strip() else []
+
+    def _take(self, count: int) -> bytes:
+        taken = bytes(self._held[:count])
+        del self._held[:count]
+        return taken
+
+    def _bytes(self) -> Iterator[Frame | Noise]:
+        for value in self._take(len(self._held)):
+            one = bytes((value,))
+            yield Frame(one, one)
+
+    def _lines(self) -> Iterator[Frame | Noise]:
+        end, longest = self._framing.end, self._framing.longest
+        while (at := self._held.find(end)) >= 0:
+            data = self._take(at + len(end))
+            content = data[:at].strip()
+            if self._skipping or len(content) > longest:
+                self._skipping = False
+                yield Noise(data, _too_long(longest))
+            elif content:
+                yield Frame(data, content)
+        # As long as it may be and the bytes of an end that has only begun.
+        if len(self._held) > longest + len(end) or (self._skipping and self._held):
+            self._skipping = True
+            yield Noise(self._take(len(self._held) - len(end) + 1), _too_long(longest))
+
+    def _brackets(self) -> Iterator[Frame | Noise]:
+        begin, end, longest = self._framing.open, self._framing.close, self._framing.longest
+        while self._held:
+            at = self._held.find(begin)
+            outside = len(self._held) if at < 0 else at
+            if at < 0 and len(begin) > 1:
+                outside = max(0, len(self._held) - len(begin) + 1)
+            if outside:
+                noise = self._take(outside)
+                if noise.strip():
+                    yield Noise(noise, f"outside {begin.decode('latin-1')}{end.decode('latin-1')}")
+            if at < 0:
+                return
+            close = self._held.find(end, len(begin))
+            if close < 0:
+                if len(self._held) > longest:
+                    yield Noise(self._take(len(self._held)), _too_long(longest))
+                return
+            data = self._take(close + len(end))
+            if close - len(begin) > longest:
+                yield Noise(data, _too_long(longest))
+            else:
+                yield Frame(data, data[len(begin) : close])
+
+    def _frames(self) -> Iterator[Frame | Noise]:
+        framing = self._framing
+        size = struct.calcsize(framing.head)
+        while len(self._held) >= size:
+            head = dict(zip(framing.names, struct.unpack(framing.head, self._held[:size]), strict=True))
+            length = framing.body if isinstance(framing.body, int) else int(head[framing.body])
+            wrong = self._wrong(head, length)
+            whole = size + length + len(framing.end)
+            if not wrong and len(self._held) < whole:
+                # A wrong end is seen as soon as its first byte is there.
+                return
+            if not wrong and bytes(self._held[size + length : whole]) != framing.end:
+                wrong = f"no {framing.end!r} behind the content"
+            if wrong:
+                yield Noise(self._to_next_end(), wrong)
+                continue
+            data = self._take(whole)
+            yield Frame(data, data[size : size + length], head)
+
+    def _wrong(self, head: Mapping[str, int], length: int) -> str:
+        kind = head.get(self._type_field)
+        if self._types and kind is not None and kind not in self._types:
+            return f"type {kind} is not known"
+        if not 0 <= length <= self._framing.longest:
+            return _too_long(self._framing.longest)
+        return ""
+
+    def _to_next_end(self) -> bytes:
+        """The bytes up to the next end; all there are, without one."""
+        end = self._framing.end
+        at = self._held.find(end) if end else -1
+        return self._take(len(self._held) if at < 0 else at + len(end))
+
+
+def _too_long(longest: int) -> str:
+    return f"longer than {longest} bytes"
+
+
+def _joined(parts: Iterator[Frame | Noise]) -> Iterator[Frame | Noise]:
+    """The same with noise that follows noise for the same reason joined to one burst."""
+    burst: Noise | None = None
+    for part in parts:
+        if isinstance(part, Noise):
+            if burst is not None and burst.why == part.why:
+                burst = Noise(burst.data + part.data, part.why)
+                continue
+            if burst is not None:
+                yield burst
+            burst = part
+            continue
+        if burst is not None:
+            yield burst
+            burst = None
+        yield part
+    if burst is not None:
+        yield burst

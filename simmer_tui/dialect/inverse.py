@@ -1,0 +1,367 @@
+"""The rules of a dialect.toml turned round: the message for a command of ours, as far as there is one.
+
+A rule can be turned round if it has one step, a movement or a run, and at most one number to be found, on
+which the step depends as `a*n + b`; or if it has no step and a reading stands alone in a field of its reply.
+A message is looked up again after it has been made: it must be this rule's, and do what was asked.
+"""
+
+import itertools
+import math
+import struct
+from collections.abc import Iterator, Mapping
+
+from msgspec import Struct
+
+from simmer_tui.dialect.dialect_rules import TYPE, DialectRules, MessageRule, MoveStep, RunStep, StopStep
+from simmer_tui.dialect.expressions import FieldValue
+from simmer_tui.dialect.frames import Deframer, Frame, FrameKind
+from simmer_tui.dialect.patterns import Pattern
+from simmer_tui.dialect.readings import SAME, MessageScope, readable, straight_line
+from simmer_tui.dialect.templates import pack_codes
+from simmer_tui.errors import ExpressionError
+from simmer_tui.sim.command import parse_command, parse_value
+
+Velocity = tuple[float, float, float]
+_NUMBERS = ("number", "int", "digit")
+# The grid of choices of a public team's rule has 4 places.
+MOST_CHOICES = 256
+"""Combinations of a rule's choices that are tried."""
+# Four decimals of an inch or a degree are less than any robot's resolution.
+_DECIMALS = 4
+
+
+class Turned(Struct, frozen=True):
+    """A message that does what a command asks.
+
+    `number` is the one that stands in it, NaN if there is none. `rule` is the rule it is for.
+    """
+
+    data: bytes
+    text: str
+    rule: MessageRule
+    number: float = math.nan
+    seconds: float = 0.0
+    """Time that a run for a time takes."""
+
+
+class _Found(Struct, frozen=True):
+    """A movement that a message makes: its direction, how far, and until when."""
+
+    direction: Velocity | str
+    """The code of what has no direction, such as the gripper."""
+    distance: float
+    """Signed along the direction; infinite for a run without an end."""
+    seconds: float = 0.0
+    """Time of a run."""
+
+
+class InverseRules:
+    """The rules of a dialect, turned round. `state` is that of the robot at the moment, by name."""
+
+    def __init__(self, rules: DialectRules) -> None:
+        self._rules = rules
+
+    # -- what there is -------------------------------------------------------------------------------
+
+    def stop(self, state: Mapping[str, FieldValue]) -> Turned | None:
+        """The message of a rule that is a plain stop."""
+        for rule in self._rules.rules:
+            if rule.steps and all(isinstance(step, StopStep) for step in rule.steps):
+                for turned in self._messages(rule, state):
+                    return turned
+        return None
+
+    def drive(self, code: str, value: float, state: Mapping[str, FieldValue]) -> Turned | str:
+        """The message for a movement of known length, or the reason there is none."""
+        made = self._moves(code, value, state)
+        # A robot's own words for the other way, before a negative number that its sketch may not expect.
+        return min(made, key=lambda each: each.number < 0, default=self._why_no(code))
+
+    def code_of(self, velocity: Velocity) -> tuple[str, float] | None:
+        """The drive that goes in the direction of a velocity, and 1 or -1 for the other way."""
+        size = math.hypot(*velocity)
+        if not size:
+            return None
+        wanted = _Found((velocity[0] / size, velocity[1] / size, velocity[2] / size), 1.0)
+        for code in self._rules.speeds:
+            direction = self._direction(code, 1.0)
+            sign = _along(wanted, direction) if direction is not None else math.nan
+            if abs(sign) == 1.0:
+                return code, sign
+        return None
+
+    def held(self, code: str, value: float, state: Mapping[str, FieldValue]) -> Turned | str:
+        """The message for a key that drives while it is held: until told otherwise, if a rule does that,
+        else as far as `value`, else as far as the robot goes by itself."""
+        wanted = self._direction(code, value)
+        if wanted is None:
+            return self._why_no(code)
+        for rule in self._rules.rules:
+            for turned in self._messages(rule, state):
+                found = self._does(rule, turned, state)
+                if found is not None and _along(found, wanted) == math.inf:
+                    return turned
+        driven = self.drive(code, value, state)
+        if isinstance(driven, Turned):
+            return driven
+        for rule in self._rules.rules:
+            for turned in self._messages(rule, state):
+                found = self._does(rule, turned, state)
+                if found is not None and _along(found, wanted) > 0:
+                    return turned
+        return driven
+
+    def read(self, code: str, state: Mapping[str, FieldValue]) -> Turned | str:
+        """The message that is answered with a reading of a sensor, or the reason there is none."""
+        for rule in self._rules.rules:
+            if not rule.steps and code in readable(rule, self._rules.single, state):
+                for turned in self._messages(rule, state):
+                    return turned
+        return f"no message of the dialect without a movement is answered with {code} alone in a field"
+
+    def dictionary(self) -> Iterator[tuple[str, str]]:
+        """Each command of ours for which there is a message, with that; the stop first."""
+        state = self._rules.state
+        stop = self.stop(state)
+        if stop is None:
+            return
+        yield "stop", stop.text
+        for code in self._rules.speeds:
+            for sign, shown in ((1.0, f"{code}-N"), (-1.0, f"{code}--N")):
+                # A number that a robot of any size can do, and that no rule has as a constant.
+                driven, held = self.drive(code, sign * 1.375, state), self.held(code, sign * 1.375, state)
+                if isinstance(driven, Turned):
+                    yield shown, driven.rule.shown
+                elif isinstance(held, Turned):
+                    yield f"{shown}, keys only", held.rule.shown
+        for code in sorted(self._rules.single):
+            asked = self.read(code, state)
+            if isinstance(asked, Turned):
+                yield code, asked.text
+
+    def _why_no(self, code: str) -> str:
+        return f"no rule of the dialect with one step and one number does {code}"
+
+    # -- movements -----------------------------------------------------------------------------------
+
+    def _direction(self, code: str, value: float) -> Velocity | str | None:
+        """The unit velocity of a drive, the other way for a negative value; another code is itself."""
+        speed = self._rules.speeds.get(code)
+        if speed is None:
+            return code
+        size = math.hypot(*speed)
+        if not size:
+            return None
+        sign = math.copysign(1.0, value)
+        return (sign * speed[0] / size, sign * speed[1] / size, sign * speed[2] / size)
+
+    def _moves(self, code: str, value: float, state: Mapping[str, FieldValue]) -> Iterator[Turned]:
+        wanted = self._direction(code, value)
+        if wanted is None:
+            return
+        for rule in self._rules.rules:
+            if len(rule.steps) != 1 or not isinstance(rule.steps[0], MoveStep | RunStep):
+                continue
+            for pattern, choices in self._grids(rule):
+                turned = self._solved(rule, pattern, choices, wanted, abs(value), state)
+                if turned is not None:
+                    yield turned
+
+    def _solved(
+        self,
+        rule: MessageRule,
+        pattern: Pattern | None,
+        choices: Mapping[str, str],
+        wanted: Velocity | str,
+        distance: float,
+        state: Mapping[str, FieldValue],
+    ) -> Turned | None:
+        """The message of a rule that goes so far, with the number found that it needs."""
+        kinds = pattern.kinds if pattern is not None else _packed_kinds(rule)
+        numbers = [name for name, kind in kinds.items() if kind in _NUMBERS and self._uses(rule, name)]
+        if len(numbers) > 1:
+            return None
+        if not numbers:
+            turned = self._message(rule, pattern, choices, state)
+            number, slack = math.nan, SAME
+        else:
+            name = numbers[0]
+
+            def going(n: float) -> float:
+                found = self._evaluated(rule, self._values(rule, pattern, choices, {name: n}), state)
+                return _along(found, wanted) if found is not None else math.nan
+
+            line = straight_line(going)
+            if line is None:
+                return None
+            number = (distance - line[1]) / line[0]
+            text = _written(number, kinds[name])
+            if text is None:
+                return None
+            # A whole number is as near as the robot's own language allows.
+            slack = abs(line[0]) * (0.5 if kinds[name] in ("int", "digit") else 10.0**-_DECIMALS) + SAME
+            turned = self._message(rule, pattern, {**choices, name: text}, state)
+        if turned is None:
+            return None
+        found = self._does(rule, turned, state)
+        if found is None or not abs(_along(found, wanted) - distance) <= slack:
+            return None
+        return Turned(turned.data, turned.text, rule, number, found.seconds)
+
+    def _uses(self, rule: MessageRule, name: str) -> bool:
+        step = rule.steps[0]
+        if isinstance(step, MoveStep):
+            return any(name in each.names for each in step.command.expressions)
+        assert isinstance(step, RunStep), "asked of movements"
+        every = [*step.drive.expressions, *([step.seconds] if step.seconds is not None else [])]
+        return any(name in each.names for each in every)
+
+    def _does(self, rule: MessageRule, turned: Turned, state: Mapping[str, FieldValue]) -> _Found | None:
+        """The movement that a message makes."""
+        frame = self._frame(rule, turned.data)
+        values = rule.values(frame) if frame is not None else None
+        return self._evaluated(rule, values, state) if values is not None else None
+
+    def _evaluated(
+        self, rule: MessageRule, values: Mapping[str, FieldValue], state: Mapping[str, FieldValue]
+    ) -> _Found | None:
+        """The movement of a rule with these values; None if it makes none."""
+        if len(rule.steps) != 1:
+            return None
+        step, scope = rule.steps[0], MessageScope(state, values)
+        try:
+            if isinstance(step, MoveStep):
+                command = parse_command(step.command.text(scope, "inf"))
+                distance = parse_value(command.argument)
+                direction = self._direction(command.code, 1.0)
+                if direction is None or isinstance(distance, str):
+                    return None
+                return _Found(direction, distance)
+            if isinstance(step, RunStep):
+                drive = step.drive.text(scope, "")
+                code = drive.removeprefix("-")
+                direction = self._direction(code, -1.0 if drive != code else 1.0)
+                if direction is None or isinstance(direction, str):
+                    return None
+                seconds = step.seconds.number(scope) if step.seconds is not None else math.inf
+                return _Found(direction, seconds * math.hypot(*self._rules.speeds[code]), seconds)
+        except ExpressionError:
+            return None
+        return None
+
+    # -- messages ------------------------------------------------------------------------------------
+
+    def _grids(self, rule: MessageRule) -> Iterator[tuple[Pattern | None, Mapping[str, str]]]:
+        """The patterns of a rule, each with all combinations of the words of its choices."""
+        if rule.unpack:
+            yield None, {}
+            return
+        for pattern in rule.patterns:
+            words = [[(name, word) for word in words] for name, words in pattern.choices.items()]
+            for combination in itertools.islice(itertools.product(*words), MOST_CHOICES):
+                yield pattern, dict(combination)
+
+    def _messages(self, rule: MessageRule, state: Mapping[str, FieldValue]) -> Iterator[Turned]:
+        """The messages of a rule that need no number."""
+        if rule.type is not None and not rule.patterns and not rule.unpack:
+            yield from filter(None, [self._message(rule, None, {}, state)])
+        for pattern, choices in self._grids(rule):
+            turned = self._message(rule, pattern, choices, state)
+            if turned is not None:
+                yield turned
+
+    def _values(
+        self,
+        rule: MessageRule,
+        pattern: Pattern | None,
+        choices: Mapping[str, str],
+        numbers: Mapping[str, float],
+    ) -> dict[str, FieldValue]:
+        """The values of a message with these words and numbers, defaults for the rest."""
+        values: dict[str, FieldValue] = dict.fromkeys(rule.names, 0)
+        if pattern is not None:
+            example = pattern.match(pattern.example) or {}
+            values |= {name: example[name] for name in pattern.defaults if name in example}
+            values |= {name: pattern.choices[name][word] for name, word in choices.items()}
+        return {**values, **numbers}
+
+    def _message(
+        self,
+        rule: MessageRule,
+        pattern: Pattern | None,
+        texts: Mapping[str, str],
+        state: Mapping[str, FieldValue],
+    ) -> Turned | None:
+        """The message with these texts; None if one is missing, or an earlier rule takes it."""
+        try:
+            text = pattern.filled(texts) if pattern is not None else ""
+            content = text.encode()
+            if rule.unpack:
+                kinds = _packed_kinds(rule)
+                given = {name: float(texts.get(name, "0")) for name in rule.names}
+                packed = (n if kinds[name] == "number" else round(n) for name, n in given.items())
+                content, text = struct.pack(rule.unpack, *packed), f"{rule.shown} = {[*given.values()]}"
+            elif pattern is None:
+                text = rule.shown
+            data = self._framed(rule, content)
+        except (KeyError, ValueError, struct.error):
+            return None
+        frame = self._frame(rule, data)
+        if frame is None or self._rule_of(frame, state) is not rule:
+            return None
+        return Turned(data, text, rule)
+
+    def _framed(self, rule: MessageRule, content: bytes) -> bytes:
+        framing = self._rules.framing
+        if framing.kind is FrameKind.BINARY:
+            return framing.frame(TYPE, rule.type, content)
+        if framing.kind is FrameKind.BRACKET:
+            return framing.open + content + framing.close
+        return content if framing.kind is FrameKind.BYTE else content + framing.end
+
+    def _frame(self, rule: MessageRule, data: bytes) -> Frame | None:
+        """Meaning of a message to the robot; None if that is not one whole message."""
+        frames = Deframer(self._rules.framing, self._rules.types, TYPE).receive(data)
+        only = frames[0] if len(frames) == 1 else None
+        return only if isinstance(only, Frame) and only.data == data else None
+
+    def _rule_of(self, frame: Frame, state: Mapping[str, FieldValue]) -> MessageRule | None:
+        """The first rule for a message, as the robot finds it."""
+        for rule in self._rules.rules:
+            values = rule.values(frame)
+            if values is None:
+                continue
+            try:
+                if rule.condition is None or rule.condition.value(MessageScope(state, values)):
+                    return rule
+            except ExpressionError:
+                continue
+        return None
+
+
+def _along(found: _Found, wanted: Velocity | str) -> float:
+    """Length of a movement in a direction; NaN if it goes elsewhere."""
+    if isinstance(wanted, str) or isinstance(found.direction, str):
+        return found.distance if found.direction == wanted else math.nan
+    aligned = sum(a * b for a, b in zip(found.direction, wanted, strict=True))
+    if abs(abs(aligned) - 1.0) > SAME:
+        return math.nan
+    return math.copysign(1.0, aligned) * found.distance
+
+
+def _written(number: float, kind: str) -> str | None:
+    """A number as a message has it; None if it cannot."""
+    if not math.isfinite(number):
+        return None
+    if kind == "number":
+        text = f"{number:.{_DECIMALS}f}".rstrip("0").rstrip(".")
+        return "0" if text == "-0" else text
+    if kind == "digit":
+        return str(round(number)) if 0 <= round(number) <= 9 else None
+    return str(round(number))
+
+
+def _packed_kinds(rule: MessageRule) -> dict[str, str]:
+    """The kinds of the values in a binary message."""
+    codes = pack_codes(rule.unpack)
+    return {name: "number" if code in "fde" else "int" for name, code in zip(rule.names, codes, strict=True)}

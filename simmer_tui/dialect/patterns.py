@@ -1,0 +1,169 @@
+"""Patterns of a dialect.toml: a message with `{name}` where a value stands.
+
+    {n} number    {n:int} whole number    {n:digit} one digit    {n:word}    {n:text}    {n:list} codes: u0,u1
+    {n=300} optional, with its default    {n:f=0|d=1} one of these words, which stands for that value
+
+A blank matches one or more. A pattern matches a whole message.
+"""
+
+import re
+from collections.abc import Mapping
+
+from simmer_tui.dialect.expressions import FieldValue
+from simmer_tui.sim.command import NUMBER
+from simmer_tui.sim.rules import did_you_mean
+
+# Possessive: what a field has taken it keeps, so that no message takes more than one look at each character.
+_FIELDS = {
+    "number": rf"(?>{NUMBER.pattern})",
+    "int": r"(?>[+-]?[0-9]+)",
+    "digit": r"[0-9]",
+    "word": r"(?>\w+)",
+    "text": r".*",
+    "list": r"(?>\w+(?:\s*,\s*\w+)*)",
+}
+_EXAMPLES: Mapping[str, str] = {
+    "number": "7.5", "int": "7", "digit": "7", "word": "word", "text": "text", "list": "u0,u1",
+}  # fmt: skip
+_NAME = re.compile(r"[A-Za-z_]\w*", re.ASCII)
+_FIELD = re.compile(r"\{([^{}]*)\}")
+# An argument of thousands of digits would be a number that Python refuses to make.
+_LONGEST_NUMBER = 40
+"""Characters of a number in a message."""
+
+
+class Pattern:
+    """A pattern that has been checked.
+
+    Args:
+        source: Its text.
+
+    Raises:
+        ValueError: A field is not as described above.
+    """
+
+    def __init__(self, source: str) -> None:
+        self.source = source
+        if not source:
+            raise ValueError("is empty; write the message as it is sent")
+        self._kinds: dict[str, str] = {}
+        self._choices: dict[str, dict[str, FieldValue]] = {}
+        self._written: dict[str, str] = {}
+        """Defaults as they are written."""
+        self._defaults: dict[str, FieldValue] = {}
+        made, example, end = "", "", 0
+        for field in _FIELD.finditer(source):
+            plain = source[end : field.start()]
+            pattern, text = self._field(field[1])
+            made += _literal(plain) + pattern
+            example += plain + text
+            end = field.end()
+        rest = source[end:]
+        plain = _FIELD.sub("", source)
+        if source not in ("{", "}") and (brace := next((each for each in plain if each in "{}"), "")):
+            other = "}" if brace == "{" else "{"
+            raise ValueError(f"'{source}' has a {brace} without its {other}")
+        self.example = example + rest
+        """A message that matches."""
+        if list(self._kinds.values()).count("text") > 1:
+            raise ValueError("has two fields of text; where the first one ends would not be clear")
+        # A text before a blank does not end with one: else a run of blanks were gone through again and again.
+        made = (made + _literal(rest)).replace(r".*)\s++", r"(?:.*(?<!\s))?)\s++")
+        self._pattern = re.compile(made, re.DOTALL)
+        self.names = frozenset(self._kinds)
+        """The names of its fields."""
+
+    def _field(self, inside: str) -> tuple[str, str]:
+        """The regular expression of a field, and an example."""
+        name = _NAME.match(inside)
+        if name is None:
+            raise ValueError(f"{{{inside}}}: a field begins with a name, such as {{n}} or {{n:int}}")
+        rest = inside[name.end() :]
+        if name[0] in self._kinds:
+            raise ValueError(f"has the field {{{name[0]}}} twice")
+        if rest.startswith(":") and "|" in rest:
+            return self._choice(name[0], rest[1:])
+        kind, has_default, default = rest.partition("=")
+        kind = kind.removeprefix(":") if kind else "number"
+        if kind not in _FIELDS or (rest and rest[0] not in ":="):
+            known = ", ".join(_FIELDS)
+            raise ValueError(f"{{{inside}}}: '{kind}' is no kind of field; there are {known}"
+                             f"{did_you_mean(kind, _FIELDS)}")  # fmt: skip
+        self._kinds[name[0]] = kind
+        pattern = f"(?P<{name[0]}>{_FIELDS[kind]})"
+        if not has_default:
+            return pattern, _EXAMPLES[kind]
+        if re.fullmatch(_FIELDS[kind], default) is None:
+            raise ValueError(f"{{{inside}}}: the default '{default}' is no {kind}")
+        self._defaults[name[0]] = _converted(kind, default)
+        self._written[name[0]] = default
+        return f"(?:{pattern})?+", default
+
+    def _choice(self, name: str, choices: str) -> tuple[str, str]:
+        self._kinds[name] = "choice"
+        words: dict[str, FieldValue] = {}
+        for choice in choices.split("|"):
+            word, stands, value = choice.partition("=")
+            if not word or word in words:
+                raise ValueError(f"{{{name}:{choices}}}: each word is given once, as in {{{name}:f=0|d=1}}")
+            words[word] = _plain(value) if stands else word
+        self._choices[name] = words
+        longest_first = sorted(words, key=len, reverse=True)
+        return f"(?P<{name}>(?>{'|'.join(map(re.escape, longest_first))}))", next(iter(words))
+
+    @property
+    def kinds(self) -> Mapping[str, str]:
+        """The kind of each field, `choice` for one of a few words."""
+        return self._kinds
+
+    @property
+    def choices(self) -> Mapping[str, Mapping[str, FieldValue]]:
+        """The words of each choice, and what they stand for."""
+        return self._choices
+
+    @property
+    def defaults(self) -> Mapping[str, str]:
+        """The defaults of fields, as they are written."""
+        return self._written
+
+    def filled(self, texts: Mapping[str, str]) -> str:
+        """The message with a text for each field; one that is not named has its default."""
+        texts = {**self._written, **texts}
+        return _FIELD.sub(lambda field: texts[re.split("[:=]", field[1])[0]], self.source)
+
+    def match(self, message: str) -> dict[str, FieldValue] | None:
+        """The values of the fields, or None if the whole message does not match."""
+        found = self._pattern.fullmatch(message)
+        if found is None:
+            return None
+        values: dict[str, FieldValue] = {}
+        for name, kind in self._kinds.items():
+            text = found[name]
+            if text is None:
+                values[name] = self._defaults[name]
+            elif kind == "choice":
+                values[name] = self._choices[name][text]
+            elif kind in ("number", "int") and len(text) > _LONGEST_NUMBER:
+                return None
+            else:
+                values[name] = _converted(kind, text)
+        return values
+
+
+def _literal(text: str) -> str:
+    return r"\s++".join(map(re.escape, re.split(r"[ \t]+", text)))
+
+
+def _converted(kind: str, text: str) -> FieldValue:
+    if kind in ("number", "int", "digit"):
+        return _plain(text)
+    if kind == "list":
+        return tuple(part.strip() for part in text.split(","))
+    return text
+
+
+def _plain(text: str) -> FieldValue:
+    """The number that a text is, whole where it is written so, or the text."""
+    if NUMBER.fullmatch(text) is None or len(text) > _LONGEST_NUMBER:
+        return text
+    return int(text) if text.lstrip("+-").isdigit() else float(text)

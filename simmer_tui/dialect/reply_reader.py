@@ -1,0 +1,263 @@
+"""A real robot's replies, found in the bytes that it sends by the rules of its dialect. Sans-IO.
+
+A reply is looked for among those that are due: of messages that were sent, in their order, and of streams.
+"""
+
+import math
+import re
+import struct
+from collections.abc import Iterator, Mapping, Sequence
+
+from msgspec import Struct, field
+
+from simmer_tui.dialect.dialect_rules import TYPE, AnyReply, DialectRules, MessageRule
+from simmer_tui.dialect.expressions import FieldValue
+from simmer_tui.dialect.frames import Deframer, Frame
+from simmer_tui.dialect.readings import MessageScope, read_by
+from simmer_tui.dialect.templates import BinaryReply, Field, TextReply
+
+# At 9600 baud a byte takes 1 ms, and USB adapters pass bytes on every 16 ms.
+SILENCE = 0.05
+"""Seconds without a byte after which what has come is a reply, with its end or without."""
+# A robot that answers nothing must not use up the memory; a buffer of 64 bytes holds fewer messages.
+MOST_DUE = 64
+"""Replies that are due at most; the oldest are given up."""
+# A line of 360 rays with 7 characters each.
+LONGEST = 4096
+"""Bytes of a reply; longer ones are only passed on."""
+# Each text may end anywhere, so that every further one multiplies the places to be tried.
+MOST_TEXTS = 2
+"""Fields of a reply that are no numbers; one with more is only passed on."""
+_NUMBER = rb"[ ]*([+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?"
+_WORDS = rb"|inf|-inf|nan|ovf"
+_TEXT = rb"([^\r\n]{0,400}?)"
+
+
+class Heard(Struct, frozen=True):
+    """A reply of the robot. `readings` are those that can be told from it, by the sensor's code, infinite
+    for one that is missing. `rule` and `part` (`reply`, `done`, `stopped` or `stream`) say whose it is; an
+    unknown one has neither."""
+
+    data: bytes
+    part: str = ""
+    rule: MessageRule | None = None
+    readings: Mapping[str, float] = field(default_factory=dict)
+    values: Mapping[str, FieldValue] | None = None
+    """Those of the message that it answers, as they were given to `asked`."""
+
+    @property
+    def ends(self) -> bool:
+        """True if it says that a movement is over."""
+        return self.part in ("done", "stopped")
+
+
+class Due(Struct, eq=False):
+    """A reply that is due: its templates, those that have come already left out. `rule` and `values` are its
+    message's; a stream has a rule of no message."""
+
+    rule: MessageRule
+    part: str
+    templates: list[AnyReply]
+    values: Mapping[str, FieldValue]
+    patterns: list[re.Pattern[bytes]]
+
+
+class ReplyReader:
+    """Finds replies.
+
+    Args:
+        rules: The dialect.
+        state: Its state, which the messages change meanwhile.
+    """
+
+    def __init__(self, rules: DialectRules, state: Mapping[str, FieldValue]) -> None:
+        self._rules = rules
+        self._state = state
+        self._end = rules.reply_end.encode()
+        self._due: list[Due] = []
+        self._numbers = rules.single.union(
+            ("time", "contact", "tick", "k"),
+            (name for name, value in rules.state.items() if isinstance(value, int | float)),
+        )
+        """Names that are always numbers."""
+        self._streams = [
+            Due(
+                MessageRule(number=0),
+                "stream",
+                [*each.send],
+                {},
+                [self._pattern(every) for every in each.send],
+            )
+            for each in rules.streams
+        ]
+        self._buffer = bytearray()
+        replies = [
+            *(reply for rule in rules.rules for reply in (*rule.reply, *rule.done, *rule.stopped)),
+            *(reply for stream in rules.streams for reply in stream.send),
+        ]
+        is_binary = any(isinstance(each, BinaryReply) for each in replies)
+        self._deframer = Deframer(rules.framing) if is_binary else None
+
+    @property
+    def waits(self) -> bool:
+        """True if bytes have come whose end has not."""
+        return bool(self._buffer) or (self._deframer is not None and self._deframer.unfinished)
+
+    @property
+    def due(self) -> Sequence[Due]:
+        """The replies that are due, `done` and `stopped` both of a movement."""
+        return tuple(self._due)
+
+    def asked(self, rule: MessageRule, values: Mapping[str, FieldValue]) -> None:
+        """A message has been sent: its replies are due."""
+        for part, replies in (("reply", rule.reply), ("done", rule.done), ("stopped", rule.stopped)):
+            if replies:
+                patterns = [self._pattern(each) for each in replies]
+                self._due.append(Due(rule, part, [*replies], values, patterns))
+        del self._due[:-MOST_DUE]
+
+    def forget(self, rule: MessageRule) -> None:
+        """The replies of a message are not waited for any more."""
+        self._due = [each for each in self._due if each.rule is not rule]
+
+    def receive(self, data: bytes) -> list[Heard]:
+        """The replies that these bytes complete."""
+        if self._deframer is not None:
+            return [self._frame(part) if isinstance(part, Frame) else Heard(part.data)
+                    for part in self._deframer.receive(data)]  # fmt: skip
+        self._buffer += data
+        return list(self._lines(at_end=False))
+
+    def silence(self) -> list[Heard]:
+        """Nothing has come for `SILENCE` seconds."""
+        if self._deframer is not None:
+            return [Heard(each.data) for each in self._deframer.silence()]
+        return list(self._lines(at_end=True))
+
+    # -- text --------------------------------------------------------------------------------------
+
+    def _lines(self, *, at_end: bool) -> Iterator[Heard]:
+        while self._buffer:
+            found = self._first(at_end=at_end)
+            if found is not None:
+                yield found
+                continue
+            line = self._buffer.find(self._end or b"\n")
+            size = line + len(self._end or b"\n") if line >= 0 else 0
+            if not size and (at_end or len(self._buffer) > LONGEST):
+                size = len(self._buffer)
+            if not size:
+                return
+            yield Heard(self._take(size))
+
+    def _first(self, *, at_end: bool) -> Heard | None:
+        """The reply at the beginning of what has come, if it is one that is due."""
+        window = bytes(self._buffer[:LONGEST])
+        for due in (*self._due, *self._streams):
+            match = due.patterns[0].match(window) if due.patterns else None
+            # A number at the very end may go on: 12. and then 5.
+            if match is None or (match.end() == len(window) and not at_end and not self._is_closed(due)):
+                continue
+            if not match.end():
+                continue
+            template = due.templates[0]
+            readings = self._readings(template, match, due.values)
+            heard = Heard(self._take(match.end()), due.part, due.rule, readings, due.values)
+            self._settle(due)
+            return heard
+        return None
+
+    def _is_closed(self, due: Due) -> bool:
+        """True if nothing can follow the last character of a reply."""
+        template = due.templates[0]
+        return bool(self._end) or not (
+            isinstance(template, TextReply) and template.parts and isinstance(template.parts[-1], Field)
+        )
+
+    def _take(self, size: int) -> bytes:
+        taken = bytes(self._buffer[:size])
+        del self._buffer[:size]
+        return taken
+
+    def _settle(self, due: Due) -> None:
+        """A reply has come: it is due no more."""
+        if due.part == "stream":
+            return
+        del due.templates[0], due.patterns[0]
+        if due.templates:
+            return
+        gone = [due]
+        if due.part in ("done", "stopped"):  # the one instead of the other
+            at = self._due.index(due)
+            near = self._due[at + 1 : at + 2] if due.part == "done" else self._due[at - 1 : at] if at else []
+            gone += [each for each in near if each.rule is due.rule and each.part in ("done", "stopped")]
+        self._due = [each for each in self._due if each not in gone]
+
+    def _pattern(self, reply: AnyReply) -> re.Pattern[bytes]:
+        """The bytes of a text reply, a group for each field."""
+        if isinstance(reply, BinaryReply):
+            return re.compile(rb"(?!)")
+        texts = [part for part in reply.parts if isinstance(part, Field) and not self._is_number(part)]
+        if len(texts) > MOST_TEXTS:
+            return re.compile(rb"(?!)")
+        missing = re.escape(self._rules.missing.encode())
+        made = b""
+        for part in reply.parts:
+            if isinstance(part, str):
+                made += re.escape(part.encode())
+            elif self._is_number(part):
+                made += _NUMBER + (b"|" + missing if missing else b"") + _WORDS + b")"
+            else:
+                made += _TEXT
+        return re.compile(made + re.escape(self._end))
+
+    def _is_number(self, part: Field) -> bool:
+        """True if a field is a number, and cannot be a text."""
+        if part.joint is not None or part.format.endswith("s"):
+            return False
+        return bool(part.format) or part.expression.names <= self._numbers
+
+    def _readings(
+        self, template: AnyReply, match: re.Match[bytes], values: Mapping[str, FieldValue]
+    ) -> dict[str, float]:
+        if not isinstance(template, TextReply):
+            return {}
+        fields = (part for part in template.parts if isinstance(part, Field))
+        found: dict[str, float] = {}
+        for part, text in zip(fields, match.groups(), strict=True):
+            code, line = read_by(part.expression, self._rules.single, MessageScope(self._state, values))
+            if line is None or not self._is_number(part):
+                continue
+            shown = text.decode("latin-1").strip()
+            found[code] = math.inf if shown == self._rules.missing else _solved(shown, line)
+        return found
+
+    # -- binary ------------------------------------------------------------------------------------
+
+    def _frame(self, frame: Frame) -> Heard:
+        kind = frame.head.get(TYPE)
+        for due in (*self._due, *self._streams):
+            template = due.templates[0] if due.templates else None
+            if not isinstance(template, BinaryReply) or template.type not in (None, kind):
+                continue
+            readings: dict[str, float] = {}
+            if template.pack and struct.calcsize(template.pack) == len(frame.content):
+                numbers = struct.unpack(template.pack, frame.content)
+                for expression, number in zip(template.values, numbers, strict=True):
+                    scope = MessageScope(self._state, due.values)
+                    code, line = read_by(expression, self._rules.single, scope)
+                    if line is not None and isinstance(number, int | float):
+                        readings[code] = (number - line[1]) / line[0]
+            heard = Heard(frame.data, due.part, due.rule, readings, due.values)
+            if template.times == 1:
+                self._settle(due)
+            return heard
+        return Heard(frame.data)
+
+
+def _solved(text: str, line: tuple[float, float]) -> float:
+    """The reading that a field shows."""
+    try:
+        return (float(text) - line[1]) / line[0]
+    except ValueError:  # ovf, which an Arduino prints for what is too great
+        return math.inf

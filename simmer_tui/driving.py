@@ -1,0 +1,232 @@
+"""Continuous motion of one robot for many senders: whose velocity it is, and those who wait.
+
+All methods run in the robot's event loop.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import math
+import time
+from collections.abc import Callable, Hashable
+from dataclasses import dataclass
+
+from simmer_tui.events import (
+    Event,
+    LegBegun,
+    LegEnded,
+    Notice,
+    NoticeKind,
+    VelocityEnd,
+    VelocityEnded,
+)
+from simmer_tui.sessions import Session
+from simmer_tui.sim.command import Command
+from simmer_tui.sim.legs import Leg
+from simmer_tui.sim.records import CommandResult
+from simmer_tui.sim.simulator import Simulator
+
+# Far less than the 100 ms between two frames of the screen, and than a stop may take.
+SLICE = 0.002
+"""Seconds of processor time of a wait between two turns of the event loop."""
+# People take a second to notice that a robot does not do what its program says.
+_SILENT = 1.0
+"""Real seconds of silence while the robot drives after which a program is told about simulated time."""
+
+
+@dataclass(slots=True, eq=False)
+class _Wait:
+    """A sender that waits until a simulated time, and what to do then."""
+
+    until: float
+    session: Session
+    over: Callable[[], None]
+
+
+class Driving:
+    """Tells of a simulator's continuous motion, and lets simulated time pass for those who wait."""
+
+    def __init__(self, simulator: Simulator, tell: Callable[[Event], None]) -> None:
+        self._simulator = simulator
+        self._tell = tell
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._latest: tuple[int, Command] = (0, Command(""))
+        """Number and text of the velocity commanded last."""
+        self._moved_by = self._latest
+        """The same of the leg under way."""
+        self.driver: Hashable | None = None
+        """Whose velocity it is; None while the robot is not told to move."""
+        self._end = VelocityEnd.TIME
+        self.limit = math.inf
+        """Simulated time at which a mission runs out: those who wait get no further in one step."""
+        self.limit_reached: Callable[[float], None] = lambda now: None
+        """Called with simulated time when a wait has come to the limit."""
+        self.paused = False
+        """True while simulated time stands still for those who wait."""
+        self._waits: list[_Wait] = []
+        self._slicing = False
+        self._warned: set[Hashable] = set()
+        self._silence: asyncio.TimerHandle | None = None
+        simulator.listener = self
+
+    def start(self, loop: asyncio.AbstractEventLoop) -> None:
+        """Waits take turns with everything else of a loop from here on."""
+        self._loop = loop
+
+    # -- what the simulator says -------------------------------------------------------------------
+
+    def leg_begun(self, leg: Leg) -> None:
+        """A leg begins."""
+        self._moved_by = self._latest
+        self._tell(LegBegun(*self._moved_by, leg))
+
+    def leg_ended(self, leg: Leg) -> None:
+        """A leg is over."""
+        self._tell(LegEnded(*self._moved_by, leg))
+
+    def velocity_expired(self, time: float) -> None:
+        """The time of a velocity is over."""
+        self._tell(VelocityEnded(time, self._end))
+
+    # -- commands ------------------------------------------------------------------------------------
+
+    @property
+    def drives(self) -> bool:
+        """True if the robot is told to move until told otherwise."""
+        return self._simulator.leg is not None
+
+    def begin(self, command: Command, session: Session | None) -> CommandResult:
+        """Begin a command: the velocity that it sets is its session's."""
+        simulator, before = self._simulator, self._latest
+        # Most commands have nothing to do with it, and this runs for each.
+        if simulator.leg is None and not simulator.is_velocity(command):
+            return simulator.begin(command)
+        drove = simulator.velocity.moves
+        self._latest = (simulator.commands + 1, command)
+        outcome = simulator.begin(command)
+        change = outcome.velocity
+        if change is None or not change.changed:
+            self._latest = before
+        if change is not None:
+            self.driver = session.driver if session is not None and change.twist.moves else None
+            self._end = VelocityEnd.TIMEOUT if change.times_out else VelocityEnd.TIME
+        elif drove and not simulator.velocity.moves:
+            self._tell(VelocityEnded(simulator.time, VelocityEnd.MOVEMENT, command.source))
+        return outcome
+
+    def ended(self, reason: VelocityEnd, source: str, drove: bool) -> None:
+        """Tell that a velocity has ended by what came between, if the robot `drove` before it."""
+        if drove and not self._simulator.velocity.moves:
+            self.driver = None
+            self._tell(VelocityEnded(self._simulator.time, reason, source))
+
+    def forget(self, session: Session) -> None:
+        """A sender has left: it waits no longer."""
+        cut = [wait for wait in self._waits if wait.session is session]
+        self._waits = [wait for wait in self._waits if wait.session is not session]
+        for wait in cut:
+            wait.over()
+
+    def left(self, driver: Hashable) -> None:
+        """Whoever drives has left: its velocity ends with it."""
+        self._warned.discard(driver)
+        if self.driver != driver:
+            return
+        self.driver = None
+        if self._simulator.velocity.moves:
+            self._tell(VelocityEnded(self._simulator.time, VelocityEnd.LEFT))
+            self._simulator.release()
+
+    # -- waits -----------------------------------------------------------------------------------------
+
+    @property
+    def waits(self) -> bool:
+        """True if somebody waits."""
+        return bool(self._waits)
+
+    @property
+    def first_over(self) -> float:
+        """Simulated time at which the first of those who wait has waited, infinite if nobody does."""
+        return min((wait.until for wait in self._waits), default=math.inf)
+
+    def wait(self, session: Session, until: float, over: Callable[[], None]) -> None:
+        """Have something done when simulated time has come to a moment, or the wait is cut."""
+        self._waits.append(_Wait(until, session, over))
+
+    def settle(self) -> None:
+        """End the waits whose time has come."""
+        now = self._simulator.time
+        done = [wait for wait in self._waits if wait.until <= now]
+        self._waits = [wait for wait in self._waits if wait.until > now]
+        for wait in done:
+            wait.over()
+
+    def cut(self) -> None:
+        """End all waits at the time reached so far."""
+        cut, self._waits = self._waits, []
+        for wait in cut:
+            wait.over()
+
+    def pass_time(self) -> None:
+        """Let simulated time go on for those who wait, in slices of processor time."""
+        if self._slicing:
+            return
+        self._slicing = True
+        begun = time.perf_counter()
+        while self._waits and not self.paused:
+            until = self.first_over
+            # A hair beyond the limit: it is a limit for what comes later, not for what comes with it.
+            beyond = math.nextafter(self.limit, math.inf)
+            passes = self._simulator.time < beyond <= until
+            until = beyond if passes else until
+            self._simulator.advance(min(until, self._simulator.next_event))
+            if passes and self._simulator.time >= beyond:
+                self.limit_reached(self._simulator.time)
+            self.settle()
+            if self._loop is not None and time.perf_counter() - begun > SLICE:
+                break
+        self._slicing = False
+        if self._waits and self._loop is not None and not self.paused:
+            self._loop.call_soon(self.pass_time)
+
+    def pause(self, paused: bool) -> None:
+        """Let simulated time stand still for those who wait in instant motion, or go on."""
+        self.paused = paused
+        if self._waits and not paused:
+            self.pass_time()
+
+    def catch_up(self, target: float) -> bool:
+        """Bring simulated time to a moment. False if that takes more than a slice: it is behind then."""
+        begun = time.perf_counter()
+        while self._simulator.next_event <= target:
+            self._simulator.advance(self._simulator.next_event)
+            if time.perf_counter() - begun > SLICE:
+                return False
+        self._simulator.advance(target)
+        return True
+
+    # -- silence ---------------------------------------------------------------------------------------
+
+    def answered(self, session: Session) -> None:
+        """The owner of a velocity has its answer: from here on it is up to it, in instant motion."""
+        driver = self.driver
+        if driver is None:
+            return
+        if self._silence is not None:
+            self._silence.cancel()
+            self._silence = None
+        if session.driver == driver and self._loop is not None and driver not in self._warned:
+            self._silence = self._loop.call_later(_SILENT, self._is_silent, driver)
+
+    def _is_silent(self, driver: Hashable) -> None:
+        if driver == self.driver and self._simulator.velocity.moves and not self._waits:
+            self._warned.add(driver)
+            self._tell(Notice(NoticeKind.HINT, PAUSED, advice=True))
+
+
+PAUSED = (
+    f"the program paused for over {_SILENT:g} s while its robot drives. In instant motion simulated time "
+    "passes only by commands: send wt-2 (robot.sleep(2) in Python), or run with --clock program or --motion "
+    "timed"
+)
+"""Advice to a program that waits by its own clock in instant motion."""

@@ -1,0 +1,92 @@
+"""The filter of system calls that a sandboxed program has, as the kernel takes it (classic BPF).
+
+It refuses what would open ways that the sandbox knows nothing of: user namespaces of the program's own (in
+which it could mount memory without a limit), kernel keyrings (which stay behind), other processes' memory,
+io_uring, performance counters, memory that belongs to no process and no file system, which no limit binds
+(memfd, System V's), and sockets of families that no namespace confines.
+
+It also refuses what one sandbox could see of another by files that both see: locks, leases and hints, which
+hang on a file and not on its name, and watches (inotify, fanotify, dnotify). A lock is answered by "no locks
+available" (ENOLCK), as on a file system without any. All else is allowed.
+
+Layout and numbers: linux/seccomp.h, linux/filter.h, linux/fcntl.h, asm/unistd_64.h, asm-generic/unistd.h.
+"""
+
+from __future__ import annotations
+
+import platform
+import struct
+from collections.abc import Mapping
+from types import MappingProxyType
+
+_LOAD, _EQUAL, _ANY_BIT, _ABOVE, _RETURN = 0x20, 0x15, 0x45, 0x25, 0x06
+_ALLOW, _KILL = 0x7FFF0000, 0x80000000
+_REFUSE, _UNKNOWN, _NO_LOCK = 0x00050001, 0x00050026, 0x00050025
+"""SECCOMP_RET_ERRNO with EPERM, ENOSYS and ENOLCK."""
+_NUMBER, _ARCHITECTURE, _FIRST, _SECOND = 0, 4, 16, 24
+"""Offsets in struct seccomp_data: the call's number, the architecture, the low halves of two arguments."""
+_NEW_USER = 0x10000000  # CLONE_NEWUSER
+_X32 = 0x3FFFFFFF
+_FAMILIES = (0, 1, 2, 10, 16)
+"""Families of sockets allowed: none, Unix, IPv4, IPv6, netlink. Some others reach past namespaces."""
+_LOCKS = (6, 7, 37, 38, 1024, 1026, 1036, 1038, 1040)
+"""Commands of fcntl: F_SETLK, F_SETLKW, F_OFD_SETLK, F_OFD_SETLKW, F_SETLEASE, F_NOTIFY, F_SET_RW_HINT,
+F_SET_FILE_RW_HINT, F_SETDELEG."""
+_ARCHITECTURES = MappingProxyType({"x86_64": 0xC000003E, "aarch64": 0xC00000B7})
+_CALLS: Mapping[str, tuple[int, int | None]] = MappingProxyType(
+    {
+        "clone": (56, 220), "unshare": (272, 97), "socket": (41, 198), "socketpair": (53, 199),
+        "clone3": (435, 435),
+        "ptrace": (101, 117), "process_vm_readv": (310, 270), "process_vm_writev": (311, 271),
+        "add_key": (248, 217), "request_key": (249, 218), "keyctl": (250, 219),
+        "bpf": (321, 280), "perf_event_open": (298, 241), "userfaultfd": (323, 282),
+        "io_uring_setup": (425, 425), "io_uring_enter": (426, 426), "io_uring_register": (427, 427),
+        "memfd_create": (319, 279), "memfd_secret": (447, 447),
+        "shmget": (29, 194), "semget": (64, 190), "msgget": (68, 186),
+        "inotify_init": (253, None), "inotify_init1": (294, 26), "fanotify_init": (300, 262),
+        "flock": (73, 32), "fcntl": (72, 25),
+    }
+)  # fmt: skip
+"""Numbers of system calls on x86_64 and on aarch64, which has no inotify_init."""
+
+
+def call_filter(machine: str | None = None) -> bytes:
+    """The filter for a machine, by default this one; empty for one whose numbers are not known here."""
+    machine = machine or platform.machine()
+    if machine not in _ARCHITECTURES:
+        return b""
+    column = list(_ARCHITECTURES).index(machine)
+    calls = {name: number for name, numbers in _CALLS.items() if (number := numbers[column]) is not None}
+    flagged = [calls.pop("clone"), calls.pop("unshare")]
+    sockets = [calls.pop("socket"), calls.pop("socketpair")]
+    clone3 = calls.pop("clone3")  # its flags lie in memory; without it, libraries take clone
+    flock, fcntl = calls.pop("flock"), calls.pop("fcntl")
+    program = [
+        (_LOAD, 0, 0, _ARCHITECTURE),
+        (_EQUAL, 1, 0, _ARCHITECTURES[machine]),
+        (_RETURN, 0, 0, _KILL),
+        (_LOAD, 0, 0, _NUMBER),
+    ]
+    if machine == "x86_64":  # the x32 numbers are the same calls again
+        program += [(_ABOVE, 0, 1, _X32), (_RETURN, 0, 0, _REFUSE)]
+    program += [(_EQUAL, 0, 1, clone3), (_RETURN, 0, 0, _UNKNOWN)]
+    program += [(_EQUAL, 0, 1, flock), (_RETURN, 0, 0, _NO_LOCK)]
+    program += [(_EQUAL, 0, len(_LOCKS) + 3, fcntl), (_LOAD, 0, 0, _SECOND)]
+    program += [(_EQUAL, len(_LOCKS) - at, 0, command) for at, command in enumerate(_LOCKS)]
+    program += [(_RETURN, 0, 0, _ALLOW), (_RETURN, 0, 0, _NO_LOCK)]
+    for number in calls.values():
+        program += [(_EQUAL, 0, 1, number), (_RETURN, 0, 0, _REFUSE)]
+    for number in flagged:
+        program += [
+            (_EQUAL, 0, 4, number),
+            (_LOAD, 0, 0, _FIRST),
+            (_ANY_BIT, 0, 1, _NEW_USER),
+            (_RETURN, 0, 0, _REFUSE),
+            (_RETURN, 0, 0, _ALLOW),
+        ]
+    for number in sockets:
+        program += [(_EQUAL, 0, len(_FAMILIES) + 3, number), (_LOAD, 0, 0, _FIRST)]
+        program += [(_EQUAL, len(_FAMILIES) - at, 0, family) for at, family in enumerate(_FAMILIES)]
+        program += [(_RETURN, 0, 0, _REFUSE), (_RETURN, 0, 0, _ALLOW)]
+    program.append((_RETURN, 0, 0, _ALLOW))
+    return b"".join(struct.pack("=HBBI", *each) for each in program)

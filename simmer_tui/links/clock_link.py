@@ -1,0 +1,126 @@
+"""The port of the program's clock: processes of the program say when they wait, and are told when to go on.
+
+Lines of text, times in nanoseconds. A process says `H` when it begins, `S UNTIL SENT` when it sleeps and has
+sent so many bytes
+to the robot, `W UNTIL SENT` when it waits for a reply (`inf` without an end), `F` when it waits for another
+process, `G` when that is over, `X TEXT` when it does what this clock cannot follow, and `E TEXT` when it ends
+because nothing will happen any more. S, W and G are
+answered with the time and the count of all bytes that were sent to programs, or with `never`.
+"""
+
+from __future__ import annotations
+
+import math
+import socket
+
+from simmer_tui.config.dialects import DialectPort
+from simmer_tui.events import Notice, NoticeKind
+from simmer_tui.links.link import LinkContext
+from simmer_tui.links.peer import MOST_WAITING, PIECE, Peer, ReadBudget
+from simmer_tui.program_clock import ProgramClock, ProgramWait
+from simmer_tui.sim.command import escape
+
+CLOCK = DialectPort("clock", "clock_port", 0, "")
+"""The port of the clock: any free one, told to the program that is run."""
+# `W 0.123456789012345678` and a text with a path.
+_LONGEST_LINE = 2000
+
+
+class _Process(Peer):
+    """The connection of one process."""
+
+    counted = False
+
+    def __init__(self, sock: socket.socket, peer: str, link: ClockLink) -> None:
+        super().__init__(sock, peer, link.budget)
+        self._link = link
+        self._buffer = b""
+        self._until = math.inf
+        """The end of its wait: a wait for a reply is asked for again until it is over."""
+        self.wait = ProgramWait(self._wake, self._stuck)
+
+    def data_received(self, data: bytes) -> None:
+        *lines, self._buffer = (self._buffer + data).split(b"\n")
+        if len(self._buffer) > _LONGEST_LINE:
+            self.abort()
+            return
+        for line in lines:
+            self._take(line.decode("utf-8", "replace"))
+
+    def _take(self, line: str) -> None:
+        clock = self._link.clock
+        kind, _, rest = line.partition(" ")
+        if kind == "H":
+            clock.join(self.wait)
+        elif kind in ("S", "W"):
+            try:
+                until, sent = float(rest.split()[0]) / 1e9, int(rest.split()[1])
+            except (ValueError, IndexError):
+                until, sent = math.nan, 0
+            if not until >= 0:
+                self.abort()
+                return
+            clock.wait(self.wait, until, listens=kind == "W", sent=sent)
+        elif kind == "F":
+            self.wait.away = True
+        elif kind == "G":
+            self.wait.away = False
+            self._wake(clock.time())
+        elif kind in ("X", "E"):
+            if kind == "X":
+                clock.unfit = clock.unfit or rest.partition(". The program's clock")[0]
+            self._link.tell(escape(rest, 400))
+
+    def _wake(self, now: float) -> None:
+        self.write(f"{round(now * 1e9)} {self._link.clock.written}\n".encode())
+
+    def _stuck(self) -> None:
+        self.wait.until, self.wait.listens = None, False
+        self.write(b"never\n")
+
+    def connection_lost(self, error: OSError | None) -> None:
+        self._link.lost(self)
+
+    def _finish(self, error: OSError | None) -> None:
+        self._link.clock.quiet.discard(self.sock.fileno())
+        super()._finish(error)
+
+
+class ClockLink:
+    """Serves the program's clock to the processes of the program."""
+
+    def __init__(self, context: LinkContext) -> None:
+        assert context.clock is not None, "served only where the program's clock is in force"
+        self.clock: ProgramClock = context.clock
+        self.budget = ReadBudget(PIECE, counted=False)
+        self._engine = context.engine
+        self._processes: set[_Process] = set()
+        self._acceptor = context.accept(CLOCK, self._welcome)
+
+    @property
+    def has_clients(self) -> bool:
+        """True if a process has not ended, or what it said last is not read yet."""
+        return bool(self._processes)
+
+    def tell(self, text: str) -> None:
+        """Tell of what the clock cannot follow."""
+        self._engine.tell(Notice(NoticeKind.FAULT, text))
+
+    def lost(self, process: _Process) -> None:
+        """A process has ended."""
+        self._processes.discard(process)
+        self.clock.leave(process.wait)
+
+    def close(self) -> None:
+        """End all connections."""
+        self._acceptor.close()
+        for process in tuple(self._processes):
+            process.close()
+
+    def _welcome(self, sock: socket.socket, peer: str) -> None:
+        if len(self._processes) >= MOST_WAITING:
+            self._acceptor.turn_away(sock, peer)
+            return
+        process = _Process(sock, peer, self)
+        self._processes.add(process)
+        self.clock.quiet.add(sock.fileno())

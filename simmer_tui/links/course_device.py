@@ -1,0 +1,120 @@
+"""The course's own protocols on a serial port: bytes in, commands of the robot that is driven, replies out.
+
+`[frame] kind` of a dialect.toml names them. What they mean is the same as over TCP (`protocol/`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import partial
+
+from simmer_tui.backend import BackendSession, CommandBudget, Message
+from simmer_tui.dialect.dialect_rules import CourseProtocol
+from simmer_tui.dialect.frames import FrameKind, Framing
+from simmer_tui.events import WireMessage
+from simmer_tui.links.link import LinkContext
+from simmer_tui.protocol.binary import CommandReader, NumberEncoder
+from simmer_tui.protocol.packets import Request, RequestReader, encode
+from simmer_tui.protocol.replies import ReplyForm, ReplyFormat
+from simmer_tui.sim.command import Command
+from simmer_tui.sim.records import CommandResult
+
+FRAMINGS = {
+    CourseProtocol.PACKETS: Framing(kind=FrameKind.BRACKET),
+    CourseProtocol.BINARY9000: Framing(),
+}
+"""Bytes at which a message of each may end: the time of its bytes is reckoned by it."""
+
+
+class CourseDevice:
+    """A robot that speaks one of the course's protocols.
+
+    Args:
+        protocol: The protocol.
+        context: The robot, and the form of replies.
+        write: Sends bytes to the program.
+    """
+
+    def __init__(
+        self, protocol: CourseProtocol, context: LinkContext, write: Callable[[bytes], None]
+    ) -> None:
+        settings = context.settings
+        self._protocol = protocol
+        self._context = context
+        self._engine = context.engine
+        self._write = write
+        self._legacy_reply = settings.legacy_reply
+        self._encoder = NumberEncoder(settings.reply_format, settings.byte_order)
+        self._grace = settings.grace
+        self._session: BackendSession | None = None
+        self._silences = 0
+        """Count of bursts of bytes: a silence ends only the newest."""
+
+    def opened(self) -> None:
+        """A program has opened the port."""
+        self._requests, self._commands = RequestReader(self._grace), CommandReader(grace=self._grace)
+        # As over TCP: a drive is answered at once in packets, else at its end.
+        is_packets = self._protocol is CourseProtocol.PACKETS
+        at_end = self._context.reply == "done" if is_packets else self._context.reply != "accepted"
+        budget = CommandBudget("on the serial port", self._engine.tell)
+        self._session = self._context.backend.open_session(answer_at_end=at_end, budget=budget)
+
+    def closed(self) -> None:
+        """The program has closed the port."""
+        if self._session is not None:
+            self._session.close()
+            self._session = None
+
+    def received(self, data: bytes) -> None:
+        """Bytes have come in."""
+        if self._session is None:
+            return
+        if self._protocol is CourseProtocol.PACKETS:
+            self._take_requests(self._requests.receive(data))
+            idle_timeout = self._requests.idle_timeout
+        else:
+            late_end = self._commands.late_end(data)
+            if late_end:
+                self._session.trail(late_end)
+            self._take_commands(self._commands.receive(data))
+            idle_timeout = self._commands.idle_timeout
+        self._silences += 1
+        if idle_timeout is not None:
+            silence = partial(self._fell_silent, self._silences)
+            self._engine.call_at(self._engine.now() + idle_timeout, silence)
+
+    def _fell_silent(self, burst: int) -> None:
+        if burst != self._silences or self._session is None:
+            return
+        self._take_requests(self._requests.silence())
+        self._take_commands(self._commands.silence())
+
+    def _take_requests(self, requests: Sequence[Request]) -> None:
+        for request in requests:
+            if request.commands:
+                form = ReplyForm(ReplyFormat.FRAMED)
+                message = Message(request.data, request.commands, form)
+                self._submit(message, partial(self._answer_request, request))
+
+    def _take_commands(self, commands: Sequence[Command]) -> None:
+        for command, sent in zip(commands, self._commands.sent, strict=False):
+            self._submit(Message(sent, (command,), self._encoder.form), self._answer_command)
+
+    def _submit(
+        self, message: Message, answered: Callable[[Sequence[CommandResult], bytes | None], None]
+    ) -> None:
+        session = self._session
+        assert session is not None, "bytes are taken while a program has the port open"
+        shown = message.data.decode("latin-1")
+        meaning = ", ".join(command.shown for command in message.commands)
+        self._engine.tell(WireMessage(self._engine.now(), shown, meaning=meaning))
+        session.submit(message, answered)
+
+    def _answer_request(self, request: Request, results: Sequence[CommandResult], data: bytes | None) -> None:
+        if data is None:
+            answers = zip(request.commands, results, strict=True)
+            data = encode(request.dialect, self._legacy_reply, answers).message()
+        self._write(data)
+
+    def _answer_command(self, results: Sequence[CommandResult], data: bytes | None) -> None:
+        self._write(self._encoder.reply(results[0]) if data is None else data)

@@ -1,0 +1,369 @@
+"""The team's own language: one program at a time drives the robot over its serial port."""
+
+from __future__ import annotations
+
+import asyncio
+import socket
+from collections.abc import Callable, Mapping, Sequence
+
+from msgspec.structs import replace
+
+from simmer_tui import platform_has
+from simmer_tui.config.dialects import SERIAL
+from simmer_tui.dialect.device import DialectDevice, MoveEnd
+from simmer_tui.dialect.dialect_rules import DialectRules
+from simmer_tui.dialect.expressions import FieldValue
+from simmer_tui.engine import Engine
+from simmer_tui.events import NOT_LED, Event, Notice, NoticeKind, ProgramEnded, WireMessage
+from simmer_tui.links.course_device import FRAMINGS, CourseDevice
+from simmer_tui.links.driver_seat import NOT_SERVED
+from simmer_tui.links.hook_port import HookedProgram
+from simmer_tui.links.link import LinkContext
+from simmer_tui.links.peer import MOST_WAITING, PIECE, ReadBudget
+from simmer_tui.links.pty_port import PtyPort
+from simmer_tui.links.serial_door import SerialDoor
+from simmer_tui.links.serial_wire import Wire
+from simmer_tui.phrases import counted
+from simmer_tui.sessions import Session
+from simmer_tui.sim.command import Command, escape, parse_command
+from simmer_tui.sim.records import REFUSALS, CommandResult, Status
+
+# A stream at 240 Hz would be most of a log, and says the same all the time.
+LOGGED_OF_STREAM = 1000
+"""Messages of streams that are logged; later ones are counted."""
+# The usual rate of an Arduino sketch, for who says none.
+USUAL_BAUD = 9600.0
+"""Bits a second of a line whose rate is not known."""
+NO_HOOK = "it is no Python, it is frozen, or it was started with -I, -E or -S"
+"""The reasons there may be."""
+WAY_OUT = (
+    "Run it as plain Python, or give it a serial port with --pty PATH"
+    if platform_has.POSIX
+    else "Run it as plain Python, or send commands over TCP (listeners)"
+)
+"""The next step."""
+STOP = Command("xx", "xx", stops=True)
+"""The stop that a dialect's rule or the end of a run makes."""
+
+
+class Moved:
+    """End of a movement."""
+
+    def __init__(self, result: CommandResult) -> None:
+        self.refused = (result.reason or result.status.value) if result.status in REFUSALS else ""
+        self.touched = result.contact is not None
+        self.stopped = result.status is Status.STOPPED or (
+            result.trajectory is not None and result.trajectory.cut is not None
+        )
+
+
+class _Later:
+    """A call at a simulated time that may be taken back."""
+
+    def __init__(self, call: Callable[[], None]) -> None:
+        self._call: Callable[[], None] | None = call
+
+    def cancel(self) -> None:
+        """Do not make it."""
+        self._call = None
+
+    def __call__(self) -> None:
+        if self._call is not None:
+            self._call()
+
+
+class SimulatedHost:
+    """The simulated robot as a dialect's device uses it."""
+
+    def __init__(self, engine: Engine, rules: DialectRules, write: Callable[[bytes, bool], None]) -> None:
+        """`write` sends bytes, droppable ones or not."""
+        self._engine = engine
+        self._rules = rules
+        self._write = write
+        self.source = "client"
+        """Whose commands the movements are."""
+        self._moves = self._new_session()
+        self._readers: dict[str, Session] = {}
+
+    def _new_session(self) -> Session:
+        return self._engine.session(answer_at_end=True, lane="dialect")
+
+    def close(self, *, runs_on: bool) -> None:
+        """A program has left: its velocity ends with it, unless the robot `runs_on`."""
+        if not runs_on:
+            self._moves.close()
+            self._moves = self._new_session()
+
+    @property
+    def now(self) -> float:
+        """Simulated time."""
+        return self._engine.now()
+
+    def call_later(self, seconds: float, call: Callable[[], None]) -> _Later:
+        """Call something after so much simulated time."""
+        later = _Later(call)
+        self._engine.call_at(self._engine.now() + seconds, later)
+        return later
+
+    def read(self, codes: Sequence[str], done: Callable[[Mapping[str, FieldValue]], None]) -> None:
+        """Read sensors at this moment; it takes the Read Times of all of them."""
+        begun = self._engine.now()
+        results: dict[str, CommandResult] = {}
+
+        def answered(result: CommandResult) -> None:
+            results[result.command.code] = result
+            if len(results) < len(codes):
+                return
+            took = sum(each.duration for each in results.values())
+            values = {code: value_of(results[code]) for code in codes}
+            left = begun + took - self._engine.now()
+            if left > 0:
+                self.call_later(left, lambda: done(values))
+            else:
+                done(values)
+
+        for code in codes:
+            session = self._readers.get(code)
+            if session is None:
+                session = self._readers[code] = self._new_session()
+            session.submit(parse_command(code), answered)
+
+    def move(self, command: str, done: Callable[[MoveEnd], None]) -> None:
+        """Do a movement of known length."""
+        self._moves.submit(parse_command(command, self.source), lambda result: done(Moved(result)))
+
+    def drive(self, velocity: tuple[float, float, float] | None, seconds: float | None) -> str:
+        """Drive at a velocity, for a time or until told otherwise."""
+        values = [*(velocity or (0.0, 0.0, 0.0)), *([] if seconds is None else [seconds])]
+        text = f"{self._rules.velocity}-{';'.join(f'{each:.12g}' for each in values)}"
+        refused: list[str] = []
+
+        def answered(result: CommandResult) -> None:
+            if result.status in REFUSALS:
+                refused.append(result.reason or result.status.value)
+
+        self._moves.submit(parse_command(text, self.source), answered)
+        return refused[0] if refused else ""
+
+    def halt(self, by: str = "") -> None:
+        """End all motion; `by` is who does, if no message does."""
+        simulator = self._engine.simulator
+        if simulator.moving or simulator.velocity.moves:
+            self._engine.halt(replace(STOP, source=by or self.source))
+
+    def send(self, data: bytes, *, droppable: bool = False) -> None:
+        """Send bytes to the program."""
+        self._write(data, droppable)
+
+    def done(self, message: bytes, meaning: str) -> None:
+        """Tell which message has come, and what it does."""
+        self._engine.tell(WireMessage(self._engine.now(), message.decode("latin-1"), meaning=meaning))
+
+    def tell(self, text: str) -> None:
+        """Tell of a fault."""
+        self._engine.tell(Notice(NoticeKind.FAULT, f"dialect: {text}"))
+
+    def mention(self, text: str) -> None:
+        """Tell of something that is no fault."""
+        self._engine.tell(Notice(NoticeKind.ROBOT, f"dialect: {text}"))
+
+
+def value_of(result: CommandResult) -> FieldValue:
+    """The number of a reading, or the list of those of a whole scan."""
+    ranges = result.ranges
+    return result.reply if ranges is None else tuple(ranges.tolist())
+
+
+class DialectLink:
+    """The team's own language: one program at a time drives the robot."""
+
+    def __init__(self, context: LinkContext) -> None:
+        rules = context.dialect
+        assert rules is not None, "the loader serves a dialect only where there is one"
+        self.budget = ReadBudget(PIECE)
+        self._context = context
+        self._settings = context.settings
+        self._programs: set[HookedProgram] = set()
+        self._driver: SerialDoor | None = None
+        """The program that has the port open."""
+        self._engine = context.engine
+        self._loop = asyncio.get_running_loop()
+        self._last = ""
+        self._sent_by_itself = 0
+        """Count of messages of streams that were sent."""
+        self._since_reply = 0
+        """Bytes of streams that were sent since the last reply."""
+        self._instant = context.settings.line == "instant"
+        framing = rules.framing if rules.protocol is None else FRAMINGS[rules.protocol]
+        self._wire = Wire(self._engine, framing, 0.0 if self._instant else USUAL_BAUD)
+        self._host = SimulatedHost(self._engine, rules, self._reply)
+        self._device: DialectDevice | CourseDevice = DialectDevice(rules, self._host)
+        if rules.protocol is not None:
+            self._device = CourseDevice(rules.protocol, context, lambda data: self._reply(data, False))
+        self._reached = False
+        """True once a program is known to find the port."""
+        self._engine.watch(self._watch)
+        self._runs_on = rules.robot.runs_on
+        self._acceptor = context.accept(SERIAL, self._welcome)
+        self._terminal: PtyPort | None = None
+        if context.terminal is not None:
+            self._terminal = PtyPort(context.terminal, self)
+            where = escape(str(context.terminal.path), 100)
+            self._engine.tell(Notice(NoticeKind.HINT, f"the robot's serial port is at {where}"))
+
+    @property
+    def has_clients(self) -> bool:
+        """True if a program is connected."""
+        return bool(self._programs) or self._driver is not None
+
+    def close(self) -> None:
+        """End all connections."""
+        self._acceptor.close()
+        if self._terminal is not None:
+            self._terminal.close()
+        for program in tuple(self._programs):
+            program.close()
+
+    def tell_fault(self, text: str) -> None:
+        """Tell of a fault."""
+        self._engine.tell(Notice(NoticeKind.FAULT, text))
+
+    def _welcome(self, sock: socket.socket, peer: str) -> None:
+        if len(self._programs) >= MOST_WAITING:
+            self._acceptor.turn_away(sock, peer)
+            return
+        self._programs.add(HookedProgram(sock, peer, self))
+
+    # -- doors ---------------------------------------------------------------------------------
+
+    def reached(self) -> None:
+        """A program has begun that will find the port."""
+        self._reached = True
+
+    def _watch(self, event: Event) -> None:
+        """Say at its end that the program could not find the port."""
+        if isinstance(event, Notice) and event.text.startswith(NOT_LED):
+            self._reached = True
+        elif isinstance(event, ProgramEnded) and event.started and not event.stopped:
+            clock = self._context.clock
+            if not self._reached and not (clock is not None and clock.reached):
+                self.tell_fault(f"{NOT_LED}: {NO_HOOK}. {WAY_OUT}")
+
+    def opened(self, door: SerialDoor, name: str, baud: float | None) -> None:
+        """A program opens a port; it gets its answer."""
+        names = self._settings.serial_names
+        # A pseudo-terminal stands where a person has put it.
+        if isinstance(door, HookedProgram) and names and name not in names:
+            door.answer(f"could not open port '{name}': there is only {', '.join(names)}")
+            return
+        refused = self._refused(door, name)
+        if refused:
+            self.tell_fault(f"a program opened {escape(name, 40)}{refused}: it was refused")
+            door.answer(f"could not open port '{name}': Access is denied.")
+            return
+        self._driver = door
+        self._reached = True
+        rate = ""
+        if baud is not None:
+            self.set_baud(door, baud)
+            rate = f" at {baud:g} baud"
+        text = f"a program opened {escape(name, 40)}{rate}"
+        self._engine.tell(Notice(NoticeKind.CONNECTED, text, door.peer))
+        door.answer("")
+        backend = self._context.backend
+        backend.program = self._pass_on
+        if backend.byte_robot is None:
+            self._device.opened()
+        else:
+            backend.byte_robot.joined(baud)
+
+    def _refused(self, door: SerialDoor, name: str) -> str:
+        """The reason why a program may not drive, behind the name of its port; empty if it may."""
+        if self._context.clock is not None and not door.by_clock:
+            return f", but {NOT_SERVED}"
+        if self._driver is not None:
+            return f" while another one drives the robot by {escape(self._driver.port, 40)}"
+        seat = self._context.seat
+        refused = "" if seat is None else seat.take(self, f"a program by {name}")
+        return f", but {refused}" if refused else ""
+
+    def written(self, door: SerialDoor, data: bytes) -> None:
+        """The program has written bytes."""
+        robot = self._context.backend.byte_robot
+        if door is not self._driver:
+            return
+        if robot is not None:
+            robot.wrote(data)
+        else:
+            self._wire.bring(data, self._device.received)
+        self._last = data[-60:].decode("latin-1").strip()
+
+    def set_baud(self, door: SerialDoor, baud: float) -> None:
+        """The program has set another baud rate."""
+        if door is self._driver and not self._instant:
+            self._wire.set_baud(baud)
+
+    def closed(self, door: SerialDoor, unread: int) -> None:
+        """The program has closed the port, or has gone, and has left so many bytes unread."""
+        if isinstance(door, HookedProgram):
+            self._programs.discard(door)
+        if door is not self._driver:
+            return
+        self._wire.bring_rest(self._device.received)
+        self._driver = None
+        if self._sent_by_itself > LOGGED_OF_STREAM:
+            more = self._sent_by_itself - LOGGED_OF_STREAM
+            text = f"{more} further messages of streams were sent, and not logged one by one"
+            self._engine.tell(Notice(NoticeKind.ROBOT, text, door.peer))
+        self._sent_by_itself = 0
+        backend = self._context.backend
+        backend.program = None
+        if backend.byte_robot is not None:
+            backend.byte_robot.left()
+        if self._context.seat is not None:
+            self._context.seat.leave(self)
+        self._device.closed()
+        if unread:
+            # Nobody reads the last messages of a stream.
+            kind = NoticeKind.FAULT if unread > self._since_reply else NoticeKind.ROBOT
+            text = f"dialect: the program left {counted(unread, 'byte')} of replies unread"
+            self._engine.tell(Notice(kind, text))
+        self._host.close(runs_on=self._runs_on)
+        text = f"the program closed {escape(door.port, 40)}"
+        self._engine.tell(Notice(NoticeKind.LEFT, text, door.peer))
+        self._context.client_left()
+
+    def _reply(self, data: bytes, droppable: bool) -> None:
+        """Send bytes of the robot to the program; nobody reads those that come without one."""
+        program = self._driver
+        if program is None or not data:
+            return
+        delay = self._wire.delay(len(data), droppable=droppable)
+        if delay is not None:
+            self._sent_by_itself += droppable
+            self._since_reply = self._since_reply + len(data) if droppable else 0
+            if not droppable or self._sent_by_itself <= LOGGED_OF_STREAM:
+                self._engine.tell(WireMessage(self._engine.now(), data.decode("latin-1"), reply=True))
+        if delay is None:
+            if self._wire.left_out == 1:
+                self._engine.tell(
+                    Notice(
+                        NoticeKind.FAULT, "dialect: the line is slower than the stream: messages are left out"
+                    )
+                )
+            return
+        scale = self._engine.time_scale
+        program.deliver(self._loop.time() + delay / scale, self._wire.byte / scale, data)
+
+    def _pass_on(self, data: bytes) -> None:
+        """Send bytes of a real robot to the program, as they come."""
+        if self._driver is not None:
+            self._driver.deliver(self._loop.time(), 0.0, data)
+
+    def waits(self, door: SerialDoor, place: str) -> None:
+        """A read of the program has waited for long."""
+        if door is not self._driver:
+            return
+        last = f"; the last message was '{escape(self._last, 60)}'" if self._last else ""
+        where = escape(place, 80)
+        self.tell_fault(f"dialect: the program waits at {where} for bytes that have not come for 10 s{last}")

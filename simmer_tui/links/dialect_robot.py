@@ -1,0 +1,377 @@
+"""A real robot that speaks the team's own language, driven by the console, keys and programs over TCP.
+
+The bytes of the program that has its port open pass unchanged (`heard_robot.py`). Commands of other senders
+go through rules that can be turned round; none is passed on as it is.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import math
+from collections import deque
+from collections.abc import Callable, Mapping
+from functools import partial
+
+from msgspec import Struct
+from msgspec.structs import replace
+
+from simmer_tui.backend import Answered, BackendSession, BackendSwitch, Message
+from simmer_tui.config.settings import SerialSettings
+from simmer_tui.dialect.dialect_rules import Busy, DialectRules
+from simmer_tui.dialect.inverse import InverseRules, Turned
+from simmer_tui.dialect.reply_reader import Heard
+from simmer_tui.engine import PEOPLE, Engine
+from simmer_tui.events import NoticeKind
+from simmer_tui.links.heard_robot import HeardRobot
+from simmer_tui.links.serial_bridge import STOP
+from simmer_tui.links.serial_link import RobotLink
+from simmer_tui.sim.command import Command, escape, parse_value
+from simmer_tui.sim.records import CommandResult, Status
+from simmer_tui.sim.velocity_commands import WAIT, parse_wait
+
+# A person lets go of a key and expects the robot to stand; half a step of a robot at 6 in/s.
+KEY_SILENCE = 0.25
+"""Seconds after the last key until the robot is sent its stop."""
+# Less than a person notices.
+LOOK_AGAIN = 0.02
+"""Seconds until a command looks again whether the robot stands still."""
+KEYS = "keys"
+"""Source of the commands that keys make."""
+NO_STOP = 'no rule of the dialect is a plain stop (do = "stop"): keys and console do not drive this robot'
+_TAKEN = "a program has the robot's port open; it is stopped, and not driven, from here"
+
+
+class _Request(Struct, eq=False):
+    """A command of a sender that speaks another language, and who is given its result."""
+
+    command: Command
+    answer: Callable[[CommandResult], None]
+    session: BackendSession
+    turned: Turned | None = None
+    result: CommandResult | None = None
+    """That of the twin's movement, when it is over."""
+    timer: asyncio.TimerHandle | None = None
+
+
+class DialectRobot(HeardRobot):
+    """A real robot with a dialect as a backend. Lives in the event loop it is made in."""
+
+    def __init__(
+        self,
+        engine: Engine,
+        link: RobotLink,
+        settings: SerialSettings,
+        rules: DialectRules,
+        switch: BackendSwitch,
+    ) -> None:
+        """The same as of a robot that is only heard."""
+        super().__init__(engine, link, settings, rules, switch)
+        self._inverse = InverseRules(rules)
+        self._queue: deque[_Request] = deque()
+        self._moving: _Request | None = None
+        """The request whose movement is under way."""
+        self._asking: _Request | None = None
+        """The request whose reading is awaited."""
+        self._key: Turned | None = None
+        """The message of the key that drives."""
+        self._key_timer: asyncio.TimerHandle | None = None
+        self._again: asyncio.TimerHandle | None = None
+        self._begin_listening()
+
+    def close(self) -> None:
+        """Give the port back; what is not answered yet is answered in the robot's place."""
+        if self._key is not None:
+            self._keys_silent()
+        self._end_listening()
+        for timer in (self._key_timer, self._again):
+            if timer is not None:
+                timer.cancel()
+        self._drop(f"{self.port} was closed")
+
+    def _note_reply(self, heard: Heard) -> None:
+        asking = self._asking
+        if asking is not None and asking.turned is not None and heard.rule is asking.turned.rule:
+            self._answer_readings(asking.turned, heard.readings)
+        moving = self._moving
+        if heard.ends and moving is not None and moving.result is not None:
+            self._over(moving, moving.result)
+
+    def _answer_readings(self, asked: Turned, readings: Mapping[str, float]) -> None:
+        """Answer all who wait for what this message was answered with."""
+        waiting = [each for each in (self._asking, *self._queue) if each is not None]
+        for request in waiting:
+            code = request.command.code
+            if code not in readings or (
+                request is not self._asking and request.session is not waiting[0].session
+            ):
+                continue
+            if request in self._queue:
+                self._queue.remove(request)
+            result = self._result(request.command, Status.READING, readings[code])
+            self._over(request, result)
+
+    # -- commands of others ----------------------------------------------------------------------------
+
+    def submit(self, message: Message, session: BackendSession, answered: Answered) -> None:
+        """Have commands done by rules turned round."""
+        results: dict[int, CommandResult] = {}
+        count = len(message.commands)
+
+        def answer(place: int, result: CommandResult) -> None:
+            results[place] = result
+            if len(results) == count:
+                answered([results[each] for each in range(count)], None)
+
+        for place, command in enumerate(message.commands):
+            request = _Request(command, partial(answer, place), session)
+            if command.stops or command.code == STOP:
+                self._stop_for(request)
+            elif command.source == KEYS and self._drives(command):
+                self._press(request)
+            else:
+                self._queue.append(request)
+        self._advance()
+
+    def urgent_part(self, message: Message) -> Message | None:
+        """The commands that stop."""
+        stops = tuple(each for each in message.commands if each.stops or each.code == STOP)
+        return Message(message.data, stops, message.form) if stops else None
+
+    def trail(self, data: bytes, session: BackendSession) -> None:
+        """Not needed: nothing is passed on as it is."""
+
+    def forget(self, session: BackendSession) -> None:
+        """A client has left: its commands are not begun any more."""
+        self._queue = deque(each for each in self._queue if each.session is not session)
+
+    def _drives(self, command: Command) -> bool:
+        simulator = self._engine.simulator
+        return simulator.is_drive(command) or simulator.is_velocity(command)
+
+    def _advance(self) -> None:
+        """Begin the next command, unless one is under way."""
+        while self._queue and self._asking is None:
+            request = self._queue[0]
+            problem = self._prepare(request)
+            turned = request.turned
+            is_free = self._moving is None and not self._device.moves
+            may_begin = is_free or (
+                turned is not None and not turned.rule.steps and turned.rule.busy is Busy.NOW
+            )
+            if not problem and not may_begin:
+                # Nobody tells of the end of a run or a pause of the twin.
+                if self._moving is None and self._again is None:
+                    self._again = self._loop.call_later(LOOK_AGAIN, self._look_again)
+                return
+            self._queue.popleft()
+            if problem:
+                self._refuse(request, problem)
+            elif turned is None:
+                self._begin_wait(request)
+            else:
+                self._begin(request, turned)
+
+    def _look_again(self) -> None:
+        self._again = None
+        self._advance()
+
+    def _prepare(self, request: _Request) -> str:
+        """Find the message for a command. Returns the reason there is none, if so."""
+        command, state = request.command, self._device.state
+        simulator = self._engine.simulator
+        if command.problem:
+            return command.problem
+        if command.code == WAIT and not simulator.is_drive(command):
+            wait = parse_wait(command.argument)
+            return wait if isinstance(wait, str) else ""
+        if not self._open:
+            return f"{self.port} is closed"
+        if self._switch.program is not None:
+            return _TAKEN
+        if command.source in PEOPLE and self._drives(command) and self._inverse.stop(state) is None:
+            return NO_STOP
+        if not simulator.is_drive(command):
+            made = self._inverse.read(command.code, state)
+        else:
+            value = parse_value(command.argument)
+            made = value if isinstance(value, str) else self._inverse.drive(command.code, value, state)
+        if isinstance(made, str):
+            return made
+        request.turned = made
+        return ""
+
+    def _refuse(self, request: _Request, reason: str) -> None:
+        result = self._engine.peek(replace(request.command, problem=reason))
+        self._engine.tell(result)
+        request.answer(result)
+
+    def _begin_wait(self, request: _Request) -> None:
+        seconds = parse_wait(request.command.argument)
+        assert isinstance(seconds, float), "looked at before"
+        self._moving = request
+        result = self._result(request.command, Status.DONE, math.inf)
+        request.timer = self._loop.call_later(
+            seconds / self._engine.time_scale, self._over, request, replace(result, waits=seconds)
+        )
+
+    def _begin(self, request: _Request, turned: Turned) -> None:
+        """Send a message, and have the twin do the same."""
+        timeout = self.settings.timeout
+        if turned.rule.steps:
+            self._moving = request
+            if turned.seconds:
+                done = self._result(request.command, Status.DONE, math.inf)
+                after = turned.seconds / self._engine.time_scale
+                request.timer = self._loop.call_later(after, self._over, request, done)
+        else:
+            self._asking = request
+            request.timer = self._loop.call_later(timeout, self._unanswered, request)
+        self._send(turned, request.command.source)
+
+    def _send(self, turned: Turned, source: str) -> None:
+        """Send a message of ours to the robot; the twin does what it says."""
+        self._twin.source, self._twin.refused = source, False
+        self._device.received(turned.data)
+        # What the twin cannot do, such as to go a million inches, is not tried with the robot.
+        if not self._twin.refused:
+            self._link.write(turned.data)
+
+    def _twin_moved(self, result: CommandResult) -> None:
+        """A movement of the twin has ended, or was refused."""
+        request = self._moving
+        if request is None or request.turned is None or request.turned.seconds:
+            self._loop.call_soon(self._advance)
+            return
+        is_over = not request.turned.rule.done or result.status is not Status.DONE
+        if is_over:
+            self._over(request, result)
+            return
+        request.result = result
+        rule = request.turned.rule
+        waits = any(due.rule is rule and due.part == "done" for due in self._reader.due)
+        if waits:
+            request.timer = self._loop.call_later(self.settings.timeout, self._unanswered, request)
+        else:
+            self._over(request, result)
+
+    def _unanswered(self, request: _Request) -> None:
+        """The robot has not answered in time."""
+        if request.turned is not None:
+            self._reader.forget(request.turned.rule)
+        reason = f"the robot did not answer within {self.settings.timeout:g} s"
+        self._give_up(request, reason)
+
+    def _give_up(self, request: _Request, reason: str) -> None:
+        known = request.result or self._result(request.command, Status.UNANSWERED, math.nan)
+        result = replace(known, status=Status.UNANSWERED, reply=math.nan, reason=reason)
+        self._engine.tell(result)
+        self._over(request, result)
+
+    def _over(self, request: _Request, result: CommandResult) -> None:
+        """A command is done: answer it."""
+        if request.timer is not None:
+            request.timer.cancel()
+            request.timer = None
+        if self._moving is request:
+            self._moving = None
+        if self._asking is request:
+            self._asking = None
+        request.answer(replace(result, command=request.command))
+        self._loop.call_soon(self._advance)
+
+    def _drop(self, reason: str) -> None:
+        """Answer all that wait in the robot's place."""
+        left = [each for each in (self._moving, self._asking, *self._queue) if each is not None]
+        self._moving = self._asking = None
+        self._queue.clear()
+        for request in left:
+            self._give_up(request, reason)
+
+    def _result(self, command: Command, status: Status, reply: float) -> CommandResult:
+        """A result that the twin has no part in."""
+        time, simulator = self._engine.now(), self._engine.simulator
+        pose = simulator.pose
+        return CommandResult(simulator.commands, time, command, status, reply, pose, pose)
+
+    # -- stops and keys --------------------------------------------------------------------------------
+
+    def stop(self) -> None:
+        """The stop of a person, or of a command: sent at once, ahead of what waits."""
+        self._end_key()
+        turned = self._inverse.stop(self._device.state)
+        if turned is None:
+            text = 'the robot cannot be stopped: no rule of the dialect is a plain stop (do = "stop")'
+            self._tell(NoticeKind.FAULT, text)
+        elif not self._open:
+            text = f"the stop cannot be sent: {self.port} is closed"
+            self._tell(NoticeKind.FAULT, text)
+        else:
+            # Half a line of the program's would take the stop for its end.
+            data = turned.data
+            if self._device.unfinished and self._switch.program is not None:
+                data = self._rules.framing.end + data
+            self._link.write_instead(data)
+            self._device.received(data)
+        self._drop("not done any more: the robot was stopped")
+
+    def _stop_for(self, request: _Request) -> None:
+        self.stop()
+        self._engine.stop_motion("a stop for the robot")
+        result = replace(self._engine.peek(request.command), status=Status.STOPPED, reply=math.inf, reason="")
+        self._engine.tell(result)
+        request.answer(result)
+
+    def _press(self, request: _Request) -> None:
+        """A key that drives: the robot is stopped when no more come."""
+        command, state = request.command, self._device.state
+        driven = self._meant(command)
+        if driven is None:  # a velocity of 0: the key was let go
+            self._keys_silent()
+            request.answer(self._result(command, Status.DONE, math.inf))
+            return
+        problem = "" if self._open else f"{self.port} is closed"
+        problem = _TAKEN if self._switch.program is not None else problem
+        if self._inverse.stop(state) is None:
+            problem = NO_STOP
+        made = self._inverse.held(*driven, state) if not isinstance(driven, str) else driven
+        if problem or isinstance(made, str):
+            self._refuse(request, problem or str(made))
+            return
+        if self._key is not None and (self._key.data != made.data or not self._device.moves):
+            same = self._key.data == made.data
+            self._end_key()
+            if not same:
+                self.stop()
+        if self._key is None:
+            self._key = made
+            self._send(made, KEYS)
+        if self._key_timer is not None:
+            self._key_timer.cancel()
+        # In the robot's own thread: it comes also while the screen hangs.
+        self._key_timer = self._loop.call_later(KEY_SILENCE, self._keys_silent)
+        request.answer(self._result(command, Status.ACCEPTED, math.inf))
+
+    def _meant(self, command: Command) -> tuple[str, float] | str | None:
+        """The drive that a key means and how far; None for a velocity of 0."""
+        if not self._engine.simulator.is_velocity(command):
+            value = parse_value(command.argument)
+            return value if isinstance(value, str) else (command.code, value)
+        try:
+            x, y, turn = (float(each) for each in (command.argument or "").split(";")[:3])
+        except ValueError:
+            return f"'{escape(command.text, 40)}' is no velocity of a key"
+        if not (x or y or turn):
+            return None
+        found = self._inverse.code_of((x, y, turn))
+        return found or "no drive of the robot goes that way"
+
+    def _end_key(self) -> None:
+        self._key = None
+        if self._key_timer is not None:
+            self._key_timer.cancel()
+            self._key_timer = None
+
+    def _keys_silent(self) -> None:
+        """No key has come for a while, or it was let go: the robot is stopped."""
+        if self._key is not None:
+            self.stop()

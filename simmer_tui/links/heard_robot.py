@@ -1,0 +1,224 @@
+"""A real robot that speaks the team's own language, heard beside its simulated twin.
+
+The bytes of a program that has the serial port open pass unchanged, both ways. The dialect only listens: the
+twin does what each message says, and readings are told from replies.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import math
+from collections.abc import Callable, Mapping, Sequence
+
+from msgspec.structs import replace
+
+from simmer_tui.backend import BackendSwitch
+from simmer_tui.config.settings import SerialSettings
+from simmer_tui.dialect.device import DialectDevice, MoveEnd
+from simmer_tui.dialect.dialect_rules import DialectRules, MessageRule
+from simmer_tui.dialect.expressions import FieldValue
+from simmer_tui.dialect.reply_reader import SILENCE, Heard, ReplyReader
+from simmer_tui.engine import PEOPLE, Engine
+from simmer_tui.events import (
+    LegBegun,
+    MovementPlanned,
+    Notice,
+    NoticeKind,
+    TwinReading,
+    WireMessage,
+)
+from simmer_tui.links.dialect_link import LOGGED_OF_STREAM, Moved, SimulatedHost, value_of
+from simmer_tui.links.real_robot import RealRobot
+from simmer_tui.links.serial_link import RobotLink
+from simmer_tui.sim.command import parse_command
+from simmer_tui.sim.records import REFUSALS, CommandResult
+
+# A stream at 240 Hz would fill the log and the screen.
+STREAM_READINGS = 0.1
+"""Seconds between two readings that are told of a stream."""
+
+
+class Twin(SimulatedHost):
+    """The simulated robot as it does the same. What it reads is kept until the real reading comes."""
+
+    def __init__(self, engine: Engine, rules: DialectRules, moved: Callable[[CommandResult], None]) -> None:
+        super().__init__(engine, rules, lambda data, droppable: None)
+        self._moved = moved
+        self.read_last: dict[str, CommandResult] = {}
+        self.refused = False
+        """True if the movement begun last was refused."""
+
+    def read(self, codes: Sequence[str], done: Callable[[Mapping[str, FieldValue]], None]) -> None:
+        results = {code: self._engine.peek(parse_command(code, self.source)) for code in codes}
+        self.read_last |= results
+        done({code: value_of(result) for code, result in results.items()})
+
+    def move(self, command: str, done: Callable[[MoveEnd], None]) -> None:
+        def moved(result: CommandResult) -> None:
+            self.refused = result.status in REFUSALS
+            done(Moved(result))
+            self._moved(result)
+
+        self._moves.submit(parse_command(command, self.source), moved)
+
+    def tell(self, text: str) -> None:
+        self._engine.tell(Notice(NoticeKind.ROBOT, f"dialect: {text}"))
+
+
+class HeardRobot(RealRobot):
+    """A real robot whose exchange with its program is listened to.
+
+    Args:
+        engine: The twin.
+        link: The way to the robot.
+        settings: Those of its port; they may be replaced at any time.
+        rules: Its language.
+        switch: Knows the program that has the serial port open.
+    """
+
+    def __init__(
+        self,
+        engine: Engine,
+        link: RobotLink,
+        settings: SerialSettings,
+        rules: DialectRules,
+        switch: BackendSwitch,
+    ) -> None:
+        super().__init__(engine, link, settings)
+        self._rules = rules
+        self._switch = switch
+        # What the robot sends by itself comes from the real one.
+        heard = replace(rules, streams=(), robot=replace(rules.robot, boot=0.0, greeting=""), unknown=())
+        self._twin = Twin(engine, heard, self._twin_moved)
+        self._device = DialectDevice(heard, self._twin, self._note_message)
+        self._reader = ReplyReader(rules, self._device.state)
+        self._silence: asyncio.TimerHandle | None = None
+        self._lost_told = False
+        self._streamed = 0
+        self._stream_told = -math.inf
+
+    def _end_listening(self) -> None:
+        super()._end_listening()
+        if self._silence is not None:
+            self._silence.cancel()
+
+    # -- what others wait for ---------------------------------------------------------------------------
+
+    def _twin_moved(self, result: CommandResult) -> None:
+        """A movement of the twin has ended, or was refused."""
+
+    def _note_reply(self, heard: Heard) -> None:
+        """A reply of the robot has come, and its readings are told."""
+
+    def _advance(self) -> None:
+        """The robot may be free for what waits."""
+
+    def _drop(self, reason: str) -> None:
+        """Nothing that waits can be done."""
+
+    # -- the program that has the port open -----------------------------------------------------------
+
+    def joined(self, baud: float | None) -> None:
+        """A program has opened the port, at its own rate, which is not the robot's."""
+        self._lost_told = False
+        if baud is not None and baud != self.settings.baud:
+            text = (
+                f"the program opened the port at {baud:g} baud; the robot's is at {self.settings.baud}, "
+                f"whatever the program says: --baud {baud:g} sets it"
+            )
+            self._tell(NoticeKind.ROBOT, text)
+
+    def wrote(self, data: bytes) -> None:
+        """A program has written bytes: they go to the robot unchanged."""
+        if not self._open:
+            if not self._lost_told:
+                self._lost_told = True
+                text = f"what the program writes is lost: {self.port} is closed"
+                self._tell(NoticeKind.FAULT, text)
+            return
+        self._twin.source = "client"
+        self._link.write(data)
+        self._device.received(data)
+
+    def left(self) -> None:
+        """The program has closed the port. What the robot does then is its own affair."""
+        self._device.closed()
+        self._twin.close(runs_on=self._rules.robot.runs_on)
+        self._advance()
+
+    # -- what the robot says --------------------------------------------------------------------------
+
+    def received(self, data: bytes) -> None:
+        """Bytes have come from the robot."""
+        if self._switch.program is not None:
+            self._switch.program(data)
+        if self._silence is not None:
+            self._silence.cancel()
+            self._silence = None
+        for heard in self._reader.receive(data):
+            self._hear(heard)
+        if self._reader.waits:
+            self._silence = self._loop.call_later(SILENCE, self._fell_silent)
+
+    def _fell_silent(self) -> None:
+        self._silence = None
+        for heard in self._reader.silence():
+            self._hear(heard)
+
+    def opened(self) -> None:
+        super().opened()
+        self._lost_told = False
+        self._advance()
+
+    def lost(self, reason: str) -> None:
+        super().lost(reason)
+        self._drop(reason)
+
+    def _note_message(self, rule: MessageRule, values: Mapping[str, FieldValue]) -> None:
+        """The twin begins what a message says: its replies are due."""
+        if not rule.stops:
+            self._reader.asked(rule, values)
+
+    def _hear(self, heard: Heard) -> None:
+        """A reply of the robot."""
+        self._streamed += heard.part == "stream"
+        if heard.part != "stream" or self._streamed <= LOGGED_OF_STREAM:
+            self._engine.tell(WireMessage(self._engine.now(), heard.data.decode("latin-1"), reply=True))
+        # The twin may be slower than the robot; it is not to end what the robot does next.
+        if heard.ends and self._device.doing is heard.values:
+            self._engine.finish_movement()
+        self._tell_readings(heard)
+        self._note_reply(heard)
+
+    def _tell_readings(self, heard: Heard) -> None:
+        """Tell the real readings in a reply beside the twin's."""
+        now = self._loop.time()
+        if heard.part == "stream":
+            if now < self._stream_told + STREAM_READINGS:
+                return
+            self._stream_told = now
+        for code, value in heard.readings.items():
+            read = self._twin.read_last.pop(code, None)
+            result = read or self._engine.peek(parse_command(code, self._twin.source))
+            if result.reading is None:
+                continue
+            real = replace(result, reply=value, reading=replace(result.reading, value=value, scan=None))
+            # Of a reading on the way nobody could say where it belongs: calibration takes those at stops.
+            if not (self._device.moves or self._engine.simulator.moving):
+                self._engine.tell(real)
+            self._engine.tell(TwinReading(result.time, result.command, code, value, result.reply))
+
+    # -- what the twin foresees --------------------------------------------------------------------------
+
+    def on_planned(self, event: MovementPlanned) -> None:
+        """Foreseen steps of the twin stand beside those of a person."""
+        if event.command.source in PEOPLE and event.trajectory.contact is not None:
+            self._foresee(event.trajectory.travelled(event.trajectory.contact.time))
+
+    def on_leg_begun(self, event: LegBegun) -> None:
+        if event.command.source in PEOPLE and event.leg.contact is not None:
+            self._foresee(event.leg.travelled(event.leg.end_time))
+
+    def _foresee(self, distance: float) -> None:
+        text = f"this will touch in {distance:.1f} in, if the robot is where the simulated one is"
+        self._tell(NoticeKind.HINT, text)

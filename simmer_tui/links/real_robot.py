@@ -1,0 +1,84 @@
+"""A real robot as a backend, by whichever language it is driven."""
+
+from __future__ import annotations
+
+import asyncio
+from abc import abstractmethod
+
+from simmer_tui.backend import Backend, BackendSession
+from simmer_tui.config.settings import SerialSettings
+from simmer_tui.engine import Engine
+from simmer_tui.events import ActionDone, ActionName, EventHandler, Notice, NoticeKind
+from simmer_tui.links.serial_link import RobotLink
+from simmer_tui.sim.command import Command
+from simmer_tui.sim.records import CommandResult
+
+
+class RealRobot(EventHandler[None], Backend):
+    """A real robot as a backend: its port, and what it has in common in every language.
+
+    Args:
+        engine: The twin.
+        link: The way to the robot.
+        settings: Those of its port; they may be replaced at any time.
+    """
+
+    def __init__(self, engine: Engine, link: RobotLink, settings: SerialSettings) -> None:
+        self.settings = settings
+        self._engine = engine
+        self._link = link
+        self._loop = asyncio.get_running_loop()
+        self._open = False
+
+    def _begin_listening(self) -> None:
+        """Open the port, and watch the twin."""
+        self._engine.watch(self.handle)
+        self._link.start(self)
+
+    def _end_listening(self) -> None:
+        """Give the port back."""
+        self._engine.unwatch(self.handle)
+        self._open = False
+        self._link.close()
+
+    @property
+    def port(self) -> str:
+        """The robot's port, as the user calls it."""
+        return self._link.name
+
+    @property
+    def connected(self) -> bool:
+        """True if the port is open."""
+        return self._open
+
+    @abstractmethod
+    def stop(self) -> None:
+        """The emergency stop of a person."""
+
+    @abstractmethod
+    def received(self, data: bytes) -> None:
+        """Bytes have come from the robot."""
+
+    def opened(self) -> None:
+        """The port is open."""
+        self._open = True
+        self._tell(NoticeKind.ROBOT, f"robot: {self.port} is open")
+
+    def lost(self, reason: str) -> None:
+        """The port has closed, or cannot be opened."""
+        self._open = False
+        self._tell(NoticeKind.FAULT, f"robot: {reason}; trying again")
+
+    def refuse(self, command: Command) -> CommandResult:
+        return self._engine.refuse(command)
+
+    def cut_waits(self, session: BackendSession) -> None:
+        """A real robot goes on by itself: its program's waits are left alone."""
+
+    def on_action(self, event: ActionDone) -> None:
+        """A person's stop is meant for the real robot."""
+        if event.action.name is ActionName.STOP:
+            self.stop()
+
+    def _tell(self, kind: NoticeKind, text: str) -> None:
+        self._engine.tell(Notice(kind, text))

@@ -1,0 +1,93 @@
+"""The wire between a program and a robot that a dialect plays: bytes take their time, both ways."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Callable, Iterator
+
+from simmer_tui.config.settings import BITS_OF_A_BYTE
+from simmer_tui.dialect.frames import FrameKind, Framing
+from simmer_tui.engine import Engine
+
+# What a serial driver keeps: Linux' tty layer has 4,096 bytes.
+DRIVER_BUFFER = 4096
+"""Bytes of replies that wait at most; of a stream, whole messages are left out then."""
+
+# USB serial adapters and boards hand over what has come once a frame of USB, which is 1 ms. A program
+# that reads up to a bracket and clears its buffer relies on it: at 115200 baud the line end comes with it.
+FRAME = 0.001
+"""Seconds of bytes that become readable together, if the robot has written them in one piece."""
+
+
+class Wire:
+    """The time of bytes on a line of `baud` bits a second, both ways; 0 is a line without delay.
+
+    Times are simulated seconds.
+    """
+
+    def __init__(self, engine: Engine, framing: Framing, baud: float) -> None:
+        self._engine = engine
+        self._framing = framing
+        self._in_free = self._out_free = -math.inf
+        self._byte = 0.0
+        self._coming: deque[bytes] = deque()
+        self.left_out = 0
+        """Count of messages of streams that were left out."""
+        self.set_baud(baud)
+
+    @property
+    def byte(self) -> float:
+        """Time of a byte, seconds."""
+        return self._byte
+
+    def set_baud(self, baud: float) -> None:
+        """From here on bytes take so long."""
+        self._byte = BITS_OF_A_BYTE / baud if baud > 0 else 0.0
+
+    def bring(self, data: bytes, receive: Callable[[bytes], None]) -> None:
+        """Have bytes of the program arrive at the robot: each message when its last byte does."""
+        now = self._engine.now()
+        at = max(self._in_free, now)
+        for part in _messages(data, self._framing):
+            at += len(part) * self._byte
+            if at <= now and not self._coming:
+                receive(part)
+            else:
+                self._coming.append(part)
+                self._engine.call_at(at, lambda: self._arrive(receive))
+        self._in_free = at
+
+    def _arrive(self, receive: Callable[[bytes], None]) -> None:
+        if self._coming:
+            receive(self._coming.popleft())
+
+    def bring_rest(self, receive: Callable[[bytes], None]) -> None:
+        """The program has closed the port: what it has written arrives now."""
+        while self._coming:
+            self._arrive(receive)
+
+    def delay(self, count: int, *, droppable: bool = False) -> float | None:
+        """Time from now until the first of so many bytes of the robot begins, and they are sent. None if too
+        much waits for what is `droppable`."""
+        now = self._engine.now()
+        begin = max(self._out_free, now)
+        if droppable and self._byte and (begin - now) / self._byte + count > DRIVER_BUFFER:
+            self.left_out += 1
+            return None
+        self._out_free = begin + count * self._byte
+        return begin - now
+
+
+def _messages(data: bytes, framing: Framing) -> Iterator[bytes]:
+    """Bytes in pieces that end where a message may end."""
+    if framing.kind is FrameKind.BYTE:
+        yield from (data[at : at + 1] for at in range(len(data)))
+        return
+    end = framing.close if framing.kind is FrameKind.BRACKET else framing.end
+    rest = data
+    while end and end in rest:
+        piece, mark, rest = rest.partition(end)
+        yield piece + mark
+    if rest:
+        yield rest

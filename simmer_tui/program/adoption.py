@@ -1,0 +1,93 @@
+"""Processes that a program left behind without a trace: Linux gives them to this process, which ends them.
+
+A process whose parent has ended goes to the nearest ancestor that asked for it (PR_SET_CHILD_SUBREAPER,
+prctl(2)), else to the first process of the system. So one that cleared its environment, began a session of
+its own and lost its parent is still known: it is a child of this process that this process did not start.
+
+Only a process that runs one program at a time, and nothing else, can tell the two apart like this.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import sys
+from pathlib import Path
+
+from simmer_tui import platform_has
+from simmer_tui.links.processes import StatField, stat_of
+from simmer_tui.program.keeper import KEEPER, MARK
+
+_SET_CHILD_SUBREAPER = 36
+"""Option of prctl (linux/prctl.h)."""
+
+
+class Adoption:
+    """Adopts what a program leaves behind, from before its start until `end`. Does nothing but on Linux."""
+
+    def __init__(self, mark: str) -> None:
+        """`mark` is that of the program (`MARK`)."""
+        self._mark = mark.encode()
+        self._program = 0
+        self._since = 0
+        _adopt(is_on=True)
+
+    def begin(self, program: int) -> None:
+        """The program has this process ID."""
+        with contextlib.suppress(OSError):  # no /proc: nothing is found there later either
+            self._program, self._since = program, int(stat_of(program)[StatField.STARTED])
+
+    def living(self) -> set[int]:
+        """Adopted processes that live. Those that have ended are reaped."""
+        if sys.platform == "win32":
+            raise NotImplementedError  # there is no such thing on Windows
+        found: dict[int, int] = {}
+        others, ended = [], []
+        for pid in _children():
+            try:
+                fields = stat_of(pid)
+                started = int(fields[StatField.STARTED])
+                if pid == self._program or int(fields[StatField.SESSION]) == os.getsid(0):
+                    continue
+                if fields[StatField.STATE] == b"Z":
+                    ended.append(pid)
+                    continue
+                mark = _mark_of(pid)
+            except OSError:
+                continue  # it has gone meanwhile, or is another user's
+            if mark is None:
+                found[pid] = started
+            elif mark not in (self._mark, KEEPER.encode()):
+                others.append(started)  # another program of ours: what came after its start may be its own
+        if not others:
+            for pid in ended:
+                with contextlib.suppress(ChildProcessError):
+                    os.waitpid(pid, os.WNOHANG)
+        first = min(others, default=sys.maxsize)
+        return {pid for pid, started in found.items() if self._program and self._since <= started < first}
+
+    def end(self) -> None:
+        """Adopt no more."""
+        _adopt(is_on=False)
+
+
+def _adopt(*, is_on: bool) -> None:
+    if platform_has.LINUX:
+        import ctypes  # numpy has imported it already
+
+        ctypes.CDLL(None).prctl(_SET_CHILD_SUBREAPER, int(is_on), 0, 0, 0)
+
+
+def _children() -> list[int]:
+    found: list[int] = []
+    for path in Path("/proc/self/task").glob("*/children"):
+        with contextlib.suppress(OSError):  # a thread that has ended
+            found += map(int, path.read_bytes().split())
+    return found
+
+
+def _mark_of(pid: int) -> bytes | None:
+    """Mark of the program that a process was started by, if its environment has one. Raises OSError."""
+    variable = f"{MARK}=".encode()
+    variables = Path(f"/proc/{pid}/environ").read_bytes().split(b"\0")
+    return next((each[len(variable) :] for each in variables if each.startswith(variable)), None)

@@ -1,0 +1,498 @@
+"""The serial port of a program that the simulator runs: `serial.Serial` that leads to the simulated robot.
+
+It is imported into other people's programs, by whatever Python they use: standard library alone, Python 3.8
+on, and nothing of the package. `links/dialect_link.py` is the other end; the frames are described there.
+"""
+
+from __future__ import annotations
+
+import collections
+import importlib.abc
+import importlib.machinery
+import json
+import os
+import socket
+import struct
+import sys
+import threading
+import time
+from typing import Any, Callable
+
+PORT = "SIMMER_DIALECT_PORT"
+NAMES = "SIMMER_SERIAL_NAMES"
+_HEAD = struct.Struct(">cI")
+_TIMES = struct.Struct(">ddI")
+# A simulator on this machine accepts in milliseconds; one that has ended refuses at once.
+_CONNECTING = 10.0
+# Every Python that is started says it: one that cannot must not be held up.
+_HELLO = 0.5
+# Loopback takes less than a millisecond, and some more on a machine with too much to do.
+_ON_ITS_WAY = 0.05
+# A read that waits so long for bytes waits for ever, or for a person.
+_LONG = 10.0
+
+
+_LAST: list[bytes] = []
+
+
+def last_written() -> bytes:
+    """The last bytes that this process has written to the robot."""
+    return _LAST[0] if _LAST else b""
+
+
+class _Piece:
+    """Bytes that the robot has written in one piece: when they begin to arrive, and the time of each. They
+    become readable a packet at a time, of which the first may be a shorter one."""
+
+    def __init__(self, start: float, byte: float, packet: int, data: bytes) -> None:
+        self.start, self.byte, self.packet, self.data = start, byte, max(packet, 1), data
+        self.taken = 0
+
+    def readable(self, now: float) -> int:
+        """The count of bytes that can be read, those taken apart."""
+        size = len(self.data)
+        here = size if now >= self.start else 0
+        if self.byte:
+            here = max(0, min(size, int((now - self.start) / self.byte + 1e-9)))
+        missing = -(-(size - here) // self.packet) * self.packet
+        return max(size - missing - self.taken, 0)
+
+    def next(self) -> float:
+        """The time when more can be read than was taken."""
+        size = len(self.data)
+        return self.start + (size - (size - self.taken - 1) // self.packet * self.packet) * self.byte
+
+
+class SerialLine:
+    """The connection of an open port: bytes go out, and come in at their times.
+
+    A program may read in one thread and write in another.
+    """
+
+    def __init__(self, name: str, baud: int, clock: Callable[[], float]) -> None:
+        self._clock = clock
+        host = os.environ.get("SIMMER_HOST", "127.0.0.1")
+        try:
+            self._sock = socket.create_connection((host, int(os.environ[PORT])), _CONNECTING)
+        except ConnectionRefusedError:
+            where = f"{host}, port {os.environ[PORT]}"
+            raise OSError(f"no simmer-tui with a dialect.toml runs at {where}: start it first") from None
+        self._sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        self._sending = threading.Lock()
+        self._receiving = threading.Lock()
+        self._buffer = bytearray()
+        self._coming: collections.deque[_Piece] = collections.deque()
+        self._answer: str | None = None
+        self._broken = ""
+        self._told = False
+        self._byte = 10.0 / baud if baud else 0.0
+        self._free = 0.0
+        self._offset = 0.0
+        token = os.environ.get("SIMMER_TOKEN", "")
+        if token:
+            self._sock.sendall(token.encode() + b"\n")
+        self._send(
+            b"O", json.dumps({"name": name, "baud": baud, "clock": _program_clock() is not None}).encode()
+        )
+        while self._answer is None and not self._broken:
+            self._receive(_CONNECTING)
+        if self._answer is None:
+            raise OSError(self._broken or "the simulator does not answer")
+        if self._answer:
+            raise OSError(self._answer)
+
+    def fileno(self) -> int:
+        """The descriptor of the connection."""
+        return self._sock.fileno()
+
+    def close(self) -> None:
+        """Close the port, and say how much nobody has read."""
+        try:
+            unread = self.waiting()
+            if unread:
+                self._send(b"C", str(unread).encode())
+        except OSError:
+            pass  # the simulator has ended
+        self._sock.close()
+
+    # -- writing -----------------------------------------------------------------------------------
+
+    def write(self, data: bytes) -> None:
+        """Send bytes to the robot. Raises OSError."""
+        _LAST[:] = [bytes(data[-60:])]
+        self._send(b"W", bytes(data))
+        self._free = max(self._free, self._clock()) + len(data) * self._byte
+
+    def set_baud(self, baud: int) -> None:
+        """Send and receive at another rate from here on."""
+        self._byte = 10.0 / baud if baud else 0.0
+        self._send(b"B", str(baud).encode())
+
+    def unsent(self) -> tuple[float, int]:
+        """Seconds until all that was written is on its way, and the count of bytes that wait."""
+        left = max(0.0, self._free - self._clock())
+        return left, int(left / self._byte + 0.999999) if self._byte else 0
+
+    def _send(self, kind: bytes, payload: bytes) -> None:
+        with self._sending:
+            self._sock.settimeout(None)
+            self._sock.sendall(_HEAD.pack(kind, len(payload)) + payload)
+
+    # -- reading -----------------------------------------------------------------------------------
+
+    def waiting(self) -> int:
+        """The count of bytes that have arrived."""
+        self._receive(0.0)
+        now = self._clock()
+        with self._receiving:
+            return sum(part.readable(now) for part in self._coming)
+
+    def take(self, size: int) -> bytes:
+        """Up to so many of the bytes that have arrived."""
+        now, taken = self._clock(), bytearray()
+        with self._receiving:
+            while self._coming and len(taken) < size:
+                part = self._coming[0]
+                count = min(part.readable(now), size - len(taken))
+                if not count:
+                    break
+                taken += part.data[part.taken : part.taken + count]
+                part.taken += count
+                if part.taken == len(part.data):
+                    self._coming.popleft()
+        return bytes(taken)
+
+    def wait(self, seconds: float | None, wake: threading.Event | None = None) -> bool:
+        """Wait until a byte has arrived, at most so long. True if one has. Raises OSError at the end."""
+        until = None if seconds is None else self._clock() + seconds
+        begun = now = self._clock()
+        # Asked first, since readline() reads byte by byte: a look at the connection costs more than a byte.
+        first = self._first()
+        while first is None or first > now:
+            if first is not None and _program_clock() is not None:
+                return _pass_time_until(first, until, now)
+            self._receive(0.0)
+            now, first = self._clock(), self._first()
+            if first is not None and first <= now:
+                break
+            if self._broken and first is None:
+                raise OSError(self._broken)
+            if wake is not None and wake.is_set():
+                return False
+            left = None if until is None else until - now
+            if left is not None and left <= 0:
+                return False
+            if left is None and now - begun > _LONG:
+                self._tell_waiting()
+            if left is None and first is None and _program_clock() is not None:
+                self._receive(None)  # the clock knows if nothing will ever come
+                continue
+            if first is not None and _program_clock() is not None:
+                continue
+            pauses = [0.5 if left is None else min(left, 0.5)] + ([] if first is None else [first - now])
+            pause = min(pauses)
+            if first is not None and pause < 0.0005:
+                time.sleep(max(pause, 0.0))
+            else:
+                self._receive(pause)
+            now, first = self._clock(), self._first()
+        return True
+
+    def _first(self) -> float | None:
+        """The time when the next byte has arrived, of those that are on their way."""
+        with self._receiving:
+            return self._coming[0].next() if self._coming else None
+
+    def _receive(self, seconds: float | None) -> None:
+        """Take in what the robot has sent; wait for it at most so long."""
+        with self._receiving:
+            if self._broken:
+                return
+            try:
+                self._sock.settimeout(None if seconds is None else max(seconds, 0.0))
+                data = self._sock.recv(65536)
+            except (socket.timeout, BlockingIOError, InterruptedError):  # TimeoutError since Python 3.10
+                return
+            except OSError as error:
+                self._broken = str(error)
+                return
+            if not data:
+                self._broken = "the simulator has ended"
+                return
+            self._buffer += data
+            self._take_frames()
+
+    def _take_frames(self) -> None:
+        while len(self._buffer) >= _HEAD.size:
+            kind, size = _HEAD.unpack_from(self._buffer)
+            if len(self._buffer) < _HEAD.size + size:
+                return
+            payload = bytes(self._buffer[_HEAD.size : _HEAD.size + size])
+            del self._buffer[: _HEAD.size + size]
+            if kind == b"A":
+                (there,) = struct.unpack_from(">d", payload)
+                behind = self._clock() - there
+                # On one machine both clocks are the same, and what is left is the way of this frame.
+                self._offset = 0.0 if 0 <= behind < _ON_ITS_WAY else behind
+                self._answer = payload[8:].decode("utf-8", "replace")
+            elif kind == b"R":
+                start, byte, packet = _TIMES.unpack_from(payload)
+                data = payload[_TIMES.size :]
+                self._coming.append(_Piece(start + self._offset, byte, packet, data))
+
+    def _tell_waiting(self) -> None:
+        """Say which line of the program waits, once."""
+        if self._told:
+            return
+        self._told = True
+        here = __file__.rpartition(os.sep)[0]
+        frame: Any = sys._getframe(1)
+        while frame is not None:
+            file = frame.f_code.co_filename
+            if not file.startswith(here) and os.sep + "serial" + os.sep not in file:
+                place = f"{file.rpartition(os.sep)[2]}:{frame.f_lineno}"
+                self._send(b"N", place.encode("utf-8", "replace"))
+                return
+            frame = frame.f_back
+
+
+def _program_clock() -> Any:
+    """The program's clock, if this process lives by it."""
+    module = sys.modules.get("simmer_clock")
+    return module.CLOCK[0] if module is not None and module.CLOCK else None
+
+
+def _pass_time_until(first: float, until: float | None, now: float) -> bool:
+    """By the program's clock: let time pass until a byte arrives whose time is known already, or until the
+    end of the wait. The simulator is told of it with the next that is sent, or waited for. True if it
+    arrives."""
+    comes = until is None or first <= until
+    _program_clock().pass_time((first if comes or until is None else until) - now)
+    return comes
+
+
+def make_class(serialutil: Any, clock: Callable[[], float]) -> Any:
+    """The class that stands in for `serial.Serial`: pyserial's own base, its bytes from a `SerialLine`."""
+
+    class Serial(serialutil.SerialBase):  # type: ignore[misc]
+        _line: Any = None
+        is_open: bool
+
+        def open(self) -> None:
+            if self._port is None:
+                raise serialutil.SerialException("Port must be configured before it can be used.")
+            if self.is_open:
+                raise serialutil.SerialException("Port is already open.")
+            try:
+                self._line = SerialLine(self._port, self._baudrate, clock)
+            except (OSError, ValueError, KeyError) as error:
+                text = str(error)
+                if not text.startswith("could not open"):
+                    text = f"could not open port {self._port!r}: {error}"
+                raise serialutil.SerialException(text) from None
+            self._baud = self._baudrate
+            self._wake = threading.Event()
+            self.is_open = True
+
+        def close(self) -> None:
+            if self.is_open:
+                self._line.close()
+                self._line = None
+                self.is_open = False
+
+        def _reconfigure_port(self, force_update: bool = False) -> None:
+            if self._baudrate != self._baud:
+                self._baud = self._baudrate
+                self._line.set_baud(self._baud)
+
+        def _use(self) -> SerialLine:
+            if not self.is_open:
+                raise serialutil.PortNotOpenError() if hasattr(serialutil, "PortNotOpenError") \
+                    else serialutil.portNotOpenError  # fmt: skip
+            line: SerialLine = self._line
+            return line
+
+        @property
+        def in_waiting(self) -> int:
+            return self._use().waiting()
+
+        def read(self, size: int = 1) -> bytes:
+            line = self._use()
+            # Nearly all reads are of one byte that is there, by readline().
+            taken = bytearray(line.take(size))
+            if len(taken) == size:
+                return bytes(taken)
+            timeout = serialutil.Timeout(self._timeout)
+            try:
+                while len(taken) < size:
+                    left = timeout.time_left()
+                    if taken and self._inter_byte_timeout is not None:
+                        gap = self._inter_byte_timeout
+                        left = gap if left is None else min(left, gap)
+                    if not line.wait(left, self._wake):
+                        self._wake.clear()
+                        break
+                    taken += line.take(size - len(taken))
+                    if timeout.expired():
+                        break
+            except OSError as error:
+                if not self.is_open:
+                    return bytes(taken)
+                raise serialutil.SerialException(f"read failed: {error}") from None
+            return bytes(taken)
+
+        def cancel_read(self) -> None:
+            if self.is_open:
+                self._wake.set()
+
+        def cancel_write(self) -> None:
+            self._use()
+
+        def write(self, data: Any) -> int:
+            line = self._use()
+            data = serialutil.to_bytes(data)
+            try:
+                line.write(data)
+            except OSError as error:
+                raise serialutil.SerialException(f"write failed: {error}") from None
+            return len(data)
+
+        def flush(self) -> None:
+            left, _ = self._use().unsent()
+            if left:
+                time.sleep(left)
+
+        @property
+        def out_waiting(self) -> int:
+            return self._use().unsent()[1]
+
+        def reset_input_buffer(self) -> None:
+            line = self._use()
+            line.take(line.waiting())
+
+        def reset_output_buffer(self) -> None:
+            self._use()
+
+        def send_break(self, duration: float = 0.25) -> None:
+            self._use()
+            time.sleep(duration)
+
+        def _update_break_state(self) -> None:
+            self._use()
+
+        def _update_rts_state(self) -> None:
+            self._use()
+
+        def _update_dtr_state(self) -> None:
+            self._use()
+
+        @property
+        def cts(self) -> bool:
+            self._use()
+            return True
+
+        @property
+        def dsr(self) -> bool:
+            self._use()
+            return True
+
+        @property
+        def ri(self) -> bool:
+            self._use()
+            return False
+
+        @property
+        def cd(self) -> bool:
+            self._use()
+            return True
+
+        def fileno(self) -> int:
+            return self._use().fileno()
+
+        def nonblocking(self) -> None:
+            self._use()
+
+        def set_buffer_size(self, rx_size: int = 4096, tx_size: int | None = None) -> None:
+            self._use()
+
+    Serial.__module__ = "serial"
+    Serial.__qualname__ = "Serial"
+    return Serial
+
+
+def names() -> list[str]:
+    """The serial ports there are for the program."""
+    return [each for each in os.environ.get(NAMES, "").split(",") if each] or ["COM6"]
+
+
+def _patch_serial(module: Any) -> None:
+    module.Serial = make_class(module.serialutil, time.monotonic)
+
+
+def _patch_ports(module: Any) -> None:
+    common = sys.modules["serial.tools.list_ports_common"]
+
+    def comports(include_links: bool = False) -> list[Any]:
+        found = []
+        for name in names():
+            try:
+                port = common.ListPortInfo(name, skip_link_detection=True)
+            except TypeError:  # pyserial before 3.5
+                port = common.ListPortInfo(name)
+            port.name, port.description = name, f"Arduino Uno ({name})"
+            port.vid, port.pid = 0x2341, 0x0043
+            port.hwid, port.manufacturer = "USB VID:PID=2341:0043", "Arduino (www.arduino.cc)"
+            found.append(port)
+        return found
+
+    module.comports = comports
+
+
+_PATCHES = {"serial": _patch_serial, "serial.tools.list_ports": _patch_ports}
+
+
+class _Loader(importlib.abc.Loader):
+    def __init__(self, loader: Any, patch: Callable[[Any], None]) -> None:
+        self._loader = loader
+        self._patch = patch
+
+    def create_module(self, spec: Any) -> Any:
+        return self._loader.create_module(spec)
+
+    def exec_module(self, module: Any) -> None:
+        self._loader.exec_module(module)
+        self._patch(module)
+
+    def __getattr__(self, name: str) -> Any:  # what else an import asks its loader
+        return getattr(self._loader, name)
+
+
+class _Finder(importlib.abc.MetaPathFinder):
+    """Finds pyserial as always, and puts our class into it when it has been imported."""
+
+    def find_spec(self, name: str, path: Any = None, target: Any = None) -> Any:
+        patch = _PATCHES.get(name)
+        if patch is None:
+            return None
+        spec = importlib.machinery.PathFinder.find_spec(name, path, target)
+        if spec is None or spec.loader is None:
+            return spec
+        spec.loader = _Loader(spec.loader, patch)
+        return spec
+
+
+def install() -> None:
+    """Lead `serial.Serial` to the simulated robot, when the program imports it."""
+    sys.meta_path.insert(0, _Finder())
+    if _program_clock() is None:
+        _say_hello()
+
+
+def _say_hello() -> None:
+    """Have the simulator know that this process will find it: of others it says what to do."""
+    host, token = os.environ.get("SIMMER_HOST", "127.0.0.1"), os.environ.get("SIMMER_TOKEN", "")
+    try:
+        with socket.create_connection((host, int(os.environ[PORT])), _HELLO) as sock:
+            sock.sendall((token.encode() + b"\n" if token else b"") + _HEAD.pack(b"H", 0))
+    except (OSError, ValueError):
+        pass  # the error comes where the port is opened

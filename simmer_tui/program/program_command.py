@@ -1,0 +1,104 @@
+"""The command of a program: its words, and what follows from its being Python."""
+
+from __future__ import annotations
+
+import shlex
+import sys
+from collections.abc import Iterable, Iterator
+from pathlib import PureWindowsPath
+
+from simmer_tui import platform_has
+from simmer_tui.errors import ProgramError
+
+
+def is_python(word: str) -> bool:
+    """True if the first word of a command names Python, of any version, with a folder or without."""
+    # Windows paths have both kinds of slashes.
+    name = PureWindowsPath(word).name.lower().removesuffix(".exe")
+    return name.rstrip("0123456789.") in ("py", "python")
+
+
+def out_of_reach(command: str, *, windows: bool = not platform_has.POSIX) -> str:
+    """The reason why our hook does not come into a program of this command; empty if none is seen."""
+    try:
+        words = shlex.split(command, posix=not windows)
+    except ValueError:
+        return ""
+    if not words:
+        return ""
+    if PureWindowsPath(words[0]).name.lower().removesuffix(".exe") == "matlab":
+        return "MATLAB opens ports of the system" if windows else ""
+    if not is_python(words[0]):
+        return ""
+    for word in _options_of(words[1:]):
+        # -W and -X have a value, which may have any letters.
+        flags = word[1:].partition("W")[0].partition("X")[0]
+        if found := sorted(set(flags) & set("EIS")):
+            return f"Python was started with -{found[0]}"
+    return ""
+
+
+def _options_of(words: Iterable[str]) -> Iterator[str]:
+    """The words that are options of Python itself, of all that follow it."""
+    rest = iter(words)
+    for word in rest:
+        if not word.startswith("-") or word.startswith("--") or word in ("-", "-m", "-c"):
+            return
+        yield word
+        if word in ("-W", "-X"):
+            next(rest, "")
+
+
+def words_of(command: str) -> list[str]:
+    """The command split into words as a Unix shell does. `python` falls back to our own interpreter.
+
+    Raises ProgramError."""
+    try:
+        words = shlex.split(command)
+    except ValueError as error:
+        raise ProgramError(f"--run {command!r}: {error}") from None
+    if not words:
+        raise _no_program()
+    if _is_ours(words[0]):
+        words[0] = sys.executable
+    return words
+
+
+def command_line_of(command: str) -> str:
+    """The command as Windows starts it, where each program splits its own line. `python` falls back to our
+    own interpreter.
+
+    Raises ProgramError."""
+    line = command.strip()
+    if not line:
+        raise _no_program()
+    first = _first_word(line)
+    quotes = 2 if line.startswith('"') else 0
+    return f'"{sys.executable}"{line[len(first) + quotes :]}' if _is_ours(first) else line
+
+
+def _no_program() -> ProgramError:
+    return ProgramError("--run needs a program, such as --run 'python my_robot.py'")
+
+
+def _is_ours(word: str) -> bool:
+    """True if the first word of a command asks for any Python, and there is none on the path but ours."""
+    # Who names a folder or a minor version wants that one, and no other.
+    if not is_python(word) or any(sign in word for sign in "/\\."):
+        return False
+    from shutil import which  # imported by those who need it: it takes time
+
+    return which(word) is None
+
+
+def _first_word(line: str) -> str:
+    """The program of a command line of Windows, which may have quotes round its path."""
+    return line[1:].partition('"')[0] if line.startswith('"') else "".join(line.split(maxsplit=1)[:1])
+
+
+def console_variables(command: str, code_page: int) -> dict[str, str]:
+    """Environment with which a program writes to a pipe as it writes to a console of Windows: at once, and in
+    the console's code page. Only Python can be told so; it is empty for other commands."""
+    if not is_python(_first_word(command.strip())):
+        return {}
+    return {"PYTHONUNBUFFERED": "1", "PYTHONIOENCODING": f"cp{code_page}:backslashreplace"}

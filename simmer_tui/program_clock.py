@@ -1,0 +1,253 @@
+"""The program's clock: an event loop whose time moves only while the program waits.
+
+Computing costs no simulated time, and a run is the same every time, however busy the machine is.
+`ProgramClock` knows what the program does, `ProgramClockLoop` is the loop that lives by it.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import math
+import selectors
+import time
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from msgspec import Struct
+
+# Two events of one moment are one: the loop's own clock has this resolution, and times are summed up.
+_HAIR = 1e-9
+# Loopback takes microseconds, and some milliseconds on a machine with ten times more to do than it can.
+IN_FLIGHT = 0.2
+"""Longest real time that bytes may be on their way, seconds."""
+
+
+class ProgramWait(Struct, eq=False):
+    """A process of the program: `wake` lets it go on, told the time.
+
+    It waits `until` a time, or computes. One that `listens` waits for a reply too. One that is `away` waits
+    for another process, which takes no time by itself.
+    """
+
+    wake: Callable[[float], None]
+    stuck: Callable[[], None]
+    until: float | None = None
+    listens: bool = False
+    away: bool = False
+    sent: int = 0
+
+
+class ProgramClock:
+    """The time of a program, in seconds from 0, and what each of its processes waits for.
+
+    Not of any thread but the loop's.
+    """
+
+    def __init__(self) -> None:
+        self.now = 0.0
+        """The time; of the real clock, once the program has turned out to be out of reach."""
+        self.reached = False
+        """True once a process of the program has said that it lives by this clock."""
+        self.quiet: set[int] = set()
+        """The descriptors of sockets that bring no replies: those by which processes say what they do."""
+        self.frozen = False
+        """True once time is to stand still: the mission has failed, and the program is about to be ended."""
+        # On a machine with several processors bytes of one connection may come after later ones of another.
+        self.received = self.written = 0
+        """Counts of bytes that came from the program, and that were sent to it."""
+        self.unfit = ""
+        """Calls of the program that this clock cannot follow; empty if there are none."""
+        self.settle_output: Callable[[], bool] | None = None
+        """Waits until what the program has printed has got its time; False if that takes too long."""
+        self._sent = 0
+        self._processes: dict[ProgramWait, None] = {}
+        self._news = False
+        """True if something has happened since a process last looked whether its reply is there."""
+        self._real_since: float | None = None
+
+    # -- what the program says ---------------------------------------------------------------------
+
+    def join(self, process: ProgramWait) -> None:
+        """A process begins. It computes."""
+        self.reached = True
+        self._processes[process] = None
+
+    def leave(self, process: ProgramWait) -> None:
+        """A process has ended."""
+        self._processes.pop(process, None)
+
+    def wait(self, process: ProgramWait, until: float, *, listens: bool, sent: int) -> None:
+        """A process that has sent so many bytes waits until a time, or for a reply."""
+        process.until, process.listens = max(until, self.now), listens
+        self._sent += sent - process.sent
+        process.sent = sent
+
+    # -- what the loop asks ------------------------------------------------------------------------
+
+    @property
+    def is_real(self) -> bool:
+        """True if the real clock is in force: no program is known to live by this one."""
+        return self._real_since is not None
+
+    def use_real_clock(self) -> None:
+        """Go by the real clock from here on."""
+        if self._real_since is None:
+            self._real_since = time.monotonic() - self.now
+
+    def time(self) -> float:
+        """The time now."""
+        if self._real_since is not None:
+            self.now = max(self.now, time.monotonic() - self._real_since)
+        return self.now
+
+    @property
+    def is_behind(self) -> bool:
+        """True if something that the program has sent has not come yet."""
+        return self._sent > self.received
+
+    def give_up_missing(self) -> None:
+        """Drops bytes that have not come by now: they were sent to a connection that is closed."""
+        self._sent = self.received
+
+    def note(self) -> None:
+        """Something has happened that may have brought a reply."""
+        self._news = True
+
+    def go_on(self, timer: float) -> bool:
+        """All is done for now. Move time to `timer`, when the loop has something to do next, or let the
+        program go on. False if there is nothing to do but wait for the program."""
+        waiting = [each for each in self._processes if not each.away]
+        if self.frozen or not waiting or any(each.until is None for each in waiting):
+            return False
+        # What was printed by now was printed at this time.
+        if self.settle_output is not None and not self.settle_output():
+            self.settle_output = None
+        listening = [each for each in waiting if each.listens]
+        if self._news and listening:
+            self._news = False
+            # All of them look: for which of them the reply is, only they know.
+            for each in listening:
+                self._wake(each)
+            return False
+        until = min(each.until for each in waiting if each.until is not None)
+        if min(until, timer) == math.inf:
+            for each in waiting:
+                each.stuck()
+            return False
+        if timer <= until:
+            self.now, self._news = max(self.now, timer), True
+            return True
+        self.now = max(self.now, until)
+        for each in waiting:
+            if each.until is not None and each.until <= self.now + _HAIR:
+                self._wake(each)
+        return False
+
+    def _wake(self, process: ProgramWait) -> None:
+        process.until, process.listens = None, False
+        process.wake(self.now)
+
+
+class ProgramClockLoop(asyncio.SelectorEventLoop):
+    """An event loop that lives by a `ProgramClock`."""
+
+    def __init__(self, clock: ProgramClock) -> None:
+        self.clock = clock
+        self._real_timers: list[tuple[float, asyncio.Future[None]]] = []
+        self._scheduled: list[asyncio.TimerHandle]
+        super().__init__(_ProgramSelector(clock, self._real_timers, self._next_timer))
+
+    def _next_timer(self) -> float:
+        """The time of the next timer, to the last bit."""
+        # A private part of asyncio. What `select` is given is the difference to now: its rounding depends on
+        # when it was asked for, and with it would the run.
+        return self._scheduled[0].when()
+
+    def time(self) -> float:
+        """The program's time."""
+        return self.clock.time()
+
+    async def real_pause(self, seconds: float) -> None:
+        """Wait by the real clock, for what other processes take."""
+        over = self.create_future()
+        self._real_timers.append((time.monotonic() + seconds, over))
+        await over
+
+
+def clock_of(loop: asyncio.AbstractEventLoop) -> ProgramClock | None:
+    """The program's clock, if a loop lives by it."""
+    return loop.clock if isinstance(loop, ProgramClockLoop) else None
+
+
+class _ProgramSelector(selectors.BaseSelector):
+    """Waits for sockets as the system's selector does, and moves the program's time instead of waiting for
+    the loop's timers."""
+
+    def __init__(
+        self,
+        clock: ProgramClock,
+        real_timers: list[tuple[float, asyncio.Future[None]]],
+        next_timer: Callable[[], float],
+    ) -> None:
+        self._clock = clock
+        self._next_timer = next_timer
+        self._real_timers = real_timers
+        self._sockets = selectors.DefaultSelector()
+
+    def register(self, fileobj: Any, events: int, data: Any = None) -> selectors.SelectorKey:
+        return self._sockets.register(fileobj, events, data)
+
+    def unregister(self, fileobj: Any) -> selectors.SelectorKey:
+        return self._sockets.unregister(fileobj)
+
+    def modify(self, fileobj: Any, events: int, data: Any = None) -> selectors.SelectorKey:
+        return self._sockets.modify(fileobj, events, data)
+
+    def get_map(self) -> Mapping[Any, selectors.SelectorKey]:
+        return self._sockets.get_map()
+
+    def get_key(self, fileobj: Any) -> selectors.SelectorKey:
+        return self._sockets.get_key(fileobj)
+
+    def close(self) -> None:
+        self._sockets.close()
+
+    def select(self, timeout: float | None = None) -> list[tuple[selectors.SelectorKey, int]]:
+        """Descriptors that are ready. `timeout` is in seconds of the program's clock."""
+        clock = self._clock
+        if clock.is_real:
+            return self._wait(timeout)
+        # What the program has sent before it began to wait is here already: all of it comes first.
+        ready = self._sockets.select(0)
+        if ready or (timeout is not None and timeout <= 0):
+            return self._noted(ready)
+        if clock.is_behind:
+            ready = self._wait(IN_FLIGHT)
+            if not ready:
+                clock.give_up_missing()
+            return ready
+        timer = math.inf if timeout is None else self._next_timer()
+        return [] if clock.go_on(timer) else self._wait(None)
+
+    def _noted(
+        self, ready: list[tuple[selectors.SelectorKey, int]]
+    ) -> list[tuple[selectors.SelectorKey, int]]:
+        """The same, after the clock has taken note of what may bring a reply."""
+        if any(key.fd not in self._clock.quiet for key, _ in ready):
+            self._clock.note()
+        return ready
+
+    def _wait(self, timeout: float | None) -> list[tuple[selectors.SelectorKey, int]]:
+        """Descriptors that are ready, waited for by the real clock."""
+        now = time.monotonic()
+        due = min((each for each, _ in self._real_timers), default=math.inf)
+        if due < math.inf:
+            timeout = max(0.0, min(due - now, math.inf if timeout is None else timeout))
+        ready = self._noted(self._sockets.select(timeout))
+        if due < math.inf and time.monotonic() >= due:
+            over = [future for at, future in self._real_timers if at <= due]
+            self._real_timers[:] = [each for each in self._real_timers if each[0] > due]
+            for future in over:
+                if not future.done():
+                    future.set_result(None)
+        return ready

@@ -1,0 +1,316 @@
+"""Motion and heading that a program believed, against the log: which device explains the difference.
+
+A program knows how far it went by what counters told it, or by what it asked for. Where the pose that it
+tells goes another way than the robot, the replies of a counter or the commands of a drive, times some factor,
+may give that way. Those that leave least are named. A heading that is wrong from the first belief on is that
+of the compass, if it was read there.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from simmer_tui.report.disagreement import Disagreement
+from simmer_tui.report.finding import FEWEST, LEAST_DEGREES
+from simmer_tui.report.robust_fit import Flags, binomial_tail, mad_scale, robust_fit, two_sided
+from simmer_tui.run.attempt import Attempt
+from simmer_tui.run.episodes import SAME
+from simmer_tui.run.facts import UNTOLD_TURN
+from simmer_tui.run.table import Columns
+from simmer_tui.sim.angles import FloatArray, cos_sin_array
+from simmer_tui.sim.block import Block
+from simmer_tui.sim.maze import Maze
+from simmer_tui.sim.sensors import CountingSensor, ObservingSensor, modelled_sensor
+from simmer_tui.sim.sensors.base import World
+from simmer_tui.sim.specs import CELL_SIZE
+
+SURE = 1.5
+"""Spread, inches, up to which a mean pose says something of each reading: half of a robot's width; judged."""
+Places = NDArray[np.int64]
+_FEWEST = FEWEST["set"]
+# Judged: a filter moves its belief by a few percent of the way when it corrects it.
+_LEAST_SHARE = 0.05
+"""Least difference of a factor from 1 that matters."""
+_EXPLAINED = 0.7
+"""Least share of movements that a factor must explain; the others are corrections. Judged."""
+_WAY, _TURN = 1.0, 5.0
+"""Shortest way and turn that count, inches and degrees: corrections are smaller."""
+_MOVED_BY_NOTHING = 0.1
+"""Share of beliefs that may move with nothing between: resampled particles, or a second filter. Judged."""
+_LONGEST_TURN = 150.0
+"""Turns of more, degrees, may have been believed to be the other way round."""
+_ASSUMED = 1.0
+"""Spread, inches, of a first belief that no reading can have led to. Judged."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Axis:
+    """One kind of motion: how far the robot went between beliefs and how far the program believed, (n,).
+    `least` is the shortest way that counts, `doubt` what corrections make of a belief."""
+
+    believed: FloatArray
+    true: FloatArray
+    usable: Flags
+    least: float
+    doubt: float
+
+
+@dataclass(frozen=True, slots=True)
+class _Source:
+    """Something that a program may have the motion of an axis from: (n,), NaN where it says nothing."""
+
+    code: str
+    values: FloatArray
+    is_drive: bool
+
+
+class BeliefMotion:
+    """The motion from each belief to the next."""
+
+    def __init__(self, attempt: Attempt, since: int) -> None:
+        """`since` is the running number of the event after which beliefs count; the robot was not placed
+        afterwards."""
+        self._attempt = attempt
+        history = attempt.history
+        self._beliefs = beliefs = attempt.within(history.beliefs, since)
+        # The first belief rests on what came before it.
+        self._moves = attempt.within(history.movements, attempt.placed)
+        self._readings = attempt.within(history.readings, attempt.placed)
+        self._at = np.searchsorted(self._moves["order"], beliefs["order"])
+        """Number of movements before each belief."""
+        turn, true_turn = np.diff(beliefs["heading"]), np.diff(beliefs["true_heading"])
+        self._turn = (turn + 180.0) % 360.0 - 180.0
+        self._true_turn = true_turn
+        believed = _in_frame(beliefs, ("x", "y", "heading"), self._turn)
+        self._believed_way = np.hypot(*believed)
+        self._same = (np.abs(np.vstack((believed, self._turn))) < SAME).all(axis=0)
+        """True where the same pose was told again: it rests on nothing that was read or asked for."""
+        self._way = _in_frame(beliefs, ("true_x", "true_y", "true_heading"), true_turn)
+        self._gone = np.hypot(*self._way)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            self._along = (believed * self._way).sum(axis=0) / self._gone
+
+    def explanations(self) -> list[list[Disagreement]]:
+        """For turns and for ways, the sensors and drives that explain a difference; none without one."""
+        if len(self._beliefs) <= _FEWEST:
+            return []
+        sure = self._beliefs["allowed_turn"] <= UNTOLD_TURN
+        turns = _Axis(
+            self._turn,
+            self._true_turn,
+            sure[1:] & sure[:-1] & (np.abs(self._true_turn) <= _LONGEST_TURN),
+            _TURN,
+            LEAST_DEGREES,
+        )
+        spread = np.nan_to_num(self._beliefs["spread"])
+        near = spread <= SURE
+        ways = _Axis(self._along, self._gone, near[1:] & near[:-1] & sure[1:] & sure[:-1], _WAY, 0.5)
+        made = (
+            self._explained(turns, [*self._turn_counters(), *self._drives(turning=True)]),
+            self._explained(ways, [*self._way_counters(), *self._drives(turning=False)]),
+        )
+        return [each for each in made if each]
+
+    def unlogged(self) -> list[Disagreement]:
+        """The explanation of a belief that moves though the log has neither a movement nor a reading between:
+        only a command that never reached the robot can have moved it. None where there are hardly any."""
+        if len(self._beliefs) <= _FEWEST:
+            return []
+        read = np.diff(np.searchsorted(self._readings["order"], self._beliefs["order"])) > 0
+        stood = np.diff(self._at) == 0
+        gone, turned = self._believed_way >= _WAY, np.abs(self._turn) >= _TURN
+        # Who tells where it will be, before it gives the command, is where it said one belief later.
+        early = np.append(stood[1:], True) | np.append(gone[1:] | turned[1:], True)
+        moved = stood & ~read & early & (gone | turned) & np.isfinite(self._believed_way)
+        if moved.sum() < _FEWEST:
+            return []
+        first = int(np.flatnonzero(moved)[0])
+        # From then on; before, it is how often a program that agrees with its log does so.
+        later = stood[first:] & ~read[first:]
+        count, hits = int(later.sum()), int(moved[first:].sum())
+        row = self._beliefs[first + 1]
+        drives = [each.code for each in self._attempt.spec.drives if each.kind.turns and each.enabled]
+        is_turn = bool((turned & ~gone)[moved].all())
+        of = tuple(drives) if is_turn and len(drives) == 1 else ()
+        text = (
+            f"{hits} times the program believed that the robot had {'turned' if is_turn else 'moved'}, "
+            f"with nothing read, but the log has no {of[0] if of else 'movement'}"
+        )
+        probability = binomial_tail(hits, count, _MOVED_BY_NOTHING)
+        elapsed, line = float(row["elapsed"]), int(row["line"])
+        return [Disagreement(of, text, hits, probability, 1.0, elapsed, line, swallowed=True)]
+
+    def _explained(self, axis: _Axis, sources: list[_Source]) -> list[Disagreement]:
+        usable = axis.usable & ~self._same & np.isfinite(axis.believed)
+        places = np.flatnonzero(usable & (np.abs(axis.true) >= axis.least))
+        if len(places) < _FEWEST:
+            return []
+        believed, true = axis.believed[places], axis.true[places]
+        spread = axis.doubt / 2 + 0.02 * np.abs(true)
+        factor = float(robust_fit(true[:, None], believed, spread).values[0])
+        apart = np.abs((factor - 1.0) * true) > axis.doubt
+        near = np.abs(believed - factor * true) < np.abs(believed - true)
+        fits = np.abs(believed - factor * true) <= 4 * spread
+        if abs(factor - 1.0) < _LEAST_SHARE or apart.sum() < _FEWEST or fits[apart].mean() < _EXPLAINED:
+            return []
+        probability = binomial_tail(int(near[apart].sum()), int(apart.sum()), 0.5)
+        begun = self._beliefs[int(places[np.flatnonzero(apart & near)[0]])]
+        found = []
+        for source in sources:
+            values = source.values[places]
+            known = np.isfinite(values)
+            if known.sum() < max(_FEWEST, len(places) / 2):
+                continue
+            fit = robust_fit(values[known][:, None], believed[known], spread[known])
+            scatter = mad_scale(believed[known] - fit.values[0] * values[known])
+            low, high = fit.interval(0)
+            value = float(fit.values[0])
+            of = f"{low:.2f} to {high:.2f}, {fit.count} movements"
+            used = "commands" if source.is_drive else "replies"
+            text = f"the program used {value:.2f} times {source.code}'s {used} in the log ({of})"
+            found.append(
+                Disagreement(
+                    *((source.code,), text, fit.count, probability),
+                    # Less is not to be told apart: poses are told in hundredths.
+                    *(max(scatter, axis.doubt / 20), float(begun["elapsed"]), int(begun["line"])),
+                )
+            )
+        return found
+
+    # -- where motion may be known from --------------------------------------------------------------
+
+    def _turn_counters(self) -> list[_Source]:
+        return [
+            _Source(sensor.spec.code, self._counted(number) / (sensor.spec.gain * lever[2]), False)
+            for number, sensor in self._counters()
+            if (lever := sensor.lever)[2] and not lever[:2].any()
+        ]
+
+    def _way_counters(self) -> list[_Source]:
+        found = []
+        for number, sensor in self._counters():
+            lever = sensor.lever
+            with np.errstate(invalid="ignore", divide="ignore"):
+                share = (lever[:2, None] * self._way).sum(axis=0) / self._gone
+                values = (self._counted(number) / sensor.spec.gain - lever[2] * self._true_turn) / share
+            # A wheel that hardly rolls says nothing of the way.
+            found.append(_Source(sensor.spec.code, np.where(np.abs(share) > 0.5, values, np.nan), False))
+        return found
+
+    def _counters(self) -> list[tuple[int, CountingSensor]]:
+        history = self._attempt.history
+        specs = {each.code: each for each in history.spec.sensors}
+        made = ((number, modelled_sensor(specs[code])) for number, code in enumerate(history.sensor_codes))
+        return [
+            (number, each)
+            for number, each in made
+            if isinstance(each, CountingSensor) and each.spec.gain and not each.spec.wrap
+        ]
+
+    def _counted(self, number: int) -> FloatArray:
+        """Counts of a sensor from belief to belief, in its unit, NaN where it was not read at both; (n,)."""
+        mine = self._readings[self._readings["sensor"] == number]
+        beliefs = self._beliefs
+        place = np.searchsorted(mine["order"], beliefs["order"]) - 1
+        if not len(mine):
+            return np.full(len(beliefs) - 1, np.nan)
+        last = mine[np.maximum(place, 0)]
+        # Read after the last movement before the belief.
+        fresh = (place >= 0) & (np.searchsorted(self._moves["order"], last["order"]) == self._at)
+        return np.diff(np.where(fresh, last["value"], np.nan))
+
+    def _drives(self, *, turning: bool) -> list[_Source]:
+        history, moves = self._attempt.history, self._moves
+        names = history.code_names
+        found = []
+        for row in self._attempt.spec.drives:
+            if row.kind.turns is not turning or row.code not in names:
+                continue
+            mine = moves["code"] == names.index(row.code)
+            asked = np.where(mine, np.nan_to_num(moves["asked"], nan=np.nan) * row.gain, 0.0)
+            rivals = ~mine & _of_kind(self._attempt, moves, turning=turning)
+            sums = np.concatenate(((0.0,), np.cumsum(asked)))
+            others = np.concatenate(((0,), np.cumsum(rivals)))
+            ways = np.diff(sums[self._at])
+            # Alone on its axis, or nobody knows whose the motion was.
+            alone = (np.diff(others[self._at]) == 0) & (ways != 0.0)
+            found.append(_Source(row.code, np.where(alone, ways if turning else np.abs(ways), np.nan), True))
+        return found
+
+
+def wrong_heading(attempt: Attempt) -> list[Disagreement]:
+    """The explanation of a heading that was wrong from the first belief on, by a compass that was read there;
+    none where it agrees."""
+    history = attempt.history
+    beliefs, moves = attempt.within(history.beliefs), attempt.within(history.movements)
+    readings = attempt.within(history.readings)
+    # Sure of a far place from the first belief on: the program took a start for granted, whatever it read.
+    if len(beliefs) and beliefs["distance"][0] > CELL_SIZE and beliefs["spread"][0] < _ASSUMED:
+        return []
+    beliefs = beliefs[beliefs["allowed_turn"] <= _LONGEST_TURN / 2]
+    found = []
+    for number, code in enumerate(history.sensor_codes):
+        spec = next(each for each in history.spec.sensors if each.code == code)
+        sensor = modelled_sensor(spec)
+        if not isinstance(sensor, ObservingSensor) or not sensor.period or spec.kind.is_range:
+            continue
+        rows = readings[readings["sensor"] == number]
+        place = np.searchsorted(beliefs["order"], rows["order"])
+        if min(len(beliefs), len(rows)) == 0:
+            continue
+        told = beliefs[np.minimum(place, len(beliefs) - 1)]
+        here = (place < len(beliefs)) & _same_place(moves, rows["order"], told["order"])
+        rows, told = rows[here], told[here]
+        if len(rows) < _FEWEST:
+            continue
+        poses = np.column_stack([told[name] for name in ("x", "y", "heading")])
+        world = World(Maze(history.spec.maze), Block(0.0, 0.0, 0.0), False)
+        off = np.asarray(sensor.expected(world, poses, 0.0) - rows["value"]) * 360.0 / sensor.period
+        # The mean direction: half a turn to either side is one.
+        value = float(np.degrees(np.angle(np.exp(1j * np.radians(off)).mean())))
+        noise = np.hypot(spec.error * np.abs(rows["true"]), spec.absolute_error) + sensor.least_error
+        allowed = float(np.median(told["allowed_turn"]))
+        # Beyond all that the program allowed for, by the noise of a mean.
+        beyond = (abs(value) - allowed) * len(rows) ** 0.5 / float(np.median(noise))
+        turns = beliefs["turn"][beliefs["order"] >= told["order"][0]]
+        stays = np.abs((turns - value + 180.0) % 360.0 - 180.0) <= np.maximum(UNTOLD_TURN, allowed)
+        if beyond <= 0.0 or stays.mean() < 0.5:
+            continue
+        text = f"the program used {_more(value, spec.unit)} than {code}'s replies in the log"
+        first = told[0]
+        found.append(
+            Disagreement(
+                *((code,), f"{text} ({len(rows)} readings)", len(rows), two_sided(beyond), 1.0),
+                *(float(first["elapsed"]), int(first["line"])),
+            )
+        )
+    return found
+
+
+def _more(value: float, unit: str) -> str:
+    """`20 deg more`, `20 deg less`."""
+    return f"{abs(value):.0f} {unit} {'more' if value > 0 else 'less'}"
+
+
+def _in_frame(beliefs: Columns, names: tuple[str, str, str], turns: FloatArray) -> FloatArray:
+    """Ways from pose to pose in the robot's frame halfway, (2, n): inches ahead and to the left."""
+    x, y, heading = (beliefs[name] for name in names)
+    cos, sin = cos_sin_array(heading[:-1] + turns / 2)
+    ahead, aside = np.diff(x), np.diff(y)
+    return np.array((cos * ahead + sin * aside, cos * aside - sin * ahead))
+
+
+def _of_kind(attempt: Attempt, moves: Columns, *, turning: bool) -> Flags:
+    """True for movements that turn the robot, or that do not."""
+    names = attempt.history.code_names
+    codes = [names.index(e.code) for e in attempt.spec.drives if e.kind.turns is turning and e.code in names]
+    return np.isin(moves["code"], codes)
+
+
+def _same_place(moves: Columns, orders: Places, others: Places) -> Flags:
+    """True where no movement ended between two events, by their running numbers, (n,) each."""
+    ended = moves["order"]
+    return np.asarray(np.searchsorted(ended, orders) == np.searchsorted(ended, others))

@@ -1,0 +1,118 @@
+"""Scans of lidars that were bent, since the robot moved while they were taken.
+
+A program that takes a scan for one of a single moment is as far off as the rays are: each ray's true distance
+from where the robot was at its moment, less that from where the robot was at the end of the scan.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+from msgspec import Struct
+
+from simmer_tui.document.formats import COUNT, SHARE, number
+from simmer_tui.document.model import DataColumn, DataTable
+from simmer_tui.sim.maze import Maze
+from simmer_tui.sim.recent_motion import BlockPlace
+from simmer_tui.sim.records import LidarScan, Reading
+from simmer_tui.sim.sensors import Lidar, sensor_of
+
+# A belief to an inch is what programs of the course want of a scan.
+OFF = 1.0
+"""Inches from which a ray counts as off."""
+# Two times 0.5 ms a scan: a report of an hour is not to take ten seconds for them.
+MOST_MEASURED = 2000
+"""Scans of a run that are measured: the first ones in which the robot moved."""
+
+SCANS = DataTable(
+    "scans",
+    "Scans taken in motion",
+    (
+        DataColumn("sensor"),
+        DataColumn("scans", COUNT),
+        DataColumn("moved", COUNT, "in motion"),
+        DataColumn("rays_off", SHARE, "rays off by over 1 in"),
+        DataColumn("rms_in", number(".2f"), "rms"),
+        DataColumn("worst_in", number(".1f"), "worst"),
+    ),
+)
+
+
+class _Bends(Struct):
+    """Sums over the scans of one lidar."""
+
+    title: str
+    scans: int = 0
+    moved: int = 0
+    measured: int = 0
+    rays: int = 0
+    off: int = 0
+    squares: float = 0.0
+    worst: float = 0.0
+    last: LidarScan | None = None
+
+
+class BentScans:
+    """Measures how far the scans of a run were bent, in the order in which they were read."""
+
+    def __init__(self, maze: Maze) -> None:
+        self._maze = maze
+        self._found: dict[str, _Bends] = {}
+
+    def add(self, reading: Reading, block: BlockPlace) -> None:
+        """Take in a reading of a lidar, with the block where it was."""
+        scan, spec = reading.scan, reading.sensor
+        if scan is None:
+            return
+        bends = self._found.setdefault(spec.id, _Bends(f"{spec.code} {spec.id}"))
+        # The same revolution may be read many times.
+        if bends.last is scan:
+            return
+        bends.last = scan
+        bends.scans += 1
+        poses = scan.poses
+        if not len(poses) or bool((poses == poses[-1]).all()):
+            return
+        bends.moved += 1
+        lidar = sensor_of(spec)
+        if bends.measured >= MOST_MEASURED or not isinstance(lidar, Lidar):
+            return
+        bends.measured += 1
+        at_end = np.tile(poses[-1], (len(poses), 1))
+        here = [(slice(None), block)]
+        off = lidar.distances(self._maze, poses, here) - lidar.distances(self._maze, at_end, here)
+        # Where one of the two meets nothing there is no distance to be off by.
+        off = np.abs(off[np.isfinite(off)])
+        bends.rays += len(off)
+        bends.off += int((off > OFF).sum())
+        bends.squares += float(np.square(off).sum())
+        bends.worst = max(bends.worst, float(off.max(initial=0.0)))
+
+    @property
+    def found(self) -> Mapping[str, _Bends]:
+        """The sums by sensor ID."""
+        return self._found
+
+
+def scans_table(bent: BentScans) -> DataTable:
+    """The scans of each lidar, and how far those were bent in which the robot moved."""
+    rows = [
+        (
+            each.title,
+            each.scans,
+            each.moved,
+            each.off / each.rays if each.rays else None,
+            math.sqrt(each.squares / each.rays) if each.rays else None,
+            each.worst if each.rays else None,
+        )
+        for _, each in sorted(bent.found.items())
+    ]
+    note = (
+        "Off: the true distance of a ray at its own moment, less that from where the robot was at the end of "
+        "the scan. A program that knows its motion can set it right."
+    )
+    if any(each.moved > each.measured for each in bent.found.values()):
+        note += f" The first {MOST_MEASURED:,} scans in motion of a lidar are measured."
+    return SCANS.filled(rows, note)

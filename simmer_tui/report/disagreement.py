@@ -1,0 +1,54 @@
+"""Disagreements: a sensor's replies or a drive's commands by which a program and its log differ.
+
+The log has replies as they were sent and commands as the robot got them. What the program made of them shows
+in the beliefs that it told, and in the commands that followed. Where the two do not fit, either a word was
+changed on its way, or the program takes that sensor or drive for something else: a log cannot tell these
+apart, but it can tell which device it is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+from simmer_tui.report.finding import ERROR
+from simmer_tui.report.robust_fit import MAD_ERROR, Z_95
+
+
+@dataclass(frozen=True, slots=True)
+class Disagreement:
+    """One explanation of why program and log differ: `of` are the codes of the sensors or drives, none where
+    it may be any. `text` says what was different, `count` on how many readings or movements it rests.
+
+    `probability` is that of evidence as strong without a disagreement, all tests of its kind counted.
+    `scatter` is what it leaves unexplained, in a unit of the evidence. `elapsed` (seconds) and `line` (of the
+    log) are where it began. With `swallowed`, a command never reached the robot.
+    """
+
+    of: tuple[str, ...]
+    text: str
+    count: int
+    probability: float
+    scatter: float
+    elapsed: float
+    line: int
+    swallowed: bool = False
+
+
+def kept_disagreements(found: Iterable[Sequence[Disagreement]]) -> list[list[Disagreement]]:
+    """The explanations that hold an error of 1 % a run together (Holm, see `finding.kept`), the surest first.
+
+    Args:
+        found: For each thing that was tested, its explanations. Of those that explain the same evidence, the
+            ones that leave about as little as the best are kept.
+    """
+    tests = sorted((list(each) for each in found), key=lambda each: min(one.probability for one in each))
+    standing = []
+    for place, each in enumerate(tests):
+        if min(one.probability for one in each) * (len(tests) - place) > ERROR:
+            break
+        best = min(each, key=lambda one: one.scatter)
+        # A scatter that is larger by no more than the best one's error may be as small by chance.
+        most = best.scatter * (1.0 + Z_95 * MAD_ERROR / best.count**0.5)
+        standing.append(sorted((one for one in each if one.scatter <= most), key=lambda one: one.scatter))
+    return standing

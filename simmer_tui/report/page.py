@@ -1,0 +1,175 @@
+"""The page of a run: the verdict, the moment that decided, why, and what to do next; the rest is folded."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Iterator
+from dataclasses import replace
+
+from simmer_tui.document import as_html
+from simmer_tui.document.formats import TextLink
+from simmer_tui.document.model import (
+    Bullets,
+    Chip,
+    Code,
+    Document,
+    DocumentPart,
+    Folded,
+    KeyFigures,
+    Paragraph,
+    Prose,
+    SectionHeading,
+    SideBySide,
+    Tone,
+    VerdictBox,
+)
+from simmer_tui.events import Goal
+from simmer_tui.phrases import contacts_text, counted
+from simmer_tui.report.content import again, output, tables
+from simmer_tui.report.figure import maze_figure
+from simmer_tui.report.findings import findings
+from simmer_tui.report.player import player_script, player_style, shortened
+from simmer_tui.report.run_statistics import RunStatistics
+from simmer_tui.report.traces import traces
+from simmer_tui.report.verdict import Outcome, Verdict
+from simmer_tui.run.attempt import Attempt, Task
+from simmer_tui.sim.command import escape
+
+_LAST_LINES = 5
+"""Lines of a crashed program's output that stand above all else: the error, and where it is from."""
+_TONES = {Outcome.SUCCEEDED: Tone.GOOD, Outcome.FAILED: Tone.BAD, Outcome.CRASHED: Tone.BAD}
+_CRASH_SIGN = "!"
+
+
+def report_page(run: RunStatistics, name: str, *, commands: bool = True) -> str:
+    """The page about a run, which plays it.
+
+    Args:
+        run: The run.
+        name: Name of its log, or of the run.
+        commands: True if `name` is a log that the reader has, and that commands can name.
+    """
+    document = _page(run, name, commands=commands)
+    return as_html.html_page(document, style=player_style(), script=player_script(run))
+
+
+def _page(run: RunStatistics, name: str, *, commands: bool) -> Document:
+    verdict = run.verdict
+    task = run.task
+    attempt = Attempt(run.history, task if run.history.missions.first.given else None)
+    last = output(verdict)
+    crashed = verdict.outcome is Outcome.CRASHED
+    parts: list[DocumentPart] = [
+        _about(run, name),
+        verdict_box(verdict, is_mission=attempt.task is not None),
+        *((_last_lines(verdict),) if crashed else ()),
+        _figures(run, attempt, crashed=crashed),
+        SideBySide(tuple(_picture(run)), tuple(_cards(run, attempt, name if commands else ""))),
+        Folded("All that happened", (Bullets("", findings(run)), Bullets("Notes", run.notes))),
+        *_strips(run),
+        Folded("Movements, errors of readings, timing", tables(run, name)),
+        Folded(last.heading, (Bullets("", last.entries, kind="output"),) if last.entries else ()),
+        *((again(name),) if commands else ()),
+    ]
+    return Document(f"Run {name}", parts)
+
+
+def _about(run: RunStatistics, name: str) -> Paragraph:
+    """Start, set, seed and name of the run, in one small line."""
+    header = run.header
+    started = escape(header.start.replace("T", " "), 40)[:16]  # without seconds
+    told = (f"Run of {started}", f"set {escape(header.configuration, 120)}", f"seed {header.seed}", name)
+    return Paragraph(" · ".join(told), kind="run")
+
+
+def verdict_box(verdict: Verdict, *, is_mission: bool) -> VerdictBox:
+    """The answer that a page about a run begins with."""
+    crashed = verdict.outcome is Outcome.CRASHED
+    what = "Program" if crashed or not is_mission else "Mission"
+    if verdict.outcome is Outcome.STILL_GOING:
+        what = "Run"
+    return VerdictBox(
+        key="verdict",
+        text=verdict.text,
+        headline=f"{what} {verdict.outcome.value}",
+        tone=_TONES.get(verdict.outcome, Tone.PLAIN),
+        sign=_CRASH_SIGN if crashed else "",
+    )
+
+
+def _last_lines(verdict: Verdict) -> Bullets:
+    """The end of what a crashed program printed."""
+    program = verdict.program
+    said = () if program is None else program.stderr[-_LAST_LINES:]
+    return Bullets("", [escape(line.text, 200) for line in said], kind="output")
+
+
+def _figures(run: RunStatistics, attempt: Attempt, *, crashed: bool) -> KeyFigures:
+    """Three numbers: those of the mission; of a crash, how far it came."""
+    task, over = attempt.task, attempt.over
+    seconds = attempt.elapsed - attempt.begun if over is None else over.event.time
+    contacts = (str(attempt.contacts), counted(attempt.contacts, "contact").partition(" ")[2])
+    if task is None or crashed:
+        told = (str(attempt.commands), counted(attempt.commands, "command").partition(" ")[2])
+        return KeyFigures(((f"{seconds:.1f} s", "simulated"), told, contacts))
+    met = f"{len(_goals_met(run))} of {len(Goal)}"
+    return KeyFigures(((met, "goals met"), (f"{seconds:.1f} s", f"of {task.time_limit:g} s"), contacts))
+
+
+def _goals_met(run: RunStatistics) -> dict[Goal, float]:
+    """Goals met since the run last began anew, with the mission's time of each, seconds."""
+    rows = (row for row in run.history.missions.items if row.order > run.history.began)
+    return {row.event.subject: row.event.time for row in rows if isinstance(row.event.subject, Goal)}
+
+
+def _picture(run: RunStatistics) -> Iterator[DocumentPart]:
+    """The maze, which a script makes the player of; it begins at the deciding moment."""
+    tone = _TONES.get(run.verdict.outcome, Tone.PLAIN)
+    figure = maze_figure(run)
+    yield replace(figure, kind=f"{figure.kind} {tone.value}")
+    cause = run.verdict.cause
+    what = "the end of the run" if cause is None else "the moment of the cause"
+    begin = TextLink(f"{run.verdict.elapsed:.1f} s", f"#t={run.verdict.elapsed:.2f}")
+    yield Paragraph((f"It begins at {what}, ", begin, f". {shortened(run.recording)}"), kind="note")
+
+
+def _cards(run: RunStatistics, attempt: Attempt, log: str) -> Iterator[DocumentPart]:
+    """Cards: the reasons, the next steps and the goals. `log` is empty where the reader has none."""
+    verdict = run.verdict
+    second = "" if verdict.second_cause is None else f"Second cause: {verdict.second_cause.text}"
+    yield Bullets("Why", [each for each in (*verdict.notes, *verdict.evidence, second) if each], kind="card")
+    file = shlex.quote(log)
+    steps: list[tuple[Prose, ...] | str] = [verdict.advice] if verdict.advice else []
+    if log:
+        steps.append(("See it: ", Code(f"simmer-tui replay {file}")))
+        take_over = f"simmer-tui replay {file} --take-over {verdict.elapsed:.1f}"
+        steps.append(("Go on from here: ", Code(take_over)))
+    yield Bullets("Next", steps, kind="card")
+    if attempt.task is not None:
+        yield Bullets("Goals", list(_goals(run, attempt.task, attempt)), kind="card")
+
+
+def _goals(run: RunStatistics, task: Task, attempt: Attempt) -> Iterator[tuple[Prose, ...]]:
+    met = _goals_met(run)
+    for goal in Goal:
+        where = ""
+        if goal is Goal.DELIVERED and task.zone is not None:
+            where = f" to {task.zone.x:g}, {task.zone.y:g}"
+        if goal in met:
+            yield _goal(f"{goal.value}{where}", met=True), f" {met[goal]:.1f} s"
+        else:
+            yield (_goal(f"{goal.value}{where}", met=False),)
+    if task.contacts is not None:
+        contacts = _goal(contacts_text(attempt.contacts), met=attempt.contacts <= task.contacts)
+        yield contacts, f", {task.contacts} allowed"
+
+
+def _goal(text: str, *, met: bool) -> Chip:
+    tone = Tone.GOOD if met else Tone.BAD
+    return Chip(f"{tone.sign} {text}", tone)
+
+
+def _strips(run: RunStatistics) -> Iterator[DocumentPart]:
+    strips = traces(run)
+    if strips is not None:
+        yield Folded("Sensors over time", (SectionHeading("Sensors over time"), strips))

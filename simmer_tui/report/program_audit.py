@@ -1,0 +1,41 @@
+"""The program's side of a run: which sensor or drive explains that program and log do not go together."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+
+from simmer_tui.report.belief_audit import BeliefMotion, wrong_heading
+from simmer_tui.report.command_audit import growing_corrections, vanished_movements
+from simmer_tui.report.disagreement import Disagreement, kept_disagreements
+from simmer_tui.report.finding import FEWEST
+from simmer_tui.report.reply_audit import ReplyAudit
+from simmer_tui.run.attempt import Attempt
+
+
+def disagreements(attempt: Attempt, known: Collection[str] = ()) -> list[list[Disagreement]]:
+    """The disagreements of program and log that hold an error of 1 % a run together, the surest first; each
+    with all sensors and drives that explain it equally well.
+
+    Args:
+        attempt: The run. Of a real robot nothing is said: its log does not know where it was.
+        known: Codes of sensors and drives that are not as their set says: that explains more than this could.
+    """
+    if attempt.history.is_twin:
+        return []
+    tests = [growing_corrections(attempt, row) for row in attempt.spec.drives]
+    tests += [vanished_movements(attempt), wrong_heading(attempt)]
+    for since in _stretches(attempt):
+        motion = BeliefMotion(attempt, since)
+        tests += [*motion.explanations(), motion.unlogged(), ReplyAudit(attempt, since).explanations()]
+    kept = kept_disagreements(each for each in tests if each)
+    return [each for each in kept if not any(code in known for one in each for code in one.of)]
+
+
+def _stretches(attempt: Attempt) -> list[int]:
+    """The events after which beliefs are audited: when the robot was placed, and when the belief went wrong
+    that stayed so, where there are beliefs before that agreed with the log."""
+    lost = attempt.beliefs[1]
+    if lost is None:
+        return [attempt.placed]
+    before = attempt.history.beliefs.place_of(lost.order) - attempt.history.beliefs.place_of(attempt.placed)
+    return [attempt.placed, lost.order - 1] if before >= FEWEST["set"] else [attempt.placed]

@@ -1,0 +1,154 @@
+"""Range readings that were right in the log: a program that got them as they were could have known better."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from simmer_tui.report.robust_fit import Flags
+from simmer_tui.run.attempt import Attempt, Collision
+from simmer_tui.run.facts import COVERED, SLIGHT
+from simmer_tui.run.history_rows import GripRow
+from simmer_tui.run.table import Columns
+from simmer_tui.sim.sensors import ObservingSensor, modelled_sensor
+from simmer_tui.sim.sensors.yes_or_no import LoadSensor
+from simmer_tui.sim.specs import CELL_SIZE, SensorSpec
+
+# Judged: two looks around by four sensors. Who had fewer may just not have caught up.
+_OFTEN = 8
+"""Range readings since a belief went wrong, from which they speak against it."""
+# Twice the most of 36 clean runs of solve.py and the course's programs: 8 to 40 readings until localized.
+_LONG = 80
+"""Range readings that tell where the robot is, had they reached a program that can tell at all."""
+_ALONG, _ACROSS = CELL_SIZE / 2, 1.0
+"""Distances, inches along a wall and across it, within which a ray that ended there showed a place touched:
+beside it the wall of the next cell begins, and short ranges are off by less. Judged."""
+
+
+@dataclass(frozen=True, slots=True)
+class ShownPlace:
+    """A reading that was right and showed the place of a contact before it: of the sensor `code`, its `value`
+    in inches, at `elapsed` seconds, `ago` inches of path before the movement that touched."""
+
+    code: str
+    value: float
+    elapsed: float
+    ago: float
+
+
+def looked_while_lost(attempt: Attempt) -> bool:
+    """True if range sensors were read often since its belief went wrong, and mostly told the truth."""
+    lost = attempt.beliefs[1]
+    return lost is not None and _mostly_right(attempt, lost.order - 1, _OFTEN)
+
+
+def looked_in_vain(attempt: Attempt) -> bool:
+    """True if range sensors were read so often, and so rightly, that a program could have found out where it
+    was."""
+    return _mostly_right(attempt, attempt.placed, _LONG)
+
+
+def shown_place(attempt: Attempt, met: Collision) -> ShownPlace | None:
+    """The last right reading that showed the place of a contact, read within a cell's length of path."""
+    # The numbers of the movement itself come after what was read before it.
+    rows = attempt.within(attempt.history.readings, attempt.placed)
+    rows = rows[(rows["order"] < met.row.order) & (rows["gone"] >= met.row.gone_before - CELL_SIZE)]
+    found: list[ShownPlace] = []
+    for sensor in _ranges(attempt):
+        mine = _of(attempt, rows, sensor)
+        mine = mine[_right(mine, sensor) & np.isfinite(mine["value"])]
+        if not len(mine):
+            continue
+        heading = np.radians(mine["heading"].astype(np.float64))
+        cos, sin = np.cos(heading), np.sin(heading)
+        ray = np.radians(sensor.rotation)
+        ahead = sensor.x + mine["value"] * np.cos(ray)
+        aside = sensor.y + mine["value"] * np.sin(ray)
+        x = np.abs(mine["x"] + cos * ahead - sin * aside - met.contact.point[0])
+        y = np.abs(mine["y"] + sin * ahead + cos * aside - met.contact.point[1])
+        # Walls run along the axes.
+        places = np.flatnonzero((np.maximum(x, y) <= _ALONG) & (np.minimum(x, y) <= _ACROSS))
+        if len(places):
+            last = mine[int(places[-1])]
+            ago = met.row.gone_before - float(last["gone"])
+            found.append(ShownPlace(sensor.code, float(last["value"]), float(last["elapsed"]), ago))
+    return max(found, key=lambda each: each.elapsed, default=None)
+
+
+def looked_at_each_movement(attempt: Attempt, met: Collision) -> bool:
+    """True if ranges were read as often as the robot moved, since the first of the movements that led to a
+    contact."""
+    movements = attempt.history.movements
+    count = max(len(met.before), len(met.legs) - 1)
+    first = max(movements.place_of(met.row.order) - count, 0)
+    rows = attempt.within(attempt.history.readings, attempt.placed)
+    rows = rows[(rows["order"] > movements[first].order) & (rows["order"] < met.row.order)]
+    return sum(len(_of(attempt, rows, sensor)) for sensor in _ranges(attempt)) >= max(count, 1)
+
+
+def looked_for_block(attempt: Attempt, done: GripRow) -> bool:
+    """True if sensors that see the block were read within a cell's length of path before a grip, and were all
+    right."""
+    size = attempt.spec.block_size
+    movements = attempt.history.movements
+    place = movements.place_of(done.order)
+    gone = movements[place - 1].gone if place else 0.0
+    rows = attempt.within(attempt.history.readings, attempt.placed)
+    rows = rows[(rows["order"] < done.order) & (rows["gone"] >= gone - CELL_SIZE)]
+    right = [
+        _right(_of(attempt, rows, sensor), sensor)
+        for sensor in _ranges(attempt)
+        if isinstance(made := modelled_sensor(sensor), ObservingSensor) and made.sees_block(size)
+    ]
+    return sum(map(len, right)) > 0 and all(each.all() for each in right)
+
+
+def told_held(attempt: Attempt, done: GripRow) -> tuple[str, int] | None:
+    """The load sensor that had said that the block was held, and how often, where the gripper let it go just
+    where it had taken it; None if it did not say so, or the robot went on in between."""
+    taken = [row.order for row in attempt.history.blocks.items if row.held and row.order < done.order]
+    if not taken:
+        return None
+    moves = attempt.within(attempt.history.movements, taken[-1])
+    if ((moves["order"] < done.order) & ~moves["grips"]).any():
+        return None
+    rows = attempt.within(attempt.history.readings, taken[-1])
+    rows = rows[rows["order"] < done.order]
+    for sensor in attempt.spec.sensors:
+        if sensor.kind.name != LoadSensor.name or sensor.code not in attempt.history.sensor_codes:
+            continue
+        values = _of(attempt, rows, sensor)["value"]
+        held = int((values > 0.0).sum())
+        # One answer may be wrong, most of them are not.
+        if 2 * held > len(values):
+            return sensor.code, held
+    return None
+
+
+def _mostly_right(attempt: Attempt, since: int, fewest: int) -> bool:
+    rows = attempt.within(attempt.history.readings, since)
+    right = total = 0
+    for sensor in _ranges(attempt):
+        mine = _of(attempt, rows, sensor)
+        total += len(mine)
+        right += int(_right(mine, sensor).sum())
+    return total >= fewest and 2 * right > total
+
+
+def _ranges(attempt: Attempt) -> list[SensorSpec]:
+    """The range sensors that were read."""
+    codes = attempt.history.sensor_codes
+    return [each for each in attempt.spec.sensors if each.kind.is_range and each.code in codes]
+
+
+def _of(attempt: Attempt, rows: Columns, sensor: SensorSpec) -> Columns:
+    mine: Columns = rows[rows["sensor"] == attempt.history.sensor_codes.index(sensor.code)]
+    return mine
+
+
+def _right(rows: Columns, sensor: SensorSpec) -> Flags:
+    # No echo is as sure as no distance: a share of infinity would excuse any reading, or be no number.
+    true = np.where(np.isfinite(rows["true"]), np.abs(rows["true"]), 0.0)
+    usual = sensor.error * true + sensor.absolute_error
+    return np.asarray(np.abs(rows["error"]) <= np.maximum(SLIGHT, COVERED * usual))

@@ -1,0 +1,42 @@
+"""Messages of a dialect beside the commands that they led to."""
+
+from __future__ import annotations
+
+import math
+
+from simmer_tui.dialect.fault_notices import UNKNOWN_MESSAGE
+from simmer_tui.events import WireMessage
+from simmer_tui.sim.command import Command, escape
+
+# Sums of floats; a message is done at the moment at which it has come.
+_SAME_MOMENT = 1e-6
+# A movement under way, and some that wait for their end.
+_KEPT = 50
+
+
+class MessageTrail:
+    """Takes messages and the beginnings of commands in order. Who looks for the message `[a900]` in a program
+    does not find the command `vv-0;6;0;0.9` that it became."""
+
+    def __init__(self) -> None:
+        self._text, self._time = "", -math.inf
+        self._by_number: dict[int, str] = {}
+
+    def heard(self, message: WireMessage) -> None:
+        """A message has come, or a reply."""
+        if not message.reply:
+            is_known = not message.meaning.startswith(UNKNOWN_MESSAGE)
+            self._text, self._time = message.data.strip() if is_known else "", message.time
+
+    def begun(self, number: int, time: float) -> None:
+        """The command with this number begins. One that does so later than its message came, as the second
+        step of several, is left without one."""
+        if self._text and abs(time - self._time) < _SAME_MOMENT:
+            self._by_number[number] = escape(self._text, 40)
+            if len(self._by_number) > _KEPT:
+                del self._by_number[next(iter(self._by_number))]
+
+    def shown(self, number: int, command: Command) -> str:
+        """A command for people, behind its message if that is known."""
+        text = self._by_number.get(number, "")
+        return f"{text} ({command.shown})" if text else command.shown

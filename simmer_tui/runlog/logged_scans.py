@@ -1,0 +1,146 @@
+"""The scans of lidars in a log: their ranges, as whole steps of the sensor's resolution, in base64.
+
+A log has the ranges alone. The directions of the rays follow from the sensor, and the poses that they were
+sent from, from the movements before them. The true distances are worked out when somebody asks for them.
+"""
+
+from __future__ import annotations
+
+import base64
+import math
+from collections.abc import Iterable
+
+import numpy as np
+from msgspec.structs import replace
+
+from simmer_tui.errors import RunLogError
+from simmer_tui.protocol.replies import MOST_RANGES
+from simmer_tui.runlog.log_records import ReadingRecord
+from simmer_tui.sim.angles import FloatArray
+from simmer_tui.sim.maze import Maze
+from simmer_tui.sim.pose import Pose
+from simmer_tui.sim.recent_motion import BlockPlace, Piece, RecentMotion
+from simmer_tui.sim.records import LidarScan, ray_bearings
+from simmer_tui.sim.sensors import Lidar, sensor_of
+from simmer_tui.sim.specs import SensorSpec
+
+# The largest number of two bytes: with steps of 0.01 in the others reach 655 in, beyond any lidar here.
+MISSED = 65535
+"""Stands for a ray that met nothing."""
+_ALL_AROUND = np.zeros(1)
+"""Directions of a lidar of a kind of its own: from the front, all around."""
+
+
+def packed_ranges(ranges: FloatArray, resolution: float) -> tuple[str, bool]:
+    """Ranges, inches, as base64, and False for whole steps of a resolution in two bytes each, little-endian;
+    True for numbers of eight, where some are no whole steps."""
+    steps = _whole_steps(ranges, resolution) if resolution else None
+    data = ranges.astype("<f8") if steps is None else steps.astype("<u2")
+    return base64.b64encode(data.tobytes()).decode("ascii"), steps is None
+
+
+def unpacked_ranges(text: str, resolution: float, *, floats: bool) -> FloatArray:
+    """The ranges, bit for bit. Raises RunLogError for a text that holds none."""
+    try:
+        data = np.frombuffer(base64.b64decode(text, validate=True), "<f8" if floats else "<u2")
+    except ValueError as error:
+        raise RunLogError(f"its scan cannot be read: {error}") from None
+    if not 1 <= len(data) <= MOST_RANGES:
+        raise RunLogError(f"its scan has {len(data)} ranges: it must be 1 to {MOST_RANGES}")
+    ranges = data.astype(np.float64) if floats else _ranges_of(data.astype(np.float64), resolution)
+    ranges.flags.writeable = False
+    return ranges
+
+
+def _whole_steps(ranges: FloatArray, resolution: float) -> FloatArray | None:
+    """The ranges in steps of a resolution; None if these would not give the same numbers again."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        steps = np.rint(ranges / resolution)
+    missed = ranges == math.inf
+    steps[missed] = MISSED
+    if not ((steps >= 0) & ((steps < MISSED) | missed)).all():
+        return None
+    # As bytes: -0.0 and 0.0 differ.
+    return steps if _ranges_of(steps, resolution).tobytes() == ranges.tobytes() else None
+
+
+def _ranges_of(steps: FloatArray, resolution: float) -> FloatArray:
+    return np.where(steps == MISSED, math.inf, steps * resolution)
+
+
+class LoggedRanges:
+    """The ranges of each reading of a lidar in a log, line by line: one that was read again is not written
+    again."""
+
+    def __init__(self) -> None:
+        self._last: dict[str, tuple[int, FloatArray]] = {}
+
+    def forget(self) -> None:
+        """Reading begins here: lines to come refer to none before."""
+        self._last.clear()
+
+    def of(self, record: ReadingRecord, sensor: SensorSpec) -> FloatArray:
+        """The ranges, inches, of a record without a reply. Raises RunLogError."""
+        revolution = record.revolution
+        if revolution is None:
+            raise RunLogError("it has neither a reply nor a scan")
+        if record.scan:
+            ranges = unpacked_ranges(record.scan, sensor.resolution, floats=record.floats)
+            self._last[sensor.code] = revolution, ranges
+            return ranges
+        known = self._last.get(sensor.code)
+        if known is None or known[0] != revolution:
+            raise RunLogError(f"the scan of revolution {revolution} is not before it")
+        return known[1]
+
+
+class ScanDecoder:
+    """Makes the scans of a log's readings. It has to be told of all motion before them."""
+
+    def __init__(self, sensors: Iterable[SensorSpec]) -> None:
+        found = (sensor_of(each) for each in sensors if each.kind.is_scan)
+        self._lidars = {each.spec.code: each for each in found if isinstance(each, Lidar)}
+        span = max((2.0 / each.spec.scan_rate for each in self._lidars.values()), default=0.0)
+        self._recent = RecentMotion(span)
+        self._ranges = LoggedRanges()
+        self._last: dict[str, LidarScan] = {}
+        """The newest scan of each lidar, by code: read again it is the same."""
+
+    def forget(self, *, all_scans: bool = False) -> None:
+        """The robot has been put somewhere, or begins anew; with `all_scans` reading begins here."""
+        self._recent.forget()
+        if all_scans:
+            self._ranges.forget()
+            self._last.clear()
+
+    def went(self, piece: Piece) -> None:
+        """A movement or a leg is over."""
+        self._recent.went(piece)
+
+    def scan(
+        self, record: ReadingRecord, sensor: SensorSpec, pose: Pose, under_way: Piece | None
+    ) -> LidarScan:
+        """The scan of a reading, with the robot now at a pose, perhaps in motion. Its true distances are left
+        out: `with_truth` gives them. Raises RunLogError."""
+        ranges, revolution = self._ranges.of(record, sensor), record.revolution
+        assert revolution is not None, "a scan has a revolution"
+        last = self._last.get(sensor.code)
+        if last is not None and last.ranges is ranges:
+            return last
+        lidar, poses, bearings = self._lidars.get(sensor.code), np.empty((0, 3)), _ALL_AROUND
+        if lidar is not None:
+            bearings = lidar.turned_by
+        # Of a real robot's lidar, which may have other rays, nobody knows when each was sent.
+        if lidar is not None and len(ranges) == lidar.spec.rays:
+            poses = self._recent.poses(lidar.moments(revolution), pose, under_way)
+        scan = LidarScan(revolution, ranges, ray_bearings(bearings, len(ranges)), np.empty(0), poses)
+        self._last[sensor.code] = scan
+        return scan
+
+
+def with_truth(scan: LidarScan, sensor: SensorSpec, maze: Maze, block: BlockPlace) -> LidarScan:
+    """A scan of a log with the true distances of its rays, in a maze and with the block where it is."""
+    lidar = sensor_of(sensor)
+    if not isinstance(lidar, Lidar) or not len(scan.poses):
+        return scan
+    return replace(scan, true=lidar.distances(maze, scan.poses, [(slice(None), block)]))

@@ -1,0 +1,402 @@
+"""Continuous motion: wheels that turn until told otherwise, exactly and without a tick.
+
+Between two events the robot's true velocity is constant, and its way is one arc: a leg. Events are a
+change of the velocity, a step of a ramp, the end of a stretch of errors, a contact, and a choice at a wall.
+Legs are laid one after the other, only as far as time is asked for; whoever looks in between reads off
+the leg under way and changes nothing.
+
+At a wall, with wheels that go on turning, the robot is pressed: errors on other axes are dropped to the end
+of the stretch, and the first move that is not blocked happens (`wall_moves.py`); without one it stands.
+"""
+
+import math
+from collections.abc import Callable, Iterable, Mapping
+from typing import Protocol
+
+from msgspec import Struct
+from msgspec.structs import replace
+
+from simmer_tui.sim.arc_contact import ArcContact, first_arc_contact
+from simmer_tui.sim.arcs import LARGEST_TURN, STILL, Arc, Twist
+from simmer_tui.sim.contact import TOUCHING
+from simmer_tui.sim.distance_errors import Component, DistanceErrors, TrueVelocity, components
+from simmer_tui.sim.footprint import Footprint
+from simmer_tui.sim.legs import Leg
+from simmer_tui.sim.motion import AT_ONCE
+from simmer_tui.sim.obstacles import Obstacles
+from simmer_tui.sim.path import Contact
+from simmer_tui.sim.pose import Pose
+from simmer_tui.sim.specs import Axes, ContactRule, DriveKind, DriveSpec
+from simmer_tui.sim.velocity_plan import VelocityPlan, VelocityTarget
+from simmer_tui.sim.wall_moves import wall_moves
+
+# A robot that chatters along a wall bumps many times a second; people call that one contact.
+SAME_CONTACT = 0.1
+"""Seconds after the last pressed moment within which a further contact belongs to the same one."""
+
+
+class MotionListener(Protocol):
+    """Listener to a continuous motion, told in order."""
+
+    def leg_begun(self, leg: Leg) -> None:
+        """A leg begins, and goes on to its end unless something comes between."""
+        ...
+
+    def leg_ended(self, leg: Leg) -> None:
+        """A leg is over, and this is how it went."""
+        ...
+
+    def velocity_expired(self, time: float) -> None:
+        """The time of a velocity is over, before its last leg."""
+        ...
+
+
+class Surroundings(Struct, frozen=True):
+    """The body that can run into something, what it can run into, and the maze's diagonal, inches."""
+
+    body: Footprint
+    obstacles: Obstacles
+    size: float
+
+
+class _WallState(Struct):
+    """A robot's dealings with what it touches, in simulated seconds."""
+
+    dropped: bool = False
+    """True while errors on other axes are dropped."""
+    dropped_until: float = math.inf
+    """Time at which they come back if no stretch ends before."""
+    hold_until: float = -math.inf
+    """Time until which a choice holds."""
+    stopped: bool = False
+    """True if a contact has ended the motion until something changes."""
+    pressed_last: float = -math.inf
+    """Time at which it was pressed last."""
+    contact_at: float = -math.inf
+    """Time of the last contact that was told."""
+
+    def renew(self) -> None:
+        """Something has changed: all choices are made anew."""
+        self.dropped, self.dropped_until = False, math.inf
+        self.hold_until, self.stopped = -math.inf, False
+
+
+class _FreePlace(Struct):
+    """A place whose distance from the nearest of some obstacles, inches, is known: what stays nearer to it
+    needs no search."""
+
+    obstacles: Obstacles | None = None
+    x: float = 0.0
+    y: float = 0.0
+    clearance: float = 0.0
+
+    def has_room(self, arc: Arc, around: Surroundings) -> bool:
+        """True if a robot on an arc cannot reach an obstacle."""
+        if self.obstacles is not around.obstacles:
+            return False
+        x, y = arc.start.x - self.x, arc.start.y - self.y
+        return math.sqrt(x * x + y * y) + arc.length + around.body.reach + TOUCHING < self.clearance
+
+    def look(self, arc: Arc, around: Surroundings) -> None:
+        """Remember the place where an arc begins."""
+        self.obstacles, self.x, self.y = around.obstacles, arc.start.x, arc.start.y
+        self.clearance = around.obstacles.clearance(self.x, self.y)
+
+
+class ContinuousMotion:
+    """A robot that drives at a velocity until told otherwise, and tells a listener of it."""
+
+    def __init__(
+        self,
+        *,
+        drives: Iterable[DriveSpec],
+        bias: Callable[[], Mapping[DriveKind, Axes]],
+        errors: DistanceErrors,
+        surroundings: Callable[[Pose], Surroundings],
+        rule: ContactRule,
+        control_period: float,
+        wall_friction: float,
+        listener: MotionListener,
+    ) -> None:
+        self._drives = {drive.kind: drive for drive in drives if drive.enabled}
+        self._bias = bias
+        self._errors = errors
+        self._surroundings = surroundings
+        self._rule = rule
+        self._period = control_period
+        self._friction = wall_friction
+        self._listener = listener
+        self._plan = VelocityPlan(control_period)
+        self.leg: Leg | None = None
+        """The leg under way, None while the robot is not told to move."""
+        self._parts: tuple[Component, ...] = ()
+        self._stretch_ends: tuple[tuple[DriveKind, float], ...] = ()
+        """Times at which stretches of errors end, if the leg under way lasts so long."""
+        self._noise = True
+        self._expires = math.inf
+        self._release = VelocityTarget(STILL)
+        self._wall = _WallState()
+        self._free = _FreePlace()
+
+    # -- commands ----------------------------------------------------------------------------------
+
+    @property
+    def commanded(self) -> Twist:
+        """The velocity commanded last."""
+        return self._plan.commanded
+
+    def command(
+        self, time: float, pose: Pose, target: VelocityTarget, expires: float, *, noise: bool
+    ) -> bool:
+        """Take a velocity at a simulated time to which the motion has been advanced; `pose` is the robot's
+        then. The same velocity only renews `expires`. Gives True if it changes."""
+        self._expires = expires
+        self._release = replace(target, twist=STILL)
+        if not self._plan.command(time, target):
+            return False
+        if self.leg is None:
+            self._noise = noise
+        if self.leg is None or self._plan.due <= time:
+            self._cut(time)
+            self._change(time)
+            self._lay(time, pose)
+        return True
+
+    def release(self, time: float, pose: Pose) -> None:
+        """Velocity 0 from a simulated time on, with the lag and the ramp of the velocity in force."""
+        self.command(time, pose, self._release, math.inf, noise=self._noise)
+
+    def halt(self, time: float) -> None:
+        """End all motion at a simulated time, without lag or ramp."""
+        self._cut(time)
+        self._plan.halt()
+        self._wall.renew()
+        self.leg, self._expires = None, math.inf
+
+    def look_again(self, time: float, pose: Pose, *, noise: bool) -> None:
+        """Lay the rest of the leg under way anew: at a simulated time the surroundings of the robot, or its
+        errors, have changed."""
+        if self.leg is not None:
+            self._cut(time)
+            self._noise = noise
+            self._wall.renew()
+            self._lay(time, pose)
+
+    # -- time ----------------------------------------------------------------------------------------
+
+    @property
+    def due(self) -> float:
+        """Simulated time of the next event, infinite if there is none."""
+        if self.leg is None:
+            return math.inf
+        return min(self.leg.end_time, self._plan.due, self._expires)
+
+    def step(self) -> None:
+        """Go on to the next event, and lay the leg after it."""
+        assert self.leg is not None, "nothing is commanded"
+        time = self.due
+        pose = self.leg.pose_at(time)
+        self._cut(time)
+        if self._expires <= time:
+            self._expires = math.inf
+            self._listener.velocity_expired(time)
+            self._plan.command(time, self._release)
+        if self._plan.due <= time:
+            self._change(time)
+        self._lay(time, pose)
+
+    def _change(self, time: float) -> None:
+        """The velocity in force changes: choices at a wall are made anew."""
+        if self._plan.due <= time:
+            self._plan.change(time)
+            self._wall.renew()
+
+    def _cut(self, time: float) -> None:
+        """The leg under way is over at a simulated time: its end, or an earlier one."""
+        leg = self.leg
+        if leg is None:
+            return
+        # One that has not gone on for any time never was: another takes its place.
+        if time <= leg.start_time:
+            return
+        leg = leg.cut(time)
+        ended = tuple(kind for kind, at in self._stretch_ends if at <= time)
+        if self._noise:
+            self._errors.go_on(self._parts, time - leg.start_time, ended)
+        if leg.pressed:
+            self._wall.pressed_last = time
+        if ended or time >= self._wall.dropped_until:
+            self._wall.dropped, self._wall.dropped_until = False, math.inf
+        self.leg = None
+        self._listener.leg_ended(leg)
+
+    # -- laying legs ---------------------------------------------------------------------------------
+
+    def _lay(self, time: float, pose: Pose) -> None:
+        """Lay the leg that begins at a simulated time."""
+        self.leg = None
+        if not self._plan.moves:
+            return
+        twist = self._plan.twist
+        self._parts = components(twist, self._drives)
+        self._stretch_ends = self._stretches(time)
+        true = TrueVelocity(twist, self._parts, self._errors, self._bias(), noise=self._noise)
+        until = min(self._plan.due, min((at for _, at in self._stretch_ends), default=math.inf))
+        around = self._surroundings(pose)
+        here = _Here(time, pose, until, around, true)
+        if not twist.moves:
+            self._begin(here, _Way(_standing(pose)), until, true.counts(0.0))
+            return
+        if not (self._wall.dropped or self._wall.stopped):
+            way = self._clear(Arc.of(pose, true.whole, 0.0), until - time, around)
+            if not way.blocked:
+                self._begin(here, way, until, true.counts())
+                return
+            self._touch(here, way)
+        way, end = self._pressed(here)
+        counts = true.counts(pressed_turn=way.arc.rate + way.arc.spin)
+        self._begin(here, way, end, counts, pressed=True)
+
+    def _begin(
+        self,
+        here: "_Here",
+        way: "_Way",
+        until: float,
+        counts: Mapping[str, float],
+        *,
+        pressed: bool = False,
+    ) -> None:
+        """The leg under way is this one; what lasts as long as it may ends at `until` exactly."""
+        arc, time = way.arc, here.time
+        whole = arc.duration >= until - time
+        arc = replace(arc, duration=until - time) if whole else arc
+        end = until if whole else time + arc.duration
+        # A robot that stands until something changes has no last moment, and needs none.
+        last = arc.end if end < math.inf else arc.start
+        contact = None
+        if way.met is not None and not whole and not pressed:
+            contact = self._contact(end, last, way.met, here)
+        self.leg = Leg(arc, time, end, last, self._plan.twist, counts, pressed=pressed, contact=contact)
+        self._listener.leg_begun(self.leg)
+
+    def _contact(self, time: float, pose: Pose, met: ArcContact, here: "_Here") -> Contact | None:
+        """The contact at a simulated time, unless it belongs to the one before."""
+        wall, around = self._wall, here.around
+        if time - wall.pressed_last <= SAME_CONTACT or wall.contact_at == time:
+            return None
+        wall.contact_at = time
+        touch = around.obstacles.touch(around.body, pose, met.beyond)
+        own = self._clear(Arc.of(pose, here.true.own, 0.0), self._period, around)
+        # A leg is one segment, which its contact ends.
+        return Contact(
+            pose,
+            touch.point,
+            segment=0,
+            turned=1.0,
+            translated=1.0,
+            time=time,
+            ended=self._rule is ContactRule.STOP or own.blocked,
+            drift=not own.blocked,
+            held_block=touch.held_block,
+            cell=touch.cell,
+        )
+
+    def _stretches(self, time: float) -> tuple[tuple[DriveKind, float], ...]:
+        """Simulated times at which the present stretches of errors end, what they need drawn."""
+        if not self._noise:
+            return ()
+        return tuple((part.drive.kind, self._stretch_end(time, part)) for part in self._parts)
+
+    def _stretch_end(self, time: float, part: Component) -> float:
+        while True:
+            self._errors.begin(part)
+            end = time + self._errors.left(part)
+            if end > time:
+                return end
+            # What is left of it is less than the time of hours can tell: it is over.
+            self._errors.go_on((part,), 0.0, (part.drive.kind,))
+
+    def _clear(self, arc: Arc, seconds: float, around: Surroundings) -> "_Way":
+        """An arc for as many seconds at most, cut off at its first contact."""
+        x, y = arc.velocity
+        speed, rate = math.sqrt(x * x + y * y), abs(arc.rate)
+        # Infinite only for a robot that stands still or a disc that turns.
+        most = min(LARGEST_TURN / rate if rate else math.inf, around.size / speed if speed else math.inf)
+        arc = replace(arc, duration=min(seconds, most))
+        if arc.duration == math.inf or not (speed or len(around.body.vertices)):
+            return _Way(arc)
+        if self._free.has_room(arc, around):
+            return _Way(arc)
+        met = first_arc_contact(around.body, around.obstacles, arc)
+        if met is None:
+            self._free.look(arc, around)
+            return _Way(arc)
+        after = arc.seconds_at(met.h)
+        moved = after * (speed + math.radians(rate) * around.body.reach)
+        return _Way(replace(arc, duration=after if moved > AT_ONCE else 0.0), met)
+
+    def _touch(self, here: "_Here", way: "_Way") -> None:
+        """The motion is blocked at its first instant: what follows by the contact rule begins."""
+        wall, met = self._wall, way.met
+        assert met is not None, "something blocks it"
+        if self._rule is ContactRule.STOP:
+            wall.stopped = True
+        else:
+            wall.dropped = True
+            if not self._noise:
+                # No stretch ends without noise: errors stay dropped for as much way as one has.
+                lengths = (self._errors.length(part.drive.kind) / part.pace for part in self._parts)
+                wall.dropped_until = here.time + min(lengths, default=self._period)
+        contact = self._contact(here.time, here.pose, met, here)
+        if contact is not None:
+            # It stood beside the obstacle already: a leg without a way brings the contact.
+            arc = replace(way.arc, duration=0.0)
+            counts = here.true.counts()
+            leg = Leg(arc, here.time, here.time, here.pose, self._plan.twist, counts, contact=contact)
+            self._listener.leg_begun(leg)
+            self._listener.leg_ended(leg)
+
+    def _pressed(self, here: "_Here") -> tuple["_Way", float]:
+        """The way of a robot that is pressed, and the time to which it may last."""
+        wall, time, pose, around = self._wall, here.time, here.pose, here.around
+        if wall.stopped:
+            return _Way(_standing(pose)), here.until
+        until = min(here.until, wall.dropped_until)
+        # A contact has ended a choice before its time: until then it stands, so that choices are few.
+        if time < wall.hold_until:
+            return _Way(_standing(pose)), min(until, wall.hold_until)
+        hold_until = time + self._period
+        for move in wall_moves(around.body, around.obstacles, pose, here.true.own, self._friction):
+            end = min(until, hold_until) if move.brief else until
+            way = self._clear(move.arc(pose, 0.0), end - time, around)
+            if not way.blocked:
+                wall.hold_until = -math.inf if way.met is None else hold_until
+                return way, end
+        return _Way(_standing(pose)), until
+
+
+class _Here(Struct, frozen=True):
+    """The moment from which a leg is laid: simulated time, pose, the time to which it lasts at most."""
+
+    time: float
+    pose: Pose
+    until: float
+    around: Surroundings
+    true: TrueVelocity
+
+
+class _Way(Struct, frozen=True):
+    """An arc and the contact that cuts it off, if there is one."""
+
+    arc: Arc
+    met: ArcContact | None = None
+
+    @property
+    def blocked(self) -> bool:
+        """True if it leads nowhere."""
+        return self.met is not None and not self.arc.duration
+
+
+def _standing(pose: Pose) -> Arc:
+    """The motion of a robot that stands for as long as it may."""
+    return Arc(pose, (0.0, 0.0), 0.0, math.inf)

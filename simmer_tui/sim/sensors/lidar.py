@@ -1,0 +1,312 @@
+"""The lidar: a range all around, ray by ray as its head turns.
+
+It turns always, before time 0 too. Ray i of N of revolution m is sent at (m + i / N) / rate, from where
+the robot is at that moment: a robot that turns meanwhile gets a bent picture. A reading is the last
+revolution that is complete.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from typing import ClassVar
+
+import numpy as np
+from msgspec import Struct
+from msgspec.structs import replace
+
+from simmer_tui.sim import columns
+from simmer_tui.sim.angles import FloatArray, cos_sin, cos_sin_array
+from simmer_tui.sim.block import Block
+from simmer_tui.sim.columns import CsvColumn
+from simmer_tui.sim.command import parse_value
+from simmer_tui.sim.maze import Maze
+from simmer_tui.sim.pose import Pose
+from simmer_tui.sim.recent_motion import BlockPlace, Piece, RecentMotion
+from simmer_tui.sim.records import LidarScan, RangeScan, Reading
+from simmer_tui.sim.sensors.base import Prior, World
+from simmer_tui.sim.sensors.range_sensors import RangeSensor
+from simmer_tui.sim.specs import SensorSpec
+
+
+class LidarSpec(SensorSpec, frozen=True, kw_only=True):
+    """One row of sensors.csv for a lidar. The defaults are those of a RPLIDAR A1M8, with their sources in
+    docs/sensors.md; `scan_rate` is in revolutions a second."""
+
+    error: float = 0.01
+    min_range: float = 5.9
+    max_range: float = 472.4
+    resolution: float = 0.01
+    dropout: float = 0.01
+    rays: int = 360
+    scan_rate: float = 5.5
+    clockwise: bool = True
+    missed_as_zero: bool = False
+    """True if a ray that met nothing says 0 and not infinity, as the RPLIDAR's own software has it."""
+
+
+class Lidar(RangeSensor):
+    """Distances all around, inches. Where one number stands for all of them it is that of the first ray of
+    the turn, which looks along its Rotation."""
+
+    name = "lidar"
+    is_scan = True
+    meaning = "ranges all around"
+    spec_type = LidarSpec
+    stands_for = ("ray", "scan")
+    columns: ClassVar[tuple[CsvColumn, ...]] = (
+        *(columns.X, columns.Y, columns.Z, columns.ROTATION),
+        replace(columns.ERROR, needed=False),
+        *(columns.GAIN, columns.ABSOLUTE_ERROR, columns.BIAS, columns.DRIFT),
+        *(columns.MIN_RANGE, columns.MAX_RANGE, columns.RESOLUTION, columns.TURN_RAYS),
+        *(columns.VERTICAL_FOV, columns.READ_TIME, columns.DROPOUT, columns.INCIDENCE_LIMIT),
+        *(columns.SCAN_RATE, columns.CLOCKWISE, columns.MISSED),
+    )
+    # Its rays are up to two turns old: calibration has a pose for each reading, not for each ray.
+    parameters: ClassVar[tuple[Prior, ...]] = ()
+    noise_scales: ClassVar[tuple[Prior, ...]] = ()
+    spec: LidarSpec
+
+    def __init__(self, spec: LidarSpec) -> None:
+        super().__init__(spec)
+        turn = -360.0 if spec.clockwise else 360.0
+        self.turned_by: FloatArray = spec.rotation + np.arange(spec.rays) * turn / spec.rays
+        """Directions of all rays of a revolution in the robot's frame, degrees, (rays,)."""
+        self._parts: FloatArray = np.arange(spec.rays) / spec.rays
+        """The part of a revolution that is over at each ray, (rays,)."""
+
+    def fan(self) -> FloatArray:
+        """The one ray that stands for all."""
+        return np.zeros(1)
+
+    def combined(self, distances: Sequence[float]) -> float:
+        """The one distance, inches."""
+        return distances[0]
+
+    def combined_many(self, fans: FloatArray) -> FloatArray:
+        nearest: FloatArray = fans[:, 0]
+        return nearest
+
+    # -- its turns -----------------------------------------------------------------------------------
+
+    def revolution_at(self, time: float) -> int:
+        """The last revolution that is complete at a simulated time; -1 is the one before time 0."""
+        return math.floor(time * self.spec.scan_rate) - 1
+
+    def complete_at(self, revolution: int) -> float:
+        """The simulated time from which a revolution is complete."""
+        time = (revolution + 1) / self.spec.scan_rate
+        # The quotient may be rounded to a hair before it.
+        while self.revolution_at(time) < revolution:
+            time = math.nextafter(time, math.inf)
+        return time
+
+    def moments(self, revolution: int) -> FloatArray:
+        """The simulated times of the rays of a revolution, (rays,)."""
+        return (revolution + self._parts) / self.spec.scan_rate
+
+    def nearest_ray(self, bearing: float) -> int:
+        """The ray whose direction is nearest to a bearing, degrees from the robot's front."""
+        # Within a turn first: no bearing is too great for what follows.
+        turned = math.fmod(bearing, 360.0) - math.fmod(self.spec.rotation, 360.0)
+        part = (-turned if self.spec.clockwise else turned) * self.spec.rays / 360.0
+        return math.floor(part + 0.5) % self.spec.rays
+
+    # -- its rays ------------------------------------------------------------------------------------
+
+    def origins(self, poses: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """The sensor's places at (n, 3) poses, x and y in inches, (n,) each."""
+        spec = self.spec
+        if not (spec.x or spec.y):
+            return poses[:, 0], poses[:, 1]
+        # A robot that stands has one heading, and a revolution many rays.
+        still = bool((poses[:, 2] == poses[0, 2]).all())
+        cos, sin = cos_sin_array(poses[:1, 2] if still else poses[:, 2])
+        return poses[:, 0] + cos * spec.x - sin * spec.y, poses[:, 1] + sin * spec.x + cos * spec.y
+
+    def distances(
+        self, maze: Maze, poses: FloatArray, blocks: Iterable[tuple[slice, BlockPlace]]
+    ) -> FloatArray:
+        """The true distances of the rays of a revolution, (rays,), inches: each from the robot's pose at its
+        moment, (rays, 3), and with the block where it was then."""
+        x, y = self.origins(poses)
+        dx, dy = cos_sin_array(poses[:, 2] + self.turned_by)
+        found = np.empty(len(poses))
+        for part, place in blocks:
+            rays = (x[part], y[part], dx[part], dy[part])
+            for some, world in self._worlds(maze, poses[part], place):
+                found[part][some] = self._cast(world, *(each[some] for each in rays))
+        return found
+
+    def _worlds(self, maze: Maze, poses: FloatArray, place: BlockPlace) -> Iterator[tuple[slice, World]]:
+        """The worlds that rays from some poses are cast in, each with the slice of those rays."""
+        seen = place.held and self.block_from(place.block.size) < math.inf
+        if not seen or bool((poses == poses[0]).all()):
+            yield slice(None), World(maze, place.at(Pose(*poses[0].tolist())), held=place.held)
+            return
+        # The block goes with the robot.
+        for ray, pose in enumerate(poses.tolist()):
+            yield slice(ray, ray + 1), World(maze, place.at(Pose(*pose)), held=True)
+
+    def _cast(self, world: World, x: FloatArray, y: FloatArray, dx: FloatArray, dy: FloatArray) -> FloatArray:
+        """`World.fans` for origins that are near each other, without the echoes that a face does not send."""
+        block_from = self.block_from(world.block.size)
+        low, high = (float(x.min()), float(y.min())), (float(x.max()), float(y.max()))
+        if world.maze.has_walls(low, high):
+            distances = world.fans(x, y, dx, dy, block_from)
+        else:
+            distances = world.maze.cast_free(x, y, dx, dy)
+            if block_from < math.inf:
+                _meet(world.block, (x, y, dx, dy), distances, block_from)
+        if self.least_cosine:
+            return self.echoes(world, x, y, dx, dy, distances, block_from)
+        return distances
+
+    def ranges_said(
+        self, true: FloatArray, moments: FloatArray, random: np.random.Generator | None
+    ) -> FloatArray:
+        """The ranges that it reports of true distances, (rays,), at their simulated times. All draws of one
+        sort come together: those of the Percent Error, of the Absolute Error, of the Dropout."""
+        spec, rays = self.spec, len(true)
+        # A gain may be any number, also one that nothing is within range with.
+        with np.errstate(over="ignore", invalid="ignore"):
+            said = true if random is None else true * (1.0 + spec.error * random.standard_normal(rays))
+            said = said * spec.gain
+            if random is not None and spec.absolute_error:
+                said += spec.absolute_error * random.standard_normal(rays)
+            if spec.bias or spec.drift:
+                said += spec.bias + spec.drift * moments
+            said = self.limited(said)
+        if random is not None and spec.dropout:
+            np.putmask(said, random.random(rays) < spec.dropout, math.inf)
+        if self.least_cosine:
+            # Where nothing echoes no error makes a range.
+            said[np.isinf(true)] = math.inf
+        if spec.missed_as_zero:
+            said[np.isinf(said)] = 0.0
+        return said
+
+    def limited(self, values: FloatArray) -> FloatArray:
+        """Ranges within the sensor's limits, rounded to whole steps of its resolution."""
+        spec = self.spec
+        values = np.maximum(values, spec.min_range)
+        if spec.resolution:
+            values = np.rint(values / spec.resolution) * spec.resolution
+        # What is no number any more is out of range too.
+        np.putmask(values, ~(values <= spec.max_range), math.inf)
+        return values
+
+    def reported(self, value: float) -> float:
+        return float(self.limited(np.array([value]))[0])
+
+    def error(self, true: float, reply: float) -> float:
+        missed = self.spec.missed_as_zero and reply == 0.0
+        return super().error(true, math.inf if missed else reply)
+
+
+def _meet(
+    block: Block,
+    rays: tuple[FloatArray, FloatArray, FloatArray, FloatArray],
+    distances: FloatArray,
+    block_from: float,
+) -> None:
+    """Shorten the distances of those rays that meet the block from some distance on."""
+    x, y, dx, dy = rays
+    to_x, to_y = block.x - x, block.y - y
+    ahead, aside = to_x * dx + to_y * dy, to_y * dx - to_x * dy
+    # Most rays pass it by, or end before it: its corners are 0.7072 of a side from its centre.
+    reach = 0.71 * block.size
+    near = np.flatnonzero((np.abs(aside) <= reach) & (distances >= ahead - reach) & (ahead >= -reach))
+    if not len(near):
+        return
+    to_block = block.cast_many(x[near], y[near], dx[near], dy[near])
+    nearer = (to_block >= block_from) & (to_block < distances[near])
+    distances[near[nearer]] = to_block[nearer]
+
+
+def _same(poses: FloatArray, others: FloatArray) -> bool:
+    # The last one of a robot in motion differs, which takes one look.
+    return bool((poses[-1] == others[-1]).all()) and np.array_equal(poses, others)
+
+
+class Now(Struct, frozen=True):
+    """The present of a robot: simulated time, its pose, and the piece of motion under way, if any."""
+
+    time: float
+    pose: Pose
+    under_way: Piece | None
+
+
+class Turning:
+    """A lidar at work during one run: its last revolution, and which of its rays have been read."""
+
+    def __init__(self, lidar: Lidar, maze: Maze, recent: RecentMotion) -> None:
+        self.lidar = lidar
+        self._maze = maze
+        self._recent = recent
+        self._scan: LidarScan | None = None
+        self._blocks: tuple[tuple[slice, BlockPlace], ...] = ()
+        """Places of the block at the times of its rays."""
+        self._read: set[int | None] = set()
+        """The rays of that revolution that have been read by themselves; None stands for all of it."""
+
+    def forget(self) -> None:
+        """The run begins anew, or the robot has been put elsewhere."""
+        self._scan = None
+        self._read.clear()
+
+    def waits_until(self, time: float, ray: int | None) -> float:
+        """The simulated time at which there is a revolution of which a ray, or the whole (None), has not been
+        read yet: `time` itself, or when the next one is complete."""
+        lidar, scan = self.lidar, self._scan
+        if lidar.spec.read_time or scan is None or ray not in self._read:
+            return time
+        return max(time, lidar.complete_at(scan.revolution + 1))
+
+    def ray(self, argument: str | None) -> int | str | None:
+        """The ray that a command asks for by a bearing, None for all of them, or why it is refused."""
+        if argument is None:
+            return None
+        bearing = parse_value(argument)
+        if isinstance(bearing, str):
+            return bearing
+        if not math.isfinite(bearing):
+            return f"a bearing of {bearing:g} is no direction"
+        return self.lidar.nearest_ray(bearing)
+
+    def reading(self, ray: int | None, now: Now, random: np.random.Generator | None) -> Reading:
+        """A reading: of one ray, or of all of them with the scan."""
+        scan = self.scan(now, random)
+        self._read.add(ray)
+        index = ray or 0
+        spec = self.lidar.spec
+        value, true = float(scan.ranges[index]), float(scan.true[index])
+        whole = scan if ray is None else None
+        return Reading(spec, value, true, self._view(scan, index), spec.read_time, whole)
+
+    def scan(self, now: Now, random: np.random.Generator | None) -> LidarScan:
+        """The last complete revolution. One that was asked for before is the same again."""
+        lidar, before = self.lidar, self._scan
+        revolution = lidar.revolution_at(now.time)
+        if before is not None and before.revolution == revolution:
+            return before
+        moments = lidar.moments(revolution)
+        poses = self._recent.poses(moments, now.pose, now.under_way)
+        blocks = tuple(self._recent.blocks(moments))
+        if before is not None and blocks == self._blocks and _same(poses, before.poses):
+            # A robot at rest sees the same.
+            true = before.true
+        else:
+            true = lidar.distances(self._maze, poses, blocks)
+        ranges = lidar.ranges_said(true, moments, random)
+        self._scan = LidarScan(revolution, ranges, lidar.turned_by, true, poses)
+        self._blocks = blocks
+        self._read.clear()
+        return self._scan
+
+    def _view(self, scan: LidarScan, ray: int) -> RangeScan:
+        spec = self.lidar.spec
+        x, y, heading = scan.poses[ray].tolist()
+        cos, sin = cos_sin(heading)
+        place = (x + cos * spec.x - sin * spec.y, y + sin * spec.x + cos * spec.y)
+        return RangeScan(place, (float(scan.bearings[ray]) + heading,), (float(scan.true[ray]),))

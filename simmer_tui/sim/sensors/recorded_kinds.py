@@ -1,0 +1,170 @@
+"""Kinds of sensor of which only a description is there: those of a log, and of files that were only parsed.
+
+Such a kind has a name, a meaning, a unit and columns. It cannot read anything. Its readings come from a log.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterable
+from functools import lru_cache
+from typing import Any
+
+from msgspec import Struct, defstruct
+from msgspec.structs import fields
+
+from simmer_tui.sim.columns import ERROR, ROTATION, CsvColumn, X, Y, Z
+from simmer_tui.sim.command import escape
+from simmer_tui.sim.rules import NumberRule, RawTextRule, Rule, WordRule
+from simmer_tui.sim.sensors.base import Sensor
+from simmer_tui.sim.specs import SensorKind, SensorSpec
+
+# A cell of a table: what is longer is no value of a sensor.
+_LONGEST_CELL = 1000
+# A line of a table, with room for numbers beside it.
+_LONGEST_LABEL = 100
+_KIND = re.compile(r"[a-z]{1,20}")
+_GIVEN = ("kind", "number", "code", "enabled")
+"""Fields of a row that come from its ID, code and switch, never from a column."""
+
+
+_PLACED = (X, Y, Z, ROTATION, ERROR)
+"""The columns that a kind is shown with whose columns are not known."""
+
+
+class RecordedColumn(Struct, frozen=True, omit_defaults=True):
+    """A column of a kind, as a log describes it: its header, the field it fills, and its default. `words` are
+    those that stand for True and False, if they do."""
+
+    header: str
+    field: str
+    unit: str = ""
+    label: str = ""
+    is_number: bool = True
+    words: tuple[str, ...] = ()
+    default: float | str | bool | None = None
+
+
+class RecordedKind(Struct, frozen=True, omit_defaults=True, kw_only=True):
+    """The description of a kind of sensor. `title` is the name of its class; `any_columns` is true if its
+    columns are not known, so that sensors.csv may have any."""
+
+    name: str
+    title: str
+    meaning: str = "a device of the team's own"
+    unit: str = ""
+    is_range: bool = False
+    is_yes_or_no: bool = False
+    counts: bool = False
+    any_columns: bool = False
+    columns: tuple[RecordedColumn, ...] = ()
+
+
+class RecordedSensor(Sensor):
+    """A sensor that nothing but a description is known of."""
+
+    is_opaque = True
+
+
+def described(kind: type[SensorKind]) -> RecordedKind:
+    """The description of a kind."""
+    blank = kind.spec_type(kind=kind, number=1, code="?")
+    return RecordedKind(
+        name=kind.name,
+        title=kind.__name__,
+        meaning=kind.meaning,
+        unit=kind.unit,
+        is_range=kind.is_range,
+        is_yes_or_no=kind.is_yes_or_no,
+        counts=kind.counts,
+        columns=tuple(_recorded(column, blank) for column in kind.columns),
+    )
+
+
+def is_label(text: object) -> bool:
+    """True for a line of text that may stand on a terminal and in a log."""
+    return type(text) is str and text.isprintable() and len(text) <= _LONGEST_LABEL
+
+
+def is_kind_name(text: object) -> bool:
+    """True for a name that a kind of sensor may have: it begins the IDs in sensors.csv."""
+    return type(text) is str and _KIND.fullmatch(text) is not None
+
+
+def _is_field(name: str) -> bool:
+    """True for a field that a column may fill: one of every row, or a further one."""
+    if name in {each.name for each in fields(SensorSpec)}:
+        return name not in _GIVEN
+    return name.isidentifier() and not name.startswith("__") and not hasattr(SensorSpec, name)
+
+
+def _recorded(column: CsvColumn, blank: SensorSpec) -> RecordedColumn:
+    rule = column.rule
+    default = getattr(blank, column.field) if column.default is None else column.default
+    words: tuple[str, ...] = ()
+    if isinstance(rule, WordRule) and rule.meant == (False, True):
+        words = rule.choices
+    return RecordedColumn(
+        header=column.name,
+        field=column.field,
+        unit=column.unit,
+        label=column.label,
+        is_number=isinstance(default, int | float) and not isinstance(default, bool),
+        words=words,
+        default=_plain(default),
+    )
+
+
+def _plain(default: object) -> float | str | bool | None:
+    """A default as JSON has it, which has no infinity."""
+    if isinstance(default, bool):
+        return default
+    if isinstance(default, int | float):
+        return float(default) if math.isfinite(default) else None
+    return escape(str(default), _LONGEST_CELL)
+
+
+@lru_cache(maxsize=256)
+def recorded_class(kind: RecordedKind) -> type[RecordedSensor]:
+    """A class of a kind that is only described. The same description gives the same
+    class, so that rows of two sets compare. Raises ValueError for a description that fits no class."""
+    if not (is_kind_name(kind.name) and is_label(kind.title) and kind.title.isidentifier()):
+        raise ValueError("a kind of sensor whose name is no name")
+    if not all(map(is_label, (kind.meaning, kind.unit))):
+        raise ValueError(f"the meaning or unit of the kind {kind.name} is no line of text")
+    for column in kind.columns:
+        if not all(map(is_label, (column.header, column.unit, column.label, *column.words))):
+            raise ValueError(f"a column of the kind {kind.name} has a name that is no line of text")
+        if not _is_field(column.field):
+            raise ValueError(f"the column {column.header!r} of the kind {kind.name} fills what is no field")
+    known = {each.name for each in fields(SensorSpec)}
+    own = {column.field: column for column in kind.columns if column.field not in known}
+    spec_type: type[Struct] = SensorSpec
+    if own:
+        more = [(name, Any, 0.0 if each.default is None else each.default) for name, each in own.items()]
+        spec_type = defstruct("RecordedSpec", more, bases=(SensorSpec,), frozen=True, kw_only=True)
+    columns: tuple[CsvColumn, ...] = _PLACED if kind.any_columns else tuple(_columns(kind.columns))
+    values = {
+        "name": kind.name,
+        "meaning": kind.meaning,
+        "unit": kind.unit,
+        "is_range": kind.is_range,
+        "is_yes_or_no": kind.is_yes_or_no,
+        "counts": kind.counts,
+        "any_columns": kind.any_columns,
+        "columns": columns,
+        "spec_type": spec_type,
+        "__doc__": f"{kind.meaning}, described only.",
+    }
+    return type(kind.title, (RecordedSensor,), values)
+
+
+def _columns(columns: Iterable[RecordedColumn]) -> Iterable[CsvColumn]:
+    for each in columns:
+        rule: Rule[Any] = NumberRule() if each.is_number else RawTextRule(_LONGEST_CELL)
+        if len(each.words) == 2:
+            rule = WordRule(each.words, (False, True))
+        yield CsvColumn(
+            rule, name=each.header, field=each.field, unit=each.unit, label=each.label, default=each.default
+        )

@@ -1,0 +1,166 @@
+"""Commands of continuous motion: their values, and the velocity that they ask for.
+
+    vv-VX;VY;OMEGA[;T]     the whole velocity         ww-W1;...;Wn[;T]     rim speeds, one a wheel
+    vx-V[;T] vy-V[;T] vr-V[;T]     one component, the others as they are     wt-S     wait
+
+Speeds are in/s and deg/s in the robot's frame. Commas do as well, but in packets, where
+they are between commands.
+"""
+
+import math
+import re
+from collections.abc import Mapping, Sequence
+
+from msgspec import Struct
+
+from simmer_tui.sim.arcs import Twist
+from simmer_tui.sim.command import parse_value
+from simmer_tui.sim.distance_errors import components
+from simmer_tui.sim.specs import DriveKind, DriveSpec, VelocityKind, VelocitySpec, WheelsSpec
+from simmer_tui.sim.velocity_plan import VelocityTarget, ramp_of
+from simmer_tui.sim.wheels import WheelKinematics
+
+WAIT = "wt"
+"""Code of the command that waits, in every set."""
+# As of a movement: 1e6 in/s crosses a maze in a ten-thousandth of a second.
+LARGEST_SPEED = 1e6
+"""Greatest speed one command may ask for, in/s or deg/s."""
+_BETWEEN = re.compile("[;,]")
+# An hour: longer than any mission. Who waits longer has most likely given milliseconds.
+LONGEST_WAIT = 3600.0
+"""Longest wait of one command, seconds."""
+
+
+class VelocityRequest(Struct, frozen=True):
+    """A velocity as a command asked for it and as the robot can do it; `seconds` until it ends, infinite
+    if it has no end of its own; `slip` of each wheel, in/s; `limited` is the share of what was asked that the
+    robot can do, of rim speeds that of the wheel that is cut most."""
+
+    target: VelocityTarget
+    seconds: float = math.inf
+    slip: tuple[float, ...] = ()
+    limited: float = 1.0
+
+
+def parse_wait(argument: str | None) -> float | str:
+    """The seconds of `wt-S`, or the reason there are none."""
+    value = parse_value(argument)
+    if isinstance(value, str):
+        return value
+    if 0.0 <= value <= LONGEST_WAIT:
+        return value
+    return f"{WAIT}-{value:g}: a wait has 0 to {LONGEST_WAIT:g} seconds"
+
+
+class VelocityControl:
+    """The velocities that a robot can be told, by its rows of drive.csv and its wheels."""
+
+    def __init__(self, drives: Sequence[DriveSpec], wheels: WheelsSpec | None) -> None:
+        self._drives: Mapping[DriveKind, DriveSpec] = {each.kind: each for each in drives if each.enabled}
+        self._wheels = WheelKinematics.of(wheels) if wheels is not None else None
+
+    def parse(self, spec: VelocitySpec, argument: str | None, commanded: Twist) -> VelocityRequest | str:
+        """The request of a command for a robot that was told to go at `commanded` before, or the reason it
+        is refused."""
+        numbers = _numbers(argument)
+        if isinstance(numbers, str):
+            return numbers
+        if spec.kind is VelocityKind.WHEELS and self._wheels is None:
+            return f"{spec.code} needs the robot's wheels: [wheels] in settings.toml"
+        names = _names(spec.kind, self._wheels)
+        shape = _shape(spec, names)
+        if not len(names) <= len(numbers) <= len(names) + 1:
+            return f"{spec.code} has {len(names)} or {len(names) + 1} values, {shape}, not {len(numbers)}"
+        values, seconds = numbers[: len(names)], (*numbers[len(names) :], math.inf)[0]
+        if seconds <= 0.0:
+            return f"T, the seconds after which the velocity ends, must be more than 0 in {shape}"
+        if spec.kind is VelocityKind.WHEELS:
+            return self._of_wheels(values, seconds, commanded)
+        return self._of_body(_changed(commanded, spec.kind, values), seconds, commanded)
+
+    def _of_wheels(self, speeds: Sequence[float], seconds: float, before: Twist) -> VelocityRequest:
+        assert self._wheels is not None, "rim speeds need wheels"
+        asked, speeds = speeds, self._wheels.clamped(speeds)
+        target = self._target(self._wheels.twist(speeds), before)
+        least = min((abs(made / each) for made, each in zip(speeds, asked, strict=True) if each), default=1.0)
+        return VelocityRequest(target, seconds, self._wheels.slip(speeds), least)
+
+    def _of_body(self, twist: Twist, seconds: float, before: Twist) -> VelocityRequest | str:
+        problem = self._impossible(twist)
+        if problem:
+            return problem
+        share = self._share(twist) if self._wheels is None else self._wheels.share(twist)
+        # As a whole, so that its curve stays.
+        made = twist.scaled(share) if share < 1.0 else twist
+        return VelocityRequest(self._target(made, before), seconds, limited=share)
+
+    def _target(self, twist: Twist, before: Twist) -> VelocityTarget:
+        """A velocity with the lag and the ramp of the rows that it or the one before it uses."""
+        used = {
+            part.drive.kind: part.drive for each in (before, twist) for part in components(each, self._drives)
+        }
+        lag, acceleration = ramp_of(used.values())
+        return VelocityTarget(twist, lag, acceleration)
+
+    def _impossible(self, twist: Twist) -> str:
+        """The component that the robot has no drive for, as text."""
+        if twist.y and self._wheels is not None and not self._wheels.sideways:
+            return "its two wheels cannot drive it sideways: VY must be 0"
+        found = {part.drive.kind for part in components(twist, self._drives)}
+        for value, kinds, name in (
+            (twist.x, (DriveKind.RIGHT, DriveKind.LEFT), "VX"),
+            (twist.y, (DriveKind.UP, DriveKind.DOWN), "VY"),
+            (twist.r, (DriveKind.ROT,), "OMEGA"),
+        ):
+            if value and self._wheels is None and not found.intersection(kinds):
+                rows = " or ".join(kind.value for kind in kinds)
+                return f"{name} must be 0: drive.csv has no enabled row {rows}"
+        return ""
+
+    def _share(self, twist: Twist) -> float:
+        """The share of a twist at which no component is faster than its row's Speed, at most 1."""
+        over = [part.pace / part.drive.speed for part in components(twist, self._drives)]
+        most = max(over, default=0.0)
+        return 1.0 / most if most > 1.0 else 1.0
+
+
+def velocity_shape(spec: VelocitySpec, wheels: WheelsSpec | None) -> str:
+    """A command of continuous motion with the names of its values, empty if the robot cannot do it."""
+    if spec.kind is VelocityKind.WHEELS and wheels is None:
+        return ""
+    return _shape(spec, _names(spec.kind, WheelKinematics.of(wheels) if wheels is not None else None))
+
+
+def _shape(spec: VelocitySpec, names: Sequence[str]) -> str:
+    return f"{spec.code}-{';'.join(names)}[;T]"
+
+
+def _names(kind: VelocityKind, wheels: WheelKinematics | None) -> tuple[str, ...]:
+    """Names of a command's values; of rim speeds there is one a wheel."""
+    if kind is not VelocityKind.WHEELS or wheels is None:
+        return kind.values
+    return tuple(f"W{number}" for number in range(1, len(wheels.wheels) + 1))
+
+
+def _numbers(argument: str | None) -> list[float] | str:
+    """The values between semicolons, or commas, or the reason there are none."""
+    values = []
+    for text in _BETWEEN.split(argument or ""):
+        value = parse_value(text or None)
+        if isinstance(value, str):
+            return value
+        if abs(value) > LARGEST_SPEED:
+            return f"{value:g} is beyond the limit of {LARGEST_SPEED:g}"
+        values.append(value)
+    return values
+
+
+def _changed(commanded: Twist, kind: VelocityKind, values: Sequence[float]) -> Twist:
+    if kind is VelocityKind.ALL:
+        return Twist(*values)
+    (value,) = values
+    if kind is VelocityKind.X:
+        return Twist(value, commanded.y, commanded.r)
+    if kind is VelocityKind.Y:
+        return Twist(commanded.x, value, commanded.r)
+    return Twist(commanded.x, commanded.y, value)

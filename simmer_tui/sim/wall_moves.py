@@ -1,0 +1,101 @@
+"""The moves that are left to a robot whose wheels turn while it touches something.
+
+Wheels slip alike in all directions, so that friction on the floor acts against the slip. Without friction
+on the wall the balance of forces along it gives the commanded velocity's own part along the wall; a wall's
+friction takes off as much of it as it is of the part into the wall, and the robot stands where it hits
+the wall nearly squarely.
+"""
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+from msgspec import Struct
+
+from simmer_tui.sim.angles import FloatArray, cos_sin, turned
+from simmer_tui.sim.arcs import Arc, Twist
+from simmer_tui.sim.contact import TOUCHING
+from simmer_tui.sim.footprint import Footprint
+from simmer_tui.sim.obstacles import Obstacles
+from simmer_tui.sim.path import distances
+from simmer_tui.sim.pose import Pose
+
+# Twice, since the place of a contact is itself good to TOUCHING.
+_NEAR = 2.0 * TOUCHING
+
+
+class WallMove(Struct, frozen=True):
+    """A move at a wall: global velocity (in/s), turning rate of its way and turning on the spot beside it
+    (deg/s). `brief` ones hold for a control period only, then the choice is made anew."""
+
+    velocity: tuple[float, float]
+    rate: float
+    spin: float = 0.0
+    brief: bool = True
+
+    def arc(self, pose: Pose, seconds: float) -> Arc:
+        """The motion of a robot at a pose by it."""
+        return Arc(pose, self.velocity, self.rate, seconds, self.spin)
+
+
+def wall_moves(
+    body: Footprint, obstacles: Obstacles, pose: Pose, own: Twist, friction: float
+) -> Iterator[WallMove]:
+    """The moves to try, in this order: as commanded, by `own`, its errors on other axes dropped; turning on
+    the spot; sliding along what it touches, the fastest first. A disc turns as commanded while it slides."""
+    arc = Arc.of(pose, own, 0.0)
+    yield WallMove(arc.velocity, own.r, brief=False)
+    is_disc = not len(body.vertices)
+    if own.r and not is_disc:
+        yield WallMove((0.0, 0.0), own.r)
+    spin = own.r if is_disc else 0.0
+    for velocity in _slides(_tangents(body, obstacles, pose), arc.velocity, friction):
+        yield WallMove(velocity, 0.0, spin)
+    if spin:
+        yield WallMove((0.0, 0.0), 0.0, spin)
+
+
+def _slides(
+    tangents: FloatArray, velocity: tuple[float, float], friction: float
+) -> list[tuple[float, float]]:
+    """Velocities along (n, 2) tangents, the fastest first: of the velocity's part along each as much as
+    friction with the part across leaves."""
+    vx, vy = velocity
+    slides = []
+    for x, y in tangents.tolist():
+        along, across = vx * x + vy * y, vy * x - vx * y
+        speed = abs(along) - friction * abs(across)
+        if speed > 0.0:
+            signed = math.copysign(speed, along)
+            slides.append((speed, (signed * x, signed * y)))
+    # A stable sort: of equally fast ones the first face of the maze comes first, on every machine.
+    slides.sort(key=lambda slide: -slide[0])
+    return [slide for _, slide in slides]
+
+
+def _tangents(body: Footprint, obstacles: Obstacles, pose: Pose) -> FloatArray:
+    """Directions along what the robot touches, (n, 2): faces of obstacles, its own edges at corners, and
+    across the line from its centre to a corner that a disc touches."""
+    place = np.array((pose.x, pose.y))
+    margin = body.reach + _NEAR
+    faces, corners = obstacles.near(place - margin, place + margin)
+    found = [np.empty((0, 2))]
+    if body.radius:
+        across, along = faces.places(place)
+        touches = np.abs(np.abs(across - faces.offset) - body.radius) <= _NEAR
+        found.append(faces.tangent[touches & (along >= faces.low) & (along <= faces.high)])
+        apart = place - corners
+        near = apart[np.abs(distances(apart[:, 0], apart[:, 1]) - body.radius) <= _NEAR]
+        found.append(np.column_stack((-near[:, 1], near[:, 0])) / body.radius)
+    if len(body.vertices):
+        cos, sin = cos_sin(pose.heading)
+        across, along = faces.places(turned(body.vertices, cos, sin) + place)
+        touches = np.abs(across - faces.offset) <= _NEAR
+        touches &= (along >= faces.low - _NEAR) & (along <= faces.high + _NEAR)
+        found.append(faces.tangent[touches.any(axis=0)])
+        edges = body.edges
+        across, along = edges.places(turned(corners - place, cos, -sin))
+        touches = np.abs(across - edges.offset) <= _NEAR
+        touches &= (along >= edges.low - _NEAR) & (along <= edges.high + _NEAR)
+        found.append(turned(edges.tangent[touches.any(axis=0)], cos, sin))
+    return np.concatenate(found)

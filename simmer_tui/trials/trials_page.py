@@ -1,0 +1,189 @@
+"""The page of a set of trials: how often it succeeds, why runs failed and where; the rest is folded."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+
+from simmer_tui.document.formats import LENGTH, SHARE, TextLink, number
+from simmer_tui.document.model import (
+    Bullets,
+    Document,
+    DocumentPart,
+    Folded,
+    KeyFigures,
+    Paragraph,
+    Prose,
+    SectionHeading,
+    ShareBar,
+    SideBySide,
+    Tone,
+    VerdictBox,
+)
+from simmer_tui.phrases import capitalized, counted
+from simmer_tui.sim.command import escape
+from simmer_tui.trials.explanations import WHY_FAILED
+from simmer_tui.trials.failures import CAUSES, counted_causes, failure_summary, rate
+from simmer_tui.trials.figures import histogram_figure, map_figure
+from simmer_tui.trials.folder import TrialFolder
+from simmer_tui.trials.intervals import distribution
+from simmer_tui.trials.run_findings import DEVICES
+from simmer_tui.trials.trial import RANDOM, Ending, TrialResult
+from simmer_tui.trials.trial_clock import clock_sentences, clocks_text
+from simmer_tui.trials.trials_summary import ports_advice, success_texts, tables
+
+_MAPS = 12
+"""Most mazes drawn: the page stays one that can be scrolled through."""
+_PER_RUN = number(".2g")
+_ENDINGS = {
+    Ending.SUCCESS: ("succeeded", Tone.GOOD),
+    Ending.CONTACTS: ("touched a wall", Tone.BAD),
+    Ending.TIME_LIMIT: ("ran out of time", Tone.MIXED),
+    Ending.REAL_TIME_LIMIT: ("ran out of real time", Tone.MIXED),
+    Ending.EXIT: ("ended before the goal", Tone.PLAIN),
+    Ending.SILENCE: ("sent no command", Tone.PLAIN),
+    Ending.FAULT: ("had a fault of the simulator", Tone.PLAIN),
+}
+"""Endings as the bar of outcomes words them, after a number."""
+# In front: what a reader looks for first.
+_SHOWN = (CAUSES.key, DEVICES.key, WHY_FAILED.key)
+
+
+def trials_page(folder: TrialFolder, run_pages: Mapping[int, str], required: float | None = None) -> Document:
+    """The page about the runs that are done; there must be one.
+
+    Args:
+        folder: The set of trials.
+        run_pages: Pages of runs that are linked to, by number.
+        required: The success rate of --require; None without it.
+    """
+    results, made = folder.done, {table.key: table for table in tables(folder)}
+    maps = _maps(folder, results, run_pages)
+    first_map = maps[:1] if len(maps) == 1 else []
+    summary = failure_summary(results)
+    failures: list[DocumentPart] = [made[key] for key in _SHOWN if key in made]
+    if run_pages:
+        failures.append(Bullets("Failed runs to play", _links(results, run_pages)))
+    parts: list[DocumentPart] = [
+        _about(folder, results),
+        _verdict(results, required),
+        _bar(results),
+        _figures(results, required),
+        Paragraph(ports_advice(results), kind="warning"),
+        *_beside(failures, first_map),
+        *((Bullets("", [summary], kind="card"),) if summary else ()),
+        Folded("Places of failures and contacts", () if first_map else maps),
+        Folded("Simulated time and distance", _histograms(results)),
+        Folded("All tables", [table for key, table in made.items() if key not in _SHOWN]),
+        Paragraph(" ".join(clock_sentences(folder.configuration, results)), kind="note"),
+    ]
+    return Document(f"Trials of {escape(folder.plan.command, 120)}", parts)
+
+
+def _about(folder: TrialFolder, results: Sequence[TrialResult]) -> Paragraph:
+    """Runs, set, seed and command, in one small line."""
+    plan = folder.plan
+    runs = counted(plan.runs, "run") if len(results) == plan.runs else f"{len(results)} of {plan.runs} runs"
+    clocks = clocks_text(results)
+    told = (
+        *(runs, f"set {escape(plan.configuration, 120)}", f"seed {plan.seed}"),
+        *((f"clock: {clocks}",) if clocks else ()),
+        escape(plan.command, 120),
+    )
+    return Paragraph(" · ".join(told), kind="run")
+
+
+def _verdict(results: Sequence[TrialResult], required: float | None) -> VerdictBox:
+    successes = sum(result.success for result in results)
+    headline, rated = success_texts(results)
+    text = f"{headline}: {rated}"
+    if required is None:
+        tone = Tone.GOOD if successes == len(results) else Tone.MIXED if successes else Tone.BAD
+        told = ""
+    else:
+        enough = rate(results).value >= required
+        headline += ": enough" if enough else ": too few"
+        tone = Tone.GOOD if enough else Tone.BAD
+        told = f", {required:g} is required"
+    sentence = f"{capitalized(rated)}{told}."
+    causes = counted_causes(results)
+    if causes:
+        name, group = causes[0]
+        sentence += (
+            f" Most frequent cause: {name}, {len(group)} of {counted(len(results) - successes, 'failure')}."
+        )
+    return VerdictBox(key="answer", text=text, headline=headline, tone=tone, sentence=(sentence,))
+
+
+def _bar(results: Sequence[TrialResult]) -> ShareBar:
+    counts = Counter(result.ending for result in results)
+    return ShareBar([(counts[ending], *words) for ending, words in _ENDINGS.items()])
+
+
+def _figures(results: Sequence[TrialResult], required: float | None) -> KeyFigures:
+    times = [result.time for result in results if result.success]
+    asked = "" if required is None else f", {SHARE.text(required)} required"
+    median = f"{LENGTH.text(distribution(times).median)} s" if times else "–"
+    contacts = _PER_RUN.text(sum(result.contacts for result in results) / len(results))
+    share = SHARE.text(rate(results).value)
+    return KeyFigures(
+        ((share, f"succeeded{asked}"), (median, "median of the successes"), (contacts, "contacts a run"))
+    )
+
+
+def _beside(failures: Sequence[DocumentPart], picture: Sequence[DocumentPart]) -> list[DocumentPart]:
+    """Failures, and beside them the one picture of all runs, if there are both."""
+    if not failures or not picture:
+        return [*failures, *picture]
+    about = Paragraph("Contacts (×) and ends of all runs.", kind="note")
+    return [SideBySide(failures, (*picture, about), even=True)]
+
+
+def _links(results: Sequence[TrialResult], run_pages: Mapping[int, str]) -> list[tuple[Prose, ...]]:
+    """The runs that can be looked at, by cause."""
+    items: list[tuple[Prose, ...]] = []
+    for name, group in counted_causes(results):
+        links = [
+            TextLink(f"run {each.number}", run_pages[each.number], each.why or each.reason)
+            for each in group
+            if each.number in run_pages
+        ]
+        if links:
+            rest = (piece for link in links[1:] for piece in (", ", link))
+            items.append((f"{name}: ", links[0], *rest))
+    return items
+
+
+def _maps(
+    folder: TrialFolder, results: Sequence[TrialResult], run_pages: Mapping[int, str]
+) -> list[DocumentPart]:
+    """A map a maze, those with most failures first; of mazes made for one run each, the failed ones."""
+    groups: dict[str, list[TrialResult]] = {}
+    for result in results:
+        if result.maze != RANDOM:
+            groups.setdefault(result.maze, []).append(result)
+        elif not result.success or result.contacts:
+            groups[f"run {result.number}"] = [result]
+    drawn = sorted(groups.items(), key=lambda item: -sum(not result.success for result in item[1]))
+    parts: list[DocumentPart] = []
+    for name, group in drawn[:_MAPS]:
+        label = escape(name, 80)
+        parts += [SectionHeading(label, 3)] if label else []
+        parts.append(map_figure(folder.maze(group[0].number), group, run_pages, f"Map {label}"))
+    if len(drawn) > _MAPS:
+        parts.append(Paragraph(f"and {len(drawn) - _MAPS} more mazes", kind="note"))
+    return parts or [Paragraph("No run failed, and no wall was touched.")]
+
+
+def _histograms(results: Sequence[TrialResult]) -> list[DocumentPart]:
+    parts: list[DocumentPart] = []
+    for title, unit, values in (
+        ("Simulated time, s", "s", [result.time for result in results]),
+        ("Distance driven, in", "in", [result.distance for result in results]),
+    ):
+        pairs = list(zip(results, values, strict=True))
+        done, failed = (
+            [each for result, each in pairs if result.success is wanted] for wanted in (True, False)
+        )
+        parts += [SectionHeading(title), histogram_figure(done, failed, unit)]
+    return parts

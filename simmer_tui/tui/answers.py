@@ -1,0 +1,417 @@
+"""Answers: what a person wants to know now, for the one place that the screen has for it.
+
+First steps before anything has happened, the movement under way, the end of a run, and what was asked for.
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
+from itertools import islice
+from textwrap import shorten
+
+from msgspec import Struct
+
+from simmer_tui.events import Event, EventHandler, MovementEnded, ProgramEnded, Result
+from simmer_tui.mission import MissionState
+from simmer_tui.phrases import contact_line, contacts_text, counted, movement_text, velocity_text
+from simmer_tui.program.crash import own_frames
+from simmer_tui.report.verdict import Outcome, Verdict
+from simmer_tui.report.why import NOTHING_MOVED, WhyFact
+from simmer_tui.sim.command import escape, parse_value, printable
+from simmer_tui.sim.scan_rays import extremes
+from simmer_tui.snapshot import LogEntry, Snapshot
+from simmer_tui.tui.event_text import clock, distance_off, grid_lines, off_text
+from simmer_tui.tui.line_panel import StyledLine, heading, length, shortened, wrapped
+from simmer_tui.tui.readouts import Room, goals_line, movement_line, spent_words, standing_scan
+from simmer_tui.tui.sensor_readouts import bearing_words
+
+_LONGEST = 400
+"""Characters of an error or a cause that are shown."""
+# Two frames say where and from where; each has a line of code below it.
+_FRAMES = 2
+_OUTPUT = 4
+"""Last lines of an error output that no frames are found in."""
+# A turn and the drive after it.
+_ENDED = 2
+"""Movements that are over and shown below the one under way."""
+# Three lines of 36 columns, with their indent: what it is. `:why` says all of it.
+_CAUSE = 98
+"""Characters of a cause at the end of a run, if its first sentence is not longer."""
+_LONG_SENTENCE = 140
+"""Characters of a sentence that are shown."""
+
+
+class AnswerCard(Struct, frozen=True):
+    """An answer: `title` and `note` are its heading, `lines` all of it, `brief` the same in three lines.
+
+    `role` is that of the title. An answer that `covers` stands on small screens in place of other lines.
+    """
+
+    title: str
+    note: str
+    lines: tuple[StyledLine, ...]
+    brief: tuple[StyledLine, ...] = ()
+    role: str = "title"
+    covers: bool = True
+
+    def shown(self, room: Room) -> list[StyledLine]:
+        """Lines for a room: with a heading, or on few rows in brief."""
+        if room.rows <= _BRIEF:
+            given = self.brief or self.lines
+            wide = [part for line in given for part in wrapped(((" ", "plain"), *line), room.width - 1, 2)]
+            return _fitted(wide, room)
+        head = heading(self.title, self.note, room.width, plain=room.plain)
+        rest = [part for line in self.lines for part in wrapped(line, room.width, 2)]
+        return [((self.title, self.role), *head[1:]), *_fitted(rest, room, 1)]
+
+    def rows(self, width: int) -> int:
+        """Rows that all of it takes, its heading included."""
+        return 1 + sum(len(wrapped(line, width, 2)) for line in self.lines)
+
+
+_BRIEF = 3
+"""Most rows that have no heading."""
+# The narrowest screen has 80, and a margin at both sides.
+_BRIEF_COLUMNS = 78
+"""Columns of such a row."""
+
+
+def _fitted(lines: Sequence[StyledLine], room: Room, taken: int = 0) -> list[StyledLine]:
+    """As many lines as there is room for. Where some are left out the last stays: it says what one can do."""
+    rows = max(room.rows - taken, 1)
+    if len(lines) <= rows:
+        return list(lines)
+    kept = list(lines[: rows - 1])
+    if kept:
+        kept[-1] = shortened((*kept[-1], (" " * room.width, "plain"), ("…", "mark")), room.width)
+    return [*kept, lines[-1]]
+
+
+# -- before anything has happened ------------------------------------------------------------------
+
+
+def first_steps(example: str, command: str, drive_keys: str) -> AnswerCard:
+    """Advice for a beginning.
+
+    Args:
+        example: Key that runs the sample program; empty if it cannot be run from here.
+        command: A command that drives the robot.
+        drive_keys: The keys that drive it.
+    """
+    typed: StyledLine = (("u1", "mark"), (" reads, ", "value"), (command, "mark"), (" drives", "value"))
+    keys: StyledLine = (("Esc", "mark"), (", then ", "value"), (drive_keys, "mark"), (" drives", "value"))
+    more: StyledLine = ((":help", "mark"), (" shows all there is to do", "value"))
+    if example:
+        run: StyledLine = ((example, "mark"), (" runs the example, wander.py", "value"))
+        second: StyledLine = (("or a program in another terminal:", "value"),)
+        steps = [_step(1, run), _step(2, second), _PYTHON]
+        brief: StyledLine = (*run, (";  elsewhere: ", "value"), *_PYTHON[1:])
+    else:
+        run = (("run a program in another terminal:", "value"),)
+        steps = [_step(1, run), _PYTHON]
+        brief = (("run in another terminal: ", "value"), *_PYTHON[1:])
+    first = len(steps)
+    steps += [_step(first, (("or type: ", "value"), *typed))]
+    steps += [_step(first + 1, (("or press ", "value"), *keys)), (("  ", "plain"), *more)]
+    lines = (
+        _step(1, brief),
+        _step(2, (("or type below: ", "value"), *typed, (" 3 in" if command.endswith("3") else "", "value"))),
+        _step(3, (("or press ", "value"), *keys, (";  ", "value"), *more)),
+    )
+    return AnswerCard("start", "", tuple(steps), lines)
+
+
+_PYTHON: StyledLine = (("  ", "plain"), ("python wander.py", "mark"))
+
+
+def _step(number: int, line: StyledLine) -> StyledLine:
+    return ((f"{number} ", "bold"), *line)
+
+
+# -- while the run goes on -------------------------------------------------------------------------
+
+
+def scan_answer(snapshot: Snapshot, *, plain: bool) -> AnswerCard | None:
+    """A scan that the robot has read since it came to stand, if it was read last."""
+    row = standing_scan(snapshot.state)
+    scan = None if row is None else row.reading.scan
+    if row is None or scan is None:
+        return None
+    sensor, found = row.reading.sensor, extremes(scan)
+    lines: list[StyledLine] = [
+        ((counted(len(scan.ranges), "point"), "bold"), (f", {360.0 / len(scan.ranges):.3g} deg apart", "dim"))
+    ]
+    for word, echo in (("nearest ", found.nearest), ("farthest ", found.farthest)):
+        if echo is not None:
+            far, where = f"{echo[0]:.1f} {sensor.unit}", bearing_words(echo[1], plain=plain)
+            lines.append(((word, "value"), (far, "bold"), (f" {where}", "value")))
+    error: StyledLine = ((f"   error {100 * sensor.error:g} %", "value"),) if sensor.error else ()
+    missed = counted(found.missed, "point")
+    lines.append((("no echo ", "value"), (missed, "value"), *error))
+    lines.append((("dots: where the beams ended", "dim"),))
+    return AnswerCard(sensor.code, "read last", tuple(lines), covers=False)
+
+
+def now_answer(snapshot: Snapshot, newest: Iterable[LogEntry], *, plain: bool) -> AnswerCard:
+    """The movement under way, the last two that are over, and the error of the belief; `newest` are events,
+    the newest first."""
+    lines: list[StyledLine] = []
+    going = movement_line(snapshot, plain=plain)
+    velocity = snapshot.state.velocity
+    if going:
+        lines.append(going)
+    elif velocity is not None:
+        lines.append(((velocity_text(velocity), "good"), (" until told otherwise", "value")))
+    ended = _EndedLine()
+    lines += islice(filter(None, (ended.handle(each.event) for each in newest)), _ENDED)
+    belief = snapshot.state.belief
+    if belief is not None:
+        lines.append((("belief is off ", "value"), (off_text(belief), "belief")))
+        lines += [((line, "belief"),) for line in (() if belief.grid is None else grid_lines(belief.grid))]
+    if snapshot.state.ended is not None:
+        lines.append(((":why", "mark"), (" explains the last movement", "value")))
+    elif not lines:
+        lines.append((("nothing has moved yet", "dim"),))
+    return AnswerCard("now", "", tuple(lines), covers=False)
+
+
+class _EndedLine(EventHandler[StyledLine]):
+    """Line of a movement that is over; none for any other event."""
+
+    def other(self, event: Event) -> StyledLine:
+        return ()
+
+    def on_ended(self, event: MovementEnded) -> StyledLine:
+        return ended_line(event)
+
+
+def ended_line(ended: MovementEnded) -> StyledLine:
+    """A movement that is over: `r1--30 turned -29.6 deg, asked -30`."""
+    command: StyledLine = ((ended.command.shown, "mark"), (" ", "plain"))
+    if ended.contact is not None:
+        return (*command, (contact_line(ended, ended.contact), "danger"))
+    value = parse_value(ended.command.argument)
+    asked = f", asked {value:g}" if isinstance(value, float) and ended.grip is None else ""
+    if ended.grip is not None:
+        text = "holding the block" if ended.grip.holding else "gripper closed" if ended.grip.closed else (
+            "gripper opened"
+        )  # fmt: skip
+        return (*command, (text, "value"))
+    by = f", stopped by {ended.stopped_by}" if ended.stopped_by else ""
+    return (*command, (f"{movement_text(ended)}{by or asked}", "value"))
+
+
+# -- what was asked for ----------------------------------------------------------------------------
+
+
+def why_answer(facts: Sequence[WhyFact], snapshot: Snapshot) -> AnswerCard:
+    """Reasons for the end of the last movement."""
+    ended = snapshot.state.ended
+    if ended is None or not facts:
+        return AnswerCard("why", "Esc closes", (((NOTHING_MOVED, "value"),),))
+    lines: tuple[StyledLine, ...] = tuple(
+        ((f"{fact.label:<8}", "label"), (fact.text, "danger" if fact.is_bad else "value")) for fact in facts
+    )
+    told = ", ".join(fact.text if fact.label == "errors" else f"{fact.label} {fact.text}" for fact in facts)
+    brief: StyledLine = ((f"why {ended.command.shown}  ", "title"), (told, "value"), ("   Esc closes", "dim"))
+    return AnswerCard(f"why {ended.command.shown}", "Esc closes", lines, (brief,))
+
+
+def program_output(program: ProgramEnded) -> str:
+    """The last lines of both outputs of a program that has ended."""
+    lines: list[str] = []
+    for name, told in (("standard error", program.stderr), ("standard output", program.stdout)):
+        lines += [f"Last lines of {name}", *(f"  {printable(line.text)}" for line in told), ""]
+    return "\n".join(lines)
+
+
+def verdict_answer(verdict: Verdict) -> AnswerCard:
+    """All that the verdict says."""
+    first, *rest = verdict.lines
+    role = "danger" if verdict.outcome.is_failure else "bold"
+    lines: list[StyledLine] = [((printable(first), role),)]
+    lines += [((printable(line), "value"),) for line in rest]
+    return AnswerCard("why", "Esc closes", tuple(lines))
+
+
+def verdict_so_far(snapshot: Snapshot) -> Sequence[str]:
+    """The verdict, or while there is none how the run stands."""
+    if snapshot.verdict is not None:
+        return snapshot.verdict.lines
+    state = snapshot.state
+    contacts, commands = contacts_text(state.contacts), counted(state.commands, "command")
+    return (f"Still going after {state.time:.1f} s: {commands}, {state.distance:.1f} in driven, {contacts}.",)
+
+
+def bias_answer(bias: Mapping[str, tuple[float, float, float]]) -> AnswerCard:
+    """The drives' bias, by kind of movement: x, y and rotation."""
+    lines: list[StyledLine] = [(("             x        y        r", "label"),)]
+    for kind, numbers in bias.items():
+        lines.append(((f"{kind:<6}", "label"), ("".join(f"{each:+9.4f}" for each in numbers), "value")))
+    return AnswerCard("drive bias", "Esc closes", tuple(lines))
+
+
+def note(title: str, text: str, role: str = "value") -> AnswerCard:
+    """A sentence for a person, about what they have just done."""
+    return AnswerCard(title, "Esc closes", (((printable(text), role),),))
+
+
+# -- the end of a run ------------------------------------------------------------------------------
+
+
+def end_answer(snapshot: Snapshot, *, orders: bool) -> AnswerCard | None:
+    """The end of a run: outcome, cause, the program's last lines, numbers, and what one can do now.
+
+    None while it goes on. Without `orders`, as in a replay, nothing is offered.
+    """
+    mission, verdict = snapshot.mission, snapshot.verdict
+    over = mission if mission is not None and mission.over else None
+    if over is not None and over.result is Result.SUCCESS:
+        return _success(snapshot, over, orders=orders)
+    crashed = None if verdict is None else _crashed(verdict)
+    if crashed is not None:
+        return _crash(snapshot, crashed, orders=orders)
+    if over is not None:
+        return _failure(snapshot, escape(over.reason, _LONGEST), orders=orders)
+    if verdict is None or verdict.outcome is Outcome.STILL_GOING:
+        return None
+    if verdict.outcome.is_failure:
+        return _failure(snapshot, _silent_text(verdict) or printable(verdict.text), orders=orders)
+    text: StyledLine = ((printable(verdict.text), "value"),)
+    return AnswerCard("result", "", (text, _numbers(snapshot), *_offered(_AFTERWARDS, orders=orders)))
+
+
+def _crashed(verdict: Verdict) -> ProgramEnded | None:
+    """The program of a run that ended by its crash."""
+    program = verdict.program
+    has_crashed = program is not None and program.crashed and verdict.outcome is Outcome.CRASHED
+    return program if has_crashed else None
+
+
+_REPORT = (":report", "page")
+_AFTERWARDS = ((":why", "more"), _REPORT, ("R", "again"))
+"""Orders and keys offered after the end of a run, each with its effect."""
+
+
+def _success(snapshot: Snapshot, mission: MissionState, *, orders: bool) -> AnswerCard:
+    belief = snapshot.state.belief
+    off: StyledLine = ()
+    if belief is not None:
+        off = (*_GAP, ("belief ", "label"), (f"{distance_off(belief):.1f}", "bold"), (" in off", "label"))
+    distance: StyledLine = ((f"{mission.distance:.1f}", "bold"), (" in driven", "label"))
+    contacts, commands = _amount(mission.contacts, "contact"), _amount(mission.commands, "command")
+    driven: StyledLine = (*contacts, *_GAP, *distance)
+    went: StyledLine = (
+        ("Succeeded", "good"),
+        (f" in {mission.time:.1f} s of {mission.plan.time_limit:g} s", "value"),
+    )
+    offered = _offered(_AFTERWARDS[1:], orders=orders)
+    notes = _notes(snapshot.verdict)
+    # Row 0 has the outcome and its time.
+    numbers: StyledLine = (*driven, *_GAP, *commands)
+    times: StyledLine = (*_GAP, *spent_words(mission.spent))
+    if length(numbers) + length(times) <= _BRIEF_COLUMNS:
+        numbers = (*numbers, *times)
+    second = notes[:1] or [goals_line(mission)]
+    return AnswerCard(
+        "result",
+        "",
+        (went, driven, (*commands, *off), *notes, *offered),
+        (numbers, *second, *offered),
+        role="good",
+    )
+
+
+_GAP: StyledLine = (("   ", "plain"),)
+
+
+def _notes(verdict: Verdict | None) -> list[StyledLine]:
+    """Note on events after the end of a mission, such as a crash."""
+    return [] if verdict is None else [((printable(each), "value"),) for each in verdict.notes]
+
+
+def _failure(snapshot: Snapshot, reason: str, *, orders: bool) -> AnswerCard:
+    verdict, mission = snapshot.verdict, snapshot.mission
+    cause = None if verdict is None else verdict.cause
+    lines: list[StyledLine] = [((reason, "danger"),)]
+    if cause is not None:
+        lines.append(((_first_sentences(printable(cause.text)), "value"),))
+    offered = _offered(_AFTERWARDS, orders=orders)
+    notes = _notes(verdict)
+    brief = (lines[-1], *notes, (*_numbers(snapshot), *_GAP, *(offered[0] if offered else ())))
+    lines += [*notes, _numbers(snapshot)]
+    at = clock(mission.time) if mission is not None else ""
+    return AnswerCard("why it failed", f"at {at}" if at else "", (*lines, *offered), brief, role="danger")
+
+
+def _first_sentences(text: str) -> str:
+    """As many whole sentences of a cause as there is room for; a long first one is cut."""
+    first, *more = text.replace(". ", ".\n").split("\n")
+    shown = shorten(first, _LONG_SENTENCE, placeholder=" …")
+    for sentence in more:
+        if len(shown) + 1 + len(sentence) > _CAUSE:
+            break
+        shown += f" {sentence}"
+    return shown
+
+
+def _crash(snapshot: Snapshot, program: ProgramEnded, *, orders: bool) -> AnswerCard:
+    """The error of a program, and the calls that led to it, the innermost first."""
+    lines: list[StyledLine] = [((escape(program.error, _LONGEST), "danger"),)]
+    if program.signal:
+        lines = [((f"The program was ended by signal {program.exit_code - 128}.", "danger"),), *lines]
+    frames = own_frames([line.text for line in program.stderr])[:_FRAMES]
+    calls: list[StyledLine] = []
+    for frame in frames:
+        place: StyledLine = ((frame.place, "mark"), (f" in {frame.function}", "label"))
+        calls.append(place)
+        if frame.code:
+            calls.append(((f"    {printable(frame.code)}", "value"),))
+    if not frames and program.place:
+        calls.append(((printable(program.place), "mark"),))
+    elif not frames:
+        said = [line.text.rstrip() for line in program.stderr if line.text.strip()]
+        calls += [((printable(line), "value"),) for line in said[-_OUTPUT:]]
+    offered = _offered(((":program", "whole error"), _REPORT), orders=orders)
+    first: StyledLine = (*lines[0], (f"   exit code {program.exit_code}", "dim"))
+    brief_calls = (
+        (*calls[0], *_GAP, *calls[1]) if len(calls) > 1 else calls[0] if calls else _numbers(snapshot)
+    )
+    brief = (first, brief_calls, (*_numbers(snapshot), *_GAP, *(offered[0] if offered else ())))
+    note = f"exit code {program.exit_code}"
+    told = (*lines, *calls, _numbers(snapshot), *offered)
+    return AnswerCard("why it ended", note, told, brief, role="danger")
+
+
+def _silent_text(verdict: Verdict) -> str:
+    """End of a program that printed no error; empty if there is more to say."""
+    program = verdict.program
+    if program is None or program.crashed:
+        return ""
+    code = program.exit_code
+    if not code:
+        return "The program ended and never connected."
+    return "" if program.stderr else f"The program ended with exit code {code} and printed no error."
+
+
+def _numbers(snapshot: Snapshot) -> StyledLine:
+    """Three numbers of a run, until its mission ended: simulated time, commands, contacts."""
+    mission = snapshot.mission
+    run = mission if mission is not None and mission.over else snapshot.state
+    contacts = _amount(run.contacts, "contact", "danger" if run.contacts else "bold")
+    time: StyledLine = ((f"{run.time:.1f}", "bold"), (" s", "label"))
+    return (*time, *_GAP, *_amount(run.commands, "command"), *_GAP, *contacts)
+
+
+def _amount(number: int, noun: str, role: str = "bold") -> StyledLine:
+    """`1 contact`, `1,200 commands`: the number stands out."""
+    word = counted(number, noun).partition(" ")[2]
+    return (f"{number:,}", role), (f" {word}", "label")
+
+
+def _offered(orders_and_words: Sequence[tuple[str, str]], *, orders: bool) -> tuple[StyledLine, ...]:
+    """Orders to go on with, in one line; none without `orders`."""
+    if not orders:
+        return ()
+    pieces: list[tuple[str, str]] = []
+    for order, word in orders_and_words:
+        pieces += [(order, "mark"), (f" {word}  ", "label")]
+    return (tuple(pieces),)

@@ -1,0 +1,257 @@
+"""Delta writer: terminal sequences for the cells that differ from those on the screen, and for no others.
+
+It knows what the terminal shows, where its cursor stands and which style it writes in. So it skips cells
+that stay, and of a style it sends only what changes. `textual_internals` puts it in place.
+"""
+
+from collections.abc import Iterable
+from functools import lru_cache
+from typing import Final
+
+from msgspec import Struct
+from rich.cells import get_character_cell_size
+from rich.color import ColorSystem
+from rich.segment import Segment
+from rich.style import Style
+from textual.strip import Strip
+
+# `CSI 12 G` has five bytes, so four cells cost no more than the jump over them.
+_BRIDGE = 4
+"""Most equal cells in a row that are sent again rather than jumped over."""
+_ON = ("1", "2", "3", "4", "5", "6", "7", "8", "9", "21", "51", "52", "53")
+"""SGR code that switches each attribute on, in the order of the bits in which Rich keeps them."""
+_OFF = ("22", "22", "23", "24", "25", "25", "27", "28", "29", "24", "54", "54", "55")
+# Underline, reverse, strike, double underline, frame, circle, overline.
+_SEEN_ON_BLANKS = 1 << 3 | 1 << 6 | 1 << 8 | 0b1111 << 9
+"""Bits of the attributes that change how a blank looks."""
+_ANY = ""
+"""Foreground of a blank: it shows none."""
+_UNKNOWN = -1
+"""Cell of which nothing is known; it differs from every other."""
+# Code points have 21 bits.
+_PEN_SHIFT: Final = 21
+_CHARACTER: Final = (1 << _PEN_SHIFT) - 1
+# A screen of this app has some hundred; fading notifications make more.
+_MOST_PENS = 4096
+"""Pens after which all of them, and all that is known of the screen, are forgotten."""
+# Some 500 bytes each.
+_MOST_TEXTS = 8192
+"""Texts whose cells are kept."""
+_END: Final = 1 << 16
+"""Column beyond that of any terminal."""
+
+
+class Pen(Struct, frozen=True):
+    """Style as a terminal keeps it: attributes as bits, and the SGR codes of its two colours."""
+
+    attributes: int = 0
+    foreground: str = "39"
+    background: str = "49"
+
+    @property
+    def for_blank(self) -> "Pen":
+        """Part of it that a blank shows."""
+        return self if self.attributes & _SEEN_ON_BLANKS else Pen(0, _ANY, self.background)
+
+
+_PLAIN = Pen()
+
+
+class DeltaWriter:
+    """Keeps what a terminal shows, and makes the sequences of what is to change on it."""
+
+    def __init__(self) -> None:
+        self._screen = 0, 0, ColorSystem.TRUECOLOR
+        self._rows: list[list[int]] = []
+        """Cells on the screen, each the number of its pen and its character, or `_UNKNOWN`."""
+        self._forget_pens()
+        self._out: list[str] = []
+        # Where the cursor stands; -1 for a place that is not known.
+        self._row = self._column = -1
+        self._pen = 0
+
+    def begin(self, width: int, height: int, colors: ColorSystem, *, anew: bool = False) -> None:
+        """Begin an update of a screen. `anew` forgets what it shows, as another size than before does."""
+        screen = width, height, colors
+        if anew or self._screen != screen or len(self._pens) > _MOST_PENS:
+            self._screen = screen
+            self._rows = [[_UNKNOWN] * width for _ in range(height)]
+            self._forget_pens()
+        # Others write between two updates, and leave the cursor anywhere.
+        self._row = self._column = -1
+
+    def end(self) -> str:
+        """Sequences of the update. The terminal is in no style after it, as others expect it to be."""
+        if self._pen:
+            self._out.append("\x1b[0m")
+            self._pen = 0
+        text, self._out = "".join(self._out), []
+        return text
+
+    def write(
+        self, row: int, column: int, segments: Iterable[Segment], first: int = 0, last: int = _END
+    ) -> None:
+        """Have segments stand on the screen from a cell on, if in columns `first` to `last`."""
+        cells: list[int] = []
+        known = self._known
+        for text, style, _ in segments:
+            found = known.get((text, style))
+            if found is None:
+                found = known[text, style] = self._cells_of(text, style)
+            if found:
+                cells += found
+            elif text:
+                self._write_wide(row, column, segments, first, last)
+                return
+        begin, end = max(first - column, 0), max(last - column, 0)
+        self._write_cells(row, column + begin, cells[begin:end])
+
+    # -- within ----------------------------------------------------------------------------------
+
+    def _forget_pens(self) -> None:
+        self._pens: list[Pen] = []
+        self._numbers: dict[Pen, int] = {}
+        self._known: dict[tuple[str, Style | None], list[int]] = {}
+        """Cells of texts written before: most of a picture comes again with the next one."""
+        self._changes: dict[tuple[int, int], tuple[str, int]] = {}
+        self._number(_PLAIN)
+
+    def _number(self, pen: Pen) -> int:
+        number = self._numbers.get(pen)
+        if number is None:
+            number = self._numbers[pen] = len(self._pens)
+            self._pens.append(pen)
+        return number
+
+    def _cells_of(self, text: str, style: Style | None) -> list[int]:
+        """Cells of a text; none for one of which something takes two cells or none, or that is a link."""
+        if len(self._known) >= _MOST_TEXTS:
+            self._known.clear()
+        is_link = style is not None and style.link is not None
+        if is_link or not (text.isascii() or all(get_character_cell_size(each) == 1 for each in text)):
+            return []
+        pen = pen_of(style, self._screen[2])
+        letters = self._number(pen) << _PEN_SHIFT
+        # Blanks share one value whatever the colour of their letters would be.
+        blank = self._number(pen.for_blank) << _PEN_SHIFT | ord(" ")
+        return [blank if each == " " else letters | ord(each) for each in text]
+
+    def _write_cells(self, row: int, column: int, cells: list[int]) -> None:
+        """Write those of some cells that the screen does not show."""
+        if not cells or not 0 <= row < len(self._rows):
+            return
+        shown = self._rows[row]
+        last = column + len(cells)
+        if shown[column:last] == cells:
+            return
+        out, changes = self._out, self._changes
+        for at, cell in enumerate(cells, column):
+            if shown[at] == cell:
+                continue
+            shown[at] = cell
+            if self._row != row or self._column != at:
+                self._go(row, at)
+            number = cell >> _PEN_SHIFT
+            if number != self._pen:
+                change = changes.get((self._pen, number))
+                if change is None:
+                    change = changes[self._pen, number] = self._change(number)
+                out.append(change[0])
+                self._pen = change[1]
+            out.append(chr(cell & _CHARACTER))
+            self._column = at + 1
+        if self._column >= self._screen[0]:
+            self._row = -1  # a terminal may or may not have wrapped
+
+    def _go(self, row: int, column: int) -> None:
+        """Move the cursor, over few cells that stay by writing them again."""
+        if self._row != row:
+            self._out.append(f"\x1b[{row + 1};{column + 1}H")
+        else:
+            between = self._rows[row][self._column : column]
+            ahead = 0 <= column - self._column <= _BRIDGE
+            if ahead and all(self._fits(cell) for cell in between):
+                self._out.append("".join(chr(cell & _CHARACTER) for cell in between))
+            else:
+                # By its number, not by a distance: a terminal may take some characters for wide.
+                self._out.append(f"\x1b[{column + 1}G")
+        self._row, self._column = row, column
+
+    def _fits(self, cell: int) -> bool:
+        """True for a cell that needs no other pen than the present one."""
+        return cell != _UNKNOWN and self._changed(self._pens[cell >> _PEN_SHIFT]) == self._pens[self._pen]
+
+    def _changed(self, wanted: Pen) -> Pen:
+        """Pen in which something of another pen can be written: a blank leaves what it does not show."""
+        if wanted.foreground != _ANY:
+            return wanted
+        pen = self._pens[self._pen]
+        return Pen(pen.attributes & ~_SEEN_ON_BLANKS, pen.foreground, wanted.background)
+
+    def _change(self, number: int) -> tuple[str, int]:
+        """Sequence from the present pen to another, and the number of the pen after it."""
+        before, after = self._pens[self._pen], self._changed(self._pens[number])
+        codes = change_of(before, after)
+        return (f"\x1b[{codes}m" if codes else ""), self._number(after)
+
+    def _write_wide(self, row: int, column: int, segments: Iterable[Segment], first: int, last: int) -> None:
+        """Write a line in which a character takes two cells or none, or that has a link: always, since how a
+        terminal shows it is not sure."""
+        if self._pen:
+            self._out.append("\x1b[0m")
+            self._pen = 0
+        strip = Strip(segments)
+        begin = max(first - column, 0)
+        strip = strip.crop(begin, min(max(last - column, 0), strip.cell_length))
+        colors = self._screen[2]
+        shown = "".join(
+            text if style is None else style.render(text, color_system=colors) for text, style, _ in strip
+        )
+        self._out.append(f"\x1b[{row + 1};{column + begin + 1}H{shown}")
+        if 0 <= row < len(self._rows):
+            cells = self._rows[row]
+            end = min(column + begin + strip.cell_length, len(cells))
+            cells[column + begin : end] = [_UNKNOWN] * max(end - column - begin, 0)
+        self._row = -1
+
+
+# A picture has dozens of styles and thousands of texts.
+@lru_cache(maxsize=_MOST_PENS)
+def pen_of(style: Style | None, colors: ColorSystem) -> Pen:
+    """Pen of a style, in the colours that a terminal has."""
+    if style is None:
+        return _PLAIN
+    attributes = sum(1 << bit for bit, name in enumerate(_NAMES) if getattr(style, name))
+    foreground, background = _PLAIN.foreground, _PLAIN.background
+    if style.color is not None:
+        foreground = ";".join(style.color.downgrade(colors).get_ansi_codes())
+    if style.bgcolor is not None:
+        background = ";".join(style.bgcolor.downgrade(colors).get_ansi_codes(foreground=False))
+    return Pen(attributes, foreground, background)
+
+
+_NAMES = (
+    *("bold", "dim", "italic", "underline", "blink", "blink2", "reverse", "conceal", "strike"),
+    *("underline2", "frame", "encircle", "overline"),
+)
+"""Attributes of a style in the order of their bits."""
+
+
+def change_of(before: Pen, after: Pen) -> str:
+    """SGR codes that turn one pen into another, the fewest bytes of them; empty for the same."""
+    removed = before.attributes & ~after.attributes
+    offs = dict.fromkeys(off for bit, off in enumerate(_OFF) if removed >> bit & 1)
+    # A code switches off all attributes of its kind, so those of them that stay are switched on again.
+    kept = [bit for bit, off in enumerate(_OFF) if off not in offs and before.attributes >> bit & 1]
+    ons = [on for bit, on in enumerate(_ON) if after.attributes >> bit & 1 and bit not in kept]
+    delta = [*offs, *ons]
+    if after.foreground != before.foreground:
+        delta.append(after.foreground)
+    if after.background != before.background:
+        delta.append(after.background)
+    whole = ["0", *(on for bit, on in enumerate(_ON) if after.attributes >> bit & 1)]
+    if after.foreground != _PLAIN.foreground:
+        whole.append(after.foreground)
+    if after.background != _PLAIN.background:
+        whole.append(after.background)
+    return min(";".join(delta), ";".join(whole), key=len)

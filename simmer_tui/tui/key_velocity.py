@@ -1,0 +1,121 @@
+"""The velocity of a driving key that is held, with `--keys-velocity`."""
+
+import time
+from collections.abc import Callable
+
+from simmer_tui.config.keys import keys_of
+from simmer_tui.operating.robot_operator import DRIVES, Operator
+from simmer_tui.server import Server
+from simmer_tui.sim.command import parse_command
+from simmer_tui.sim.specs import DriveKind
+from simmer_tui.sim.velocity_commands import WAIT
+from simmer_tui.tui.key_table import driving_keys
+
+# A terminal tells of presses alone: that a key is held shows in its repeats. Systems begin to repeat
+# after 0.25 to 0.66 s, and go on 20 to 40 times a second.
+_FIRST = 0.7
+"""Real seconds that the velocity lasts after the first press of a key."""
+_REPEATED = 0.25
+"""Real seconds that it lasts after each repeat."""
+_OLD = 0.2
+"""Real seconds after which a press is dropped: it was meant for where the robot was then."""
+PERIOD = 1 / 15
+"""Real seconds between two looks at a velocity that lasts."""
+_HAIR = 0.005
+"""Seconds: more than the roundings of a hundred waits."""
+_STANDING = "0;0;0"
+# VX, VY or OMEGA of a drive, and its sign: a twist has +X forward, +Y to the left and turns left.
+_COMPONENTS = {
+    DriveKind.RIGHT: (0, 1.0),
+    DriveKind.LEFT: (0, -1.0),
+    DriveKind.UP: (1, 1.0),
+    DriveKind.DOWN: (1, -1.0),
+    DriveKind.ROT: (2, 1.0),
+}
+
+
+class KeyVelocity:
+    """Drives the robot at a velocity while a key is held.
+
+    The velocity is sent with its end, so the robot stands though the screen hangs or its terminal is gone.
+    """
+
+    def __init__(
+        self, operator: Operator, server: Server, clock: Callable[[], float] = time.monotonic
+    ) -> None:
+        """`clock` gives real seconds, for presses and for `pass_time`."""
+        self._operator, self._server, self._clock = operator, server, clock
+        self._screen = server.configuration.settings.screen
+        keys = server.configuration.settings.keys
+        self._driving_keys, self._stop_keys = driving_keys(keys), frozenset(keys_of(keys, "stop"))
+        self._held: tuple[str, bool] | None = None
+        self._until = self._passed = self._age = 0.0
+
+    def note_key(self, key: str, age: float) -> None:
+        """Take note that a key, empty for one that is not the maze's, was pressed `age` real seconds ago. Any
+        but a driving key ends the velocity; the one that stops does so by itself."""
+        self._age = age
+        if key in self._stop_keys:
+            self._held = None
+        elif key not in self._driving_keys:
+            self.release()
+
+    def drive(self, name: str, fine: bool) -> str:
+        """Drive by the driving key `name`, the one noted last. Returns what is wrong, if anything is."""
+        code, engine = self._operator.velocity_code, self._server.engine
+        if not code:
+            return "keys-velocity: this set's drive.csv has no enabled row velocity"
+        if engine.paused:
+            return "paused: a held key drives again after a resume"
+        if self._age > _OLD:
+            return ""
+        self.pass_time()
+        seconds = _REPEATED if self._held == (name, fine) else _FIRST
+        now = self._clock()
+        if self._held is None:
+            self._passed = now
+        self._held, self._until = (name, fine), now + seconds
+        simulated = seconds * (engine.time_scale if engine.timed else 1.0)
+        self._send(f"{code}-{self._velocity(name, fine)};{simulated:g}")
+        return ""
+
+    def release(self) -> None:
+        """End the velocity, for another key."""
+        if self._held is not None:
+            self._held = None
+            self._send(f"{self._operator.velocity_code}-{_STANDING}")
+
+    def pass_time(self) -> None:
+        """Let the velocity last until now. To be called every `PERIOD` while it lasts.
+
+        In instant motion, whose time only commands pass, this sends waits. A real robot that does not know
+        of a velocity's end is told it.
+        """
+        if self._held is None:
+            return
+        now = min(self._clock(), self._until)
+        is_real = self._server.robot is not None
+        is_over = now >= self._until
+        if not is_real and not self._server.engine.timed and now > self._passed:
+            # The last wait goes a hair further than all of them were rounded, else the velocity would last.
+            self._send(f"{WAIT}-{now - self._passed + _HAIR * is_over:.4f}")
+        self._passed = now
+        if is_over:
+            if is_real:
+                self.release()
+            self._held = None
+
+    def _velocity(self, name: str, fine: bool) -> str:
+        kind, sign = DRIVES[name]
+        component, direction = _COMPONENTS[kind]
+        screen = self._screen
+        if kind is DriveKind.ROT:
+            size = screen.keys_turn_speed * (screen.fine_turn / screen.turn if fine and screen.turn else 1.0)
+        else:
+            size = screen.keys_speed * (screen.fine_step / screen.step if fine and screen.step else 1.0)
+        values = [0.0, 0.0, 0.0]
+        values[component] = sign * direction * size
+        return ";".join(f"{value:g}" for value in values)
+
+    def _send(self, text: str) -> None:
+        self._operator.send(parse_command(text, "keys"))

@@ -1,0 +1,105 @@
+"""One sensor looked at closely: where it sits, where it looks, and what it read."""
+
+from collections.abc import Mapping, Sequence
+
+from simmer_tui.phrases import counted
+from simmer_tui.run.state import SensorRow
+from simmer_tui.sim.records import LidarScan
+from simmer_tui.sim.scan_rays import extremes
+from simmer_tui.sim.sensors import LidarSpec
+from simmer_tui.sim.specs import SensorSpec
+from simmer_tui.snapshot import Snapshot
+from simmer_tui.tui.event_text import clock
+from simmer_tui.tui.gauges import sparkline
+from simmer_tui.tui.line_panel import StyledLine, heading
+from simmer_tui.tui.sensor_readouts import bearing_sign, with_unit
+
+_LABEL = 9
+"""Columns of the labels."""
+# Inches; the panel shows tenths.
+_NEAR = 0.05
+
+
+def sensor_facts(
+    snapshot: Snapshot,
+    width: int,
+    chosen: str,
+    past: Mapping[str, Sequence[float]],
+    sensors: Sequence[SensorSpec],
+    *,
+    plain: bool,
+) -> list[StyledLine]:
+    """Lines about the sensor `chosen`, or else the one read last, below a heading. `past` has the readings
+    before, by code."""
+    rows = sorted(snapshot.state.sensors.values(), key=lambda row: row.number)
+    code = chosen or (rows[-1].reading.sensor.code if rows else "")
+    sensor = next((each for each in sensors if each.code == code), None)
+    if sensor is None:
+        return [heading("sensor", "", width, plain=plain), (("none read yet", "dim"),)]
+    note = "click on another" if chosen else f"read last; :help {code}"
+    lines = [heading(f"sensor {code}", note, width, plain=plain)]
+    told = ("rolls" if sensor.kind.counts else "looks", _looks(sensor)), ("sits", _sits(sensor))
+    lines += [_fact(label, text) for label, text in told if text]
+    row = snapshot.state.sensors.get(code)
+    if row is not None and row.reading.scan is not None:
+        return [*lines, *_scan_facts(row, row.reading.scan, plain=plain)]
+    if row is None:
+        return [*lines, (("read".ljust(_LABEL), "label"), ("not yet", "dim"))]
+    error = f", error {100 * sensor.error:g} %" if sensor.error else ""
+    value = with_unit(row.reading.value, sensor)
+    read: StyledLine = (
+        ("read".ljust(_LABEL), "label"),
+        (value, "newest"),
+        (f" at {clock(row.time)}{error}", "value"),
+    )
+    values = past.get(code, row.history)
+    count = min(len(values), width - _LABEL)
+    curve = sparkline(values, count, plain=plain)
+    return [*lines, read, ((f"last {count}".ljust(_LABEL), "label"), (curve, "newest"))]
+
+
+def _scan_facts(row: SensorRow, scan: LidarScan, *, plain: bool) -> list[StyledLine]:
+    """When a scan was read, and what stands out in it."""
+    sensor, found = row.reading.sensor, extremes(scan)
+    told = f" at {clock(row.time)}, revolution {scan.revolution:,}"
+    points = (counted(len(scan.ranges), "point"), "newest")
+    read: StyledLine = (("read".ljust(_LABEL), "label"), points, (told, "value"))
+    if found.nearest is None or found.farthest is None:
+        return [read, _fact("nearest", "no echo all around")]
+    (near, at), (far, beyond) = found.nearest, found.farthest
+    signs = [bearing_sign(bearing, plain=plain) for bearing in (at, beyond)]
+    missed = f", {found.missed} no echo" if found.missed else ""
+    text = f"{near:.1f} {sensor.unit} {signs[0]}, farthest {far:.1f} {sensor.unit} {signs[1]}{missed}"
+    return [read, _fact("nearest", text)]
+
+
+def _fact(label: str, text: str) -> StyledLine:
+    return (label.ljust(_LABEL), "label"), (text, "value")
+
+
+def _looks(sensor: SensorSpec) -> str:
+    """Direction from the robot's front and width of the beam; empty for what looks nowhere."""
+    wide = f", {sensor.field_of_view:g} deg wide" if sensor.kind.has("field_of_view") else ""
+    if isinstance(sensor, LidarSpec):
+        way = "clockwise" if sensor.clockwise else "counter-clockwise"
+        return f"all around, {way}, {sensor.scan_rate:g} scans a second"
+    if not sensor.kind.has("rotation"):
+        return f"straight down{wide}" if wide else ""
+    angle = (sensor.rotation + 180.0) % 360.0 - 180.0
+    if not angle:
+        return f"ahead{wide}"
+    if abs(angle) == 180.0:
+        return f"to the rear{wide}"
+    return f"{abs(angle):g} deg to the {'left' if angle > 0 else 'right'} of the front{wide}"
+
+
+def _sits(sensor: SensorSpec) -> str:
+    """Place from the robot's centre; empty for what may sit anywhere."""
+    if not sensor.kind.has("x"):
+        return ""
+    along = f"{abs(sensor.x):.1f} in {'ahead' if sensor.x > 0 else 'behind'}"
+    aside = f"{abs(sensor.y):.1f} in {'left' if sensor.y > 0 else 'right'}"
+    parts = [along] if abs(sensor.x) >= _NEAR else []
+    parts += [aside] if abs(sensor.y) >= _NEAR else []
+    height = [f"{sensor.z:g} in up"] if sensor.kind.has("z") else []
+    return ", ".join((parts or ["at the centre"]) + height)

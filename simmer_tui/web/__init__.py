@@ -1,0 +1,1 @@
+"""A run live in browsers: one page, fed as the run goes."""

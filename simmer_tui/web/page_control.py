@@ -1,0 +1,91 @@
+"""The part that a viewer takes in the run: lines and keys, carried out as those of the console are."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from simmer_tui.config.keys import keys_of, shifted
+from simmer_tui.config.settings import KeySettings
+from simmer_tui.errors import ConsoleCommandError
+from simmer_tui.events import Action
+from simmer_tui.operating.orders import Local, read_console_command
+from simmer_tui.operating.robot_operator import DRIVES, Operator
+from simmer_tui.server import Server
+from simmer_tui.sim.command import Command
+
+PRESSES = ("stop", "poll", "reset", "pause", "step")
+"""The keys of the maze that do something to the robot without driving it."""
+# Textual's names of keys, and those of browsers where they differ.
+_BROWSER_KEYS = {
+    "up": "ArrowUp",
+    "down": "ArrowDown",
+    "left": "ArrowLeft",
+    "right": "ArrowRight",
+    "space": " ",
+    "home": "Home",
+    "end": "End",
+    "pageup": "PageUp",
+    "pagedown": "PageDown",
+    "insert": "Insert",
+    "delete": "Delete",
+    "backspace": "Backspace",
+}
+
+
+class PageControl:
+    """Carries out what viewers ask for. Programs and files are not among it."""
+
+    def __init__(self, server: Server) -> None:
+        """Before the server starts, or in the robot's thread."""
+        self._server = server
+        self._spec = server.configuration.simulation
+        self._operator = Operator(server)
+
+    def give(self, line: str, tell: Callable[[str], None]) -> None:
+        """Carry out a line of the console; `tell` is told what is wrong, in any thread."""
+        try:
+            order = read_console_command(line, self._spec)
+        except ConsoleCommandError as error:
+            tell(str(error))
+            return
+        if isinstance(order, Command):
+            self._operator.send(order, tell)
+        elif isinstance(order, Action):
+            self._complain(self._operator.perform(order), tell)
+        else:
+            self._follow(order, tell)
+
+    def press(self, name: str, tell: Callable[[str], None], *, fine: bool = False) -> None:
+        """Do what the key of that name does on the screen: drive by a step, stop, read all sensors ..."""
+        if name in DRIVES:
+            self._complain(self._operator.drive(name, fine), tell)
+        elif name in PRESSES:
+            self._complain(self._operator.press(name, self._server.engine.paused), tell)
+
+    def _follow(self, order: Local, tell: Callable[[str], None]) -> None:
+        if order.name == "step":
+            self.press("step", tell)
+        elif order.name == "vv":
+            self._complain(self._operator.drive_for(order.argument, tell), tell)
+        else:
+            tell(f":{order.name} is for the simulator's own screen; pages give orders to the robot alone")
+
+    @staticmethod
+    def _complain(text: str, tell: Callable[[str], None]) -> None:
+        if text:
+            tell(text)
+
+
+def page_keys(keys: KeySettings) -> dict[str, list[Any]]:
+    """By the browser's name of a key what it does: name, and 1 if it is the fine step."""
+    made: dict[str, list[Any]] = {}
+    for name in (*DRIVES, *PRESSES):
+        for key in keys_of(keys, name):
+            browser = _BROWSER_KEYS.get(key, key)
+            if len(key) > 1 and browser == key:
+                continue  # signs and function keys mean other things in browsers
+            made[browser] = [name, 0]
+            if name in DRIVES:
+                made[shifted(key) if len(key) == 1 else f"shift+{browser}"] = [name, 1]
+    return made

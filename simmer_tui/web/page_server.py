@@ -1,0 +1,338 @@
+"""The page's own thread: it takes in what happens, encodes what is new once, and sends it to all viewers.
+
+The robot's thread never waits for it: events come over a queue, and commands go the way of the console's.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import socket
+import threading
+from functools import partial
+from http import HTTPStatus
+from typing import Any
+
+import msgspec
+from msgspec import Struct
+from websockets.datastructures import MultipleValuesError
+from websockets.http11 import Request, Response
+
+from simmer_tui.config.settings import WEB_PORT
+from simmer_tui.errors import PortError
+from simmer_tui.links.access import AccessCheck
+from simmer_tui.links.owners import OwnerLookup
+from simmer_tui.links.peer import MOST_CONNECTIONS, MOST_WAITING, PIECE, ReadBudget
+from simmer_tui.links.ports import Acceptor, Listener, PortRequest, take_port
+from simmer_tui.report.verdict import Verdict
+from simmer_tui.run.attempt import task_of
+from simmer_tui.server import Server
+from simmer_tui.web.live_page import PageResponses, live_html
+from simmer_tui.web.page_access import PageAccess, PageLink, PageRole, shown_host
+from simmer_tui.web.page_control import PageControl, page_keys
+from simmer_tui.web.run_frames import RunFrames
+from simmer_tui.web.viewer import Viewer, framed
+
+_LOCAL = "127.0.0.1"
+# In timed motion what is shown is to be 0.2 s old at most; 50 ms of them pass between two frames.
+_TIMED, _INSTANT = 0.05, 0.1
+"""Seconds between two frames, in timed motion and else."""
+# The picture is older by their distance: with 4 it was 0.2 s old, and on a busy machine 0.3.
+_STILL = 2
+"""Of so many frames in timed motion one is sent while the robot stands and nothing happens."""
+_HEARTBEAT = 2.0
+"""Seconds after which viewers are told that the run goes on, though nothing is new."""
+# Judged: browsers send the word as soon as they are connected.
+_TO_JOIN = 5.0
+"""Seconds in which a connection must have asked for the page, or said its word."""
+_WRONG_WORD = 1.0
+"""Seconds that a wrong word costs who has said it."""
+# A page is one request and one viewer. What comes faster than this waits in the system's queue.
+_MOST_AT_ONCE, _BREATHER = 20, 0.1
+"""Connections let in before the port rests, and for how many seconds."""
+_ENDING = 1.0
+"""Seconds in which the thread is to end."""
+_WRONG, _MALFORMED, _GOING_AWAY = 4401, 4400, 1001
+"""Codes with which a viewer is left: wrong word, no such message, the run is over."""
+
+
+class ViewerMessage(Struct):
+    """A message from a browser: the word comes first, then lines and keys."""
+
+    word: str | None = None
+    line: str = ""
+    key: str = ""
+    fine: bool = False
+
+
+class PageServer:
+    """Shows a run in browsers."""
+
+    def __init__(self, server: Server) -> None:
+        """Take the page's port; `server` has not been started. Raises PortError."""
+        settings = server.configuration.settings
+        self._settings = settings.web
+        self._server = server
+        self._listener = self._take_port()
+        self._owners = None if self._settings.host else OwnerLookup()
+        for sock in self._listener.sockets if self._owners is not None else ():
+            self._owners.hold_ends(sock)  # type: ignore[union-attr]
+        # Where the system does not tell of owners, other users of this machine need a word as well.
+        words = self._owners is None or not self._owners.is_possible
+        host = self._settings.host
+        self._access = PageAccess(words=words, control=self._settings.control, host=host)
+        self.links: tuple[PageLink, ...] = self._access.links(
+            shown_host(host) if host else _LOCAL, self._listener.port
+        )
+        """The links to the page. Whoever has one may come in, so that no log has them."""
+        plan = None if server.referee is None else server.referee.plan
+        self._task = None if plan is None else task_of(server.configuration, server.seed, plan)
+        self._responses = PageResponses(live_html(server.configuration, self._task, server.seed))
+        self._loop = asyncio.SelectorEventLoop()
+        self._thread = threading.Thread(target=self._run, name="page", daemon=True)
+        self._period = _TIMED if server.engine.timed else _INSTANT
+        self._viewers: set[Viewer] = set()
+        self._strangers: dict[Viewer, None] = {}
+        """Connections that have not said a word, the oldest first."""
+        self._sent = 0.0
+        self._ticks = self._let_in = 0
+        self._is_asking = False
+        """True while the robot's thread has not said how far simulated time has come."""
+        self._is_ending = False
+
+    def _take_port(self) -> Listener:
+        host = self._settings.host or _LOCAL
+        request = PortRequest(int(self._settings.port), "page", "--web")
+        try:
+            return take_port(host, request)
+        except PortError as error:
+            if self._settings.port != WEB_PORT:
+                raise PortError(str(error).replace("--host", "--web-host")) from None
+        # Several people on one machine each have a page.
+        listener = take_port(host, PortRequest(0, "page", "--web"))
+        self._server.warnings.append(
+            f"port {WEB_PORT} (page) is in use, perhaps by another simmer-tui: it is {listener.port} here"
+        )
+        return listener
+
+    @property
+    def shown_links(self) -> tuple[str, ...]:
+        """The links as lines for people."""
+        return tuple(f"page to {link.role.value}: {link.address}" for link in self.links)
+
+    def prepare(self) -> None:
+        """Watch the run from here on; before it starts."""
+        self._frames = RunFrames(self._server, self._task)
+        self._control = PageControl(self._server)
+
+    def start(self) -> None:
+        """Begin to serve."""
+        self._thread.start()
+
+    def judged(self, verdict: Verdict) -> None:
+        """Show the verdict on a run that is over. Any thread may call."""
+        self._call(self._frames.judge, verdict)
+
+    def stop(self) -> None:
+        """Tell viewers that the run is over, and end. May be called more than once."""
+        if self._thread.is_alive():
+            self._call(self._begin_end)
+            self._thread.join(_ENDING)  # a daemon: it does not hold up anybody
+        elif not self._loop.is_closed():
+            self._listener.close()
+            self._loop.close()
+
+    def _call(self, function: Any, *arguments: Any) -> None:
+        with contextlib.suppress(RuntimeError):  # the thread has ended
+            self._loop.call_soon_threadsafe(function, *arguments)
+
+    # -- the thread ------------------------------------------------------------------------------
+
+    def _run(self) -> None:
+        asyncio.set_event_loop(self._loop)
+        self._loop.call_soon(self._open)
+        try:
+            self._loop.run_forever()
+        finally:
+            self._acceptor.close()
+            for viewer in (*self._viewers, *self._strangers):
+                viewer.abort()
+            if self._owners is not None:
+                self._owners.close()
+            self._loop.run_until_complete(asyncio.sleep(0))
+            self._loop.close()
+
+    def _open(self) -> None:
+        self._budget = ReadBudget(4 * PIECE, counted=False)
+        # `Server.tell` passes notices on to the robot's thread.
+        check = AccessCheck(
+            self._server, self._owners, way_in="--web-host ADDRESS lets others look, by a link"
+        )
+        self._acceptor = Acceptor(self._listener, self._welcome, check)
+        self._tick()
+
+    def _begin_end(self) -> None:
+        if self._is_ending:
+            return
+        self._is_ending = True
+        self._acceptor.pause()
+        for viewer in tuple(self._strangers):
+            viewer.abort()
+        self._frames.take_in()
+        self._publish({"over": True})
+        for viewer in tuple(self._viewers):
+            viewer.end(_GOING_AWAY, "the run is over")
+        self._end_when_alone(self._loop.time() + Viewer.closing)
+
+    def _end_when_alone(self, until: float) -> None:
+        if self._viewers and self._loop.time() < until:
+            self._loop.call_later(0.01, self._end_when_alone, until)
+        else:
+            self._loop.stop()
+
+    # -- frames ----------------------------------------------------------------------------------
+
+    def _tick(self) -> None:
+        self._loop.call_later(self._period, self._tick)
+        self._ticks += 1
+        for viewer in tuple(self._viewers):
+            if viewer.has_stalled():
+                viewer.abort()
+            else:
+                viewer.hold(False)
+        # By the program's clock time passes with events alone, and nothing may wake the robot's thread.
+        if not self._is_asking and self._server.clock is None:
+            with contextlib.suppress(RuntimeError):  # the robot's thread has ended: no time passes
+                self._server.call(self._note_time)
+                self._is_asking = True
+                return
+        # The robot's thread may be held up, but not those who want to know that the run goes on.
+        self._show_news()
+
+    def _note_time(self) -> None:
+        """Note simulated time, in the robot's thread."""
+        self._frames.note_time()
+        self._call(self._time_noted)
+
+    def _time_noted(self) -> None:
+        self._is_asking = False
+        self._show_news()
+
+    def _show_news(self) -> None:
+        """Send what is new, if anything is."""
+        frames = self._frames
+        has_news = frames.take_in()
+        if not self._viewers:
+            frames.forget()
+        # A robot that stands and a clock that goes on need fewer frames.
+        elif has_news or frames.has_passed(is_due=self._ticks % _STILL == 0) or self._is_silent():
+            self._publish({})
+
+    def _is_silent(self) -> bool:
+        return self._loop.time() - self._sent >= _HEARTBEAT
+
+    def _publish(self, told: dict[str, Any]) -> None:
+        """Send what is new to all viewers: encoded once."""
+        self._sent = self._loop.time()
+        frame = self._frames.next(told)
+        for viewer in self._viewers:
+            viewer.owe(frame)
+
+    # -- viewers ---------------------------------------------------------------------------------
+
+    def _welcome(self, sock: socket.socket, name: str) -> None:
+        self._let_in += 1
+        if self._let_in == 1:
+            self._loop.call_later(_BREATHER, self._breathe)
+        elif self._let_in == _MOST_AT_ONCE:
+            self._acceptor.pause()
+        if len(self._viewers) + len(self._strangers) >= MOST_CONNECTIONS:
+            self._acceptor.turn_away(sock, name)
+            return
+        # Connections that say nothing must not fill the port for those that do.
+        silent = [each for each in self._strangers if not each.is_guessing]
+        if len(silent) >= MOST_WAITING:
+            silent[0].abort()
+        viewer = Viewer(sock, name, self._budget, self)
+        self._strangers[viewer] = None
+        self._loop.call_later(_TO_JOIN, self._give_up, viewer)
+
+    def _breathe(self) -> None:
+        if self._let_in >= _MOST_AT_ONCE and not self._is_ending:
+            self._acceptor.resume()
+        self._let_in = 0
+
+    def _give_up(self, viewer: Viewer) -> None:
+        if viewer in self._strangers:
+            viewer.abort()
+
+    def response(self, request: Request) -> Response | None:
+        """The page, or a refusal; None for a browser that is on our page and wants to look."""
+        refused = self._responses.refused
+        try:
+            host, origin = request.headers.get("Host", ""), request.headers.get("Origin")
+            upgrade = request.headers.get("Upgrade", "")
+        except MultipleValuesError:
+            return refused(HTTPStatus.BAD_REQUEST, "a header stands there twice")
+        if not self._access.is_host(host):
+            return refused(
+                HTTPStatus.FORBIDDEN, "this is no name of the simulator's machine: use its address"
+            )
+        if getattr(request, "method", "GET") != "GET":  # older versions let nothing else come so far
+            return refused(HTTPStatus.METHOD_NOT_ALLOWED, "nothing but GET is answered here")
+        if upgrade.lower() == "websocket":
+            # No page of anybody else may look through a browser of ours, let alone drive.
+            if origin is None or not self._access.is_origin(origin, host):
+                return refused(HTTPStatus.FORBIDDEN, "another page may not look in here")
+            return None
+        if request.path.partition("?")[0] == "/":
+            return self._responses.page(host)
+        return refused(HTTPStatus.NOT_FOUND, "there is one page here: /")
+
+    def message_received(self, viewer: Viewer, data: bytes) -> None:
+        """A word, a line or a key."""
+        try:
+            message = msgspec.json.decode(data, type=ViewerMessage)
+        except msgspec.MsgspecError:
+            viewer.end(_MALFORMED, "no such message")
+            return
+        if viewer.role is None:
+            if not viewer.is_guessing:
+                self._take_word(viewer, message.word or "")
+        elif viewer.role is PageRole.DRIVE:
+            tell = partial(self._call, self._tell, viewer)
+            if message.line:
+                self._control.give(message.line, tell)
+            elif message.key:
+                self._control.press(message.key, tell, fine=message.fine)
+
+    def _tell(self, viewer: Viewer, text: str) -> None:
+        if viewer in self._viewers:
+            viewer.owe(framed(msgspec.json.encode({"told": text})))
+
+    def _take_word(self, viewer: Viewer, word: str) -> None:
+        role = self._access.role_of(word)
+        if role is None:
+            viewer.is_guessing = True
+            viewer.hold(True)
+            self._loop.call_later(_WRONG_WORD, viewer.end, _WRONG, "wrong word")
+            return
+        del self._strangers[viewer]
+        viewer.role = role
+        self._join(viewer)
+
+    def _join(self, viewer: Viewer) -> None:
+        """Give a viewer the run so far; from then on it gets what is new."""
+        if not self._frames.has_whole:
+            self._publish({})  # so that the others have had all that the newcomer gets
+        keys = page_keys(self._server.configuration.settings.keys) if viewer.role is PageRole.DRIVE else {}
+        viewer.owe(framed(msgspec.json.encode({"role": viewer.role, "keys": keys})))
+        for frame in self._frames.whole():
+            viewer.owe(frame)
+        viewer.forgive()
+        self._viewers.add(viewer)
+
+    def viewer_gone(self, viewer: Viewer) -> None:
+        """A connection is no more."""
+        self._viewers.discard(viewer)
+        self._strangers.pop(viewer, None)

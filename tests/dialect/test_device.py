@@ -1,0 +1,392 @@
+"""The robot's own program played by rules, with a wire, a robot and a clock that the test moves."""
+
+from __future__ import annotations
+
+import heapq
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from simmer_tui.config.dialect_parts import Parts
+from simmer_tui.config.dialect_reader import load_dialect
+from simmer_tui.config.loader import find_set, load
+from simmer_tui.dialect.device import DialectDevice, MoveEnd
+from simmer_tui.errors import Problem
+
+BEGIN = 1000.3
+
+
+@dataclass
+class Ended:
+    """The end of a movement."""
+
+    refused: str = ""
+    touched: bool = False
+    stopped: bool = False
+
+
+class Later:
+    """A call that is due later."""
+
+    def __init__(self, call: Callable[[], None]) -> None:
+        self.call: Callable[[], None] | None = call
+
+    def cancel(self) -> None:
+        self.call = None
+
+
+class Host:
+    """A robot whose movements end when the test says, and whose sensors read a number each."""
+
+    def __init__(self) -> None:
+        self.now = BEGIN
+        self.log: list[str] = []
+        self.told: list[str] = []
+        self.mentioned: list[str] = []
+        self.under_way: list[Callable[[MoveEnd], None]] = []
+        self.readings = {"u1": 10.0, "u2": float("inf")}
+        self.reads = 0
+        self.read_time = 0.0
+        self._due: list[tuple[float, int, Later]] = []
+
+    def call_later(self, seconds: float, call: Callable[[], None]) -> Later:
+        later = Later(call)
+        heapq.heappush(self._due, (self.now + seconds, len(self._due) + self.reads, later))
+        return later
+
+    def pass_time(self, seconds: float) -> None:
+        """Let time pass."""
+        until = self.now + seconds
+        while self._due and self._due[0][0] <= until + 1e-9:
+            due, _, later = heapq.heappop(self._due)
+            self.now = max(self.now, due)
+            if later.call is not None:
+                later.call()
+        self.now = max(self.now, until)
+
+    def read(self, codes: Sequence[str], done: Callable[[Mapping[str, float]], None]) -> None:
+        self.reads += len(codes)
+        values = {code: self.readings[code] for code in codes}
+        if self.read_time:
+            self.call_later(self.read_time * len(codes), lambda: done(values))
+        else:
+            done(values)
+
+    def move(self, command: str, done: Callable[[MoveEnd], None]) -> None:
+        self.log.append(command)
+        self.under_way.append(done)
+
+    def end(self, ended: Ended | None = None) -> None:
+        """End the movement under way."""
+        self.under_way.pop(0)(ended or Ended())
+
+    def drive(self, velocity: tuple[float, float, float] | None, seconds: float | None) -> str:
+        self.log.append(f"{velocity} {seconds}")
+        return ""
+
+    def halt(self, by: str = "") -> None:
+        self.log.append(f"halt by {by}" if by else "halt")
+        ended, self.under_way = self.under_way, []
+        for done in ended:
+            done(Ended(stopped=True))
+
+    def send(self, data: bytes, *, droppable: bool = False) -> None:
+        self.log.append(f"< {data.decode('latin-1')}")
+
+    def done(self, message: bytes, meaning: str) -> None:
+        pass
+
+    def tell(self, text: str) -> None:
+        self.told.append(text)
+
+    def mention(self, text: str) -> None:
+        self.mentioned.append(text)
+
+    def take(self) -> list[str]:
+        """Events since they were taken last."""
+        taken, self.log = self.log, []
+        return taken
+
+
+COMMANDS = """
+[[command]]
+match = "get"
+reply = "{u1*cm:.1f},{u2:.1f},{u1:d}"
+[[command]]
+match = "slow {s}"
+takes = "s"
+reply = "slept"
+[[command]]
+match = "f {n}"
+do = ["d1-{n}", "pause 0.5", "r1-5", "count = count + 1"]
+reply = "+"
+done = "ok {contact} {count}"
+stopped = "cut {count}"
+[[command]]
+match = "t {s}"
+do = "run d1 for {s} s"
+done = "ran"
+stopped = "ran less"
+[[command]]
+match = "back {s}"
+do = "run -d1 for {s} s"
+done = "back"
+[[command]]
+match = "w"
+do = "run d1"
+[[command]]
+match = "x"
+do = "stop"
+reply = "stopped"
+[[command]]
+match = "near {n}"
+do = "d1-{u1 - n}"
+[[command]]
+match = "late"
+do = "d1-1"
+busy = "drop"
+[state]
+count = 0
+"""
+
+
+def device(tmp_path: Path, head: str = "", commands: str = COMMANDS) -> tuple[DialectDevice, Host]:
+    """A device of the default set with these rules, its port open."""
+    (tmp_path / "dialect.toml").write_text(head + commands, "utf-8")
+    spec = load(find_set("default")).simulation
+    problems: list[Problem] = []
+    parts = Parts(spec.sensors, spec.drives, spec.gripper, spec.velocities)
+    rules = load_dialect(tmp_path, parts, problems)
+    assert problems == []
+    assert rules is not None
+    host = Host()
+    made = DialectDevice(rules, host)
+    made.opened()
+    return made, host
+
+
+def test_a_sensor_is_read_once_a_reply_however_often_it_is_written(tmp_path: Path) -> None:
+    robot, host = device(tmp_path, '[reply]\nend = "\\r\\n"\nmissing = "-1"\n')
+    robot.received(b"get\n")
+    assert host.take() == ["< 25.4,-1,10\r\n"]
+    assert host.reads == 2
+
+
+def test_a_reply_comes_after_takes_and_the_read_times_with_the_values_of_their_moment(tmp_path: Path) -> None:
+    robot, host = device(
+        tmp_path, commands='[[command]]\nmatch = "get"\ntakes = 0.25\nreply = "{u1:g} {time:.2f}"\n'
+    )
+    host.read_time = 0.04
+    robot.received(b"get\n")
+    host.pass_time(0.24)
+    host.readings["u1"] = 7.0
+    host.pass_time(0.02)
+    host.readings["u1"] = 99.0
+    assert host.take() == []
+    host.pass_time(0.03)
+    assert host.take() == ["< 7 1000.59"]
+
+
+def test_steps_come_one_after_the_other_and_done_last(tmp_path: Path) -> None:
+    robot, host = device(tmp_path)
+    robot.received(b"f 12\n")
+    assert host.take() == ["< +", "d1-12"]
+    host.end(Ended(touched=True))
+    host.pass_time(0.4)
+    assert host.take() == []
+    host.pass_time(0.2)
+    assert host.take() == ["r1-5"]
+    host.end()
+    assert host.take() == ["< ok 1 1"]
+
+
+def test_a_movement_waits_for_the_one_before_and_questions_do_not(tmp_path: Path) -> None:
+    robot, host = device(tmp_path)
+    robot.received(b"f 1\nnear 4\nget\n")
+    assert host.take() == ["< +", "d1-1", "< 25.4,inf,10"]
+    host.end()
+    host.pass_time(0.5)
+    host.end()
+    assert host.take() == ["r1-5", "< ok 0 1", "d1-6.0"]
+
+
+def test_what_does_not_fit_into_the_buffer_is_lost_and_told_once(tmp_path: Path) -> None:
+    robot, host = device(tmp_path, "[robot]\nbuffer = 12\n")
+    robot.received(b"f 1\n" + b"near 4\n" * 5)
+    assert len(host.told) == 1
+    assert "7 bytes wait already, and the robot's buffer has 12" in host.told[0]
+    host.end()
+    host.pass_time(0.5)
+    host.end()
+    host.end()
+    assert [each for each in host.take() if each.startswith("d1")] == ["d1-1", "d1-6.0"]
+
+
+def test_a_movement_replaces_the_one_before_with_all_its_steps(tmp_path: Path) -> None:
+    robot, host = device(tmp_path, '[robot]\nbusy = "replace"\n')
+    robot.received(b"f 12\n")
+    robot.received(b"f 3\n")
+    assert host.take() == ["< +", "d1-12", "< cut 0", "halt", "< +", "d1-3"]
+    host.end()
+    host.pass_time(1.0)
+    host.end()
+    assert host.take() == ["r1-5", "< ok 0 1"]
+
+
+def test_a_run_of_the_same_drive_goes_on_without_a_halt(tmp_path: Path) -> None:
+    robot, host = device(tmp_path, '[robot]\nbusy = "replace"\n')
+    robot.received(b"t 0.3\n")
+    host.pass_time(0.2)
+    robot.received(b"t 0.3\n")
+    assert host.take() == ["(6.0, 0.0, 0.0) 0.3", "(6.0, 0.0, 0.0) 0.3"]
+    host.pass_time(0.2)
+    assert host.take() == []
+    host.pass_time(0.2)
+    assert host.take() == ["< ran"]
+    robot.received(b"t 1\n")
+    robot.received(b"back 1\n")
+    assert host.take() == ["(6.0, 0.0, 0.0) 1.0", "< ran less", "halt", "(-6.0, -0.0, -0.0) 1.0"]
+
+
+def test_a_dropped_message_is_told(tmp_path: Path) -> None:
+    robot, host = device(tmp_path)
+    robot.received(b"f 1\nlate\n")
+    assert host.take() == ["< +", "d1-1"]
+    assert host.told == ["'late' is lost: the robot is busy"]
+
+
+def test_a_stop_goes_first_and_forgets_what_waits(tmp_path: Path) -> None:
+    robot, host = device(tmp_path)
+    robot.received(b"f 1\nf 2\nx\n")
+    assert host.take() == ["< +", "d1-1", "< stopped", "< cut 0", "halt"]
+    robot.received(b"f 3\n")
+    assert host.take() == ["< +", "d1-3"]
+
+
+def test_an_untimed_run_goes_on_until_a_stop_or_the_end_of_its_program(tmp_path: Path) -> None:
+    robot, host = device(tmp_path)
+    robot.received(b"w\n")
+    host.pass_time(60)
+    assert host.take() == ["(6.0, 0.0, 0.0) None"]
+    robot.received(b"x\n")
+    assert host.take() == ["< stopped", "halt"]
+    robot.received(b"w\n")
+    robot.closed()
+    assert host.take() == ["(6.0, 0.0, 0.0) None", "halt"]
+
+
+@pytest.mark.parametrize(("head", "log"), [("runs_on = true", []), ("halts_after = 2", ["halt by watchdog"])])
+def test_a_run_may_go_on_without_its_program_or_end_with_silence(
+    tmp_path: Path, head: str, log: list[str]
+) -> None:
+    robot, host = device(tmp_path, f"[robot]\n{head}\n")
+    robot.received(b"w\n")
+    host.take()
+    host.pass_time(1.9)
+    assert host.take() == []
+    host.pass_time(0.2)
+    if not log:
+        robot.closed()
+    assert host.take() == log
+
+
+def test_people_who_stop_the_robot_end_the_message(tmp_path: Path) -> None:
+    robot, host = device(tmp_path)
+    robot.received(b"f 1\nf 2\n")
+    host.end(Ended(stopped=True))
+    assert host.take() == ["< +", "d1-1", "< cut 0"]
+    robot.received(b"get\n")
+    assert host.take() == ["< 25.4,inf,10"]
+
+
+def test_a_refused_step_ends_the_message_without_done(tmp_path: Path) -> None:
+    robot, host = device(tmp_path)
+    robot.received(b"f 1\n")
+    host.end(Ended(refused="the value is beyond 1e6"))
+    assert host.take() == ["< +", "d1-1"]
+    assert host.told == ["'f {n}' at dialect.toml:9:command.3: the value is beyond 1e6"]
+
+
+def test_unknown_messages_and_noise_are_told_with_the_nearest_pattern(tmp_path: Path) -> None:
+    robot, host = device(tmp_path, commands=COMMANDS + '[unknown]\nreply = "? {text}"\n')
+    robot.received(b"GET\nf  x\n")
+    assert host.take() == ["< ? GET", "< ? f  x"]
+    assert host.told[0] == "'GET' is no message of the dialect; 'get' differs in case"
+    assert robot.unknown == 2
+    robot.received(b"half")
+    robot.closed()
+    assert host.told[-1] == "4 bytes dropped, a message without its end: 'half'"
+
+
+def test_a_mistake_that_is_repeated_is_told_once_and_counted_at_the_end(tmp_path: Path) -> None:
+    robot, host = device(tmp_path)
+    for _ in range(50):
+        robot.received(b"GET\n")
+    assert len(host.told) == 1
+    robot.closed()
+    assert host.told[1:] == [f"50 times in all: {host.told[0]}"]
+    assert host.told[0].startswith("'GET' is no message")
+    host.told.clear()
+    for number in range(100):
+        robot.received(b"word%d\n" % number)
+    robot.closed()
+    assert len(host.told) == 21
+    assert host.told[-1] == "20 different faults were told, 80 more were not"
+
+
+def test_bytes_are_lost_while_it_boots_and_then_it_greets(tmp_path: Path) -> None:
+    robot, host = device(tmp_path, '[robot]\nboot = 1.5\ngreeting = "ready"\n')
+    robot.received(b"get\n")
+    assert host.told == [r"'get\n' is lost: the robot boots for 1.5 s after the port was opened"]
+    host.pass_time(2)
+    robot.received(b"get\n")
+    assert host.take() == ["< ready", "< 25.4,inf,10"]
+
+
+def test_a_stream_comes_by_itself_while_its_condition_holds(tmp_path: Path) -> None:
+    stream = '[[stream]]\nevery = 0.1\nsend = "{tick},{u1:g}"\nif = "on"\n'
+    on = '[state]\non = 1\n[[command]]\nmatch = "quiet"\ndo = "on = 0"\n'
+    robot, host = device(tmp_path, commands=stream + on)
+    host.pass_time(0.35)
+    assert host.take() == ["< 0,10", "< 1,10", "< 2,10"]
+    robot.received(b"quiet\n")
+    host.pass_time(1)
+    robot.closed()
+    host.pass_time(1)
+    assert host.take() == []
+
+
+def test_codes_in_the_expression_itself_are_read(tmp_path: Path) -> None:
+    robot, host = device(tmp_path, commands='[[command]]\nmatch = "g"\nreply = "{named(\'u1,u2\')}"\n')
+    robot.received(b"g\n")
+    assert host.take() == ["< u1:10.00,u2:inf"]
+
+
+def test_messages_of_a_stream_that_are_late_are_sent_at_once_up_to_a_second(tmp_path: Path) -> None:
+    robot, host = device(tmp_path, commands='[[stream]]\nevery = 0.1\nsend = "{tick}"\n')
+    host.pass_time(0.15)
+    host.now += 0.5  # the machine is busy with something else
+    host.pass_time(0.0)
+    assert host.take() == [f"< {tick}" for tick in range(6)]
+    host.now += 60
+    host.pass_time(0.1)
+    assert host.mentioned == ["598 messages of a stream that were more than 1 s late are left out"]
+    assert host.take() == ["< 6", "< 605", "< 606"]
+    robot.closed()
+
+
+def test_an_expression_that_fails_is_told_with_its_place(tmp_path: Path) -> None:
+    robot, host = device(tmp_path, commands='[[command]]\nmatch = "p {n}"\ndo = "d1-{pick(n, 1, 2)}"\n')
+    robot.received(b"p 7\n")
+    assert host.take() == []
+    assert host.told == ["dialect.toml:1:command.1: do: pick(7, ...) has 2 values, counted from 0"]
+
+
+def test_codes_that_a_message_names_are_read(tmp_path: Path) -> None:
+    commands = '[[command]]\nmatch = "read {codes:list}"\nreply = "[{named(codes)}]"\n'
+    made, host = device(tmp_path, "", commands)
+    made.received(b"read u1,u2, zz\n")
+    assert host.take() == ["< [u1:10.00,u2:inf,zz:inf]"]
+    assert host.reads == 2

@@ -1,0 +1,110 @@
+"""An exchange with a real robot against a dialect: every way in which they may differ."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from simmer_tui.cli.main import main
+from simmer_tui.config.loader import find_set, init_set
+from tests.links.sketch_robot import DIALECT
+
+TO, FROM = "to", "from"
+SLOW = DIALECT.replace('match = "get"', 'match = "get"\ntakes = 0.3')
+RIGHT = [
+    (0.0, TO, "get\n"),
+    (0.02, FROM, "25.4,14"),
+    (0.03, FROM, ".2 led 0\r\n"),
+    (1.0, TO, "light\n"),
+    (1.5, TO, "f 3\n"),
+    (2.4, FROM, "ok\r\n"),
+    (3.0, TO, "x\n"),
+]
+
+
+def checked(
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    pieces: list[tuple[float, str, str]],
+    dialect: str = DIALECT,
+    *options: str,
+) -> tuple[int, str]:
+    """The exit code and the output of `check --against` for an exchange."""
+    if not (tmp_path / "set").exists():
+        init_set(tmp_path / "set", find_set("default"))
+    (tmp_path / "set/dialect.toml").write_text(dialect, "utf-8")
+    lines = [{"baud": 9600}, *({"t": time, side: data} for time, side, data in pieces)]
+    path = tmp_path / "exchange.jsonl"
+    path.write_text("".join(json.dumps(line) + "\n" for line in lines), "utf-8")
+    code = main(["check", str(tmp_path / "set"), "--against", str(path), *options])
+    return code, capsys.readouterr().out
+
+
+def test_a_dialect_that_answers_as_the_robot_did(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert checked(tmp_path, capsys, RIGHT) == (
+        0, "4 messages of the dialect; the dialect answers as the robot did\n",
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("pieces", "told"),
+    [
+        ([(0.0, TO, "Get\n")], "2: 'Get' is no message of the dialect; 'get' differs in case"),
+        (
+            [(0.0, TO, "get\n"), (0.02, FROM, "25.4;14.2 led 0\r\n")],
+            "3: 'get': the robot says '25.4;14.2 led 0', and the dialect '{u1*cm:.1f},{u2*cm",
+        ),
+        (
+            [(0.0, TO, "get\n"), (3.0, TO, "x\n")],
+            "2: 'get': the robot does not answer, and the dialect says '{u1*cm:.1f}",
+        ),
+        (
+            [(0.0, TO, "f 1\n"), (9.0, TO, "x\n")],
+            "2: 'f {n}': the robot says nothing at its end, and the dialect says 'ok'",
+        ),
+        (
+            [(0.0, TO, "x\n"), (0.1, FROM, "stopped\r\n")],
+            "3: the robot says 'stopped', and the dialect nothing",
+        ),
+        (
+            [(0.0, TO, "get\n"), (0.5, FROM, "25.4,14.2 led 0\r\n")],
+            "2: 'get' is answered after 0.48 s; the dialect has takes = 0",
+        ),
+    ],
+)
+def test_what_is_otherwise_is_told_with_its_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], pieces: list[tuple[float, str, str]], told: str
+) -> None:
+    code, out = checked(tmp_path, capsys, pieces)
+    assert code == 1
+    assert out.splitlines()[0].startswith(f"exchange.jsonl:{told}")
+    assert out.endswith("; 1 difference\n")
+
+
+def test_a_reply_too_early(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    code, out = checked(tmp_path, capsys, RIGHT, SLOW)
+    assert code == 1
+    assert "'get' is answered after 0.01 s; the dialect has takes = 0.3" in out
+
+
+def test_differences_for_programs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    code, out = checked(tmp_path, capsys, [(0.0, TO, "Get\n")], DIALECT, "--json")
+    assert code == 1
+    found = json.loads(out)
+    assert [row["line"] for row in found["differences"]] == [2]
+
+
+@pytest.mark.parametrize("line", ["x", "[]", '{"t": 1}', '{"t": "a", "to": "x"}', '{"t": 1, "to": "\u20ac"}'])
+def test_a_file_that_is_no_exchange(tmp_path: Path, capsys: pytest.CaptureFixture[str], line: str) -> None:
+    checked(tmp_path, capsys, RIGHT)
+    path = tmp_path / "exchange.jsonl"
+    path.write_text('{"baud": 9600}\n' + line + "\n", "utf-8")
+    assert main(["check", str(tmp_path / "set"), "--against", str(path)]) == 2
+    assert "exchange.jsonl:2: is no line of an exchange" in capsys.readouterr().err.replace(":2:is", ":2: is")
+
+
+def test_what_was_never_sent_does_not_count(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    pieces = [(0.0, TO, "Get\n"), (0.1, "unsent", "Get\n"), (0.1, TO, "x\n")]
+    assert checked(tmp_path, capsys, pieces)[0] == 0

@@ -1,0 +1,99 @@
+"""Grids that are wrong, in causes and in the report's table."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from simmer_tui.belief_grid import grid_belief
+from simmer_tui.cli.log_commands import build_report
+from simmer_tui.events import Belief
+from simmer_tui.report.causes import Kind
+from simmer_tui.report.content import tables
+from tests.report.test_causes import begin
+
+READ = ("u1", "u2", "u4", "u3")
+
+
+def believe(run: Any, row: int, column: int, heading: int | None = None, share: float = 0.999) -> None:
+    """A grid that is sure of one cell of the maze (counted from 0), and of a heading if there is one."""
+    table = np.full((4, 8, 1 if heading is None else 4), 1.0)
+    rest = (1.0 - share) / (table.size - 1)
+    table *= rest
+    table[row, column, heading or 0] = share
+    pose = run.simulator.pose
+    grid = grid_belief(table, (0.0, 0.0, 96.0, 48.0), 0.0, pose)
+    run.engine.tell(Belief(run.simulator.time, grid.best_pose, pose, grid.spread, grid=grid))
+
+
+def test_the_cause_says_since_when_a_grid_gave_the_true_cell_nearly_nothing() -> None:
+    mission = begin()
+    mission.give(*READ)
+    believe(mission, 0, 2, 0)  # where it is
+    mission.give("u1")
+    believe(mission, 3, 5, 0)
+    cause = mission.why()
+    assert cause.kind is Kind.LOST
+    assert " s on, it gave the true cell less than 1 % and another one, 50.9 in off" in cause.text
+    assert "alike" not in cause.text
+    assert cause.elapsed is not None
+    assert mission.history.beliefs[-1].elapsed == cause.elapsed
+
+
+def test_the_cause_says_if_two_cells_look_alike() -> None:
+    mission = begin()
+    mission.give(*READ)
+    believe(mission, 1, 5, 1)
+    cause = mission.why()
+    assert cause.kind is Kind.LOST
+    assert "and another one, 37.9 in off, the most; two cells look alike there." in cause.text
+
+
+def test_a_grid_without_headings_allows_for_every_direction() -> None:
+    mission = begin()
+    mission.give(*READ)
+    believe(mission, 1, 5)
+    cause = mission.why()
+    assert cause.kind is Kind.LOST
+    assert "two cells look alike there" in cause.text
+
+
+def test_one_sensor_is_too_few_to_say_that_cells_look_alike() -> None:
+    mission = begin()
+    mission.give("u1")
+    believe(mission, 1, 5, 1)
+    assert "alike" not in mission.why().text
+
+
+def test_a_flat_grid_is_unsure_and_its_evidence_names_the_true_cell() -> None:
+    mission = begin()
+    mission.give(*READ)
+    believe(mission, 0, 2, share=1 / 32)
+    cause = mission.why()
+    assert cause.kind is Kind.UNSURE
+    assert any("and it gave the true cell 3 %." in each for each in cause.evidence)
+    assert not any(" deg; its spread" in each for each in cause.evidence)
+
+
+def belief_rows(path: Path) -> dict[str, tuple[Any, ...]]:
+    [table] = [each for each in tables(build_report(path)) if each.key == "belief"]
+    return {row[0]: row[1:] for row in table.rows}
+
+
+def test_the_report_has_probability_at_the_truth_and_entropy(start_run: Any) -> None:
+    run = start_run()
+    believe(run, 0, 0, 0, share=0.75)
+    believe(run, 0, 0, 0, share=0.25)
+    rows = belief_rows(run.path)
+    unit, mean, _, worst, end = rows["probability at the truth"]
+    assert (unit, round(mean, 4), round(worst, 4), round(end, 4)) == ("%", 50.0, 25.0, 25.0)
+    assert rows["entropy"][0] == "bit"
+    assert rows["entropy"][-1] > rows["entropy"][1]
+
+
+def test_without_grids_the_table_is_as_it_was(start_run: Any) -> None:
+    run = start_run()
+    run.believe(1.0)
+    assert belief_rows(run.path).keys() == {"position", "heading"}

@@ -1,0 +1,171 @@
+"""The map of a grid's belief: levels, numbers, areas, and what stays of the picture under it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from msgspec.structs import replace
+
+from simmer_tui.belief_grid import Bounds, grid_belief
+from simmer_tui.sim import Pose
+from simmer_tui.sim.specs import MazeSpec, RobotSpec
+from simmer_tui.tui.maze.heat import HeatMap, HeatMark, heat_numbers
+from simmer_tui.tui.maze.painter import Painter, legend_cells
+from simmer_tui.tui.maze.palette import ZONES, Role
+from simmer_tui.tui.maze.scene import Scene
+from simmer_tui.tui.maze.viewport import Viewport
+from simmer_tui.tui.terminal import ColorDepth, GlyphMode
+
+CELLS = tuple(tuple(0 if (row, column) == (1, 2) else 1 for column in range(8)) for row in range(4))
+SCENE = Scene(
+    maze=MazeSpec(CELLS),
+    floor=(np.indices((16, 32)).sum(axis=0) % 2).astype(np.uint8),
+    robot=RobotSpec.circle(6),
+    pose=Pose(90.0, 6.0, 0.0),
+    loading_zone=((6.0, 42.0),),
+)
+"""Four by eight cells with one wall, and a zone at the top left."""
+WHOLE = (0.0, 0.0, 96.0, 48.0)
+WINDOW = Viewport(8.0, 0, 0, 64, 16, 48.0)
+
+
+def mark(table: Any, bounds: Bounds = WHOLE, time: float = 0.0) -> HeatMark:
+    numbers = np.asarray(table, dtype=np.float64)
+    return HeatMark(grid_belief(numbers[..., None], bounds, 0.0, Pose(1.0, 1.0, 0.0)), time)
+
+
+def of_cells(*first: float) -> Any:
+    """A grid of the maze's cells, by those of its first row."""
+    table = np.zeros((4, 8))
+    table[0, : len(first)] = first
+    return table
+
+
+def levels(heat: HeatMark, window: Viewport = WINDOW) -> Any:
+    return HeatMap().levels(heat, SCENE.maze, window, 2, 2)
+
+
+@pytest.mark.parametrize(
+    ("share", "level"), [(0.35, 3), (0.29, 2), (0.11, 2), (0.09, 1), (0.02, 1), (0.013, 0), (0.0, 0)]
+)
+def test_levels_are_thirds_and_ninths_of_the_largest(share: float, level: int) -> None:
+    found = levels(mark(of_cells(0.9, share)))
+    cells = found[4::8, 8::16]
+    assert cells.tolist() == [[3, level, 0, 0, 0, 0, 0, 0], *[[0] * 8] * 3]
+    # Every pixel of a cell has its level.
+    assert (found == np.kron(cells, np.ones((8, 16), dtype=np.uint8))).all()
+
+
+def test_who_is_hardly_surer_than_by_chance_has_no_high_level() -> None:
+    assert levels(mark(np.ones((4, 8)) + of_cells(1.0, 1.0, 1.0))).max() == 1
+
+
+@pytest.mark.parametrize("shape", [(4, 8), (12, 24), (5, 7)])
+def test_a_program_that_knows_nothing_shows_one_faint_tint(shape: tuple[int, int]) -> None:
+    assert set(np.unique(levels(mark(np.ones(shape))))) == {1}
+
+
+def test_cells_that_are_not_the_mazes_are_drawn_by_area() -> None:
+    """A pixel half of which is a cell's has half of its probability."""
+    edge = 12.0 + 12.0 / 32
+    table = np.zeros((4, 8))
+    table[0, 0] = 1.0
+    found = levels(mark(table, (0.0, 0.0, 8 * edge, 48.0)))
+    assert (found[:8, :16] == 3).all()
+    assert (found[:8, 16] == 3).all()  # a half of the largest is above its third
+    assert not found[:8, 17:].any()
+    assert not found[8:].any()
+    little = levels(mark(table, (0.0, 0.0, 8 * (12.0 + 12.0 / 16 / 4), 48.0)))
+    assert (little[:8, 16] == 2).all()  # a quarter is not
+
+
+def test_many_small_cells_make_the_same_map_as_few_large_ones() -> None:
+    table = of_cells(0.9, 0.31, 0.0, 0.01)
+    fine = np.kron(table, np.ones((12, 12)))
+    assert (levels(mark(table)) == levels(mark(fine))).all()
+    far = levels(mark(fine), Viewport(1.0, 0, 0, 8, 2, 48.0))
+    assert far[0, :2].tolist() == [3, 3]
+
+
+def test_a_level_changes_only_once_its_threshold_is_passed() -> None:
+    drawn = HeatMap()
+
+    def level(share: float) -> int:
+        return int(drawn.levels(mark(of_cells(0.6, share)), SCENE.maze, WINDOW, 2, 2)[4, 24])
+
+    assert [level(share) for share in (0.3, 0.195, 0.18, 0.16, 0.21, 0.3)] == [3, 3, 3, 2, 2, 3]
+
+
+def test_while_the_robot_drives_a_map_stays_for_half_a_second() -> None:
+    drawn = HeatMap()
+    marks = [replace(mark(np.eye(4, 8) + n / 10, time=n / 5), stands=False) for n in range(4)]
+    shown = []
+    for each in marks:
+        chosen = drawn.shown(each)
+        drawn.levels(chosen, SCENE.maze, WINDOW, 2, 2)
+        shown.append(marks.index(chosen))
+    assert shown == [0, 0, 0, 3]
+    stands = replace(mark(np.ones((4, 8)), time=0.7), stands=True)
+    assert drawn.shown(stands) is stands
+
+
+def test_cells_have_their_per_cent_at_the_lower_right() -> None:
+    heat = mark(of_cells(0.5, 0.3, 0.186, 0.014))
+    told = [(each.row, each.column, each.text) for each in heat_numbers(heat.grid, WINDOW, tinted=True)]
+    assert [(row, column) for row, column, _ in told] == [(3, 7), (3, 15), (3, 23)]
+    shares = [float(text.rstrip("%")) for *_, text in told]
+    # A logged probability is off by 4 % of itself at most.
+    assert shares == pytest.approx([50, 30, 18.6], abs=2.0)
+    assert not heat_numbers(mark(np.ones((8, 16))).grid, WINDOW, tinted=True)
+
+
+def test_without_tints_small_cells_have_tenths() -> None:
+    table = np.zeros((8, 16))
+    table[0, 0], table[7, 15], table[1, 1] = 0.75, 0.2, 0.05
+    told = heat_numbers(mark(table).grid, WINDOW, tinted=False)
+    assert [(each.row, each.column, each.text) for each in told] == [(1, 3, "7"), (15, 63, "2")]
+
+
+HEAT = mark(of_cells(1.0))
+
+
+@pytest.mark.parametrize("depth", list(ColorDepth))
+@pytest.mark.parametrize("glyphs", list(GlyphMode))
+def test_every_terminal_shows_it(glyphs: GlyphMode, depth: ColorDepth) -> None:
+    painter = Painter(glyphs, depth)
+    scene = replace(SCENE, heat=HEAT, show_robot=False)
+    cells = painter.cells(scene, WINDOW)
+    text = "\n".join("".join(map(chr, row)) for row in cells.characters)
+    assert "100%" in text
+    painter.heat = False
+    bare = painter.cells(scene, WINDOW)
+    assert not bare.differs(painter.cells(replace(scene, heat=None), WINDOW)).any()
+    has_tints = depth in (ColorDepth.TRUECOLOR, ColorDepth.COLORS_256) and glyphs is not GlyphMode.ASCII
+    assert (cells.background != bare.background).any() == has_tints
+
+
+def test_heat_takes_the_place_of_the_zones_tint_and_leaves_walls() -> None:
+    painter = Painter(GlyphMode.QUADRANT, ColorDepth.TRUECOLOR)
+    before = painter.cells(SCENE, WINDOW)
+    after = painter.cells(replace(SCENE, heat=HEAT), WINDOW)
+    zones = {painter.palette[role] for role in ZONES}
+    assert zones & set(before.background.ravel().tolist())
+    assert not zones & set(after.background.ravel().tolist())
+    walls = {painter.palette[Role.WALL], painter.palette[Role.EDGE]}
+    for picture in (before, after):
+        assert walls & set(np.concatenate((picture.background, picture.foreground)).ravel().tolist())
+
+
+def test_the_legend_names_the_levels() -> None:
+    scene = replace(SCENE, heat=HEAT)
+
+    def legend(depth: ColorDepth) -> str:
+        painter = Painter(GlyphMode.QUADRANT, depth)
+        return "".join(map(chr, legend_cells(scene, painter, 100).characters[0]))
+
+    assert "possible" in legend(ColorDepth.TRUECOLOR)
+    assert "most likely" in legend(ColorDepth.COLORS_256)
+    assert "possible" not in legend(ColorDepth.COLORS_256)
+    assert "likely" not in legend(ColorDepth.COLORS_16)

@@ -1,0 +1,142 @@
+"""The writer of what has changed, as a terminal takes it."""
+
+from __future__ import annotations
+
+import pyte
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from rich.color import ColorSystem
+from rich.segment import Segment
+from rich.style import Style
+
+from simmer_tui.tui.delta_writer import DeltaWriter, change_of, pen_of
+
+WIDTH, HEIGHT = 12, 3
+STYLES = [
+    None,
+    Style(color="#ff0000", bgcolor="#001122"),
+    Style(color="#00ff00", bgcolor="#001122"),
+    Style(color="#00ff00", bgcolor="#001122", bold=True),
+    Style(bold=True, dim=True),
+    Style(dim=True),
+    Style(reverse=True, bold=True),
+    Style(underline=True, bgcolor="#445566"),
+    Style(underline=True, underline2=True),
+    Style(strike=True, overline=True, italic=True),
+]
+TRUE = ColorSystem.TRUECOLOR
+# Those that pyte knows; the others have no effect on its screen.
+ATTRIBUTES = ("bold", "italics", "underscore", "strikethrough", "reverse")
+
+texts = st.text(alphabet="ab ─⠿世", min_size=1, max_size=6)
+pieces = st.tuples(
+    st.integers(0, HEIGHT - 1), st.integers(0, WIDTH - 1), texts, st.sampled_from(STYLES), st.booleans()
+)
+
+
+class Glass:
+    """A terminal, and a writer in front of it."""
+
+    def __init__(self) -> None:
+        self.screen = pyte.Screen(WIDTH, HEIGHT)
+        self.stream = pyte.Stream(self.screen)
+        self.writer = DeltaWriter()
+
+    def show(self, row: int, column: int, *segments: Segment, colors: ColorSystem = TRUE) -> str:
+        """Sequences of one update that shows some segments."""
+        self.writer.begin(WIDTH, HEIGHT, colors)
+        self.writer.write(row, column, segments)
+        sent = self.writer.end()
+        self.stream.feed(sent)
+        return sent
+
+    def text(self, row: int = 0) -> str:
+        return self.screen.display[row]
+
+
+def cells_of(screen: pyte.Screen) -> list[tuple[object, ...]]:
+    """Cells as they look: the colour of a blank's letters does not show."""
+    found: list[tuple[object, ...]] = []
+    for row in range(HEIGHT):
+        for column in range(WIDTH):
+            cell = screen.buffer[row][column]
+            plain = cell.data == " " and not (cell.underscore or cell.strikethrough or cell.reverse)
+            look = (cell.bg,) if plain else (cell.fg, cell.bg, *(getattr(cell, name) for name in ATTRIBUTES))
+            found.append((cell.data, *look))
+    return found
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.lists(st.lists(pieces, max_size=4), max_size=6))
+def test_a_terminal_shows_the_same_as_when_all_is_sent(
+    frames: list[list[tuple[int, int, str, Style | None, bool]]],
+) -> None:
+    glass, plain = Glass(), pyte.Screen(WIDTH, HEIGHT)
+    stream = pyte.Stream(plain)
+    for frame in frames:
+        glass.writer.begin(WIDTH, HEIGHT, TRUE)
+        for row, column, text, style, linked in frame:
+            if "世" in text and column + 2 * len(text) > WIDTH:
+                continue  # half a wide character has no one way to be shown
+            shown = text[: WIDTH - column]
+            link = "https://example.org" if linked else None
+            glass.writer.write(row, column, [Segment(shown, _with(style, link))])
+            sent = shown if style is None else style.render(shown)
+            stream.feed(f"\x1b[{row + 1};{column + 1}H{sent}\x1b[0m")
+        glass.stream.feed(glass.writer.end())
+        assert cells_of(glass.screen) == cells_of(plain)
+        assert glass.screen.cursor.attrs == plain.default_char, "no style is left on"
+
+
+def _with(style: Style | None, link: str | None) -> Style | None:
+    return style if link is None or style is None else style + Style(link=link)
+
+
+def test_what_stays_is_not_sent_again() -> None:
+    glass, style = Glass(), STYLES[1]
+    assert "hello world" in glass.show(0, 0, Segment("hello world", style))
+    assert glass.show(0, 0, Segment("hello world", style)) == ""
+    assert glass.show(0, 0, Segment("hello wOrld", style)).count("O") == 1
+    far = glass.show(0, 0, Segment("Hello wOrlD", style))
+    assert "\x1b[11G" in far, "more than four cells that stay are jumped over"
+    near = glass.show(0, 0, Segment("HeLLo wOrlD", style))
+    assert "\x1b[1;3H" in near
+    ends = glass.show(0, 0, Segment("HELLO wOrlD", style))
+    assert "ELLO" in ends, "few of them are sent again"
+    assert glass.text().rstrip() == "HELLO wOrlD"
+
+
+def test_of_a_style_only_what_changes_is_sent() -> None:
+    red, green, bold = (pen_of(style, TRUE) for style in STYLES[1:4])
+    assert change_of(red, green) == "38;2;0;255;0"
+    assert change_of(green, bold) == "1"
+    assert change_of(bold, green) == "22"
+    assert change_of(bold, pen_of(None, TRUE)) == "0"
+    assert change_of(pen_of(STYLES[4], TRUE), pen_of(STYLES[5], TRUE)) in ("22;2", "0;2")
+    glass = Glass()
+    sent = glass.show(0, 0, Segment("a", STYLES[1]), Segment(" ", STYLES[2]), Segment("b", STYLES[1]))
+    assert sent.count("\x1b[") == 3, "one place, one style and its end: a blank has no letters to colour"
+
+
+def test_the_colors_are_those_that_the_terminal_has() -> None:
+    assert "38;5;196" in Glass().show(0, 0, Segment("a", STYLES[1]), colors=ColorSystem.EIGHT_BIT)
+    assert "38;2;255;0;0" in Glass().show(0, 0, Segment("a", STYLES[1]))
+
+
+@pytest.mark.parametrize("anew", [True, False])
+def test_all_is_sent_to_a_screen_that_is_not_known(anew: bool) -> None:
+    glass = Glass()
+    glass.show(0, 0, Segment("abc"))
+    glass.writer.begin(WIDTH if anew else WIDTH + 1, HEIGHT, TRUE, anew=anew)
+    glass.writer.write(0, 0, [Segment("abc")])
+    assert "abc" in glass.writer.end()
+
+
+def test_of_a_line_some_columns_may_be_written() -> None:
+    glass = Glass()
+    for text, shown in (("abcdefgh", "efg"), ("a世cdefgh", "def")):
+        glass.writer.begin(WIDTH, HEIGHT, TRUE, anew=True)
+        glass.writer.write(1, 2, [Segment(text[:3], STYLES[1]), Segment(text[3:], STYLES[2])], 6, 9)
+        glass.stream.feed(glass.writer.end())
+        assert glass.text(1).strip() == shown
