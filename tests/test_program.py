@@ -26,17 +26,16 @@ posix = pytest.mark.skipif(sys.platform == "win32", reason="signals and quoting 
 
 
 class Heard:
-    """Events of a program. This process `adopts` what it leaves behind, or not."""
+    """Events of a program."""
 
-    def __init__(self, *, adopts: bool = False) -> None:
-        self._adopts = adopts
+    def __init__(self) -> None:
         self.lines: queue.SimpleQueue[str] = queue.SimpleQueue()
         self.codes: queue.SimpleQueue[int] = queue.SimpleQueue()
 
     def run(self, code: str, **environment: str) -> Program:
         arguments = [sys.executable, "-u", "-c", code]
         command = shlex.join(arguments) if sys.platform != "win32" else f'"{sys.executable}" -u -c "{code}"'
-        return Program(command, environment, self.codes.put, self.lines.put, adopts=self._adopts)
+        return Program(command, environment, self.codes.put, self.lines.put)
 
     def code(self) -> int:
         return self.codes.get(timeout=SECONDS)
@@ -163,6 +162,16 @@ def tree(lifeline: Lifeline, last: str) -> str:
 linux = pytest.mark.skipif(sys.platform != "linux", reason="only Linux gives orphans to a keeper")
 
 
+def start_simulator(program: Path) -> subprocess.Popen[bytes]:
+    """A simulator that runs a program of Python."""
+    command = shlex.join([sys.executable, str(program)])
+    return subprocess.Popen(
+        [sys.executable, "-m", "simmer_tui", "--no-ui", "--port", "0", "--quiet", "--run", command],
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    )
+
+
 def pid_of_keeper() -> int:
     """The keeper that this process has."""
     children = Path(f"/proc/self/task/{threading.main_thread().native_id}/children").read_text().split()
@@ -217,15 +226,32 @@ def test_all_ends_without_its_keeper_too(lifeline: Lifeline, number: int) -> Non
     ],
     ids=["child", "orphan", "orphan in a session of its own", "daemon"],
 )
-def test_processes_without_its_environment_end_too(lifeline: Lifeline, first: str, starter: str) -> None:
-    heard = Heard(adopts=True)
+def test_processes_without_its_environment_end_too(
+    lifeline: Lifeline, tmp_path: Path, first: str, starter: str
+) -> None:
     code = (
         f"import os, sys, time; {first}; hold = open({lifeline.path!r}, 'w'); "
         "print('up', file=hold, flush=True); time.sleep(600)"
     )
     bare = ["env", "-i", sys.executable, "-c", code]
-    program = heard.run(f"import subprocess, time; subprocess.{starter}({bare!r}); time.sleep(600)")
+    program = tmp_path / "program.py"
+    program.write_text(f"import subprocess, time; subprocess.{starter}({bare!r}); time.sleep(600)")
+    # A simulator of its own: only a process that runs one program and nothing else adopts what it leaves.
+    simulator = start_simulator(program)
     lifeline.wait_for(1)
+    simulator.terminate()
+    assert simulator.wait(SECONDS) == 128 + signal.SIGTERM
+    lifeline.wait_for_the_end()
+
+
+@linux
+def test_a_busy_machine_is_no_reason_to_end_nothing_kindly(
+    lifeline: Lifeline, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(keeper, "PATIENCE", 0.0)
+    heard = Heard()
+    program = heard.run(tree(lifeline, "time.sleep(600)"))
+    lifeline.wait_for(4)
     program.end()
     lifeline.wait_for_the_end()
     assert heard.code() == 128 + signal.SIGTERM
@@ -248,14 +274,7 @@ def test_all_ends_when_the_simulator_is_killed(lifeline: Lifeline, tmp_path: Pat
     last = "os.kill(os.getppid(), signal.SIGKILL); " if "own" in killed else ""
     code = tmp_path / "program.py"
     code.write_text(tree(lifeline, last + "time.sleep(600)"))
-    simulator = subprocess.Popen(
-        [
-            *(sys.executable, "-m", "simmer_tui", "--no-ui", "--port", "0", "--quiet", "--run"),
-            shlex.join([sys.executable, str(code)]),
-        ],
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-    )
+    simulator = start_simulator(code)
     if "own" not in killed:
         lifeline.wait_for(4)
         simulator.kill()

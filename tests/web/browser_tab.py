@@ -24,7 +24,12 @@ _OPTIONS = (
     *("--disable-dev-shm-usage", "--remote-debugging-port=0", "about:blank"),
 )
 SECONDS = 60.0
-_NOT_YET = "does not support metrics override"
+_NAVIGATED = "Inspected target navigated or closed"
+"""What an expression is answered with whose page has gone meanwhile."""
+
+
+class NavigatedError(AssertionError):
+    """The page that was asked has given way to another."""
 
 
 class Tab:
@@ -42,10 +47,8 @@ class Tab:
     def call(self, method: str, **parameters: Any) -> dict[str, Any]:
         """The browser's answer to a call of its protocol."""
         answer = self._answer(method, parameters)
-        until = time.monotonic() + SECONDS
-        # A new window's page may not be drawn by anybody yet, and then it has no size to be set.
-        while _NOT_YET in str(answer.get("error")) and time.monotonic() < until:
-            answer = self._answer(method, parameters)
+        if _NAVIGATED in str(answer.get("error")):
+            raise NavigatedError(answer)
         assert "error" not in answer, answer
         result: dict[str, Any] = answer["result"]
         return result
@@ -99,9 +102,11 @@ class Tab:
     def wait(self, script: str) -> Any:
         """Wait until an expression is true, and give its value."""
         until = time.monotonic() + SECONDS
-        while not (value := self.run(script)):
+        while True:
+            with contextlib.suppress(NavigatedError):
+                if value := self.run(script):
+                    return value
             assert time.monotonic() < until, (script, self.told, self.run("document.body?.innerText"))
-        return value
 
     def picture(self, path: Path) -> None:
         """Write what the window shows."""
@@ -127,7 +132,8 @@ def tab() -> Iterator[Tab]:
                     break
             with connect(found[1], max_size=None, proxy=None) as socket:
                 whole = Tab(socket, "")
-                target = whole.call("Target.getTargets")["targetInfos"][0]["targetId"]
+                # A page of our own: among those the browser begins with may be some without a window.
+                target = whole.call("Target.createTarget", url="about:blank")["targetId"]
                 session = whole.call("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
                 yield Tab(socket, session)
         finally:
