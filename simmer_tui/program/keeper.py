@@ -72,7 +72,8 @@ def end_all(mark: str, program: int, adopted: Callable[[], set[int]] = set) -> N
             for pid in found - asked if number == signal.SIGTERM else found:
                 _send(pid, number)
             asked |= found
-            if time.monotonic() >= until:  # after a signal: a look may take longer than that on a busy machine
+            # After a signal, since on a busy machine one look may take longer than that.
+            if time.monotonic() >= until:
                 break
             time.sleep(pause)
             pause = min(2 * pause, _LATER)
