@@ -25,7 +25,7 @@ _OPTIONS = (
 )
 SECONDS = 60.0
 _NAVIGATED = "Inspected target navigated or closed"
-"""What an expression is answered with whose page has gone meanwhile."""
+"""The answer to an expression whose page has gone meanwhile."""
 
 
 class NavigatedError(AssertionError):
