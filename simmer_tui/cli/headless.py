@@ -18,6 +18,7 @@ from simmer_tui.events import (
     MovementEnded,
     MovementPlanned,
     Notice,
+    NoticeKind,
     VelocityEnd,
     VelocityEnded,
     WireMessage,
@@ -102,7 +103,8 @@ class EventLines(EventHandler[str]):
         return ""
 
     def on_notice(self, event: Notice) -> str:
-        return event.text
+        # The verdict is the last line of a run; a page shows it as soon as its client has left.
+        return "" if event.kind is NoticeKind.VERDICT else event.text
 
     def on_mission(self, event: MissionEvent) -> str:
         return event.text

@@ -206,6 +206,9 @@ class RunLife:
         self._shutdown.on_signals(self._interrupted)
         if front.wants_verdict or (front.judges and self._page is not None):
             self._history = server.keep_history()
+        # A run that goes on when its client has left shows its viewers what they would see on the screen.
+        if front.judges and self._page is not None and self._command is None:
+            server.keep_verdict(has_program=False)
         if self._page is not None:
             self._page.prepare()
         front.prepare(self._prefix)

@@ -52,6 +52,8 @@ _MOST_AT_ONCE, _BREATHER = 20, 0.1
 """Connections let in before the port rests, and for how many seconds."""
 _ENDING = 1.0
 """Seconds in which the thread is to end."""
+LIVE = "/live"
+"""The path that viewers' connections ask for."""
 _WRONG, _MALFORMED, _GOING_AWAY = 4401, 4400, 1001
 """Codes with which a viewer is left: wrong word, no such message, the run is over."""
 
@@ -269,6 +271,7 @@ class PageServer:
     def response(self, request: Request) -> Response | None:
         """The page, or a refusal; None for a browser that is on our page and wants to look."""
         refused = self._responses.refused
+        path = request.path.partition("?")[0]
         try:
             host, origin = request.headers.get("Host", ""), request.headers.get("Origin")
             upgrade = request.headers.get("Upgrade", "")
@@ -284,8 +287,10 @@ class PageServer:
             # No page of anybody else may look through a browser of ours, let alone drive.
             if origin is None or not self._access.is_origin(origin, host):
                 return refused(HTTPStatus.FORBIDDEN, "another page may not look in here")
+            if path != LIVE:
+                return refused(HTTPStatus.NOT_FOUND, f"the run is looked at from {LIVE} alone")
             return None
-        if request.path.partition("?")[0] == "/":
+        if path == "/":
             return self._responses.page(host)
         return refused(HTTPStatus.NOT_FOUND, "there is one page here: /")
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import signal
 import socket
@@ -11,8 +12,10 @@ import time
 from pathlib import Path
 
 import pytest
+from websockets.sync.client import connect
 
 from simmer_tui.cli.main import main
+from simmer_tui.client import Robot
 from simmer_tui.errors import PortError
 from simmer_tui.web import page_server
 from tests.web.pages import page_run
@@ -21,8 +24,8 @@ SECONDS = 60.0
 posix = pytest.mark.skipif(sys.platform == "win32", reason="signals are those of POSIX")
 
 
-def started(*options: str) -> tuple[subprocess.Popen[str], list[str]]:
-    """A run without a screen, and the links that it printed."""
+def started(*options: str) -> tuple[subprocess.Popen[str], list[str], list[int]]:
+    """A run without a screen, and the links and the port of commands that it printed."""
     arguments = ["--no-ui", "--port", "0", "--belief-port", "0", "--web", "0", *options]
     process = subprocess.Popen(
         [sys.executable, "-m", "simmer_tui", *arguments],
@@ -30,17 +33,19 @@ def started(*options: str) -> tuple[subprocess.Popen[str], list[str]]:
     )  # fmt: skip
     assert process.stdout is not None
     links: list[str] = []
+    ports: list[int] = []
     for line in process.stdout:
+        ports += map(int, re.findall(r"commands on port (\d+)", line))
         links += re.findall(r"page to (?:look|drive): (\S+)", line)
         if len(links) == (2 if "--web-host" in options and "--web-control" in options else 1):
             break
-    return process, links
+    return process, links, ports
 
 
 @posix
 def test_links_are_printed_and_not_logged_and_the_end_comes_soon(tmp_path: Path) -> None:
     log = tmp_path / "run.jsonl"
-    process, links = started("--web-host", "127.0.0.1", "--web-control", "--log", str(log))
+    process, links, _ = started("--web-host", "127.0.0.1", "--web-control", "--log", str(log))
     with process:
         words = [link.partition("#")[2] for link in links]
         assert len({*words}) == 2
@@ -94,3 +99,24 @@ def test_a_port_in_use_is_an_error_unless_it_is_the_usual_one(monkeypatch: pytes
         with page_run(web__port=taken) as second:
             assert second.port != first.port
             assert any(f"port {taken} (page) is in use" in each for each in second.server.warnings)
+
+
+@posix
+def test_the_verdict_is_shown_when_the_client_has_left_and_the_run_goes_on() -> None:
+    process, links, (commands,) = started("--seed", "3")
+    with process:
+        try:
+            assert process.stdout is not None
+            page = links[0].removeprefix("http://").partition("/")[0]
+            with connect(f"ws://{page}/live", origin=f"http://{page}", proxy=None, max_size=None) as viewer:
+                viewer.send('{"word": ""}')
+                with Robot(port=commands) as robot:
+                    robot.drive("d1", 3)
+                while not (told := json.loads(viewer.recv(timeout=SECONDS))).get("verdict"):
+                    pass
+            process.send_signal(signal.SIGINT)
+            said = process.communicate(timeout=SECONDS)[0]
+        finally:
+            process.kill()
+    headline = told["verdict"]["lines"][0]
+    assert said.count(headline) == 1

@@ -188,12 +188,19 @@ def test_a_name_that_was_bound_to_this_machine_is_not_let_in() -> None:
         assert b"403" in asking.makefile("rb").readline()
 
 
-def upgraded(run: PageRun, host: str) -> socket.socket:
+def test_viewers_come_in_by_one_path_alone() -> None:
+    with page_run() as run, upgraded(run, run.host, "/anything") as asking:
+        assert b"404" in asking.makefile("rb").readline()
+
+
+def upgraded(run: PageRun, host: str, path: str = "/live") -> socket.socket:
     """A connection that asks as a browser does that was led to a page at this host."""
     made = socket.create_connection(("127.0.0.1", run.port), SECONDS)
     key = "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\nSec-WebSocket-Version: 13"
     upgrade = f"Upgrade: websocket\r\nConnection: Upgrade\r\n{key}"
-    made.sendall(f"GET /live HTTP/1.1\r\nHost: {host}\r\nOrigin: http://{host}\r\n{upgrade}\r\n\r\n".encode())
+    made.sendall(
+        f"GET {path} HTTP/1.1\r\nHost: {host}\r\nOrigin: http://{host}\r\n{upgrade}\r\n\r\n".encode()
+    )
     return made
 
 
