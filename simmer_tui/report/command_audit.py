@@ -1,4 +1,4 @@
-"""Commands of a run against themselves: corrections that grow, and movements that no longer come.
+"""Commands of a run against themselves: corrections that do not shrink, and movements that no longer come.
 
 Both need no belief. A program that corrects what a movement left to do asks for less each time; if the robot
 does `g` times what the program means, each correction is 1 - g times the one before. And programs go in
@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +19,9 @@ from simmer_tui.report.disagreement import Disagreement
 from simmer_tui.report.finding import FEWEST
 from simmer_tui.report.robust_fit import Flags, binomial_tail
 from simmer_tui.run.attempt import Attempt
-from simmer_tui.sim.specs import DriveSpec
+from simmer_tui.run.table import Columns
+from simmer_tui.sim.angles import FloatArray
+from simmer_tui.sim.specs import DriveSpec, SensorSpec
 
 Codes = NDArray[np.int64]
 _FEWEST = FEWEST["set"]
@@ -28,14 +31,32 @@ _BAND = 0.08
 _FACTORS = tuple(sign * 1.5 * (1.0 + 2 * _BAND) ** step for step in range(9) for sign in (1.0, -1.0))
 """Factors that are looked for, each next to the other. Below 1.5 a program may well mean it: steps that grow.
 Above 5, the second correction is longer than the maze."""
+_UNDOING = tuple(-1.5 / (1.0 + 2 * _BAND) ** step for step in range(1, 5))
+"""Factors of corrections that each take back the one before: whoever means them asks for the very same."""
+_HARDLY = (0.99 - _BAND,)
+"""The factor of turns that hardly change what is left to turn, as those that are sent in radians: with its
+band, up to 0.99. Movements ahead may shrink like this: a wall comes nearer."""
+_THE_SAME = 0.001
+"""Share by which two commands differ at most that ask for the same: as a program's text has it."""
 _ALIKE = 0.02
 """Corrections that differ by less, as a share, are of one size."""
-# In runs without a fault fewer than one pair in twenty is within a band beyond 1.5.
+# In runs without a fault fewer than one pair in twenty is within a band beyond 1.5, or undoes the other.
 _BY_CHANCE = 0.1
+# Of turns fewer than one pair in eight is within the band below 1.
+_BY_CHANCE_HARDLY = 0.2
 _LEAST = {"in": 0.5, "deg": 2.0}
 """Least correction, inches and degrees: what is left of noise and rounding is smaller."""
+_LEAST_HARDLY = 0.1
+"""The same of turns that hardly turn, degrees: a compass has less noise than what is left."""
 _MOST = {"in": math.inf, "deg": 60.0}
 """Largest one: three times as much is a half turn, and programs turn the short way."""
+_MOST_UNDOING = {"in": math.inf, "deg": 150.0}
+"""The same of turns that are taken back: as much the other way is less than a half turn."""
+# Corrections with two decimals are opposite by chance once in a hundred or two.
+_ON_PURPOSE = 0.1
+"""Share of exact opposites from which going back is meant."""
+_BETWEEN = 0.5
+"""Share of corrections between which a sensor is read that they go by. Judged."""
 # Judged: a rhythm that was kept three times is one.
 _RHYTHM = 3
 _OUT_OF_RHYTHM = 0.05
@@ -44,46 +65,133 @@ _LEFT_OUT = 0.02
 """Least probability with which a program without a fault leaves one out."""
 
 
-def growing_corrections(attempt: Attempt, row: DriveSpec) -> list[Disagreement]:
-    """The explanation of a drive's commands that each are the same multiple of the one before; none where
-    there is no such multiple."""
+class _Pairs(NamedTuple):
+    """Commands of a drive that follow on one another: the first of each pair as rows of movements, the value
+    of the first and its ratio to the second, (n,)."""
+
+    rows: Columns
+    first: FloatArray
+    ratios: FloatArray
+    opposite: int
+    """Pairs beside these in which the second is the first with the other sign."""
+
+    def within(self, least: float, most: float) -> _Pairs:
+        """Those of which the first value is of a size, whatever its sign."""
+        fits = (np.abs(self.first) >= least) & (np.abs(self.first) <= most)
+        return _Pairs(self.rows[fits], self.first[fits], self.ratios[fits], self.opposite)
+
+
+class _Found(NamedTuple):
+    """Pairs with about the same ratio: the multiple, the probability of as many by chance, and the first of
+    each as rows of movements, (n,)."""
+
+    multiple: float
+    probability: float
+    rows: Columns
+
+
+def multiplied_corrections(attempt: Attempt, row: DriveSpec) -> Iterator[list[Disagreement]]:
+    """The explanations of a drive's commands that each are the same multiple of the one before: that grow,
+    that take each other back, or that hardly shrink."""
+    pairs = _pairs_of(attempt, row)
+    if pairs is None:
+        return
+    unit = row.kind.unit
+    growing = pairs.within(_LEAST[unit], _MOST[unit])
+    if (found := _most_alike(growing, _FACTORS, _BY_CHANCE)) is not None:
+        yield [_multiplied(row, found)]
+    undoing = pairs.within(_LEAST[unit], _MOST_UNDOING[unit])
+    found = _most_alike(undoing, _UNDOING, _BY_CHANCE)
+    # Who goes to and fro on purpose goes back by the very same.
+    if found is not None and pairs.opposite <= _ON_PURPOSE * len(found.rows):
+        yield [_multiplied(row, found), *_as_measured(attempt, row, found)]
+    if row.kind.turns:
+        hardly = pairs.within(_LEAST_HARDLY, _MOST[unit])
+        if (found := _most_alike(hardly, _HARDLY, _BY_CHANCE_HARDLY)) is not None:
+            yield [_multiplied(row, found)]
+
+
+def _pairs_of(attempt: Attempt, row: DriveSpec) -> _Pairs | None:
+    """The commands of a drive that follow on another of it and differ; None where there are none."""
     number = _number_of(attempt.history.code_names, row.code)
     moves = attempt.within(attempt.history.movements)
     moves = moves[np.isfinite(moves["asked"]) & (moves["asked"] != 0.0)]
     if number is None or len(moves) < 2:
-        return []
-    asked = moves["asked"].astype(np.float64)
-    mine = moves["code"] == number
+        return None
+    asked, mine = moves["asked"].astype(np.float64), moves["code"] == number
+    ratios = asked[1:] / asked[:-1]
     # A wall that stopped the movement leaves more to do than the drive did.
-    first = mine[:-1] & mine[1:] & ~moves["held"][:-1]
-    first &= (np.abs(asked[:-1]) >= _LEAST[row.kind.unit]) & (np.abs(asked[:-1]) <= _MOST[row.kind.unit])
-    places = np.flatnonzero(first)
-    if len(places) < _FEWEST:
-        return []
-    ratios = asked[places + 1] / asked[places]
-    hits = {factor: np.abs(ratios / factor - 1.0) <= _BAND for factor in _FACTORS}
+    pairs = mine[:-1] & mine[1:] & ~moves["held"][:-1]
+    places = pairs & (np.abs(np.abs(ratios) - 1.0) > _THE_SAME)
+    opposite = int((pairs & ~places & (ratios < 0.0)).sum())
+    return _Pairs(moves[:-1][places], asked[:-1][places], ratios[places], opposite)
+
+
+def _most_alike(pairs: _Pairs, factors: Sequence[float], by_chance: float) -> _Found | None:
+    """The pairs with about the same ratio, near one of the factors; None where there are too few."""
+    hits = {factor: np.abs(pairs.ratios / factor - 1.0) <= _BAND for factor in factors}
     factor = max(hits, key=lambda each: int(hits[each].sum()))
-    found = ratios[hits[factor]]
-    probability = min(binomial_tail(len(found), len(ratios), _BY_CHANCE) * len(_FACTORS), 1.0)
+    found = hits[factor]
     # Steps that a program has in its text come in the same sizes again and again; corrections never do.
-    sizes = np.round(np.log(np.abs(asked[places][hits[factor]])) / _ALIKE)
+    sizes = np.round(np.log(np.abs(pairs.first[found])) / _ALIKE)
     if len(np.unique(sizes)) < _FEWEST:
-        return []
-    multiple = float(np.median(found))
-    begun = moves[places[np.flatnonzero(hits[factor])[0]]]
-    text = (
-        f"{row.code} {_as_meant(row, 1.0 - multiple)}: {len(found)} corrections were each "
-        f"{multiple:.1f} times the one before"
-    )
+        return None
+    probability = min(binomial_tail(int(found.sum()), len(found), by_chance) * len(factors), 1.0)
+    return _Found(float(np.median(pairs.ratios[found])), probability, pairs.rows[found])
+
+
+def _multiplied(row: DriveSpec, found: _Found) -> Disagreement:
+    text = f"{row.code} {_as_meant(row, 1.0 - found.multiple)}: {len(found.rows)} corrections "
+    if -1.5 < found.multiple < 0.0:
+        text += "each took back the one before"
+    else:
+        multiple = f"{found.multiple:.2f}" if 0.0 < found.multiple < 1.0 else f"{found.multiple:.1f}"
+        text += f"were each {multiple} times the one before"
+    return _disagreement(row.code, text, found)
+
+
+def _as_measured(attempt: Attempt, row: DriveSpec, found: _Found) -> list[Disagreement]:
+    """The explanations by the sensors that a program may have measured its movements by: what they told it
+    may have been that much too long, as well as the movement."""
+    readings = attempt.within(attempt.history.readings)
+    made = []
+    for number, code in enumerate(attempt.history.sensor_codes):
+        sensor = next(each for each in attempt.spec.sensors if each.code == code)
+        if not _measures(sensor, row):
+            continue
+        orders = readings["order"][readings["sensor"] == number]
+        places = np.searchsorted(orders, found.rows["order"])
+        # Read after the movement and before the next command of all.
+        after = np.append(orders, np.iinfo(np.int64).max)[places]
+        nexts = np.append(attempt.within(attempt.history.movements)["order"], np.iinfo(np.int64).max)
+        until = nexts[np.searchsorted(nexts, found.rows["order"], side="right")]
+        if np.mean(after < until) >= _BETWEEN:
+            text = f"{code} told the program {1.0 - found.multiple:.1f} times the movement"
+            made.append(_disagreement(code, text, found))
+    return made
+
+
+def _measures(sensor: SensorSpec, row: DriveSpec) -> bool:
+    """True if a sensor tells how far a drive moved the robot: an angle of a turn, a path of the rest."""
+    kind, drive = sensor.kind, row.kind
+    if drive.turns or kind.is_range or kind.is_opaque:
+        return drive.turns and kind.unit == "deg"
+    towards = math.degrees(math.atan2(drive.direction.y, drive.direction.x))
+    return kind.counts and kind.unit == "in" and abs(math.cos(math.radians(sensor.rotation - towards))) > 0.5
+
+
+def _disagreement(code: str, text: str, found: _Found) -> Disagreement:
+    begun = found.rows[0]
     elapsed, line = float(begun["elapsed"]), int(begun["line"])
-    return [Disagreement((row.code,), text, len(found), probability, 1.0, elapsed, line)]
+    return Disagreement((code,), text, len(found.rows), found.probability, 1.0, elapsed, line)
 
 
 def _as_meant(row: DriveSpec, share: float) -> str:
     verb = "turned" if row.kind.turns else "drove"
     if share <= 0.0:
         return f"{verb} the other way than the program meant"
-    return f"{verb} {share:.1f} times what the program meant"
+    times = f"{share:.1f}" if share >= 0.1 else f"{share:.2f}"
+    return f"{verb} {times} times what the program meant"
 
 
 def vanished_movements(attempt: Attempt) -> list[Disagreement]:

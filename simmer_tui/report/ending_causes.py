@@ -222,7 +222,7 @@ class EndingCauses:
         lasted = seen.elapsed - stretch.since
         idle = lasted < STAYED * task.time_limit or stretch.driving < lasted / 2
         if stretch.movements < (HUNDRED if idle or not seen.out_of_time else MOVES):
-            return None
+            return self._looped()
         turned = f", {stretch.turned:.0f} deg" if stretch.turned >= 1.0 else ""
         return self._made(
             Kind.GOT_NOWHERE,
@@ -231,6 +231,20 @@ class EndingCauses:
             self._goals(),
             elapsed=stretch.since,
             place=(stretch.place.x, stretch.place.y),
+        )
+
+    def _looped(self) -> Cause | None:
+        """It repeated the same few movements, without any look at what its sensors said."""
+        loop = self._seen.loop
+        if loop is None:
+            return None
+        return self._made(
+            Kind.GOT_NOWHERE,
+            f"It got nowhere. From {loop.since:.1f} s on, it repeated the same {loop.commands} movements "
+            f"{loop.rounds} times.",
+            self._goals(),
+            elapsed=loop.since,
+            place=(loop.place.x, loop.place.y),
         )
 
     def _stood(self, time_limit: float) -> Cause | None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection
 
 from simmer_tui.report.belief_audit import BeliefMotion, wrong_heading
-from simmer_tui.report.command_audit import growing_corrections, vanished_movements
+from simmer_tui.report.command_audit import multiplied_corrections, vanished_movements
 from simmer_tui.report.disagreement import Disagreement, kept_disagreements
 from simmer_tui.report.finding import FEWEST
 from simmer_tui.report.reply_audit import ReplyAudit
@@ -22,7 +22,7 @@ def disagreements(attempt: Attempt, known: Collection[str] = ()) -> list[list[Di
     """
     if attempt.history.is_twin:
         return []
-    tests = [growing_corrections(attempt, row) for row in attempt.spec.drives]
+    tests = [each for row in attempt.spec.drives for each in multiplied_corrections(attempt, row)]
     tests += [vanished_movements(attempt), wrong_heading(attempt)]
     for since in _stretches(attempt):
         motion = BeliefMotion(attempt, since)

@@ -22,7 +22,7 @@ from simmer_tui.run.history_rows import (
     MovementRow,
     RefusalRow,
 )
-from simmer_tui.run.progress import Stretch, without_progress
+from simmer_tui.run.progress import Loop, Stretch, loop_at_end, without_progress
 from simmer_tui.run.run_history import RunHistory
 from simmer_tui.run.table import Columns, RowT, RowTable
 from simmer_tui.sim.block import Block
@@ -498,6 +498,11 @@ class Attempt:
         begin, end = movements.place_of(since + 1), movements.place_of(self._until + 1)
         rows = movements.columns(begin, end)
         return without_progress(rows, history.are_legs(rows), *self._place)
+
+    @cached_property
+    def loop(self) -> Loop | None:
+        """The movements that it repeated until the end."""
+        return loop_at_end(self.within(self.history.movements, max(self._placed, self._began)))
 
     @cached_property
     def standing(self) -> Standing | None:

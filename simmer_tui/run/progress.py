@@ -1,4 +1,5 @@
-"""Progress of a robot: the ground that it comes to, and the stretch at the end in which it came to none."""
+"""Progress of a robot: the ground that it comes to, the stretch at the end in which it came to none, and the
+movements that it repeats."""
 
 from dataclasses import dataclass
 
@@ -17,6 +18,9 @@ HUNDRED = 100
 # Judged: a cell at 6 in/s takes as long. The number of legs says how often a program steers, not how much.
 LEG = 2.0
 """Seconds of continuous motion that count as one movement."""
+# Judged: a program that goes by its sensors asks for no five times the same in a row.
+ROUNDS, LOOPED, LONGEST = 5, 40, 16
+"""Least rounds of a loop, least movements in all of them, and most movements of one round."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,3 +69,39 @@ def without_progress(rows: Columns, legs: BoolArray, place: Pose, since: float) 
         turned=float(rows["turned"][-1] - rows["turned"][last]) if len(rest) and last >= 0 else 0.0,
         driving=float((rest["elapsed"] - rest["begin"]).sum()),
     )
+
+
+@dataclass(frozen=True, slots=True)
+class Loop:
+    """Movements at the end that repeat a round of commands: since when (elapsed seconds) and from where, the
+    commands of a round and the number of rounds."""
+
+    place: Pose
+    since: float
+    commands: int
+    rounds: int
+
+
+def loop_at_end(rows: Columns) -> Loop | None:
+    """The loop in which movements end, (n,); None where they repeat nothing, or come further than a cell.
+
+    Movements of one and the same command are none: a robot that looks around turns in equal steps.
+
+    Args:
+        rows: Columns of `MovementRow`.
+    """
+    rows = rows[rows["asked"] != 0.0]
+    code, asked = rows["code"], rows["asked"]
+    for period in range(1, min(LONGEST, len(rows) // ROUNDS) + 1):
+        differs = (code[period:] != code[:-period]) | (asked[period:] != asked[:-period])
+        places = np.flatnonzero(differs)
+        begin = int(places[-1]) + 1 if len(places) else 0
+        repeated = rows[begin:]
+        if len(repeated) < max(LOOPED, ROUNDS * period):
+            continue
+        first = repeated[0]
+        if period == 1 or max(np.ptp(repeated[axis]) for axis in ("x", "y")) > CELL_SIZE:
+            return None
+        pose = Pose(float(first["x"]), float(first["y"]), float(first["heading"]))
+        return Loop(pose, float(first["begin"]), period, len(repeated) // period)
+    return None

@@ -234,6 +234,15 @@ def test_a_held_block_that_touches_is_named() -> None:
     assert cause.text.endswith("though its belief was right.")
 
 
+def test_no_look_is_missed_where_a_turn_leads_the_held_block_into_a_wall() -> None:
+    mission = begin((28.0, 42.0, 180.0))
+    mission.give("d1-4", "p1-1", "l1", "u1", "u2", "u4", "w1--2", *["r1-90"] * 4)
+    contact = mission.attempt.collision
+    assert contact is not None
+    assert contact.contact.held_block
+    assert mission.why().kind is Kind.HELD_BLOCK
+
+
 def test_an_inch_to_the_side_is_tried_on_both_sides() -> None:
     mission = begin((30.0, 42.0, 0.0), bias={DriveKind.RIGHT: Axes(y=0.33)})
     mission.give("u1", "u2", "u4", "d1-10")
@@ -326,6 +335,44 @@ def test_moves_that_gain_nothing_lead_nowhere() -> None:
     cause = mission.why()
     assert cause.kind is Kind.GOT_NOWHERE
     assert "got nowhere" in cause.text
+
+
+def go_round(mission: Mission, rounds: int, command: str = "d1-0.5") -> None:
+    for _ in range(rounds):
+        mission.give("u1", command, "r1-90")
+
+
+def test_a_loop_leads_nowhere_even_where_it_is_ended_by_a_wall() -> None:
+    mission = begin()
+    mission.give("w1-1", "u2")
+    go_round(mission, 21)
+    mission.give("d1-40")
+    assert mission.why().kind is not Kind.GOT_NOWHERE  # the last movement is none of the loop
+    mission = begin()
+    mission.give("w1-1", "u2")
+    go_round(mission, 21)
+    cause = mission.why()
+    assert cause.kind is Kind.GOT_NOWHERE
+    assert re.search(r"From 5\d\.\d s on, it repeated the same 2 movements 21 times\.", cause.text)
+
+
+@pytest.mark.parametrize(("rounds", "kind"), [(19, Kind.ENDED), (20, Kind.GOT_NOWHERE)])
+def test_a_loop_has_forty_movements(rounds: int, kind: Kind) -> None:
+    mission = begin()
+    go_round(mission, rounds)
+    assert mission.why().kind is kind
+
+
+def test_turning_on_in_equal_steps_is_looking_around() -> None:
+    mission = begin()
+    mission.give(*["r1-15", "u1"] * 45)
+    assert mission.why().kind is Kind.ENDED
+
+
+def test_equal_steps_that_lead_further_than_a_cell_are_no_loop() -> None:
+    mission = begin()
+    mission.give(*["d1-0.58", "u1", "w1-0.01"] * 22)
+    assert mission.why().kind is Kind.ENDED
 
 
 @pytest.mark.parametrize(

@@ -49,6 +49,51 @@ def test_corrections_that_grow_name_their_drive(share: float, said: str) -> None
     assert f" s on. r1 explains it: r1 {said}" in cause.text
 
 
+def correct_by(mission: Mission, read: tuple[str, ...], sent: Callable[[float], float]) -> None:
+    """Turn to 30 degrees with a look after each turn; the robot gets what is `sent` for what was meant."""
+    for _ in range(40):
+        off = math.remainder(30.0 - mission.simulator.pose.heading, 360.0)
+        mission.give(f"r1-{sent(off):.3f}", *read)
+
+
+@pytest.mark.parametrize(("read", "culprits"), [(("u1",), ("r1",)), (("g1", "u1"), ("r1", "g1"))])
+def test_corrections_that_are_taken_back_name_their_drive_and_what_was_read_of_it(
+    read: tuple[str, ...], culprits: tuple[str, ...]
+) -> None:
+    mission = begin(noise=True)
+    correct_by(mission, read, lambda off: 2.0 * off)
+    cause = the_cause(mission)
+    assert (cause.kind, cause.culprits, cause.sure) == (Kind.UNDECIDED, culprits, Sureness.LIKELY)
+    assert "r1 turned 2.0 times what the program meant" in cause.text
+    assert "corrections each took back the one before" in cause.text
+    assert ("g1 told the program 2.0 times the movement" in cause.text) == ("g1" in culprits)
+
+
+def test_of_a_path_the_odometers_along_it_are_named() -> None:
+    mission = begin(noise=True)
+    for step in range(40):
+        mission.give(f"d1-{(-1) ** step * (1.0 + 0.03 * step):.2f}", "o1", "o2", "o3", "o4", "g1")
+    assert the_cause(mission).culprits == ("d1", "o3", "o4")
+
+
+def test_turns_that_were_sent_in_radians_name_their_drive() -> None:
+    mission = begin(noise=True)
+    correct_by(mission, ("c1",), math.radians)
+    cause = the_cause(mission)
+    assert (cause.kind, cause.culprits) == (Kind.UNDECIDED, ("r1",))
+    assert re.search(
+        r"r1 turned 0\.0\d times what the program meant: \d+ corrections were each 0\.9\d ", cause.text
+    )
+
+
+def test_going_to_and_fro_by_the_same_command_names_nobody() -> None:
+    mission = begin(noise=True)
+    for step in range(40):
+        length = 1.0 + 0.05 * step
+        mission.give(f"d1-{length:.2f}", "o3", f"d1--{length:.2f}", "o3")
+    assert not disagreements(mission.attempt)
+
+
 def test_corrections_that_shrink_name_nobody() -> None:
     mission = begin(noise=True)
     for around in range(12):
