@@ -31,8 +31,10 @@ _BAND = 0.08
 _FACTORS = tuple(sign * 1.5 * (1.0 + 2 * _BAND) ** step for step in range(9) for sign in (1.0, -1.0))
 """Factors that are looked for, each next to the other. Below 1.5 a program may well mean it: steps that grow.
 Above 5, the second correction is longer than the maze."""
-_UNDOING = tuple(-1.5 / (1.0 + 2 * _BAND) ** step for step in range(1, 5))
-"""Factors of corrections that each take back the one before: whoever means them asks for the very same."""
+_UNDOING = -1.05
+"""The factor of corrections that each take back the one before, with `_BAND_UNDOING` from -0.74 to -1.37. A
+movement that goes twice as far makes it -1, and so does a longer one where the program has a longest step."""
+_BAND_UNDOING = 0.3
 _HARDLY = (0.99 - _BAND,)
 """The factor of turns that hardly change what is left to turn, as those that are sent in radians: with its
 band, up to 0.99. Movements ahead may shrink like this: a wall comes nearer."""
@@ -42,6 +44,10 @@ _ALIKE = 0.02
 """Corrections that differ by less, as a share, are of one size."""
 # In runs without a fault fewer than one pair in twenty is within a band beyond 1.5, or undoes the other.
 _BY_CHANCE = 0.1
+# Who tries for the block again and again drives up and back: up to six pairs in ten.
+_BY_CHANCE_UP_AND_BACK = 0.6
+_SAME_WAY = 30.0
+"""Most degrees of turns between two movements along a line."""
 # Of turns fewer than one pair in eight is within the band below 1.
 _BY_CHANCE_HARDLY = 0.2
 _LEAST = {"in": 0.5, "deg": 2.0}
@@ -52,8 +58,8 @@ _MOST = {"in": math.inf, "deg": 60.0}
 """Largest one: three times as much is a half turn, and programs turn the short way."""
 _MOST_UNDOING = {"in": math.inf, "deg": 150.0}
 """The same of turns that are taken back: as much the other way is less than a half turn."""
-# Corrections with two decimals are opposite by chance once in a hundred or two.
-_ON_PURPOSE = 0.1
+# By chance, or at a program's longest step, up to one in six; on purpose at least every second one.
+_ON_PURPOSE = 0.3
 """Share of exact opposites from which going back is meant."""
 _BETWEEN = 0.5
 """Share of corrections between which a sensor is read that they go by. Judged."""
@@ -93,47 +99,64 @@ class _Found(NamedTuple):
 def multiplied_corrections(attempt: Attempt, row: DriveSpec) -> Iterator[list[Disagreement]]:
     """The explanations of a drive's commands that each are the same multiple of the one before: that grow,
     that take each other back, or that hardly shrink."""
-    pairs = _pairs_of(attempt, row)
-    if pairs is None:
-        return
-    unit = row.kind.unit
+    pairs, unit, turns = _pairs_of(attempt, row), row.kind.unit, row.kind.turns
     growing = pairs.within(_LEAST[unit], _MOST[unit])
     if (found := _most_alike(growing, _FACTORS, _BY_CHANCE)) is not None:
         yield [_multiplied(row, found)]
-    undoing = pairs.within(_LEAST[unit], _MOST_UNDOING[unit])
-    found = _most_alike(undoing, _UNDOING, _BY_CHANCE)
+    undoing = (pairs if turns else _pairs_of(attempt, row, along=True)).within(
+        _LEAST[unit], _MOST_UNDOING[unit]
+    )
+    by_chance = _BY_CHANCE if turns else _BY_CHANCE_UP_AND_BACK
+    found = _most_alike(undoing, (_UNDOING,), by_chance, _BAND_UNDOING)
     # Who goes to and fro on purpose goes back by the very same.
-    if found is not None and pairs.opposite <= _ON_PURPOSE * len(found.rows):
-        yield [_multiplied(row, found), *_as_measured(attempt, row, found)]
-    if row.kind.turns:
+    if found is not None and undoing.opposite <= _ON_PURPOSE * len(found.rows):
+        yield [_undone(row, found), *_as_measured(attempt, row, found)]
+    if turns:
         hardly = pairs.within(_LEAST_HARDLY, _MOST[unit])
         if (found := _most_alike(hardly, _HARDLY, _BY_CHANCE_HARDLY)) is not None:
             yield [_multiplied(row, found)]
 
 
-def _pairs_of(attempt: Attempt, row: DriveSpec) -> _Pairs | None:
-    """The commands of a drive that follow on another of it and differ; None where there are none."""
+def _pairs_of(attempt: Attempt, row: DriveSpec, *, along: bool = False) -> _Pairs:
+    """The commands of a drive that follow on another of it and differ.
+
+    Args:
+        attempt: The run.
+        row: The drive.
+        along: True if others may be between them that hardly turn the robot.
+    """
     number = _number_of(attempt.history.code_names, row.code)
     moves = attempt.within(attempt.history.movements)
     moves = moves[np.isfinite(moves["asked"]) & (moves["asked"] != 0.0)]
-    if number is None or len(moves) < 2:
-        return None
-    asked, mine = moves["asked"].astype(np.float64), moves["code"] == number
-    ratios = asked[1:] / asked[:-1]
+    asked = moves["asked"].astype(np.float64)
+    mine = np.flatnonzero(moves["code"] == (-1 if number is None else number))
+    first, second = mine[:-1], mine[1:]
+    near = second - first == 1
+    if along:
+        names, drives = attempt.history.code_names, attempt.spec.drives
+        turning = [_number_of(names, each.code) for each in drives if each.kind.turns]
+        turns = np.isin(moves["code"], [each for each in turning if each is not None])
+        turned = np.cumsum(np.where(turns, np.abs(asked), 0.0))
+        near = turned[second] - turned[first] <= _SAME_WAY
+    ratios = asked[second] / asked[first]
     # A wall that stopped the movement leaves more to do than the drive did.
-    pairs = mine[:-1] & mine[1:] & ~moves["held"][:-1]
-    places = pairs & (np.abs(np.abs(ratios) - 1.0) > _THE_SAME)
-    opposite = int((pairs & ~places & (ratios < 0.0)).sum())
-    return _Pairs(moves[:-1][places], asked[:-1][places], ratios[places], opposite)
+    near &= ~moves["held"][first]
+    differ = near & (np.abs(np.abs(ratios) - 1.0) > _THE_SAME)
+    opposite = int((near & ~differ & (ratios < 0.0)).sum())
+    return _Pairs(moves[first[differ]], asked[first[differ]], ratios[differ], opposite)
 
 
-def _most_alike(pairs: _Pairs, factors: Sequence[float], by_chance: float) -> _Found | None:
+def _most_alike(
+    pairs: _Pairs, factors: Sequence[float], by_chance: float, band: float = _BAND
+) -> _Found | None:
     """The pairs with about the same ratio, near one of the factors; None where there are too few."""
-    hits = {factor: np.abs(pairs.ratios / factor - 1.0) <= _BAND for factor in factors}
+    hits = {factor: np.abs(pairs.ratios / factor - 1.0) <= band for factor in factors}
     factor = max(hits, key=lambda each: int(hits[each].sum()))
     found = hits[factor]
     # Steps that a program has in its text come in the same sizes again and again; corrections never do.
-    sizes = np.round(np.log(np.abs(pairs.first[found])) / _ALIKE)
+    # One that takes the one before back is about as long, until it is as long as the program's longest.
+    alike = _ALIKE if factor != _UNDOING else _THE_SAME
+    sizes = np.round(np.log(np.abs(pairs.first[found])) / alike)
     if len(np.unique(sizes)) < _FEWEST:
         return None
     probability = min(binomial_tail(int(found.sum()), len(found), by_chance) * len(factors), 1.0)
@@ -141,12 +164,20 @@ def _most_alike(pairs: _Pairs, factors: Sequence[float], by_chance: float) -> _F
 
 
 def _multiplied(row: DriveSpec, found: _Found) -> Disagreement:
-    text = f"{row.code} {_as_meant(row, 1.0 - found.multiple)}: {len(found.rows)} corrections "
-    if -1.5 < found.multiple < 0.0:
-        text += "each took back the one before"
-    else:
-        multiple = f"{found.multiple:.2f}" if 0.0 < found.multiple < 1.0 else f"{found.multiple:.1f}"
-        text += f"were each {multiple} times the one before"
+    multiple = f"{found.multiple:.2f}" if 0.0 < found.multiple < 1.0 else f"{found.multiple:.1f}"
+    text = (
+        f"{row.code} {_as_meant(row, 1.0 - found.multiple)}: {len(found.rows)} corrections were each "
+        f"{multiple} times the one before"
+    )
+    return _disagreement(row.code, text, found)
+
+
+def _undone(row: DriveSpec, found: _Found) -> Disagreement:
+    verb = "turned" if row.kind.turns else "drove"
+    text = (
+        f"{row.code} {verb} twice what the program meant, or more: {len(found.rows)} corrections each took "
+        "back the one before"
+    )
     return _disagreement(row.code, text, found)
 
 
@@ -166,7 +197,7 @@ def _as_measured(attempt: Attempt, row: DriveSpec, found: _Found) -> list[Disagr
         nexts = np.append(attempt.within(attempt.history.movements)["order"], np.iinfo(np.int64).max)
         until = nexts[np.searchsorted(nexts, found.rows["order"], side="right")]
         if np.mean(after < until) >= _BETWEEN:
-            text = f"{code} told the program {1.0 - found.multiple:.1f} times the movement"
+            text = f"{code} told the program twice the movement, or more"
             made.append(_disagreement(code, text, found))
     return made
 

@@ -64,9 +64,9 @@ def test_corrections_that_are_taken_back_name_their_drive_and_what_was_read_of_i
     correct_by(mission, read, lambda off: 2.0 * off)
     cause = the_cause(mission)
     assert (cause.kind, cause.culprits, cause.sure) == (Kind.UNDECIDED, culprits, Sureness.LIKELY)
-    assert "r1 turned 2.0 times what the program meant" in cause.text
+    assert "r1 turned twice what the program meant, or more" in cause.text
     assert "corrections each took back the one before" in cause.text
-    assert ("g1 told the program 2.0 times the movement" in cause.text) == ("g1" in culprits)
+    assert ("g1 told the program twice the movement, or more" in cause.text) == ("g1" in culprits)
 
 
 def test_of_a_path_the_odometers_along_it_are_named() -> None:
@@ -74,6 +74,22 @@ def test_of_a_path_the_odometers_along_it_are_named() -> None:
     for step in range(40):
         mission.give(f"d1-{(-1) ** step * (1.0 + 0.03 * step):.2f}", "o1", "o2", "o3", "o4", "g1")
     assert the_cause(mission).culprits == ("d1", "o3", "o4")
+
+
+def test_movements_along_a_line_may_have_others_between_them() -> None:
+    mission = begin((30.0, 42.0, 0.0), noise=True)
+    for step in range(20):
+        mission.give(f"d1-{5.0 - 0.01 * step:.2f}", "u1", f"r1-{0.5 + 0.01 * step}", "u2")
+        mission.give(f"d1--{5.0 - 0.013 * step:.2f}", "u1", f"r1--{0.5 + 0.01 * step}", "w1-0.1", "w1--0.1")
+    assert the_cause(mission).culprits == ("d1",)
+
+
+def test_driving_up_and_back_for_another_try_names_nobody() -> None:
+    mission = begin((30.0, 42.0, 0.0), noise=True)
+    for step in range(20):
+        mission.give(f"d1-{2.0 + 0.01 * step:.2f}", "u1", "d1--2", "u2", "d1-0.5", "u1", "d1--0.6", "u1")
+        mission.give(f"d1-{1.0 + 0.01 * step:.2f}", "u1", "d1--0.3", "u2", "d1--0.7", "u1")
+    assert not disagreements(mission.attempt)
 
 
 def test_turns_that_were_sent_in_radians_name_their_drive() -> None:
