@@ -92,8 +92,8 @@ class Faults:
             if rule["do"] == "freeze":
                 self._frozen = self._frozen or line
                 line = self._frozen
-            elif rule["do"] == "turn":
-                said = json.loads(line)
+            # Some lines have a path, or a word, and no pose.
+            elif rule["do"] == "turn" and "heading" in (said := json.loads(line)):
                 said["heading"] += rule["value"]
                 said["particles"] = [
                     [*row[:2], *(each + rule["value"] for each in row[2:])]

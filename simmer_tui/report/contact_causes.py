@@ -111,8 +111,9 @@ class _ContactCauses:
         # After a turn another sensor may have looked where this one does now.
         seen = self._shown is not None and self._shown.ago <= BLIND
         blind = not self._met.contact.drift and not seen and self._is_blind()
-        # No sensor looks at the room that a held block needs in a turn.
-        blind = blind and not (self._met.contact.held_block and self._met.ended.trajectory.turning)
+        # No sensor looks at the room that a held block needs in a turn: who was not lost lacked no look.
+        turned = self._met.contact.held_block and self._met.ended.trajectory.turning
+        blind = blind and not (turned and (self._belief is None or self._knew))
         # Where the errors of this one movement sufficed, looking before it would not have helped.
         if is_exact_free and not (self._wrong and believed):
             yield self._drive_error()

@@ -243,6 +243,14 @@ def test_no_look_is_missed_where_a_turn_leads_the_held_block_into_a_wall() -> No
     assert mission.why().kind is Kind.HELD_BLOCK
 
 
+def test_a_look_is_missed_where_who_turned_the_held_block_into_a_wall_was_lost() -> None:
+    mission = begin((28.0, 42.0, 180.0))
+    mission.give("d1-4", "p1-1", "l1", "u1", "u2", "u4", "w1--1", "r1-90", "r1--90")
+    mission.believe(ahead=-12.0, turn=-90.0)
+    mission.give(*["r1-90"] * 4)
+    assert mission.why().kind is Kind.UNREAD
+
+
 def test_an_inch_to_the_side_is_tried_on_both_sides() -> None:
     mission = begin((30.0, 42.0, 0.0), bias={DriveKind.RIGHT: Axes(y=0.33)})
     mission.give("u1", "u2", "u4", "d1-10")

@@ -364,7 +364,9 @@ def join_as_a_page_does(run: PageRun) -> None:
             assert time.monotonic() < until
 
 
-def test_a_flood_on_the_port_holds_up_neither_viewers_nor_the_robot_nor_the_end() -> None:
+# A newcomer waits for 3 to 11 s in the system's queue, behind the flood.
+@pytest.mark.parametrize("newcomer", [False, pytest.param(True, marks=pytest.mark.slow)])
+def test_a_flood_on_the_port_holds_up_neither_viewers_nor_the_robot_nor_the_end(newcomer: bool) -> None:
     with page_run() as run, PageViewer(run) as watching:
         watching.wait(lambda message: "run" in message)
         flood = [sys.executable, "-c", FLOOD, str(run.port)]
@@ -376,7 +378,8 @@ def test_a_flood_on_the_port_holds_up_neither_viewers_nor_the_robot_nor_the_end(
                     run.send("u1")
                 seen = Recorded()
                 watching.wait(lambda message: seen.take(message) or len(seen.rows.get("readings", ())) >= 20)
-                join_as_a_page_does(run)
+                if newcomer:
+                    join_as_a_page_does(run)
                 begun = time.monotonic()
                 run.page.stop()
                 assert time.monotonic() - begun < 2.0
