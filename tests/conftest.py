@@ -8,6 +8,7 @@ import os
 import signal
 import sys
 import threading
+from collections import Counter
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -52,8 +53,15 @@ def pytest_ignore_collect(collection_path: Path) -> bool | None:
 
 @pytest.hookimpl(tryfirst=True)  # before others select by marks
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Mark the tests that need POSIX, the only place that does: on Windows they are skipped. Elsewhere they
-    are looked for if somebody selects by the mark."""
+    """Mark the later cases of tests with `quick_cases` as slow, and the tests that need POSIX, the only place
+    that does: on Windows they are skipped. Elsewhere they are looked for if somebody selects by the mark."""
+    quick: Counter[tuple[Path, str]] = Counter()
+    for item in items:
+        if (limit := item.get_closest_marker("quick_cases")) and not item.get_closest_marker("slow"):
+            function = item.path, getattr(item, "originalname", item.name)
+            quick[function] += 1
+            if quick[function] > limit.args[0]:
+                item.add_marker("slow")
     if platform_has.POSIX and "posix" not in config.option.markexpr:
         return
     needing = {path: posix_functions(path) for path in {item.path for item in items}}

@@ -64,6 +64,7 @@ def driven(program: str, *options: str) -> subprocess.CompletedProcess[str]:
     )
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("language", LANGUAGES)
 def test_the_header_compiles_without_a_warning_and_drives(language: str, tmp_path: Path) -> None:
     source = tmp_path / "program.c"
@@ -106,6 +107,7 @@ int main(void) {
 """
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("language", LANGUAGES)
 def test_grids_in_c_arrive(language: str, tmp_path: Path) -> None:
     source, log = tmp_path / "program.c", tmp_path / "run.jsonl"
@@ -147,6 +149,7 @@ int main(void) {
 """
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("language", LANGUAGES)
 def test_a_scan_in_c(language: str, tmp_path: Path) -> None:
     form, width = ("float32", 4) if language == "gnu" else ("float64", 8)

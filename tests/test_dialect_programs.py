@@ -148,6 +148,7 @@ def test_a_long_list_of_replies_takes_its_bytes_time_and_the_same_every_time(tmp
     assert int(took.pop()) == pytest.approx(40 * 326 * 10 / 57600 * 1e6, abs=1000)
 
 
+@pytest.mark.slow
 def test_printed_lines_have_the_same_times_every_time(tmp_path: Path) -> None:
     program = """
         import sys, time
@@ -165,6 +166,7 @@ def test_printed_lines_have_the_same_times_every_time(tmp_path: Path) -> None:
         assert times == pytest.approx([begin + 0.2 * each for each in range(len(times))])
 
 
+@pytest.mark.slow
 def test_by_the_real_clock_bytes_take_their_time(tmp_path: Path) -> None:
     program = """
         import serial, time
@@ -237,6 +239,7 @@ def test_what_a_program_does_wrong_is_told(tmp_path: Path) -> None:
     assert "5 bytes dropped, a message without its end: 'getDa'" in ended.stderr
 
 
+@pytest.mark.slow
 def test_a_read_that_can_never_end_is_told_with_its_line(tmp_path: Path) -> None:
     program = """
         import serial
@@ -253,6 +256,7 @@ def test_a_read_that_can_never_end_is_told_with_its_line(tmp_path: Path) -> None
     assert "'getdata' is no message of the dialect; 'getData' differs in case" in ended.stderr
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("clock", ["program", "real"])
 @pytest.mark.parametrize("closes", [True, False])
 def test_replies_that_nobody_read_are_told(tmp_path: Path, clock: str, *, closes: bool) -> None:
@@ -302,6 +306,7 @@ COURSE_PROGRAM = """
 """
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize(
     ("kind", "first", "second", "read", "printed"),
     [
@@ -368,6 +373,7 @@ reply = "[+]"
 """
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("clock", ["real", "program"])
 def test_the_line_end_behind_a_bracket_can_be_read_with_it(tmp_path: Path, clock: str) -> None:
     program = """
@@ -387,6 +393,7 @@ def test_the_line_end_behind_a_bracket_can_be_read_with_it(tmp_path: Path, clock
     assert ended.stdout.strip() == "{(b'[+]', 2)}", ended.stderr
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("program", ["robot.readline()", "robot.write(b'v\\n'); robot.readline()"])
 def test_what_goes_over_the_line_counts_as_something_sent(tmp_path: Path, program: str) -> None:
     rules = '[[stream]]\nevery = 0.1\nsend = "s{tick}\\n"\n[[command]]\nmatch = "v"\nreply = "1.0\\n"\n'
@@ -402,6 +409,7 @@ def test_what_goes_over_the_line_counts_as_something_sent(tmp_path: Path, progra
     assert "connection to the simulator" not in told
 
 
+@pytest.mark.slow
 def test_a_second_thread_is_refused_with_the_line_of_the_program(tmp_path: Path) -> None:
     program = """
         import serial, threading
@@ -419,6 +427,7 @@ def test_a_second_thread_is_refused_with_the_line_of_the_program(tmp_path: Path)
     assert "serialutil" not in ended.stderr
 
 
+@pytest.mark.slow
 def test_what_is_left_of_a_stream_is_no_fault(tmp_path: Path) -> None:
     rules = '[[stream]]\nevery = 0.01\nsend = "s{tick}\\n"\n'
     program = """
@@ -432,6 +441,7 @@ def test_what_is_left_of_a_stream_is_no_fault(tmp_path: Path) -> None:
     assert "nothing went wrong" in ended.stderr
 
 
+@pytest.mark.slow
 def test_a_program_that_was_not_led_is_not_told_of_its_own_line(tmp_path: Path) -> None:
     program = "import serial\nrobot = serial.Serial('/nowhere/COM6')\n"
     (tmp_path / "isolated.sh").write_text("exec python -I program.py\n", "utf-8")

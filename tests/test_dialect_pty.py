@@ -206,6 +206,7 @@ def test_matlab_on_windows_is_out_of_reach() -> None:
     assert not out_of_reach("matlab -r robot", windows=False)
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("options", [["-I"], []])
 def test_a_program_out_of_reach_is_told_with_what_to_do(tmp_path: Path, options: list[str]) -> None:
     configuration(tmp_path)
@@ -224,6 +225,7 @@ def test_a_program_out_of_reach_is_told_with_what_to_do(tmp_path: Path, options:
     assert "--pty PATH" in told[0]
 
 
+@pytest.mark.slow
 def test_a_program_that_opens_no_port_though_it_could_is_not_out_of_reach(tmp_path: Path) -> None:
     configuration(tmp_path)
     words = [sys.executable, "-m", "simmer_tui", "--no-ui", "--config", "set", "--dialect-port", "0"]

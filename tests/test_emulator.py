@@ -77,6 +77,7 @@ def asked(name: str, command: bytes, size: int) -> bytes:
     return reply
 
 
+@pytest.mark.quick_cases(1)
 @unix_only
 @pytest.mark.parametrize(
     ("options", "command", "reply"),
@@ -95,6 +96,7 @@ def test_emulator_answers_in_the_form_it_was_asked_for(
     assert asked(emulate("--constant", "7.5", *options), command, len(reply)) == reply
 
 
+@pytest.mark.slow
 def test_emulator_on_tcp_serves_one_program_after_the_other(emulate: Emulate) -> None:
     name = emulate("--tcp", "0", "--constant", "2")
     assert name.startswith("socket://")
@@ -102,6 +104,7 @@ def test_emulator_on_tcp_serves_one_program_after_the_other(emulate: Emulate) ->
         assert asked(name, b"u1\n", 8) == struct.pack(">d", 2)
 
 
+@pytest.mark.slow
 @unix_only
 def test_emulator_loses_bytes_and_greets_repeatably(emulate: Emulate) -> None:
     replies = []
@@ -138,6 +141,7 @@ def test_emulator_is_the_robot_of_a_set(emulate: Emulate, tmp_path: Path) -> Non
         assert before - float(port.readline()) == pytest.approx(9.0, abs=0.01)
 
 
+@pytest.mark.slow
 @unix_only
 def test_wheels_of_the_emulator_slip_where_they_are_told_to(emulate: Emulate) -> None:
     done = []
@@ -154,6 +158,7 @@ def test_wheels_of_the_emulator_slip_where_they_are_told_to(emulate: Emulate) ->
     assert slipped_counted == pytest.approx(counted, abs=0.5)
 
 
+@pytest.mark.slow
 @unix_only
 def test_drives_of_the_emulator_weaken_and_end_short_where_they_are_told_to(emulate: Emulate) -> None:
     turned = []
@@ -187,6 +192,7 @@ def test_the_log_of_a_robot_on_a_port_can_be_read(emulate: Emulate, tmp_path: Pa
         assert any(isinstance(logged.event, TwinReading) for logged in reader)
 
 
+@pytest.mark.slow
 def test_emulator_refuses_what_cannot_be(tmp_path: Path) -> None:
     no_set = ["--config", str(tmp_path / "no-set")]
     for options in (["--loss", "2"], ["--latency", "-1"], ["--port", str(tmp_path / "none")], no_set):
@@ -202,6 +208,7 @@ def test_emulator_refuses_what_cannot_be(tmp_path: Path) -> None:
         assert "Traceback" not in done.stderr
 
 
+@pytest.mark.quick_cases(1)
 @unix_only
 @pytest.mark.parametrize(
     ("robot", "simulator"),
@@ -369,6 +376,7 @@ def exchange(process: Any, command: bytes, size: int) -> bytes:
 READING = 341 * (36.0 / 1023)
 
 
+@pytest.mark.slow
 def test_sketch_prints_replies(board: Board) -> None:
     robot = board("TEXT")
     assert exchange(robot, b"u1\r\n", 7) == b"12.000\n"
@@ -384,6 +392,7 @@ def test_sketch_stops_a_drive_at_once(board: Board) -> None:
     assert exchange(robot, b"d1-1000\nxx\n", 8) == b"inf\ninf\n", "after far less than 100 seconds"
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize(("reply", "form"), [("FLOAT32", "<f"), ("FLOAT64", ">d")])
 def test_sketch_sends_numbers_in_binary(board: Board, reply: str, form: str) -> None:
     robot = board(reply)

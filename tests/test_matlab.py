@@ -103,6 +103,7 @@ def failing(statement: str) -> str:
     return f"try, {statement}; disp('no error'); catch e, disp([e.identifier ' ' e.message]); end;"
 
 
+@pytest.mark.quick_cases(2)
 @pytest.mark.parametrize("separate", [True, False], ids=["two connections", "one connection"])
 @pytest.mark.parametrize(
     ("form", "settings"),
@@ -162,6 +163,7 @@ def test_octave_says_what_is_wrong(octave: str) -> None:
     assert fake.received == ["u1"]
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize(
     ("reply", "message"),
     [
@@ -194,6 +196,7 @@ def scanned(command: str, form: str = ">d") -> bytes:
     return struct.pack(f"{form[0]}{len(RANGES) + 1}{form[1]}", len(RANGES), *RANGES)
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("separate", [True, False], ids=["two connections", "one connection"])
 @pytest.mark.parametrize(
     ("form", "settings"),
@@ -226,6 +229,7 @@ def test_octave_reads_a_scan(octave: str, separate: bool, form: str, settings: s
     assert "a lidar is among them (see simmer_scan)" in lines[7]
 
 
+@pytest.mark.slow
 def test_octave_waits_longer_for_the_end_of_a_sleep(octave: str) -> None:
     answers = {"wt-2": struct.pack(">d", math.inf), "wt-0.5": b""}
     program = (
@@ -247,6 +251,7 @@ WRONG_FORMAT = (
 )
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("separate", [True, False], ids=["two connections", "one connection"])
 def test_octave_notices_a_reply_that_is_longer_than_its_format(octave: str, separate: bool) -> None:
     """The simulator sends doubles and the program reads singles: each reply would be half of another."""
@@ -261,6 +266,7 @@ def test_octave_notices_a_reply_that_is_longer_than_its_format(octave: str, sepa
     assert fake.received == ["u1"]
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("separate", [True, False], ids=["two connections", "one connection"])
 def test_octave_notices_bytes_that_came_after_a_reply(octave: str, separate: bool) -> None:
     program = (
@@ -275,6 +281,7 @@ def test_octave_notices_bytes_that_came_after_a_reply(octave: str, separate: boo
     assert fake.received == ["u1", "u3"]
 
 
+@pytest.mark.slow
 def test_octave_hints_at_the_format_when_half_a_number_comes(octave: str) -> None:
     program = "robot = simmer_open(); robot('timeout') = 0.2;" + failing("simmer_send(robot, 'u1')")
     with robot(lambda command: reading(command, ">f")) as fake:
@@ -282,6 +289,7 @@ def test_octave_hints_at_the_format_when_half_a_number_comes(octave: str) -> Non
     assert output.strip().endswith("of 8 bytes came: does robot('reply_format') match the simulator's?)")
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize(
     ("distances", "moves"),
     [
@@ -303,6 +311,7 @@ def test_the_octave_sample_wanders(octave: str, distances: tuple[float, ...], mo
     assert [line.split(" -> ")[1] for line in output.splitlines()] == [" ".join(moves)] * 2
 
 
+@pytest.mark.slow
 def test_the_octave_sample_names_a_missing_sensor(octave: str) -> None:
     with robot() as fake:
         code, _, errors = run(octave, fake, "wander(1)")
@@ -343,6 +352,7 @@ def test_octave_drives_and_is_told_what_the_robot_said(octave: str) -> None:
     assert fake.received == ["d1-2", "x9-1", "u1", "q9"]
 
 
+@pytest.mark.slow
 def test_octave_says_why_it_does_not_sleep(octave: str) -> None:
     with robot() as fake:
         code, output, errors = run(
@@ -361,6 +371,7 @@ def test_octave_says_why_it_does_not_sleep(octave: str) -> None:
     assert fake.received == ["wt-3"]
 
 
+@pytest.mark.slow
 def test_octave_knows_the_maze(octave: str, tmp_path: Path) -> None:
     program = (
         "cells = simmer_maze('mission'); disp(size(cells)); disp(cells(1, :)); disp(simmer_maze()(end, 1));"
@@ -428,6 +439,7 @@ def test_octave_tells_beliefs_that_the_simulator_understands(octave: str) -> Non
     assert (told[2].pose, told[2].grid and told[2].grid.shape) == (Pose(6.0, 6.0, 45.0), (2, 2, 1))
 
 
+@pytest.mark.slow
 def test_octave_goes_on_where_nobody_listens_to_beliefs(octave: str) -> None:
     with socket.create_server((HOST, 0)) as closed:
         port = closed.getsockname()[1]

@@ -123,6 +123,7 @@ def test_a_run_with_a_program_is_the_same_as_elsewhere(call: Call, log: Path) ->
     assert "every reply the same" in done.stdout
 
 
+@pytest.mark.slow
 def test_a_client_drives_a_headless_run(surroundings: dict[str, str]) -> None:
     code = """if True:
         import re, subprocess, sys
@@ -146,6 +147,7 @@ def test_a_client_drives_a_headless_run(surroundings: dict[str, str]) -> None:
     assert 0 < float(done.stdout) < 100
 
 
+@pytest.mark.slow
 def test_a_program_that_is_not_there_is_told_of_in_one_line(call: Call) -> None:
     done = call("--no-ui", "--port", "0", "--run", "no-such-program robot.py")
     assert done.returncode == 127, "as a shell has it, and as elsewhere"
@@ -175,6 +177,7 @@ def test_trials_run_and_go_on(call: Call, tmp_path: Path) -> None:
     assert len((tmp_path / "t" / "results.jsonl").read_bytes().splitlines()) == 3
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize(
     "words", [(), ("--json",), ("--html", "a.html"), ("--csv", "a.csv"), ("--svg", "a.svg")]
 )
@@ -265,6 +268,7 @@ def test_a_container_is_refused_in_one_line(call: Call, tmp_path: Path, engine: 
     assert (done.returncode, len(done.stderr.splitlines())) == (2, 1)
 
 
+@pytest.mark.slow
 def test_a_pseudo_terminal_is_refused_in_one_line_with_the_way_out(call: Call, tmp_path: Path) -> None:
     assert call("init", str(tmp_path / "set"), "--dialect", "line").returncode == 0
     done = call("--config", str(tmp_path / "set"), "--no-ui", "--port", "0", "--pty", str(tmp_path / "pty"))

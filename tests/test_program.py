@@ -202,6 +202,7 @@ def test_what_a_program_left_running_ends_when_the_run_does(lifeline: Lifeline) 
     lifeline.wait_for_the_end()
 
 
+@pytest.mark.quick_cases(1)
 @linux
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSTOP, signal.SIGTERM])
 def test_all_ends_without_its_keeper_too(lifeline: Lifeline, number: int) -> None:
@@ -215,6 +216,7 @@ def test_all_ends_without_its_keeper_too(lifeline: Lifeline, number: int) -> Non
     assert heard.code() == 128 + signal.SIGTERM
 
 
+@pytest.mark.quick_cases(1)
 @linux
 @pytest.mark.parametrize(
     ("first", "starter"),
@@ -268,6 +270,7 @@ def test_a_program_that_never_begins_to_end_is_killed(lifeline: Lifeline) -> Non
     lifeline.wait_for_the_end()
 
 
+@pytest.mark.quick_cases(1)
 @linux
 @pytest.mark.parametrize("killed", ["by somebody", "by its own program"])
 def test_all_ends_when_the_simulator_is_killed(lifeline: Lifeline, tmp_path: Path, killed: str) -> None:

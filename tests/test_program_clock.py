@@ -115,6 +115,7 @@ def test_computing_costs_no_time_and_a_sleep_is_exact(tmp_path: Path) -> None:
     assert ended.stdout.splitlines() == ["250005000 (2026, 1, 1)", "ValueError", "TypeError"]
 
 
+@pytest.mark.slow
 def test_replies_are_all_there_however_quickly_a_program_reads(tmp_path: Path) -> None:
     """The second of two replies is on its way when the first is read: a read gets both, every time."""
     program = """
@@ -133,6 +134,7 @@ def test_replies_are_all_there_however_quickly_a_program_reads(tmp_path: Path) -
     assert run(tmp_path, program, "--reply-port", "0").stdout.strip() == "{16}"
 
 
+@pytest.mark.slow
 def test_a_socket_times_out_by_this_clock_whatever_its_timeout(tmp_path: Path) -> None:
     program = """
         import os, socket, time
@@ -150,6 +152,7 @@ def test_a_socket_times_out_by_this_clock_whatever_its_timeout(tmp_path: Path) -
     assert run(tmp_path, program).stdout.strip() == "0.0"
 
 
+@pytest.mark.slow
 def test_a_child_lives_by_the_same_clock(tmp_path: Path) -> None:
     program = """
         import subprocess, sys, time
@@ -161,6 +164,7 @@ def test_a_child_lives_by_the_same_clock(tmp_path: Path) -> None:
     assert run(tmp_path, program).stdout.strip() == "100.0"
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize(
     ("program", "told"),
     [

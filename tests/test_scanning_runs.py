@@ -62,6 +62,7 @@ def said(capsys: pytest.CaptureFixture[str], *arguments: object) -> str:
     return capsys.readouterr().out
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("protocol", ["binary", "packets"])
 def test_it_repeats_exactly(tmp_path: Path, capsys: pytest.CaptureFixture[str], protocol: str) -> None:
     again = logged(tmp_path, "run.jsonl", 5, protocol)
@@ -110,6 +111,7 @@ def test_it_is_tried_often_and_compared(tmp_path: Path, capsys: pytest.CaptureFi
     said(capsys, "compare", tmp_path / "one", tmp_path / "two")
 
 
+@pytest.mark.slow
 def test_on_a_serial_line_a_scan_takes_the_time_of_its_bytes(tmp_path: Path) -> None:
     pytest.importorskip("serial")
     folder, program = tmp_path / "set", tmp_path / "program.py"

@@ -124,6 +124,7 @@ def test_the_seed_then_ready_and_both_ports_are_open(run: Callable[..., Run]) ->
         socket.create_connection(("127.0.0.1", started.ports[purpose]), SECONDS).close()
 
 
+@pytest.mark.slow
 @posix
 def test_a_sets_name_and_a_logs_steer_no_terminal(tmp_path: Path) -> None:
     folder = tmp_path / "set\x1b[2J\x9b31m"
@@ -171,6 +172,7 @@ def test_the_same_seed_gives_the_same_replies_and_without_one_seeds_differ(run: 
     assert len(seeds) == 2
 
 
+@pytest.mark.slow
 def test_only_other_addresses_are_warned_of(run: Callable[..., Run]) -> None:
     started = run("--host", "0.0.0.0").until_ready()
     assert started.error_line().startswith("warning: anyone who reaches 0.0.0.0 can drive the robot")
@@ -182,6 +184,7 @@ def test_only_other_addresses_are_warned_of(run: Callable[..., Run]) -> None:
 # -- starts that fail ------------------------------------------------------------------------
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("option", ["--port", "--reply-port"])
 def test_a_port_in_use_is_one_line_and_exit_code_2(run: Callable[..., Run], option: str) -> None:
     with socket.create_server(("127.0.0.1", 0)) as taken:
@@ -232,6 +235,7 @@ def test_once_ends_when_the_client_has_left(run: Callable[..., Run]) -> None:
     assert started.end()[0] == 0
 
 
+@pytest.mark.quick_cases(1)
 @posix
 @pytest.mark.parametrize(
     ("name", "with_client"),
@@ -262,6 +266,7 @@ def test_a_signal_ends_it_cleanly(run: Callable[..., Run], name: str, with_clien
         client.close()
 
 
+@pytest.mark.slow
 @posix
 def test_a_signal_ends_it_though_peers_flood_and_the_terminal_takes_nothing(run: Callable[..., Run]) -> None:
     started = run().until_ready()
@@ -296,6 +301,7 @@ def test_after_an_end_by_signal_the_ports_are_free_at_once(run: Callable[..., Ru
         assert again.until_ready().ports["commands"] == started.ports["commands"]
 
 
+@pytest.mark.slow
 @posix
 def test_outputs_that_are_closed_do_not_end_it(run: Callable[..., Run]) -> None:
     started = run().until_ready()
@@ -351,6 +357,7 @@ def test_run_tells_the_program_where_to_connect(run: Callable[..., Run]) -> None
     assert READY in err, "the program alone has standard output"
 
 
+@pytest.mark.slow
 def test_run_with_once_ends_with_the_program_not_with_its_first_connection(run: Callable[..., Run]) -> None:
     code = (
         "import os, socket, sys; "
@@ -362,6 +369,7 @@ def test_run_with_once_ends_with_the_program_not_with_its_first_connection(run: 
     assert (result, out) == (4, "8\n"), err
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("command", ["no-such-program-anywhere", "''", ""])
 @posix
 def test_a_program_that_cannot_be_started_has_a_verdict_and_127(
@@ -377,6 +385,7 @@ def test_a_program_that_cannot_be_started_has_a_verdict_and_127(
     assert (found.outcome, last) == (Outcome.CRASHED, f"verdict: {found.text}")
 
 
+@pytest.mark.slow
 @posix
 def test_a_program_that_cannot_be_started_is_one_line_where_no_verdict_is_told(
     run: Callable[..., Run],
@@ -386,12 +395,14 @@ def test_a_program_that_cannot_be_started_is_one_line_where_no_verdict_is_told(
     assert err == "simmer-tui: --run 'no-such-program-anywhere': No such file or directory\n"
 
 
+@pytest.mark.slow
 @posix
 def test_a_program_ended_by_a_signal_gives_128_and_its_number(run: Callable[..., Run]) -> None:
     code = "import os, signal; os.kill(os.getpid(), signal.SIGKILL)"
     assert run("--run", python(code)).end()[0] == 128 + signal.SIGKILL
 
 
+@pytest.mark.quick_cases(1)
 @posix
 @pytest.mark.parametrize("name", ["SIGINT", "SIGTERM"])
 def test_a_signal_ends_the_program_too(run: Callable[..., Run], name: str) -> None:
@@ -448,6 +459,7 @@ def test_a_signal_ends_it_though_its_first_line_is_never_read(tmp_path: Path) ->
     assert log.read_bytes().endswith(b"\n"), "the log is whole"
 
 
+@pytest.mark.slow
 @posix
 def test_a_mission_that_a_signal_ends_is_no_success(run: Callable[..., Run]) -> None:
     started = run("--mission").until_ready()
@@ -501,6 +513,7 @@ if not os.fork():
 """Standard error has filled up by the time its program ends; only then the robot hits a wall."""
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="a child that goes on for its parent")
 @pytest.mark.parametrize("end", [None, signal.SIGINT], ids=["by itself", "by a signal"])
 def test_a_mission_that_ends_after_its_program_while_nobody_reads_is_told(
@@ -610,6 +623,7 @@ def test_the_rest_is_what_had_been_told_though_more_comes(monkeypatch: pytest.Mo
     assert printed == ["first", "second"]
 
 
+@pytest.mark.slow
 def test_a_log_deleted_in_a_short_run_is_told_at_the_end(tmp_path: Path) -> None:
     log = tmp_path / "run.jsonl"
     lines = (

@@ -125,6 +125,7 @@ def test_a_program_with_two_threads_and_raw_sockets_hears_every_answer() -> None
     assert (code, out) == (0, "u0 w0 r0 m0\n"), err
 
 
+@pytest.mark.slow
 def test_once_ends_after_the_time_given_without_a_packet(started: Start) -> None:
     process, ports = started("--config", "simmer-python", "--packet-port", "0", "--once", "--idle", "0.2")
     assert set(ports) == {"packets", "packet replies", "beliefs"}
@@ -136,6 +137,7 @@ def test_once_ends_after_the_time_given_without_a_packet(started: Start) -> None
     assert "client 127.0.0.1 gone after 2 requests: silent for 0.2 s" in err
 
 
+@pytest.mark.slow
 def test_listeners_say_which_ports_there_are(started: Start) -> None:
     _, ports = started("--listeners", "binary,packets", "--port", "0")
     assert list(ports) == ["commands", "replies", "packets", "packet replies", "beliefs"]
@@ -143,6 +145,7 @@ def test_listeners_say_which_ports_there_are(started: Start) -> None:
     assert not set(ports.values()) & {9000, 9001, 9002, 61200, 61201}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("option", ["--packet-port", "--packet-reply-port"])
 def test_a_port_in_use_is_one_line_and_exit_code_2(option: str) -> None:
     other = "--packet-port" if option == "--packet-reply-port" else "--packet-reply-port"

@@ -144,6 +144,7 @@ def test_a_file_without_rules_is_told(tmp_path: Path) -> None:
     assert "has no [[command]]" in problems_of(tmp_path, "")[0]
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("kind", TEMPLATES)
 def test_a_new_set_of_each_kind_is_right_and_fits_its_schema(tmp_path: Path, kind: str) -> None:
     words = [sys.executable, "-m", "simmer_tui"]

@@ -62,6 +62,7 @@ def logged(folder: Path, program: str, log: Path) -> Path:
     return log
 
 
+@pytest.mark.slow
 def test_without_a_terminal_only_the_option_runs_it(make_set: MakeSet, program: str, tmp_path: Path) -> None:
     folder = make_set(trusted=False)
     done = simmer("--config", folder, "--no-ui", *PORTS, "--run", program)
@@ -87,6 +88,7 @@ def test_a_device_that_fails_leaves_the_run_going(make_set: MakeSet, program: st
     assert "ZeroDivisionError" in simmer("report", path).stdout.replace("\n", "")
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize(("answer", "runs"), [("y", True), ("", False), ("no", False)])
 def test_the_question_on_a_terminal(make_set: MakeSet, tmp_path: Path, answer: str, runs: bool) -> None:
     folder = make_set(f"# \x1b[2J not for terminals\n{THERMAL}", trusted=False)
@@ -139,6 +141,7 @@ def test_check_parses_what_is_not_trusted_and_says_so(
     assert problem == {"where": f"{DEVICE}:1", "text": "is not Python: invalid syntax"}
 
 
+@pytest.mark.slow
 def test_a_file_that_changes_between_check_and_run_is_not_run(make_set: MakeSet, program: str) -> None:
     folder = make_set()
     assert main(["check", str(folder)]) == 0
@@ -170,6 +173,7 @@ def test_a_log_holds_readings_and_a_hash_and_no_code(
     assert main(["export", str(path), "--svg", str(tmp_path / "e.svg")]) == 0
 
 
+@pytest.mark.slow
 def test_a_rerun_needs_the_same_file_trusted(
     make_set: MakeSet, program: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -195,6 +199,7 @@ def test_a_rerun_needs_the_same_file_trusted(
     assert "it is another" in refusal("--config", moved)
 
 
+@pytest.mark.slow
 def test_a_take_over_needs_it_too_and_its_log_has_it_again(
     make_set: MakeSet, program: str, tmp_path: Path
 ) -> None:
@@ -310,6 +315,7 @@ def test_calibrate_leaves_it_as_it_is_and_copies_it(
     assert "put it there, since the set that is written needs it too" in line
 
 
+@pytest.mark.slow
 def test_a_file_that_never_ends_is_ended_by_ctrl_c(make_set: MakeSet) -> None:
     folder = make_set("print('it loops', flush=True)\nwhile True:\n    pass\n", trusted=False)
     command = [sys.executable, "-m", "simmer_tui", "check", str(folder), "--trust-devices"]
@@ -321,6 +327,7 @@ def test_a_file_that_never_ends_is_ended_by_ctrl_c(make_set: MakeSet) -> None:
         assert process.wait() == 130
 
 
+@pytest.mark.slow
 def test_a_reading_that_never_ends_is_ended_by_ctrl_c(make_set: MakeSet, program: str) -> None:
     loops = "print('it loops', flush=True)\n        while True:\n            pass\n        return self"
     folder = make_set(THERMAL.replace("return self", loops), trusted=False)
@@ -336,6 +343,7 @@ def test_a_reading_that_never_ends_is_ended_by_ctrl_c(make_set: MakeSet, program
         assert process.wait() == 130, "".join(told) + rest
 
 
+@pytest.mark.slow
 def test_a_device_that_fails_in_timed_motion(make_set: MakeSet, program: str) -> None:
     folder = make_set(THERMAL.replace("return self", "return 1 / 0 if pose.x > 9.9 else self"), trusted=False)
     done = simmer(
@@ -347,6 +355,7 @@ def test_a_device_that_fails_in_timed_motion(make_set: MakeSet, program: str) ->
     assert "Traceback" not in done.stderr
 
 
+@pytest.mark.slow
 def test_a_replay_shows_it_without_its_file(make_set: MakeSet, program: str, tmp_path: Path) -> None:
     folder = make_set(trusted=False)
     path = logged(folder, program, tmp_path / "run.jsonl")

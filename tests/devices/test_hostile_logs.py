@@ -40,6 +40,7 @@ def changed(value: Any, change: Any) -> Any:
     return change
 
 
+@pytest.mark.slow
 def test_headers_of_strangers(make_set: MakeSet, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     folder = make_set(trusted=False)
     program = tmp_path / "program.py"

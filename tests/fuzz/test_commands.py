@@ -16,7 +16,7 @@ from tests.fuzz.conftest import run
 WORDS = (b"null", b"[]", b"{}", b"1e999", b'"inf"', b'"-inf"', b'"nan"', rb"\ud800", b"Infinity", b"true")
 
 
-@pytest.mark.parametrize("cases", [12, pytest.param(300, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("cases", [6, pytest.param(300, marks=pytest.mark.slow)])
 def test_broken_logs(cases: int, log: bytes, tmp_path: Path, mutate: Any) -> None:
     path, out = tmp_path / "run.jsonl", tmp_path / "out"
     for seed in range(cases):
@@ -76,7 +76,7 @@ def test_infinite_readings_of_every_sensor(code: str, value: bytes, log: bytes, 
 
 
 @pytest.mark.parametrize("name", ["trials.json", "results.jsonl"])
-@pytest.mark.parametrize("cases", [15, pytest.param(300, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("cases", [6, pytest.param(300, marks=pytest.mark.slow)])
 def test_broken_trials(cases: int, name: str, trials: Path, tmp_path: Path, mutate: Any) -> None:
     folder = tmp_path / "broken"
     shutil.copytree(trials, folder)

@@ -109,7 +109,7 @@ def moments(log: RunLogIndex) -> Iterable[float]:
     return (share * log.duration for share in (0.0, 0.3, 0.5, 1.0))
 
 
-@pytest.mark.parametrize("cases", [12, pytest.param(400, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("cases", [6, pytest.param(400, marks=pytest.mark.slow)])
 def test_broken_logs_in_the_replay(cases: int, log: bytes, tmp_path: Path, mutate: Any) -> None:
     path = tmp_path / "run.jsonl"
 

@@ -85,7 +85,7 @@ def check(source: Path, target: Path) -> bool:
     return True
 
 
-@pytest.mark.parametrize("cases", [60, pytest.param(1000, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("cases", [30, pytest.param(1000, marks=pytest.mark.slow)])
 def test_broken_files(cases: int, tmp_path: Path, mutate: Any) -> None:
     sources = []
     for good in sorted((CORPUS / "good").iterdir()):

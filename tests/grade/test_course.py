@@ -213,6 +213,7 @@ def test_timed_motion_has_the_time_it_needs(make_course: Callable[..., Path], tm
     assert walls == [30.0, 30.0 + 60.0 / 0.5]
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("diameter", [4, 6, 8])
 def test_robots_of_any_size_meet_the_same_missions(
     make_course: Callable[..., Path], tmp_path: Path, diameter: int
@@ -279,6 +280,7 @@ def test_course_set_and_gradings_are_no_teams(make_course: Callable[..., Path], 
     assert [team.name for team in read_course(teams).teams] == ["a", "b"]
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize(
     ("where", "words"),
     [("teams", ["."]), ("teams/a", ["--practice", "."]), (".", ["teams"])],
@@ -309,6 +311,7 @@ def test_grading_does_not_lie_among_the_teams(
         assert "where each folder is a team: name another --out" in capsys.readouterr().err
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize(
     ("text", "what"),
     [
@@ -402,6 +405,7 @@ def test_hidden_names_stay_hidden(make_course: Callable[..., Path], tmp_path: Pa
     assert told()
 
 
+@pytest.mark.slow
 def test_margin_can_be_given(make_course: Callable[..., Path], tmp_path: Path) -> None:
     file = make_course({"a": ""})
     (tmp_path / "teams" / "a" / "team.toml").write_text("no = 1")

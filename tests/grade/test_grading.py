@@ -144,6 +144,7 @@ def test_one_team_again_with_what_it_has_handed_in_now(
     assert run_grade(["--regrade", "nobody", "--out", str(out)]) == 2
 
 
+@pytest.mark.slow
 def test_names_can_be_hidden(isolation: str, make_course: Callable[..., Path], tmp_path: Path) -> None:
     file, out = make_course({"secretive": HIT}, QUICK), tmp_path / "out"
     run_grade([str(file), "--out", str(out), "--hide-names"])

@@ -43,6 +43,7 @@ def test_streams_of_a_sandboxed_program_are_two(
     assert printed[:2] == ["on its way", "a warning"]
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("kind", ["bwrap", "none"])
 def test_a_command_that_is_not_there_is_a_failure_of_its_team(
     kind: str, request: pytest.FixtureRequest, make_course: Callable[..., Path], tmp_path: Path

@@ -36,6 +36,7 @@ def right(flown: Flown, name: str, seed: int) -> bool:
     return cause is None if success else cause is not None and cause.kind in fault.kinds
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("name", QUICK)
 def test_a_run_is_laid_to_its_fault(flown: Flown, name: str) -> None:
     assert right(flown, name, QUICK[name])

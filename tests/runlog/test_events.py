@@ -135,6 +135,7 @@ def same_row(live: SensorRow, read_back: SensorRow, moved: int, moved_back: int)
     assert (live.number > moved) == (read_back.number > moved_back)
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("answer_at_end", [True, False])
 @pytest.mark.parametrize("timed", [True, False])
 @pytest.mark.parametrize("seed", [5, *(pytest.param(each, marks=pytest.mark.slow) for each in range(6, 9))])

@@ -72,6 +72,7 @@ def test_the_fingerprint_is_that_of_the_machine(varied_log: Path) -> None:
     assert json.loads(varied_log.read_text().splitlines()[0])["mathematics"] == found
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(
     sys.platform != "linux" or platform.machine() != "x86_64" or platform.libc_ver()[0] != "glibc",
     reason="what is taken away is named for glibc on x86-64",

@@ -50,6 +50,7 @@ def with_bias(spec: SimulationSpec, kind: DriveKind, bias: Axes) -> Simulator:
 # -- measured in numbers ---------------------------------------------------------------------
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("segments", [1, 10, 100])
 def test_a_disc_at_a_wall_turns(noisy_spec: SimulationSpec, segments: int) -> None:
     turned = 0
@@ -362,6 +363,7 @@ def walls_of(spec: SimulationSpec) -> shapely.Geometry:
     return shapely.union_all([shapely.box(-99, -99, 999, 999) - inside, *cells])
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("robot", [RobotSpec.circle(6), SQUARE, OBLONG], ids=["disc", "square", "oblong"])
 def test_a_contacts_point_is_on_the_wall_of_its_cell(noisy_spec: SimulationSpec, robot: RobotSpec) -> None:
     spec = replace(noisy_spec, robot=robot)
@@ -429,6 +431,7 @@ def test_it_is_said_whether_the_held_block_touches_or_the_body(course_spec: Simu
 # -- rebuilt from a log ----------------------------------------------------------------------
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("rule", ContactRule)
 @pytest.mark.parametrize("robot", [RobotSpec.circle(6), OBLONG], ids=["disc", "oblong"])
 def test_a_movement_is_rebuilt_from_what_a_log_holds_of_it(

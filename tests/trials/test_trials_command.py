@@ -174,6 +174,7 @@ def test_newest_trials_of_the_folder_are_gone_on_with_when_none_are_named(trials
     assert sorted(TrialFolder.read(folder).results) == [1, 2]
 
 
+@pytest.mark.slow
 def test_fixed_ports_are_those_of_the_settings_one_run_at_a_time(
     tmp_path: Path, program: Callable[[str], str], capfd: pytest.CaptureFixture[str]
 ) -> None:
@@ -219,6 +220,7 @@ def test_maze_that_the_mission_cannot_be_done_in_is_refused_by_name(
     assert capfd.readouterr().err.startswith("a.csv: maze.csv has no cell of value 2 to start from\n")
 
 
+@pytest.mark.slow
 def test_random_mazes_are_drawn_on_the_page_where_runs_failed(
     tmp_path: Path, program: Callable[[str], str]
 ) -> None:
@@ -233,6 +235,7 @@ def test_random_mazes_are_drawn_on_the_page_where_runs_failed(
     assert folder.maze(1) != folder.maze(2)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("options", "code", "error"),
     [

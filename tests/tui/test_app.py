@@ -304,6 +304,7 @@ def test_bias_shows_the_bias_of_every_drive(fly: Fly) -> None:
     fly(scenario)
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize(
     ("size", "served"), [((80, 24), "binary"), ((120, 36), "packets")], ids=["small", "large"]
 )
@@ -630,6 +631,7 @@ def test_a_small_screen_shows_one_page_at_a_time(fly: Fly) -> None:
     fly(scenario, size=(80, 24))
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize(
     "glyphs",
     [

@@ -501,6 +501,7 @@ def terminal(tmp_path: Path) -> Iterator[Callable[..., Terminal]]:
         yield start
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize(
     ("changes", "has", "has_not"),
     [
@@ -603,6 +604,7 @@ def test_a_terminal_that_stops_reading_holds_nothing_up_and_then_shows_all(
     assert app.process.returncode == 0
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("replayed", [False, True])
 def test_a_terminal_that_goes_away_without_a_signal_ends_it(
     terminal: Callable[..., Terminal], tmp_path: Path, replayed: bool

@@ -43,6 +43,7 @@ def wait_for(log: Path, *commands: str) -> None:
         time.sleep(0.05)  # a file tells nobody when it grows
 
 
+@pytest.mark.slow
 def test_a_line_typed_in_one_burst_is_one_command(tmp_path: Path) -> None:
     log = tmp_path / "run.jsonl"
     environment = os.environ | {"TEXTUAL_DRIVER": "textual.drivers.web_driver:WebDriver"}
