@@ -20,7 +20,7 @@ from simmer_tui.events import (
     VelocityEnd,
     VelocityEnded,
 )
-from simmer_tui.sessions import Session
+from simmer_tui.sessions import LoopTimer, Session
 from simmer_tui.sim.command import Command
 from simmer_tui.sim.legs import Leg
 from simmer_tui.sim.records import CommandResult
@@ -66,12 +66,12 @@ class Driving:
         self._waits: list[_Wait] = []
         self._slicing = False
         self._warned: set[Hashable] = set()
-        self._silence: asyncio.TimerHandle | None = None
+        self._silence = LoopTimer(self._is_silent)
         simulator.listener = self
 
     def start(self, loop: asyncio.AbstractEventLoop) -> None:
         """Waits take turns with everything else of a loop from here on."""
-        self._loop = loop
+        self._loop = self._silence.loop = loop
 
     # -- what the simulator says -------------------------------------------------------------------
 
@@ -212,11 +212,9 @@ class Driving:
         driver = self.driver
         if driver is None:
             return
-        if self._silence is not None:
-            self._silence.cancel()
-            self._silence = None
+        self._silence.cancel()
         if session.driver == driver and self._loop is not None and driver not in self._warned:
-            self._silence = self._loop.call_later(_SILENT, self._is_silent, driver)
+            self._silence.set_in(_SILENT, driver)
 
     def _is_silent(self, driver: Hashable) -> None:
         if driver == self.driver and self._simulator.velocity.moves and not self._waits:

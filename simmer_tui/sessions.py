@@ -50,9 +50,10 @@ class Stop(Struct):
 
 
 class Queued(Struct, frozen=True):
-    """A command that waits for its turn, and how many stops had been given when it came. `there` is
-    what it took on the link, once it has come over that."""
+    """A command of a session that waits for its turn or its answer, and how many stops had been given when it
+    came. `there` is what it took on the link, once it has come over that."""
 
+    session: Session
     command: Command
     answer: Answer
     halts: int
@@ -124,7 +125,7 @@ class Session:
 class Scheduler:
     """Lets sessions do their commands, one of each lane in turn. While `paused` only `steps` of them."""
 
-    def __init__(self, do: Callable[[Session, Queued], None]) -> None:
+    def __init__(self, do: Callable[[Queued], None]) -> None:
         self.paused = False
         self.steps = 0
         self._do = do
@@ -211,13 +212,13 @@ class Scheduler:
         # Before the loop runs there is nobody else to be delayed, and no clock to count by.
         loop, lane = self._loop, session.lane
         if loop is None:
-            self._do(session, session.queue.popleft())
+            self._do(session.queue.popleft())
             return
         if lane.seconds is None:
-            self._do(session, session.queue.popleft())
+            self._do(session.queue.popleft())
         else:
             begun = loop.time()
-            self._do(session, session.queue.popleft())
+            self._do(session.queue.popleft())
             lane.spent += loop.time() - begun
         lane.left -= 1
         if lane.left == 0 or (lane.seconds is not None and lane.spent > lane.seconds):
@@ -275,3 +276,40 @@ class TimerQueue:
     def pop(self) -> Callable[[], None]:
         """Take what is due next."""
         return heapq.heappop(self._items)[2]
+
+
+class LoopTimer:
+    """A call that an event loop makes later: once, unless it is set anew or cancelled before."""
+
+    def __init__(self, call: Callable[..., None], loop: asyncio.AbstractEventLoop | None = None) -> None:
+        self.loop = loop
+        """The loop that makes the call; known before the timer is set."""
+        self._call = call
+        self._handle: asyncio.TimerHandle | None = None
+
+    @property
+    def due(self) -> float:
+        """Time of the call by the loop's clock; infinity if the timer is not set."""
+        return math.inf if self._handle is None else self._handle.when()
+
+    def set_at(self, time: float, *arguments: object) -> None:
+        """Make the call at a time of the loop's clock."""
+        assert self.loop is not None, "timed motion needs a started engine"
+        if self._handle is not None:
+            self._handle.cancel()
+        self._handle = self.loop.call_at(time, self._make, *arguments)
+
+    def set_in(self, seconds: float, *arguments: object) -> None:
+        """Make the call after so many seconds."""
+        assert self.loop is not None, "timed motion needs a started engine"
+        self.set_at(self.loop.time() + seconds, *arguments)
+
+    def cancel(self) -> None:
+        """Do not make the call."""
+        if self._handle is not None:
+            self._handle.cancel()
+            self._handle = None
+
+    def _make(self, *arguments: object) -> None:
+        self._handle = None
+        self._call(*arguments)

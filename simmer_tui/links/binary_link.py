@@ -14,11 +14,11 @@ from simmer_tui.config.dialects import COMMANDS, REPLIES
 from simmer_tui.events import Notice, NoticeKind
 from simmer_tui.links.access import TurnedAwayNotices
 from simmer_tui.links.connection_doctor import ALONE, ClientWatch, ConnectionDoctor
-from simmer_tui.links.driver_seat import NOT_SERVED
 from simmer_tui.links.link import LinkContext
-from simmer_tui.links.peer import MOST_WAITING, PIECE, UNREAD_LIMIT, Peer, ReadBudget
+from simmer_tui.links.peer import MOST_WAITING, PIECE, UNREAD_LIMIT, Peer, ReadBudget, host_of
 from simmer_tui.phrases import counted
 from simmer_tui.protocol.binary import CommandReader, NumberEncoder
+from simmer_tui.sessions import LoopTimer
 from simmer_tui.sim.command import Command
 from simmer_tui.sim.records import CommandResult
 
@@ -88,7 +88,7 @@ class Client(Peer):
         self._session = link.backend.open_session(
             answer_at_end=link.answer_at_end, budget=self._command_budget
         )
-        self._timer: asyncio.TimerHandle | None = None
+        self._timer = LoopTimer(self._silence, self._loop)
         self._ended = False
         self._waiting = 0
         self._watch = ClientWatch(link.doctor, self, link.encoder.form, link.encoder.size)
@@ -118,8 +118,7 @@ class Client(Peer):
     def eof_received(self) -> bool:
         # Closed for sending only: programs shut down their side and still read the replies.
         self._ended = True
-        if self._timer is not None:
-            self._timer.cancel()
+        self._timer.cancel()
         self._submit(self._reader.end())
         # A program that was ended leaves no robot that drives on to the end of a wait.
         if self._waiting and self._link.has_closed(self):
@@ -136,21 +135,17 @@ class Client(Peer):
 
     def close(self) -> None:
         """Close after what is written has gone out; commands that wait are forgotten."""
-        if self._timer is not None:
-            self._timer.cancel()
+        self._timer.cancel()
         self._session.close()
         super().close()
 
     def _await_silence(self) -> None:
-        if self._timer is not None:
-            self._timer.cancel()
-            self._timer = None
+        self._timer.cancel()
         idle_timeout = self._reader.idle_timeout
         if idle_timeout is not None and not self._closing:
-            self._timer = self._loop.call_later(idle_timeout, self._silence)
+            self._timer.set_in(idle_timeout)
 
     def _silence(self) -> None:
-        self._timer = None
         commands = self._reader.silence()
         for command in commands:
             self._link.doctor.bare(command)
@@ -247,7 +242,7 @@ class BinaryLink:
         self._loop.call_later(PATIENCE, self._consider, sock)
 
     def _admit(self, sock: socket.socket, peer: str) -> None:
-        refused = self._refused(sock, peer)
+        refused = "" if self._seat is None else self._seat.take_by(self, sock, peer)
         if refused:
             self._commands.turn_away(sock, peer)
             self._turned_away.tell(f"client {peer} turned away: {refused}", refused)
@@ -255,14 +250,6 @@ class BinaryLink:
         _probe_silent_peer(sock)
         self.client = Client(sock, peer, self)
         self.engine.tell(Notice(NoticeKind.CONNECTED, f"client {peer} connected", peer))
-
-    def _refused(self, sock: socket.socket, peer: str) -> str:
-        """The reason why a program may not drive the robot of a set with a dialect."""
-        if self._seat is None:
-            return ""
-        if self._seat.outsider(sock, peer):
-            return NOT_SERVED
-        return self._seat.take(self, f"client {peer}")
 
     def _consider(self, sock: socket.socket) -> None:
         """Send a newcomer away unless the client before is about to leave."""
@@ -307,7 +294,7 @@ class BinaryLink:
             self._waiting_replies.remove(reply)
             # Of a second program, which was sent away, it is no mistake: that is told already.
             second = self._newcomers or self._loop.time() - self._sent_away < ALONE
-            same = _host(reply.peer) == _host(client.peer)
+            same = host_of(reply.peer) == host_of(client.peer)
             if client.replies is client and same and not second and not self._of_others(client, [reply]):
                 self.doctor.too_late(reply.peer)
             reply.close()
@@ -376,11 +363,6 @@ class BinaryLink:
             self._waiting_replies.remove(reply)
         elif self.client is not None and self.client.replies is reply:
             self.client.close()
-
-
-def _host(peer: str) -> str:
-    """The host of a peer, without its port."""
-    return peer.rpartition(":")[0]
 
 
 def _probe_silent_peer(sock: socket.socket) -> None:

@@ -21,6 +21,7 @@ from simmer_tui.phrases import counted
 from simmer_tui.protocol import diagnosis
 from simmer_tui.protocol.diagnosis import Diagnosis
 from simmer_tui.protocol.replies import ReplyForm, ReplyFormat
+from simmer_tui.sessions import LoopTimer
 from simmer_tui.sim.command import Command
 from simmer_tui.sim.records import CommandResult, Status
 
@@ -147,18 +148,15 @@ class ClientWatch:
         self._route = client
         self._commands = 0
         self._timers: list[asyncio.TimerHandle] = []
-        self._timer: asyncio.TimerHandle | None = None
+        self._line_end = LoopTimer(doctor.tell, self._loop)
 
     # -- what it sends -------------------------------------------------------------------------------
 
     def line_began(self, rest: bytes) -> None:
         """Bytes of a line have come, or its end (no bytes): told if the rest stays away."""
-        if self._timer is not None:
-            self._timer.cancel()
-            self._timer = None
+        self._line_end.cancel()
         if rest and not self._doctor.has_told("line without an end"):
-            finding = diagnosis.without_end(rest, self._client.peer)
-            self._timer = self._loop.call_later(1.0, self._doctor.tell, finding)
+            self._line_end.set_in(1.0, diagnosis.without_end(rest, self._client.peer))
 
     # -- its replies -----------------------------------------------------------------------------------
 
@@ -187,7 +185,8 @@ class ClientWatch:
 
     def left(self, *, broke_off: bool) -> None:
         """The client has gone. One that closes with bytes unread breaks off (RFC 1122, 4.2.2.13)."""
-        for timer in (*self._timers, *([self._timer] if self._timer is not None else [])):
+        self._line_end.cancel()
+        for timer in self._timers:
             timer.cancel()
         if self._first_reply is None or self._loop.time() - self._first_reply > SOON or self._commands > 1:
             return

@@ -25,6 +25,7 @@ from simmer_tui.events import NoticeKind
 from simmer_tui.links.heard_robot import HeardRobot
 from simmer_tui.links.serial_bridge import STOP
 from simmer_tui.links.serial_link import RobotLink
+from simmer_tui.sessions import LoopTimer
 from simmer_tui.sim.command import Command, escape, parse_value
 from simmer_tui.sim.records import CommandResult, Status
 from simmer_tui.sim.velocity_commands import WAIT, parse_wait
@@ -74,8 +75,8 @@ class DialectRobot(HeardRobot):
         """The request whose reading is awaited."""
         self._key: Turned | None = None
         """The message of the key that drives."""
-        self._key_timer: asyncio.TimerHandle | None = None
-        self._again: asyncio.TimerHandle | None = None
+        self._key_timer = LoopTimer(self._keys_silent, self._loop)
+        self._again = LoopTimer(self._advance, self._loop)
         self._begin_listening()
 
     def close(self) -> None:
@@ -83,9 +84,8 @@ class DialectRobot(HeardRobot):
         if self._key is not None:
             self._keys_silent()
         self._end_listening()
-        for timer in (self._key_timer, self._again):
-            if timer is not None:
-                timer.cancel()
+        self._key_timer.cancel()
+        self._again.cancel()
         self._drop(f"{self.port} was closed")
 
     def _note_reply(self, heard: Heard) -> None:
@@ -160,8 +160,8 @@ class DialectRobot(HeardRobot):
             )
             if not problem and not may_begin:
                 # Nobody tells of the end of a run or a pause of the twin.
-                if self._moving is None and self._again is None:
-                    self._again = self._loop.call_later(LOOK_AGAIN, self._look_again)
+                if self._moving is None and self._again.due == math.inf:
+                    self._again.set_in(LOOK_AGAIN)
                 return
             self._queue.popleft()
             if problem:
@@ -170,10 +170,6 @@ class DialectRobot(HeardRobot):
                 self._begin_wait(request)
             else:
                 self._begin(request, turned)
-
-    def _look_again(self) -> None:
-        self._again = None
-        self._advance()
 
     def _prepare(self, request: _Request) -> str:
         """Find the message for a command. Returns the reason there is none, if so."""
@@ -345,10 +341,8 @@ class DialectRobot(HeardRobot):
         if self._key is None:
             self._key = made
             self._send(made, KEYS)
-        if self._key_timer is not None:
-            self._key_timer.cancel()
         # In the robot's own thread: it comes also while the screen hangs.
-        self._key_timer = self._loop.call_later(KEY_SILENCE, self._keys_silent)
+        self._key_timer.set_in(KEY_SILENCE)
         request.answer(self._result(command, Status.ACCEPTED, math.inf))
 
     def _meant(self, command: Command) -> tuple[str, float] | str | None:
@@ -367,9 +361,7 @@ class DialectRobot(HeardRobot):
 
     def _end_key(self) -> None:
         self._key = None
-        if self._key_timer is not None:
-            self._key_timer.cancel()
-            self._key_timer = None
+        self._key_timer.cancel()
 
     def _keys_silent(self) -> None:
         """No key has come for a while, or it was let go: the robot is stopped."""

@@ -6,7 +6,6 @@ twin does what each message says, and readings are told from replies.
 
 from __future__ import annotations
 
-import asyncio
 import math
 from collections.abc import Callable, Mapping, Sequence
 
@@ -30,6 +29,7 @@ from simmer_tui.events import (
 from simmer_tui.links.dialect_link import LOGGED_OF_STREAM, Moved, SimulatedHost, value_of
 from simmer_tui.links.real_robot import RealRobot
 from simmer_tui.links.serial_link import RobotLink
+from simmer_tui.sessions import LoopTimer
 from simmer_tui.sim.command import parse_command
 from simmer_tui.sim.records import REFUSALS, CommandResult
 
@@ -92,15 +92,14 @@ class HeardRobot(RealRobot):
         self._twin = Twin(engine, heard, self._twin_moved)
         self._device = DialectDevice(heard, self._twin, self._note_message)
         self._reader = ReplyReader(rules, self._device.state)
-        self._silence: asyncio.TimerHandle | None = None
+        self._silence = LoopTimer(self._fell_silent, self._loop)
         self._lost_told = False
         self._streamed = 0
         self._stream_told = -math.inf
 
     def _end_listening(self) -> None:
         super()._end_listening()
-        if self._silence is not None:
-            self._silence.cancel()
+        self._silence.cancel()
 
     # -- what others wait for ---------------------------------------------------------------------------
 
@@ -152,16 +151,13 @@ class HeardRobot(RealRobot):
         """Bytes have come from the robot."""
         if self._switch.program is not None:
             self._switch.program(data)
-        if self._silence is not None:
-            self._silence.cancel()
-            self._silence = None
+        self._silence.cancel()
         for heard in self._reader.receive(data):
             self._hear(heard)
         if self._reader.waits:
-            self._silence = self._loop.call_later(SILENCE, self._fell_silent)
+            self._silence.set_in(SILENCE)
 
     def _fell_silent(self) -> None:
-        self._silence = None
         for heard in self._reader.silence():
             self._hear(heard)
 

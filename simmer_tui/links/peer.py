@@ -13,6 +13,7 @@ import socket
 from collections.abc import Callable
 
 from simmer_tui.program_clock import clock_of
+from simmer_tui.sessions import LoopTimer
 
 # Well below the 1024 descriptors that a process has by default, for two such ports.
 MOST_CONNECTIONS = 128
@@ -65,6 +66,11 @@ class ReadBudget:
             go_on()
 
 
+def host_of(peer: str) -> str:
+    """The host of a peer, without its port, which differs from one connection to the next."""
+    return peer.rpartition(":")[0]
+
+
 class Peer:
     """One accepted connection, read and written in the event loop it is made in.
 
@@ -93,7 +99,7 @@ class Peer:
         self._reading = False
         self._held = False
         self._eof = False
-        self._deadline: asyncio.TimerHandle | None = None
+        self._deadline = LoopTimer(self._finish, self._loop)
         self._set_reading()
 
     # -- to be told ----------------------------------------------------------------------------
@@ -219,7 +225,7 @@ class Peer:
         if not self._unsent:
             self._finish(None)
         elif not self._finished:
-            self._deadline = self._loop.call_later(self.closing, self._finish, None)
+            self._deadline.set_in(self.closing, None)
 
     def abort(self) -> None:
         """Close at once."""
@@ -235,8 +241,7 @@ class Peer:
         if self._unsent:
             self._loop.remove_writer(self.sock)
             self._unsent.clear()
-        if self._deadline is not None:
-            self._deadline.cancel()
+        self._deadline.cancel()
         self._loop.call_soon(self._end, error)  # whoever writes or closes is not told in the middle of it
 
     def _end(self, error: OSError | None) -> None:

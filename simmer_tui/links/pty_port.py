@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import math
 import os
 from collections import deque
 
@@ -10,6 +11,7 @@ from simmer_tui.links.peer import PIECE
 from simmer_tui.links.pty_device import PtyDevice
 from simmer_tui.links.serial_door import SerialRobot
 from simmer_tui.links.serial_wire import DRIVER_BUFFER, FRAME
+from simmer_tui.sessions import LoopTimer
 from simmer_tui.sim.command import escape
 
 # Nobody tells of an open: without one, reading fails at once. A person notices no 20 ms.
@@ -32,32 +34,30 @@ class PtyPort:
         """Replies on the line: when they begin to arrive, the time of a byte, and the bytes."""
         self._passed = 0
         """Count of bytes of the first of them that were passed on."""
-        self._timer: asyncio.TimerHandle | None = None
+        self._next = LoopTimer(self._pass_on, self._loop)
         self._unread = bytearray()
         """Bytes that have arrived, and that the system takes no more."""
         self._lost = 0
         self.port = self.peer = str(device.path)
         self.by_clock = False
-        self._waiting: asyncio.Handle | None = self._loop.call_soon(self._look)
+        self._look_again = LoopTimer(self._look, self._loop)
+        self._look_again.set_in(0.0)
 
     def close(self) -> None:
         """Serve it no more; the device closes by itself."""
         self._leave()
-        if self._waiting is not None:
-            self._waiting.cancel()
-            self._waiting = None
+        self._look_again.cancel()
 
     # -- coming and going ------------------------------------------------------------------------
 
     def _look(self) -> None:
         """Look whether a program has opened the port."""
-        self._waiting = None
         self._read()
         self._look_later()
 
     def _look_later(self) -> None:
-        if not self._open and self._waiting is None:
-            self._waiting = self._loop.call_later(LOOK_AGAIN, self._look)
+        if not self._open and self._look_again.due == math.inf:
+            self._look_again.set_in(LOOK_AGAIN)
 
     def _readable(self) -> None:
         if self._robot.budget.left > 0:
@@ -120,9 +120,7 @@ class PtyPort:
     def _forget(self) -> None:
         self._open = False
         self._loop.remove_reader(self._device.descriptor)
-        if self._timer is not None:
-            self._timer.cancel()
-            self._timer = None
+        self._next.cancel()
         if self._unread:
             self._loop.remove_writer(self._device.descriptor)
         self._unread.clear()
@@ -143,12 +141,11 @@ class PtyPort:
         self._coming.append((begin, byte, data))
         # A program that only listens says its rate by nothing else: it holds from the next reply on.
         self._note_baud()
-        if self._timer is None:
+        if self._next.due == math.inf:
             self._pass_on()
 
     def _pass_on(self) -> None:
         """Pass on what has arrived by now."""
-        self._timer = None
         now = self._loop.time()
         while self._coming:
             begin, byte, data = self._coming[0]
@@ -162,7 +159,7 @@ class PtyPort:
                 self._passed = count
             if self._passed < len(data):
                 due = begin + (self._passed + 1) * byte
-                self._timer = self._loop.call_at(max(due, now + FRAME), self._pass_on)
+                self._next.set_at(max(due, now + FRAME))
                 return
             self._coming.popleft()
             self._passed = 0
@@ -177,9 +174,8 @@ class PtyPort:
         if len(data) > room:
             # Said for the first: more of them say the same.
             if not self._lost:
-                self._robot.tell_fault(
-                    f"dialect: the program at {escape(self.port, 80)} does not read: replies are lost"
-                )
+                where = escape(self.port, 80)
+                self._robot.tell_fault(f"dialect: the program at {where} does not read: replies are lost")
             self._lost += len(data) - room
         self._unread += data[:room]
 

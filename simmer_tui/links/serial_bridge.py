@@ -29,6 +29,7 @@ from simmer_tui.protocol.replies import (
     RobotAnswer,
     read_numbers,
 )
+from simmer_tui.sessions import LoopTimer
 from simmer_tui.sim.angles import FloatArray
 from simmer_tui.sim.command import Command, escape
 from simmer_tui.sim.records import CommandResult, LidarScan, Reading, Status, ray_bearings
@@ -93,12 +94,12 @@ class SerialBridge(RealRobot):
         """End of the wait for a reply, or for the port to open, by the event loop's clock."""
         self._moving_until = -math.inf
         """Until when the robot may be in a movement that it has not answered, by the event loop's clock."""
-        self._gate: asyncio.TimerHandle | None = None
-        self._deadline: asyncio.TimerHandle | None = None
+        self._gate = LoopTimer(self._advance, self._loop)
+        self._deadline = LoopTimer(self._ring, self._loop)
         """A timer for `_due` or earlier. It stays from one reply to the next: a new timer for each would
         cost a tenth of a round trip."""
-        self._silence: asyncio.TimerHandle | None = None
-        self._report: asyncio.TimerHandle | None = None
+        self._silence = LoopTimer(self._fell_silent, self._loop)
+        self._report = LoopTimer(self._report_discarded, self._loop)
         self._last: Message | None = None
         self._paused: list[tuple[_Exchange, asyncio.TimerHandle]] = []
         """Messages that wait a time of their own, and who wakes them."""
@@ -109,8 +110,7 @@ class SerialBridge(RealRobot):
         self._end_listening()
         self._due = math.inf
         for timer in (self._deadline, self._silence, self._report, self._gate):
-            if timer is not None:
-                timer.cancel()
+            timer.cancel()
         for _, alarm in self._paused:
             alarm.cancel()
         left = [*(exchange for exchange, _ in self._paused), *self._under_way, *self._waiting]
@@ -274,13 +274,9 @@ class SerialBridge(RealRobot):
                 kept_back.add(exchange.session)
             elif exchange.session not in kept_back:
                 return exchange
-        if self._gate is None:
-            self._gate = self._loop.call_later(left, self._open_gate)
+        if self._gate.due == math.inf:
+            self._gate.set_in(left)
         return None
-
-    def _open_gate(self) -> None:
-        self._gate = None
-        self._advance()
 
     def _note_movement(self, exchange: _Exchange) -> None:
         """A message has been sent: a movement in it takes its planned time and a margin."""
@@ -351,7 +347,6 @@ class SerialBridge(RealRobot):
         self._take(self._framer.receive(data))
 
     def _fell_silent(self) -> None:
-        self._silence = None
         self._take(self._framer.silence())
 
     def _take(self, reply: bytes | None) -> None:
@@ -397,17 +392,14 @@ class SerialBridge(RealRobot):
             exchange.answered(outcomes, unchanged)
 
     def _listen_on(self) -> None:
-        if self._silence is not None:
-            self._silence.cancel()
-            self._silence = None
+        self._silence.cancel()
         idle_timeout = self._framer.idle_timeout
         if idle_timeout is not None:
-            self._silence = self._loop.call_later(idle_timeout, self._fell_silent)
-        if self._report is None and self._framer.discarded:
-            self._report = self._loop.call_later(REPORT_DELAY, self._report_discarded)
+            self._silence.set_in(idle_timeout)
+        if self._framer.discarded and self._report.due == math.inf:
+            self._report.set_in(REPORT_DELAY)
 
     def _report_discarded(self) -> None:
-        self._report = None
         count, sample = self._framer.take_discarded()
         shown = escape(sample.decode("latin-1"), 60)
         text = f"{count} bytes from the robot discarded, they answer nothing: {shown!r}"
@@ -435,7 +427,6 @@ class SerialBridge(RealRobot):
         self._advance()
 
     def _ring(self) -> None:
-        self._deadline = None
         if self._loop.time() < self._due:
             self._set_timer()
             return
@@ -488,13 +479,9 @@ class SerialBridge(RealRobot):
         self._set_timer()
 
     def _set_timer(self) -> None:
-        if self._deadline is not None:
-            if self._deadline.when() <= self._due:
-                return
-            self._deadline.cancel()
-            self._deadline = None
-        if self._due < math.inf:
-            self._deadline = self._loop.call_at(self._due, self._ring)
+        # A timer that comes earlier sets itself anew (see `_deadline`).
+        if self._due < self._deadline.due:
+            self._deadline.set_at(self._due)
 
 
 def _is_stop(message: Message) -> bool:

@@ -13,6 +13,7 @@ from typing import Any, Protocol
 
 from simmer_tui.links.port_list import close_port, explain, open_port
 from simmer_tui.links.serial_channel import SerialChannel, channel_for
+from simmer_tui.sessions import LoopTimer
 
 
 class LinkListener(Protocol):
@@ -71,7 +72,7 @@ class SerialLink:
         self._delay = self._back_off.first
         self._listener: LinkListener | None = None
         self._channel: SerialChannel | None = None
-        self._retry: asyncio.TimerHandle | None = None
+        self._retry = LoopTimer(self._try)
         self._told = ""
 
     @property
@@ -80,7 +81,7 @@ class SerialLink:
 
     def start(self, listener: LinkListener) -> None:
         self._listener = listener
-        self._loop = asyncio.get_running_loop()
+        self._loop = self._retry.loop = asyncio.get_running_loop()
         self._try()
 
     def write(self, data: bytes) -> None:
@@ -92,8 +93,7 @@ class SerialLink:
 
     def close(self) -> None:
         self._listener = None
-        if self._retry is not None:
-            self._retry.cancel()
+        self._retry.cancel()
         if self._channel is not None:
             self._channel.close()
             self._channel = None
@@ -140,7 +140,7 @@ class SerialLink:
             self._try_later(explain(error, self._name, was_open=True))
 
     def _try_later(self, reason: str) -> None:
-        self._retry = self._loop.call_later(self._delay, self._try)
+        self._retry.set_in(self._delay)
         self._delay = min(2 * self._delay, self._back_off.longest)
         # Once per reason: tries go on for as long as the robot is off.
         if reason != self._told and self._listener is not None:
