@@ -1013,22 +1013,29 @@ def _of_lists(grid: Any) -> tuple[tuple[int, int, int], bytes]:
     """Sizes and bytes of nested lists."""
     try:
         rows = [list(row) for row in grid]
-        cells = [cell for row in rows for cell in row]
-        deep = bool(cells) and hasattr(cells[0], "__len__")
-        lists = [list(cell) for cell in cells] if deep else []
-        numbers = [float(number) for cell in lists for number in cell] if deep else list(map(float, cells))
+        cells: list[Any] = [cell for row in rows for cell in row]
+        is_deep = bool(cells) and hasattr(cells[0], "__len__")
+        lists = [list(cell) for cell in cells] if is_deep else []
+        flat = [number for cell in lists for number in cell] if is_deep else cells
+        numbers = [float(number) for number in flat]
     except (TypeError, ValueError, OverflowError):
         raise InvalidInputError("grid must be rows of numbers, or rows of lists of numbers") from None
-    for what, each in (("row", rows), ("cell", lists)):
-        for number, one in enumerate(each, 1):
-            if len(one) != len(each[0]):
-                raise InvalidInputError(f"{what} {number} of grid has {len(one)} numbers, not {len(each[0])}")
-    columns = len(rows[0]) if rows else 0
-    sizes = _grid_sizes((len(rows), columns, len(lists[0])) if deep else (len(rows), columns))
-    if any(number != number for number in numbers):  # NaN: min and max would pass it by
+    shape: tuple[int, ...] = (len(rows), _alike("row", rows))
+    if is_deep:
+        shape = (*shape, _alike("cell", lists))
+    sizes = _grid_sizes(shape)
+    if any(map(math.isnan, numbers)):  # min and max would pass it by
         raise InvalidInputError("grid holds a number that is not finite")
     most = _largest(min(numbers), max(numbers))
     return sizes, struct.pack(f"<{len(numbers)}f", *[number / most for number in numbers])
+
+
+def _alike(what: str, lists: list[list[Any]]) -> int:
+    """Length that all of some lists have."""
+    for number, one in enumerate(lists, 1):
+        if len(one) != len(lists[0]):
+            raise InvalidInputError(f"{what} {number} of grid has {len(one)} numbers, not {len(lists[0])}")
+    return len(lists[0]) if lists else 0
 
 
 def _largest(least: float, most: float) -> float:

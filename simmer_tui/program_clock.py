@@ -10,8 +10,7 @@ import asyncio
 import math
 import selectors
 import time
-from collections.abc import Callable, Mapping
-from typing import Any
+from collections.abc import Callable
 
 from msgspec import Struct
 
@@ -116,36 +115,47 @@ class ProgramClock:
     def go_on(self, timer: float) -> bool:
         """All is done for now. Move time to `timer`, when the loop has something to do next, or let the
         program go on. False if there is nothing to do but wait for the program."""
-        waiting = [each for each in self._processes if not each.away]
-        if self.frozen or not waiting or any(each.until is None for each in waiting):
+        waiting = self._waiting()
+        if self.frozen or not waiting:
             return False
-        # What was printed by now was printed at this time.
-        if self.settle_output is not None and not self.settle_output():
-            self.settle_output = None
+        self._settle_output()
         listening = [each for each in waiting if each.listens]
         if self._news and listening:
             self._news = False
             # All of them look: for which of them the reply is, only they know.
-            for each in listening:
-                self._wake(each)
+            self._wake(listening)
             return False
-        until = min(each.until for each in waiting if each.until is not None)
+        until = min(_end_of(each) for each in waiting)
         if min(until, timer) == math.inf:
             for each in waiting:
                 each.stuck()
             return False
+        self.now = max(self.now, min(timer, until))
         if timer <= until:
-            self.now, self._news = max(self.now, timer), True
+            self._news = True
             return True
-        self.now = max(self.now, until)
-        for each in waiting:
-            if each.until is not None and each.until <= self.now + _HAIR:
-                self._wake(each)
+        self._wake([each for each in waiting if _end_of(each) <= self.now + _HAIR])
         return False
 
-    def _wake(self, process: ProgramWait) -> None:
-        process.until, process.listens = None, False
-        process.wake(self.now)
+    def _waiting(self) -> list[ProgramWait]:
+        """The processes that do not wait for another one; none as long as one of them computes."""
+        present = [each for each in self._processes if not each.away]
+        return [] if any(each.until is None for each in present) else present
+
+    def _settle_output(self) -> None:
+        """Have all that was printed by now get this time; give it up where that takes too long."""
+        if self.settle_output is not None and not self.settle_output():
+            self.settle_output = None
+
+    def _wake(self, processes: list[ProgramWait]) -> None:
+        for each in processes:
+            each.until, each.listens = None, False
+            each.wake(self.now)
+
+
+def _end_of(process: ProgramWait) -> float:
+    assert process.until is not None, "it waits"
+    return process.until
 
 
 class ProgramClockLoop(asyncio.SelectorEventLoop):
@@ -179,7 +189,7 @@ def clock_of(loop: asyncio.AbstractEventLoop) -> ProgramClock | None:
     return loop.clock if isinstance(loop, ProgramClockLoop) else None
 
 
-class _ProgramSelector(selectors.BaseSelector):
+class _ProgramSelector(selectors.DefaultSelector):
     """Waits for sockets as the system's selector does, and moves the program's time instead of waiting for
     the loop's timers."""
 
@@ -189,28 +199,10 @@ class _ProgramSelector(selectors.BaseSelector):
         real_timers: list[tuple[float, asyncio.Future[None]]],
         next_timer: Callable[[], float],
     ) -> None:
+        super().__init__()
         self._clock = clock
         self._next_timer = next_timer
         self._real_timers = real_timers
-        self._sockets = selectors.DefaultSelector()
-
-    def register(self, fileobj: Any, events: int, data: Any = None) -> selectors.SelectorKey:
-        return self._sockets.register(fileobj, events, data)
-
-    def unregister(self, fileobj: Any) -> selectors.SelectorKey:
-        return self._sockets.unregister(fileobj)
-
-    def modify(self, fileobj: Any, events: int, data: Any = None) -> selectors.SelectorKey:
-        return self._sockets.modify(fileobj, events, data)
-
-    def get_map(self) -> Mapping[Any, selectors.SelectorKey]:
-        return self._sockets.get_map()
-
-    def get_key(self, fileobj: Any) -> selectors.SelectorKey:
-        return self._sockets.get_key(fileobj)
-
-    def close(self) -> None:
-        self._sockets.close()
 
     def select(self, timeout: float | None = None) -> list[tuple[selectors.SelectorKey, int]]:
         """Descriptors that are ready. `timeout` is in seconds of the program's clock."""
@@ -218,7 +210,7 @@ class _ProgramSelector(selectors.BaseSelector):
         if clock.is_real:
             return self._wait(timeout)
         # What the program has sent before it began to wait is here already: all of it comes first.
-        ready = self._sockets.select(0)
+        ready = super().select(0)
         if ready or (timeout is not None and timeout <= 0):
             return self._noted(ready)
         if clock.is_behind:
@@ -243,7 +235,7 @@ class _ProgramSelector(selectors.BaseSelector):
         due = min((each for each, _ in self._real_timers), default=math.inf)
         if due < math.inf:
             timeout = max(0.0, min(due - now, math.inf if timeout is None else timeout))
-        ready = self._noted(self._sockets.select(timeout))
+        ready = self._noted(super().select(timeout))
         if due < math.inf and time.monotonic() >= due:
             over = [future for at, future in self._real_timers if at <= due]
             self._real_timers[:] = [each for each in self._real_timers if each[0] > due]

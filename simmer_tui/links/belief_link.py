@@ -17,7 +17,7 @@ from msgspec.structs import asdict
 
 from simmer_tui.belief_grid import Bounds, GridBelief, grid_belief
 from simmer_tui.config.dialects import BELIEFS
-from simmer_tui.events import Belief, Notice, NoticeKind
+from simmer_tui.events import Belief
 from simmer_tui.links.grid_parser import parse_grid
 from simmer_tui.links.link import LinkContext
 from simmer_tui.links.peer import MOST_WAITING, Peer, ReadBudget
@@ -200,7 +200,7 @@ class _Believer(Peer):
     def _complain(self, reason: str) -> None:
         if not self._complained:  # a program that errs does so with every line
             self._complained = True
-            self._link.engine.tell(Notice(NoticeKind.FAULT, f"belief not understood: {reason}"))
+            self._link.engine.tell_fault(f"belief not understood: {reason}")
 
 
 class BeliefLink:
@@ -236,7 +236,7 @@ class BeliefLink:
         if len(present) >= MOST_WAITING:
             silent = min(present, key=lambda believer: believer.heard)
             text = f"belief connection {silent.peer} closed: {MOST_WAITING} at once are the most"
-            self.engine.tell(Notice(NoticeKind.FAULT, text))
+            self.engine.tell_fault(text)
             silent.abort()
             self.believer_lost(silent)
 

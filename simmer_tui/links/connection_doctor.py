@@ -46,10 +46,8 @@ class ConnectionDoctor:
         self._loop = asyncio.get_running_loop()
         self._told: set[str] = set()
         self._ports = {purpose: listener.port for purpose, listener in listeners.items()}
-        names = (("packets", PACKETS), ("beliefs", BELIEFS))
-        self._others = {
-            name: self._ports[port.purpose] for name, port in names if port.purpose in self._ports
-        }
+        others = {"packets": PACKETS.purpose, "beliefs": BELIEFS.purpose}
+        self._others = {name: self._ports[each] for name, each in others.items() if each in self._ports}
 
     def tell(self, finding: Diagnosis | None) -> None:
         """Tell a mistake, unless it was told before."""
@@ -66,11 +64,7 @@ class ConnectionDoctor:
         """The numbers of the command port and the reply port."""
         return self._ports[COMMANDS.purpose], self._ports[REPLIES.purpose]
 
-    @property
-    def _known(self) -> frozenset[str]:
-        return self._codes(enabled=True)
-
-    def _codes(self, *, enabled: bool) -> frozenset[str]:
+    def _codes(self, *, enabled: bool = True) -> frozenset[str]:
         """Codes of the sensors and drives that are enabled, or of those that are not."""
         spec = self._engine.simulator.spec
         sensors = {sensor.code for sensor in spec.sensors if sensor.enabled is enabled}
@@ -81,34 +75,23 @@ class ConnectionDoctor:
     def alone(self, peer: str) -> None:
         """A connection to the reply port has waited, and nobody has connected to the command port."""
         commands, replies = self.ports_of_lines
-        self.tell(
-            Diagnosis(
-                "reply port alone",
-                f"{peer} is connected only to the reply port {replies}: connect to the command port "
-                f"{commands} too",
-            )
-        )
+        text = f"{peer} is connected only to the reply port {replies}"
+        self.tell(Diagnosis("reply port alone", f"{text}: connect to the command port {commands} too"))
 
     def sent_to_reply_port(self, peer: str) -> None:
         """A program that has sent nothing to the command port has sent something to the reply port."""
         commands, replies = self.ports_of_lines
-        self.tell(
-            Diagnosis(
-                "commands on the reply port",
-                f"{peer} sends to the reply port {replies}: send commands to port {commands}",
-            )
-        )
+        text = f"{peer} sends to the reply port {replies}: send commands to port {commands}"
+        self.tell(Diagnosis("commands on the reply port", text))
 
     def too_late(self, peer: str) -> None:
         """A connection to the reply port came after the client's first reply had gone elsewhere."""
         commands, replies = self.ports_of_lines
-        self.tell(
-            Diagnosis(
-                "reply port too late",
-                f"{peer} connected to port {replies} after its first command. That reply went back on port "
-                f"{commands}: connect to both before the first command",
-            )
+        text = (
+            f"{peer} connected to port {replies} after its first command. That reply went back on port "
+            f"{commands}: connect to both before the first command"
         )
+        self.tell(Diagnosis("reply port too late", text))
 
     # -- what a program sends ----------------------------------------------------------------------
 
@@ -118,7 +101,9 @@ class ConnectionDoctor:
         if port is not None:
             self.tell(diagnosis.wrong_protocol(result.command.text, port, self._others))
         if result.status is Status.UNKNOWN and result.command.code.endswith("0"):
-            self.tell(diagnosis.code_from_zero(result.command.code, self._known, self._codes(enabled=False)))
+            self.tell(
+                diagnosis.code_from_zero(result.command.code, self._codes(), self._codes(enabled=False))
+            )
 
     def packet_came(self, data: bytes) -> None:
         """The first bytes of a connection on the packet port."""
@@ -127,7 +112,7 @@ class ConnectionDoctor:
 
     def bare(self, command: Command) -> None:
         """A command has come without a line end."""
-        self.tell(diagnosis.joined(command.text, self._known))
+        self.tell(diagnosis.joined(command.text, self._codes()))
 
 
 class ClientWatch:

@@ -137,9 +137,6 @@ class DialectRobot(HeardRobot):
         stops = tuple(each for each in message.commands if each.stops or each.code == STOP)
         return Message(message.data, stops, message.form) if stops else None
 
-    def trail(self, data: bytes, session: BackendSession) -> None:
-        """Not needed: nothing is passed on as it is."""
-
     def forget(self, session: BackendSession) -> None:
         """A client has left: its commands are not begun any more."""
         self._queue = deque(each for each in self._queue if each.session is not session)

@@ -97,7 +97,7 @@ class HookedProgram(Peer):
         self._robot.set_baud(self, baud)
 
     def _drop(self) -> None:
-        self._robot.tell_fault(f"{self.peer} dropped: it is no program with a serial port of ours")
+        self._robot.engine.tell_fault(f"{self.peer} dropped: it is no program with a serial port of ours")
         self.abort()
 
     def answer(self, refused: str) -> None:
@@ -113,5 +113,5 @@ class HookedProgram(Peer):
 
     def _send(self, kind: bytes, payload: bytes) -> None:
         if not self.write(_HEAD.pack(kind, len(payload)) + payload):
-            self._robot.tell_fault(f"client {self.peer} dropped: it does not read its replies")
+            self._robot.engine.tell_fault(f"client {self.peer} dropped: it does not read its replies")
             self.abort()

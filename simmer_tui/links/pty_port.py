@@ -175,7 +175,9 @@ class PtyPort:
             # Said for the first: more of them say the same.
             if not self._lost:
                 where = escape(self.port, 80)
-                self._robot.tell_fault(f"dialect: the program at {where} does not read: replies are lost")
+                self._robot.engine.tell_fault(
+                    f"dialect: the program at {where} does not read: replies are lost"
+                )
             self._lost += len(data) - room
         self._unread += data[:room]
 

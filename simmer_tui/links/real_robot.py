@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 from abc import abstractmethod
 
-from simmer_tui.backend import Backend, BackendSession
+from simmer_tui.backend import Backend
 from simmer_tui.config.settings import SerialSettings
 from simmer_tui.engine import Engine
 from simmer_tui.events import ActionDone, ActionName, EventHandler, Notice, NoticeKind
@@ -71,9 +71,6 @@ class RealRobot(EventHandler[None], Backend):
 
     def refuse(self, command: Command) -> CommandResult:
         return self._engine.refuse(command)
-
-    def cut_waits(self, session: BackendSession) -> None:
-        """A real robot goes on by itself: its program's waits are left alone."""
 
     def on_action(self, event: ActionDone) -> None:
         """A person's stop is meant for the real robot."""

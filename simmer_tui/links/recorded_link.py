@@ -21,15 +21,12 @@ class RecordedLink:
 
     def __init__(self, link: RobotLink, path: str, baud: int) -> None:
         self._link = link
+        self.name = link.name
         self._begun = time.monotonic()
         # Line by line: what was exchanged is there though the run ends badly.
         self._file = Path(path).expanduser().open("w", encoding="utf-8", buffering=1)
         self._file.write(json.dumps({"baud": baud}) + "\n")
         self._listener: LinkListener | None = None
-
-    @property
-    def name(self) -> str:
-        return self._link.name
 
     def start(self, listener: LinkListener) -> None:
         self._listener = listener

@@ -25,32 +25,25 @@ class LinkListener(Protocol):
 
     def lost(self, reason: str) -> None:
         """The link failed or could not be opened and will be retried. Called once per reason."""
-        ...
 
 
 class RobotLink(Protocol):
     """Bytes to and from a robot. Lives in one event loop; all calls, both ways, are made there."""
 
-    @property
-    def name(self) -> str:
-        """Name of the port, as the user gave it."""
-        ...
+    name: str
+    """Name of the port, as the user gave it."""
 
     def start(self, listener: LinkListener) -> None:
         """Open, and open again whenever it is lost. Call once, in a running loop."""
-        ...
 
     def write(self, data: bytes) -> None:
         """Send a message. While the link is closed it is dropped."""
-        ...
 
     def write_instead(self, data: bytes) -> list[bytes]:
         """Send a message at once, instead of those that still wait; returns these."""
-        ...
 
     def close(self) -> None:
         """Close the port. The listener is not called again."""
-        ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,7 +59,7 @@ class SerialLink:
     """A serial port, or a URL that pyserial opens (`socket://`, `rfc2217://`, `loop://`)."""
 
     def __init__(self, port: str, baud: int = 9600, back_off: BackOff | None = None) -> None:
-        self._name = port
+        self.name = port
         self._baud = baud
         self._back_off = back_off or BackOff()
         self._delay = self._back_off.first
@@ -74,10 +67,6 @@ class SerialLink:
         self._channel: SerialChannel | None = None
         self._retry = LoopTimer(self._try)
         self._told = ""
-
-    @property
-    def name(self) -> str:
-        return self._name
 
     def start(self, listener: LinkListener) -> None:
         self._listener = listener
@@ -100,16 +89,16 @@ class SerialLink:
 
     def _try(self) -> None:
         # A daemon: Bluetooth ports take many seconds to open, and nobody may wait for that.
-        threading.Thread(target=self._open, name=f"open {self._name}", daemon=True).start()
+        threading.Thread(target=self._open, name=f"open {self.name}", daemon=True).start()
 
     def _open(self) -> None:
         """Open the port, in a thread of its own."""
         port: Any = None
         reason = ""
         try:
-            port = open_port(self._name, self._baud)
+            port = open_port(self.name, self._baud)
         except Exception as error:  # noqa: BLE001 - pyserial lets through whatever its drivers raise
-            reason = explain(error, self._name)
+            reason = explain(error, self.name)
         try:
             self._loop.call_soon_threadsafe(self._tried, port, reason)
         except RuntimeError:  # the loop has ended, so that nobody wants the port any more
@@ -137,7 +126,7 @@ class SerialLink:
         if self._channel is not None:
             self._channel.close()
             self._channel = None
-            self._try_later(explain(error, self._name, was_open=True))
+            self._try_later(explain(error, self.name, was_open=True))
 
     def _try_later(self, reason: str) -> None:
         self._retry.set_in(self._delay)

@@ -204,25 +204,15 @@ MAX_WAITING = 1000
 
 # As simmer-python prints them; programs match \d+\.\d+.
 _DECIMALS = 3
-# simmer-python's words since Aug 2024: True, False, Not Found and DRIVE STOP.
-_WORDS = {
-    Status.DONE: "True",
-    Status.ACCEPTED: "True",
-    Status.BUSY: "False",
-    Status.REFUSED: "False",
-    Status.UNKNOWN: "Not Found",
-    Status.UNANSWERED: "Not Found",
-    Status.STOPPED: "DRIVE STOP",
-}
-# The numbers of the forms before that, without brackets.
-_NUMBERS = {
-    Status.DONE: math.inf,
-    Status.ACCEPTED: math.inf,
-    Status.BUSY: math.nan,
-    Status.REFUSED: math.nan,
-    Status.UNKNOWN: math.nan,
-    Status.UNANSWERED: math.nan,
-    Status.STOPPED: math.inf,
+# simmer-python's words since Aug 2024, and the numbers of the forms before that, without brackets.
+_ANSWERS = {
+    Status.DONE: ("True", math.inf),
+    Status.ACCEPTED: ("True", math.inf),
+    Status.BUSY: ("False", math.nan),
+    Status.REFUSED: ("False", math.nan),
+    Status.UNKNOWN: ("Not Found", math.nan),
+    Status.UNANSWERED: ("Not Found", math.nan),
+    Status.STOPPED: ("DRIVE STOP", math.inf),
 }
 
 
@@ -281,7 +271,7 @@ def _echo(command: Command) -> str:
 def _word(command: Command, outcome: CommandResult) -> str:
     if outcome.status is not Status.READING:
         # A text that is no command at all has no value to be wrong: there is no such code.
-        return _WORDS[Status.UNKNOWN] if command.problem else _WORDS[outcome.status]
+        return _ANSWERS[Status.UNKNOWN if command.problem else outcome.status][0]
     if outcome.reading is not None and outcome.reading.sensor.is_yes_or_no:
         return str(outcome.reply >= 0.5)
     ranges = outcome.ranges
@@ -289,8 +279,9 @@ def _word(command: Command, outcome: CommandResult) -> str:
 
 
 def _legacy_item(reply_format: ReplyFormat, outcome: CommandResult) -> bytes:
-    number = outcome.reply if outcome.status is Status.READING else _NUMBERS[outcome.status]
-    ranges = outcome.ranges if outcome.status is Status.READING else None
+    is_reading = outcome.status is Status.READING
+    number = outcome.reply if is_reading else _ANSWERS[outcome.status][1]
+    ranges = outcome.ranges if is_reading else None
     if reply_format is ReplyFormat.TEXT:
         return (number_text(number) if ranges is None else ranges_text(ranges)).encode()
     layout = NUMBERS[reply_format.value, "little"]

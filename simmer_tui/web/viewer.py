@@ -42,15 +42,12 @@ class PageHost(Protocol):
 
     def response(self, request: Request) -> Response | None:
         """The answer to a request; None if the connection is to become a viewer's."""
-        ...
 
     def message_received(self, viewer: Viewer, data: bytes) -> None:
         """A viewer has sent a message."""
-        ...
 
     def viewer_gone(self, viewer: Viewer) -> None:
         """A connection is no more."""
-        ...
 
 
 class Viewer(Peer):
