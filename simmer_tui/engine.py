@@ -31,16 +31,7 @@ from simmer_tui.events import (
     WireMessage,
 )
 from simmer_tui.playback_throttle import PlaybackThrottle
-from simmer_tui.sessions import (
-    Answer,
-    LinkDelay,
-    LoopTimer,
-    Queued,
-    Scheduler,
-    Session,
-    Stop,
-    TimerQueue,
-)
+from simmer_tui.sessions import Answer, LinkDelay, LoopTimer, Queued, Scheduler, Session, Stop, TimerQueue
 from simmer_tui.sim.command import Command
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.records import CommandResult, Status

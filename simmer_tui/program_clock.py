@@ -21,6 +21,10 @@ IN_FLIGHT = 0.2
 """Longest real time that bytes may be on their way, seconds."""
 
 
+_Ready = list[tuple[selectors.SelectorKey, int]]
+"""Descriptors that are ready, as selectors give them."""
+
+
 class ProgramWait(Struct, eq=False):
     """A process of the program: `wake` lets it go on, told the time.
 
@@ -163,9 +167,9 @@ class ProgramClockLoop(asyncio.SelectorEventLoop):
 
     def __init__(self, clock: ProgramClock) -> None:
         self.clock = clock
-        self._real_timers: list[tuple[float, asyncio.Future[None]]] = []
         self._scheduled: list[asyncio.TimerHandle]
-        super().__init__(_ProgramSelector(clock, self._real_timers, self._next_timer))
+        self._waits = _ProgramSelector(clock, self._next_timer)
+        super().__init__(self._waits)
 
     def _next_timer(self) -> float:
         """The time of the next timer, to the last bit."""
@@ -180,7 +184,7 @@ class ProgramClockLoop(asyncio.SelectorEventLoop):
     async def real_pause(self, seconds: float) -> None:
         """Wait by the real clock, for what other processes take."""
         over = self.create_future()
-        self._real_timers.append((time.monotonic() + seconds, over))
+        self._waits.real_timers.append((time.monotonic() + seconds, over))
         await over
 
 
@@ -193,18 +197,14 @@ class _ProgramSelector(selectors.DefaultSelector):
     """Waits for sockets as the system's selector does, and moves the program's time instead of waiting for
     the loop's timers."""
 
-    def __init__(
-        self,
-        clock: ProgramClock,
-        real_timers: list[tuple[float, asyncio.Future[None]]],
-        next_timer: Callable[[], float],
-    ) -> None:
+    def __init__(self, clock: ProgramClock, next_timer: Callable[[], float]) -> None:
         super().__init__()
         self._clock = clock
         self._next_timer = next_timer
-        self._real_timers = real_timers
+        self.real_timers: list[tuple[float, asyncio.Future[None]]] = []
+        """Those who wait by the real clock, and until when."""
 
-    def select(self, timeout: float | None = None) -> list[tuple[selectors.SelectorKey, int]]:
+    def select(self, timeout: float | None = None) -> _Ready:
         """Descriptors that are ready. `timeout` is in seconds of the program's clock."""
         clock = self._clock
         if clock.is_real:
@@ -221,24 +221,22 @@ class _ProgramSelector(selectors.DefaultSelector):
         timer = math.inf if timeout is None else self._next_timer()
         return [] if clock.go_on(timer) else self._wait(None)
 
-    def _noted(
-        self, ready: list[tuple[selectors.SelectorKey, int]]
-    ) -> list[tuple[selectors.SelectorKey, int]]:
+    def _noted(self, ready: _Ready) -> _Ready:
         """The same, after the clock has taken note of what may bring a reply."""
         if any(key.fd not in self._clock.quiet for key, _ in ready):
             self._clock.note()
         return ready
 
-    def _wait(self, timeout: float | None) -> list[tuple[selectors.SelectorKey, int]]:
+    def _wait(self, timeout: float | None) -> _Ready:
         """Descriptors that are ready, waited for by the real clock."""
         now = time.monotonic()
-        due = min((each for each, _ in self._real_timers), default=math.inf)
+        due = min((each for each, _ in self.real_timers), default=math.inf)
         if due < math.inf:
             timeout = max(0.0, min(due - now, math.inf if timeout is None else timeout))
         ready = self._noted(super().select(timeout))
         if due < math.inf and time.monotonic() >= due:
-            over = [future for at, future in self._real_timers if at <= due]
-            self._real_timers[:] = [each for each in self._real_timers if each[0] > due]
+            over = [future for at, future in self.real_timers if at <= due]
+            self.real_timers[:] = [each for each in self.real_timers if each[0] > due]
             for future in over:
                 if not future.done():
                     future.set_result(None)

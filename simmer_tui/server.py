@@ -34,7 +34,7 @@ from simmer_tui.links.link import Link, LinkContext, open_links, port_requests, 
 from simmer_tui.links.owners import OwnerLookup
 from simmer_tui.links.ports import Listener, PortRequest, take_port
 from simmer_tui.links.processes import ProcessLookup
-from simmer_tui.links.pty_device import NOT_ON_WINDOWS, PtyDevice
+from simmer_tui.links.pty_port import NOT_ON_WINDOWS, PtyDevice
 from simmer_tui.playback_throttle import checked_pace
 from simmer_tui.program_clock import ProgramClock, ProgramClockLoop
 from simmer_tui.sessions import LinkDelay
@@ -136,7 +136,8 @@ class Server:
         """Problems that came up after the last event could be told."""
         self.host = settings.server.host
         self._token = settings.server.token or os.environ.get(TOKEN, "").strip()
-        self._listeners = self._take_ports(settings.server, take)
+        self._take = take
+        self._listeners = self._take_ports(settings.server)
         self.terminal = self._take_terminal(settings.server.pty)
         """The pseudo-terminal that leads to the robot, if there is one."""
         self._owners = None if settings.server.any_user else OwnerLookup()
@@ -171,14 +172,12 @@ class Server:
         self._client_left: Callable[[], None] = lambda: None
         self._verdict: LiveVerdict | None = None
 
-    def _take_ports(
-        self, server: ServerSettings, take: Callable[[str, PortRequest], Listener]
-    ) -> dict[str, Listener]:
+    def _take_ports(self, server: ServerSettings) -> dict[str, Listener]:
         taken: dict[str, Listener] = {}
         for dialect, requests in port_requests(server):
             try:
                 for request in requests:
-                    taken[request.purpose] = self._take_port(server.host, request, take)
+                    taken[request.purpose] = self._take_port(server.host, request)
             except PortError as error:
                 # Commands are what the server is for; beliefs are only drawn, and it does without them.
                 if not dialect.warning:
@@ -187,20 +186,18 @@ class Server:
                     raise
                 self.warnings.append(f"{dialect.warning}: {error}")
         if self.configuration.settings.motion.is_by_program:
-            taken[CLOCK.purpose] = take(server.host, PortRequest(0, CLOCK.purpose, "--clock"))
+            taken[CLOCK.purpose] = self._take(server.host, PortRequest(0, CLOCK.purpose, "--clock"))
         return taken
 
-    def _take_port(
-        self, host: str, request: PortRequest, take: Callable[[str, PortRequest], Listener]
-    ) -> Listener:
+    def _take_port(self, host: str, request: PortRequest) -> Listener:
         """Take a port. Raises PortError."""
         try:
-            return take(host, request)
+            return self._take(host, request)
         except PortError:
             if (request.purpose, request.number) != (SERIAL.purpose, SERIAL.default):
                 raise
         # Programs of --run are told its number, whichever it is.
-        listener = take(host, replace(request, number=0))
+        listener = self._take(host, replace(request, number=0))
         self.warnings.append(
             f"port {request.number} (serial) is in use, perhaps by another simmer-tui: it is {listener.port} "
             f"here, for simmer-tui env --dialect-port {listener.port}"

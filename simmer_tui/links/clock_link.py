@@ -34,8 +34,6 @@ class _Process(Peer):
         super().__init__(sock, peer, link.budget)
         self._link = link
         self._buffer = b""
-        self._until = math.inf
-        """The end of its wait: a wait for a reply is asked for again until it is over."""
         self.wait = ProgramWait(self._wake, self._stuck)
 
     def data_received(self, data: bytes) -> None:

@@ -7,16 +7,14 @@ A program whose first attempt fails waits in silence, or reads nonsense: nothing
 from __future__ import annotations
 
 import asyncio
-import socket
 from collections.abc import Mapping
-from pathlib import Path
 
-from simmer_tui import platform_has
 from simmer_tui.config.dialects import BELIEFS, COMMANDS, PACKETS, REPLIES
 from simmer_tui.engine import Engine
 from simmer_tui.events import Notice, NoticeKind
 from simmer_tui.links.peer import Peer
 from simmer_tui.links.ports import Listener
+from simmer_tui.links.processes import ProcessLookup
 from simmer_tui.phrases import counted
 from simmer_tui.protocol import diagnosis
 from simmer_tui.protocol.diagnosis import Diagnosis
@@ -41,8 +39,12 @@ FIRST = 5
 class ConnectionDoctor:
     """Tells each mistake once. All methods are called in the robot's event loop."""
 
-    def __init__(self, engine: Engine, listeners: Mapping[str, Listener]) -> None:
+    def __init__(
+        self, engine: Engine, listeners: Mapping[str, Listener], processes: ProcessLookup | None = None
+    ) -> None:
+        """Without `processes` nobody knows how much of its replies a program has read."""
         self._engine = engine
+        self._processes = processes
         self._loop = asyncio.get_running_loop()
         self._told: set[str] = set()
         self._ports = {purpose: listener.port for purpose, listener in listeners.items()}
@@ -58,6 +60,12 @@ class ConnectionDoctor:
     def has_told(self, name: str) -> bool:
         """True if a mistake of this name was told."""
         return name in self._told
+
+    def unread(self, connection: Peer) -> int | None:
+        """Bytes of replies that a program has received and not read, if that is known."""
+        if self._processes is None:
+            return None
+        return self._processes.unread(connection.sock, connection.peer)
 
     @property
     def ports_of_lines(self) -> tuple[int, int]:
@@ -160,7 +168,7 @@ class ClientWatch:
             self._misread(f"'{result.command.shown}' makes no sense as a movement: ")
 
     def _look(self, waited: float) -> None:
-        unread = unread_bytes(self._route.sock)
+        unread = self._doctor.unread(self._route)
         if not unread or self._client.lost:
             return
         if unread % self._size:
@@ -201,24 +209,3 @@ def _asks_nonsense(result: CommandResult) -> bool:
     if reading is not None and reading.sensor.kind.is_scan:
         return False
     return diagnosis.is_nonsense(result.command.argument)
-
-
-def unread_bytes(sock: socket.socket) -> int | None:
-    """Bytes that the program at the other end has received and not read; None where the system does not say
-    (it is on another machine, or in a network of its own, or this is not Linux)."""
-    if not platform_has.LINUX:
-        return None
-    try:
-        here, there = sock.getsockname()[1], sock.getpeername()[1]
-    except OSError:
-        return None
-    for name in ("tcp", "tcp6"):
-        try:
-            rows = Path("/proc/self/net", name).read_text("ascii").splitlines()[1:]
-        except OSError:
-            continue
-        for row in rows:  # proc(5): sl, local_address, rem_address, st, tx_queue:rx_queue, ...
-            _, local, remote, _, queues, *_ = row.split()
-            if local.endswith(f":{there:04X}") and remote.endswith(f":{here:04X}"):
-                return int(queues.partition(":")[2], 16)
-    return None

@@ -182,7 +182,6 @@ class DialectLink:
         assert rules is not None, "the loader serves a dialect only where there is one"
         self.budget = ReadBudget(PIECE)
         self._context = context
-        self._settings = context.settings
         self._programs: set[HookedProgram] = set()
         self._driver: SerialDoor | None = None
         """The program that has the port open."""
@@ -247,7 +246,7 @@ class DialectLink:
 
     def opened(self, door: SerialDoor, name: str, baud: float | None) -> None:
         """A program opens a port; it gets its answer."""
-        names = self._settings.serial_names
+        names = self._context.settings.serial_names
         # A pseudo-terminal stands where a person has put it.
         if isinstance(door, HookedProgram) and names and name not in names:
             door.answer(f"could not open port '{name}': there is only {', '.join(names)}")

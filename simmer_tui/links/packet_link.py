@@ -48,10 +48,12 @@ class _Sender(Peer):
     def __init__(self, sock: socket.socket, peer: str, link: PacketLink) -> None:
         super().__init__(sock, peer, link.budget)
         self._link = link
-        self._reader = RequestReader(link.settings.grace)
+        self._reader = RequestReader(link.context.settings.grace)
         self._command_budget = link.budget_of(sock, peer)
-        self._session = link.backend.open_session(
-            answer_at_end=link.answer_at_end, lane="packets", budget=self._command_budget
+        # simmer-python answers drives at once: "auto" means accepted here, and done in the binary dialects.
+        at_end = link.context.reply == "done"
+        self._session = link.context.backend.open_session(
+            answer_at_end=at_end, lane="packets", budget=self._command_budget
         )
         self._silence = LoopTimer(self._fell_silent, self._loop)
         self._direct_reply = LoopTimer(self._reply_here, self._loop)
@@ -145,7 +147,7 @@ class _Sender(Peer):
                 self._link.doctor.refused(outcome)
         if data is None:
             answers = zip(request.commands, outcomes, strict=True)
-            reply = encode(request.dialect, self._link.settings.legacy_reply, answers)
+            reply = encode(request.dialect, self._link.context.settings.legacy_reply, answers)
         else:
             reply = passed_on(form, data)
         if not self.direct:
@@ -212,26 +214,22 @@ class PacketLink:
     def __init__(self, context: LinkContext) -> None:
         """Begin to listen. Needs a running event loop. A client has left when nothing has come from its
         address for the seconds of the setting `idle`."""
-        self.settings = context.settings
+        settings = context.settings
+        self.context = context
         self.engine = context.engine
-        self.backend = context.backend
-        # simmer-python answers drives at once: "auto" means accepted here, and done in the binary dialects.
-        self.answer_at_end = context.reply == "done"
         self.mailbox = Mailbox()
         self.doctor = ConnectionDoctor(context.engine, context.listeners)
         self.budget = ReadBudget(TURN)
         self.forms = {
             RequestStyle.FRAMED: ReplyForm(ReplyFormat.FRAMED),
-            RequestStyle.LEGACY: ReplyForm(ReplyFormat(self.settings.legacy_reply)),
+            RequestStyle.LEGACY: ReplyForm(ReplyFormat(settings.legacy_reply)),
         }
         """Forms of the replies to requests."""
         self.senders: set[_Sender] = set()
         self.owed = 0
         """Commands that have come in and are not answered yet."""
-        self._users = context.processes if self.settings.any_user else None
+        self._users = context.processes if settings.any_user else None
         self._budgets: dict[tuple[str, int | None], CommandBudget] = {}
-        self._on_client_left = context.client_left
-        self._seat = context.seat
         self._turned_away = TurnedAwayNotices(context.engine)
         self._presence = Presence(context, self.mailbox, self._is_connected, self._client_left)
         self._requests = context.accept(PACKETS, self._welcome)
@@ -264,7 +262,9 @@ class PacketLink:
     def _welcome(self, sock: socket.socket, peer: str) -> None:
         if len(self.senders) >= MOST_CONNECTIONS:
             self._make_room()
-        refused = "" if self._seat is None else self._seat.take_by(self, sock, peer, makes_many=True)
+        refused = (
+            "" if self.context.seat is None else self.context.seat.take_by(self, sock, peer, makes_many=True)
+        )
         if refused:
             self._requests.turn_away(sock, peer)
             self._turned_away.tell(f"client {peer} turned away: {refused}", refused)
@@ -320,8 +320,8 @@ class PacketLink:
 
     def _client_left(self, address: str) -> None:
         self._leave_seat()
-        self._on_client_left()
+        self.context.client_left()
 
     def _leave_seat(self) -> None:
-        if self._seat is not None and not self._presence.any and not self.senders:
-            self._seat.leave(self)
+        if self.context.seat is not None and not self._presence.any and not self.senders:
+            self.context.seat.leave(self)

@@ -94,6 +94,12 @@ class ProcessLookup:
         far = self._far(sock, peer)
         return far is not None and not far.inode
 
+    def unread(self, sock: socket.socket, peer: str) -> int | None:
+        """Bytes that the program at the other end, `address:port`, has received and not read; None if it is
+        on another machine, or not told."""
+        far = self._far(sock, peer)
+        return far.unread if far is not None else None
+
     def user(self, sock: socket.socket, peer: str) -> int | None:
         """The user id of the other end, `address:port`; None if it is on another machine, or not told."""
         return self._owners.owner(sock, _address(peer))

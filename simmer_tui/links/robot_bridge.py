@@ -20,7 +20,7 @@ def bridge_to(
 ) -> RealRobot:
     """Begin to drive the robot at the other end of a link. Its exchange is recorded if `serial` says so."""
     if serial.record:
-        from simmer_tui.links.recorded_link import RecordedLink
+        from simmer_tui.links.serial_link import RecordedLink
 
         try:
             link = RecordedLink(link, serial.record, serial.baud)

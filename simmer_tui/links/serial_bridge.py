@@ -101,7 +101,7 @@ class SerialBridge(RealRobot):
         self._silence = LoopTimer(self._fell_silent, self._loop)
         self._report = LoopTimer(self._report_discarded, self._loop)
         self._last: Message | None = None
-        self._paused: list[tuple[_Exchange, asyncio.TimerHandle]] = []
+        self._paused: dict[_Exchange, asyncio.TimerHandle] = {}
         """Messages that wait a time of their own, and who wakes them."""
         self._begin_listening()
 
@@ -111,9 +111,9 @@ class SerialBridge(RealRobot):
         self._due = math.inf
         for timer in (self._deadline, self._silence, self._report, self._gate):
             timer.cancel()
-        for _, alarm in self._paused:
+        for alarm in self._paused.values():
             alarm.cancel()
-        left = [*(exchange for exchange, _ in self._paused), *self._under_way, *self._waiting]
+        left = [*self._paused, *self._under_way, *self._waiting]
         self._paused.clear()
         self._under_way.clear()
         self._waiting.clear()
@@ -170,7 +170,7 @@ class SerialBridge(RealRobot):
     def forget(self, session: BackendSession) -> None:
         """A client has left: drop its unsent messages, except a stop."""
         self._waiting = deque(each for each in self._waiting if each.is_stop or each.session is not session)
-        for exchange in (*self._under_way, *self._waiting, *(exchange for exchange, _ in self._paused)):
+        for exchange in (*self._under_way, *self._waiting, *self._paused):
             if exchange.session is session:
                 exchange.session = exchange.answered = None
 
@@ -187,7 +187,8 @@ class SerialBridge(RealRobot):
         """Send a stop ahead of what waits, which was meant for before it and is not sent any more."""
         # They were meant for before the stop; each is answered below, so that every command has a reply.
         dropped, self._waiting = self._waiting, deque()
-        self._cut_pauses()
+        for paused in tuple(self._paused):
+            self._resume(paused)
         if self._open:
             stop.written = self._with_suffix(stop.data)
             stop.due = self._due_of(stop)
@@ -242,31 +243,28 @@ class SerialBridge(RealRobot):
 
     def _pause(self, exchange: _Exchange) -> None:
         """Answer a message that the robot does not get, after the time it waits."""
-        if not exchange.pause:
-            self._simulate(exchange)
-            self._finish(exchange, exchange.simulated, None)
+        if exchange.pause:
+            self._paused[exchange] = self._loop.call_later(exchange.pause, self._resume, exchange)
             return
-        timer = self._loop.call_later(exchange.pause, self._resume, exchange)
-        self._paused.append((exchange, timer))
+        self._simulate(exchange)
+        self._finish(exchange, exchange.simulated, None)
 
     def _resume(self, exchange: _Exchange) -> None:
         """A wait is over, or cut."""
-        self._paused = [paused for paused in self._paused if paused[0] is not exchange]
+        alarm = self._paused.pop(exchange, None)
+        if alarm is None:  # somebody whose answer came before this one has sent a stop
+            return
+        alarm.cancel()
         self._simulate(exchange)
         self._finish(exchange, exchange.simulated, None)
         self._advance()
-
-    def _cut_pauses(self) -> None:
-        for exchange, timer in tuple(self._paused):
-            timer.cancel()
-            self._resume(exchange)
 
     def _next(self) -> _Exchange | None:
         """The message whose turn it is. At most one movement is unanswered: while one may still be under
         way, others and all that their senders sent after them wait, and polls pass."""
         left = self._moving_until - self._loop.time()
         # What a sender sent after a wait comes after it.
-        kept_back: set[BackendSession | None] = {exchange.session for exchange, _ in self._paused}
+        kept_back: set[BackendSession | None] = {exchange.session for exchange in self._paused}
         if left <= 0 or not self._waiting or not self._open:
             return next((each for each in self._waiting if each.session not in kept_back), None)
         for exchange in self._waiting:

@@ -79,10 +79,8 @@ def channel_for(
     port: Any, loop: asyncio.AbstractEventLoop, received: Received, failed: Failed
 ) -> SerialChannel:
     """The fastest channel that a pyserial port allows."""
-    descriptor = descriptor_of(port)
-    if descriptor is None:
-        return ThreadChannel(port, loop, received, failed)
-    return DescriptorChannel(port, descriptor, loop, received, failed)
+    kind = ThreadChannel if descriptor_of(port) is None else DescriptorChannel
+    return kind(port, loop, received, failed)
 
 
 def descriptor_of(port: Any) -> int | None:
@@ -101,19 +99,14 @@ class DescriptorChannel(SerialChannel):
     """A port that is read and written in the event loop itself, which never blocks."""
 
     def __init__(
-        self,
-        port: Any,
-        descriptor: int,
-        loop: asyncio.AbstractEventLoop,
-        received: Received,
-        failed: Failed,
+        self, port: Any, loop: asyncio.AbstractEventLoop, received: Received, failed: Failed
     ) -> None:
         super().__init__(port, loop, received, failed)
-        self._descriptor = descriptor
+        self._descriptor: int = port.fileno()
         self._rest = b""
         """Unsent rest of the message begun last."""
         self._stalled: asyncio.TimerHandle | None = None
-        loop.add_reader(descriptor, self._read)
+        loop.add_reader(self._descriptor, self._read)
 
     def write(self, data: bytes) -> None:
         self._outbox.append(data)
