@@ -389,7 +389,7 @@ class Server:
         return await self._in_robots_thread(self.start_log, file)
 
     async def _in_robots_thread(self, function: Callable[..., _T], *arguments: Any) -> _T:
-        """What a function returns in the robot's thread, waited for in another event loop."""
+        """Result of a function that is called in the robot's thread; to be awaited in another event loop."""
 
         async def call() -> _T:
             return function(*arguments)

@@ -21,7 +21,7 @@ from simmer_tui.config.dialects import BELIEFS
 from simmer_tui.engine import Engine
 from simmer_tui.errors import UnknownSensorError
 from simmer_tui.events import Belief, EventHandler
-from simmer_tui.links.grid_parser import parse_grid
+from simmer_tui.links.grid_parser import JSON_NUMBERS, parse_grid
 from simmer_tui.links.link import LinkContext
 from simmer_tui.links.peer import MOST_WAITING, Peer, ReadBudget
 from simmer_tui.sim.command import escape, parse_command
@@ -106,8 +106,6 @@ MOST_PARTICLES = 5000
 DECIMALS = 2
 """Decimals of a belief, inches and degrees."""
 _LARGEST = 1e12  # beyond it adding 0.01 to a float loses digits, and run logs refuse it
-_NUMBERS = frozenset({int, float})
-"""The types of number in JSON, `True` being none of them."""
 
 
 _FIELDS = ("x", "y", "heading", "spread", "particles", "grid", "note")
@@ -183,7 +181,7 @@ def _particles(value: Any) -> tuple[tuple[float, ...], ...]:
 
 def _rounded(values: list[Any]) -> list[float]:
     """The numbers of particles, usually without a call for each."""
-    if _NUMBERS.issuperset(map(type, values)):
+    if JSON_NUMBERS.issuperset(map(type, values)):
         with contextlib.suppress(OverflowError):  # an integer beyond all bounds
             numbers = np.array(values, dtype=np.float64)
             if (np.abs(numbers) <= _LARGEST).all():

@@ -21,8 +21,7 @@ from simmer_tui.links.hook_port import HookedProgram
 from simmer_tui.links.link import LinkContext
 from simmer_tui.links.peer import MOST_WAITING, PIECE, ReadBudget
 from simmer_tui.links.pty_port import PtyPort
-from simmer_tui.links.serial_door import SerialDoor
-from simmer_tui.links.serial_wire import Wire
+from simmer_tui.links.serial_wire import SerialDoor, Wire
 from simmer_tui.phrases import counted
 from simmer_tui.sessions import Session
 from simmer_tui.sim.command import Command, escape, parse_command

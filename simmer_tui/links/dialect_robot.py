@@ -23,8 +23,8 @@ from simmer_tui.dialect.reply_reader import Heard
 from simmer_tui.engine import PEOPLE, Engine
 from simmer_tui.events import NoticeKind
 from simmer_tui.links.heard_robot import HeardRobot
-from simmer_tui.links.serial_bridge import STOP
 from simmer_tui.links.serial_link import RobotLink
+from simmer_tui.protocol.packets import STOP
 from simmer_tui.sessions import LoopTimer
 from simmer_tui.sim.command import Command, escape, parse_value
 from simmer_tui.sim.records import CommandResult, Status

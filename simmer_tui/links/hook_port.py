@@ -22,8 +22,7 @@ import socket
 import struct
 
 from simmer_tui.links.peer import Peer
-from simmer_tui.links.serial_door import SerialRobot
-from simmer_tui.links.serial_wire import FRAME
+from simmer_tui.links.serial_wire import FRAME, SerialRobot
 
 _HEAD = struct.Struct(">cI")
 _TIMES = struct.Struct(">ddI")

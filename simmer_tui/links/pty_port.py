@@ -15,8 +15,7 @@ from pathlib import Path
 from simmer_tui import platform_has
 from simmer_tui.errors import PortError
 from simmer_tui.links.peer import PIECE
-from simmer_tui.links.serial_door import SerialRobot
-from simmer_tui.links.serial_wire import DRIVER_BUFFER, FRAME
+from simmer_tui.links.serial_wire import DRIVER_BUFFER, FRAME, SerialRobot
 from simmer_tui.sessions import LoopTimer
 from simmer_tui.sim.command import escape
 

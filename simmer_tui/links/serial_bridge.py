@@ -20,6 +20,7 @@ from simmer_tui.engine import Engine
 from simmer_tui.events import NoticeKind, TwinReading
 from simmer_tui.links.real_robot import RealRobot
 from simmer_tui.links.serial_link import RobotLink
+from simmer_tui.protocol.packets import STOP
 from simmer_tui.protocol.replies import (
     GAP,
     ReplyEnd,
@@ -36,8 +37,6 @@ from simmer_tui.sim.records import CommandResult, LidarScan, Reading, Status, ra
 from simmer_tui.sim.simulator import Simulator
 from simmer_tui.sim.velocity_commands import WAIT, parse_wait
 
-STOP = "xx"
-"""The code by which programs stop the robot, in every dialect."""
 # Robots usually do not answer a stop from a key. Judged: many times a reply's time at 9600 baud.
 STOP_PATIENCE = 0.25
 """Seconds in which a robot may reply to a stop that no program asked for."""

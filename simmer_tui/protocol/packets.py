@@ -28,23 +28,18 @@ from msgspec import Struct
 from numpy.typing import NDArray
 
 from simmer_tui.config.settings import ServerSettings
+from simmer_tui.protocol.binary import GRACE, LONGEST
 from simmer_tui.protocol.replies import NUMBERS, ReplyForm, ReplyFormat, pack_number, pack_ranges
 from simmer_tui.sim.command import Command
 from simmer_tui.sim.records import CommandResult, Status
 
-# As in the binary dialects; clients that close at once end their request by that.
-GRACE = 0.005
-"""Seconds of silence that end a request without brackets."""
-# As in the binary dialects.
-MAX_COMMAND = 256
-"""Longest command, bytes."""
 # Some 4,000 commands with a value; a request has at most a thousand.
 MAX_REQUEST = 64 * 1024
 """Longest request, bytes."""
 MAX_COMMANDS = 1000
 """Most commands in a request: as many as a mailbox holds replies."""
 STOP = "xx"
-"""The code that stops all motion."""
+"""The code by which programs stop all motion, in every dialect."""
 
 _BRACKET = re.compile(rb"[\[\]]")
 _BLANK = b" \t\r\n"
@@ -181,14 +176,14 @@ def _request(dialect: RequestStyle, text: bytes) -> Request:
 
 
 def _refusal(dialect: RequestStyle, text: bytes | bytearray, problem: str) -> Request:
-    return Request(dialect, (_command(bytes(text[:MAX_COMMAND]), problem),))
+    return Request(dialect, (_command(bytes(text[:LONGEST]), problem),))
 
 
 def _command(piece: bytes, problem: str = "") -> Command:
     """A command with code and value. Spaces are kept: here, unlike on a line, the place counts."""
-    if len(piece) > MAX_COMMAND:
-        problem = problem or f"a command has at most {MAX_COMMAND} bytes"
-    text = piece[:MAX_COMMAND].decode("latin-1")  # one character a byte, so that any byte passes
+    if len(piece) > LONGEST:
+        problem = problem or f"a command has at most {LONGEST} bytes"
+    text = piece[:LONGEST].decode("latin-1")  # one character a byte, so that any byte passes
     if len(text) < 2:
         problem = problem or ("a code has two characters" if text else "an empty command")
     # The third character is a separator of any kind, as in simmer-python.
