@@ -31,7 +31,7 @@ SLICE = 0.002
 """Seconds of processor time of a wait between two turns of the event loop."""
 # People take a second to notice that a robot does not do what its program says.
 _SILENT = 1.0
-"""Real seconds of silence while the robot drives after which a program is told about simulated time."""
+"""Real seconds of silence while the robot drives after which a program gets advice about simulated time."""
 
 
 @dataclass(slots=True, eq=False)
@@ -55,7 +55,7 @@ class Driving:
         self._moved_by = self._latest
         """The same of the leg under way."""
         self.driver: Hashable | None = None
-        """Whose velocity it is; None while the robot is not told to move."""
+        """Whose velocity it is; None while no velocity is in force."""
         self._end = VelocityEnd.TIME
         self.limit = math.inf
         """Simulated time at which a mission runs out: those who wait get no further in one step."""
@@ -92,7 +92,7 @@ class Driving:
 
     @property
     def drives(self) -> bool:
-        """True if the robot is told to move until told otherwise."""
+        """True while a velocity is in force."""
         return self._simulator.leg is not None
 
     def begin(self, command: Command, session: Session | None) -> CommandResult:

@@ -1,4 +1,4 @@
-"""One robot behind one queue: every command passes here, in order, and is told to every watcher.
+"""One robot behind one queue: every command passes here, in order, and every watcher gets its events.
 
 All methods but the constructor run in the robot's event loop. The engine knows neither how
 commands arrive (a `Session` each) nor who watches. What it tells is in `events.py`.
@@ -218,7 +218,7 @@ class Engine:
     def _settle(self, until: float) -> None:
         """Do what is due by a simulated time."""
         self.now()
-        # The loop's clock may round to a hair before an event that it has woken us for.
+        # The loop's clock may round to just before the event that the timer was set for.
         if until < math.inf and (self.driving.waits or self.simulator.next_event <= until):
             self.driving.catch_up(until)
         while self._timers.due <= until and self._timers.due < math.inf:
@@ -250,13 +250,13 @@ class Engine:
         return self._scheduler.has_waiting
 
     def perform(self, action: Action) -> ActionDone:
-        """Perform a person's action between two commands. Watchers are told, even if it is refused."""
+        """Perform a person's action between two commands. Watchers get the event, even if it is refused."""
         # The present comes first: an action happens after all that was due before it.
         self.now()
         self._catch_up()
-        if self._timers.due < math.inf:  # of a run that begins anew nothing is left to come
+        if self._timers.due < math.inf:  # a run that restarts has nothing left to come
             self._settle(math.inf if action.name.restarts else self.simulator.time)
-        with self._scheduler.holding():  # no command comes before watchers have heard
+        with self._scheduler.holding():  # no command comes before watchers have the event
             drove = self.simulator.velocity.moves
             try:
                 text, refused = actions.apply(self.simulator, action), False
@@ -296,7 +296,7 @@ class Engine:
             self._replan(self._movement)  # the block is in its way now, or no more
         # The action may have changed the speed, the time or the pause, and with each of them the timers.
         self._set_clock()
-        if action.name.restarts:  # what is owed of the run before comes before the new one
+        if action.name.restarts:  # answers of the run before come before the new run
             self._settle(math.inf)
 
     def _replan(self, movement: _Movement) -> None:
@@ -349,7 +349,11 @@ class Engine:
             # People look on: a program's loop is what takes time.
             if queued.moment and command.source not in PEOPLE:
                 self.simulator.begin_pass(queued.moment)
-            self._answer(queued, self._execute(command, queued.there, session=queued.session))
+            outcome = self._execute(command, queued.there, session=queued.session)
+            if outcome.waits:
+                self._answer(queued, outcome)
+            else:  # nearly every command: a call less than by way of `_answer`
+                self._complete(queued, outcome)
         else:
             self._settle_due()
             there = self._way(queued.command) if queued.there is None else 0.0
@@ -527,7 +531,7 @@ class Engine:
         is what command and answer take on the link; simulated time moves on by `back` of it."""
         self.now()
         self._catch_up()
-        with self._scheduler.holding():  # nothing begins before watchers have heard
+        with self._scheduler.holding():  # nothing begins before watchers have the event
             self.forget_drives()
             self.stop_motion(f"{command.shown} from {command.source}")
             outcome = self.simulator.begin(command)
@@ -640,10 +644,11 @@ class Engine:
 
     def _hand_over(self, queued: Queued, outcome: CommandResult) -> None:
         """Give an answer: that of a movement when it has been shown, and what follows after it."""
-        session, answer, throttle = queued.session, queued.answer, self.throttle
+        throttle = self.throttle
         if throttle is None or not throttle.busy:
-            session.give(answer, outcome)
+            queued.session.give(queued.answer, outcome)
             return
+        session, answer = queued.session, queued.answer
         shown = outcome.trajectory is not None or outcome.waits or self.driving.drives
         # A later answer of the same sender waits too, or its replies would change their order.
         if not (session.late or shown):
@@ -660,7 +665,7 @@ class Engine:
             self.throttle.catch_up()
 
     def mirror(self, command: Command) -> CommandResult:
-        """Do at once what a real robot has been told to do. Watchers hear of the movement, but not of
+        """Do at once the command that a real robot was sent. Watchers get the movement, but not
         the answer: the asker knows more.
 
         A movement that is still under way here is over for the real robot: it is finished first.

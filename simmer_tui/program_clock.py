@@ -26,7 +26,7 @@ _Ready = list[tuple[selectors.SelectorKey, int]]
 
 
 class ProgramWait(Struct, eq=False):
-    """A process of the program: `wake` lets it go on, told the time.
+    """A process of the program: `wake` lets it go on, and is given the time.
 
     It waits `until` a time, or computes. One that `listens` waits for a reply too. One that is `away` waits
     for another process, which takes no time by itself.

@@ -100,7 +100,7 @@ class Server:
 
         `robot_link` makes the way to a real robot, by default its serial port. With a `plan` the
         run is a mission; both come from `plan_run`. With a `prefix` the robot is `simulator`, and all that
-        happened is told before `start`.
+        happened is passed to watchers before `start`.
         """
         settings = configuration.settings
         self.configuration = configuration
@@ -133,7 +133,7 @@ class Server:
         self.warnings: list[str] = [*set_warnings(configuration)]
         """Problems that do not keep the robot from being driven."""
         self.late_faults: list[str] = []
-        """Problems that came up after the last event could be told."""
+        """Problems that came up too late for an event."""
         self.host = settings.server.host
         self._token = settings.server.token or os.environ.get(TOKEN, "").strip()
         self._take = take
@@ -196,7 +196,7 @@ class Server:
         except PortError:
             if (request.purpose, request.number) != (SERIAL.purpose, SERIAL.default):
                 raise
-        # Programs of --run are told its number, whichever it is.
+        # Programs of --run get its number, whichever it is.
         listener = self._take(host, replace(request, number=0))
         self.warnings.append(
             f"port {request.number} (serial) is in use, perhaps by another simmer-tui: it is {listener.port} "
@@ -223,8 +223,7 @@ class Server:
 
     def port(self, purpose: str) -> int | None:
         """The port taken for a purpose (`COMMANDS`, `REPLIES`, `PACKETS`, ...), or None."""
-        listener = self._listeners.get(purpose)
-        return listener.port if listener is not None else None
+        return self.ports.get(purpose)
 
     @property
     def ports(self) -> dict[str, int]:
@@ -328,7 +327,7 @@ class Server:
         self.call(self._use_simulator)
 
     def _use_robot(self, port: str) -> None:
-        # The old bridge answers what it owes before the new one is used.
+        # The old bridge answers its open commands before the new one is used.
         self._use_simulator()  # the same port cannot be open twice
         serial = replace(self.configuration.settings.serial, port=port)
         self.engine.tell(Notice(NoticeKind.ROBOT, f"programs drive the robot on {escape(port)}"))
@@ -358,7 +357,7 @@ class Server:
         self.call(self.engine.tell, event)
 
     def tell_at_once(self, event: Event) -> None:
-        """The same, and wait until they know of it, and have told what they say to it."""
+        """The same, and wait until they have handled it, and the events that they tell because of it."""
         told = threading.Event()
         self.call(self.engine.tell, event)
         self.call(told.set)

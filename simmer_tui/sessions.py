@@ -279,7 +279,7 @@ class TimerQueue:
 
 
 class LoopTimer:
-    """A call that an event loop makes later: once, unless it is set anew or cancelled before."""
+    """A call that an event loop makes later: once, unless it is set again or cancelled before."""
 
     def __init__(self, call: Callable[..., None], loop: asyncio.AbstractEventLoop | None = None) -> None:
         self.loop = loop

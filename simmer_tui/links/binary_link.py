@@ -42,7 +42,7 @@ class _Newcomer:
 
 
 class ReplyConnection(Peer):
-    """A connection on the reply port. What the client sends there is ignored, once it is told."""
+    """A connection on the reply port. What the client sends there is ignored, after one notice."""
 
     def __init__(self, sock: socket.socket, peer: str, link: BinaryLink) -> None:
         super().__init__(sock, peer, link.reply_budget)
@@ -280,7 +280,7 @@ class BinaryLink:
         client = self.client
         if reply in self._waiting_replies and client is not None and client.replies is not None:
             self._waiting_replies.remove(reply)
-            # Of a second program, which was sent away, it is no mistake: that is told already.
+            # Of a second program, which was sent away, it is no mistake: a notice has said so.
             second = self._newcomers or self._loop.time() - self._sent_away < ALONE
             same = host_of(reply.peer) == host_of(client.peer)
             if client.replies is client and same and not second and not self._of_others(client, [reply]):

@@ -55,9 +55,9 @@ class _Sender(Peer):
         self._session = link.context.backend.open_session(
             answer_at_end=at_end, lane="packets", budget=self._command_budget
         )
-        self._silence = LoopTimer(self._fell_silent, self._loop)
+        self._silence = LoopTimer(lambda: self._submit(self._reader.silence()), self._loop)
         self._direct_reply = LoopTimer(self._reply_here, self._loop)
-        self._owed = self._owed_commands = 0
+        self._open_requests = self._open_commands = 0
         self._ended = False
         self._unfetched: deque[tuple[float, Reply]] = deque()
         """Its replies in the mailbox, and when they are to be given to it here."""
@@ -79,8 +79,8 @@ class _Sender(Peer):
 
     @property
     def silent(self) -> bool:
-        """True if nothing is owed to it, and nothing has come, not even an end, that is still to be read."""
-        return not self._owed and not self.has_unread()
+        """True if all its commands are answered, and nothing has come, not even an end, that is unread."""
+        return not self._open_requests and not self.has_unread()
 
     def data_received(self, data: bytes) -> None:
         if not self.spoken:
@@ -96,7 +96,7 @@ class _Sender(Peer):
         """The client has said its last. If it reads here, it stays until all is answered."""
         self._ended = True
         self._submit(self._reader.end())
-        return self.direct and self._owed > 0
+        return self.direct and self._open_requests > 0
 
     def connection_lost(self, error: OSError | None) -> None:
         if not self._ended:
@@ -113,15 +113,12 @@ class _Sender(Peer):
         """Ask for nothing more."""
         self._session.close()
 
-    def _fell_silent(self) -> None:
-        self._submit(self._reader.silence())
-
     def _submit(self, requests: Sequence[Request]) -> None:
         for request in requests:
             self._session.driver = self._link.note_request(self, request)
             if request.commands:
-                self._owed += 1
-                self._owed_commands += len(request.commands)
+                self._open_requests += 1
+                self._open_commands += len(request.commands)
                 form = self._link.forms[request.dialect]
                 message = Message(request.data, request.commands, form)
                 self._session.submit(message, partial(self._answered, request, form.format))
@@ -132,16 +129,16 @@ class _Sender(Peer):
         self._link.engine.drop(self.peer)
         # What it has waiting must not keep those from the same address busy.
         self.forget()
-        self._link.note_answered(self._owed_commands)
-        self._owed = self._owed_commands = 0
+        self._link.note_answered(self._open_commands)
+        self._open_requests = self._open_commands = 0
         self._ended = True
         self.abort()
 
     def _answered(
         self, request: Request, form: ReplyFormat, outcomes: Sequence[CommandResult], data: bytes | None
     ) -> None:
-        self._owed -= 1
-        self._owed_commands -= len(request.commands)
+        self._open_requests -= 1
+        self._open_commands -= len(request.commands)
         for outcome in outcomes:
             if outcome.status is Status.UNKNOWN:
                 self._link.doctor.refused(outcome)
@@ -185,7 +182,7 @@ class _Sender(Peer):
         unfetched.clear()
 
     def _close_talk_if_done(self) -> None:
-        if self._owed == 0:
+        if self._open_requests == 0:
             self._session.close()
             if not self.lost:
                 self.close()
@@ -195,7 +192,7 @@ class _Sender(Peer):
         idle = self._loop.time() - self.heard
         if not self.spoken and idle < IDLE_LIMIT / 2:
             self._link.engine.tell_fault(f"client {self.peer} has connected and sent nothing yet")
-        if idle >= IDLE_LIMIT and self._owed == 0:
+        if idle >= IDLE_LIMIT and self._open_requests == 0:
             text = f"client {self.peer} closed: it has sent nothing for {idle:.0f} s"
             self._link.engine.tell_fault(text)
             self.close()
@@ -226,7 +223,7 @@ class PacketLink:
         }
         """Forms of the replies to requests."""
         self.senders: set[_Sender] = set()
-        self.owed = 0
+        self.unanswered = 0
         """Commands that have come in and are not answered yet."""
         self._users = context.processes if settings.any_user else None
         self._budgets: dict[tuple[str, int | None], CommandBudget] = {}
@@ -240,7 +237,7 @@ class PacketLink:
     @property
     def has_clients(self) -> bool:
         """True if a connection for requests is open, or a request unanswered."""
-        return bool(self.senders) or self.owed > 0
+        return bool(self.senders) or self.unanswered > 0
 
     def close(self) -> None:
         """Stop listening and end all connections."""
@@ -254,7 +251,7 @@ class PacketLink:
     @property
     def busy(self) -> bool:
         """True if a request is being received or answered."""
-        return self.owed > 0 or self._is_receiving()
+        return self.unanswered > 0 or self._is_receiving()
 
     def _is_receiving(self) -> bool:
         return any(sender.receiving for sender in self.senders)
@@ -294,17 +291,17 @@ class PacketLink:
         driver = self._presence.asked(sender.peer)
         if not request.commands:
             self.engine.tell_fault(f"client {sender.peer}: an empty request, [], gets no reply")
-        self.owed += len(request.commands)
+        self.unanswered += len(request.commands)
         return driver
 
     def note_answered(self, count: int) -> None:
         """A request of so many commands has been answered."""
-        self.owed -= count
+        self.unanswered -= count
         self._presence.look_after_velocity()
 
     def budget_of(self, sock: socket.socket, peer: str) -> CommandBudget:
         """The budget of waiting commands that all connections of a user from one address share."""
-        # Where no other user is let in there is nothing to be told apart.
+        # Where no other user is let in there is only one user.
         sender = (host_of(peer), self._users.user(sock, peer) if self._users is not None else None)
         if sender not in self._budgets:
             # Of those who have nothing waiting nothing need be remembered.
@@ -314,7 +311,7 @@ class PacketLink:
 
     def _is_connected(self, address: str) -> bool:
         """True if a client that has sent something is still connected, or waits for an answer."""
-        return self.owed > 0 or any(
+        return self.unanswered > 0 or any(
             sender.spoken and host_of(sender.peer) == address for sender in self.senders
         )
 

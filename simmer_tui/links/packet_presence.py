@@ -76,7 +76,7 @@ class Presence:
         self._next_look = LoopTimer(self._look, self._loop)
 
     def connected(self, sock: socket.socket, peer: str) -> None:
-        """A connection has come, on either port. Whose it is can be told only now: it may be closed the next
+        """A connection has come, on either port. Its process is known only now: it may be closed the next
         moment."""
         client = self._clients.get(host_of(peer))
         # In a quick exchange it is the same program's as before, and costs no look.

@@ -90,7 +90,7 @@ class ReplyPort:
     """Serves the reply port from a mailbox.
 
     Args:
-        context: The port, and who is told of faults.
+        context: The port, and the engine that tells faults.
         mailbox: Replies that wait.
         presence: The clients that read.
         budget: The bytes read in a turn of the event loop.

@@ -2,7 +2,7 @@
 
 Every connection of every link is a `Peer`, so that none can hold up another, or the end of the
 program: it is read a piece at a time, from a `ReadBudget` it shares with its like; one that does not
-read its replies is dropped; and one that is to end has `CLOSING` seconds to take what it is owed.
+read its replies is dropped; and one that is to end has `CLOSING` seconds to take its last replies.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ PIECE = 4 * 1024
 """Bytes taken in at once: small, so that a flood from one peer holds up nothing else."""
 # Judged: a client on the same network needs milliseconds; Ctrl-C must not wait for a dead one.
 CLOSING = 1.0
-"""Seconds in which a peer that is to end must have taken what it is owed."""
+"""Seconds in which a peer that is to end must have taken its last replies."""
 
 
 class ReadBudget:
@@ -102,7 +102,7 @@ class Peer:
         self._deadline = LoopTimer(self._finish, self._loop)
         self._set_reading()
 
-    # -- to be told ----------------------------------------------------------------------------
+    # -- callbacks -----------------------------------------------------------------------------
 
     def data_received(self, data: bytes) -> None:
         """Bytes have come. Those nobody asked for are ignored."""
@@ -242,7 +242,7 @@ class Peer:
             self._loop.remove_writer(self.sock)
             self._unsent.clear()
         self._deadline.cancel()
-        self._loop.call_soon(self._end, error)  # whoever writes or closes is not told in the middle of it
+        self._loop.call_soon(self._end, error)  # not in the middle of a write or close
 
     def _end(self, error: OSError | None) -> None:
         self.lost = True

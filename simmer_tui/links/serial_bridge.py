@@ -1,7 +1,7 @@
 """The bridge to a real robot: bytes of clients go to it unchanged, and its replies come back unchanged.
 
 One command is under way at a time, so that a robot with a small buffer loses none and each reply
-finds its command. The simulated robot does what the real one is told: the twin.
+finds its command. The simulated robot, the twin, does the same commands as the real one.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ from simmer_tui.sim.velocity_commands import WAIT, parse_wait
 # Robots usually do not answer a stop from a key. Judged: many times a reply's time at 9600 baud.
 STOP_PATIENCE = 0.25
 """Seconds in which a robot may reply to a stop that no program asked for."""
-# Judged: greetings come in pieces, and are told as one line.
+# Judged: greetings come in pieces, and are reported as one line.
 REPORT_DELAY = 1.0
 """Seconds over which discarded bytes are counted before they are reported."""
 # As long as a robot may need beyond its planned time: real ones start and stop slowly.
@@ -97,7 +97,7 @@ class SerialBridge(RealRobot):
         self._deadline = LoopTimer(self._ring, self._loop)
         """A timer for `_due` or earlier. It stays from one reply to the next: a new timer for each would
         cost a tenth of a round trip."""
-        self._silence = LoopTimer(self._fell_silent, self._loop)
+        self._silence = LoopTimer(lambda: self._take(self._framer.silence()), self._loop)
         self._report = LoopTimer(self._report_discarded, self._loop)
         self._last: Message | None = None
         self._paused: dict[_Exchange, asyncio.TimerHandle] = {}
@@ -343,9 +343,6 @@ class SerialBridge(RealRobot):
         """Bytes have come from the robot."""
         self._take(self._framer.receive(data))
 
-    def _fell_silent(self) -> None:
-        self._take(self._framer.silence())
-
     def _take(self, reply: bytes | None) -> None:
         while reply is not None:
             exchange = self._under_way.popleft()
@@ -476,7 +473,7 @@ class SerialBridge(RealRobot):
         self._set_timer()
 
     def _set_timer(self) -> None:
-        # A timer that comes earlier sets itself anew (see `_deadline`).
+        # A timer that is due earlier sets itself again (see `_deadline`).
         if self._due < self._deadline.due:
             self._deadline.set_at(self._due)
 

@@ -157,7 +157,7 @@ class RecordedLink:
         # Line by line: what was exchanged is there though the run ends badly.
         self._file = Path(path).expanduser().open("w", encoding="utf-8", buffering=1)
         self._file.write(json.dumps({"baud": baud}) + "\n")
-        self._listener: LinkListener | None = None
+        self._listener: LinkListener
 
     def start(self, listener: LinkListener) -> None:
         self._listener = listener
@@ -181,19 +181,16 @@ class RecordedLink:
 
     def opened(self) -> None:
         """The link is open."""
-        if self._listener is not None:
-            self._listener.opened()
+        self._listener.opened()
 
     def received(self, data: bytes) -> None:
         """Bytes have come from the robot."""
         self._keep("from", data)
-        if self._listener is not None:
-            self._listener.received(data)
+        self._listener.received(data)
 
     def lost(self, reason: str) -> None:
         """The link is lost."""
-        if self._listener is not None:
-            self._listener.lost(reason)
+        self._listener.lost(reason)
 
     def _keep(self, side: str, data: bytes) -> None:
         if self._file.closed:

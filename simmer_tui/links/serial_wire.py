@@ -77,27 +77,23 @@ class Wire:
         self._engine = engine
         self._framing = framing
         self._in_free = self._out_free = -math.inf
-        self._byte = 0.0
+        self.byte = 0.0
+        """Time of a byte, seconds."""
         self._coming: deque[bytes] = deque()
         self.left_out = 0
         """Count of messages of streams that were left out."""
         self.set_baud(baud)
 
-    @property
-    def byte(self) -> float:
-        """Time of a byte, seconds."""
-        return self._byte
-
     def set_baud(self, baud: float) -> None:
         """From here on bytes take so long."""
-        self._byte = BITS_OF_A_BYTE / baud if baud > 0 else 0.0
+        self.byte = BITS_OF_A_BYTE / baud if baud > 0 else 0.0
 
     def bring(self, data: bytes, receive: Callable[[bytes], None]) -> None:
         """Have bytes of the program arrive at the robot: each message when its last byte does."""
         now = self._engine.now()
         at = max(self._in_free, now)
         for part in _messages(data, self._framing):
-            at += len(part) * self._byte
+            at += len(part) * self.byte
             if at <= now and not self._coming:
                 receive(part)
             else:
@@ -119,10 +115,10 @@ class Wire:
         much waits for what is `droppable`."""
         now = self._engine.now()
         begin = max(self._out_free, now)
-        if droppable and self._byte and (begin - now) / self._byte + count > DRIVER_BUFFER:
+        if droppable and self.byte and (begin - now) / self.byte + count > DRIVER_BUFFER:
             self.left_out += 1
             return None
-        self._out_free = begin + count * self._byte
+        self._out_free = begin + count * self.byte
         return begin - now
 
 

@@ -94,9 +94,6 @@ class Viewer(Peer):
         if self.role is not None and not self._ending:
             self.hold(True)
 
-    def eof_received(self) -> bool:
-        return False
-
     def connection_lost(self, error: OSError | None) -> None:
         self._host.viewer_gone(self)
 

@@ -136,7 +136,7 @@ class Bench:
         """Counts of what is in progress now."""
         link, speaking = self.link, sum(sender.spoken for sender in self.link.senders)
         reads, unread = len(link.replies.reads), len(link.replies.unread)
-        return Traffic(len(link.senders), speaking, reads, unread, link.owed)
+        return Traffic(len(link.senders), speaking, reads, unread, link.unanswered)
 
     @property
     def outcomes(self) -> list[CommandResult]:
