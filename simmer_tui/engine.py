@@ -105,13 +105,8 @@ class Engine:
         """A new sender of commands. Lanes take turns, and within a lane its sessions do. One with a name
         is for any number of sessions, and bounded by time as well. `driver` is whose velocities it sets,
         by default its own."""
-        return Session(
-            self._scheduler.lane(lane),
-            self._submitted,
-            self._session_closed,
-            answer_at_end=answer_at_end,
-            driver=driver,
-        )
+        its_lane = self._scheduler.lane(lane)
+        return Session(its_lane, self._submitted, self._session_closed, answer_at_end, driver)
 
     def _session_closed(self, session: Session) -> None:
         """A sender has left."""

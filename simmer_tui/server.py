@@ -529,7 +529,6 @@ class Server:
 
     async def snapshot(self, since: int = 0, true_values: bool = False) -> Snapshot:
         """The state now (see `Recorder.snapshot`), asked for from another event loop."""
-
         return await self._in_robots_thread(self.recorder.snapshot, since, true_values)
 
     @property
@@ -542,7 +541,7 @@ class Server:
         if self._thread.is_alive():
             self.call(self._loop.stop)
             self._thread.join(_ENDING)  # a daemon: held up by the system, it does not hold us up
-        else:
+        elif not self._loop.is_closed():
             self._close_ports()
             self._loop.close()
         if self._verdict is not None:

@@ -48,27 +48,28 @@ class _Client:
     process: Process | None = None
 
 
+@dataclass(eq=False)
 class Presence:
     """Tells watchers when a client's first request has come, and when no more have for `idle` seconds.
 
     Replies in the mailbox whose program has gone are dropped.
+
+    Args:
+        context: The processes of connections, and the engine that tells.
+        mailbox: Replies that wait.
+        is_connected: True for a silent address that is there all the same.
+        on_left: Called with the address of a client that has left.
     """
 
-    def __init__(
-        self,
-        context: LinkContext,
-        mailbox: Mailbox,
-        is_connected: Callable[[str], bool],
-        on_left: Callable[[str], None],
-    ) -> None:
-        """`is_connected` says of a silent address that it is there all the same; `on_left` is given
-        the address of one that has left."""
-        self._engine = context.engine
-        self._idle = context.settings.idle
-        self._processes = context.processes
-        self._mailbox = mailbox
-        self._is_connected = is_connected
-        self._on_left = on_left
+    context: LinkContext
+    mailbox: Mailbox
+    is_connected: Callable[[str], bool]
+    on_left: Callable[[str], None]
+
+    def __post_init__(self) -> None:
+        self._engine = self.context.engine
+        self._idle = self.context.settings.idle
+        self._processes = self.context.processes
         self._loop = asyncio.get_running_loop()
         self._clients: dict[str, _Client] = {}
         self._connecting: dict[str, Process] = {}
@@ -110,7 +111,7 @@ class Presence:
         client = self._clients.get(address)
         if client is not None and client.process is not None:
             began = self._loop.time() - client.process.age
-            if self._mailbox.has(address, began):
+            if self.mailbox.has(address, began):
                 self._drop(address, "the program that reads was not there yet", began)
 
     def asked(self, peer: str) -> PacketDriver:
@@ -141,7 +142,7 @@ class Presence:
 
     def _drop(self, address: str, why: str, before: float = math.inf) -> None:
         """Drop what waits for an address, or has waited since `before` a time, and say so."""
-        dropped = self._mailbox.drop(address, before)
+        dropped = self.mailbox.drop(address, before)
         if dropped:
             self._engine.tell_fault(f"{dropped} replies dropped: {why}")
 
@@ -168,7 +169,7 @@ class Presence:
     def _look_for(self, address: str) -> None:
         client = self._clients[address]
         # A connection that stays open is a sign of life, even if nothing comes on it.
-        if self._is_connected(address):
+        if self.is_connected(address):
             client.last = self._loop.time()
         now = self._loop.time()
         left = client.last + self._idle - now
@@ -183,11 +184,11 @@ class Presence:
         self._engine.tell(Notice(NoticeKind.LEFT, text, address))
         # The next program's first read is its own.
         self._drop(address, f"client {address} left without reading them")
-        self._on_left(address)
+        self.on_left(address)
 
     def _is_kept(self, client: _Client, address: str) -> bool:
         """True if replies wait for a process that lives."""
         process = client.process
         if process is None and self._processes is not None:  # closed before anybody could look whose it was
             process = self._processes.of_run
-        return process is not None and self._mailbox.has(address) and process.lives
+        return process is not None and self.mailbox.has(address) and process.lives

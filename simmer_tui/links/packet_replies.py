@@ -6,6 +6,7 @@ import asyncio
 import contextlib
 import socket
 from collections.abc import Callable
+from dataclasses import dataclass
 
 from simmer_tui.config.dialects import PACKET_REPLIES
 from simmer_tui.links.link import LinkContext
@@ -86,6 +87,7 @@ class _Unread(Peer):
         self._port.unread.discard(self)
 
 
+@dataclass(eq=False)
 class ReplyPort:
     """Serves the reply port from a mailbox.
 
@@ -98,33 +100,27 @@ class ReplyPort:
         busy: True while a request is being received or answered.
     """
 
-    def __init__(
-        self,
-        context: LinkContext,
-        mailbox: Mailbox,
-        presence: Presence,
-        budget: ReadBudget,
-        receiving: Callable[[], bool],
-        busy: Callable[[], bool],
-    ) -> None:
+    context: LinkContext
+    mailbox: Mailbox
+    presence: Presence
+    budget: ReadBudget
+    receiving: Callable[[], bool]
+    busy: Callable[[], bool]
+
+    def __post_init__(self) -> None:
         """Begin to listen. Needs a running event loop."""
-        self.mailbox = mailbox
-        self.budget = budget
-        self.receiving = receiving
-        self.busy = busy
         self.reads: dict[_Read, None] = {}
         """Those that are not over yet, the oldest first."""
         self.unread: set[_Unread] = set()
         """Connections to clients that have not taken all of their reply yet."""
-        self._presence = presence
-        self._tell_fault = context.engine.tell_fault
+        self._tell_fault = self.context.engine.tell_fault
         self._loop = asyncio.get_running_loop()
         self._clock = clock_of(self._loop)
         self._dropped = 0
         self._report = LoopTimer(self._report_dropped, self._loop)
         self._delivering = False
-        self._number = context.listeners[PACKET_REPLIES.purpose].port
-        self._acceptor = context.accept(PACKET_REPLIES, self._welcome)
+        self._number = self.context.listeners[PACKET_REPLIES.purpose].port
+        self._acceptor = self.context.accept(PACKET_REPLIES, self._welcome)
 
     def close(self) -> None:
         """Stop listening and end all connections."""
@@ -135,8 +131,8 @@ class ReplyPort:
             unread.abort()
 
     def _welcome(self, sock: socket.socket, peer: str) -> None:
-        self._presence.connected(sock, peer)
-        self._presence.read(peer)
+        self.presence.connected(sock, peer)
+        self.presence.read(peer)
         if len(self.reads) >= MOST_CONNECTIONS:
             self.end_empty(next(iter(self.reads)))
         self.reads[_Read(sock, peer, self)] = None
@@ -157,7 +153,7 @@ class ReplyPort:
         try:
             # A read that waited and has closed was given up: its reply stays for the next one.
             if not (_has_closed(read.sock) and read.waits):
-                self._presence.takes(read.peer)
+                self.presence.takes(read.peer)
                 rest = self.mailbox.take()
                 with contextlib.suppress(BlockingIOError):
                     sent = read.sock.send(rest)

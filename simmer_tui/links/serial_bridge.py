@@ -9,17 +9,16 @@ from __future__ import annotations
 import asyncio
 import math
 from collections import deque
+from dataclasses import dataclass
 
 import numpy as np
 from msgspec import Struct, field
 from msgspec.structs import replace
 
 from simmer_tui.backend import Answered, BackendSession, Message
-from simmer_tui.config.settings import BITS_OF_A_BYTE, SerialSettings
-from simmer_tui.engine import Engine
+from simmer_tui.config.settings import BITS_OF_A_BYTE
 from simmer_tui.events import NoticeKind, TwinReading
 from simmer_tui.links.real_robot import RealRobot
-from simmer_tui.links.serial_link import RobotLink
 from simmer_tui.protocol.packets import STOP
 from simmer_tui.protocol.replies import (
     GAP,
@@ -72,6 +71,7 @@ class _Exchange(Struct, eq=False):
     """Seconds until it is answered, for one that waits."""
 
 
+@dataclass(eq=False)
 class SerialBridge(RealRobot):
     """A real robot as a backend. Lives in the event loop it is made in.
 
@@ -80,12 +80,12 @@ class SerialBridge(RealRobot):
     the port is closed waits as long for it to open.
     """
 
-    def __init__(
-        self, engine: Engine, link: RobotLink, settings: SerialSettings, *, gap: float = GAP
-    ) -> None:
-        """`gap` is the silence, seconds, that ends a reply without another end."""
-        super().__init__(engine, link, settings)
-        self._framer = ReplyFramer(gap)
+    gap: float = GAP
+    """Silence, seconds, that ends a reply without another end."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self._framer = ReplyFramer(self.gap)
         self._waiting: deque[_Exchange] = deque()
         self._under_way: deque[_Exchange] = deque()
         """Sent; more than one only when a stop overtook the others."""
@@ -124,7 +124,7 @@ class SerialBridge(RealRobot):
     def submit(self, message: Message, session: BackendSession, answered: Answered) -> None:
         """Send a message when its turn comes. One without bytes is not fit to be sent."""
         exchange = _Exchange(message.data, message.commands, message.form, session, answered)
-        is_drive = self._engine.simulator.is_drive
+        is_drive = self.engine.simulator.is_drive
         for command in message.commands:
             exchange.moves = exchange.moves or is_drive(command)
         if _is_stop(message):
@@ -141,7 +141,7 @@ class SerialBridge(RealRobot):
 
     def _keep_from_robot(self, exchange: _Exchange) -> None:
         """Answer here what a robot may not know: a sketch that looks at the first letter drives on wt-2."""
-        commands, simulator = exchange.commands, self._engine.simulator
+        commands, simulator = exchange.commands, self.engine.simulator
         if any(command.code == WAIT and not simulator.is_drive(command) for command in commands):
             exchange.data = b""
             values = [parse_wait(command.argument) for command in commands if command.code == WAIT]
@@ -164,7 +164,7 @@ class SerialBridge(RealRobot):
         if waiting is not None and waiting.session is session:
             waiting.data += data
         elif self._open and self.settings.suffix == "none":
-            self._link.write(data)
+            self.link.write(data)
 
     def forget(self, session: BackendSession) -> None:
         """A client has left: drop its unsent messages, except a stop."""
@@ -192,7 +192,7 @@ class SerialBridge(RealRobot):
             stop.written = self._with_suffix(stop.data)
             stop.due = self._due_of(stop)
             overtaken: deque[_Exchange] = deque()
-            for data in reversed(self._link.write_instead(stop.written)):
+            for data in reversed(self.link.write_instead(stop.written)):
                 if self._under_way and self._under_way[-1].written is data:
                     overtaken.appendleft(self._under_way.pop())
             dropped = deque(each for each in overtaken if not each.is_stop) + dropped
@@ -202,7 +202,7 @@ class SerialBridge(RealRobot):
                 exchange.written = data
                 self._under_way.append(exchange)
             for data in written[1:]:
-                self._link.write(data)
+                self.link.write(data)
             # Their replies come one after the other: the framer must not take the last for the first.
             self._framer.following = len(self._under_way) - 1
         else:
@@ -233,7 +233,7 @@ class SerialBridge(RealRobot):
                 self._expect(exchange)
                 exchange.written = self._with_suffix(exchange.data)
                 exchange.due = self._due_of(exchange)
-                self._link.write(exchange.written)
+                self.link.write(exchange.written)
                 self._set_deadline()
                 if not exchange.is_stop:  # of a stop the simulated robot knows since it was asked for
                     self._simulate(exchange)
@@ -293,14 +293,14 @@ class SerialBridge(RealRobot):
         """Seconds that the robot takes for a command, as far as is known."""
         # In timed motion the twin has only just begun, and its time may go at another speed.
         begun = result.status is Status.ACCEPTED
-        trajectory = self._engine.simulator.trajectory if begun else result.trajectory
+        trajectory = self.engine.simulator.trajectory if begun else result.trajectory
         return trajectory.duration if trajectory is not None else 0.0
 
     def _simulate(self, exchange: _Exchange) -> None:
         """Have the simulated robot do the same."""
         if exchange.is_stop:
-            self._engine.stop_motion("a stop for the robot")
-        exchange.simulated = [self._engine.mirror(command) for command in exchange.commands]
+            self.engine.stop_motion("a stop for the robot")
+        exchange.simulated = [self.engine.mirror(command) for command in exchange.commands]
 
     def _expect(self, exchange: _Exchange, *, keep: bool = False) -> None:
         form, end = self._robot_form(exchange), self.settings.reply_end
@@ -315,7 +315,7 @@ class SerialBridge(RealRobot):
 
     def _scans(self, exchange: _Exchange) -> list[bool]:
         """True for each command of a message that asks for a whole scan."""
-        asks = self._engine.simulator.asks_for_scan
+        asks = self.engine.simulator.asks_for_scan
         return [asks(command) for command in exchange.commands]
 
     def _robot_form(self, exchange: _Exchange) -> ReplyForm:
@@ -364,7 +364,7 @@ class SerialBridge(RealRobot):
         return self._framer.receive(b"")
 
     def _complete(self, exchange: _Exchange, reply: bytes) -> None:
-        simulator = self._engine.simulator
+        simulator = self.engine.simulator
         reads = [not simulator.is_drive(command) for command in exchange.commands]
         answers = read_numbers(reply, self._robot_form(exchange), reads, self._scans(exchange))
         outcomes = [
@@ -375,7 +375,7 @@ class SerialBridge(RealRobot):
 
     def _finish(self, exchange: _Exchange, outcomes: list[CommandResult], unchanged: bytes | None) -> None:
         """Tell all watchers, and the client, what became of a message."""
-        tell = self._engine.tell
+        tell = self.engine.tell
         for outcome, simulated in zip(outcomes, exchange.simulated, strict=True):
             tell(outcome)
             reading = outcome.reading
@@ -447,7 +447,7 @@ class SerialBridge(RealRobot):
         self._framer.doubt()
 
     def _answer_in_its_place(self, exchange: _Exchange, reason: str) -> None:
-        simulator = self._engine.simulator
+        simulator = self.engine.simulator
         known = exchange.simulated or [_unsent(simulator, command) for command in exchange.commands]
         outcomes = [
             replace(each, status=Status.UNANSWERED, reply=math.nan, reason=reason, reading=None)
@@ -456,7 +456,7 @@ class SerialBridge(RealRobot):
         # Taken out first: a reply that still comes finds nobody to be answered twice.
         answered, exchange.answered = exchange.answered, None
         for outcome in outcomes:
-            self._engine.tell(outcome)
+            self.engine.tell(outcome)
         if answered is not None:
             answered(outcomes, None)
 
