@@ -54,35 +54,32 @@ class Backend(Protocol):
 
     def submit(self, message: Message, session: BackendSession, answered: Answered) -> None:
         """Queue a message; `answered` may be called before this returns."""
-        ...
 
     def urgent_part(self, message: Message) -> Message | None:
         """The part of a message that is done even for a sender with too many waiting: its stops; None if
         it has none, or if there is nothing to stop."""
-        ...
 
     def refuse(self, command: Command) -> CommandResult:
         """Answer a command of a sender with too many waiting: busy, at once."""
-        ...
 
     def trail(self, data: bytes, session: BackendSession) -> None:
-        """Late bytes that belong to the end of the session's previous message."""
-        ...
+        """Late bytes that belong to the end of the session's previous message. Ignored where messages are
+        not passed on as they are."""
+        return
 
     def cut_waits(self, session: BackendSession) -> None:
-        """Nobody is there any more to read a session's answers: it waits no longer for time to pass."""
-        ...
+        """Nobody is there any more to read a session's answers: it waits no longer for time to pass. A real
+        robot goes on by itself: its program's waits are left alone."""
+        return
 
     def forget(self, session: BackendSession) -> None:
         """Drop everything of a session that has not been answered yet."""
-        ...
 
     def close(self) -> None:
         """Give the robot back. Messages that were submitted are still answered."""
-        ...
 
 
-class SimulatorBackend:
+class SimulatorBackend(Backend):
     """The simulated robot."""
 
     def __init__(self, engine: Engine) -> None:
@@ -119,9 +116,6 @@ class SimulatorBackend:
     def refuse(self, command: Command) -> CommandResult:
         return self._engine.refuse(command)
 
-    def trail(self, data: bytes, session: BackendSession) -> None:
-        """Not needed: the command is already complete."""
-
     def cut_waits(self, session: BackendSession) -> None:
         sender = self._sessions.get(session)
         if sender is not None:
@@ -142,15 +136,12 @@ class ByteRobot(Protocol):
 
     def joined(self, baud: float | None) -> None:
         """A program has opened the port, at a rate in bits a second if it said one."""
-        ...
 
     def wrote(self, data: bytes) -> None:
         """The program has written bytes."""
-        ...
 
     def left(self) -> None:
         """The program has closed the port."""
-        ...
 
 
 class BackendSwitch:

@@ -28,7 +28,7 @@ import struct
 import time
 from collections.abc import Iterable, Iterator, Sequence
 from types import TracebackType
-from typing import Any, Literal, NamedTuple, Protocol, SupportsFloat, SupportsIndex, Union, overload
+from typing import Any, Literal, NamedTuple, SupportsFloat, SupportsIndex, Union, overload
 
 # int, float, numpy scalars, Decimal, Fraction. Python 3.8 and 3.9 know no | of types at run time.
 Number = Union[SupportsFloat, SupportsIndex]
@@ -145,7 +145,7 @@ class Robot:
         belief_port = _port("belief_port", belief_port, "SIMMER_BELIEF_PORT", DEFAULT_BELIEF_PORT)
         dial = _Dial(self.host, _token(token))
         self._belief = _BeliefLine(dial, belief_port)
-        self._link: _Link
+        self._link: _BinaryLink | _PacketLink
         if protocol == "packets":
             port = _port("port", port, "SIMMER_PACKET_PORT", DEFAULT_PACKET_PORT)
             name = "SIMMER_PACKET_REPLY_PORT"
@@ -409,18 +409,6 @@ class _Dial:
             ) from error
 
 
-class _Link(Protocol):
-    """Base of the two dialects."""
-
-    reply_port: int
-
-    def checked(self, command: str) -> str: ...
-    def exchange(self, commands: Sequence[str], timeout: float) -> list[float]: ...
-    def scan(self, code: str, timeout: float) -> list[float]: ...
-    def drive(self, code: str, number: str, timeout: float) -> Movement: ...
-    def close(self) -> None: ...
-
-
 class _BinaryLink:
     """Commands as lines, replies as eight (or four) bytes, over connections that stay."""
 
@@ -438,6 +426,8 @@ class _BinaryLink:
         self._selector = selectors.DefaultSelector()
         self._commands = dial.expect(port, timeout, "simmer-tui")
         self._replies = self._commands
+        # Of the exchange under way: what was sent, its time limit and end, and what has come of its reply.
+        self._shown, self._timeout, self._deadline, self._came = "", timeout, 0.0, b""
         self.reply_port = 0
         if reply_port:
             # Simulators of 2020-11 and later need no second connection, so its absence is no error.
@@ -465,28 +455,28 @@ class _BinaryLink:
     def _reply(self, commands: Sequence[str], timeout: float, *, scan: bool = False) -> bytes:
         """The bytes that come back for commands sent in one go: of one that asks for a scan its count and its
         numbers, of others a number each."""
-        shown = " ".join(commands)
-        deadline = time.monotonic() + timeout
+        self._shown, self._timeout, self._came = " ".join(commands), timeout, b""
+        self._deadline = time.monotonic() + timeout
         try:
             self._commands.settimeout(timeout)
             self._commands.sendall("".join(f"{command}\n" for command in commands).encode("ascii"))
             if scan:
-                return self._counted(shown, timeout, deadline)
+                return self._counted()
             size = len(commands) * self._number.size
             # One byte more than is due: what is too long is no number, or a scan's.
-            reply = self._receive(shown, size, timeout, deadline, spare=1)
+            reply = self._receive(size, spare=1)
             if len(reply) > size or self._begins_scan(commands, reply):
-                raise self._surplus(commands, shown, timeout, deadline, reply)
+                raise self._surplus(commands)
             return reply
         except _TIMEOUTS as error:
-            raise RobotTimeoutError(f"{shown!r} could not be sent within {timeout:g} s") from error
+            raise RobotTimeoutError(f"{self._shown!r} could not be sent within {timeout:g} s") from error
         except OSError as error:
-            raise self._closed(shown) from error
+            raise self._closed() from error
 
-    def _counted(self, code: str, timeout: float, deadline: float) -> bytes:
+    def _counted(self) -> bytes:
         """The reply to a lidar's code: a count and so many numbers, or one NaN."""
-        size = self._number.size
-        reply = self._receive(code, size, timeout, deadline, spare=(1 + _MOST_RANGES) * size)
+        code, size = self._shown, self._number.size
+        reply = self._receive(size, spare=(1 + _MOST_RANGES) * size)
         [count] = self._number.unpack_from(reply)
         if not math.isnan(count):
             # A whole number may be another sensor's reading: then nothing follows, whoever waits.
@@ -494,7 +484,7 @@ class _BinaryLink:
                 raise _no_lidar(code, f"{count:g}")
             if _is_count(count):
                 size += int(count) * size
-                reply = self._receive(code, size, timeout, deadline, reply)
+                reply = self._receive(size)
         if len(reply) > size:
             raise _too_much(code)
         return reply
@@ -512,22 +502,19 @@ class _BinaryLink:
             for place, (command, number) in enumerate(zip(commands, numbers))
         )
 
-    def _surplus(
-        self, commands: Sequence[str], shown: str, timeout: float, deadline: float, reply: bytes
-    ) -> RobotError:
+    def _surplus(self, commands: Sequence[str]) -> RobotError:
         """More comes than a number a command. If that is a scan, all of it is read, and the connection goes
         on."""
         scans = [each for each in commands if len(each) == 2 and self._reasons.gives_scan(each)]
         if not scans:
-            return _too_much(shown)
+            return _too_much(self._shown)
         end, size = 0, self._number.size
         for command in commands:
             end += size
             if command in scans:
-                reply = self._receive(shown, end, timeout, deadline, reply)
-                [count] = self._number.unpack_from(reply, end - size)
+                [count] = self._number.unpack_from(self._receive(end), end - size)
                 end += int(count) * size if _is_count(count) else 0
-        self._receive(shown, end, timeout, deadline, reply)
+        self._receive(end)
         return _is_lidar(scans[0])
 
     def drive(self, code: str, number: str, timeout: float) -> Movement:
@@ -545,36 +532,34 @@ class _BinaryLink:
         self._replies.close()
         self._commands.close()
 
-    def _receive(
-        self, command: str, size: int, timeout: float, deadline: float, reply: bytes = b"", spare: int = 0
-    ) -> bytes:
+    def _receive(self, size: int, spare: int = 0) -> bytes:
         """The first `size` bytes of a reply, with what has come of it already, and at most `spare` more."""
-        while len(reply) < size:
-            remaining = deadline - time.monotonic()
+        while len(self._came) < size:
+            remaining = self._deadline - time.monotonic()
+            came = len(self._came)
             if remaining <= 0:
-                hint = f" ({len(reply)} of {size} bytes came: does reply_format match?)" if reply else ""
-                raise RobotTimeoutError(f"no reply to {command!r} within {timeout:g} s{hint}")
+                hint = f" ({came} of {size} bytes came: does reply_format match?)" if came else ""
+                raise RobotTimeoutError(f"no reply to {self._shown!r} within {self._timeout:g} s{hint}")
             ready = [key.fileobj for key, _ in self._selector.select(min(remaining, _INTERRUPT_INTERVAL))]
             if self._replies in ready:
-                piece = self._replies.recv(size + spare - len(reply))
-                reply += piece
+                piece = self._replies.recv(size + spare - came)
+                self._came += piece
             elif self._commands in ready:
                 piece = self._commands.recv(1)
                 if piece:
                     raise RobotError(
-                        f"the reply to {command!r} came on the command connection, not on reply port "
+                        f"the reply to {self._shown!r} came on the command connection, not on reply port "
                         f"{self.reply_port}: open the Robot with reply_port=0"
                     )
             else:
                 continue
             if not piece:
-                raise self._closed(command)
-        return reply
+                raise self._closed()
+        return self._came
 
-    @staticmethod
-    def _closed(command: str) -> RobotClosedError:
+    def _closed(self) -> RobotClosedError:
         return RobotClosedError(
-            f"the simulator closed the connection before it answered {command!r}: "
+            f"the simulator closed the connection before it answered {self._shown!r}: "
             "it has ended, another program is driving the robot (one at a time), it is another user's, "
             "or it demands a --token (see its log)"
         )
@@ -1013,22 +998,29 @@ def _of_lists(grid: Any) -> tuple[tuple[int, int, int], bytes]:
     """Sizes and bytes of nested lists."""
     try:
         rows = [list(row) for row in grid]
-        cells = [cell for row in rows for cell in row]
-        deep = bool(cells) and hasattr(cells[0], "__len__")
-        lists = [list(cell) for cell in cells] if deep else []
-        numbers = [float(number) for cell in lists for number in cell] if deep else list(map(float, cells))
+        cells: list[Any] = [cell for row in rows for cell in row]
+        is_deep = bool(cells) and hasattr(cells[0], "__len__")
+        lists = [list(cell) for cell in cells] if is_deep else []
+        flat = [number for cell in lists for number in cell] if is_deep else cells
+        numbers = [float(number) for number in flat]
     except (TypeError, ValueError, OverflowError):
         raise InvalidInputError("grid must be rows of numbers, or rows of lists of numbers") from None
-    for what, each in (("row", rows), ("cell", lists)):
-        for number, one in enumerate(each, 1):
-            if len(one) != len(each[0]):
-                raise InvalidInputError(f"{what} {number} of grid has {len(one)} numbers, not {len(each[0])}")
-    columns = len(rows[0]) if rows else 0
-    sizes = _grid_sizes((len(rows), columns, len(lists[0])) if deep else (len(rows), columns))
-    if any(number != number for number in numbers):  # NaN: min and max would pass it by
+    shape: tuple[int, ...] = (len(rows), _alike("row", rows))
+    if is_deep:
+        shape = (*shape, _alike("cell", lists))
+    sizes = _grid_sizes(shape)
+    if any(map(math.isnan, numbers)):  # min and max would pass it by
         raise InvalidInputError("grid holds a number that is not finite")
     most = _largest(min(numbers), max(numbers))
     return sizes, struct.pack(f"<{len(numbers)}f", *[number / most for number in numbers])
+
+
+def _alike(what: str, lists: list[list[Any]]) -> int:
+    """Length that all of some lists have."""
+    for number, one in enumerate(lists, 1):
+        if len(one) != len(lists[0]):
+            raise InvalidInputError(f"{what} {number} of grid has {len(one)} numbers, not {len(lists[0])}")
+    return len(lists[0]) if lists else 0
 
 
 def _largest(least: float, most: float) -> float:

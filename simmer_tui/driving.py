@@ -20,7 +20,7 @@ from simmer_tui.events import (
     VelocityEnd,
     VelocityEnded,
 )
-from simmer_tui.sessions import Session
+from simmer_tui.sessions import LoopTimer, Session
 from simmer_tui.sim.command import Command
 from simmer_tui.sim.legs import Leg
 from simmer_tui.sim.records import CommandResult
@@ -31,7 +31,7 @@ SLICE = 0.002
 """Seconds of processor time of a wait between two turns of the event loop."""
 # People take a second to notice that a robot does not do what its program says.
 _SILENT = 1.0
-"""Real seconds of silence while the robot drives after which a program is told about simulated time."""
+"""Real seconds of silence while the robot drives after which a program gets advice about simulated time."""
 
 
 @dataclass(slots=True, eq=False)
@@ -55,7 +55,7 @@ class Driving:
         self._moved_by = self._latest
         """The same of the leg under way."""
         self.driver: Hashable | None = None
-        """Whose velocity it is; None while the robot is not told to move."""
+        """Whose velocity it is; None while no velocity is in force."""
         self._end = VelocityEnd.TIME
         self.limit = math.inf
         """Simulated time at which a mission runs out: those who wait get no further in one step."""
@@ -66,12 +66,12 @@ class Driving:
         self._waits: list[_Wait] = []
         self._slicing = False
         self._warned: set[Hashable] = set()
-        self._silence: asyncio.TimerHandle | None = None
+        self._silence = LoopTimer(self._is_silent)
         simulator.listener = self
 
     def start(self, loop: asyncio.AbstractEventLoop) -> None:
         """Waits take turns with everything else of a loop from here on."""
-        self._loop = loop
+        self._loop = self._silence.loop = loop
 
     # -- what the simulator says -------------------------------------------------------------------
 
@@ -92,7 +92,7 @@ class Driving:
 
     @property
     def drives(self) -> bool:
-        """True if the robot is told to move until told otherwise."""
+        """True while a velocity is in force."""
         return self._simulator.leg is not None
 
     def begin(self, command: Command, session: Session | None) -> CommandResult:
@@ -212,11 +212,9 @@ class Driving:
         driver = self.driver
         if driver is None:
             return
-        if self._silence is not None:
-            self._silence.cancel()
-            self._silence = None
+        self._silence.cancel()
         if session.driver == driver and self._loop is not None and driver not in self._warned:
-            self._silence = self._loop.call_later(_SILENT, self._is_silent, driver)
+            self._silence.set_in(_SILENT, driver)
 
     def _is_silent(self, driver: Hashable) -> None:
         if driver == self.driver and self._simulator.velocity.moves and not self._waits:

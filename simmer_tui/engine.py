@@ -1,4 +1,4 @@
-"""One robot behind one queue: every command passes here, in order, and is told to every watcher.
+"""One robot behind one queue: every command passes here, in order, and every watcher gets its events.
 
 All methods but the constructor run in the robot's event loop. The engine knows neither how
 commands arrive (a `Session` each) nor who watches. What it tells is in `events.py`.
@@ -31,7 +31,7 @@ from simmer_tui.events import (
     WireMessage,
 )
 from simmer_tui.playback_throttle import PlaybackThrottle
-from simmer_tui.sessions import Answer, LinkDelay, Queued, Scheduler, Session, Stop, TimerQueue
+from simmer_tui.sessions import Answer, LinkDelay, LoopTimer, Queued, Scheduler, Session, Stop, TimerQueue
 from simmer_tui.sim.command import Command
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.records import CommandResult, Status
@@ -44,13 +44,11 @@ PEOPLE = frozenset(("console", "keys"))
 
 
 class _Movement(Struct, frozen=True):
-    """A timed movement under way as planned, and the session that is answered when it ends."""
+    """A timed movement under way as planned, and the command that is answered when it ends."""
 
     outcome: CommandResult
     trajectory: Trajectory
-    session: Session | None = None
-    answer: Answer | None = None
-    there: float = 0.0
+    queued: Queued | None = None
 
 
 class Engine:
@@ -78,7 +76,7 @@ class Engine:
         self._link = link
         # One queue for all that is due later: events at the same simulated time keep their order.
         self._timers = TimerQueue()
-        self._alarm: asyncio.TimerHandle | None = None
+        self._alarm = LoopTimer(self._settle)
         self.before_drive: Callable[[], None] | None = None
         """Called before each movement, so that beliefs already received on other connections are processed
         first."""
@@ -89,15 +87,16 @@ class Engine:
         """True once something has gone over a dialect's line."""
         self.halted = False
         """True if no drive command has arrived since the last stop."""
-        self._throttle: PlaybackThrottle | None = None
-        self._watchers = Watchers(self._tell_fault)
+        self.throttle: PlaybackThrottle | None = None
+        """The throttle that shows movements at a pace; None without watchers."""
+        self._watchers = Watchers(self.tell_fault)
         self.driving = Driving(simulator, self.tell)
         """Continuous motion, and those who wait."""
         self._scheduler = Scheduler(self._do)
         self._loop: asyncio.AbstractEventLoop | None = None
         self._origin = 0.0
         self._movement: _Movement | None = None
-        self._timer: asyncio.TimerHandle | None = None
+        self._end = LoopTimer(self._movement_over)
         self._held: list[Session] = []
 
     def session(
@@ -106,13 +105,8 @@ class Engine:
         """A new sender of commands. Lanes take turns, and within a lane its sessions do. One with a name
         is for any number of sessions, and bounded by time as well. `driver` is whose velocities it sets,
         by default its own."""
-        return Session(
-            self._scheduler.lane(lane),
-            self._submitted,
-            self._session_closed,
-            answer_at_end=answer_at_end,
-            driver=driver,
-        )
+        its_lane = self._scheduler.lane(lane)
+        return Session(its_lane, self._submitted, self._session_closed, answer_at_end, driver)
 
     def _session_closed(self, session: Session) -> None:
         """A sender has left."""
@@ -149,7 +143,8 @@ class Engine:
         self.exchanges = self.exchanges or isinstance(event, WireMessage)
         self._watchers.tell(event)
 
-    def _tell_fault(self, text: str) -> None:
+    def tell_fault(self, text: str) -> None:
+        """Tell what has gone wrong."""
         self.tell(Notice(NoticeKind.FAULT, text))
 
     # -- pace --------------------------------------------------------------------------------
@@ -158,26 +153,21 @@ class Engine:
         """Have movements that are over at once shown, and answered, at a pace (simulated seconds a
         second, 0 as fast as possible), with `loop` to be started in. Those who are to see it so
         become watchers of what is returned. Timed motion takes its time by itself."""
-        self._throttle = PlaybackThrottle(loop, 0.0 if self.timed else pace, self._tell_fault)
-        self.watch(self._throttle.watch)
-        return self._throttle
-
-    @property
-    def throttle(self) -> PlaybackThrottle | None:
-        """The throttle that shows movements at a pace; None without watchers."""
-        return self._throttle
+        self.throttle = PlaybackThrottle(loop, 0.0 if self.timed else pace, self.tell_fault)
+        self.watch(self.throttle.watch)
+        return self.throttle
 
     def shown_time(self) -> float:
         """The simulated time of what those see who watch at the pace: the present, or a moment of the
         movement they are being shown."""
-        shown = self._throttle.time() if self._throttle is not None else None
+        shown = self.throttle.time() if self.throttle is not None else None
         return self.now() if shown is None else shown
 
     # -- time --------------------------------------------------------------------------------
 
     def start(self, loop: asyncio.AbstractEventLoop) -> None:
         """Begin: simulated time runs from here."""
-        self._loop = loop
+        self._loop = self._alarm.loop = self._end.loop = loop
         self.driving.start(loop)
         self._scheduler.start(loop)
         self._set_clock()
@@ -213,20 +203,17 @@ class Engine:
 
     def _set_alarm(self) -> None:
         """Wake up when something is due next."""
-        if self._alarm is not None:
-            self._alarm.cancel()
-            self._alarm = None
+        self._alarm.cancel()
         due = self._timers.due
         # In instant motion time waits for commands.
         due = min(due, self.simulator.next_event) if self.timed else due
         if due < math.inf and not self.paused:
-            assert self._loop is not None, "timed motion needs a started engine"
-            self._alarm = self._loop.call_at(self._origin + due / self.time_scale, self._settle, due)
+            self._alarm.set_at(self._origin + due / self.time_scale, due)
 
     def _settle(self, until: float) -> None:
         """Do what is due by a simulated time."""
         self.now()
-        # The loop's clock may round to a hair before an event that it has woken us for.
+        # The loop's clock may round to just before the event that the timer was set for.
         if until < math.inf and (self.driving.waits or self.simulator.next_event <= until):
             self.driving.catch_up(until)
         while self._timers.due <= until and self._timers.due < math.inf:
@@ -258,13 +245,13 @@ class Engine:
         return self._scheduler.has_waiting
 
     def perform(self, action: Action) -> ActionDone:
-        """Perform a person's action between two commands. Watchers are told, even if it is refused."""
+        """Perform a person's action between two commands. Watchers get the event, even if it is refused."""
         # The present comes first: an action happens after all that was due before it.
         self.now()
         self._catch_up()
-        if self._timers.due < math.inf:  # of a run that begins anew nothing is left to come
+        if self._timers.due < math.inf:  # a run that restarts has nothing left to come
             self._settle(math.inf if action.name.restarts else self.simulator.time)
-        with self._scheduler.holding():  # no command comes before watchers have heard
+        with self._scheduler.holding():  # no command comes before watchers have the event
             drove = self.simulator.velocity.moves
             try:
                 text, refused = actions.apply(self.simulator, action), False
@@ -283,7 +270,7 @@ class Engine:
     def drop(self, client: str) -> None:
         """Tell that a client has been dropped that does not read its replies, and stop the robot: there may
         be a stop among what it sent and nobody will read."""
-        self.tell(Notice(NoticeKind.FAULT, f"client {client} dropped: it does not read its replies"))
+        self.tell_fault(f"client {client} dropped: it does not read its replies")
         self.perform(Action(ActionName.STOP, source=f"client {client}"))
 
     def _follow(self, action: Action) -> None:
@@ -304,7 +291,7 @@ class Engine:
             self._replan(self._movement)  # the block is in its way now, or no more
         # The action may have changed the speed, the time or the pause, and with each of them the timers.
         self._set_clock()
-        if action.name.restarts:  # what is owed of the run before comes before the new one
+        if action.name.restarts:  # answers of the run before come before the new run
             self._settle(math.inf)
 
     def _replan(self, movement: _Movement) -> None:
@@ -344,51 +331,48 @@ class Engine:
         elif not self.halted:
             stop = self._take_stop(session, command)
         # Else there is nothing to stop, and it may wait for its turn: they come by the thousand.
-        session.queue.append(Queued(command, answer, self.halts, stop, moment=moment))
+        session.queue.append(Queued(session, command, answer, self.halts, stop, moment=moment))
         self._scheduler.wake(session)
 
-    def _do(self, session: Session, queued: Queued) -> None:
+    def _do(self, queued: Queued) -> None:
         """Do a command whose turn has come."""
         if queued.command.stops:
-            stop = queued.stop or self._take_stop(session, queued.command)
-            self._answer_stop(session, replace(queued, stop=stop), stop)
+            stop = queued.stop or self._take_stop(queued.session, queued.command)
+            self._answer_stop(replace(queued, stop=stop), stop)
         elif not self._passes:
             command = self._meant_now(queued)
             # People look on: a program's loop is what takes time.
             if queued.moment and command.source not in PEOPLE:
                 self.simulator.begin_pass(queued.moment)
-            outcome = self._execute(command, queued.there, session=session)
+            outcome = self._execute(command, queued.there, session=queued.session)
             if outcome.waits:
-                self._wait(session, queued.answer, outcome)
-            else:
-                self._complete(session, queued.answer, outcome)
+                self._answer(queued, outcome)
+            else:  # nearly every command: a call less than by way of `_answer`
+                self._complete(queued, outcome)
         else:
             self._settle_due()
             there = self._way(queued.command) if queued.there is None else 0.0
             if there:
-                session.waiting = True
-                arrived = replace(queued, there=there)
-                self.call_at(
-                    self.simulator.time + there, lambda: self._resume(session, session.queue_first, arrived)
-                )
+                session, arrived = queued.session, replace(queued, there=there)
+                self._go_on_at(self.simulator.time + there, session, session.queue_first, arrived)
             else:
-                self._do_timed(session, queued)
+                self._do_timed(queued)
 
-    def _do_timed(self, session: Session, queued: Queued) -> None:
+    def _do_timed(self, queued: Queued) -> None:
         """Do a command that has come over the link, in real time."""
-        command = self._meant_now(queued)
+        session, command = queued.session, self._meant_now(queued)
         waits = session.answer_at_end and self.simulator.is_drive(command)
         if waits and self._movement is not None and queued.halts == self.halts:
             # In front again: the order of a sender's commands never changes.
             session.queue.appendleft(queued)  # another's movement: wait for its end
             self._hold(session)
             return
-        outcome, came = self._begin(command, session), queued.there or 0.0
+        outcome = self._begin(command, session)
         if outcome.status is Status.ACCEPTED and session.answer_at_end:
-            self._movement = replace(self._under_way, session=session, answer=queued.answer, there=came)
+            self._movement = replace(self._under_way, queued=queued)
             self._hold(session)
         else:
-            self._answer(session, queued.answer, outcome, came, self._way(command))
+            self._answer_in_time(queued, outcome, self._way(command))
 
     def _meant_now(self, queued: Queued) -> Command:
         """A command as it is to be done now: a drive that was meant for before a stop stops itself, unless
@@ -411,6 +395,11 @@ class Engine:
     def _passes(self) -> bool:
         """True while time passes by the clock."""
         return self.timed and not self.paused
+
+    def _go_on_at(self, time: float, session: Session, step: Callable[..., None], *arguments: object) -> None:
+        """Have a session wait until a simulated time, and take its next step then."""
+        session.waiting = True
+        self.call_at(time, lambda: self._resume(session, step, *arguments))
 
     def _resume(self, session: Session, step: Callable[..., None], *arguments: object) -> None:
         """A session's wait is over: take the next step, and let it go on."""
@@ -521,27 +510,23 @@ class Engine:
         stop.outcome = self.halt(command, there + back, 0.0 if self._passes else back)
         stop.back = back if self._passes else 0.0
 
-    def _answer_stop(self, session: Session, queued: Queued, stop: Stop) -> None:
+    def _answer_stop(self, queued: Queued, stop: Stop) -> None:
         """The turn of a command that stops has come: its answer goes back over the link."""
-        outcome = stop.outcome
+        session, outcome = queued.session, stop.outcome
         if outcome is None:
             session.waiting = True
             session.queue.appendleft(queued)
         elif stop.back and self._passes:
-            session.waiting = True
-            self.call_at(
-                self.now() + stop.back,
-                lambda: self._resume(session, self._hand_over, session, queued.answer, outcome),
-            )
+            self._go_on_at(self.now() + stop.back, session, self._hand_over, queued, outcome)
         else:
-            self._reply(session, queued.answer, outcome)
+            self._reply(queued, outcome)
 
     def halt(self, command: Command, link: float = 0.0, back: float = 0.0) -> CommandResult:
         """End all motion now, whatever is queued; drives that wait for their turn do not begin. `link`
         is what command and answer take on the link; simulated time moves on by `back` of it."""
         self.now()
         self._catch_up()
-        with self._scheduler.holding():  # nothing begins before watchers have heard
+        with self._scheduler.holding():  # nothing begins before watchers have the event
             self.forget_drives()
             self.stop_motion(f"{command.shown} from {command.source}")
             outcome = self.simulator.begin(command)
@@ -579,40 +564,37 @@ class Engine:
         session.waiting = True
         self._held.append(session)
 
-    def _answer(
-        self, session: Session, answer: Answer, outcome: CommandResult, there: float, back: float
-    ) -> None:
-        """Answer in real time: when a reading has been made, and the answer has come over the link."""
-        if outcome.waits:
-            self._wait(session, answer, outcome, there, back)
-            return
+    def _answer_in_time(self, queued: Queued, outcome: CommandResult, back: float) -> None:
+        """Answer in real time: when a reading has been made, and the answer has come back over the link."""
         took = outcome.reading.took if outcome.reading is not None else 0.0
-        if not (took or there or back):
-            self._complete(session, answer, outcome)
+        self._answer(queued, outcome, (queued.there or 0.0) + back, back, took)
+
+    def _answer(
+        self,
+        queued: Queued,
+        outcome: CommandResult,
+        link: float = 0.0,
+        back: float = 0.0,
+        took: float = 0.0,
+    ) -> None:
+        """Answer a command when its wait is over, or cut short, or else after a reading that `took` time. The
+        `link` takes so much there and `back`. What simulated time has passed by already is 0."""
+        session = queued.session
+        if not (outcome.waits or link or took):
+            self._complete(queued, outcome)
+            return
+        taken = outcome.time if outcome.taken is None else outcome.taken
+        if not outcome.waits:
+            due = outcome.time + took + back
+            told = structs.replace(outcome, time=due, taken=taken, link=link)
+            self._go_on_at(due, session, self._complete_late, queued, told)
             return
         session.waiting = True
-        due = outcome.time + took + back
-        taken = outcome.time if outcome.taken is None else outcome.taken
-        told = structs.replace(outcome, time=due, taken=taken, link=there + back)
-        self.call_at(due, lambda: self._resume(session, self._complete_late, session, answer, told))
-
-    def _wait(
-        self, session: Session, answer: Answer, outcome: CommandResult, there: float = 0.0, back: float = 0.0
-    ) -> None:
-        """Answer a command that waits, when its time has come or something has cut it short."""
-        session.waiting = True
-        taken = outcome.time if outcome.taken is None else outcome.taken
 
         def over() -> None:
-            simulator = self.simulator
-            told = structs.replace(
-                outcome,
-                time=simulator.time,
-                pose=simulator.pose,
-                taken=taken,
-                link=there + back + outcome.link,
-            )
-            self._resume(session, self._complete, session, answer, told)
+            time, pose, on_link = self.simulator.time, self.simulator.pose, link + outcome.link
+            told = structs.replace(outcome, time=time, pose=pose, taken=taken, link=on_link)
+            self._resume(session, self._complete, queued, told)
 
         until = outcome.time + (0.0 if session.has_gone else outcome.waits + back)
         self.driving.wait(session, until, over)
@@ -621,12 +603,12 @@ class Engine:
         else:
             self.driving.pass_time()
 
-    def _complete_late(self, session: Session, answer: Answer, outcome: CommandResult) -> None:
+    def _complete_late(self, queued: Queued, outcome: CommandResult) -> None:
         """Tell a result whose time has come, with the pose of that time; a movement's has its own."""
         # A reading arrives later than it was taken: the pose beside it is that of its own time.
         if outcome.status not in (Status.DONE, Status.ACCEPTED):
             outcome = structs.replace(outcome, pose=self._pose_when(outcome.time))
-        self._complete(session, answer, outcome)
+        self._complete(queued, outcome)
 
     def _pose_when(self, time: float) -> Pose:
         """The pose at a simulated time a moment ago."""
@@ -638,29 +620,30 @@ class Engine:
             return trajectory.pose_at(time)
         return self.simulator.pose
 
-    def _complete(self, session: Session, answer: Answer, outcome: CommandResult) -> None:
+    def _complete(self, queued: Queued, outcome: CommandResult) -> None:
         """Tell watchers of a result, then answer its sender."""
         self.tell(outcome)
-        self._reply(session, answer, outcome)
+        self._reply(queued, outcome)
         if not self.timed:
-            self.driving.answered(session)
+            self.driving.answered(queued.session)
 
-    def _reply(self, session: Session, answer: Answer, outcome: CommandResult) -> None:
+    def _reply(self, queued: Queued, outcome: CommandResult) -> None:
         """Answer a sender, after the pause that settings ask for."""
         # `step_time` is real time: it is there for people who watch, and changes no simulated time.
         if self.step_time and self._loop is not None:
+            session = queued.session
             session.waiting = True
-            hand_over = (self._hand_over, session, answer, outcome)
-            self._loop.call_later(self.step_time, self._resume, session, *hand_over)
+            self._loop.call_later(self.step_time, self._resume, session, self._hand_over, queued, outcome)
         else:
-            self._hand_over(session, answer, outcome)
+            self._hand_over(queued, outcome)
 
-    def _hand_over(self, session: Session, answer: Answer, outcome: CommandResult) -> None:
+    def _hand_over(self, queued: Queued, outcome: CommandResult) -> None:
         """Give an answer: that of a movement when it has been shown, and what follows after it."""
-        throttle = self._throttle
+        throttle = self.throttle
         if throttle is None or not throttle.busy:
-            session.give(answer, outcome)
+            queued.session.give(queued.answer, outcome)
             return
+        session, answer = queued.session, queued.answer
         shown = outcome.trajectory is not None or outcome.waits or self.driving.drives
         # A later answer of the same sender waits too, or its replies would change their order.
         if not (session.late or shown):
@@ -673,11 +656,11 @@ class Engine:
 
     def _catch_up(self) -> None:
         """Someone intervenes: what is shown is the present again, so that it is seen at once."""
-        if self._throttle is not None:
-            self._throttle.catch_up()
+        if self.throttle is not None:
+            self.throttle.catch_up()
 
     def mirror(self, command: Command) -> CommandResult:
-        """Do at once what a real robot has been told to do. Watchers hear of the movement, but not of
+        """Do at once the command that a real robot was sent. Watchers get the movement, but not
         the answer: the asker knows more.
 
         A movement that is still under way here is over for the real robot: it is finished first.
@@ -708,28 +691,24 @@ class Engine:
 
     def _set_timer(self) -> None:
         """Have the movement under way end on time; while paused it does not end."""
-        if self._timer is not None:
-            self._timer.cancel()
-            self._timer = None
+        self._end.cancel()
         trajectory = self.simulator.trajectory
         if self._movement is not None and trajectory is not None and not self.paused:
-            assert self._loop is not None, "timed motion needs a started engine"
-            due = self._origin + trajectory.end_time / self.time_scale
-            self._timer = self._loop.call_at(due, self._movement_over)
+            self._end.set_at(self._origin + trajectory.end_time / self.time_scale)
 
     def _movement_over(self, stopped_by: str = "") -> None:
         movement = self._under_way
         self._movement = None
         self._set_timer()
-        outcome = self.simulator.finish(movement.outcome)
-        session, answer = movement.session, movement.answer
-        back = self._way(outcome.command) if answer is not None else 0.0
-        self._tell_ended(outcome, stopped_by, answers=answer is not None and not (movement.there or back))
+        outcome, queued = self.simulator.finish(movement.outcome), movement.queued
+        back = self._way(outcome.command) if queued is not None else 0.0
+        answers = queued is not None and not (queued.there or back)
+        self._tell_ended(outcome, stopped_by, answers=answers)
         # All held sessions are freed before the first is woken: it may begin the next movement at once.
         held, self._held = self._held, []
         for each in held:
             each.waiting = False
-        if session is not None and answer is not None:
-            self._answer(session, answer, outcome, movement.there, back)
+        if queued is not None:
+            self._answer_in_time(queued, outcome, back)
         for each in held:
             self._scheduler.wake(each)

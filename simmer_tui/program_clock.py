@@ -10,8 +10,7 @@ import asyncio
 import math
 import selectors
 import time
-from collections.abc import Callable, Mapping
-from typing import Any
+from collections.abc import Callable
 
 from msgspec import Struct
 
@@ -22,8 +21,12 @@ IN_FLIGHT = 0.2
 """Longest real time that bytes may be on their way, seconds."""
 
 
+_Ready = list[tuple[selectors.SelectorKey, int]]
+"""Descriptors that are ready, as selectors give them."""
+
+
 class ProgramWait(Struct, eq=False):
-    """A process of the program: `wake` lets it go on, told the time.
+    """A process of the program: `wake` lets it go on, and is given the time.
 
     It waits `until` a time, or computes. One that `listens` waits for a reply too. One that is `away` waits
     for another process, which takes no time by itself.
@@ -116,36 +119,47 @@ class ProgramClock:
     def go_on(self, timer: float) -> bool:
         """All is done for now. Move time to `timer`, when the loop has something to do next, or let the
         program go on. False if there is nothing to do but wait for the program."""
-        waiting = [each for each in self._processes if not each.away]
-        if self.frozen or not waiting or any(each.until is None for each in waiting):
+        waiting = self._waiting()
+        if self.frozen or not waiting:
             return False
-        # What was printed by now was printed at this time.
-        if self.settle_output is not None and not self.settle_output():
-            self.settle_output = None
+        self._settle_output()
         listening = [each for each in waiting if each.listens]
         if self._news and listening:
             self._news = False
             # All of them look: for which of them the reply is, only they know.
-            for each in listening:
-                self._wake(each)
+            self._wake(listening)
             return False
-        until = min(each.until for each in waiting if each.until is not None)
+        until = min(_end_of(each) for each in waiting)
         if min(until, timer) == math.inf:
             for each in waiting:
                 each.stuck()
             return False
+        self.now = max(self.now, min(timer, until))
         if timer <= until:
-            self.now, self._news = max(self.now, timer), True
+            self._news = True
             return True
-        self.now = max(self.now, until)
-        for each in waiting:
-            if each.until is not None and each.until <= self.now + _HAIR:
-                self._wake(each)
+        self._wake([each for each in waiting if _end_of(each) <= self.now + _HAIR])
         return False
 
-    def _wake(self, process: ProgramWait) -> None:
-        process.until, process.listens = None, False
-        process.wake(self.now)
+    def _waiting(self) -> list[ProgramWait]:
+        """The processes that do not wait for another one; none as long as one of them computes."""
+        present = [each for each in self._processes if not each.away]
+        return [] if any(each.until is None for each in present) else present
+
+    def _settle_output(self) -> None:
+        """Have all that was printed by now get this time; give it up where that takes too long."""
+        if self.settle_output is not None and not self.settle_output():
+            self.settle_output = None
+
+    def _wake(self, processes: list[ProgramWait]) -> None:
+        for each in processes:
+            each.until, each.listens = None, False
+            each.wake(self.now)
+
+
+def _end_of(process: ProgramWait) -> float:
+    assert process.until is not None, "it waits"
+    return process.until
 
 
 class ProgramClockLoop(asyncio.SelectorEventLoop):
@@ -153,9 +167,9 @@ class ProgramClockLoop(asyncio.SelectorEventLoop):
 
     def __init__(self, clock: ProgramClock) -> None:
         self.clock = clock
-        self._real_timers: list[tuple[float, asyncio.Future[None]]] = []
         self._scheduled: list[asyncio.TimerHandle]
-        super().__init__(_ProgramSelector(clock, self._real_timers, self._next_timer))
+        self._waits = _ProgramSelector(clock, self._next_timer)
+        super().__init__(self._waits)
 
     def _next_timer(self) -> float:
         """The time of the next timer, to the last bit."""
@@ -170,7 +184,7 @@ class ProgramClockLoop(asyncio.SelectorEventLoop):
     async def real_pause(self, seconds: float) -> None:
         """Wait by the real clock, for what other processes take."""
         over = self.create_future()
-        self._real_timers.append((time.monotonic() + seconds, over))
+        self._waits.real_timers.append((time.monotonic() + seconds, over))
         await over
 
 
@@ -179,46 +193,24 @@ def clock_of(loop: asyncio.AbstractEventLoop) -> ProgramClock | None:
     return loop.clock if isinstance(loop, ProgramClockLoop) else None
 
 
-class _ProgramSelector(selectors.BaseSelector):
+class _ProgramSelector(selectors.DefaultSelector):
     """Waits for sockets as the system's selector does, and moves the program's time instead of waiting for
     the loop's timers."""
 
-    def __init__(
-        self,
-        clock: ProgramClock,
-        real_timers: list[tuple[float, asyncio.Future[None]]],
-        next_timer: Callable[[], float],
-    ) -> None:
+    def __init__(self, clock: ProgramClock, next_timer: Callable[[], float]) -> None:
+        super().__init__()
         self._clock = clock
         self._next_timer = next_timer
-        self._real_timers = real_timers
-        self._sockets = selectors.DefaultSelector()
+        self.real_timers: list[tuple[float, asyncio.Future[None]]] = []
+        """Those who wait by the real clock, and until when."""
 
-    def register(self, fileobj: Any, events: int, data: Any = None) -> selectors.SelectorKey:
-        return self._sockets.register(fileobj, events, data)
-
-    def unregister(self, fileobj: Any) -> selectors.SelectorKey:
-        return self._sockets.unregister(fileobj)
-
-    def modify(self, fileobj: Any, events: int, data: Any = None) -> selectors.SelectorKey:
-        return self._sockets.modify(fileobj, events, data)
-
-    def get_map(self) -> Mapping[Any, selectors.SelectorKey]:
-        return self._sockets.get_map()
-
-    def get_key(self, fileobj: Any) -> selectors.SelectorKey:
-        return self._sockets.get_key(fileobj)
-
-    def close(self) -> None:
-        self._sockets.close()
-
-    def select(self, timeout: float | None = None) -> list[tuple[selectors.SelectorKey, int]]:
+    def select(self, timeout: float | None = None) -> _Ready:
         """Descriptors that are ready. `timeout` is in seconds of the program's clock."""
         clock = self._clock
         if clock.is_real:
             return self._wait(timeout)
         # What the program has sent before it began to wait is here already: all of it comes first.
-        ready = self._sockets.select(0)
+        ready = super().select(0)
         if ready or (timeout is not None and timeout <= 0):
             return self._noted(ready)
         if clock.is_behind:
@@ -229,24 +221,22 @@ class _ProgramSelector(selectors.BaseSelector):
         timer = math.inf if timeout is None else self._next_timer()
         return [] if clock.go_on(timer) else self._wait(None)
 
-    def _noted(
-        self, ready: list[tuple[selectors.SelectorKey, int]]
-    ) -> list[tuple[selectors.SelectorKey, int]]:
+    def _noted(self, ready: _Ready) -> _Ready:
         """The same, after the clock has taken note of what may bring a reply."""
         if any(key.fd not in self._clock.quiet for key, _ in ready):
             self._clock.note()
         return ready
 
-    def _wait(self, timeout: float | None) -> list[tuple[selectors.SelectorKey, int]]:
+    def _wait(self, timeout: float | None) -> _Ready:
         """Descriptors that are ready, waited for by the real clock."""
         now = time.monotonic()
-        due = min((each for each, _ in self._real_timers), default=math.inf)
+        due = min((each for each, _ in self.real_timers), default=math.inf)
         if due < math.inf:
             timeout = max(0.0, min(due - now, math.inf if timeout is None else timeout))
-        ready = self._noted(self._sockets.select(timeout))
+        ready = self._noted(super().select(timeout))
         if due < math.inf and time.monotonic() >= due:
-            over = [future for at, future in self._real_timers if at <= due]
-            self._real_timers[:] = [each for each in self._real_timers if each[0] > due]
+            over = [future for at, future in self.real_timers if at <= due]
+            self.real_timers[:] = [each for each in self.real_timers if each[0] > due]
             for future in over:
                 if not future.done():
                     future.set_result(None)

@@ -11,8 +11,9 @@ import threading
 import time
 from collections.abc import Callable
 from functools import cached_property, partial
+from ipaddress import ip_address
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from msgspec.structs import replace
 
@@ -33,7 +34,7 @@ from simmer_tui.links.link import Link, LinkContext, open_links, port_requests, 
 from simmer_tui.links.owners import OwnerLookup
 from simmer_tui.links.ports import Listener, PortRequest, take_port
 from simmer_tui.links.processes import ProcessLookup
-from simmer_tui.links.pty_device import NOT_ON_WINDOWS, PtyDevice
+from simmer_tui.links.pty_port import NOT_ON_WINDOWS, PtyDevice
 from simmer_tui.playback_throttle import checked_pace
 from simmer_tui.program_clock import ProgramClock, ProgramClockLoop
 from simmer_tui.sessions import LinkDelay
@@ -52,6 +53,7 @@ if TYPE_CHECKING:  # what only some runs need is imported in those
     from simmer_tui.runlog.writer import ReplayedPrefix, RunLog
     from simmer_tui.snapshot import Recorder, Snapshot
 
+_T = TypeVar("_T")
 # An environment variable, since other users can read the arguments of a process.
 TOKEN = "SIMMER_TOKEN"
 """The environment variable with the token that programs must send first."""
@@ -98,7 +100,7 @@ class Server:
 
         `robot_link` makes the way to a real robot, by default its serial port. With a `plan` the
         run is a mission; both come from `plan_run`. With a `prefix` the robot is `simulator`, and all that
-        happened is told before `start`.
+        happened is passed to watchers before `start`.
         """
         settings = configuration.settings
         self.configuration = configuration
@@ -131,10 +133,11 @@ class Server:
         self.warnings: list[str] = [*set_warnings(configuration)]
         """Problems that do not keep the robot from being driven."""
         self.late_faults: list[str] = []
-        """Problems that came up after the last event could be told."""
+        """Problems that came up too late for an event."""
         self.host = settings.server.host
         self._token = settings.server.token or os.environ.get(TOKEN, "").strip()
-        self._listeners = self._take_ports(settings.server, take)
+        self._take = take
+        self._listeners = self._take_ports(settings.server)
         self.terminal = self._take_terminal(settings.server.pty)
         """The pseudo-terminal that leads to the robot, if there is one."""
         self._owners = None if settings.server.any_user else OwnerLookup()
@@ -143,7 +146,8 @@ class Server:
             for sock in self._listening:
                 self._owners.hold_ends(sock)
         # First of the warnings: it is the one that cannot wait.
-        if self._is_open_to_others() and not self._token:
+        is_local = all(ip_address(sock.getsockname()[0]).is_loopback for sock in self._listening)
+        if not (is_local or self._token):
             self.warnings.insert(
                 0,
                 f"anyone who reaches {self.host} can drive the robot: demand a token with --token, or take "
@@ -160,21 +164,20 @@ class Server:
         """The run in the folder of saved runs, if there is one."""
         self._simulated = SimulatorBackend(self.engine)
         self._backend = BackendSwitch(self._simulated)
-        self._bridge: RealRobot | None = None
+        self.robot: RealRobot | None = None
+        """The way to the real robot, if clients drive one. Other threads only read its properties."""
         self._robot_link = robot_link or _serial_link
         # A daemon: a driver that hangs must not keep the process alive.
         self._thread = threading.Thread(target=self._run, name="robot", daemon=True)
         self._client_left: Callable[[], None] = lambda: None
         self._verdict: LiveVerdict | None = None
 
-    def _take_ports(
-        self, server: ServerSettings, take: Callable[[str, PortRequest], Listener]
-    ) -> dict[str, Listener]:
+    def _take_ports(self, server: ServerSettings) -> dict[str, Listener]:
         taken: dict[str, Listener] = {}
         for dialect, requests in port_requests(server):
             try:
                 for request in requests:
-                    taken[request.purpose] = self._take_port(server.host, request, take)
+                    taken[request.purpose] = self._take_port(server.host, request)
             except PortError as error:
                 # Commands are what the server is for; beliefs are only drawn, and it does without them.
                 if not dialect.warning:
@@ -183,20 +186,18 @@ class Server:
                     raise
                 self.warnings.append(f"{dialect.warning}: {error}")
         if self.configuration.settings.motion.is_by_program:
-            taken[CLOCK.purpose] = take(server.host, PortRequest(0, CLOCK.purpose, "--clock"))
+            taken[CLOCK.purpose] = self._take(server.host, PortRequest(0, CLOCK.purpose, "--clock"))
         return taken
 
-    def _take_port(
-        self, host: str, request: PortRequest, take: Callable[[str, PortRequest], Listener]
-    ) -> Listener:
+    def _take_port(self, host: str, request: PortRequest) -> Listener:
         """Take a port. Raises PortError."""
         try:
-            return take(host, request)
+            return self._take(host, request)
         except PortError:
             if (request.purpose, request.number) != (SERIAL.purpose, SERIAL.default):
                 raise
-        # Programs of --run are told its number, whichever it is.
-        listener = take(host, replace(request, number=0))
+        # Programs of --run get its number, whichever it is.
+        listener = self._take(host, replace(request, number=0))
         self.warnings.append(
             f"port {request.number} (serial) is in use, perhaps by another simmer-tui: it is {listener.port} "
             f"here, for simmer-tui env --dialect-port {listener.port}"
@@ -216,13 +217,13 @@ class Server:
         try:
             return PtyDevice(path) if path else None
         except PortError:
-            self._close_listeners()
+            for listener in self._listeners.values():
+                listener.close()
             raise
 
     def port(self, purpose: str) -> int | None:
         """The port taken for a purpose (`COMMANDS`, `REPLIES`, `PACKETS`, ...), or None."""
-        listener = self._listeners.get(purpose)
-        return listener.port if listener is not None else None
+        return self.ports.get(purpose)
 
     @property
     def ports(self) -> dict[str, int]:
@@ -233,27 +234,23 @@ class Server:
     def environment(self) -> dict[str, str]:
         """The variables that tell a program on this machine where to connect, and what it may know: the set,
         which profiles its robot has, and its mission."""
-        host = reachable_host(self.host)
-        taken = self.ports
-        numbers = {port.variable: str(taken[port.purpose]) for port in all_ports() if port.purpose in taken}
-        if CLOCK.purpose in taken:
-            numbers[CLOCK.variable] = str(taken[CLOCK.purpose])
-        variables = {"SIMMER_HOST": host} | numbers
-        # The program is our own child; it would otherwise be turned away from our own ports.
-        if self._token:
-            variables[TOKEN] = self._token
-        settings, directory = self.configuration.settings, self.configuration.directory
-        if settings.server.serial_names:
-            variables["SIMMER_SERIAL_NAMES"] = ",".join(settings.server.serial_names)
-        if directory.is_dir():  # not that of a set that came from elsewhere, as in trials on other machines
-            variables["SIMMER_CONFIG"] = str(directory.resolve())
-        profiles = {
+        taken, settings, directory = self.ports, self.configuration.settings, self.configuration.directory
+        variables = {"SIMMER_HOST": reachable_host(self.host)}
+        for port in (*all_ports(), CLOCK):
+            if port.purpose in taken:
+                variables[port.variable] = str(taken[port.purpose])
+        optional = {
+            # The program is our own child; it would otherwise be turned away from our own ports.
+            TOKEN: self._token,
+            "SIMMER_SERIAL_NAMES": ",".join(settings.server.serial_names),
+            # Not that of a set that came from elsewhere, as in trials on other machines.
+            "SIMMER_CONFIG": str(directory.resolve()) if directory.is_dir() else "",
             "SIMMER_DRIVE_PROFILE": settings.drive_profile,
             "SIMMER_SENSOR_PROFILE": ",".join(settings.sensor_profile),
+            # It may read the set, and runs with the same rights.
+            TRUSTED: ",".join(device.sha256 for device in self.configuration.devices),
         }
-        variables |= {name: value for name, value in profiles.items() if value}
-        if self.configuration.devices:  # it may read the set, and runs with the same rights
-            variables[TRUSTED] = ",".join(device.sha256 for device in self.configuration.devices)
+        variables |= {name: value for name, value in optional.items() if value}
         if self.referee is None:
             return variables
         from simmer_tui.mission import environment
@@ -264,10 +261,6 @@ class Server:
     def _listening(self) -> list[socket.socket]:
         """The listening sockets of all ports."""
         return [sock for listener in self._listeners.values() for sock in listener.sockets]
-
-    def _is_open_to_others(self) -> bool:
-        """True if other machines can reach the ports."""
-        return any(not _is_loopback(sock.getsockname()[0]) for sock in self._listening)
 
     def start(
         self,
@@ -303,11 +296,9 @@ class Server:
             # A busy machine may need seconds for thousands of commands: they are done as long as they come.
             if self.simulator.commands != commands:
                 commands, until = self.simulator.commands, time.monotonic() + _DRAIN_IDLE
-            if time.monotonic() > until or not (self._has_waiting() or self._has_clients()):
+            is_over = not self._has_waiting() and not any(link.has_clients for link in self._links)
+            if is_over or time.monotonic() > until:
                 return
-
-    def _has_clients(self) -> bool:
-        return any(link.has_clients for link in self._links)
 
     def _has_waiting(self) -> bool:
         """True if a connection waits to be accepted, such as one behind hundreds that are turned away."""
@@ -316,11 +307,6 @@ class Server:
                 if sock.fileno() != -1:  # closed: the server is being stopped
                     selector.register(sock, selectors.EVENT_READ)
             return bool(selector.select(0))
-
-    @property
-    def robot(self) -> RealRobot | None:
-        """The way to the real robot, if clients drive one. Other threads only read its properties."""
-        return self._bridge
 
     def use_robot(self, port: str) -> None:
         """Have clients drive the real robot on a serial port from here on. Any thread may ask."""
@@ -341,19 +327,19 @@ class Server:
         self.call(self._use_simulator)
 
     def _use_robot(self, port: str) -> None:
-        # The old bridge answers what it owes before the new one is used.
+        # The old bridge answers its open commands before the new one is used.
         self._use_simulator()  # the same port cannot be open twice
         serial = replace(self.configuration.settings.serial, port=port)
         self.engine.tell(Notice(NoticeKind.ROBOT, f"programs drive the robot on {escape(port)}"))
         from simmer_tui.links.robot_bridge import bridge_to
 
         link = self._robot_link(serial)
-        self._bridge = bridge_to(self.configuration, self.engine, link, serial, self._backend)
-        self._backend.use(self._bridge)
+        self.robot = bridge_to(self.configuration, self.engine, link, serial, self._backend)
+        self._backend.use(self.robot)
 
     def _use_simulator(self) -> None:
-        if self._bridge is not None:
-            self._bridge = self._backend.byte_robot = None
+        if self.robot is not None:
+            self.robot = self._backend.byte_robot = None
             self._backend.use(self._simulated)
             self.engine.tell(Notice(NoticeKind.ROBOT, "programs drive the simulated robot"))
 
@@ -371,14 +357,10 @@ class Server:
         self.call(self.engine.tell, event)
 
     def tell_at_once(self, event: Event) -> None:
-        """The same, and wait until they know of it, and have told what they say to it."""
+        """The same, and wait until they have handled it, and the events that they tell because of it."""
         told = threading.Event()
-
-        def tell() -> None:
-            self.engine.tell(event)
-            told.set()
-
-        self.call(tell)
+        self.call(self.engine.tell, event)
+        self.call(told.set)
         told.wait(_ENDING)
 
     def start_log(self, file: str) -> Path:
@@ -403,11 +385,15 @@ class Server:
 
     async def begin_log(self, file: str) -> Path:
         """`start_log` in the robot's thread, asked for from another event loop."""
+        return await self._in_robots_thread(self.start_log, file)
 
-        async def begin() -> Path:
-            return self.start_log(file)
+    async def _in_robots_thread(self, function: Callable[..., _T], *arguments: Any) -> _T:
+        """Result of a function that is called in the robot's thread; to be awaited in another event loop."""
 
-        return await asyncio.wrap_future(asyncio.run_coroutine_threadsafe(begin(), self._loop))
+        async def call() -> _T:
+            return function(*arguments)
+
+        return await asyncio.wrap_future(asyncio.run_coroutine_threadsafe(call(), self._loop))
 
     def stop_log(self) -> None:
         """Write no more to the log, if there is one."""
@@ -437,7 +423,7 @@ class Server:
     def _log_stopped(self, why: str) -> None:
         if not self._thread.is_alive():
             self.late_faults.append(why)
-        self.engine.tell(Notice(NoticeKind.FAULT, why))
+        self.engine.tell_fault(why)
 
     def new_fold(self) -> Reducer:
         """A fold that begins with the run as it stands."""
@@ -543,11 +529,7 @@ class Server:
 
     async def snapshot(self, since: int = 0, true_values: bool = False) -> Snapshot:
         """The state now (see `Recorder.snapshot`), asked for from another event loop."""
-
-        async def take() -> Snapshot:
-            return self.recorder.snapshot(since, true_values)
-
-        return await asyncio.wrap_future(asyncio.run_coroutine_threadsafe(take(), self._loop))
+        return await self._in_robots_thread(self.recorder.snapshot, since, true_values)
 
     @property
     def running(self) -> bool:
@@ -559,12 +541,8 @@ class Server:
         if self._thread.is_alive():
             self.call(self._loop.stop)
             self._thread.join(_ENDING)  # a daemon: held up by the system, it does not hold us up
-        else:
-            self._close_listeners()
-            if self.terminal is not None:
-                self.terminal.close()
-            if self._owners is not None:
-                self._owners.close()
+        elif not self._loop.is_closed():
+            self._close_ports()
             self._loop.close()
         if self._verdict is not None:
             self._verdict.close(_SEARCHING)
@@ -581,14 +559,7 @@ class Server:
             self._loop.run_forever()
         finally:
             # Connections first, then the robot: nothing new can come while it answers what is left.
-            for link in self._links:
-                link.close()
-            if self.terminal is not None:
-                self.terminal.close()
-            if self._owners is not None:
-                self._owners.close()
-            if self._processes is not None:
-                self._processes.close()
+            self._close_ports()
             self._backend.close()
             self._loop.run_until_complete(_settle())
             self._loop.close()
@@ -619,8 +590,7 @@ class Server:
             self.terminal,
             DriverSeat(self.clock, self._processes) if SERIAL.purpose in self._listeners else None,
         )
-        for link in open_links(context):
-            self._links.append(link)
+        self._links += open_links(context)
         if self.clock is not None:
             from simmer_tui.links.clock_link import ClockLink
 
@@ -634,7 +604,7 @@ class Server:
         assert clock is not None, "watched where it is in force"
         if isinstance(event, Notice) and event.kind is NoticeKind.CONNECTED and not clock.reached:
             if not clock.is_real:
-                self.engine.tell(Notice(NoticeKind.FAULT, OUT_OF_REACH))
+                self.engine.tell_fault(OUT_OF_REACH)
                 clock.unfit = NOT_REACHED
             clock.use_real_clock()
         elif isinstance(event, MissionEvent) and event.over:
@@ -650,11 +620,19 @@ class Server:
     def _report(self, loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
         error = context.get("exception")
         text = f"{context.get('message', 'internal fault')}: {type(error).__name__}: {error}"
-        self.engine.tell(Notice(NoticeKind.FAULT, text))
+        self.engine.tell_fault(text)
 
-    def _close_listeners(self) -> None:
+    def _close_ports(self) -> None:
+        """End all connections, and give back what they came by."""
+        for link in self._links:
+            link.close()
         for listener in self._listeners.values():
             listener.close()
+        for lookup in (self._owners, self._processes):
+            if lookup is not None:
+                lookup.close()
+        if self.terminal is not None:
+            self.terminal.close()
 
 
 def reachable_host(host: str) -> str:
@@ -673,10 +651,6 @@ def _serial_link(serial: SerialSettings) -> RobotLink:
     from simmer_tui.links.serial_link import SerialLink
 
     return SerialLink(serial.port, serial.baud)
-
-
-def _is_loopback(address: str) -> bool:
-    return address.startswith("127.") or address == "::1"
 
 
 async def _settle() -> None:

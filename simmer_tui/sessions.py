@@ -15,6 +15,7 @@ import itertools
 import math
 from collections import deque
 from collections.abc import Callable, Hashable, Iterator, Sequence
+from dataclasses import dataclass, field
 
 from msgspec import Struct
 
@@ -29,16 +30,17 @@ no more of them, so that a flood delays nobody else for long."""
 Answer = Callable[[CommandResult], None]
 
 
+# A dataclass with slots: its fields change with every command, which costs more with a msgspec struct.
+@dataclass(slots=True, eq=False)
 class Lane:
     """Sessions that share a turn, such as all connections of a port: many of them get no more than one."""
 
-    def __init__(self, seconds: float | None) -> None:
-        self.seconds = seconds
-        """After which its slice is used up, if time counts."""
-        self.ready: deque[Session] = deque()
-        """Those with a command to be done now."""
-        self.left = SLICE
-        self.spent = 0.0
+    seconds: float | None
+    """After which its slice is used up, if time counts."""
+    ready: deque[Session] = field(default_factory=deque)
+    """Those with a command to be done now."""
+    left: int = SLICE
+    spent: float = 0.0
 
 
 class Stop(Struct):
@@ -50,9 +52,10 @@ class Stop(Struct):
 
 
 class Queued(Struct, frozen=True):
-    """A command that waits for its turn, and how many stops had been given when it came. `there` is
-    what it took on the link, once it has come over that."""
+    """A command of a session that waits for its turn or its answer, and how many stops had been given when it
+    came. `there` is what it took on the link, once it has come over that."""
 
+    session: Session
     command: Command
     answer: Answer
     halts: int
@@ -62,44 +65,40 @@ class Queued(Struct, frozen=True):
     """The commands that came at one moment, this one the first of them; empty for the others."""
 
 
+@dataclass(slots=True, eq=False)
 class Session:
     """One sender of commands, which are answered in order, one at a time."""
 
-    def __init__(
-        self,
-        lane: Lane,
-        submitted: Callable[[Session, Command, Answer, Sequence[Command]], None],
-        closed: Callable[[Session], None],
-        *,
-        answer_at_end: bool,
-        driver: Hashable | None = None,
-    ) -> None:
-        self.lane = lane
-        self.driver = self if driver is None else driver
-        """Whose velocities it sets: itself, or whoever has a session a message."""
-        self.ready = False
-        """True if it is among its lane's."""
-        self.answer_at_end = answer_at_end
-        """True if a timed movement is answered when it ends, or at once as accepted."""
-        self.queue: deque[Queued] = deque()
-        self.waiting = False
-        """An answer is still to come; the next command must wait for it."""
-        self.open = True
-        self.late = 0
-        """Answers that wait until a movement has been shown, the last of them until `late_until`, by
-        the loop's clock."""
-        self.late_until = 0.0
-        self.has_gone = False
-        """True if nobody is there any more to read its answers: what came before is done, but it waits for no
-        time to pass."""
-        self._submitted = submitted
-        self._closed = closed
+    lane: Lane
+    on_submit: Callable[[Session, Command, Answer, Sequence[Command]], None]
+    on_close: Callable[[Session], None]
+    answer_at_end: bool = True
+    """True if a timed movement is answered when it ends, or at once as accepted."""
+    driver: Hashable | None = None
+    """Whose velocities it sets: itself, or whoever has a session a message."""
+    ready: bool = False
+    """True if it is among its lane's."""
+    queue: deque[Queued] = field(default_factory=deque)
+    waiting: bool = False
+    """An answer is still to come; the next command must wait for it."""
+    open: bool = True
+    late: int = 0
+    """Answers that wait until a movement has been shown, the last of them until `late_until`, by
+    the loop's clock."""
+    late_until: float = 0.0
+    has_gone: bool = False
+    """True if nobody is there any more to read its answers: what came before is done, but it waits for no
+    time to pass."""
+
+    def __post_init__(self) -> None:
+        if self.driver is None:
+            self.driver = self
 
     def submit(self, command: Command, answer: Answer, moment: Sequence[Command] | None = None) -> None:
         """Queue a command. `answer` is called with its outcome, perhaps before this returns. Of commands
         that came at one `moment` the first has them all, the others none; by default it came alone."""
         if self.open:
-            self._submitted(self, command, answer, (command,) if moment is None else moment)
+            self.on_submit(self, command, answer, (command,) if moment is None else moment)
 
     def queue_first(self, queued: Queued) -> None:
         """Queue a command ahead of all others, unless the session is closed."""
@@ -118,13 +117,13 @@ class Session:
         self.queue.clear()
         if self.open:
             self.open = False
-            self._closed(self)
+            self.on_close(self)
 
 
 class Scheduler:
     """Lets sessions do their commands, one of each lane in turn. While `paused` only `steps` of them."""
 
-    def __init__(self, do: Callable[[Session, Queued], None]) -> None:
+    def __init__(self, do: Callable[[Queued], None]) -> None:
         self.paused = False
         self.steps = 0
         self._do = do
@@ -211,13 +210,13 @@ class Scheduler:
         # Before the loop runs there is nobody else to be delayed, and no clock to count by.
         loop, lane = self._loop, session.lane
         if loop is None:
-            self._do(session, session.queue.popleft())
+            self._do(session.queue.popleft())
             return
         if lane.seconds is None:
-            self._do(session, session.queue.popleft())
+            self._do(session.queue.popleft())
         else:
             begun = loop.time()
-            self._do(session, session.queue.popleft())
+            self._do(session.queue.popleft())
             lane.spent += loop.time() - begun
         lane.left -= 1
         if lane.left == 0 or (lane.seconds is not None and lane.spent > lane.seconds):
@@ -275,3 +274,40 @@ class TimerQueue:
     def pop(self) -> Callable[[], None]:
         """Take what is due next."""
         return heapq.heappop(self._items)[2]
+
+
+class LoopTimer:
+    """A call that an event loop makes later: once, unless it is set again or cancelled before."""
+
+    def __init__(self, call: Callable[..., None], loop: asyncio.AbstractEventLoop | None = None) -> None:
+        self.loop = loop
+        """The loop that makes the call; known before the timer is set."""
+        self._call = call
+        self._handle: asyncio.TimerHandle | None = None
+
+    @property
+    def due(self) -> float:
+        """Time of the call by the loop's clock; infinity if the timer is not set."""
+        return math.inf if self._handle is None else self._handle.when()
+
+    def set_at(self, time: float, *arguments: object) -> None:
+        """Make the call at a time of the loop's clock."""
+        assert self.loop is not None, "timed motion needs a started engine"
+        if self._handle is not None:
+            self._handle.cancel()
+        self._handle = self.loop.call_at(time, self._make, *arguments)
+
+    def set_in(self, seconds: float, *arguments: object) -> None:
+        """Make the call after so many seconds."""
+        assert self.loop is not None, "timed motion needs a started engine"
+        self.set_at(self.loop.time() + seconds, *arguments)
+
+    def cancel(self) -> None:
+        """Do not make the call."""
+        if self._handle is not None:
+            self._handle.cancel()
+            self._handle = None
+
+    def _make(self, *arguments: object) -> None:
+        self._handle = None
+        self._call(*arguments)

@@ -185,7 +185,7 @@ def front_end(
 
 def _server(options: argparse.Namespace) -> Server:
     """The server of a run. Raises ConfigurationError, PortError."""
-    from simmer_tui.links.pty_device import NOT_ON_WINDOWS
+    from simmer_tui.links.pty_port import NOT_ON_WINDOWS
     from simmer_tui.server import Server
 
     overrides = overrides_from(options)

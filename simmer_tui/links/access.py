@@ -13,7 +13,7 @@ from typing import Protocol
 from simmer_tui import platform_has
 from simmer_tui.events import Event, Notice, NoticeKind
 from simmer_tui.links.owners import OwnerLookup, is_reset
-from simmer_tui.links.peer import CLOSING
+from simmer_tui.links.peer import CLOSING, host_of
 from simmer_tui.program_clock import clock_of
 from simmer_tui.sim.command import escape
 
@@ -177,8 +177,9 @@ class TokenCheck:
     def _decide(self, good: bool) -> None:
         self.cancel()
         if not good:
-            host = self.peer.rpartition(":")[0]
-            self._access.tell(f"a connection from {host} turned away: its first line is not the --token")
+            self._access.tell(
+                f"a connection from {host_of(self.peer)} turned away: its first line is not the --token"
+            )
         self._decided(self, good)
 
 

@@ -1,6 +1,7 @@
 """The port where programs report the pose they believe in: newline-delimited JSON, one belief a line.
 
-A line may also be a question (`questions.py`), which is answered on the same connection.
+A line may also be a question, which is answered on the same connection: why a command was refused, and what
+its code stands for.
 """
 
 from __future__ import annotations
@@ -17,13 +18,77 @@ from msgspec.structs import asdict
 
 from simmer_tui.belief_grid import Bounds, GridBelief, grid_belief
 from simmer_tui.config.dialects import BELIEFS
-from simmer_tui.events import Belief, Notice, NoticeKind
-from simmer_tui.links.grid_parser import parse_grid
+from simmer_tui.engine import Engine
+from simmer_tui.errors import UnknownSensorError
+from simmer_tui.events import Belief, EventHandler
+from simmer_tui.links.grid_parser import JSON_NUMBERS, parse_grid
 from simmer_tui.links.link import LinkContext
 from simmer_tui.links.peer import MOST_WAITING, Peer, ReadBudget
-from simmer_tui.links.questions import RefusalReasons
-from simmer_tui.sim.command import escape
+from simmer_tui.sim.command import escape, parse_command
 from simmer_tui.sim.pose import Pose
+from simmer_tui.sim.records import REFUSALS, CommandResult
+
+# A program asks at once after a refusal; others may be refused in between.
+MOST_KEPT = 64
+"""Refused commands whose reasons are kept, the newest."""
+
+
+class RefusalReasons(EventHandler[None]):
+    """Answers `{"why": "d1-1e9"}` with the ports of this simulator, the kind of the code, and the reason of
+    the newest refusal of that command; of a lidar's code also that its reply is a scan.
+
+    Numbers on the wire have no room for it: NaN is all that says a command was refused.
+    """
+
+    def __init__(self, engine: Engine, ports: list[int]) -> None:
+        """`ports` are this simulator's: a program that asks another one by mistake knows it by them."""
+        self._engine = engine
+        self._ports = ports
+        self._reasons: dict[str, str] = {}
+        engine.watch(self.handle)
+
+    def close(self) -> None:
+        """Remember no more."""
+        self._engine.unwatch(self.handle)
+
+    def on_result(self, event: CommandResult) -> None:
+        if event.status not in REFUSALS:
+            return
+        text = event.command.text.strip()
+        self._reasons.pop(text, None)  # the newest stands last
+        self._reasons[text] = event.reason
+        if len(self._reasons) > MOST_KEPT:
+            del self._reasons[next(iter(self._reasons))]
+
+    def answer(self, line: bytes) -> bytes | None:
+        """The answer to a line, with its end; None if the line asks nothing."""
+        # Nearly every line is a belief, and may be long: it is not taken apart twice.
+        if len(line) > 1024 or b'"why"' not in line:
+            return None
+        try:
+            question = json.loads(line)
+        except (ValueError, RecursionError):
+            return None
+        if not isinstance(question, dict) or set(question) != {"why"} or not isinstance(question["why"], str):
+            return None
+        text = question["why"].strip()
+        answer: dict[str, object] = {"why": self._reasons.get(text, ""), "kind": self._kind(text)}
+        answer["ports"] = self._ports
+        if self._engine.simulator.asks_for_scan(parse_command(text)):
+            answer["scan"] = True
+        return json.dumps(answer).encode() + b"\n"
+
+    def _kind(self, text: str) -> str:
+        """The kind of a command's code: "sensor", "drive" (the gripper too) or "unknown"."""
+        command = parse_command(text)
+        if self._engine.simulator.is_drive(command):
+            return "drive"
+        try:
+            self._engine.simulator.sensor(command.code)
+        except UnknownSensorError:
+            return "unknown"
+        return "sensor"
+
 
 # A grid of 65,536 states takes 341 kB packed and, as a list, at most some 15 bytes a state.
 LONGEST_LINE = 1024 * 1024
@@ -41,8 +106,6 @@ MOST_PARTICLES = 5000
 DECIMALS = 2
 """Decimals of a belief, inches and degrees."""
 _LARGEST = 1e12  # beyond it adding 0.01 to a float loses digits, and run logs refuse it
-_NUMBERS = frozenset({int, float})
-"""The types of number in JSON, `True` being none of them."""
 
 
 _FIELDS = ("x", "y", "heading", "spread", "particles", "grid", "note")
@@ -118,7 +181,7 @@ def _particles(value: Any) -> tuple[tuple[float, ...], ...]:
 
 def _rounded(values: list[Any]) -> list[float]:
     """The numbers of particles, usually without a call for each."""
-    if _NUMBERS.issuperset(map(type, values)):
+    if JSON_NUMBERS.issuperset(map(type, values)):
         with contextlib.suppress(OverflowError):  # an integer beyond all bounds
             numbers = np.array(values, dtype=np.float64)
             if (np.abs(numbers) <= _LARGEST).all():
@@ -200,7 +263,7 @@ class _Believer(Peer):
     def _complain(self, reason: str) -> None:
         if not self._complained:  # a program that errs does so with every line
             self._complained = True
-            self._link.engine.tell(Notice(NoticeKind.FAULT, f"belief not understood: {reason}"))
+            self._link.engine.tell_fault(f"belief not understood: {reason}")
 
 
 class BeliefLink:
@@ -236,7 +299,7 @@ class BeliefLink:
         if len(present) >= MOST_WAITING:
             silent = min(present, key=lambda believer: believer.heard)
             text = f"belief connection {silent.peer} closed: {MOST_WAITING} at once are the most"
-            self.engine.tell(Notice(NoticeKind.FAULT, text))
+            self.engine.tell_fault(text)
             silent.abort()
             self.believer_lost(silent)
 

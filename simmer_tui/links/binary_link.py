@@ -6,7 +6,7 @@ import asyncio
 import contextlib
 import math
 import socket
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from simmer_tui.backend import CommandBudget, Message
@@ -14,11 +14,11 @@ from simmer_tui.config.dialects import COMMANDS, REPLIES
 from simmer_tui.events import Notice, NoticeKind
 from simmer_tui.links.access import TurnedAwayNotices
 from simmer_tui.links.connection_doctor import ALONE, ClientWatch, ConnectionDoctor
-from simmer_tui.links.driver_seat import NOT_SERVED
 from simmer_tui.links.link import LinkContext
-from simmer_tui.links.peer import MOST_WAITING, PIECE, UNREAD_LIMIT, Peer, ReadBudget
+from simmer_tui.links.peer import MOST_WAITING, PIECE, UNREAD_LIMIT, Peer, ReadBudget, host_of
 from simmer_tui.phrases import counted
 from simmer_tui.protocol.binary import CommandReader, NumberEncoder
+from simmer_tui.sessions import LoopTimer
 from simmer_tui.sim.command import Command
 from simmer_tui.sim.records import CommandResult
 
@@ -42,26 +42,18 @@ class _Newcomer:
 
 
 class ReplyConnection(Peer):
-    """A connection on the reply port. What the client sends there is ignored, once it is told."""
+    """A connection on the reply port. What the client sends there is ignored, after one notice."""
 
-    def __init__(
-        self,
-        sock: socket.socket,
-        peer: str,
-        budget: ReadBudget,
-        on_over: Callable[[ReplyConnection], None],
-        on_data: Callable[[str], None],
-    ) -> None:
-        super().__init__(sock, peer, budget)
-        self._on_over = on_over
-        self._on_data = on_data
+    def __init__(self, sock: socket.socket, peer: str, link: BinaryLink) -> None:
+        super().__init__(sock, peer, link.reply_budget)
+        self._link = link
         sock.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, UNREAD_LIMIT)
 
     def data_received(self, data: bytes) -> None:
-        self._on_data(self.peer)
+        self._link.sent_to_replies(self.peer)
 
     def connection_lost(self, error: OSError | None) -> None:
-        self._on_over(self)
+        self._link.reply_lost(self)
 
     def was_reset(self) -> bool:
         """True if the other end broke it off, as one does that closes with replies unread."""
@@ -83,12 +75,11 @@ class Client(Peer):
         # Else the system takes megabytes of replies before it is seen that nobody reads them.
         sock.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, UNREAD_LIMIT)
         self._link = link
-        self._reader = CommandReader(grace=link.grace)
+        self._reader = CommandReader(grace=link.context.settings.grace)
         self._command_budget = CommandBudget(peer, link.engine.tell)
-        self._session = link.backend.open_session(
-            answer_at_end=link.answer_at_end, budget=self._command_budget
-        )
-        self._timer: asyncio.TimerHandle | None = None
+        at_end = link.context.reply != "accepted"
+        self._session = link.context.backend.open_session(answer_at_end=at_end, budget=self._command_budget)
+        self._timer = LoopTimer(self._silence, self._loop)
         self._ended = False
         self._waiting = 0
         self._watch = ClientWatch(link.doctor, self, link.encoder.form, link.encoder.size)
@@ -118,8 +109,7 @@ class Client(Peer):
     def eof_received(self) -> bool:
         # Closed for sending only: programs shut down their side and still read the replies.
         self._ended = True
-        if self._timer is not None:
-            self._timer.cancel()
+        self._timer.cancel()
         self._submit(self._reader.end())
         # A program that was ended leaves no robot that drives on to the end of a wait.
         if self._waiting and self._link.has_closed(self):
@@ -136,21 +126,17 @@ class Client(Peer):
 
     def close(self) -> None:
         """Close after what is written has gone out; commands that wait are forgotten."""
-        if self._timer is not None:
-            self._timer.cancel()
+        self._timer.cancel()
         self._session.close()
         super().close()
 
     def _await_silence(self) -> None:
-        if self._timer is not None:
-            self._timer.cancel()
-            self._timer = None
+        self._timer.cancel()
         idle_timeout = self._reader.idle_timeout
         if idle_timeout is not None and not self._closing:
-            self._timer = self._loop.call_later(idle_timeout, self._silence)
+            self._timer.set_in(idle_timeout)
 
     def _silence(self) -> None:
-        self._timer = None
         commands = self._reader.silence()
         for command in commands:
             self._link.doctor.bare(command)
@@ -192,23 +178,18 @@ class BinaryLink:
     def __init__(self, context: LinkContext) -> None:
         """Begin to listen. Needs a running event loop."""
         settings = context.settings
+        self.context = context
         self.engine = context.engine
-        self.backend = context.backend
         self.encoder = NumberEncoder(settings.reply_format, settings.byte_order)
-        self.grace = settings.grace
-        self.answer_at_end = context.reply != "accepted"
         self.client: Client | None = None
-        self._client_left = context.client_left
-        self.doctor = ConnectionDoctor(context.engine, context.listeners)
-        self._processes = context.processes
-        self._seat = context.seat
+        self.doctor = ConnectionDoctor(context.engine, context.listeners, context.processes)
         self._newcomers: dict[socket.socket, _Newcomer] = {}
         self._sent_away = -math.inf
         """When a program was sent away last, by the loop's clock."""
         self._waiting_replies: list[ReplyConnection] = []
         self._loop = asyncio.get_running_loop()
         self._turned_away = TurnedAwayNotices(context.engine)
-        self._reply_budget = ReadBudget(PIECE)
+        self.reply_budget = ReadBudget(PIECE)
         self._commands = context.accept(COMMANDS, self._command_connection)
         self._replies = context.accept(REPLIES, self._reply_connection)
 
@@ -219,7 +200,8 @@ class BinaryLink:
 
     def has_closed(self, client: Client) -> bool:
         """True if a client is known to read no answer any more."""
-        return self._processes is not None and self._processes.has_closed(client.sock, client.peer)
+        processes = self.context.processes
+        return processes is not None and processes.has_closed(client.sock, client.peer)
 
     def close(self) -> None:
         """Stop listening and end all connections."""
@@ -247,7 +229,7 @@ class BinaryLink:
         self._loop.call_later(PATIENCE, self._consider, sock)
 
     def _admit(self, sock: socket.socket, peer: str) -> None:
-        refused = self._refused(sock, peer)
+        refused = "" if self.context.seat is None else self.context.seat.take_by(self, sock, peer)
         if refused:
             self._commands.turn_away(sock, peer)
             self._turned_away.tell(f"client {peer} turned away: {refused}", refused)
@@ -255,14 +237,6 @@ class BinaryLink:
         _probe_silent_peer(sock)
         self.client = Client(sock, peer, self)
         self.engine.tell(Notice(NoticeKind.CONNECTED, f"client {peer} connected", peer))
-
-    def _refused(self, sock: socket.socket, peer: str) -> str:
-        """The reason why a program may not drive the robot of a set with a dialect."""
-        if self._seat is None:
-            return ""
-        if self._seat.outsider(sock, peer):
-            return NOT_SERVED
-        return self._seat.take(self, f"client {peer}")
 
     def _consider(self, sock: socket.socket) -> None:
         """Send a newcomer away unless the client before is about to leave."""
@@ -285,7 +259,7 @@ class BinaryLink:
     def _reply_connection(self, sock: socket.socket, peer: str) -> None:
         if len(self._waiting_replies) >= MOST_WAITING:
             self._waiting_replies.pop(0).close()
-        reply = ReplyConnection(sock, peer, self._reply_budget, self._reply_lost, self._sent_to_replies)
+        reply = ReplyConnection(sock, peer, self)
         self._waiting_replies.append(reply)
         if self.client is not None and self.client.replies is not None:
             self._loop.call_later(PATIENCE, self._close_stray, reply)
@@ -296,7 +270,8 @@ class BinaryLink:
         if self.client is None and reply in self._waiting_replies and not reply.has_left():
             self.doctor.alone(reply.peer)
 
-    def _sent_to_replies(self, peer: str) -> None:
+    def sent_to_replies(self, peer: str) -> None:
+        """A connection on the reply port has sent something."""
         if self.client is None or not self.client.has_sent:
             self.doctor.sent_to_reply_port(peer)
 
@@ -305,9 +280,9 @@ class BinaryLink:
         client = self.client
         if reply in self._waiting_replies and client is not None and client.replies is not None:
             self._waiting_replies.remove(reply)
-            # Of a second program, which was sent away, it is no mistake: that is told already.
+            # Of a second program, which was sent away, it is no mistake: a notice has said so.
             second = self._newcomers or self._loop.time() - self._sent_away < ALONE
-            same = _host(reply.peer) == _host(client.peer)
+            same = host_of(reply.peer) == host_of(client.peer)
             if client.replies is client and same and not second and not self._of_others(client, [reply]):
                 self.doctor.too_late(reply.peer)
             reply.close()
@@ -337,11 +312,12 @@ class BinaryLink:
 
     def _of_others(self, client: Client, present: list[ReplyConnection]) -> list[ReplyConnection]:
         """Connections on the reply port that are known to be another process's than the client's."""
-        if self._processes is None or not present:
+        processes = self.context.processes
+        if processes is None or not present:
             return []
-        inodes = {reply: self._processes.inode(reply.sock, reply.peer) for reply in present}
-        of_client = self._processes.inode(client.sock, client.peer)
-        holders = self._processes.holders({of_client, *inodes.values()} - {0})
+        inodes = {reply: processes.inode(reply.sock, reply.peer) for reply in present}
+        of_client = processes.inode(client.sock, client.peer)
+        holders = processes.holders({of_client, *inodes.values()} - {0})
         ours = holders.get(of_client, set())
         # A process that forks has both sockets in several: one that has both will do.
         return [reply for reply in present if ours and inodes[reply] and not ours & holders[inodes[reply]]]
@@ -360,27 +336,23 @@ class BinaryLink:
         if client is not self.client:
             return
         self.client = None
-        if self._seat is not None:
-            self._seat.leave(self)
+        if self.context.seat is not None:
+            self.context.seat.leave(self)
         if client.replies is not None:
             client.replies.close()
         text = f"client {client.peer} disconnected after {counted(client.commands, 'command')}"
         self.engine.tell(Notice(NoticeKind.LEFT, text, client.peer))
-        self._client_left()
+        self.context.client_left()
         if self._newcomers:
             sock = next(iter(self._newcomers))
             self._admit(sock, self._newcomers.pop(sock).peer)
 
-    def _reply_lost(self, reply: ReplyConnection) -> None:
+    def reply_lost(self, reply: ReplyConnection) -> None:
+        """A connection on the reply port has ended."""
         if reply in self._waiting_replies:
             self._waiting_replies.remove(reply)
         elif self.client is not None and self.client.replies is reply:
             self.client.close()
-
-
-def _host(peer: str) -> str:
-    """The host of a peer, without its port."""
-    return peer.rpartition(":")[0]
 
 
 def _probe_silent_peer(sock: socket.socket) -> None:

@@ -14,7 +14,6 @@ import math
 import socket
 
 from simmer_tui.config.dialects import DialectPort
-from simmer_tui.events import Notice, NoticeKind
 from simmer_tui.links.link import LinkContext
 from simmer_tui.links.peer import MOST_WAITING, PIECE, Peer, ReadBudget
 from simmer_tui.program_clock import ProgramClock, ProgramWait
@@ -35,8 +34,6 @@ class _Process(Peer):
         super().__init__(sock, peer, link.budget)
         self._link = link
         self._buffer = b""
-        self._until = math.inf
-        """The end of its wait: a wait for a reply is asked for again until it is over."""
         self.wait = ProgramWait(self._wake, self._stuck)
 
     def data_received(self, data: bytes) -> None:
@@ -69,7 +66,7 @@ class _Process(Peer):
         elif kind in ("X", "E"):
             if kind == "X":
                 clock.unfit = clock.unfit or rest.partition(". The program's clock")[0]
-            self._link.tell(escape(rest, 400))
+            self._link.engine.tell_fault(escape(rest, 400))
 
     def _wake(self, now: float) -> None:
         self.write(f"{round(now * 1e9)} {self._link.clock.written}\n".encode())
@@ -93,7 +90,7 @@ class ClockLink:
         assert context.clock is not None, "served only where the program's clock is in force"
         self.clock: ProgramClock = context.clock
         self.budget = ReadBudget(PIECE, counted=False)
-        self._engine = context.engine
+        self.engine = context.engine
         self._processes: set[_Process] = set()
         self._acceptor = context.accept(CLOCK, self._welcome)
 
@@ -101,10 +98,6 @@ class ClockLink:
     def has_clients(self) -> bool:
         """True if a process has not ended, or what it said last is not read yet."""
         return bool(self._processes)
-
-    def tell(self, text: str) -> None:
-        """Tell of what the clock cannot follow."""
-        self._engine.tell(Notice(NoticeKind.FAULT, text))
 
     def lost(self, process: _Process) -> None:
         """A process has ended."""

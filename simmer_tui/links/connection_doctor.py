@@ -7,20 +7,19 @@ A program whose first attempt fails waits in silence, or reads nonsense: nothing
 from __future__ import annotations
 
 import asyncio
-import socket
 from collections.abc import Mapping
-from pathlib import Path
 
-from simmer_tui import platform_has
 from simmer_tui.config.dialects import BELIEFS, COMMANDS, PACKETS, REPLIES
 from simmer_tui.engine import Engine
 from simmer_tui.events import Notice, NoticeKind
 from simmer_tui.links.peer import Peer
 from simmer_tui.links.ports import Listener
+from simmer_tui.links.processes import ProcessLookup
 from simmer_tui.phrases import counted
 from simmer_tui.protocol import diagnosis
 from simmer_tui.protocol.diagnosis import Diagnosis
 from simmer_tui.protocol.replies import ReplyForm, ReplyFormat
+from simmer_tui.sessions import LoopTimer
 from simmer_tui.sim.command import Command
 from simmer_tui.sim.records import CommandResult, Status
 
@@ -40,15 +39,17 @@ FIRST = 5
 class ConnectionDoctor:
     """Tells each mistake once. All methods are called in the robot's event loop."""
 
-    def __init__(self, engine: Engine, listeners: Mapping[str, Listener]) -> None:
+    def __init__(
+        self, engine: Engine, listeners: Mapping[str, Listener], processes: ProcessLookup | None = None
+    ) -> None:
+        """Without `processes` nobody knows how much of its replies a program has read."""
         self._engine = engine
+        self._processes = processes
         self._loop = asyncio.get_running_loop()
         self._told: set[str] = set()
         self._ports = {purpose: listener.port for purpose, listener in listeners.items()}
-        names = (("packets", PACKETS), ("beliefs", BELIEFS))
-        self._others = {
-            name: self._ports[port.purpose] for name, port in names if port.purpose in self._ports
-        }
+        others = {"packets": PACKETS.purpose, "beliefs": BELIEFS.purpose}
+        self._others = {name: self._ports[each] for name, each in others.items() if each in self._ports}
 
     def tell(self, finding: Diagnosis | None) -> None:
         """Tell a mistake, unless it was told before."""
@@ -60,16 +61,18 @@ class ConnectionDoctor:
         """True if a mistake of this name was told."""
         return name in self._told
 
+    def unread(self, connection: Peer) -> int | None:
+        """Bytes of replies that a program has received and not read, if that is known."""
+        if self._processes is None:
+            return None
+        return self._processes.unread(connection.sock, connection.peer)
+
     @property
     def ports_of_lines(self) -> tuple[int, int]:
         """The numbers of the command port and the reply port."""
         return self._ports[COMMANDS.purpose], self._ports[REPLIES.purpose]
 
-    @property
-    def _known(self) -> frozenset[str]:
-        return self._codes(enabled=True)
-
-    def _codes(self, *, enabled: bool) -> frozenset[str]:
+    def _codes(self, *, enabled: bool = True) -> frozenset[str]:
         """Codes of the sensors and drives that are enabled, or of those that are not."""
         spec = self._engine.simulator.spec
         sensors = {sensor.code for sensor in spec.sensors if sensor.enabled is enabled}
@@ -80,34 +83,23 @@ class ConnectionDoctor:
     def alone(self, peer: str) -> None:
         """A connection to the reply port has waited, and nobody has connected to the command port."""
         commands, replies = self.ports_of_lines
-        self.tell(
-            Diagnosis(
-                "reply port alone",
-                f"{peer} is connected only to the reply port {replies}: connect to the command port "
-                f"{commands} too",
-            )
-        )
+        text = f"{peer} is connected only to the reply port {replies}"
+        self.tell(Diagnosis("reply port alone", f"{text}: connect to the command port {commands} too"))
 
     def sent_to_reply_port(self, peer: str) -> None:
         """A program that has sent nothing to the command port has sent something to the reply port."""
         commands, replies = self.ports_of_lines
-        self.tell(
-            Diagnosis(
-                "commands on the reply port",
-                f"{peer} sends to the reply port {replies}: send commands to port {commands}",
-            )
-        )
+        text = f"{peer} sends to the reply port {replies}: send commands to port {commands}"
+        self.tell(Diagnosis("commands on the reply port", text))
 
     def too_late(self, peer: str) -> None:
         """A connection to the reply port came after the client's first reply had gone elsewhere."""
         commands, replies = self.ports_of_lines
-        self.tell(
-            Diagnosis(
-                "reply port too late",
-                f"{peer} connected to port {replies} after its first command. That reply went back on port "
-                f"{commands}: connect to both before the first command",
-            )
+        text = (
+            f"{peer} connected to port {replies} after its first command. That reply went back on port "
+            f"{commands}: connect to both before the first command"
         )
+        self.tell(Diagnosis("reply port too late", text))
 
     # -- what a program sends ----------------------------------------------------------------------
 
@@ -117,7 +109,9 @@ class ConnectionDoctor:
         if port is not None:
             self.tell(diagnosis.wrong_protocol(result.command.text, port, self._others))
         if result.status is Status.UNKNOWN and result.command.code.endswith("0"):
-            self.tell(diagnosis.code_from_zero(result.command.code, self._known, self._codes(enabled=False)))
+            self.tell(
+                diagnosis.code_from_zero(result.command.code, self._codes(), self._codes(enabled=False))
+            )
 
     def packet_came(self, data: bytes) -> None:
         """The first bytes of a connection on the packet port."""
@@ -126,7 +120,7 @@ class ConnectionDoctor:
 
     def bare(self, command: Command) -> None:
         """A command has come without a line end."""
-        self.tell(diagnosis.joined(command.text, self._known))
+        self.tell(diagnosis.joined(command.text, self._codes()))
 
 
 class ClientWatch:
@@ -147,18 +141,15 @@ class ClientWatch:
         self._route = client
         self._commands = 0
         self._timers: list[asyncio.TimerHandle] = []
-        self._timer: asyncio.TimerHandle | None = None
+        self._line_end = LoopTimer(doctor.tell, self._loop)
 
     # -- what it sends -------------------------------------------------------------------------------
 
     def line_began(self, rest: bytes) -> None:
         """Bytes of a line have come, or its end (no bytes): told if the rest stays away."""
-        if self._timer is not None:
-            self._timer.cancel()
-            self._timer = None
+        self._line_end.cancel()
         if rest and not self._doctor.has_told("line without an end"):
-            finding = diagnosis.without_end(rest, self._client.peer)
-            self._timer = self._loop.call_later(1.0, self._doctor.tell, finding)
+            self._line_end.set_in(1.0, diagnosis.without_end(rest, self._client.peer))
 
     # -- its replies -----------------------------------------------------------------------------------
 
@@ -177,7 +168,7 @@ class ClientWatch:
             self._misread(f"'{result.command.shown}' makes no sense as a movement: ")
 
     def _look(self, waited: float) -> None:
-        unread = unread_bytes(self._route.sock)
+        unread = self._doctor.unread(self._route)
         if not unread or self._client.lost:
             return
         if unread % self._size:
@@ -187,7 +178,8 @@ class ClientWatch:
 
     def left(self, *, broke_off: bool) -> None:
         """The client has gone. One that closes with bytes unread breaks off (RFC 1122, 4.2.2.13)."""
-        for timer in (*self._timers, *([self._timer] if self._timer is not None else [])):
+        self._line_end.cancel()
+        for timer in self._timers:
             timer.cancel()
         if self._first_reply is None or self._loop.time() - self._first_reply > SOON or self._commands > 1:
             return
@@ -217,24 +209,3 @@ def _asks_nonsense(result: CommandResult) -> bool:
     if reading is not None and reading.sensor.kind.is_scan:
         return False
     return diagnosis.is_nonsense(result.command.argument)
-
-
-def unread_bytes(sock: socket.socket) -> int | None:
-    """Bytes that the program at the other end has received and not read; None where the system does not say
-    (it is on another machine, or in a network of its own, or this is not Linux)."""
-    if not platform_has.LINUX:
-        return None
-    try:
-        here, there = sock.getsockname()[1], sock.getpeername()[1]
-    except OSError:
-        return None
-    for name in ("tcp", "tcp6"):
-        try:
-            rows = Path("/proc/self/net", name).read_text("ascii").splitlines()[1:]
-        except OSError:
-            continue
-        for row in rows:  # proc(5): sl, local_address, rem_address, st, tx_queue:rx_queue, ...
-            _, local, remote, _, queues, *_ = row.split()
-            if local.endswith(f":{there:04X}") and remote.endswith(f":{here:04X}"):
-                return int(queues.partition(":")[2], 16)
-    return None

@@ -43,16 +43,15 @@ class CourseDevice:
         self._context = context
         self._engine = context.engine
         self._write = write
-        self._legacy_reply = settings.legacy_reply
         self._encoder = NumberEncoder(settings.reply_format, settings.byte_order)
-        self._grace = settings.grace
         self._session: BackendSession | None = None
         self._silences = 0
         """Count of bursts of bytes: a silence ends only the newest."""
 
     def opened(self) -> None:
         """A program has opened the port."""
-        self._requests, self._commands = RequestReader(self._grace), CommandReader(grace=self._grace)
+        grace = self._context.settings.grace
+        self._requests, self._commands = RequestReader(grace), CommandReader(grace=grace)
         # As over TCP: a drive is answered at once in packets, else at its end.
         is_packets = self._protocol is CourseProtocol.PACKETS
         at_end = self._context.reply == "done" if is_packets else self._context.reply != "accepted"
@@ -113,7 +112,7 @@ class CourseDevice:
     def _answer_request(self, request: Request, results: Sequence[CommandResult], data: bytes | None) -> None:
         if data is None:
             answers = zip(request.commands, results, strict=True)
-            data = encode(request.dialect, self._legacy_reply, answers).message()
+            data = encode(request.dialect, self._context.settings.legacy_reply, answers).message()
         self._write(data)
 
     def _answer_command(self, results: Sequence[CommandResult], data: bytes | None) -> None:

@@ -21,8 +21,7 @@ from simmer_tui.links.hook_port import HookedProgram
 from simmer_tui.links.link import LinkContext
 from simmer_tui.links.peer import MOST_WAITING, PIECE, ReadBudget
 from simmer_tui.links.pty_port import PtyPort
-from simmer_tui.links.serial_door import SerialDoor
-from simmer_tui.links.serial_wire import Wire
+from simmer_tui.links.serial_wire import SerialDoor, Wire
 from simmer_tui.phrases import counted
 from simmer_tui.sessions import Session
 from simmer_tui.sim.command import Command, escape, parse_command
@@ -161,7 +160,7 @@ class SimulatedHost:
 
     def tell(self, text: str) -> None:
         """Tell of a fault."""
-        self._engine.tell(Notice(NoticeKind.FAULT, f"dialect: {text}"))
+        self._engine.tell_fault(f"dialect: {text}")
 
     def mention(self, text: str) -> None:
         """Tell of something that is no fault."""
@@ -182,11 +181,10 @@ class DialectLink:
         assert rules is not None, "the loader serves a dialect only where there is one"
         self.budget = ReadBudget(PIECE)
         self._context = context
-        self._settings = context.settings
         self._programs: set[HookedProgram] = set()
         self._driver: SerialDoor | None = None
         """The program that has the port open."""
-        self._engine = context.engine
+        self.engine = context.engine
         self._loop = asyncio.get_running_loop()
         self._last = ""
         self._sent_by_itself = 0
@@ -195,21 +193,21 @@ class DialectLink:
         """Bytes of streams that were sent since the last reply."""
         self._instant = context.settings.line == "instant"
         framing = rules.framing if rules.protocol is None else FRAMINGS[rules.protocol]
-        self._wire = Wire(self._engine, framing, 0.0 if self._instant else USUAL_BAUD)
-        self._host = SimulatedHost(self._engine, rules, self._reply)
+        self._wire = Wire(self.engine, framing, 0.0 if self._instant else USUAL_BAUD)
+        self._host = SimulatedHost(self.engine, rules, self._reply)
         self._device: DialectDevice | CourseDevice = DialectDevice(rules, self._host)
         if rules.protocol is not None:
             self._device = CourseDevice(rules.protocol, context, lambda data: self._reply(data, False))
         self._reached = False
         """True once a program is known to find the port."""
-        self._engine.watch(self._watch)
+        self.engine.watch(self._watch)
         self._runs_on = rules.robot.runs_on
         self._acceptor = context.accept(SERIAL, self._welcome)
         self._terminal: PtyPort | None = None
         if context.terminal is not None:
             self._terminal = PtyPort(context.terminal, self)
             where = escape(str(context.terminal.path), 100)
-            self._engine.tell(Notice(NoticeKind.HINT, f"the robot's serial port is at {where}"))
+            self.engine.tell(Notice(NoticeKind.HINT, f"the robot's serial port is at {where}"))
 
     @property
     def has_clients(self) -> bool:
@@ -223,10 +221,6 @@ class DialectLink:
             self._terminal.close()
         for program in tuple(self._programs):
             program.close()
-
-    def tell_fault(self, text: str) -> None:
-        """Tell of a fault."""
-        self._engine.tell(Notice(NoticeKind.FAULT, text))
 
     def _welcome(self, sock: socket.socket, peer: str) -> None:
         if len(self._programs) >= MOST_WAITING:
@@ -247,18 +241,18 @@ class DialectLink:
         elif isinstance(event, ProgramEnded) and event.started and not event.stopped:
             clock = self._context.clock
             if not self._reached and not (clock is not None and clock.reached):
-                self.tell_fault(f"{NOT_LED}: {NO_HOOK}. {WAY_OUT}")
+                self.engine.tell_fault(f"{NOT_LED}: {NO_HOOK}. {WAY_OUT}")
 
     def opened(self, door: SerialDoor, name: str, baud: float | None) -> None:
         """A program opens a port; it gets its answer."""
-        names = self._settings.serial_names
+        names = self._context.settings.serial_names
         # A pseudo-terminal stands where a person has put it.
         if isinstance(door, HookedProgram) and names and name not in names:
             door.answer(f"could not open port '{name}': there is only {', '.join(names)}")
             return
         refused = self._refused(door, name)
         if refused:
-            self.tell_fault(f"a program opened {escape(name, 40)}{refused}: it was refused")
+            self.engine.tell_fault(f"a program opened {escape(name, 40)}{refused}: it was refused")
             door.answer(f"could not open port '{name}': Access is denied.")
             return
         self._driver = door
@@ -268,7 +262,7 @@ class DialectLink:
             self.set_baud(door, baud)
             rate = f" at {baud:g} baud"
         text = f"a program opened {escape(name, 40)}{rate}"
-        self._engine.tell(Notice(NoticeKind.CONNECTED, text, door.peer))
+        self.engine.tell(Notice(NoticeKind.CONNECTED, text, door.peer))
         door.answer("")
         backend = self._context.backend
         backend.program = self._pass_on
@@ -314,7 +308,7 @@ class DialectLink:
         if self._sent_by_itself > LOGGED_OF_STREAM:
             more = self._sent_by_itself - LOGGED_OF_STREAM
             text = f"{more} further messages of streams were sent, and not logged one by one"
-            self._engine.tell(Notice(NoticeKind.ROBOT, text, door.peer))
+            self.engine.tell(Notice(NoticeKind.ROBOT, text, door.peer))
         self._sent_by_itself = 0
         backend = self._context.backend
         backend.program = None
@@ -327,10 +321,10 @@ class DialectLink:
             # Nobody reads the last messages of a stream.
             kind = NoticeKind.FAULT if unread > self._since_reply else NoticeKind.ROBOT
             text = f"dialect: the program left {counted(unread, 'byte')} of replies unread"
-            self._engine.tell(Notice(kind, text))
+            self.engine.tell(Notice(kind, text))
         self._host.close(runs_on=self._runs_on)
         text = f"the program closed {escape(door.port, 40)}"
-        self._engine.tell(Notice(NoticeKind.LEFT, text, door.peer))
+        self.engine.tell(Notice(NoticeKind.LEFT, text, door.peer))
         self._context.client_left()
 
     def _reply(self, data: bytes, droppable: bool) -> None:
@@ -339,20 +333,15 @@ class DialectLink:
         if program is None or not data:
             return
         delay = self._wire.delay(len(data), droppable=droppable)
-        if delay is not None:
-            self._sent_by_itself += droppable
-            self._since_reply = self._since_reply + len(data) if droppable else 0
-            if not droppable or self._sent_by_itself <= LOGGED_OF_STREAM:
-                self._engine.tell(WireMessage(self._engine.now(), data.decode("latin-1"), reply=True))
         if delay is None:
             if self._wire.left_out == 1:
-                self._engine.tell(
-                    Notice(
-                        NoticeKind.FAULT, "dialect: the line is slower than the stream: messages are left out"
-                    )
-                )
+                self.engine.tell_fault("dialect: the line is slower than the stream: messages are left out")
             return
-        scale = self._engine.time_scale
+        self._sent_by_itself += droppable
+        self._since_reply = self._since_reply + len(data) if droppable else 0
+        if not droppable or self._sent_by_itself <= LOGGED_OF_STREAM:
+            self.engine.tell(WireMessage(self.engine.now(), data.decode("latin-1"), reply=True))
+        scale = self.engine.time_scale
         program.deliver(self._loop.time() + delay / scale, self._wire.byte / scale, data)
 
     def _pass_on(self, data: bytes) -> None:
@@ -366,4 +355,6 @@ class DialectLink:
             return
         last = f"; the last message was '{escape(self._last, 60)}'" if self._last else ""
         where = escape(place, 80)
-        self.tell_fault(f"dialect: the program waits at {where} for bytes that have not come for 10 s{last}")
+        self.engine.tell_fault(
+            f"dialect: the program waits at {where} for bytes that have not come for 10 s{last}"
+        )

@@ -15,16 +15,15 @@ from functools import partial
 from msgspec import Struct
 from msgspec.structs import replace
 
-from simmer_tui.backend import Answered, BackendSession, BackendSwitch, Message
-from simmer_tui.config.settings import SerialSettings
-from simmer_tui.dialect.dialect_rules import Busy, DialectRules
+from simmer_tui.backend import Answered, BackendSession, Message
+from simmer_tui.dialect.dialect_rules import Busy
 from simmer_tui.dialect.inverse import InverseRules, Turned
 from simmer_tui.dialect.reply_reader import Heard
-from simmer_tui.engine import PEOPLE, Engine
+from simmer_tui.engine import PEOPLE
 from simmer_tui.events import NoticeKind
 from simmer_tui.links.heard_robot import HeardRobot
-from simmer_tui.links.serial_bridge import STOP
-from simmer_tui.links.serial_link import RobotLink
+from simmer_tui.protocol.packets import STOP
+from simmer_tui.sessions import LoopTimer
 from simmer_tui.sim.command import Command, escape, parse_value
 from simmer_tui.sim.records import CommandResult, Status
 from simmer_tui.sim.velocity_commands import WAIT, parse_wait
@@ -56,17 +55,9 @@ class _Request(Struct, eq=False):
 class DialectRobot(HeardRobot):
     """A real robot with a dialect as a backend. Lives in the event loop it is made in."""
 
-    def __init__(
-        self,
-        engine: Engine,
-        link: RobotLink,
-        settings: SerialSettings,
-        rules: DialectRules,
-        switch: BackendSwitch,
-    ) -> None:
-        """The same as of a robot that is only heard."""
-        super().__init__(engine, link, settings, rules, switch)
-        self._inverse = InverseRules(rules)
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self._inverse = InverseRules(self.rules)
         self._queue: deque[_Request] = deque()
         self._moving: _Request | None = None
         """The request whose movement is under way."""
@@ -74,8 +65,8 @@ class DialectRobot(HeardRobot):
         """The request whose reading is awaited."""
         self._key: Turned | None = None
         """The message of the key that drives."""
-        self._key_timer: asyncio.TimerHandle | None = None
-        self._again: asyncio.TimerHandle | None = None
+        self._key_timer = LoopTimer(self._keys_silent, self._loop)
+        self._again = LoopTimer(self._advance, self._loop)
         self._begin_listening()
 
     def close(self) -> None:
@@ -83,9 +74,8 @@ class DialectRobot(HeardRobot):
         if self._key is not None:
             self._keys_silent()
         self._end_listening()
-        for timer in (self._key_timer, self._again):
-            if timer is not None:
-                timer.cancel()
+        self._key_timer.cancel()
+        self._again.cancel()
         self._drop(f"{self.port} was closed")
 
     def _note_reply(self, heard: Heard) -> None:
@@ -137,15 +127,12 @@ class DialectRobot(HeardRobot):
         stops = tuple(each for each in message.commands if each.stops or each.code == STOP)
         return Message(message.data, stops, message.form) if stops else None
 
-    def trail(self, data: bytes, session: BackendSession) -> None:
-        """Not needed: nothing is passed on as it is."""
-
     def forget(self, session: BackendSession) -> None:
         """A client has left: its commands are not begun any more."""
         self._queue = deque(each for each in self._queue if each.session is not session)
 
     def _drives(self, command: Command) -> bool:
-        simulator = self._engine.simulator
+        simulator = self.engine.simulator
         return simulator.is_drive(command) or simulator.is_velocity(command)
 
     def _advance(self) -> None:
@@ -160,8 +147,8 @@ class DialectRobot(HeardRobot):
             )
             if not problem and not may_begin:
                 # Nobody tells of the end of a run or a pause of the twin.
-                if self._moving is None and self._again is None:
-                    self._again = self._loop.call_later(LOOK_AGAIN, self._look_again)
+                if self._moving is None and self._again.due == math.inf:
+                    self._again.set_in(LOOK_AGAIN)
                 return
             self._queue.popleft()
             if problem:
@@ -171,14 +158,10 @@ class DialectRobot(HeardRobot):
             else:
                 self._begin(request, turned)
 
-    def _look_again(self) -> None:
-        self._again = None
-        self._advance()
-
     def _prepare(self, request: _Request) -> str:
         """Find the message for a command. Returns the reason there is none, if so."""
         command, state = request.command, self._device.state
-        simulator = self._engine.simulator
+        simulator = self.engine.simulator
         if command.problem:
             return command.problem
         if command.code == WAIT and not simulator.is_drive(command):
@@ -186,7 +169,7 @@ class DialectRobot(HeardRobot):
             return wait if isinstance(wait, str) else ""
         if not self._open:
             return f"{self.port} is closed"
-        if self._switch.program is not None:
+        if self.switch.program is not None:
             return _TAKEN
         if command.source in PEOPLE and self._drives(command) and self._inverse.stop(state) is None:
             return NO_STOP
@@ -201,8 +184,8 @@ class DialectRobot(HeardRobot):
         return ""
 
     def _refuse(self, request: _Request, reason: str) -> None:
-        result = self._engine.peek(replace(request.command, problem=reason))
-        self._engine.tell(result)
+        result = self.engine.peek(replace(request.command, problem=reason))
+        self.engine.tell(result)
         request.answer(result)
 
     def _begin_wait(self, request: _Request) -> None:
@@ -211,7 +194,7 @@ class DialectRobot(HeardRobot):
         self._moving = request
         result = self._result(request.command, Status.DONE, math.inf)
         request.timer = self._loop.call_later(
-            seconds / self._engine.time_scale, self._over, request, replace(result, waits=seconds)
+            seconds / self.engine.time_scale, self._over, request, replace(result, waits=seconds)
         )
 
     def _begin(self, request: _Request, turned: Turned) -> None:
@@ -221,7 +204,7 @@ class DialectRobot(HeardRobot):
             self._moving = request
             if turned.seconds:
                 done = self._result(request.command, Status.DONE, math.inf)
-                after = turned.seconds / self._engine.time_scale
+                after = turned.seconds / self.engine.time_scale
                 request.timer = self._loop.call_later(after, self._over, request, done)
         else:
             self._asking = request
@@ -234,7 +217,7 @@ class DialectRobot(HeardRobot):
         self._device.received(turned.data)
         # What the twin cannot do, such as to go a million inches, is not tried with the robot.
         if not self._twin.refused:
-            self._link.write(turned.data)
+            self.link.write(turned.data)
 
     def _twin_moved(self, result: CommandResult) -> None:
         """A movement of the twin has ended, or was refused."""
@@ -264,7 +247,7 @@ class DialectRobot(HeardRobot):
     def _give_up(self, request: _Request, reason: str) -> None:
         known = request.result or self._result(request.command, Status.UNANSWERED, math.nan)
         result = replace(known, status=Status.UNANSWERED, reply=math.nan, reason=reason)
-        self._engine.tell(result)
+        self.engine.tell(result)
         self._over(request, result)
 
     def _over(self, request: _Request, result: CommandResult) -> None:
@@ -289,7 +272,7 @@ class DialectRobot(HeardRobot):
 
     def _result(self, command: Command, status: Status, reply: float) -> CommandResult:
         """A result that the twin has no part in."""
-        time, simulator = self._engine.now(), self._engine.simulator
+        time, simulator = self.engine.now(), self.engine.simulator
         pose = simulator.pose
         return CommandResult(simulator.commands, time, command, status, reply, pose, pose)
 
@@ -308,17 +291,17 @@ class DialectRobot(HeardRobot):
         else:
             # Half a line of the program's would take the stop for its end.
             data = turned.data
-            if self._device.unfinished and self._switch.program is not None:
-                data = self._rules.framing.end + data
-            self._link.write_instead(data)
+            if self._device.unfinished and self.switch.program is not None:
+                data = self.rules.framing.end + data
+            self.link.write_instead(data)
             self._device.received(data)
         self._drop("not done any more: the robot was stopped")
 
     def _stop_for(self, request: _Request) -> None:
         self.stop()
-        self._engine.stop_motion("a stop for the robot")
-        result = replace(self._engine.peek(request.command), status=Status.STOPPED, reply=math.inf, reason="")
-        self._engine.tell(result)
+        self.engine.stop_motion("a stop for the robot")
+        result = replace(self.engine.peek(request.command), status=Status.STOPPED, reply=math.inf, reason="")
+        self.engine.tell(result)
         request.answer(result)
 
     def _press(self, request: _Request) -> None:
@@ -330,7 +313,7 @@ class DialectRobot(HeardRobot):
             request.answer(self._result(command, Status.DONE, math.inf))
             return
         problem = "" if self._open else f"{self.port} is closed"
-        problem = _TAKEN if self._switch.program is not None else problem
+        problem = _TAKEN if self.switch.program is not None else problem
         if self._inverse.stop(state) is None:
             problem = NO_STOP
         made = self._inverse.held(*driven, state) if not isinstance(driven, str) else driven
@@ -345,15 +328,13 @@ class DialectRobot(HeardRobot):
         if self._key is None:
             self._key = made
             self._send(made, KEYS)
-        if self._key_timer is not None:
-            self._key_timer.cancel()
         # In the robot's own thread: it comes also while the screen hangs.
-        self._key_timer = self._loop.call_later(KEY_SILENCE, self._keys_silent)
+        self._key_timer.set_in(KEY_SILENCE)
         request.answer(self._result(command, Status.ACCEPTED, math.inf))
 
     def _meant(self, command: Command) -> tuple[str, float] | str | None:
         """The drive that a key means and how far; None for a velocity of 0."""
-        if not self._engine.simulator.is_velocity(command):
+        if not self.engine.simulator.is_velocity(command):
             value = parse_value(command.argument)
             return value if isinstance(value, str) else (command.code, value)
         try:
@@ -367,9 +348,7 @@ class DialectRobot(HeardRobot):
 
     def _end_key(self) -> None:
         self._key = None
-        if self._key_timer is not None:
-            self._key_timer.cancel()
-            self._key_timer = None
+        self._key_timer.cancel()
 
     def _keys_silent(self) -> None:
         """No key has come for a while, or it was let go: the robot is stopped."""

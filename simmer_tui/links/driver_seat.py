@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import socket
 
+from simmer_tui.links.peer import host_of
 from simmer_tui.links.processes import Process, ProcessLookup, session_of
 from simmer_tui.program_clock import ProgramClock
 from simmer_tui.sim.command import escape
@@ -33,11 +34,15 @@ class DriverSeat:
         self._process = process or self._process
         return ""
 
-    def take_by(self, holder: object, sock: socket.socket, peer: str) -> str:
-        """The same for a connection of a program that makes many: they are told apart by their processes."""
+    def take_by(self, holder: object, sock: socket.socket, peer: str, *, makes_many: bool = False) -> str:
+        """The same for a connection. A program that `makes_many` is told by its process."""
+        if self._is_outsider(sock, peer):
+            return NOT_SERVED
+        if not makes_many:
+            return self.take(holder, f"client {peer}")
         known = self._process if holder is self._holder else None
         process = None if self._processes is None else self._processes.holder(sock, peer, known)
-        return self.take(holder, f"client {peer.rpartition(':')[0]}", process)
+        return self.take(holder, f"client {host_of(peer)}", process)
 
     def _is_free_for(self, holder: object, process: Process | None) -> bool:
         """True if the seat is the same program's, or was that of one that has ended unseen."""
@@ -54,7 +59,7 @@ class DriverSeat:
         if holder is self._holder:
             self._holder = self._process = None
 
-    def outsider(self, sock: socket.socket, peer: str) -> bool:
+    def _is_outsider(self, sock: socket.socket, peer: str) -> bool:
         """True if a connection is none of the program that --run started, and that alone is served. Where the
         system does not tell (other than Linux, in a sandbox), nobody is an outsider."""
         started = None if self._processes is None else self._processes.of_run

@@ -17,7 +17,7 @@ from simmer_tui.sim.command import escape
 _FIELDS = ("p", "f32", "u8", "rows", "cols", "headings", "first", "bounds")
 _PACKED = {"f32": "<f4", "u8": "u1"}
 """Types of packed numbers, little-endian."""
-_NUMBERS = frozenset({int, float})
+JSON_NUMBERS = frozenset({int, float})
 """The types of number in JSON, `True` being none of them."""
 
 
@@ -129,7 +129,7 @@ def _listed(value: dict[str, Any]) -> Probabilities:
     for name, size in zip(("rows", "cols", "headings"), shape, strict=True):
         if value.get(name) is not None and _size(value, name, MOST_STATES) != size:
             raise ValueError(f"{name} says another number than p has, which is {size}")
-    if not _NUMBERS.issuperset(map(type, cells)):
+    if not JSON_NUMBERS.issuperset(map(type, cells)):
         raise ValueError("p must hold numbers alone")
     try:
         return np.array(cells, dtype=np.float64).reshape(shape)

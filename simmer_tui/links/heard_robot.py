@@ -6,14 +6,13 @@ twin does what each message says, and readings are told from replies.
 
 from __future__ import annotations
 
-import asyncio
 import math
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 
 from msgspec.structs import replace
 
 from simmer_tui.backend import BackendSwitch
-from simmer_tui.config.settings import SerialSettings
 from simmer_tui.dialect.device import DialectDevice, MoveEnd
 from simmer_tui.dialect.dialect_rules import DialectRules, MessageRule
 from simmer_tui.dialect.expressions import FieldValue
@@ -29,7 +28,7 @@ from simmer_tui.events import (
 )
 from simmer_tui.links.dialect_link import LOGGED_OF_STREAM, Moved, SimulatedHost, value_of
 from simmer_tui.links.real_robot import RealRobot
-from simmer_tui.links.serial_link import RobotLink
+from simmer_tui.sessions import LoopTimer
 from simmer_tui.sim.command import parse_command
 from simmer_tui.sim.records import REFUSALS, CommandResult
 
@@ -65,6 +64,7 @@ class Twin(SimulatedHost):
         self._engine.tell(Notice(NoticeKind.ROBOT, f"dialect: {text}"))
 
 
+@dataclass(eq=False)
 class HeardRobot(RealRobot):
     """A real robot whose exchange with its program is listened to.
 
@@ -76,31 +76,25 @@ class HeardRobot(RealRobot):
         switch: Knows the program that has the serial port open.
     """
 
-    def __init__(
-        self,
-        engine: Engine,
-        link: RobotLink,
-        settings: SerialSettings,
-        rules: DialectRules,
-        switch: BackendSwitch,
-    ) -> None:
-        super().__init__(engine, link, settings)
-        self._rules = rules
-        self._switch = switch
+    rules: DialectRules
+    switch: BackendSwitch
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        rules = self.rules
         # What the robot sends by itself comes from the real one.
         heard = replace(rules, streams=(), robot=replace(rules.robot, boot=0.0, greeting=""), unknown=())
-        self._twin = Twin(engine, heard, self._twin_moved)
+        self._twin = Twin(self.engine, heard, self._twin_moved)
         self._device = DialectDevice(heard, self._twin, self._note_message)
         self._reader = ReplyReader(rules, self._device.state)
-        self._silence: asyncio.TimerHandle | None = None
+        self._silence = LoopTimer(self._fell_silent, self._loop)
         self._lost_told = False
         self._streamed = 0
         self._stream_told = -math.inf
 
     def _end_listening(self) -> None:
         super()._end_listening()
-        if self._silence is not None:
-            self._silence.cancel()
+        self._silence.cancel()
 
     # -- what others wait for ---------------------------------------------------------------------------
 
@@ -137,31 +131,28 @@ class HeardRobot(RealRobot):
                 self._tell(NoticeKind.FAULT, text)
             return
         self._twin.source = "client"
-        self._link.write(data)
+        self.link.write(data)
         self._device.received(data)
 
     def left(self) -> None:
         """The program has closed the port. What the robot does then is its own affair."""
         self._device.closed()
-        self._twin.close(runs_on=self._rules.robot.runs_on)
+        self._twin.close(runs_on=self.rules.robot.runs_on)
         self._advance()
 
     # -- what the robot says --------------------------------------------------------------------------
 
     def received(self, data: bytes) -> None:
         """Bytes have come from the robot."""
-        if self._switch.program is not None:
-            self._switch.program(data)
-        if self._silence is not None:
-            self._silence.cancel()
-            self._silence = None
+        if self.switch.program is not None:
+            self.switch.program(data)
+        self._silence.cancel()
         for heard in self._reader.receive(data):
             self._hear(heard)
         if self._reader.waits:
-            self._silence = self._loop.call_later(SILENCE, self._fell_silent)
+            self._silence.set_in(SILENCE)
 
     def _fell_silent(self) -> None:
-        self._silence = None
         for heard in self._reader.silence():
             self._hear(heard)
 
@@ -183,10 +174,10 @@ class HeardRobot(RealRobot):
         """A reply of the robot."""
         self._streamed += heard.part == "stream"
         if heard.part != "stream" or self._streamed <= LOGGED_OF_STREAM:
-            self._engine.tell(WireMessage(self._engine.now(), heard.data.decode("latin-1"), reply=True))
+            self.engine.tell(WireMessage(self.engine.now(), heard.data.decode("latin-1"), reply=True))
         # The twin may be slower than the robot; it is not to end what the robot does next.
         if heard.ends and self._device.doing is heard.values:
-            self._engine.finish_movement()
+            self.engine.finish_movement()
         self._tell_readings(heard)
         self._note_reply(heard)
 
@@ -199,14 +190,14 @@ class HeardRobot(RealRobot):
             self._stream_told = now
         for code, value in heard.readings.items():
             read = self._twin.read_last.pop(code, None)
-            result = read or self._engine.peek(parse_command(code, self._twin.source))
+            result = read or self.engine.peek(parse_command(code, self._twin.source))
             if result.reading is None:
                 continue
             real = replace(result, reply=value, reading=replace(result.reading, value=value, scan=None))
             # Of a reading on the way nobody could say where it belongs: calibration takes those at stops.
-            if not (self._device.moves or self._engine.simulator.moving):
-                self._engine.tell(real)
-            self._engine.tell(TwinReading(result.time, result.command, code, value, result.reply))
+            if not (self._device.moves or self.engine.simulator.moving):
+                self.engine.tell(real)
+            self.engine.tell(TwinReading(result.time, result.command, code, value, result.reply))
 
     # -- what the twin foresees --------------------------------------------------------------------------
 

@@ -22,8 +22,7 @@ import socket
 import struct
 
 from simmer_tui.links.peer import Peer
-from simmer_tui.links.serial_door import SerialRobot
-from simmer_tui.links.serial_wire import FRAME
+from simmer_tui.links.serial_wire import FRAME, SerialRobot
 
 _HEAD = struct.Struct(">cI")
 _TIMES = struct.Struct(">ddI")
@@ -97,7 +96,7 @@ class HookedProgram(Peer):
         self._robot.set_baud(self, baud)
 
     def _drop(self) -> None:
-        self._robot.tell_fault(f"{self.peer} dropped: it is no program with a serial port of ours")
+        self._robot.engine.tell_fault(f"{self.peer} dropped: it is no program with a serial port of ours")
         self.abort()
 
     def answer(self, refused: str) -> None:
@@ -113,5 +112,5 @@ class HookedProgram(Peer):
 
     def _send(self, kind: bytes, payload: bytes) -> None:
         if not self.write(_HEAD.pack(kind, len(payload)) + payload):
-            self._robot.tell_fault(f"client {self.peer} dropped: it does not read its replies")
+            self._robot.engine.tell_fault(f"client {self.peer} dropped: it does not read its replies")
             self.abort()

@@ -19,7 +19,7 @@ from simmer_tui.links.access import AccessCheck
 from simmer_tui.links.driver_seat import DriverSeat
 from simmer_tui.links.ports import Acceptor, Listener, PortRequest
 from simmer_tui.links.processes import ProcessLookup
-from simmer_tui.links.pty_device import PtyDevice
+from simmer_tui.links.pty_port import PtyDevice
 from simmer_tui.program_clock import ProgramClock
 from simmer_tui.sim.command import Command
 

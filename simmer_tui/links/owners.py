@@ -30,8 +30,9 @@ _REST = struct.pack("=III", 0, 0xFFFFFFFF, 0xFFFFFFFF)
 """Any interface, any cookie."""
 _BY_FAMILY, _NLM_F_REQUEST = 20, 1
 _SIZE = _REQUEST.size + _PORTS.size + _PLACES.size + len(_REST)
-_ANSWER = struct.Struct("=4xH10x xB2x48x8x III")
-"""The kind of the answer, and of `struct inet_diag_msg` state, bytes not acknowledged, owner and inode."""
+_ANSWER = struct.Struct("=4xH10x xB2x48x4x IIII")
+"""The kind of the answer, and of `struct inet_diag_msg` state, bytes not read, bytes not acknowledged, owner
+and inode."""
 _WITH_INFO = 2
 """The extension of a request that asks for a `struct tcp_info`, and the kind of that in the answer."""
 _ATTRIBUTE = struct.Struct("=HH")
@@ -60,6 +61,8 @@ class FarSocket(NamedTuple):
     state: int
     unacknowledged: int
     """Bytes that have not been acknowledged; the end counts as one."""
+    unread: int = 0
+    """Bytes that have come and that its program has not read."""
 
     @property
     def has_ended(self) -> bool:
@@ -138,7 +141,7 @@ class OwnerLookup:
             length, kind = _ATTRIBUTE.unpack_from(answer, at)
             if kind == _WITH_INFO and length >= _ATTRIBUTE.size + _BYTES.size:
                 acknowledged, _ = _BYTES.unpack_from(answer, at + _ATTRIBUTE.size)
-                unacknowledged = _ANSWER.unpack_from(answer)[2]
+                unacknowledged = _ANSWER.unpack_from(answer)[3]
                 info = sock.getsockopt(socket.IPPROTO_TCP, socket.TCP_INFO, _BYTES.size)
                 # The opening and the end count as a byte each.
                 return bool(acknowledged + unacknowledged - 2 == _BYTES.unpack(info)[1])
@@ -150,8 +153,8 @@ class OwnerLookup:
         answer = self._answer(sock, there)
         if len(answer) < _ANSWER.size:
             return None
-        kind, state, unacknowledged, uid, inode = _ANSWER.unpack_from(answer)
-        return FarSocket(uid, inode, state, unacknowledged) if kind == _BY_FAMILY else None
+        kind, state, unread, unacknowledged, uid, inode = _ANSWER.unpack_from(answer)
+        return FarSocket(uid, inode, state, unacknowledged, unread) if kind == _BY_FAMILY else None
 
     def _answer(self, sock: socket.socket, there: tuple[str, int], extensions: int = 0) -> bytes:
         """The system's answer to a question about the other end; empty if there is none."""

@@ -1,50 +1,203 @@
-"""The TCP ports of the connection-per-message dialects: requests on one port, replies on another."""
+"""The request port of the connection-per-message dialects; replies go to another port, or back."""
 
 from __future__ import annotations
 
-import asyncio
-import contextlib
 import math
 import socket
-from dataclasses import dataclass
+from collections import deque
+from collections.abc import Sequence
+from functools import partial
 
-from simmer_tui.backend import CommandBudget
-from simmer_tui.config.dialects import PACKET_REPLIES, PACKETS
-from simmer_tui.events import Notice, NoticeKind
+from simmer_tui.backend import CommandBudget, Message
+from simmer_tui.config.dialects import PACKETS
 from simmer_tui.links.access import TurnedAwayNotices
 from simmer_tui.links.connection_doctor import ConnectionDoctor
-from simmer_tui.links.driver_seat import NOT_SERVED
 from simmer_tui.links.link import LinkContext
-from simmer_tui.links.packet_connections import PacketDriver, Presence, Read, Sender, Unread, address_of
-from simmer_tui.links.peer import MOST_CONNECTIONS, ReadBudget
-from simmer_tui.program_clock import clock_of
-from simmer_tui.protocol.packets import Mailbox, Reply, Request, RequestStyle
+from simmer_tui.links.packet_presence import PacketDriver, Presence
+from simmer_tui.links.packet_replies import EMPTY_DELAY, LONGEST_WAIT, ReplyPort
+from simmer_tui.links.peer import MOST_CONNECTIONS, Peer, ReadBudget, host_of
+from simmer_tui.protocol.packets import (
+    Mailbox,
+    Reply,
+    Request,
+    RequestReader,
+    RequestStyle,
+    encode,
+    passed_on,
+)
 from simmer_tui.protocol.replies import ReplyForm, ReplyFormat
+from simmer_tui.sessions import LoopTimer
+from simmer_tui.sim.records import CommandResult, Status
 
 TURN = 512
 """Bytes of requests read in a turn of the event loop: a hundred short ones take a millisecond or two."""
-# 64 KiB at most: a client that floods the reply port gets a reset instead.
-DRAINED, DRAINS = 4096, 16
-"""Bytes dropped at once of what a client sends to the reply port, and how often."""
-# Judged: one line a second, however many replies are dropped.
-REPORT_DELAY = 1.0
-"""Seconds over which replies that nobody read are counted before they are reported."""
+# Clients wait 40 to 300 ms before they read, but have closed their sending connection by then.
+DIRECT_DELAY = 0.05
+"""Seconds after which the reply goes to a sender that has stayed, if nobody has fetched it."""
+# Judged: packet clients connect in order to send; one that does not may have hung.
+SILENT_AFTER = 1.0
+"""Seconds after which a connection that has sent nothing is worth a line in the log."""
+# Judged: a robot left alone for ten minutes; forgotten connections must not fill the port.
+IDLE_LIMIT = 600.0
+"""Seconds after which a connection that sends nothing more is closed."""
 
 
-@dataclass(frozen=True, slots=True)
-class Traffic:
-    """Counts of what is in progress on the two ports."""
+class _Sender(Peer):
+    """A connection on the request port."""
 
-    connections: int
-    """Connections on the request port."""
-    speaking: int
-    """Those of them on which something has come."""
-    reads: int
-    """Reads on the reply port that are not over yet."""
-    unread: int
-    """Replies handed to a client that has not taken all of them yet."""
-    owed: int
-    """Commands that have come in and are not answered yet."""
+    def __init__(self, sock: socket.socket, peer: str, link: PacketLink) -> None:
+        super().__init__(sock, peer, link.budget)
+        self._link = link
+        self._reader = RequestReader(link.context.settings.grace)
+        self._command_budget = link.budget_of(sock, peer)
+        # simmer-python answers drives at once: "auto" means accepted here, and done in the binary dialects.
+        at_end = link.context.reply == "done"
+        self._session = link.context.backend.open_session(
+            answer_at_end=at_end, lane="packets", budget=self._command_budget
+        )
+        self._silence = LoopTimer(lambda: self._submit(self._reader.silence()), self._loop)
+        self._direct_reply = LoopTimer(self._reply_here, self._loop)
+        self._open_requests = self._open_commands = 0
+        self._ended = False
+        self._unfetched: deque[tuple[float, Reply]] = deque()
+        """Its replies in the mailbox, and when they are to be given to it here."""
+        self.direct = False
+        """True if replies go back on this connection: its client reads them here."""
+        self.spoken = False
+        """True if anything has come."""
+        self.heard = self._loop.time()
+        """When something came last, at first when it connected."""
+        self._watch = LoopTimer(self._look_after, self._loop)
+        self._watch.set_in(SILENT_AFTER)
+
+    @property
+    def receiving(self) -> bool:
+        """True if a request is just coming in, or must be about to."""
+        # A connection that has just been made is about to send: clients connect for one message.
+        idle = self._loop.time() - self.heard
+        return self._reader.unfinished and idle < LONGEST_WAIT if self.spoken else idle < EMPTY_DELAY
+
+    @property
+    def silent(self) -> bool:
+        """True if all its commands are answered, and nothing has come, not even an end, that is unread."""
+        return not self._open_requests and not self.has_unread()
+
+    def data_received(self, data: bytes) -> None:
+        if not self.spoken:
+            self._link.doctor.packet_came(data)
+        self.heard, self.spoken = self._loop.time(), True
+        self._submit(self._reader.receive(data))
+        self._silence.cancel()
+        idle_timeout = self._reader.idle_timeout
+        if idle_timeout is not None and not self._closing:
+            self._silence.set_in(idle_timeout)
+
+    def eof_received(self) -> bool:
+        """The client has said its last. If it reads here, it stays until all is answered."""
+        self._ended = True
+        self._submit(self._reader.end())
+        return self.direct and self._open_requests > 0
+
+    def connection_lost(self, error: OSError | None) -> None:
+        if not self._ended:
+            self._ended = True
+            if error is not None:
+                self._link.engine.tell_fault(f"client {self.peer} broke off: {error}")
+            self._submit(self._reader.end())
+        for timer in (self._silence, self._direct_reply, self._watch):
+            timer.cancel()
+        self._link.sender_lost(self)
+        self._close_talk_if_done()
+
+    def forget(self) -> None:
+        """Ask for nothing more."""
+        self._session.close()
+
+    def _submit(self, requests: Sequence[Request]) -> None:
+        for request in requests:
+            self._session.driver = self._link.note_request(self, request)
+            if request.commands:
+                self._open_requests += 1
+                self._open_commands += len(request.commands)
+                form = self._link.forms[request.dialect]
+                message = Message(request.data, request.commands, form)
+                self._session.submit(message, partial(self._answered, request, form.format))
+        if self._command_budget.is_hopeless and not self.lost:
+            self._drop()
+
+    def _drop(self) -> None:
+        self._link.engine.drop(self.peer)
+        # What it has waiting must not keep those from the same address busy.
+        self.forget()
+        self._link.note_answered(self._open_commands)
+        self._open_requests = self._open_commands = 0
+        self._ended = True
+        self.abort()
+
+    def _answered(
+        self, request: Request, form: ReplyFormat, outcomes: Sequence[CommandResult], data: bytes | None
+    ) -> None:
+        self._open_requests -= 1
+        self._open_commands -= len(request.commands)
+        for outcome in outcomes:
+            if outcome.status is Status.UNKNOWN:
+                self._link.doctor.refused(outcome)
+        if data is None:
+            answers = zip(request.commands, outcomes, strict=True)
+            reply = encode(request.dialect, self._link.context.settings.legacy_reply, answers)
+        else:
+            reply = passed_on(form, data)
+        if not self.direct:
+            self._link.replies.post(reply, self.peer)
+            self._expect_to_be_read(reply)
+        elif not self.lost and not self.write(reply.message()):
+            self._drop()
+        self._link.note_answered(len(request.commands))
+        if self._ended:
+            self._close_talk_if_done()
+
+    def _expect_to_be_read(self, reply: Reply) -> None:
+        # It has closed, so that it cannot read here: its replies wait for the reply port alone.
+        if self._ended or self.lost:
+            return
+        self._unfetched.append((self._loop.time() + DIRECT_DELAY, reply))
+        if self._direct_reply.due == math.inf:
+            self._direct_reply.set_in(DIRECT_DELAY)
+
+    def _reply_here(self) -> None:
+        """Give the client what nobody has come to the reply port for in time."""
+        mailbox, unfetched = self._link.mailbox, self._unfetched
+        while unfetched and not mailbox.holds(unfetched[0][1]):
+            unfetched.popleft()
+        if not unfetched or self._ended or self.has_left():
+            return
+        left = unfetched[0][0] - self._loop.time()
+        if self.has_unread():  # whether it has closed is known when that is read
+            left = DIRECT_DELAY
+        if left > 0:
+            self._direct_reply.set_in(left)
+            return
+        self.direct = True
+        self.write(mailbox.withdraw([reply for _, reply in unfetched]))
+        unfetched.clear()
+
+    def _close_talk_if_done(self) -> None:
+        if self._open_requests == 0:
+            self._session.close()
+            if not self.lost:
+                self.close()
+
+    def _look_after(self) -> None:
+        """Say of a connection that it is silent, and end one that stays so."""
+        idle = self._loop.time() - self.heard
+        if not self.spoken and idle < IDLE_LIMIT / 2:
+            self._link.engine.tell_fault(f"client {self.peer} has connected and sent nothing yet")
+        if idle >= IDLE_LIMIT and self._open_requests == 0:
+            text = f"client {self.peer} closed: it has sent nothing for {idle:.0f} s"
+            self._link.engine.tell_fault(text)
+            self.close()
+        else:
+            self._watch.set_in(max(IDLE_LIMIT - idle, SILENT_AFTER))
 
 
 class PacketLink:
@@ -59,138 +212,97 @@ class PacketLink:
         """Begin to listen. Needs a running event loop. A client has left when nothing has come from its
         address for the seconds of the setting `idle`."""
         settings = context.settings
+        self.context = context
         self.engine = context.engine
-        self.backend = context.backend
-        self.legacy_reply = settings.legacy_reply
-        self.grace = settings.grace
-        # simmer-python answers drives at once: "auto" means accepted here, and done in the binary dialects.
-        self.answer_at_end = context.reply == "done"
-        self.loop = asyncio.get_running_loop()
-        self._clock = clock_of(self.loop)
         self.mailbox = Mailbox()
         self.doctor = ConnectionDoctor(context.engine, context.listeners)
         self.budget = ReadBudget(TURN)
-        self._forms = {
+        self.forms = {
             RequestStyle.FRAMED: ReplyForm(ReplyFormat.FRAMED),
             RequestStyle.LEGACY: ReplyForm(ReplyFormat(settings.legacy_reply)),
         }
-        self._senders: set[Sender] = set()
+        """Forms of the replies to requests."""
+        self.senders: set[_Sender] = set()
+        self.unanswered = 0
+        """Commands that have come in and are not answered yet."""
         self._users = context.processes if settings.any_user else None
         self._budgets: dict[tuple[str, int | None], CommandBudget] = {}
-        self._reads: dict[Read, None] = {}
-        """Those that are not over yet, the oldest first."""
-        self._unread: set[Unread] = set()
-        self._owed = 0
-        self._dropped = 0
-        self._delivering = False
-        self._reply_port = context.listeners[PACKET_REPLIES.purpose].port
-        self._on_client_left = context.client_left
-        self._seat = context.seat
         self._turned_away = TurnedAwayNotices(context.engine)
-        self._presence = Presence(
-            context.engine, settings.idle, self._is_connected, self._client_left, self, context.processes
+        self._presence = Presence(context, self.mailbox, self._is_connected, self._client_left)
+        self._requests = context.accept(PACKETS, self._welcome)
+        self.replies = ReplyPort(
+            context, self.mailbox, self._presence, self.budget, self._is_receiving, lambda: self.busy
         )
-        self._requests = context.accept(PACKETS, self._request_connection)
-        self._replies = context.accept(PACKET_REPLIES, self._reply_connection)
 
     @property
     def has_clients(self) -> bool:
         """True if a connection for requests is open, or a request unanswered."""
-        return bool(self._senders) or self._owed > 0
+        return bool(self.senders) or self.unanswered > 0
 
     def close(self) -> None:
         """Stop listening and end all connections."""
         self._requests.close()
-        self._replies.close()
         self._presence.close()
-        for sender in tuple(self._senders):
+        for sender in tuple(self.senders):
             sender.forget()
             sender.abort()
-        for read in tuple(self._reads):
-            self.end_empty(read)
-        for unread in tuple(self._unread):
-            unread.abort()
+        self.replies.close()
 
     @property
     def busy(self) -> bool:
         """True if a request is being received or answered."""
-        return self._owed > 0 or self.receiving
+        return self.unanswered > 0 or self._is_receiving()
 
-    @property
-    def receiving(self) -> bool:
-        """True if a request is being received."""
-        return any(sender.receiving for sender in self._senders)
+    def _is_receiving(self) -> bool:
+        return any(sender.receiving for sender in self.senders)
 
-    @property
-    def traffic(self) -> Traffic:
-        """Counts of what is in progress now."""
-        return Traffic(
-            len(self._senders),
-            sum(sender.spoken for sender in self._senders),
-            len(self._reads),
-            len(self._unread),
-            self._owed,
-        )
-
-    # -- requests --------------------------------------------------------------------------------
-
-    def _request_connection(self, sock: socket.socket, peer: str) -> None:
-        if len(self._senders) >= MOST_CONNECTIONS:
+    def _welcome(self, sock: socket.socket, peer: str) -> None:
+        if len(self.senders) >= MOST_CONNECTIONS:
             self._make_room()
-        refused = self._refused(sock, peer)
+        refused = (
+            "" if self.context.seat is None else self.context.seat.take_by(self, sock, peer, makes_many=True)
+        )
         if refused:
             self._requests.turn_away(sock, peer)
             self._turned_away.tell(f"client {peer} turned away: {refused}", refused)
             return
         self._presence.connected(sock, peer)
-        self._senders.add(Sender(sock, peer, self))
-
-    def _refused(self, sock: socket.socket, peer: str) -> str:
-        """The reason why a program may not drive the robot of a set with a dialect."""
-        if self._seat is None:
-            return ""
-        if self._seat.outsider(sock, peer):
-            return NOT_SERVED
-        return self._seat.take_by(self, sock, peer)
+        self.senders.add(_Sender(sock, peer, self))
 
     def _make_room(self) -> None:
         """Close the connection that has been silent longest; never one that has sent what is still unread."""
         # The longest silent first: it is the likeliest to have been forgotten by its program.
-        for sender in sorted(self._senders, key=lambda sender: sender.heard):
+        for sender in sorted(self.senders, key=lambda sender: sender.heard):
             if sender.silent:
                 text = f"client {sender.peer} closed: {MOST_CONNECTIONS} connections at once are the most"
-                self.tell_fault(text)
-                self._senders.discard(sender)
+                self.engine.tell_fault(text)
+                self.senders.discard(sender)
                 sender.close()
                 return
 
-    def sender_lost(self, sender: Sender) -> None:
+    def sender_lost(self, sender: _Sender) -> None:
         """A connection on the request port has ended."""
-        self._senders.discard(sender)
+        self.senders.discard(sender)
         self._presence.disconnected(sender.peer)
         self._leave_seat()
 
-    def form_of(self, request: Request) -> ReplyForm:
-        """Form of the reply to a request."""
-        return self._forms[request.dialect]
-
-    def note_request(self, sender: Sender, request: Request) -> PacketDriver:
+    def note_request(self, sender: _Sender, request: Request) -> PacketDriver:
         """A complete request has arrived. Gives whose velocities it sets."""
         driver = self._presence.asked(sender.peer)
         if not request.commands:
-            self.tell_fault(f"client {sender.peer}: an empty request, [], gets no reply")
-        self._owed += len(request.commands)
+            self.engine.tell_fault(f"client {sender.peer}: an empty request, [], gets no reply")
+        self.unanswered += len(request.commands)
         return driver
 
     def note_answered(self, count: int) -> None:
         """A request of so many commands has been answered."""
-        self._owed -= count
+        self.unanswered -= count
         self._presence.look_after_velocity()
 
     def budget_of(self, sock: socket.socket, peer: str) -> CommandBudget:
         """The budget of waiting commands that all connections of a user from one address share."""
-        # Where no other user is let in there is nothing to be told apart.
-        sender = (address_of(peer), self._users.user(sock, peer) if self._users is not None else None)
+        # Where no other user is let in there is only one user.
+        sender = (host_of(peer), self._users.user(sock, peer) if self._users is not None else None)
         if sender not in self._budgets:
             # Of those who have nothing waiting nothing need be remembered.
             self._budgets = {each: budget for each, budget in self._budgets.items() if budget.is_used}
@@ -199,113 +311,14 @@ class PacketLink:
 
     def _is_connected(self, address: str) -> bool:
         """True if a client that has sent something is still connected, or waits for an answer."""
-        return self._owed > 0 or any(
-            sender.spoken and address_of(sender.peer) == address for sender in self._senders
+        return self.unanswered > 0 or any(
+            sender.spoken and host_of(sender.peer) == address for sender in self.senders
         )
 
-    # -- replies ---------------------------------------------------------------------------------
-
-    def _reply_connection(self, sock: socket.socket, peer: str) -> None:
-        self._presence.connected(sock, peer)
-        self._presence.read(peer)
-        if len(self._reads) >= MOST_CONNECTIONS:
-            self.end_empty(next(iter(self._reads)))
-        self._reads[Read(sock, peer, self)] = None
-
-    def end_empty(self, read: Read) -> None:
-        """Close a read without bytes."""
-        read.cancel()
-        del self._reads[read]
-        with contextlib.suppress(OSError):
-            _has_closed(read.sock)
-        read.sock.close()
-
-    def answer(self, read: Read) -> None:
-        """Send a read everything in the mailbox and close it, unless its client has gone."""
-        read.cancel()
-        del self._reads[read]
-        rest = b""
-        try:
-            # A read that waited and has closed was given up: its reply stays for the next one.
-            if not (_has_closed(read.sock) and read.waits):
-                self._presence.takes(read.peer)
-                rest = self.mailbox.take()
-                with contextlib.suppress(BlockingIOError):
-                    sent = read.sock.send(rest)
-                    if self._clock is not None:
-                        self._clock.written += sent
-                    rest = rest[sent:]
-        except OSError as error:
-            self.tell_fault(f"client {read.peer} broke off on the reply port: {error.strerror or error}")
-            rest = b""
-        if rest and len(self._unread) < MOST_CONNECTIONS:
-            self._unread.add(Unread(read.sock, read.peer, self, rest))
-        else:
-            read.sock.close()
-
-    def unread_lost(self, unread: Unread) -> None:
-        """A reply has been sent completely, or its client has gone."""
-        self._unread.discard(unread)
-
     def _client_left(self, address: str) -> None:
-        """Drop what waits for a client that has left: the next program's first read is its own."""
-        self.drop(address, f"client {address} left without reading them")
         self._leave_seat()
-        self._on_client_left()
+        self.context.client_left()
 
     def _leave_seat(self) -> None:
-        if self._seat is not None and not self._presence.any and not self._senders:
-            self._seat.leave(self)
-
-    def wait_for(self, address: str, since: float = -math.inf) -> bool:
-        """True if replies wait for a client of an address, those that came at a time or later."""
-        return self.mailbox.has(address, since)
-
-    def drop(self, address: str, why: str, before: float = math.inf) -> None:
-        """Drop what waits for an address, or has waited since `before` a time, and say so."""
-        dropped = self.mailbox.drop(address, before)
-        if dropped:
-            self.tell_fault(f"{dropped} replies dropped: {why}")
-
-    def post(self, reply: Reply, peer: str = "") -> None:
-        """Put a reply for `peer` into the mailbox, or hand it to a read that is waiting for it."""
-        dropped = self.mailbox.put(reply, address_of(peer), self.loop.time())
-        if dropped:
-            if not self._dropped:
-                self.loop.call_later(REPORT_DELAY, self._report_dropped)
-            self._dropped += dropped
-        if self._reads and not self._delivering:
-            self._delivering = True
-            self.loop.call_soon(self._deliver)  # after the rest of what came with it
-
-    def _deliver(self) -> None:
-        self._delivering = False
-        # The rest of a request is about to come; its reply belongs into the same message.
-        if self.receiving:
-            return
-        waiting = [read for read in self._reads if read.waits]
-        for read in reversed(waiting):  # an older one may be a connection that never reads
-            if not self.mailbox:
-                return
-            self.answer(read)
-
-    def _report_dropped(self) -> None:
-        text = f"{self._dropped} replies dropped: nobody reads them on port {self._reply_port}"
-        self._dropped = 0
-        self.tell_fault(text)
-
-    def tell_fault(self, text: str) -> None:
-        """Report a fault to the engine's watchers."""
-        self.engine.tell(Notice(NoticeKind.FAULT, text))
-
-
-def _has_closed(sock: socket.socket) -> bool:
-    """True if the other end has closed its side; raises OSError if it broke off. Drops what it
-    sent, which would make our own end a reset."""
-    for _ in range(DRAINS):
-        try:
-            if not sock.recv(DRAINED):
-                return True
-        except BlockingIOError:
-            return False
-    return False
+        if self.context.seat is not None and not self._presence.any and not self.senders:
+            self.context.seat.leave(self)

@@ -2,7 +2,7 @@
 
 Every connection of every link is a `Peer`, so that none can hold up another, or the end of the
 program: it is read a piece at a time, from a `ReadBudget` it shares with its like; one that does not
-read its replies is dropped; and one that is to end has `CLOSING` seconds to take what it is owed.
+read its replies is dropped; and one that is to end has `CLOSING` seconds to take its last replies.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ import socket
 from collections.abc import Callable
 
 from simmer_tui.program_clock import clock_of
+from simmer_tui.sessions import LoopTimer
 
 # Well below the 1024 descriptors that a process has by default, for two such ports.
 MOST_CONNECTIONS = 128
@@ -28,7 +29,7 @@ PIECE = 4 * 1024
 """Bytes taken in at once: small, so that a flood from one peer holds up nothing else."""
 # Judged: a client on the same network needs milliseconds; Ctrl-C must not wait for a dead one.
 CLOSING = 1.0
-"""Seconds in which a peer that is to end must have taken what it is owed."""
+"""Seconds in which a peer that is to end must have taken its last replies."""
 
 
 class ReadBudget:
@@ -65,6 +66,11 @@ class ReadBudget:
             go_on()
 
 
+def host_of(peer: str) -> str:
+    """The host of a peer, without its port, which differs from one connection to the next."""
+    return peer.rpartition(":")[0]
+
+
 class Peer:
     """One accepted connection, read and written in the event loop it is made in.
 
@@ -93,10 +99,10 @@ class Peer:
         self._reading = False
         self._held = False
         self._eof = False
-        self._deadline: asyncio.TimerHandle | None = None
+        self._deadline = LoopTimer(self._finish, self._loop)
         self._set_reading()
 
-    # -- to be told ----------------------------------------------------------------------------
+    # -- callbacks -----------------------------------------------------------------------------
 
     def data_received(self, data: bytes) -> None:
         """Bytes have come. Those nobody asked for are ignored."""
@@ -219,7 +225,7 @@ class Peer:
         if not self._unsent:
             self._finish(None)
         elif not self._finished:
-            self._deadline = self._loop.call_later(self.closing, self._finish, None)
+            self._deadline.set_in(self.closing, None)
 
     def abort(self) -> None:
         """Close at once."""
@@ -235,9 +241,8 @@ class Peer:
         if self._unsent:
             self._loop.remove_writer(self.sock)
             self._unsent.clear()
-        if self._deadline is not None:
-            self._deadline.cancel()
-        self._loop.call_soon(self._end, error)  # whoever writes or closes is not told in the middle of it
+        self._deadline.cancel()
+        self._loop.call_soon(self._end, error)  # not in the middle of a write or close
 
     def _end(self, error: OSError | None) -> None:
         self.lost = True

@@ -14,7 +14,7 @@ from enum import IntEnum
 from msgspec import Struct
 
 from simmer_tui import platform_has
-from simmer_tui.links.owners import OwnerLookup
+from simmer_tui.links.owners import FarSocket, OwnerLookup
 
 # Two hundred processes are looked through in the first, and no packet waits long for it; two thousand in the
 # second, for which a client waits once. It is processor time: on a busy machine a clock runs out meanwhile.
@@ -79,23 +79,30 @@ class ProcessLookup:
         """The program beside the run has been started."""
         self.of_run = _process(pid)
 
+    def _far(self, sock: socket.socket, peer: str) -> FarSocket | None:
+        """The socket at the other end, `address:port`, as far as the system tells."""
+        return self._owners.ask(sock, _address(peer))
+
     def inode(self, sock: socket.socket, peer: str) -> int:
         """The inode of the socket at the other end, `address:port`; 0 if it is closed already, on another
         machine, or not told."""
-        host, _, port = peer.rpartition(":")
-        far = self._owners.ask(sock, (host, int(port)))
+        far = self._far(sock, peer)
         return far.inode if far is not None else 0
 
     def has_closed(self, sock: socket.socket, peer: str) -> bool:
         """True if the system says that the other end, `address:port`, is closed, not for sending alone."""
-        host, _, port = peer.rpartition(":")
-        far = self._owners.ask(sock, (host, int(port)))
+        far = self._far(sock, peer)
         return far is not None and not far.inode
+
+    def unread(self, sock: socket.socket, peer: str) -> int | None:
+        """Bytes that the program at the other end, `address:port`, has received and not read; None if it is
+        on another machine, or not told."""
+        far = self._far(sock, peer)
+        return far.unread if far is not None else None
 
     def user(self, sock: socket.socket, peer: str) -> int | None:
         """The user id of the other end, `address:port`; None if it is on another machine, or not told."""
-        host, _, port = peer.rpartition(":")
-        return self._owners.owner(sock, (host, int(port)))
+        return self._owners.owner(sock, _address(peer))
 
     def holder(self, sock: socket.socket, peer: str, known: Process | None) -> Process | None:
         """The process that has the socket at the other end, or None; `known` is looked at first."""
@@ -124,6 +131,11 @@ class ProcessLookup:
     def close(self) -> None:
         """Ask no more."""
         self._owners.close()
+
+
+def _address(peer: str) -> tuple[str, int]:
+    host, _, port = peer.rpartition(":")
+    return host, int(port)
 
 
 def session_of(pid: int) -> int | None:

@@ -1,16 +1,158 @@
-"""The robot's serial port for programs in any language: a pseudo-terminal in place of the cable."""
+"""The serial port of programs in any language: a pseudo-terminal in place of the cable. Unix alone."""
 
 from __future__ import annotations
 
 import asyncio
+import contextlib
+import math
 import os
+import struct
+import sys
 from collections import deque
+from functools import cache
+from pathlib import Path
 
+from simmer_tui import platform_has
+from simmer_tui.errors import PortError
 from simmer_tui.links.peer import PIECE
-from simmer_tui.links.pty_device import PtyDevice
-from simmer_tui.links.serial_door import SerialRobot
-from simmer_tui.links.serial_wire import DRIVER_BUFFER, FRAME
+from simmer_tui.links.serial_wire import DRIVER_BUFFER, FRAME, SerialRobot
+from simmer_tui.sessions import LoopTimer
 from simmer_tui.sim.command import escape
+
+NOT_ON_WINDOWS = (
+    "--pty: Windows has no pseudo-terminals. A Python program is led to the robot by --run, or by what "
+    "simmer-tui env prints"
+)
+"""The line that says so."""
+# TCGETS2 of Linux' asm-generic/ioctls.h, as pyserial has it: rates that have no constant of their own. Its
+# struct termios2 has four flags, the line, 19 characters, and two rates as plain numbers.
+_TCGETS2, _TERMIOS2 = 0x802C542A, struct.Struct("=IIIIB19sII")
+
+
+class PtyDevice:
+    """The robot's end of a pseudo-terminal, open until closed."""
+
+    descriptor: int
+    name: str
+    """Of the program's end, in the system."""
+
+    def __init__(self, path: str) -> None:
+        """Make one, and the link to it. Raises PortError."""
+        self.path = Path(path).expanduser().absolute()
+        self._make()
+        try:
+            self._link()
+        except (OSError, PortError) as error:
+            os.close(self.descriptor)
+            raise PortError(f"--pty {path}: {getattr(error, 'strerror', None) or error}") from None
+
+    def _make(self) -> None:
+        if sys.platform == "win32" or not platform_has.POSIX:
+            raise PortError(NOT_ON_WINDOWS)
+        import tty
+
+        try:
+            self.descriptor, end = os.openpty()
+        except OSError as error:
+            raise PortError(f"--pty: no pseudo-terminal can be made: {error.strerror}") from None
+        self.name = os.ttyname(end)
+        # Bytes as they are, also for programs that set nothing, such as cat.
+        tty.setraw(end)
+        os.close(end)
+        os.set_blocking(self.descriptor, False)
+
+    def _link(self) -> None:
+        """Set the link at the path. Raises OSError, PortError."""
+        if self.path.is_symlink() and not self.path.exists():
+            self.path.unlink()  # of a run that was killed
+        elif self.path.is_symlink():
+            raise PortError(
+                f"it leads to {self.path.readlink()} already: end the simmer-tui that made it, remove it, "
+                "or name another path"
+            )
+        self.path.symlink_to(self.name)
+
+    def hang_up(self) -> None:
+        """End the program that has it open: its next read or write fails. The path leads to a new one."""
+        old = self.descriptor
+        self._unlink()
+        self._make()
+        with contextlib.suppress(OSError, PortError):  # somebody else has taken the path meanwhile
+            self._link()
+        os.close(old)
+
+    def close(self) -> None:
+        """Remove the link and end the pseudo-terminal."""
+        self._unlink()
+        os.close(self.descriptor)
+
+    def _unlink(self) -> None:
+        with contextlib.suppress(OSError):
+            if str(self.path.readlink()) == self.name:  # not one that somebody else has put there
+                self.path.unlink()
+
+    @property
+    def baud(self) -> float | None:
+        """The rate that the program has set, bits a second; None if it cannot be told."""
+        if sys.platform == "win32":
+            return None
+        import termios
+
+        try:
+            rate = termios.tcgetattr(self.descriptor)[5]
+        except (termios.error, OSError):
+            return None
+        known = _rates().get(rate)
+        if known is None and platform_has.LINUX:
+            import fcntl
+
+            try:
+                answer = fcntl.ioctl(self.descriptor, _TCGETS2, bytes(_TERMIOS2.size))
+            except OSError:
+                return None
+            known = _TERMIOS2.unpack(answer)[-1]
+        return float(known) if known is not None else float(rate)
+
+    def set_baud(self, rate: int) -> None:
+        """Set the rate, as if a program did."""
+        if sys.platform == "win32":
+            return
+        import termios
+
+        with contextlib.suppress(termios.error, OSError):
+            flags = termios.tcgetattr(self.descriptor)
+            flags[4] = flags[5] = getattr(termios, f"B{rate}")
+            termios.tcsetattr(self.descriptor, termios.TCSANOW, flags)
+
+    def forget_unread(self) -> int:
+        """Drop what the program that has left did not read; the count of bytes, as far as it is known."""
+        if sys.platform == "win32":
+            return 0
+        import fcntl
+        import termios
+
+        try:
+            end = os.open(self.name, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+        except OSError:
+            return 0
+        try:
+            (count,) = struct.unpack("=i", fcntl.ioctl(end, termios.FIONREAD, bytes(4)))
+            termios.tcflush(end, termios.TCIOFLUSH)
+        except (termios.error, OSError):
+            return 0
+        finally:
+            os.close(end)
+        return int(count)
+
+
+@cache
+def _rates() -> dict[int, int]:
+    """The rates that have constants, by those."""
+    import termios
+
+    names = [name for name in dir(termios) if name[0] == "B" and name[1:].isdigit()]
+    return {int(getattr(termios, name)): int(name[1:]) for name in names}
+
 
 # Nobody tells of an open: without one, reading fails at once. A person notices no 20 ms.
 LOOK_AGAIN = 0.02
@@ -32,32 +174,30 @@ class PtyPort:
         """Replies on the line: when they begin to arrive, the time of a byte, and the bytes."""
         self._passed = 0
         """Count of bytes of the first of them that were passed on."""
-        self._timer: asyncio.TimerHandle | None = None
+        self._next = LoopTimer(self._pass_on, self._loop)
         self._unread = bytearray()
         """Bytes that have arrived, and that the system takes no more."""
         self._lost = 0
         self.port = self.peer = str(device.path)
         self.by_clock = False
-        self._waiting: asyncio.Handle | None = self._loop.call_soon(self._look)
+        self._look_again = LoopTimer(self._look, self._loop)
+        self._look_again.set_in(0.0)
 
     def close(self) -> None:
         """Serve it no more; the device closes by itself."""
         self._leave()
-        if self._waiting is not None:
-            self._waiting.cancel()
-            self._waiting = None
+        self._look_again.cancel()
 
     # -- coming and going ------------------------------------------------------------------------
 
     def _look(self) -> None:
         """Look whether a program has opened the port."""
-        self._waiting = None
         self._read()
         self._look_later()
 
     def _look_later(self) -> None:
-        if not self._open and self._waiting is None:
-            self._waiting = self._loop.call_later(LOOK_AGAIN, self._look)
+        if not self._open and self._look_again.due == math.inf:
+            self._look_again.set_in(LOOK_AGAIN)
 
     def _readable(self) -> None:
         if self._robot.budget.left > 0:
@@ -120,9 +260,7 @@ class PtyPort:
     def _forget(self) -> None:
         self._open = False
         self._loop.remove_reader(self._device.descriptor)
-        if self._timer is not None:
-            self._timer.cancel()
-            self._timer = None
+        self._next.cancel()
         if self._unread:
             self._loop.remove_writer(self._device.descriptor)
         self._unread.clear()
@@ -143,12 +281,11 @@ class PtyPort:
         self._coming.append((begin, byte, data))
         # A program that only listens says its rate by nothing else: it holds from the next reply on.
         self._note_baud()
-        if self._timer is None:
+        if self._next.due == math.inf:
             self._pass_on()
 
     def _pass_on(self) -> None:
         """Pass on what has arrived by now."""
-        self._timer = None
         now = self._loop.time()
         while self._coming:
             begin, byte, data = self._coming[0]
@@ -162,7 +299,7 @@ class PtyPort:
                 self._passed = count
             if self._passed < len(data):
                 due = begin + (self._passed + 1) * byte
-                self._timer = self._loop.call_at(max(due, now + FRAME), self._pass_on)
+                self._next.set_at(max(due, now + FRAME))
                 return
             self._coming.popleft()
             self._passed = 0
@@ -177,8 +314,9 @@ class PtyPort:
         if len(data) > room:
             # Said for the first: more of them say the same.
             if not self._lost:
-                self._robot.tell_fault(
-                    f"dialect: the program at {escape(self.port, 80)} does not read: replies are lost"
+                where = escape(self.port, 80)
+                self._robot.engine.tell_fault(
+                    f"dialect: the program at {where} does not read: replies are lost"
                 )
             self._lost += len(data) - room
         self._unread += data[:room]

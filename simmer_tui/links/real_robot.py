@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import asyncio
 from abc import abstractmethod
+from dataclasses import dataclass
 
-from simmer_tui.backend import Backend, BackendSession
+from simmer_tui.backend import Backend
 from simmer_tui.config.settings import SerialSettings
 from simmer_tui.engine import Engine
 from simmer_tui.events import ActionDone, ActionName, EventHandler, Notice, NoticeKind
@@ -14,6 +15,7 @@ from simmer_tui.sim.command import Command
 from simmer_tui.sim.records import CommandResult
 
 
+@dataclass(eq=False)
 class RealRobot(EventHandler[None], Backend):
     """A real robot as a backend: its port, and what it has in common in every language.
 
@@ -23,28 +25,29 @@ class RealRobot(EventHandler[None], Backend):
         settings: Those of its port; they may be replaced at any time.
     """
 
-    def __init__(self, engine: Engine, link: RobotLink, settings: SerialSettings) -> None:
-        self.settings = settings
-        self._engine = engine
-        self._link = link
+    engine: Engine
+    link: RobotLink
+    settings: SerialSettings
+
+    def __post_init__(self) -> None:
         self._loop = asyncio.get_running_loop()
         self._open = False
 
     def _begin_listening(self) -> None:
         """Open the port, and watch the twin."""
-        self._engine.watch(self.handle)
-        self._link.start(self)
+        self.engine.watch(self.handle)
+        self.link.start(self)
 
     def _end_listening(self) -> None:
         """Give the port back."""
-        self._engine.unwatch(self.handle)
+        self.engine.unwatch(self.handle)
         self._open = False
-        self._link.close()
+        self.link.close()
 
     @property
     def port(self) -> str:
         """The robot's port, as the user calls it."""
-        return self._link.name
+        return self.link.name
 
     @property
     def connected(self) -> bool:
@@ -70,10 +73,7 @@ class RealRobot(EventHandler[None], Backend):
         self._tell(NoticeKind.FAULT, f"robot: {reason}; trying again")
 
     def refuse(self, command: Command) -> CommandResult:
-        return self._engine.refuse(command)
-
-    def cut_waits(self, session: BackendSession) -> None:
-        """A real robot goes on by itself: its program's waits are left alone."""
+        return self.engine.refuse(command)
 
     def on_action(self, event: ActionDone) -> None:
         """A person's stop is meant for the real robot."""
@@ -81,4 +81,4 @@ class RealRobot(EventHandler[None], Backend):
             self.stop()
 
     def _tell(self, kind: NoticeKind, text: str) -> None:
-        self._engine.tell(Notice(kind, text))
+        self.engine.tell(Notice(kind, text))

@@ -7,7 +7,6 @@ from simmer_tui.config.dialects import TEAM
 from simmer_tui.config.loader import Configuration
 from simmer_tui.config.settings import SerialSettings
 from simmer_tui.engine import Engine
-from simmer_tui.events import Notice, NoticeKind
 from simmer_tui.links.real_robot import RealRobot
 from simmer_tui.links.serial_link import RobotLink
 
@@ -21,13 +20,13 @@ def bridge_to(
 ) -> RealRobot:
     """Begin to drive the robot at the other end of a link. Its exchange is recorded if `serial` says so."""
     if serial.record:
-        from simmer_tui.links.recorded_link import RecordedLink
+        from simmer_tui.links.serial_link import RecordedLink
 
         try:
             link = RecordedLink(link, serial.record, serial.baud)
         except OSError as error:
             text = f"what the robot says is not recorded: {serial.record}: {error.strerror or error}"
-            engine.tell(Notice(NoticeKind.FAULT, text))
+            engine.tell_fault(text)
     rules = configuration.dialect
     if rules is not None and rules.protocol is None and TEAM in configuration.settings.server.listeners:
         from simmer_tui.links.dialect_robot import DialectRobot

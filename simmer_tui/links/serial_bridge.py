@@ -1,7 +1,7 @@
 """The bridge to a real robot: bytes of clients go to it unchanged, and its replies come back unchanged.
 
 One command is under way at a time, so that a robot with a small buffer loses none and each reply
-finds its command. The simulated robot does what the real one is told: the twin.
+finds its command. The simulated robot, the twin, does the same commands as the real one.
 """
 
 from __future__ import annotations
@@ -9,17 +9,17 @@ from __future__ import annotations
 import asyncio
 import math
 from collections import deque
+from dataclasses import dataclass
 
 import numpy as np
 from msgspec import Struct, field
 from msgspec.structs import replace
 
 from simmer_tui.backend import Answered, BackendSession, Message
-from simmer_tui.config.settings import BITS_OF_A_BYTE, SerialSettings
-from simmer_tui.engine import Engine
+from simmer_tui.config.settings import BITS_OF_A_BYTE
 from simmer_tui.events import NoticeKind, TwinReading
 from simmer_tui.links.real_robot import RealRobot
-from simmer_tui.links.serial_link import RobotLink
+from simmer_tui.protocol.packets import STOP
 from simmer_tui.protocol.replies import (
     GAP,
     ReplyEnd,
@@ -29,18 +29,17 @@ from simmer_tui.protocol.replies import (
     RobotAnswer,
     read_numbers,
 )
+from simmer_tui.sessions import LoopTimer
 from simmer_tui.sim.angles import FloatArray
 from simmer_tui.sim.command import Command, escape
 from simmer_tui.sim.records import CommandResult, LidarScan, Reading, Status, ray_bearings
 from simmer_tui.sim.simulator import Simulator
 from simmer_tui.sim.velocity_commands import WAIT, parse_wait
 
-STOP = "xx"
-"""The code by which programs stop the robot, in every dialect."""
 # Robots usually do not answer a stop from a key. Judged: many times a reply's time at 9600 baud.
 STOP_PATIENCE = 0.25
 """Seconds in which a robot may reply to a stop that no program asked for."""
-# Judged: greetings come in pieces, and are told as one line.
+# Judged: greetings come in pieces, and are reported as one line.
 REPORT_DELAY = 1.0
 """Seconds over which discarded bytes are counted before they are reported."""
 # As long as a robot may need beyond its planned time: real ones start and stop slowly.
@@ -72,6 +71,7 @@ class _Exchange(Struct, eq=False):
     """Seconds until it is answered, for one that waits."""
 
 
+@dataclass(eq=False)
 class SerialBridge(RealRobot):
     """A real robot as a backend. Lives in the event loop it is made in.
 
@@ -80,12 +80,12 @@ class SerialBridge(RealRobot):
     the port is closed waits as long for it to open.
     """
 
-    def __init__(
-        self, engine: Engine, link: RobotLink, settings: SerialSettings, *, gap: float = GAP
-    ) -> None:
-        """`gap` is the silence, seconds, that ends a reply without another end."""
-        super().__init__(engine, link, settings)
-        self._framer = ReplyFramer(gap)
+    gap: float = GAP
+    """Silence, seconds, that ends a reply without another end."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self._framer = ReplyFramer(self.gap)
         self._waiting: deque[_Exchange] = deque()
         self._under_way: deque[_Exchange] = deque()
         """Sent; more than one only when a stop overtook the others."""
@@ -93,14 +93,14 @@ class SerialBridge(RealRobot):
         """End of the wait for a reply, or for the port to open, by the event loop's clock."""
         self._moving_until = -math.inf
         """Until when the robot may be in a movement that it has not answered, by the event loop's clock."""
-        self._gate: asyncio.TimerHandle | None = None
-        self._deadline: asyncio.TimerHandle | None = None
+        self._gate = LoopTimer(self._advance, self._loop)
+        self._deadline = LoopTimer(self._ring, self._loop)
         """A timer for `_due` or earlier. It stays from one reply to the next: a new timer for each would
         cost a tenth of a round trip."""
-        self._silence: asyncio.TimerHandle | None = None
-        self._report: asyncio.TimerHandle | None = None
+        self._silence = LoopTimer(lambda: self._take(self._framer.silence()), self._loop)
+        self._report = LoopTimer(self._report_discarded, self._loop)
         self._last: Message | None = None
-        self._paused: list[tuple[_Exchange, asyncio.TimerHandle]] = []
+        self._paused: dict[_Exchange, asyncio.TimerHandle] = {}
         """Messages that wait a time of their own, and who wakes them."""
         self._begin_listening()
 
@@ -109,11 +109,10 @@ class SerialBridge(RealRobot):
         self._end_listening()
         self._due = math.inf
         for timer in (self._deadline, self._silence, self._report, self._gate):
-            if timer is not None:
-                timer.cancel()
-        for _, alarm in self._paused:
+            timer.cancel()
+        for alarm in self._paused.values():
             alarm.cancel()
-        left = [*(exchange for exchange, _ in self._paused), *self._under_way, *self._waiting]
+        left = [*self._paused, *self._under_way, *self._waiting]
         self._paused.clear()
         self._under_way.clear()
         self._waiting.clear()
@@ -125,7 +124,7 @@ class SerialBridge(RealRobot):
     def submit(self, message: Message, session: BackendSession, answered: Answered) -> None:
         """Send a message when its turn comes. One without bytes is not fit to be sent."""
         exchange = _Exchange(message.data, message.commands, message.form, session, answered)
-        is_drive = self._engine.simulator.is_drive
+        is_drive = self.engine.simulator.is_drive
         for command in message.commands:
             exchange.moves = exchange.moves or is_drive(command)
         if _is_stop(message):
@@ -142,7 +141,7 @@ class SerialBridge(RealRobot):
 
     def _keep_from_robot(self, exchange: _Exchange) -> None:
         """Answer here what a robot may not know: a sketch that looks at the first letter drives on wt-2."""
-        commands, simulator = exchange.commands, self._engine.simulator
+        commands, simulator = exchange.commands, self.engine.simulator
         if any(command.code == WAIT and not simulator.is_drive(command) for command in commands):
             exchange.data = b""
             values = [parse_wait(command.argument) for command in commands if command.code == WAIT]
@@ -165,12 +164,12 @@ class SerialBridge(RealRobot):
         if waiting is not None and waiting.session is session:
             waiting.data += data
         elif self._open and self.settings.suffix == "none":
-            self._link.write(data)
+            self.link.write(data)
 
     def forget(self, session: BackendSession) -> None:
         """A client has left: drop its unsent messages, except a stop."""
         self._waiting = deque(each for each in self._waiting if each.is_stop or each.session is not session)
-        for exchange in (*self._under_way, *self._waiting, *(exchange for exchange, _ in self._paused)):
+        for exchange in (*self._under_way, *self._waiting, *self._paused):
             if exchange.session is session:
                 exchange.session = exchange.answered = None
 
@@ -187,12 +186,13 @@ class SerialBridge(RealRobot):
         """Send a stop ahead of what waits, which was meant for before it and is not sent any more."""
         # They were meant for before the stop; each is answered below, so that every command has a reply.
         dropped, self._waiting = self._waiting, deque()
-        self._cut_pauses()
+        for paused in tuple(self._paused):
+            self._resume(paused)
         if self._open:
             stop.written = self._with_suffix(stop.data)
             stop.due = self._due_of(stop)
             overtaken: deque[_Exchange] = deque()
-            for data in reversed(self._link.write_instead(stop.written)):
+            for data in reversed(self.link.write_instead(stop.written)):
                 if self._under_way and self._under_way[-1].written is data:
                     overtaken.appendleft(self._under_way.pop())
             dropped = deque(each for each in overtaken if not each.is_stop) + dropped
@@ -202,7 +202,7 @@ class SerialBridge(RealRobot):
                 exchange.written = data
                 self._under_way.append(exchange)
             for data in written[1:]:
-                self._link.write(data)
+                self.link.write(data)
             # Their replies come one after the other: the framer must not take the last for the first.
             self._framer.following = len(self._under_way) - 1
         else:
@@ -233,7 +233,7 @@ class SerialBridge(RealRobot):
                 self._expect(exchange)
                 exchange.written = self._with_suffix(exchange.data)
                 exchange.due = self._due_of(exchange)
-                self._link.write(exchange.written)
+                self.link.write(exchange.written)
                 self._set_deadline()
                 if not exchange.is_stop:  # of a stop the simulated robot knows since it was asked for
                     self._simulate(exchange)
@@ -242,31 +242,28 @@ class SerialBridge(RealRobot):
 
     def _pause(self, exchange: _Exchange) -> None:
         """Answer a message that the robot does not get, after the time it waits."""
-        if not exchange.pause:
-            self._simulate(exchange)
-            self._finish(exchange, exchange.simulated, None)
+        if exchange.pause:
+            self._paused[exchange] = self._loop.call_later(exchange.pause, self._resume, exchange)
             return
-        timer = self._loop.call_later(exchange.pause, self._resume, exchange)
-        self._paused.append((exchange, timer))
+        self._simulate(exchange)
+        self._finish(exchange, exchange.simulated, None)
 
     def _resume(self, exchange: _Exchange) -> None:
         """A wait is over, or cut."""
-        self._paused = [paused for paused in self._paused if paused[0] is not exchange]
+        alarm = self._paused.pop(exchange, None)
+        if alarm is None:  # somebody whose answer came before this one has sent a stop
+            return
+        alarm.cancel()
         self._simulate(exchange)
         self._finish(exchange, exchange.simulated, None)
         self._advance()
-
-    def _cut_pauses(self) -> None:
-        for exchange, timer in tuple(self._paused):
-            timer.cancel()
-            self._resume(exchange)
 
     def _next(self) -> _Exchange | None:
         """The message whose turn it is. At most one movement is unanswered: while one may still be under
         way, others and all that their senders sent after them wait, and polls pass."""
         left = self._moving_until - self._loop.time()
         # What a sender sent after a wait comes after it.
-        kept_back: set[BackendSession | None] = {exchange.session for exchange, _ in self._paused}
+        kept_back: set[BackendSession | None] = {exchange.session for exchange in self._paused}
         if left <= 0 or not self._waiting or not self._open:
             return next((each for each in self._waiting if each.session not in kept_back), None)
         for exchange in self._waiting:
@@ -274,13 +271,9 @@ class SerialBridge(RealRobot):
                 kept_back.add(exchange.session)
             elif exchange.session not in kept_back:
                 return exchange
-        if self._gate is None:
-            self._gate = self._loop.call_later(left, self._open_gate)
+        if self._gate.due == math.inf:
+            self._gate.set_in(left)
         return None
-
-    def _open_gate(self) -> None:
-        self._gate = None
-        self._advance()
 
     def _note_movement(self, exchange: _Exchange) -> None:
         """A message has been sent: a movement in it takes its planned time and a margin."""
@@ -300,14 +293,14 @@ class SerialBridge(RealRobot):
         """Seconds that the robot takes for a command, as far as is known."""
         # In timed motion the twin has only just begun, and its time may go at another speed.
         begun = result.status is Status.ACCEPTED
-        trajectory = self._engine.simulator.trajectory if begun else result.trajectory
+        trajectory = self.engine.simulator.trajectory if begun else result.trajectory
         return trajectory.duration if trajectory is not None else 0.0
 
     def _simulate(self, exchange: _Exchange) -> None:
         """Have the simulated robot do the same."""
         if exchange.is_stop:
-            self._engine.stop_motion("a stop for the robot")
-        exchange.simulated = [self._engine.mirror(command) for command in exchange.commands]
+            self.engine.stop_motion("a stop for the robot")
+        exchange.simulated = [self.engine.mirror(command) for command in exchange.commands]
 
     def _expect(self, exchange: _Exchange, *, keep: bool = False) -> None:
         form, end = self._robot_form(exchange), self.settings.reply_end
@@ -322,7 +315,7 @@ class SerialBridge(RealRobot):
 
     def _scans(self, exchange: _Exchange) -> list[bool]:
         """True for each command of a message that asks for a whole scan."""
-        asks = self._engine.simulator.asks_for_scan
+        asks = self.engine.simulator.asks_for_scan
         return [asks(command) for command in exchange.commands]
 
     def _robot_form(self, exchange: _Exchange) -> ReplyForm:
@@ -350,10 +343,6 @@ class SerialBridge(RealRobot):
         """Bytes have come from the robot."""
         self._take(self._framer.receive(data))
 
-    def _fell_silent(self) -> None:
-        self._silence = None
-        self._take(self._framer.silence())
-
     def _take(self, reply: bytes | None) -> None:
         while reply is not None:
             exchange = self._under_way.popleft()
@@ -375,7 +364,7 @@ class SerialBridge(RealRobot):
         return self._framer.receive(b"")
 
     def _complete(self, exchange: _Exchange, reply: bytes) -> None:
-        simulator = self._engine.simulator
+        simulator = self.engine.simulator
         reads = [not simulator.is_drive(command) for command in exchange.commands]
         answers = read_numbers(reply, self._robot_form(exchange), reads, self._scans(exchange))
         outcomes = [
@@ -386,7 +375,7 @@ class SerialBridge(RealRobot):
 
     def _finish(self, exchange: _Exchange, outcomes: list[CommandResult], unchanged: bytes | None) -> None:
         """Tell all watchers, and the client, what became of a message."""
-        tell = self._engine.tell
+        tell = self.engine.tell
         for outcome, simulated in zip(outcomes, exchange.simulated, strict=True):
             tell(outcome)
             reading = outcome.reading
@@ -397,17 +386,14 @@ class SerialBridge(RealRobot):
             exchange.answered(outcomes, unchanged)
 
     def _listen_on(self) -> None:
-        if self._silence is not None:
-            self._silence.cancel()
-            self._silence = None
+        self._silence.cancel()
         idle_timeout = self._framer.idle_timeout
         if idle_timeout is not None:
-            self._silence = self._loop.call_later(idle_timeout, self._fell_silent)
-        if self._report is None and self._framer.discarded:
-            self._report = self._loop.call_later(REPORT_DELAY, self._report_discarded)
+            self._silence.set_in(idle_timeout)
+        if self._framer.discarded and self._report.due == math.inf:
+            self._report.set_in(REPORT_DELAY)
 
     def _report_discarded(self) -> None:
-        self._report = None
         count, sample = self._framer.take_discarded()
         shown = escape(sample.decode("latin-1"), 60)
         text = f"{count} bytes from the robot discarded, they answer nothing: {shown!r}"
@@ -435,7 +421,6 @@ class SerialBridge(RealRobot):
         self._advance()
 
     def _ring(self) -> None:
-        self._deadline = None
         if self._loop.time() < self._due:
             self._set_timer()
             return
@@ -462,7 +447,7 @@ class SerialBridge(RealRobot):
         self._framer.doubt()
 
     def _answer_in_its_place(self, exchange: _Exchange, reason: str) -> None:
-        simulator = self._engine.simulator
+        simulator = self.engine.simulator
         known = exchange.simulated or [_unsent(simulator, command) for command in exchange.commands]
         outcomes = [
             replace(each, status=Status.UNANSWERED, reply=math.nan, reason=reason, reading=None)
@@ -471,7 +456,7 @@ class SerialBridge(RealRobot):
         # Taken out first: a reply that still comes finds nobody to be answered twice.
         answered, exchange.answered = exchange.answered, None
         for outcome in outcomes:
-            self._engine.tell(outcome)
+            self.engine.tell(outcome)
         if answered is not None:
             answered(outcomes, None)
 
@@ -488,13 +473,9 @@ class SerialBridge(RealRobot):
         self._set_timer()
 
     def _set_timer(self) -> None:
-        if self._deadline is not None:
-            if self._deadline.when() <= self._due:
-                return
-            self._deadline.cancel()
-            self._deadline = None
-        if self._due < math.inf:
-            self._deadline = self._loop.call_at(self._due, self._ring)
+        # A timer that is due earlier sets itself again (see `_deadline`).
+        if self._due < self._deadline.due:
+            self._deadline.set_at(self._due)
 
 
 def _is_stop(message: Message) -> bool:

@@ -13,6 +13,7 @@ import sys
 import threading
 from collections import deque
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 from simmer_tui import platform_has
@@ -34,17 +35,18 @@ Received = Callable[[bytes], None]
 Failed = Callable[[Exception], None]
 
 
+@dataclass(eq=False)
 class SerialChannel:
-    """An open port. All methods are for the event loop; so are the calls it makes."""
+    """An open port, which is read from the beginning. All methods are for the event loop; so are the calls
+    it makes."""
 
-    def __init__(
-        self, port: Any, loop: asyncio.AbstractEventLoop, received: Received, failed: Failed
-    ) -> None:
-        """Begin to read. `failed` is called once, and should close the channel."""
-        self._port = port
-        self._loop = loop
-        self._received = received
-        self._failed = failed
+    port: Any
+    loop: asyncio.AbstractEventLoop
+    received: Received
+    failed: Failed
+    """Called once; it should close the channel."""
+
+    def __post_init__(self) -> None:
         self._outbox: deque[bytes] = deque()
         self._closing = threading.Event()
 
@@ -68,21 +70,19 @@ class SerialChannel:
         closer.join(CLOSE_TIMEOUT)
 
     def _close_port(self) -> None:
-        close_port(self._port)
+        close_port(self.port)
 
     def _fail(self, error: Exception) -> None:
         if not self._closing.is_set():
-            self._failed(error)
+            self.failed(error)
 
 
 def channel_for(
     port: Any, loop: asyncio.AbstractEventLoop, received: Received, failed: Failed
 ) -> SerialChannel:
     """The fastest channel that a pyserial port allows."""
-    descriptor = descriptor_of(port)
-    if descriptor is None:
-        return ThreadChannel(port, loop, received, failed)
-    return DescriptorChannel(port, descriptor, loop, received, failed)
+    kind = ThreadChannel if descriptor_of(port) is None else DescriptorChannel
+    return kind(port, loop, received, failed)
 
 
 def descriptor_of(port: Any) -> int | None:
@@ -100,20 +100,13 @@ def descriptor_of(port: Any) -> int | None:
 class DescriptorChannel(SerialChannel):
     """A port that is read and written in the event loop itself, which never blocks."""
 
-    def __init__(
-        self,
-        port: Any,
-        descriptor: int,
-        loop: asyncio.AbstractEventLoop,
-        received: Received,
-        failed: Failed,
-    ) -> None:
-        super().__init__(port, loop, received, failed)
-        self._descriptor = descriptor
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self._descriptor: int = self.port.fileno()
         self._rest = b""
         """Unsent rest of the message begun last."""
         self._stalled: asyncio.TimerHandle | None = None
-        loop.add_reader(descriptor, self._read)
+        self.loop.add_reader(self._descriptor, self._read)
 
     def write(self, data: bytes) -> None:
         self._outbox.append(data)
@@ -121,7 +114,7 @@ class DescriptorChannel(SerialChannel):
             self._write()
 
     def close(self) -> None:
-        self._loop.remove_reader(self._descriptor)
+        self.loop.remove_reader(self._descriptor)
         self._set_stalled(False)
         super().close()
 
@@ -131,12 +124,12 @@ class DescriptorChannel(SerialChannel):
         except (BlockingIOError, InterruptedError):
             return
         except OSError as error:
-            self._failed(error)
+            self.failed(error)
             return
         if data:
-            self._received(data)
+            self.received(data)
         else:
-            self._failed(EOFError("the other end is closed"))
+            self.failed(EOFError("the other end is closed"))
 
     def _write(self) -> None:
         """Send what the port takes; the loop calls again when it takes more."""
@@ -151,7 +144,7 @@ class DescriptorChannel(SerialChannel):
             self._set_stalled(False)
             self._outbox.clear()
             self._rest = b""
-            self._loop.call_soon(self._fail, error)
+            self.loop.call_soon(self._fail, error)
         else:
             self._set_stalled(False)
 
@@ -160,12 +153,12 @@ class DescriptorChannel(SerialChannel):
         if self._stalled is not None:
             self._stalled.cancel()
             self._stalled = None
-            self._loop.remove_writer(self._descriptor)
+            self.loop.remove_writer(self._descriptor)
         if stalled:
-            self._stalled = self._loop.call_later(
+            self._stalled = self.loop.call_later(
                 port_list.WRITE_TIMEOUT, self._fail, TimeoutError("write timeout")
             )
-            self._loop.add_writer(self._descriptor, self._write)
+            self.loop.add_writer(self._descriptor, self._write)
 
 
 class ThreadChannel(SerialChannel):
@@ -174,14 +167,12 @@ class ThreadChannel(SerialChannel):
     `read(max(1, in_waiting))` with a short time limit wakes as soon as a byte is there, on all systems.
     """
 
-    def __init__(
-        self, port: Any, loop: asyncio.AbstractEventLoop, received: Received, failed: Failed
-    ) -> None:
-        super().__init__(port, loop, received, failed)
+    def __post_init__(self) -> None:
+        super().__post_init__()
         self._changed = threading.Condition()
         self._inbox = bytearray()
         self._inbox_lock = threading.Lock()
-        port.timeout = READ_TIMEOUT
+        self.port.timeout = READ_TIMEOUT
         self._reader = threading.Thread(target=self._read, name="serial read", daemon=True)
         self._writer = threading.Thread(target=self._write, name="serial write", daemon=True)
         self._reader.start()
@@ -204,15 +195,15 @@ class ThreadChannel(SerialChannel):
 
     def _close_port(self) -> None:
         for name in ("cancel_read", "cancel_write"):  # not every kind of port has them
-            getattr(self._port, name, _do_nothing)()
+            getattr(self.port, name, _do_nothing)()
         for thread in (self._reader, self._writer):
             thread.join(READ_TIMEOUT + CLOSE_TIMEOUT)  # a thread that hangs ends when its port is closed
-        close_port(self._port)
+        close_port(self.port)
 
     def _read(self) -> None:
         try:
             while not self._closing.is_set():
-                data = self._port.read(max(1, self._port.in_waiting))
+                data = self.port.read(max(1, self.port.in_waiting))
                 if data:
                     self._pass_on(data)
         except Exception as error:  # noqa: BLE001 - pyserial lets through whatever its drivers raise
@@ -237,14 +228,14 @@ class ThreadChannel(SerialChannel):
                     return
                 data = self._outbox.popleft()
             try:
-                self._port.write(data)
+                self.port.write(data)
             except Exception as error:  # noqa: BLE001 - as in _read
                 self._call(self._fail, error)
                 return
 
     def _call(self, function: Callable[..., None], *arguments: object) -> None:
         try:
-            self._loop.call_soon_threadsafe(function, *arguments)
+            self.loop.call_soon_threadsafe(function, *arguments)
         except RuntimeError:  # the loop has ended
             self._closing.set()
 
@@ -256,8 +247,8 @@ class ThreadChannel(SerialChannel):
         if self._closing.is_set():
             return
         if more:  # a robot that floods holds up nothing else
-            self._loop.call_soon(self._deliver)
-        self._received(data)
+            self.loop.call_soon(self._deliver)
+        self.received(data)
 
 
 def _do_nothing() -> None:

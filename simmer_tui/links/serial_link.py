@@ -1,18 +1,23 @@
 """Bytes to and from a robot on a serial port, which may come and go.
 
 A port is opened in a thread, because that may take seconds, and closed and tried again with a
-growing delay whenever it fails.
+growing delay whenever it fails. What goes over it can be kept in a file.
 """
 
 from __future__ import annotations
 
 import asyncio
+import contextlib
+import json
 import threading
+import time
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Protocol
 
 from simmer_tui.links.port_list import close_port, explain, open_port
 from simmer_tui.links.serial_channel import SerialChannel, channel_for
+from simmer_tui.sessions import LoopTimer
 
 
 class LinkListener(Protocol):
@@ -24,32 +29,25 @@ class LinkListener(Protocol):
 
     def lost(self, reason: str) -> None:
         """The link failed or could not be opened and will be retried. Called once per reason."""
-        ...
 
 
 class RobotLink(Protocol):
     """Bytes to and from a robot. Lives in one event loop; all calls, both ways, are made there."""
 
-    @property
-    def name(self) -> str:
-        """Name of the port, as the user gave it."""
-        ...
+    name: str
+    """Name of the port, as the user gave it."""
 
     def start(self, listener: LinkListener) -> None:
         """Open, and open again whenever it is lost. Call once, in a running loop."""
-        ...
 
     def write(self, data: bytes) -> None:
         """Send a message. While the link is closed it is dropped."""
-        ...
 
     def write_instead(self, data: bytes) -> list[bytes]:
         """Send a message at once, instead of those that still wait; returns these."""
-        ...
 
     def close(self) -> None:
         """Close the port. The listener is not called again."""
-        ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,22 +63,18 @@ class SerialLink:
     """A serial port, or a URL that pyserial opens (`socket://`, `rfc2217://`, `loop://`)."""
 
     def __init__(self, port: str, baud: int = 9600, back_off: BackOff | None = None) -> None:
-        self._name = port
+        self.name = port
         self._baud = baud
         self._back_off = back_off or BackOff()
         self._delay = self._back_off.first
         self._listener: LinkListener | None = None
         self._channel: SerialChannel | None = None
-        self._retry: asyncio.TimerHandle | None = None
+        self._retry = LoopTimer(self._try)
         self._told = ""
-
-    @property
-    def name(self) -> str:
-        return self._name
 
     def start(self, listener: LinkListener) -> None:
         self._listener = listener
-        self._loop = asyncio.get_running_loop()
+        self._loop = self._retry.loop = asyncio.get_running_loop()
         self._try()
 
     def write(self, data: bytes) -> None:
@@ -92,24 +86,23 @@ class SerialLink:
 
     def close(self) -> None:
         self._listener = None
-        if self._retry is not None:
-            self._retry.cancel()
+        self._retry.cancel()
         if self._channel is not None:
             self._channel.close()
             self._channel = None
 
     def _try(self) -> None:
         # A daemon: Bluetooth ports take many seconds to open, and nobody may wait for that.
-        threading.Thread(target=self._open, name=f"open {self._name}", daemon=True).start()
+        threading.Thread(target=self._open, name=f"open {self.name}", daemon=True).start()
 
     def _open(self) -> None:
         """Open the port, in a thread of its own."""
         port: Any = None
         reason = ""
         try:
-            port = open_port(self._name, self._baud)
+            port = open_port(self.name, self._baud)
         except Exception as error:  # noqa: BLE001 - pyserial lets through whatever its drivers raise
-            reason = explain(error, self._name)
+            reason = explain(error, self.name)
         try:
             self._loop.call_soon_threadsafe(self._tried, port, reason)
         except RuntimeError:  # the loop has ended, so that nobody wants the port any more
@@ -137,12 +130,74 @@ class SerialLink:
         if self._channel is not None:
             self._channel.close()
             self._channel = None
-            self._try_later(explain(error, self._name, was_open=True))
+            self._try_later(explain(error, self.name, was_open=True))
 
     def _try_later(self, reason: str) -> None:
-        self._retry = self._loop.call_later(self._delay, self._try)
+        self._retry.set_in(self._delay)
         self._delay = min(2 * self._delay, self._back_off.longest)
         # Once per reason: tries go on for as long as the robot is off.
         if reason != self._told and self._listener is not None:
             self._told = reason
             self._listener.lost(reason)
+
+
+class RecordedLink:
+    """A link whose bytes are kept: `{"t": SECONDS, "to": TEXT}` for those to the robot, `from` for those from
+    it, one character a byte. `unsent` is what a stop overtook. The first line has the rate, `{"baud": N}`. A
+    write that fails ends the record, and nothing else.
+
+    Raises:
+        OSError: The file cannot be written.
+    """
+
+    def __init__(self, link: RobotLink, path: str, baud: int) -> None:
+        self._link = link
+        self.name = link.name
+        self._begun = time.monotonic()
+        # Line by line: what was exchanged is there though the run ends badly.
+        self._file = Path(path).expanduser().open("w", encoding="utf-8", buffering=1)
+        self._file.write(json.dumps({"baud": baud}) + "\n")
+        self._listener: LinkListener
+
+    def start(self, listener: LinkListener) -> None:
+        self._listener = listener
+        self._link.start(self)
+
+    def write(self, data: bytes) -> None:
+        self._keep("to", data)
+        self._link.write(data)
+
+    def write_instead(self, data: bytes) -> list[bytes]:
+        dropped = self._link.write_instead(data)
+        for each in dropped:
+            self._keep("unsent", each)
+        self._keep("to", data)
+        return dropped
+
+    def close(self) -> None:
+        self._link.close()
+        with contextlib.suppress(OSError):
+            self._file.close()
+
+    def opened(self) -> None:
+        """The link is open."""
+        self._listener.opened()
+
+    def received(self, data: bytes) -> None:
+        """Bytes have come from the robot."""
+        self._keep("from", data)
+        self._listener.received(data)
+
+    def lost(self, reason: str) -> None:
+        """The link is lost."""
+        self._listener.lost(reason)
+
+    def _keep(self, side: str, data: bytes) -> None:
+        if self._file.closed:
+            return
+        line = {"t": round(time.monotonic() - self._begun, 4), side: data.decode("latin-1")}
+        try:
+            self._file.write(json.dumps(line) + "\n")
+        except OSError:  # the disk is full; the robot goes on
+            with contextlib.suppress(OSError):
+                self._file.close()

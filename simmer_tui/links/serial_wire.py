@@ -1,14 +1,61 @@
-"""The wire between a program and a robot that a dialect plays: bytes take their time, both ways."""
+"""The robot's serial port between a program and a robot that a dialect plays: the ways by which programs open
+it, what they ask of the robot, and the wire, on which bytes take their time, both ways.
+"""
 
 from __future__ import annotations
 
 import math
 from collections import deque
 from collections.abc import Callable, Iterator
+from typing import Protocol
 
 from simmer_tui.config.settings import BITS_OF_A_BYTE
 from simmer_tui.dialect.frames import FrameKind, Framing
 from simmer_tui.engine import Engine
+from simmer_tui.links.peer import ReadBudget
+
+
+class SerialDoor(Protocol):
+    """A program with an open serial port, by the hook in its pyserial or by a pseudo-terminal."""
+
+    peer: str
+    port: str
+    """The name of the port that it has opened."""
+    by_clock: bool
+    """True if the program lives by the program's clock."""
+
+    def answer(self, refused: str) -> None:
+        """The port is open; or it is not, for this reason."""
+
+    def deliver(self, begin: float, byte: float, data: bytes) -> None:
+        """Pass on bytes of the robot: they begin to arrive at `begin`, by the loop's clock, and each takes
+        `byte` seconds."""
+
+
+class SerialRobot(Protocol):
+    """The robot's side of the port. One program at a time has it open."""
+
+    engine: Engine
+    budget: ReadBudget
+
+    def reached(self) -> None:
+        """A program has begun that will find the port."""
+
+    def opened(self, door: SerialDoor, name: str, baud: float | None) -> None:
+        """A program opens a port, at a baud rate if that is known; it gets its `answer`."""
+
+    def written(self, door: SerialDoor, data: bytes) -> None:
+        """The program has written bytes."""
+
+    def set_baud(self, door: SerialDoor, baud: float) -> None:
+        """The program has set another baud rate."""
+
+    def waits(self, door: SerialDoor, place: str) -> None:
+        """A read of the program has waited for long, at this place."""
+
+    def closed(self, door: SerialDoor, unread: int) -> None:
+        """The program has closed the port, or has gone, and has left so many bytes unread."""
+
 
 # What a serial driver keeps: Linux' tty layer has 4,096 bytes.
 DRIVER_BUFFER = 4096
@@ -30,27 +77,23 @@ class Wire:
         self._engine = engine
         self._framing = framing
         self._in_free = self._out_free = -math.inf
-        self._byte = 0.0
+        self.byte = 0.0
+        """Time of a byte, seconds."""
         self._coming: deque[bytes] = deque()
         self.left_out = 0
         """Count of messages of streams that were left out."""
         self.set_baud(baud)
 
-    @property
-    def byte(self) -> float:
-        """Time of a byte, seconds."""
-        return self._byte
-
     def set_baud(self, baud: float) -> None:
         """From here on bytes take so long."""
-        self._byte = BITS_OF_A_BYTE / baud if baud > 0 else 0.0
+        self.byte = BITS_OF_A_BYTE / baud if baud > 0 else 0.0
 
     def bring(self, data: bytes, receive: Callable[[bytes], None]) -> None:
         """Have bytes of the program arrive at the robot: each message when its last byte does."""
         now = self._engine.now()
         at = max(self._in_free, now)
         for part in _messages(data, self._framing):
-            at += len(part) * self._byte
+            at += len(part) * self.byte
             if at <= now and not self._coming:
                 receive(part)
             else:
@@ -72,10 +115,10 @@ class Wire:
         much waits for what is `droppable`."""
         now = self._engine.now()
         begin = max(self._out_free, now)
-        if droppable and self._byte and (begin - now) / self._byte + count > DRIVER_BUFFER:
+        if droppable and self.byte and (begin - now) / self.byte + count > DRIVER_BUFFER:
             self.left_out += 1
             return None
-        self._out_free = begin + count * self._byte
+        self._out_free = begin + count * self.byte
         return begin - now
 
 

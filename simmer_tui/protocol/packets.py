@@ -28,23 +28,18 @@ from msgspec import Struct
 from numpy.typing import NDArray
 
 from simmer_tui.config.settings import ServerSettings
+from simmer_tui.protocol.binary import GRACE, LONGEST
 from simmer_tui.protocol.replies import NUMBERS, ReplyForm, ReplyFormat, pack_number, pack_ranges
 from simmer_tui.sim.command import Command
 from simmer_tui.sim.records import CommandResult, Status
 
-# As in the binary dialects; clients that close at once end their request by that.
-GRACE = 0.005
-"""Seconds of silence that end a request without brackets."""
-# As in the binary dialects.
-MAX_COMMAND = 256
-"""Longest command, bytes."""
 # Some 4,000 commands with a value; a request has at most a thousand.
 MAX_REQUEST = 64 * 1024
 """Longest request, bytes."""
 MAX_COMMANDS = 1000
 """Most commands in a request: as many as a mailbox holds replies."""
 STOP = "xx"
-"""The code that stops all motion."""
+"""The code by which programs stop all motion, in every dialect."""
 
 _BRACKET = re.compile(rb"[\[\]]")
 _BLANK = b" \t\r\n"
@@ -181,14 +176,14 @@ def _request(dialect: RequestStyle, text: bytes) -> Request:
 
 
 def _refusal(dialect: RequestStyle, text: bytes | bytearray, problem: str) -> Request:
-    return Request(dialect, (_command(bytes(text[:MAX_COMMAND]), problem),))
+    return Request(dialect, (_command(bytes(text[:LONGEST]), problem),))
 
 
 def _command(piece: bytes, problem: str = "") -> Command:
     """A command with code and value. Spaces are kept: here, unlike on a line, the place counts."""
-    if len(piece) > MAX_COMMAND:
-        problem = problem or f"a command has at most {MAX_COMMAND} bytes"
-    text = piece[:MAX_COMMAND].decode("latin-1")  # one character a byte, so that any byte passes
+    if len(piece) > LONGEST:
+        problem = problem or f"a command has at most {LONGEST} bytes"
+    text = piece[:LONGEST].decode("latin-1")  # one character a byte, so that any byte passes
     if len(text) < 2:
         problem = problem or ("a code has two characters" if text else "an empty command")
     # The third character is a separator of any kind, as in simmer-python.
@@ -204,25 +199,15 @@ MAX_WAITING = 1000
 
 # As simmer-python prints them; programs match \d+\.\d+.
 _DECIMALS = 3
-# simmer-python's words since Aug 2024: True, False, Not Found and DRIVE STOP.
-_WORDS = {
-    Status.DONE: "True",
-    Status.ACCEPTED: "True",
-    Status.BUSY: "False",
-    Status.REFUSED: "False",
-    Status.UNKNOWN: "Not Found",
-    Status.UNANSWERED: "Not Found",
-    Status.STOPPED: "DRIVE STOP",
-}
-# The numbers of the forms before that, without brackets.
-_NUMBERS = {
-    Status.DONE: math.inf,
-    Status.ACCEPTED: math.inf,
-    Status.BUSY: math.nan,
-    Status.REFUSED: math.nan,
-    Status.UNKNOWN: math.nan,
-    Status.UNANSWERED: math.nan,
-    Status.STOPPED: math.inf,
+# simmer-python's words since Aug 2024, and the numbers of the forms before that, without brackets.
+_ANSWERS = {
+    Status.DONE: ("True", math.inf),
+    Status.ACCEPTED: ("True", math.inf),
+    Status.BUSY: ("False", math.nan),
+    Status.REFUSED: ("False", math.nan),
+    Status.UNKNOWN: ("Not Found", math.nan),
+    Status.UNANSWERED: ("Not Found", math.nan),
+    Status.STOPPED: ("DRIVE STOP", math.inf),
 }
 
 
@@ -281,7 +266,7 @@ def _echo(command: Command) -> str:
 def _word(command: Command, outcome: CommandResult) -> str:
     if outcome.status is not Status.READING:
         # A text that is no command at all has no value to be wrong: there is no such code.
-        return _WORDS[Status.UNKNOWN] if command.problem else _WORDS[outcome.status]
+        return _ANSWERS[Status.UNKNOWN if command.problem else outcome.status][0]
     if outcome.reading is not None and outcome.reading.sensor.is_yes_or_no:
         return str(outcome.reply >= 0.5)
     ranges = outcome.ranges
@@ -289,8 +274,9 @@ def _word(command: Command, outcome: CommandResult) -> str:
 
 
 def _legacy_item(reply_format: ReplyFormat, outcome: CommandResult) -> bytes:
-    number = outcome.reply if outcome.status is Status.READING else _NUMBERS[outcome.status]
-    ranges = outcome.ranges if outcome.status is Status.READING else None
+    is_reading = outcome.status is Status.READING
+    number = outcome.reply if is_reading else _ANSWERS[outcome.status][1]
+    ranges = outcome.ranges if is_reading else None
     if reply_format is ReplyFormat.TEXT:
         return (number_text(number) if ranges is None else ranges_text(ranges)).encode()
     layout = NUMBERS[reply_format.value, "little"]

@@ -226,12 +226,11 @@ class PageServer:
         has_news = frames.take_in()
         if not self._viewers:
             frames.forget()
+            return
         # A robot that stands and a clock that goes on need fewer frames.
-        elif has_news or frames.has_passed(is_due=self._ticks % _STILL == 0) or self._is_silent():
+        has_passed = has_news or frames.has_passed(is_due=self._ticks % _STILL == 0)
+        if has_passed or self._loop.time() - self._sent >= _HEARTBEAT:
             self._publish({})
-
-    def _is_silent(self) -> bool:
-        return self._loop.time() - self._sent >= _HEARTBEAT
 
     def _publish(self, told: dict[str, Any]) -> None:
         """Send what is new to all viewers: encoded once."""

@@ -42,15 +42,12 @@ class PageHost(Protocol):
 
     def response(self, request: Request) -> Response | None:
         """The answer to a request; None if the connection is to become a viewer's."""
-        ...
 
     def message_received(self, viewer: Viewer, data: bytes) -> None:
         """A viewer has sent a message."""
-        ...
 
     def viewer_gone(self, viewer: Viewer) -> None:
         """A connection is no more."""
-        ...
 
 
 class Viewer(Peer):
@@ -96,9 +93,6 @@ class Viewer(Peer):
         # One that talks is read again with the next frame: a flood costs nobody else anything.
         if self.role is not None and not self._ending:
             self.hold(True)
-
-    def eof_received(self) -> bool:
-        return False
 
     def connection_lost(self, error: OSError | None) -> None:
         self._host.viewer_gone(self)

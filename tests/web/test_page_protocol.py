@@ -28,7 +28,7 @@ from simmer_tui.events import (
 )
 from simmer_tui.report.player import RecordingEncoder
 from simmer_tui.report.verdict import Outcome, Verdict
-from simmer_tui.web import live_recording, page_server, viewer
+from simmer_tui.web import page_server, run_frames, viewer
 from tests.links.test_access import as_nobody, two_users
 from tests.web.pages import SECONDS, PageRun, PageViewer, Recorded, page_run
 
@@ -156,7 +156,7 @@ def test_no_time_is_shown_of_which_not_all_is_told(monkeypatch: pytest.MonkeyPat
 
 
 def test_a_page_that_lost_events_begins_anew_and_goes_on(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(live_recording, "MOST_WAITING_EVENTS", 10)
+    monkeypatch.setattr(run_frames, "MOST_WAITING_EVENTS", 10)
     with page_run() as run, PageViewer(run) as watching:
         watching.wait(lambda message: "run" in message)
         held = threading.Event()

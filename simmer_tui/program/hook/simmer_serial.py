@@ -10,6 +10,7 @@ import collections
 import importlib.abc
 import importlib.machinery
 import json
+import math
 import os
 import socket
 import struct
@@ -177,25 +178,28 @@ class SerialLine:
                 break
             if self._broken and first is None:
                 raise OSError(self._broken)
-            if wake is not None and wake.is_set():
+            if _is_over(until, now, wake):
                 return False
-            left = None if until is None else until - now
-            if left is not None and left <= 0:
-                return False
-            if left is None and now - begun > _LONG:
+            if until is None and now - begun > _LONG:
                 self._tell_waiting()
-            if left is None and first is None and _program_clock() is not None:
+            if self._pauses(first, until, now):
+                now, first = self._clock(), self._first()
+        return True
+
+    def _pauses(self, first: float | None, until: float | None, now: float) -> bool:
+        """Wait for what the robot sends, until the next byte arrives whose time is known, or the end. By the
+        program's clock it is False where no time has passed."""
+        if _program_clock() is not None and (first is not None or until is None):
+            if first is None:
                 self._receive(None)  # the clock knows if nothing will ever come
-                continue
-            if first is not None and _program_clock() is not None:
-                continue
-            pauses = [0.5 if left is None else min(left, 0.5)] + ([] if first is None else [first - now])
-            pause = min(pauses)
-            if first is not None and pause < 0.0005:
-                time.sleep(max(pause, 0.0))
-            else:
-                self._receive(pause)
-            now, first = self._clock(), self._first()
+            return False
+        end = math.inf if until is None else until - now
+        arrives = math.inf if first is None else first - now
+        pause = min(0.5, end, arrives)
+        if first is not None and pause < 0.0005:
+            time.sleep(max(pause, 0.0))
+        else:
+            self._receive(pause)
         return True
 
     def _first(self) -> float | None:
@@ -260,6 +264,11 @@ def _program_clock() -> Any:
     """The program's clock, if this process lives by it."""
     module = sys.modules.get("simmer_clock")
     return module.CLOCK[0] if module is not None and module.CLOCK else None
+
+
+def _is_over(until: float | None, now: float, wake: threading.Event | None) -> bool:
+    """True if a read has waited until its end, or was cancelled."""
+    return (wake is not None and wake.is_set()) or (until is not None and until <= now)
 
 
 def _pass_time_until(first: float, until: float | None, now: float) -> bool:
@@ -345,9 +354,6 @@ def make_class(serialutil: Any, clock: Callable[[], float]) -> Any:
             if self.is_open:
                 self._wake.set()
 
-        def cancel_write(self) -> None:
-            self._use()
-
         def write(self, data: Any) -> int:
             line = self._use()
             data = serialutil.to_bytes(data)
@@ -370,50 +376,22 @@ def make_class(serialutil: Any, clock: Callable[[], float]) -> Any:
             line = self._use()
             line.take(line.waiting())
 
-        def reset_output_buffer(self) -> None:
-            self._use()
-
         def send_break(self, duration: float = 0.25) -> None:
             self._use()
             time.sleep(duration)
 
-        def _update_break_state(self) -> None:
-            self._use()
-
-        def _update_rts_state(self) -> None:
-            self._use()
-
-        def _update_dtr_state(self) -> None:
-            self._use()
-
-        @property
-        def cts(self) -> bool:
+        def _needs_open(self, *settings: Any, **named: Any) -> bool:
+            """Do nothing, on an open port: the line has no such signals and buffers."""
             self._use()
             return True
 
-        @property
-        def dsr(self) -> bool:
-            self._use()
-            return True
-
-        @property
-        def ri(self) -> bool:
-            self._use()
-            return False
-
-        @property
-        def cd(self) -> bool:
-            self._use()
-            return True
+        cancel_write = reset_output_buffer = nonblocking = set_buffer_size = _needs_open
+        _update_break_state = _update_rts_state = _update_dtr_state = _needs_open
+        cts = dsr = cd = property(_needs_open)
+        ri = property(lambda self: not self._needs_open())
 
         def fileno(self) -> int:
             return self._use().fileno()
-
-        def nonblocking(self) -> None:
-            self._use()
-
-        def set_buffer_size(self, rx_size: int = 4096, tx_size: int | None = None) -> None:
-            self._use()
 
     Serial.__module__ = "serial"
     Serial.__qualname__ = "Serial"

@@ -10,6 +10,7 @@ import struct
 import threading
 import time
 from collections.abc import Awaitable, Callable, Iterator
+from dataclasses import dataclass
 from typing import Any
 
 import pytest
@@ -76,6 +77,22 @@ class Clock(asyncio.SelectorEventLoop):
             await asyncio.sleep(0)
 
 
+@dataclass
+class Traffic:
+    """Counts of what is in progress on the two ports."""
+
+    connections: int
+    """Connections on the request port."""
+    speaking: int
+    """Those of them on which something has come."""
+    reads: int
+    """Reads on the reply port that are not over yet."""
+    unread: int
+    """Replies handed to a client that has not taken all of them yet."""
+    owed: int
+    """Commands that have come in and are not answered yet."""
+
+
 class Bench:
     """A packet link on a clock, with all that was told."""
 
@@ -115,6 +132,13 @@ class Bench:
         self.left += 1
 
     @property
+    def traffic(self) -> Traffic:
+        """Counts of what is in progress now."""
+        link, speaking = self.link, sum(sender.spoken for sender in self.link.senders)
+        reads, unread = len(link.replies.reads), len(link.replies.unread)
+        return Traffic(len(link.senders), speaking, reads, unread, link.unanswered)
+
+    @property
     def outcomes(self) -> list[CommandResult]:
         return [event for event in self.events if isinstance(event, CommandResult)]
 
@@ -140,14 +164,12 @@ class Bench:
     async def send(self, data: bytes, items: int) -> None:
         """One message on a connection of its own, closed at once; returns when so many commands
         have been answered."""
-        wanted, others = len(self.outcomes) + items, self.link.traffic.connections
+        wanted, others = len(self.outcomes) + items, self.traffic.connections
         sender = await self.connect(0)
         await self.clock.sock_sendall(sender, data)
         sender.close()
         await self.clock.until(lambda: len(self.outcomes) >= wanted)
-        await self.clock.until(
-            lambda: self.link.traffic.connections <= others and len(self.outcomes) >= wanted
-        )
+        await self.clock.until(lambda: self.traffic.connections <= others and len(self.outcomes) >= wanted)
 
     async def stay(self, data: bytes, items: int) -> socket.socket:
         """The same on a connection that stays open."""
@@ -171,9 +193,9 @@ class Bench:
 
     async def begin_read(self) -> socket.socket:
         """A read that waits."""
-        waiting = self.link.traffic.reads
+        waiting = self.traffic.reads
         reader = await self.connect(1)
-        await self.clock.until(lambda: self.link.traffic.reads > waiting)
+        await self.clock.until(lambda: self.traffic.reads > waiting)
         return reader
 
     async def ask(self, data: bytes, items: int = 1) -> bytes:

@@ -80,7 +80,7 @@ def test_requests_without_brackets_are_answered_in_the_form_that_is_set(
         else:
             sender = await bench.connect(0)
             await bench.clock.sock_sendall(sender, request_bytes)
-            await bench.clock.until(lambda: bench.link.busy and bench.link.traffic.speaking)
+            await bench.clock.until(lambda: bench.link.busy and bench.traffic.speaking)
             await bench.clock.pass_by(0.006)
             await bench.clock.until(lambda: len(bench.outcomes) == len(numbers))
         reply: bytes = await bench.read()

@@ -191,7 +191,7 @@ def test_a_program_that_reads_in_a_second_thread_while_it_writes_gets_every_repl
 def test_a_hundred_connections_at_once_are_all_answered(
     served: Serve, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("simmer_tui.links.packet_connections.DIRECT_DELAY", 60.0)
+    monkeypatch.setattr("simmer_tui.links.packet_link.DIRECT_DELAY", 60.0)
     running = served()
     with contextlib.ExitStack() as stack:
         senders = [stack.enter_context(running.connect()) for _ in range(100)]

@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from simmer_tui.links.packet_connections import LONGEST_KEPT
+from simmer_tui.links.packet_presence import LONGEST_KEPT
 from simmer_tui.links.processes import ProcessLookup
 
 linux_only = pytest.mark.skipif(sys.platform != "linux", reason="only Linux tells whose a connection is")

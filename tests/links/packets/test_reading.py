@@ -10,8 +10,7 @@ import pytest
 
 from simmer_tui.backend import MOST_COMMANDS, MOST_REFUSED
 from simmer_tui.events import ActionDone, ActionName
-from simmer_tui.links.packet_connections import IDLE_LIMIT
-from simmer_tui.links.packet_link import MOST_CONNECTIONS
+from simmer_tui.links.packet_link import IDLE_LIMIT, MOST_CONNECTIONS
 from simmer_tui.protocol.packets import MAX_WAITING, Reply
 from simmer_tui.protocol.replies import ReplyFormat
 from simmer_tui.sim import Status
@@ -30,9 +29,9 @@ def test_a_read_with_nothing_to_fetch_ends_without_bytes_after_a_60th_of_a_secon
     async def scenario(bench: Any) -> bytes:
         reader = await bench.begin_read()
         await bench.clock.pass_by(0.016)
-        assert bench.link.traffic.reads == 1
+        assert bench.traffic.reads == 1
         await bench.clock.pass_by(0.001)
-        assert not bench.link.traffic.reads
+        assert not bench.traffic.reads
         return await ended(bench, reader)
 
     assert on_clock(scenario) == b""
@@ -43,7 +42,7 @@ def test_a_tight_loop_reads_sixty_times_a_second_at_most(on_clock: Any) -> None:
         reads = 0
         while bench.clock.time() < 1.0:
             reader = await bench.begin_read()
-            while bench.link.traffic.reads:
+            while bench.traffic.reads:
                 await bench.clock.pass_by(0.0005)
             assert await ended(bench, reader) == b""
             reads += 1
@@ -70,7 +69,7 @@ def test_the_newest_of_two_reads_that_wait_gets_the_reply(on_clock: Any) -> None
     async def scenario(bench: Any) -> tuple[bytes, bytes]:
         sender = await bench.connect(0)
         await bench.clock.sock_sendall(sender, b"[m0")
-        await bench.clock.until(lambda: bench.link.traffic.speaking)
+        await bench.clock.until(lambda: bench.traffic.speaking)
         first, second = await bench.begin_read(), await bench.begin_read()
         await bench.clock.sock_sendall(sender, b"]")
         reply = await bench.rest(second)
@@ -84,10 +83,10 @@ def test_a_read_waits_for_a_packet_that_is_still_coming_in(on_clock: Any) -> Non
     async def scenario(bench: Any) -> bytes:
         sender = await bench.connect(0)
         await bench.clock.sock_sendall(sender, b"[m0,")
-        await bench.clock.until(lambda: bench.link.busy and bench.link.traffic.speaking)
+        await bench.clock.until(lambda: bench.link.busy and bench.traffic.speaking)
         reader = await bench.begin_read()
         await bench.clock.pass_by(0.09)
-        assert bench.link.traffic.reads == 1
+        assert bench.traffic.reads == 1
         await bench.clock.sock_sendall(sender, b"m1]")
         reply: bytes = await bench.rest(reader)
         return reply
@@ -99,10 +98,10 @@ def test_a_read_waits_no_longer_than_a_tenth_of_a_second_for_a_packet_that_stall
     async def scenario(bench: Any) -> None:
         sender = await bench.connect(0)
         await bench.clock.sock_sendall(sender, b"[m0,")
-        await bench.clock.until(lambda: bench.link.traffic.speaking)
+        await bench.clock.until(lambda: bench.traffic.speaking)
         reader = await bench.begin_read()
         await bench.clock.pass_by(0.099)
-        assert bench.link.traffic.reads == 1
+        assert bench.traffic.reads == 1
         await bench.clock.pass_by(0.002)
         assert await ended(bench, reader) == b""
         another = await bench.begin_read()  # nobody waits for it a second time
@@ -129,7 +128,7 @@ def test_a_read_waits_while_a_drive_is_answered_at_its_end(on_clock: Any) -> Non
         await bench.clock.until(lambda: bench.simulator.moving)
         reader = await bench.begin_read()
         await bench.clock.pass_by(0.09)
-        assert bench.link.traffic.reads == 1
+        assert bench.traffic.reads == 1
         await bench.clock.pass_by(0.02)
         assert await ended(bench, reader) == b""
         await bench.clock.pass_by(0.88)
@@ -146,7 +145,7 @@ def test_a_reader_that_goes_while_it_waits_takes_no_reply_with_it(on_clock: Any,
     async def scenario(bench: Any) -> bytes:
         sender = await bench.connect(0)
         await bench.clock.sock_sendall(sender, b"[m0")
-        await bench.clock.until(lambda: bench.link.traffic.speaking)
+        await bench.clock.until(lambda: bench.traffic.speaking)
         reader = await bench.begin_read()
         if how == "closes":
             reader.close()
@@ -154,7 +153,7 @@ def test_a_reader_that_goes_while_it_waits_takes_no_reply_with_it(on_clock: Any,
             await bench.clock.sock_sendall(reader, b"[u0]")
             bench.reset(reader)
         await bench.clock.sock_sendall(sender, b"]")
-        await bench.clock.until(lambda: bench.outcomes and not bench.link.traffic.reads)
+        await bench.clock.until(lambda: bench.outcomes and not bench.traffic.reads)
         sender.close()
         reply: bytes = await bench.read()
         return reply
@@ -270,7 +269,7 @@ def test_replies_to_one_who_read_on_its_own_connection_and_left_are_nobody_elses
         await bench.clock.sock_sendall(sender, b"[w0:6]")
         await bench.clock.until(lambda: bench.simulator.moving)
         bench.reset(sender)
-        await bench.clock.until(lambda: not bench.link.traffic.connections)
+        await bench.clock.until(lambda: not bench.traffic.connections)
         await bench.clock.pass_by(1.1)
         assert bench.outcomes[-1].command.text == "w0:6"
         return bytes(await bench.ask(b"[m2]"))
@@ -284,12 +283,12 @@ def test_a_sender_that_does_not_read_what_it_gets_is_dropped(on_clock: Any) -> N
         packet = b"[" + b",".join([b"m0"] * 1000) + b"]"
         sender = await bench.stay(packet, 1000)
         await bench.clock.pass_by(0.06)
-        while bench.link.traffic.connections:
+        while bench.traffic.connections:
             try:
                 await bench.clock.sock_sendall(sender, packet)
             except (BrokenPipeError, ConnectionResetError):
                 break
-        await bench.clock.until(lambda: not bench.link.traffic.connections)
+        await bench.clock.until(lambda: not bench.traffic.connections)
         assert any("does not read" in text for text in bench.notices)
         reply: bytes = await bench.ask(b"[m1]")
         return reply
@@ -303,7 +302,7 @@ def test_a_sender_that_does_not_read_what_it_gets_is_dropped(on_clock: Any) -> N
 def test_a_silent_connection_is_told_of_and_closed_in_the_end(on_clock: Any) -> None:
     async def scenario(bench: Any) -> None:
         silent = await bench.connect(0)
-        await bench.clock.until(lambda: bench.link.traffic.connections)
+        await bench.clock.until(lambda: bench.traffic.connections)
         await bench.clock.pass_by(1.1)
         assert "has connected and sent nothing yet" in bench.notices[-1]
         assert await bench.ask(b"[m0]") == b"[m0:0.0]"
@@ -317,11 +316,11 @@ def test_a_silent_connection_is_told_of_and_closed_in_the_end(on_clock: Any) -> 
 def test_when_there_are_too_many_connections_the_one_that_was_silent_longest_goes(on_clock: Any) -> None:
     async def scenario(bench: Any) -> None:
         oldest = await bench.connect(0)
-        await bench.clock.until(lambda: bench.link.traffic.connections)
+        await bench.clock.until(lambda: bench.traffic.connections)
         await bench.clock.pass_by(0.2)
         for _ in range(MOST_CONNECTIONS - 1):
             await bench.connect(0)
-        await bench.clock.until(lambda: bench.link.traffic.connections == MOST_CONNECTIONS)
+        await bench.clock.until(lambda: bench.traffic.connections == MOST_CONNECTIONS)
         await bench.clock.pass_by(0.1)
         assert await bench.ask(b"[m0]") == b"[m0:0.0]"
         assert await bench.clock.sock_recv(oldest, 1) == b""
@@ -336,7 +335,7 @@ def test_when_too_many_reads_wait_the_oldest_ends(on_clock: Any) -> None:
         for _ in range(MOST_CONNECTIONS):
             await bench.connect(1)
         assert await bench.clock.sock_recv(oldest, 1) == b""
-        assert bench.link.traffic.reads == MOST_CONNECTIONS
+        assert bench.traffic.reads == MOST_CONNECTIONS
 
     on_clock(scenario)
 
@@ -390,7 +389,7 @@ def test_where_all_users_are_let_in_one_users_flood_makes_only_that_one_busy(
         before, users.now = len(bench.busy), user
         other = await bench.connect(0)
         await bench.clock.sock_sendall(other, b"[m0]")
-        await bench.clock.until(lambda: bench.link.traffic.speaking == 2)
+        await bench.clock.until(lambda: bench.traffic.speaking == 2)
         await bench.clock.pass_by(5.0)
         assert len(bench.busy) - before == (user == 1000)
 
@@ -426,7 +425,7 @@ def test_one_that_never_waits_for_replies_is_dropped_in_the_end(on_clock: Any) -
         flood = await bench.connect(0)
         with contextlib.suppress(ConnectionError):
             await bench.clock.sock_sendall(flood, b"[w0:3]" + b"[m0]" * (MOST_REFUSED + 4000))
-        await bench.clock.until(lambda: bench.link.traffic.connections == 0)
+        await bench.clock.until(lambda: bench.traffic.connections == 0)
         stopped = [each.action.name for each in bench.events if isinstance(each, ActionDone)]
         assert stopped == [ActionName.STOP], "a stop may be among what is not read any more"
         assert any("does not read its replies" in text for text in bench.notices)
@@ -460,7 +459,7 @@ def test_who_stays_connected_or_still_reads_has_not_left(on_clock: Any) -> None:
         await bench.clock.pass_by(20.0)
         assert bench.left == 0
         sender.close()
-        await bench.clock.until(lambda: not bench.link.traffic.connections)
+        await bench.clock.until(lambda: not bench.traffic.connections)
         for _ in range(5):
             await bench.clock.pass_by(4.0)
             await bench.begin_read()
@@ -504,9 +503,9 @@ GREAT = Reply(ReplyFormat.FRAMED, (b"x" * 16_000,) * 500)
 
 def test_a_great_reply_arrives_whole(on_clock: Any) -> None:
     async def scenario(bench: Any) -> bytes:
-        bench.link.post(GREAT)
+        bench.link.replies.post(GREAT)
         reply: bytes = await bench.read()
-        assert not bench.link.traffic.unread
+        assert not bench.traffic.unread
         return reply
 
     assert on_clock(scenario) == GREAT.message()
@@ -514,13 +513,13 @@ def test_a_great_reply_arrives_whole(on_clock: Any) -> None:
 
 def test_one_who_comes_for_a_reply_and_does_not_read_it_is_dropped(on_clock: Any) -> None:
     async def scenario(bench: Any) -> bytes:
-        bench.link.post(GREAT)
+        bench.link.replies.post(GREAT)
         await bench.connect(1)
-        await bench.clock.until(lambda: bench.link.traffic.unread)
+        await bench.clock.until(lambda: bench.traffic.unread)
         await bench.clock.pass_by(9.9)
-        assert bench.link.traffic.unread
+        assert bench.traffic.unread
         await bench.clock.pass_by(0.2)
-        assert not bench.link.traffic.unread
+        assert not bench.traffic.unread
         reply: bytes = await bench.ask(b"[m0]")
         return reply
 

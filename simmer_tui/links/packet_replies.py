@@ -1,0 +1,207 @@
+"""The reply port of the connection-per-message dialects: replies wait in a mailbox until a client reads."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import socket
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from simmer_tui.config.dialects import PACKET_REPLIES
+from simmer_tui.links.link import LinkContext
+from simmer_tui.links.packet_presence import Presence
+from simmer_tui.links.peer import MOST_CONNECTIONS, Peer, ReadBudget, host_of
+from simmer_tui.program_clock import clock_of
+from simmer_tui.protocol.packets import Mailbox, Reply
+from simmer_tui.sessions import LoopTimer
+
+# 64 KiB at most: a client that floods the reply port gets a reset instead.
+DRAINED, DRAINS = 4096, 16
+"""Bytes dropped at once of what a client sends to the reply port, and how often."""
+# Judged: one line a second, however many replies are dropped.
+REPORT_DELAY = 1.0
+"""Seconds over which replies that nobody read are counted before they are reported."""
+# simmer-python's clients read in a tight loop: unbounded, they would use up a processor.
+EMPTY_DELAY = 1 / 60
+"""Seconds a read with nothing to fetch takes, which bounds how often a client can try."""
+# Judged: longer than any request takes to be answered at once, and not felt by a client that polls.
+LONGEST_WAIT = 0.1
+"""Longest that a read waits for a request being received or answered, and that a request which
+has stopped coming in counts as being received."""
+# More than `CLOSING`: a merged reply of 1000 items may exceed the system's buffers.
+UNREAD_PATIENCE = 10.0
+"""Seconds in which a client must have read the reply it came for."""
+
+
+class _Read:
+    """A connection on the reply port until it is answered, or closed without bytes: it needs no
+    transport. Only one that came while a request was under way waits for the reply."""
+
+    def __init__(self, sock: socket.socket, peer: str, port: ReplyPort) -> None:
+        self.sock = sock
+        self.peer = peer
+        self.waits = False
+        """True if it is to get the next reply."""
+        self._port = port
+        self._loop = asyncio.get_running_loop()
+        self._came = self._loop.time()
+        self._considering = self._loop.call_soon(self._consider)  # when all that came before it is seen
+        self._timer = self._loop.call_later(EMPTY_DELAY, self._end)
+
+    def cancel(self) -> None:
+        """Wait no longer."""
+        self._considering.cancel()
+        self._timer.cancel()
+
+    def _consider(self) -> None:
+        port = self._port
+        if port.mailbox and not port.receiving():
+            port.answer(self)
+        else:
+            self.waits = bool(port.mailbox) or port.busy()
+
+    def _end(self) -> None:
+        port = self._port
+        left = self._came + LONGEST_WAIT - self._loop.time()
+        if self.waits and port.mailbox:
+            port.answer(self)
+        elif self.waits and port.busy() and left > 0:
+            self._timer = self._loop.call_later(left, self._end)
+        else:
+            port.end_empty(self)
+
+
+class _Unread(Peer):
+    """A connection on the reply port that is sent more than the system takes at once."""
+
+    closing = UNREAD_PATIENCE
+
+    def __init__(self, read: _Read, port: ReplyPort, rest: bytes) -> None:
+        super().__init__(read.sock, read.peer, port.budget)
+        self._port = port
+        self.write(rest)
+        self.close()
+
+    def connection_lost(self, error: OSError | None) -> None:
+        self._port.unread.discard(self)
+
+
+@dataclass(eq=False)
+class ReplyPort:
+    """Serves the reply port from a mailbox.
+
+    Args:
+        context: The port, and the engine that tells faults.
+        mailbox: Replies that wait.
+        presence: The clients that read.
+        budget: The bytes read in a turn of the event loop.
+        receiving: True while a request is being received.
+        busy: True while a request is being received or answered.
+    """
+
+    context: LinkContext
+    mailbox: Mailbox
+    presence: Presence
+    budget: ReadBudget
+    receiving: Callable[[], bool]
+    busy: Callable[[], bool]
+
+    def __post_init__(self) -> None:
+        """Begin to listen. Needs a running event loop."""
+        self.reads: dict[_Read, None] = {}
+        """Those that are not over yet, the oldest first."""
+        self.unread: set[_Unread] = set()
+        """Connections to clients that have not taken all of their reply yet."""
+        self._tell_fault = self.context.engine.tell_fault
+        self._loop = asyncio.get_running_loop()
+        self._clock = clock_of(self._loop)
+        self._dropped = 0
+        self._report = LoopTimer(self._report_dropped, self._loop)
+        self._delivering = False
+        self._number = self.context.listeners[PACKET_REPLIES.purpose].port
+        self._acceptor = self.context.accept(PACKET_REPLIES, self._welcome)
+
+    def close(self) -> None:
+        """Stop listening and end all connections."""
+        self._acceptor.close()
+        for read in tuple(self.reads):
+            self.end_empty(read)
+        for unread in tuple(self.unread):
+            unread.abort()
+
+    def _welcome(self, sock: socket.socket, peer: str) -> None:
+        self.presence.connected(sock, peer)
+        self.presence.read(peer)
+        if len(self.reads) >= MOST_CONNECTIONS:
+            self.end_empty(next(iter(self.reads)))
+        self.reads[_Read(sock, peer, self)] = None
+
+    def end_empty(self, read: _Read) -> None:
+        """Close a read without bytes."""
+        read.cancel()
+        del self.reads[read]
+        with contextlib.suppress(OSError):
+            _has_closed(read.sock)
+        read.sock.close()
+
+    def answer(self, read: _Read) -> None:
+        """Send a read everything in the mailbox and close it, unless its client has gone."""
+        read.cancel()
+        del self.reads[read]
+        rest = b""
+        try:
+            # A read that waited and has closed was given up: its reply stays for the next one.
+            if not (_has_closed(read.sock) and read.waits):
+                self.presence.takes(read.peer)
+                rest = self.mailbox.take()
+                with contextlib.suppress(BlockingIOError):
+                    sent = read.sock.send(rest)
+                    if self._clock is not None:
+                        self._clock.written += sent
+                    rest = rest[sent:]
+        except OSError as error:
+            self._tell_fault(f"client {read.peer} broke off on the reply port: {error.strerror or error}")
+            rest = b""
+        if rest and len(self.unread) < MOST_CONNECTIONS:
+            self.unread.add(_Unread(read, self, rest))
+        else:
+            read.sock.close()
+
+    def post(self, reply: Reply, peer: str = "") -> None:
+        """Put a reply for `peer` into the mailbox, or hand it to a read that is waiting for it."""
+        dropped = self.mailbox.put(reply, host_of(peer), self._loop.time())
+        if dropped:
+            if not self._dropped:
+                self._report.set_in(REPORT_DELAY)
+            self._dropped += dropped
+        if self.reads and not self._delivering:
+            self._delivering = True
+            self._loop.call_soon(self._deliver)  # after the rest of what came with it
+
+    def _deliver(self) -> None:
+        self._delivering = False
+        # The rest of a request is about to come; its reply belongs into the same message.
+        if self.receiving():
+            return
+        waiting = [read for read in self.reads if read.waits]
+        for read in reversed(waiting):  # an older one may be a connection that never reads
+            if not self.mailbox:
+                return
+            self.answer(read)
+
+    def _report_dropped(self) -> None:
+        self._tell_fault(f"{self._dropped} replies dropped: nobody reads them on port {self._number}")
+        self._dropped = 0
+
+
+def _has_closed(sock: socket.socket) -> bool:
+    """True if the other end has closed its side; raises OSError if it broke off. Drops what it
+    sent, which would make our own end a reset."""
+    for _ in range(DRAINS):
+        try:
+            if not sock.recv(DRAINED):
+                return True
+        except BlockingIOError:
+            return False
+    return False
