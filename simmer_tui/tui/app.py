@@ -25,30 +25,14 @@ from simmer_tui.server import Server
 from simmer_tui.sim.command import Command, escape, printable
 from simmer_tui.sim.specs import DriveKind
 from simmer_tui.snapshot import Snapshot
-from simmer_tui.tui.answers import (
-    AnswerCard,
-    bias_answer,
-    first_steps,
-    program_output,
-    verdict_answer,
-    verdict_so_far,
-    why_answer,
-)
+from simmer_tui.tui import answers
 from simmer_tui.tui.console import ConsolePane, History
 from simmer_tui.tui.event_text import REASONS, complaint_of
 from simmer_tui.tui.headline import RunPhase
 from simmer_tui.tui.help import CommandProvider, ReportScreen, help_screen
-from simmer_tui.tui.key_table import (
-    IN_CONSOLE,
-    Hint,
-    MazePane,
-    drive_keys,
-    hints_of,
-    keymap,
-    maze_hints,
-)
+from simmer_tui.tui.key_table import IN_CONSOLE, Hint, MazePane, drive_keys, hints_of, keymap, maze_hints
 from simmer_tui.tui.key_velocity import PERIOD, KeyVelocity
-from simmer_tui.tui.line_panel import LinePanel, between, heading, shortened
+from simmer_tui.tui.line_panel import LinePanel, between, shortened
 from simmer_tui.tui.live import LiveSource, report_of
 from simmer_tui.tui.picture import picture
 from simmer_tui.tui.readouts import Room, last_reply, status_line
@@ -90,7 +74,6 @@ class SimmerApp(Shell):
         super().__init__(LiveSource(server), choice, MazePane(choice.glyphs, choice.color, id="maze"))
         self.server = server
         self._console = ConsolePane(self._spec, History(history_file), self.follow)
-        self._console_head = LinePanel(id="console-head")
         self._console.again = self._again_typed
         self._prompt = LinePanel(id="prompt")
         self._reply = LinePanel(id="reply")
@@ -110,7 +93,7 @@ class SimmerApp(Shell):
     # -- putting together ------------------------------------------------------------------------
 
     def controls(self) -> Iterable[Widget]:
-        return self._console_head, self._console, self._prompt, self._reply
+        return self._head, self._console, self._prompt, self._reply
 
     def on_mount(self) -> None:
         self.set_keymap(keymap(self._settings.keys))
@@ -145,41 +128,31 @@ class SimmerApp(Shell):
 
     def _arrange(self, width: int, height: int) -> None:
         super()._arrange(width, height)
-        box = self._plan.boxes.get("console-head")
-        if box is not None:
-            note = (
-                "Up brings back the last line" if self._console.has_focus_within else ": or Enter comes here"
-            )
-            self._console_head.show(
-                [((" ", "plain"), *heading("console", note, box.width - 1, plain=self._plain))]
-            )
+        typed = self._console.has_focus_within
+        self._show_head("console", "Up brings back the last line" if typed else ": or Enter comes here")
         console = self._plan.boxes.get("console")
-        self._prompt.display = console is not None
+        # Without events the line above says what goes on, and the last reply stands beside what is typed.
+        room = console.width // 2 - _PROMPT if console is not None and "events" not in self._plan.boxes else 0
+        self._prompt.display, self._reply.display = console is not None, room > 0
         if console is not None:
             put(self._prompt, Box(console.x + 1, console.y + 1, 1, 1))
             self._prompt.show([((">", "title"),)])
-        # Without events the line above says what goes on, and the last reply stands beside what is typed.
-        room = console.width // 2 - _PROMPT if console is not None and "events" not in self._plan.boxes else 0
-        self._reply.display = room > 0
-        if console is not None:
             self._console.line.styles.width = console.width - room if room > 0 else "1fr"
             put(self._reply, Box(console.x + console.width - room, console.y + 1, max(room - 1, 1), 1))
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
         """Leave the colon a letter where text is typed."""
-        if action == "colon":
-            return len(self.screen_stack) == 1 and not self._console.has_focus_within
-        if action == "again":
+        if action in ("colon", "again"):
             is_elsewhere = len(self.screen_stack) == 1 and not self._console.has_focus_within
-            return is_elsewhere and self._panes.phase.is_over
+            return is_elsewhere and (action == "colon" or self._panes.phase.is_over)
         return super().check_action(action, parameters)
 
-    def _first_steps(self) -> AnswerCard:
+    def _first_steps(self) -> answers.AnswerCard:
         drives = [drive for drive in self._spec.drives if drive.enabled]
         drives.sort(key=lambda drive: drive.kind is not DriveKind.RIGHT)  # forward, if it can
         command = f"{drives[0].code}-3" if drives else "u1"
         key = EXAMPLE_KEY if self._can_run_example else ""
-        return first_steps(key, command, drive_keys(self._settings.keys))
+        return answers.first_steps(key, command, drive_keys(self._settings.keys))
 
     @property
     def _can_run_example(self) -> bool:
@@ -280,16 +253,15 @@ class SimmerApp(Shell):
         snapshot = self._snapshot
         if snapshot is None:
             return
-        if snapshot.verdict is not None and not about:
-            if self.has_pages:  # three rows would cut it
-                # As wide as the page's text, which does not wrap.
-                room = self.size.width - 6
-                text = "\n\n".join(fill(printable(line), room) for line in snapshot.verdict.lines)
-                self.push_screen(ReportScreen(text, "Why", "Esc closes"))
-            else:
-                self.ask(verdict_answer(snapshot.verdict))
+        if snapshot.verdict is None or about:
+            self.ask(answers.why_answer(why(snapshot.state, self._spec), snapshot))
+        elif self.has_pages:  # three rows would cut it
+            # As wide as the page's text, which does not wrap.
+            room = self.size.width - 6
+            text = "\n\n".join(fill(printable(line), room) for line in snapshot.verdict.lines)
+            self.push_screen(ReportScreen(text, "Why", "Esc closes"))
         else:
-            self.ask(why_answer(why(snapshot.state, self._spec), snapshot))
+            self.ask(answers.verdict_answer(snapshot.verdict))
 
     async def _show_report(self) -> None:
         """Show the report of this run: the verdict at once, and all of it once it is made from the log."""
@@ -299,7 +271,7 @@ class SimmerApp(Shell):
                 "report: this run is not saved; :log FILE logs it, simmer-tui report reads it"
             )
             return
-        begun = verdict_so_far(snapshot) if snapshot is not None else ()
+        begun = answers.verdict_so_far(snapshot) if snapshot is not None else ()
         note = f"Esc closes; saved in {printable(saved.path.name)}"
         text = "\n".join([*map(printable, begun), "", "Reading the run ..."])
         screen = ReportScreen(text, "Report of this run", note)
@@ -318,7 +290,7 @@ class SimmerApp(Shell):
         if verdict is None or verdict.program is None:
             self._console.show_error("program: none has ended yet; the events have its output (/ program)")
             return
-        text = program_output(verdict.program)
+        text = answers.program_output(verdict.program)
         self.push_screen(ReportScreen(text, "Program", f"Esc closes; exit code {verdict.program.exit_code}"))
 
     def _complain(self, text: str) -> None:
@@ -362,7 +334,7 @@ class SimmerApp(Shell):
 
     def _show_bias(self) -> None:
         bias = self.server.simulator.bias
-        self.ask(bias_answer({kind.value: (each.x, each.y, each.r) for kind, each in bias.items()}))
+        self.ask(answers.bias_answer(bias))
 
     async def on_event(self, event: Event) -> None:
         """Have any other key end the velocity of a held one before it does what it says."""
@@ -392,7 +364,7 @@ class SimmerApp(Shell):
 
     def _set_pace(self, pace: float) -> None:
         if self.server.engine.timed:
-            self._complain("no effect: timed motion takes its time; :speed changes it")
+            self._console.show_error("no effect: timed motion takes its time; :speed changes it")
             return
         pace = checked_pace(pace)
         self.server.set_pace(pace)

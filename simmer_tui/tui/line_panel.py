@@ -13,7 +13,7 @@ from textual.strip import Strip
 from textual.widget import Widget
 
 from simmer_tui.sim.command import escape, printable
-from simmer_tui.tui.direct_lines import DirectLines
+from simmer_tui.tui.strips import DirectLines
 
 StyledLine = tuple[tuple[str, str], ...]
 """Pieces of one line, each (text, role); a role is one of `ROLES`."""

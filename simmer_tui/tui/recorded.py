@@ -245,27 +245,25 @@ class RecordedRun(EventHandler[None]):
 
     def move_to(self, elapsed: float) -> None:
         """Show a moment."""
-        self.elapsed = min(max(elapsed, 0.0), self.duration)
-        is_any = self.index.count and self.elapsed >= self.index.time_of(0)
-        self.entry = self.index.find_time(self.elapsed) if is_any else -1
-        self._changed = True
+        elapsed = min(max(elapsed, 0.0), self.duration)
+        is_any = self.index.count and elapsed >= self.index.time_of(0)
+        self._show(self.index.find_time(elapsed) if is_any else -1, elapsed)
 
     def stand_at(self, entry: int) -> None:
-        """Show the moment at which all that an entry tells has happened."""
-        self.entry = entry
-        self.elapsed = self.index.over_of(entry)
-        self._changed = True
+        """Show the moment at which all that an entry says has happened."""
+        self._show(entry, self.index.over_of(entry))
 
     def begin(self) -> None:
         """Show the moment before the first entry."""
-        self.entry, self.elapsed, self.playing, self._changed = -1, 0.0, False, True
+        self.playing = False
+        self._show(-1, 0.0)
 
     def stand_at_end(self) -> None:
         self.playing = False
-        if self.index.count:
-            self.entry = self.index.count - 1
-            self.elapsed = self.duration
-        self._changed = True
+        self._show(self.index.count - 1, self.duration if self.index.count else self.elapsed)
+
+    def _show(self, entry: int, elapsed: float) -> None:
+        self.entry, self.elapsed, self._changed = entry, elapsed, True
 
     def take_in(self) -> bool:
         """Read what has been written since. Returns true if there was any. Who stood at the end stays there.

@@ -23,7 +23,7 @@ from simmer_tui.tui.answers import note
 from simmer_tui.tui.event_text import clock
 from simmer_tui.tui.help import HelpScreen, replay_help
 from simmer_tui.tui.key_table import IN_REPLAY, Hint, bindings_of, hints_of
-from simmer_tui.tui.line_panel import LinePanel, StyledLine, heading
+from simmer_tui.tui.line_panel import LinePanel, StyledLine
 from simmer_tui.tui.maze.view import MazeView
 from simmer_tui.tui.recorded import RecordedRun, TimelineMarkKind
 from simmer_tui.tui.shell import Shell, put
@@ -135,7 +135,6 @@ class ReplayApp(Shell):
         self.action_follow = maze.action_follow
         self.run_shown = run
         self._devices = devices
-        self._head = LinePanel(id="console-head")
         self._timeline = Timeline(run, self.refresh_frame, plain=self._plain)
         self._following = follow
         self._note = ""
@@ -168,11 +167,7 @@ class ReplayApp(Shell):
 
     def _arrange(self, width: int, height: int) -> None:
         super()._arrange(width, height)
-        box = self._plan.boxes.get("console-head")
-        if box is not None:
-            note = "X contact   o goal   p pause"
-            head = heading("timeline", note, box.width - 1, plain=self._plain)
-            self._head.show([((" ", "plain"), *head)])
+        self._show_head("timeline", "X contact   o goal   p pause")
         self._put_time(self.query_one("#time").display)
 
     def _put_time(self, shown: bool) -> None:

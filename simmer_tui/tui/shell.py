@@ -20,7 +20,7 @@ from simmer_tui.snapshot import Snapshot
 from simmer_tui.tui.answers import AnswerCard
 from simmer_tui.tui.jump_thinning import JumpThinning
 from simmer_tui.tui.key_table import ANYWHERE, IN_LOG, Hint, hints_of, keys_line
-from simmer_tui.tui.line_panel import LinePanel
+from simmer_tui.tui.line_panel import LinePanel, heading
 from simmer_tui.tui.maze.palette import Look
 from simmer_tui.tui.maze.view import MazeView
 from simmer_tui.tui.panes import Panes, SnapshotSource
@@ -59,6 +59,7 @@ class Shell(FaultTold, TerminalApp):
         self._panes = Panes(source, choice, maze)
         self._panes.sensors.picked = self.pick_sensor
         self._maze = maze
+        self._head = LinePanel(id="console-head")
         self._keys = LinePanel(id="keys")
         self._small = LinePanel(id="small")
         self._gate = Backpressure(self)
@@ -132,7 +133,8 @@ class Shell(FaultTold, TerminalApp):
             self.skipped += 1
             return
         # A snapshot comes from the robot's thread; a slow one must not queue up more of them.
-        if self._sampling or self._nothing_new() or self._thinning.passes_over(self._jumps):
+        nothing_new = not self.source.has_news(self._known) and self._idle and not self._panes.has_unshown
+        if self._sampling or nothing_new or self._thinning.passes_over(self._jumps):
             return
         self._sampling = True
         try:
@@ -143,9 +145,6 @@ class Shell(FaultTold, TerminalApp):
         finally:
             self._sampling = False
 
-    def _nothing_new(self) -> bool:
-        return not self.source.has_news(self._known) and self._idle and not self._panes.has_unshown
-
     def post_display_hook(self) -> None:
         self._gate.note_display()
 
@@ -153,18 +152,12 @@ class Shell(FaultTold, TerminalApp):
         before, self._snapshot = self._snapshot, snapshot
         since, self._known = self._known, snapshot.number
         # A command that comes in during a pause is no event, nor is the end of a calm second.
-        self._idle = (
-            before is not None
-            and snapshot.rate == 0
-            and before.state.pose == snapshot.state.pose
-            and not snapshot.state.paused
-        )
-        self._jumps = (
-            before is not None
-            and snapshot.pace == 0.0
-            and not (before.state.moving or snapshot.state.moving)
-            and before.state.pose != snapshot.state.pose
-        )
+        self._idle = self._jumps = False
+        if before is not None:
+            stays = before.state.pose == snapshot.state.pose
+            is_moving = before.state.moving or snapshot.state.moving
+            self._idle = stays and snapshot.rate == 0 and not snapshot.state.paused
+            self._jumps = not stays and snapshot.pace == 0.0 and not is_moving
         self.frames += 1
         has_events = self._panes.show(snapshot)
         self.shown(snapshot, since)
@@ -243,6 +236,13 @@ class Shell(FaultTold, TerminalApp):
         self.refresh_bindings()
         self._is_arranged = True
         self.refresh_frame()
+
+    def _show_head(self, title: str, note: str) -> None:
+        """Show the heading of console or timeline, where it has one."""
+        box = self._plan.boxes.get("console-head")
+        if box is not None:
+            line = heading(title, note, box.width - 1, plain=self._plain)
+            self._head.show([((" ", "plain"), *line)])
 
     def _laid_out(self, screen: Screen[object]) -> None:
         """Draw into boxes that have just got their sizes."""
