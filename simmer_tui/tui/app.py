@@ -45,6 +45,9 @@ EXAMPLE_KEY = "F5"
 """Key that runs the sample program: where development environments have theirs to run one."""
 _PROMPT = 5
 """Columns that what is typed has more than the reply beside it, on a small screen."""
+# Frame and padding at both sides, the scrollbar, and one to spare.
+_PAGE_FRAME = 6
+"""Columns of a page that its text does not have."""
 # They have an order or a key of their own here.
 _REPLACED = ("Screenshot", "Keys", "Maximize", "Minimize", "Quit")
 
@@ -71,7 +74,7 @@ class SimmerApp(Shell):
         program: str = "",
     ) -> None:
         """`program` is the name of the one that runs beside, if there is one."""
-        super().__init__(LiveSource(server), choice, MazePane(choice.glyphs, choice.color, id="maze"))
+        super().__init__(LiveSource(server), choice, MazePane(choice.glyphs, choice.color))
         self.server = server
         self._console = ConsolePane(self._spec, History(history_file), self.follow)
         self._console.again = self._again_typed
@@ -84,7 +87,7 @@ class SimmerApp(Shell):
         self.page_links: tuple[str, ...] = ()
         """Lines with the links to the page that shows the run in browsers."""
         self.run_again: Callable[[], None] = partial(self.action_press, "reset")
-        """Begins the run anew."""
+        """Restarts the run."""
         self._panes.pointer = " ".join(REASONS)
         self._panes.home.first_steps = self._first_steps
         self._panes.home.has_orders = True
@@ -178,14 +181,14 @@ class SimmerApp(Shell):
             self._panes.program_name = EXAMPLE
 
     def action_again(self) -> None:
-        """Begin the run anew, after its end, and its program with it."""
+        """Restart the run after its end, and its program with it."""
         self._panes.home.close()
         self._console.forget_errors()
         self.run_again()
         self.refresh_frame()
 
     def _again_typed(self) -> bool:
-        """Begin the run anew if it is over, for the key that says so in an empty console."""
+        """Restart the run if it is over, for the key that does so from an empty console."""
         if self._panes.phase.is_over:
             self.action_again()
             return True
@@ -219,7 +222,7 @@ class SimmerApp(Shell):
         if isinstance(order, Command):
             self._operator.send(order, partial(self._console.refuse, self._console.given, order.text))
         elif isinstance(order, Action):
-            self._complain(self._operator.perform(order))
+            self._console.show_error(self._operator.perform(order))
         else:
             self._follow_local(order)
         self.refresh_frame()
@@ -236,7 +239,7 @@ class SimmerApp(Shell):
             "why": self._show_why,
             "report": lambda _: self.run_worker(self._show_report(), group="report", exclusive=True),
             "program": lambda _: self._show_program(),
-            "bias": lambda _: self._show_bias(),
+            "bias": lambda _: self.ask(answers.bias_answer(self.server.simulator.bias)),
             "vv": self._drive_for,
             "log": lambda file: self.run_worker(self._start_log(file), group="log"),
             "robot": self.server.use_robot,
@@ -255,9 +258,9 @@ class SimmerApp(Shell):
             return
         if snapshot.verdict is None or about:
             self.ask(answers.why_answer(why(snapshot.state, self._spec), snapshot))
-        elif self.has_pages:  # three rows would cut it
+        elif self._plan.has_pages:  # three rows would cut it
             # As wide as the page's text, which does not wrap.
-            room = self.size.width - 6
+            room = self.size.width - _PAGE_FRAME
             text = "\n\n".join(fill(printable(line), room) for line in snapshot.verdict.lines)
             self.push_screen(ReportScreen(text, "Why", "Esc closes"))
         else:
@@ -278,7 +281,7 @@ class SimmerApp(Shell):
         # On the screen before its making takes the machine.
         await self.push_screen(screen)
         try:
-            text = await report_of(saved, self.size.width - 6, self._plain)
+            text = await report_of(saved, self.size.width - _PAGE_FRAME, self._plain)
         except OSError as error:
             text = f"The report cannot be made: {error.strerror or error}"
         screen.replace(text)
@@ -292,10 +295,6 @@ class SimmerApp(Shell):
             return
         text = answers.program_output(verdict.program)
         self.push_screen(ReportScreen(text, "Program", f"Esc closes; exit code {verdict.program.exit_code}"))
-
-    def _complain(self, text: str) -> None:
-        if text:
-            self._console.show_error(text)
 
     def _write_picture(self, name: str) -> None:
         dark = self._settings.screen.theme != "light"
@@ -330,11 +329,7 @@ class SimmerApp(Shell):
 
     def _drive_for(self, values: str) -> None:
         refused = partial(self._console.refuse, self._console.given, f":vv {values.replace(';', ' ')}")
-        self._complain(self._operator.drive_for(values, refused))
-
-    def _show_bias(self) -> None:
-        bias = self.server.simulator.bias
-        self.ask(answers.bias_answer(bias))
+        self._console.show_error(self._operator.drive_for(values, refused))
 
     async def on_event(self, event: Event) -> None:
         """Have any other key end the velocity of a held one before it does what it says."""
@@ -346,14 +341,14 @@ class SimmerApp(Shell):
         """Drive or turn by a key's step."""
         self._console.forget_errors()
         by_velocity = self._settings.screen.keys_velocity
-        self._complain((self._held_key if by_velocity else self._operator).drive(name, fine))
+        self._console.show_error((self._held_key if by_velocity else self._operator).drive(name, fine))
         self.refresh_frame()
 
     def action_press(self, name: str) -> None:
         """Do what the key of that name says: `stop`, `poll`, `reset`, `pause`, `step`."""
         self._console.forget_errors()
         paused = self._snapshot is not None and self._snapshot.state.paused
-        self._complain(self._operator.press(name, paused))
+        self._console.show_error(self._operator.press(name, paused))
         self.refresh_frame()
 
     def action_pace(self, factor: float) -> None:

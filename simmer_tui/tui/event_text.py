@@ -71,12 +71,12 @@ def reply_text(result: CommandResult, ended: MovementEnded | None = None) -> str
 
 
 def distance_off(belief: Belief) -> float:
-    """Distance between a belief and the true place when it was told, inches."""
+    """Distance between a belief and the true place at the time of the belief, inches."""
     return math.hypot(belief.pose.x - belief.true.x, belief.pose.y - belief.true.y)
 
 
 def off_text(belief: Belief) -> str:
-    """Error of a belief when it was told: `3.4 in 12 deg`."""
+    """Error of a belief at its time: `3.4 in 12 deg`."""
     if belief.grid is not None and not belief.grid.has_headings:
         return f"{distance_off(belief):.1f} in"
     turned = abs(half_turn(belief.pose.heading - belief.true.heading))
@@ -137,7 +137,7 @@ class EventWords(Struct, frozen=True):
 
 class _Wording(EventHandler[EventWords]):
     """Words for each kind of event; `nearest` is the reading of the sensor that looks at a contact, `wedged`
-    tells that it was one of many in one place."""
+    is True if it was one of many in one place."""
 
     def __init__(self, nearest: Reading | None = None, *, wedged: bool = False) -> None:
         self._nearest, self._wedged = nearest, wedged

@@ -11,7 +11,7 @@ from simmer_tui.sim.specs import DriveKind
 from simmer_tui.sim.velocity_commands import WAIT
 from simmer_tui.tui.key_table import driving_keys
 
-# A terminal tells of presses alone: that a key is held shows in its repeats. Systems begin to repeat
+# A terminal sends presses alone: that a key is held shows in its repeats. Systems begin to repeat
 # after 0.25 to 0.66 s, and go on 20 to 40 times a second.
 _FIRST = 0.7
 """Real seconds that the velocity lasts after the first press of a key."""

@@ -149,7 +149,7 @@ class SensorsPanel(LinePanel):
 
 
 class Panes:
-    """Maze, events and panels. A fault in one is told in its place and keeps nothing else from going on."""
+    """Maze, events and panels. A fault in one is shown in its place, and the others go on."""
 
     def __init__(self, source: SnapshotSource, choice: TerminalChoice, maze: MazeView) -> None:
         configuration = source.configuration
@@ -167,9 +167,9 @@ class Panes:
         self.sensor_rows = rows_wanted(self._spec.sensors)
         self.maze = maze
         self.legend = Legend(maze)
-        self.log = LogPanel(plain=self._plain, id="events")
+        self.log = LogPanel(plain=self._plain)
         self.sensors = SensorsPanel()
-        self.radar = RadarPanel(self._world, choice.glyphs, choice.color, id="radar")
+        self.radar = RadarPanel(self._world, choice.glyphs, choice.color)
         self._lines: dict[str, _Lines] = {
             "answer": self._answer_lines,
             **{kind.name: kind.lines for kind in (*PANELS, *_BARS)},
@@ -282,7 +282,7 @@ class Panes:
         self._waiting += entries
 
     def _show_phase(self, snapshot: Snapshot) -> None:
-        """Have row 0 and the maze's frame wear the colour of the run's phase."""
+        """Give row 0 and the maze's frame the colour of the run's phase."""
         phase = phase_of(snapshot, self._source.ports)
         self.has_mission = snapshot.mission is not None
         if phase is not self.phase:

@@ -130,7 +130,7 @@ def robot_lines(snapshot: Snapshot, room: Room) -> list[StyledLine]:
 
 
 def _wheels(snapshot: Snapshot, room: Room) -> StyledLine:
-    """Rim speeds of a robot that drives until told otherwise, with its contacts if there were any."""
+    """Rim speeds of a robot that drives at a velocity, with its contacts if there were any."""
     velocity = snapshot.state.velocity
     if room.wheels is None or velocity is None:
         return ()

@@ -8,18 +8,9 @@ from pathlib import Path
 from msgspec import Struct
 from msgspec.structs import replace
 
+from simmer_tui import events
 from simmer_tui.config.loader import Configuration
-from simmer_tui.events import (
-    ActionDone,
-    ActionName,
-    Event,
-    EventHandler,
-    MissionEvent,
-    MovementEnded,
-    Notice,
-    NoticeKind,
-    ProgramEnded,
-)
+from simmer_tui.events import ActionName, Event, EventHandler, MovementEnded, Notice, NoticeKind
 from simmer_tui.mission import MissionPlan, mission_state, plan_run
 from simmer_tui.report.run_statistics import RunStatistics
 from simmer_tui.report.verdict import Verdict
@@ -35,7 +26,7 @@ SPEEDS = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0)
 """Simulated seconds a second."""
 # As many as the list of events holds: what is further back would not be shown.
 _NEAR = 2000
-"""Entries ahead whose events are read on rather than begun anew some way before."""
+"""Entries ahead whose events are read on; from further on reading begins some way before the moment."""
 
 
 class TimelineMarkKind(StrEnum):
@@ -94,18 +85,18 @@ class _RunEnd(EventHandler[None]):
     def other(self, event: Event) -> None:
         """Nothing ends."""
 
-    def on_mission(self, event: MissionEvent) -> None:
+    def on_mission(self, event: events.MissionEvent) -> None:
         if event.over:
             self.over = self.line
 
-    def on_program_ended(self, event: ProgramEnded) -> None:
+    def on_program_ended(self, event: events.ProgramEnded) -> None:
         self.left = self.line
 
     def on_notice(self, event: Notice) -> None:
         if event.kind is NoticeKind.CONNECTED:
             self.left = 0
 
-    def on_action(self, event: ActionDone) -> None:
+    def on_action(self, event: events.ActionDone) -> None:
         if event.restarts:
             self.over = self.left = 0
 
@@ -195,12 +186,12 @@ class RecordedRun(EventHandler[None]):
             self._take_pending()
 
     def _begin_feed(self) -> None:
-        """Have the list of events begin anew, wherever in the log."""
+        """Restart the list of events, wherever in the log."""
         # The time of the log's beginning may be later than that of what comes after a reset.
         beginning = replace(self.index.header.beginning(self.configuration), time=0.0)
         self._feed, self._reducer, self._anew = EventFeed(), Reducer(beginning), True
         self._pending: tuple[float, MovementEnded] | None = None
-        """The end of the movement shown, and when it was told, real time."""
+        """The end of the movement shown, and the real time of its record."""
 
     def on_ended(self, event: MovementEnded) -> None:
         self._pending = self._told_at, event  # a log tells of it where the movement begins

@@ -128,7 +128,7 @@ class ReplayApp(Shell):
         self, run: RecordedRun, choice: TerminalChoice, *, follow: bool = False, devices: Path | None = None
     ) -> None:
         """A take-over looks for the device files of the run in the folder `devices`."""
-        maze = MazeView(choice.glyphs, choice.color, id="maze")
+        maze = MazeView(choice.glyphs, choice.color)
         super().__init__(run, choice, maze)
         # The maze's own actions, wherever the focus is.
         self.action_zoom, self.action_fit = maze.action_zoom, maze.action_fit
@@ -189,12 +189,12 @@ class ReplayApp(Shell):
 
     async def _find_verdict(self) -> None:
         """Have the end of the run show its cause, as a live one does."""
-        with contextlib.suppress(RunLogError):  # whoever follows the log is told by `_take_in`
+        with contextlib.suppress(RunLogError):  # `_take_in` says so to whoever follows the log
             await self.run_shown.find_verdict()
             self.refresh_frame()
 
     def _take_in(self) -> None:
-        """Read the entries that were written since; after one that may end a run, find the verdict anew."""
+        """Read the entries that were written since; after one that may end a run, find the verdict again."""
         index = self.run_shown.index
         known = index.count
         try:

@@ -358,6 +358,7 @@ class _SensorTable:
             said = ", ".join(filter(None, (kind_name(kind).removesuffix(" sensor"), note)))
             line: StyledLine = (begin, (f" {self.view.dash:<4}{said}", "dim"))
             return between(line, (("not read", "dim"),), self.width)
+        # Digits of three columns each; the codes before them have six, and the note a gap.
         pad = " " if len(group) * 3 + len(note) + 7 <= self.width else ""
         return between((begin, *self._yes_or_no(group, pad)), ((note, "dim"),), self.width)
 

@@ -167,10 +167,10 @@ class Shell(FaultTold, TerminalApp):
         draw_at_once(self.screen_stack[0])
 
     def _make_room_for_answers(self) -> None:
-        """Arrange the panes anew where an answer, or a mission's panel, wants other rows than the last."""
+        """Arrange the panes again where an answer, or a mission's panel, wants other rows than the last."""
         rows = self._panes.answer_rows
         # On a small screen it is there or not; beside the maze only one longer than usual takes more.
-        rows = min(rows, 1) if self.has_pages else rows * (rows > ANSWER_ROWS)
+        rows = min(rows, 1) if self._plan.has_pages else rows * (rows > ANSWER_ROWS)
         if (rows, self._panes.has_mission) != (self._answer_rows, self._had_mission):
             self._answer_rows, self._had_mission = rows, self._panes.has_mission
             self._arrange(self.size.width, self.size.height)
@@ -203,11 +203,6 @@ class Shell(FaultTold, TerminalApp):
 
     def on_resize(self, event: Resize) -> None:
         self._arrange(event.size.width, event.size.height)
-
-    @property
-    def has_pages(self) -> bool:
-        """True if the screen is so small that F2 shows more."""
-        return self._plan.has_pages
 
     def _arrange(self, width: int, height: int) -> None:
         """Put every widget into its box, and hide those without one."""
@@ -253,7 +248,7 @@ class Shell(FaultTold, TerminalApp):
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
         """Allow pages on small screens only."""
-        return self.has_pages or action not in ("page", "next_page")
+        return self._plan.has_pages or action not in ("page", "next_page")
 
     def action_page(self, number: int) -> None:
         """On small screens: show all in brief, or one of sensors, robot and events."""
@@ -270,7 +265,7 @@ class Shell(FaultTold, TerminalApp):
 
     def action_focus_pane(self) -> None:
         """To the maze, or to the page shown on a small screen."""
-        page = PAGES[self._page] if self.has_pages else "maze"
+        page = PAGES[self._page] if self._plan.has_pages else "maze"
         self.screen.set_focus({"maze": self._maze, "events": self._panes.log}.get(page))
 
     # -- keys at the bottom ----------------------------------------------------------------------
@@ -286,7 +281,7 @@ class Shell(FaultTold, TerminalApp):
         return hints_of(IN_LOG if self._panes.log.has_focus else ANYWHERE)
 
     def _show_keys(self) -> None:
-        always = [("F2", PAGES[(self._page + 1) % len(PAGES)])] if self.has_pages else []
+        always = [("F2", PAGES[(self._page + 1) % len(PAGES)])] if self._plan.has_pages else []
         box = self._plan.boxes.get("keys")
         if box is not None:
             self._keys.show([keys_line(self.hints(), box.width, always)])

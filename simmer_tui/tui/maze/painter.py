@@ -32,7 +32,7 @@ from simmer_tui.tui.terminal import ColorDepth, GlyphMode
 _Key = tuple[Viewport, tuple[MazePoint, ...] | None, MazePoint | None, Palette]
 # A tile of the course's floor: those that the sensors at the robot's rim may see next.
 _LOUD_BEYOND = 3.0
-"""Inches beyond the robot within which tiles are told apart while a line sensor is in use."""
+"""Inches beyond the robot within which tiles differ clearly while a line sensor is in use."""
 
 
 class Painter:
@@ -91,8 +91,8 @@ class Painter:
         return canvas.cells
 
     def _ground(self, scene: Scene, viewport: Viewport) -> Backdrop:
-        """Backdrop of a scene; one whose tiles are told apart under the robot alone is mixed of two. With
-        heat on them tiles stay quiet."""
+        """Backdrop of a scene; one whose tiles differ clearly near the robot alone is mixed of two. With heat
+        on them tiles stay quiet."""
         if self.heat and scene.heat is not None:
             return self._heat_backdrop(scene, viewport, self._heat_map.shown(scene.heat))
         backdrop = self.backdrop(scene, viewport, loud=self.floor is FloorMode.LOUD)
@@ -104,7 +104,7 @@ class Painter:
         return backdrop.with_loud(self.backdrop(scene, viewport, loud=True), near)
 
     def backdrop(self, scene: Scene, viewport: Viewport, *, loud: bool) -> Backdrop:
-        """Floor, walls and zones of a window, drawn anew only when one of them is another."""
+        """Floor, walls and zones of a window."""
 
         def draw() -> Backdrop:
             return Backdrop(scene, viewport, self.signs, self.palette, loud=loud)
@@ -118,7 +118,7 @@ class Painter:
     def _kept(
         self, kind: str, sources: tuple[object, ...], key: _Key, draw: Callable[[], Backdrop]
     ) -> Backdrop:
-        """Last backdrop of a kind; drawn anew if `sources` are other objects, or the key differs."""
+        """Last backdrop of a kind; a new one if `sources` are other objects, or the key differs."""
         drawn = self._drawn.get(kind)
         # By identity: comparing all cells of two mazes would cost more than it saves.
         if drawn is None or drawn[1] != key or any(map(is_not, drawn[0], sources)):
@@ -131,7 +131,7 @@ class Painter:
         return self.signs.has_blocks and self.depth in (ColorDepth.TRUECOLOR, ColorDepth.COLORS_256)
 
     def _heat_backdrop(self, scene: Scene, viewport: Viewport, mark: HeatMark) -> Backdrop:
-        """Backdrop with the map of a grid, drawn anew only when one of them is another."""
+        """Backdrop with the map of a grid."""
 
         def draw() -> Backdrop:
             signs = self.signs
@@ -211,12 +211,12 @@ def _legend(scene: Scene | None, painter: Painter) -> list[LegendEntry]:
         (scene.past_contacts or None, LegendEntry("×" if blocks else "x", Role.CONTACT, "earlier")),
     )
     shown = [entry for mark, entry in marks if mark is not None]
-    # What matters now comes before what one knows by now.
+    # The floor has changed just now; the signs behind it are known by then.
     return [robot, *_ground_entries(scene, painter), *shown, *_line_entries(scene, painter)]
 
 
 def _ground_entries(scene: Scene, painter: Painter) -> list[LegendEntry]:
-    """Colours of the floor: levels of heat, or tiles that are told apart."""
+    """Colours of the floor: levels of heat, or tiles that differ clearly."""
     if painter.heat and scene.heat is not None:
         first = painter.depth is ColorDepth.COLORS_256  # the lowest level has no tint there
         tints = list(zip(HEATS, _HEAT_WORDS, strict=True))[first:] if painter.tints else ()
@@ -290,7 +290,7 @@ def paste_overview(painter: Painter, cells: Cells, scene: Scene, layout: Layout,
     left = FRAME if x > layout.columns / 2 else FRAME + layout.columns - columns
     top = FRAME if y / 2 > layout.rows / 2 else FRAME + layout.rows - rows
     if not painter.signs.has_blocks:
-        # A frame of letters needs a margin to be told from the maze under it.
+        # A frame of letters needs a margin, else it looks like a part of the maze under it.
         for row in range(max(top - 1, FRAME), min(top + rows + 1, FRAME + layout.rows)):
             cells.write(row, max(left - 1, FRAME), " " * min(columns + 2, layout.columns))
     cells.paste(small, top, left)

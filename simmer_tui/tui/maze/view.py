@@ -61,13 +61,9 @@ class MazeView(CellsWidget, can_focus=True, inherit_bindings=False):
     """
 
     def __init__(
-        self,
-        glyphs: GlyphMode = GlyphMode.QUADRANT,
-        depth: ColorDepth = ColorDepth.TRUECOLOR,
-        *,
-        id: str | None = None,  # noqa: A002 - as every widget calls it
+        self, glyphs: GlyphMode = GlyphMode.QUADRANT, depth: ColorDepth = ColorDepth.TRUECOLOR
     ) -> None:
-        super().__init__(id=id)
+        super().__init__(id="maze")
         self.painter = Painter(glyphs, depth)
         self._overview = Painter(glyphs, depth)
         self._overview.floor = FloorMode.QUIET
