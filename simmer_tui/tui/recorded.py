@@ -8,12 +8,12 @@ from pathlib import Path
 from msgspec import Struct
 from msgspec.structs import replace
 
-from simmer_tui import events
 from simmer_tui.config.loader import Configuration
 from simmer_tui.events import ActionName, Event, EventHandler, MovementEnded, Notice, NoticeKind
 from simmer_tui.mission import MissionPlan, mission_state, plan_run
 from simmer_tui.report.run_statistics import RunStatistics
 from simmer_tui.report.verdict import Verdict
+from simmer_tui.run.attempt import Attempt
 from simmer_tui.run.reducer import Reducer
 from simmer_tui.runlog.index import EntryFlag, RunLogIndex
 from simmer_tui.runlog.log_records import ActionRecord, BrokenLine
@@ -58,47 +58,20 @@ def judged_end(path: Path, configuration: Configuration) -> JudgedEnd:
     Raises:
         RunLogError: if the log cannot be read.
     """
-    end = _RunEnd()
     with LogReader(path, configuration) as log:
         run = RunStatistics(log.header, log.configuration, recorded=False)
         for logged in log:
             run.add(logged)
-            if not isinstance(logged, BrokenLine):
-                end.line = logged.line
-                end.handle(logged.event)
         run.finish(log.note)
-    return JudgedEnd(run.verdict, (end.over or end.left or end.line) - _FIRST_LINE)
+    attempt, program = Attempt(run.history, run.task), run.verdict.program
+    # A run ends with its mission, or without one with its program.
+    line = next((row.line for row in run.history.programs.items if row.event is program), attempt.line)
+    entry = (line if attempt.over is None else attempt.line) - _FIRST_LINE
+    return JudgedEnd(run.verdict, max(entry, -1))  # -1 for a log without entries
 
 
 _FIRST_LINE = 2
 """Line of a log's first entry; the header has the one before."""
-
-
-class _RunEnd(EventHandler[None]):
-    """Lines at which the last run of a log ended: by its mission's end, or without one by its program's."""
-
-    def __init__(self) -> None:
-        self.line = _FIRST_LINE - 1
-        """Line of the event that comes next, or came last."""
-        self.over = self.left = 0
-
-    def other(self, event: Event) -> None:
-        """Nothing ends."""
-
-    def on_mission(self, event: events.MissionEvent) -> None:
-        if event.over:
-            self.over = self.line
-
-    def on_program_ended(self, event: events.ProgramEnded) -> None:
-        self.left = self.line
-
-    def on_notice(self, event: Notice) -> None:
-        if event.kind is NoticeKind.CONNECTED:
-            self.left = 0
-
-    def on_action(self, event: events.ActionDone) -> None:
-        if event.restarts:
-            self.over = self.left = 0
 
 
 class RecordedRun(EventHandler[None]):
