@@ -211,7 +211,7 @@ def _legend(scene: Scene | None, painter: Painter) -> list[LegendEntry]:
         (scene.past_contacts or None, LegendEntry("×" if blocks else "x", Role.CONTACT, "earlier")),
     )
     shown = [entry for mark, entry in marks if mark is not None]
-    # The floor has changed just now; the signs behind it are known by then.
+    # The ground comes early: it has changed just now, and the other signs are known already.
     return [robot, *_ground_entries(scene, painter), *shown, *_line_entries(scene, painter)]
 
 
