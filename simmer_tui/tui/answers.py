@@ -236,8 +236,9 @@ def verdict_so_far(snapshot: Snapshot) -> Sequence[str]:
 def bias_answer(bias: Mapping[DriveKind, Axes]) -> AnswerCard:
     """The drives' bias, by kind of movement: x, y and rotation."""
     lines: list[StyledLine] = [(("             x        y        r", "label"),)]
-    for kind, of in bias.items():
-        lines.append(((f"{kind.value:<6}", "label"), (f"{of.x:+9.4f}{of.y:+9.4f}{of.r:+9.4f}", "value")))
+    for kind, axes in bias.items():
+        numbers = f"{axes.x:+9.4f}{axes.y:+9.4f}{axes.r:+9.4f}"
+        lines.append(((f"{kind.value:<6}", "label"), (numbers, "value")))
     return AnswerCard("drive bias", "Esc closes", tuple(lines))
 
 
