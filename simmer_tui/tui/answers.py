@@ -17,6 +17,7 @@ from simmer_tui.report.verdict import Outcome, Verdict
 from simmer_tui.report.why import NOTHING_MOVED, WhyFact
 from simmer_tui.sim.command import escape, parse_value, printable
 from simmer_tui.sim.scan_rays import extremes
+from simmer_tui.sim.specs import Axes, DriveKind
 from simmer_tui.snapshot import LogEntry, Snapshot
 from simmer_tui.tui.event_text import clock, distance_off, grid_lines, off_text
 from simmer_tui.tui.line_panel import StyledLine, heading, length, shortened, wrapped
@@ -99,31 +100,24 @@ def first_steps(example: str, command: str, drive_keys: str) -> AnswerCard:
     typed: StyledLine = (("u1", "mark"), (" reads, ", "value"), (command, "mark"), (" drives", "value"))
     keys: StyledLine = (("Esc", "mark"), (", then ", "value"), (drive_keys, "mark"), (" drives", "value"))
     more: StyledLine = ((":help", "mark"), (" shows all there is to do", "value"))
+    python = "python wander.py", "mark"
+    runs: list[StyledLine] = [(("run a program in another terminal:", "value"),)]
+    brief: StyledLine = (("run in another terminal: ", "value"), python)
     if example:
         run: StyledLine = ((example, "mark"), (" runs the example, wander.py", "value"))
-        second: StyledLine = (("or a program in another terminal:", "value"),)
-        steps = [_step(1, run), _step(2, second), _PYTHON]
-        brief: StyledLine = (*run, (";  elsewhere: ", "value"), *_PYTHON[1:])
-    else:
-        run = (("run a program in another terminal:", "value"),)
-        steps = [_step(1, run), _PYTHON]
-        brief = (("run in another terminal: ", "value"), *_PYTHON[1:])
-    first = len(steps)
-    steps += [_step(first, (("or type: ", "value"), *typed))]
-    steps += [_step(first + 1, (("or press ", "value"), *keys)), (("  ", "plain"), *more)]
-    lines = (
-        _step(1, brief),
-        _step(2, (("or type below: ", "value"), *typed, (" 3 in" if command.endswith("3") else "", "value"))),
-        _step(3, (("or press ", "value"), *keys, (";  ", "value"), *more)),
-    )
-    return AnswerCard("start", "", tuple(steps), lines)
+        runs = [run, (("or a program in another terminal:", "value"),)]
+        brief = (*run, (";  elsewhere: ", "value"), python)
+    press: StyledLine = (("or press ", "value"), *keys)
+    steps = _numbered(*runs, (("or type: ", "value"), *typed), press)
+    steps.insert(len(runs), (("  ", "plain"), python))
+    inches = " 3 in" if command.endswith("3") else ""
+    below: StyledLine = (("or type below: ", "value"), *typed, (inches, "value"))
+    in_brief = _numbered(brief, below, (*press, (";  ", "value"), *more))
+    return AnswerCard("start", "", (*steps, (("  ", "plain"), *more)), tuple(in_brief))
 
 
-_PYTHON: StyledLine = (("  ", "plain"), ("python wander.py", "mark"))
-
-
-def _step(number: int, line: StyledLine) -> StyledLine:
-    return ((f"{number} ", "bold"), *line)
+def _numbered(*lines: StyledLine) -> list[StyledLine]:
+    return [((f"{number} ", "bold"), *line) for number, line in enumerate(lines, 1)]
 
 
 # -- while the run goes on -------------------------------------------------------------------------
@@ -188,13 +182,11 @@ def ended_line(ended: MovementEnded) -> StyledLine:
     command: StyledLine = ((ended.command.shown, "mark"), (" ", "plain"))
     if ended.contact is not None:
         return (*command, (contact_line(ended, ended.contact), "danger"))
-    value = parse_value(ended.command.argument)
-    asked = f", asked {value:g}" if isinstance(value, float) and ended.grip is None else ""
     if ended.grip is not None:
-        text = "holding the block" if ended.grip.holding else "gripper closed" if ended.grip.closed else (
-            "gripper opened"
-        )  # fmt: skip
-        return (*command, (text, "value"))
+        done = f"gripper {'closed' if ended.grip.closed else 'opened'}"
+        return (*command, ("holding the block" if ended.grip.holding else done, "value"))
+    value = parse_value(ended.command.argument)
+    asked = f", asked {value:g}" if isinstance(value, float) else ""
     by = f", stopped by {ended.stopped_by}" if ended.stopped_by else ""
     return (*command, (f"{movement_text(ended)}{by or asked}", "value"))
 
@@ -241,11 +233,12 @@ def verdict_so_far(snapshot: Snapshot) -> Sequence[str]:
     return (f"Still going after {state.time:.1f} s: {commands}, {state.distance:.1f} in driven, {contacts}.",)
 
 
-def bias_answer(bias: Mapping[str, tuple[float, float, float]]) -> AnswerCard:
+def bias_answer(bias: Mapping[DriveKind, Axes]) -> AnswerCard:
     """The drives' bias, by kind of movement: x, y and rotation."""
     lines: list[StyledLine] = [(("             x        y        r", "label"),)]
-    for kind, numbers in bias.items():
-        lines.append(((f"{kind:<6}", "label"), ("".join(f"{each:+9.4f}" for each in numbers), "value")))
+    for kind, axes in bias.items():
+        numbers = f"{axes.x:+9.4f}{axes.y:+9.4f}{axes.r:+9.4f}"
+        lines.append(((f"{kind.value:<6}", "label"), (numbers, "value")))
     return AnswerCard("drive bias", "Esc closes", tuple(lines))
 
 
@@ -266,9 +259,10 @@ def end_answer(snapshot: Snapshot, *, orders: bool) -> AnswerCard | None:
     over = mission if mission is not None and mission.over else None
     if over is not None and over.result is Result.SUCCESS:
         return _success(snapshot, over, orders=orders)
-    crashed = None if verdict is None else _crashed(verdict)
-    if crashed is not None:
-        return _crash(snapshot, crashed, orders=orders)
+    if verdict is not None and verdict.outcome is Outcome.CRASHED:
+        program = verdict.program
+        if program is not None and program.crashed:
+            return _crash(snapshot, program, orders=orders)
     if over is not None:
         return _failure(snapshot, escape(over.reason, _LONGEST), orders=orders)
     if verdict is None or verdict.outcome is Outcome.STILL_GOING:
@@ -277,13 +271,6 @@ def end_answer(snapshot: Snapshot, *, orders: bool) -> AnswerCard | None:
         return _failure(snapshot, _silent_text(verdict) or printable(verdict.text), orders=orders)
     text: StyledLine = ((printable(verdict.text), "value"),)
     return AnswerCard("result", "", (text, _numbers(snapshot), *_offered(_AFTERWARDS, orders=orders)))
-
-
-def _crashed(verdict: Verdict) -> ProgramEnded | None:
-    """The program of a run that ended by its crash."""
-    program = verdict.program
-    has_crashed = program is not None and program.crashed and verdict.outcome is Outcome.CRASHED
-    return program if has_crashed else None
 
 
 _REPORT = (":report", "page")
@@ -296,9 +283,8 @@ def _success(snapshot: Snapshot, mission: MissionState, *, orders: bool) -> Answ
     off: StyledLine = ()
     if belief is not None:
         off = (*_GAP, ("belief ", "label"), (f"{distance_off(belief):.1f}", "bold"), (" in off", "label"))
-    distance: StyledLine = ((f"{mission.distance:.1f}", "bold"), (" in driven", "label"))
     contacts, commands = _amount(mission.contacts, "contact"), _amount(mission.commands, "command")
-    driven: StyledLine = (*contacts, *_GAP, *distance)
+    driven: StyledLine = (*contacts, *_GAP, (f"{mission.distance:.1f}", "bold"), (" in driven", "label"))
     went: StyledLine = (
         ("Succeeded", "good"),
         (f" in {mission.time:.1f} s of {mission.plan.time_limit:g} s", "value"),
@@ -310,14 +296,8 @@ def _success(snapshot: Snapshot, mission: MissionState, *, orders: bool) -> Answ
     times: StyledLine = (*_GAP, *spent_words(mission.spent))
     if length(numbers) + length(times) <= _BRIEF_COLUMNS:
         numbers = (*numbers, *times)
-    second = notes[:1] or [goals_line(mission)]
-    return AnswerCard(
-        "result",
-        "",
-        (went, driven, (*commands, *off), *notes, *offered),
-        (numbers, *second, *offered),
-        role="good",
-    )
+    brief = (numbers, *(notes[:1] or [goals_line(mission)]), *offered)
+    return AnswerCard("result", "", (went, driven, (*commands, *off), *notes, *offered), brief, role="good")
 
 
 _GAP: StyledLine = (("   ", "plain"),)
@@ -338,8 +318,8 @@ def _failure(snapshot: Snapshot, reason: str, *, orders: bool) -> AnswerCard:
     notes = _notes(verdict)
     brief = (lines[-1], *notes, (*_numbers(snapshot), *_GAP, *(offered[0] if offered else ())))
     lines += [*notes, _numbers(snapshot)]
-    at = clock(mission.time) if mission is not None else ""
-    return AnswerCard("why it failed", f"at {at}" if at else "", (*lines, *offered), brief, role="danger")
+    at = f"at {clock(mission.time)}" if mission is not None else ""
+    return AnswerCard("why it failed", at, (*lines, *offered), brief, role="danger")
 
 
 def _first_sentences(text: str) -> str:
@@ -358,27 +338,26 @@ def _crash(snapshot: Snapshot, program: ProgramEnded, *, orders: bool) -> Answer
     lines: list[StyledLine] = [((escape(program.error, _LONGEST), "danger"),)]
     if program.signal:
         lines = [((f"The program was ended by signal {program.exit_code - 128}.", "danger"),), *lines]
-    frames = own_frames([line.text for line in program.stderr])[:_FRAMES]
+    calls = _calls(program)
+    numbers = _numbers(snapshot)
+    offered = _offered(((":program", "whole error"), _REPORT), orders=orders)
+    note = f"exit code {program.exit_code}"
+    second = (*calls[0], *_GAP, *calls[1]) if len(calls) > 1 else calls[0] if calls else numbers
+    brief = ((*lines[0], (f"   {note}", "dim")), second, (*numbers, *_GAP, *(offered[0] if offered else ())))
+    return AnswerCard("why it ended", note, (*lines, *calls, numbers, *offered), brief, role="danger")
+
+
+def _calls(program: ProgramEnded) -> list[StyledLine]:
+    """Calls that led to the error of a program, or where it was, or the last that it printed of it."""
     calls: list[StyledLine] = []
-    for frame in frames:
-        place: StyledLine = ((frame.place, "mark"), (f" in {frame.function}", "label"))
-        calls.append(place)
+    for frame in own_frames([line.text for line in program.stderr])[:_FRAMES]:
+        calls.append(((frame.place, "mark"), (f" in {frame.function}", "label")))
         if frame.code:
             calls.append(((f"    {printable(frame.code)}", "value"),))
-    if not frames and program.place:
-        calls.append(((printable(program.place), "mark"),))
-    elif not frames:
-        said = [line.text.rstrip() for line in program.stderr if line.text.strip()]
-        calls += [((printable(line), "value"),) for line in said[-_OUTPUT:]]
-    offered = _offered(((":program", "whole error"), _REPORT), orders=orders)
-    first: StyledLine = (*lines[0], (f"   exit code {program.exit_code}", "dim"))
-    brief_calls = (
-        (*calls[0], *_GAP, *calls[1]) if len(calls) > 1 else calls[0] if calls else _numbers(snapshot)
-    )
-    brief = (first, brief_calls, (*_numbers(snapshot), *_GAP, *(offered[0] if offered else ())))
-    note = f"exit code {program.exit_code}"
-    told = (*lines, *calls, _numbers(snapshot), *offered)
-    return AnswerCard("why it ended", note, told, brief, role="danger")
+    if calls or program.place:
+        return calls or [((printable(program.place), "mark"),)]
+    said = [line.text.rstrip() for line in program.stderr if line.text.strip()]
+    return [((printable(line), "value"),) for line in said[-_OUTPUT:]]
 
 
 def _silent_text(verdict: Verdict) -> str:

@@ -25,30 +25,14 @@ from simmer_tui.server import Server
 from simmer_tui.sim.command import Command, escape, printable
 from simmer_tui.sim.specs import DriveKind
 from simmer_tui.snapshot import Snapshot
-from simmer_tui.tui.answers import (
-    AnswerCard,
-    bias_answer,
-    first_steps,
-    program_output,
-    verdict_answer,
-    verdict_so_far,
-    why_answer,
-)
+from simmer_tui.tui import answers
 from simmer_tui.tui.console import ConsolePane, History
 from simmer_tui.tui.event_text import REASONS, complaint_of
 from simmer_tui.tui.headline import RunPhase
 from simmer_tui.tui.help import CommandProvider, ReportScreen, help_screen
-from simmer_tui.tui.key_table import (
-    IN_CONSOLE,
-    Hint,
-    MazePane,
-    drive_keys,
-    hints_of,
-    keymap,
-    maze_hints,
-)
+from simmer_tui.tui.key_table import IN_CONSOLE, Hint, MazePane, drive_keys, hints_of, keymap, maze_hints
 from simmer_tui.tui.key_velocity import PERIOD, KeyVelocity
-from simmer_tui.tui.line_panel import LinePanel, between, heading, shortened
+from simmer_tui.tui.line_panel import LinePanel, between, shortened
 from simmer_tui.tui.live import LiveSource, report_of
 from simmer_tui.tui.picture import picture
 from simmer_tui.tui.readouts import Room, last_reply, status_line
@@ -61,6 +45,9 @@ EXAMPLE_KEY = "F5"
 """Key that runs the sample program: where development environments have theirs to run one."""
 _PROMPT = 5
 """Columns that what is typed has more than the reply beside it, on a small screen."""
+# Frame and padding at both sides, the scrollbar, and one to spare.
+_PAGE_FRAME = 6
+"""Columns of a page that its text does not have."""
 # They have an order or a key of their own here.
 _REPLACED = ("Screenshot", "Keys", "Maximize", "Minimize", "Quit")
 
@@ -87,10 +74,9 @@ class SimmerApp(Shell):
         program: str = "",
     ) -> None:
         """`program` is the name of the one that runs beside, if there is one."""
-        super().__init__(LiveSource(server), choice, MazePane(choice.glyphs, choice.color, id="maze"))
+        super().__init__(LiveSource(server), choice, MazePane(choice.glyphs, choice.color))
         self.server = server
         self._console = ConsolePane(self._spec, History(history_file), self.follow)
-        self._console_head = LinePanel(id="console-head")
         self._console.again = self._again_typed
         self._prompt = LinePanel(id="prompt")
         self._reply = LinePanel(id="reply")
@@ -101,7 +87,7 @@ class SimmerApp(Shell):
         self.page_links: tuple[str, ...] = ()
         """Lines with the links to the page that shows the run in browsers."""
         self.run_again: Callable[[], None] = partial(self.action_press, "reset")
-        """Begins the run anew."""
+        """Restarts the run."""
         self._panes.pointer = " ".join(REASONS)
         self._panes.home.first_steps = self._first_steps
         self._panes.home.has_orders = True
@@ -110,7 +96,7 @@ class SimmerApp(Shell):
     # -- putting together ------------------------------------------------------------------------
 
     def controls(self) -> Iterable[Widget]:
-        return self._console_head, self._console, self._prompt, self._reply
+        return self._head, self._console, self._prompt, self._reply
 
     def on_mount(self) -> None:
         self.set_keymap(keymap(self._settings.keys))
@@ -145,41 +131,31 @@ class SimmerApp(Shell):
 
     def _arrange(self, width: int, height: int) -> None:
         super()._arrange(width, height)
-        box = self._plan.boxes.get("console-head")
-        if box is not None:
-            note = (
-                "Up brings back the last line" if self._console.has_focus_within else ": or Enter comes here"
-            )
-            self._console_head.show(
-                [((" ", "plain"), *heading("console", note, box.width - 1, plain=self._plain))]
-            )
+        typed = self._console.has_focus_within
+        self._show_head("console", "Up brings back the last line" if typed else ": or Enter comes here")
         console = self._plan.boxes.get("console")
-        self._prompt.display = console is not None
+        # Without events the line above says what goes on, and the last reply stands beside what is typed.
+        room = console.width // 2 - _PROMPT if console is not None and "events" not in self._plan.boxes else 0
+        self._prompt.display, self._reply.display = console is not None, room > 0
         if console is not None:
             put(self._prompt, Box(console.x + 1, console.y + 1, 1, 1))
             self._prompt.show([((">", "title"),)])
-        # Without events the line above says what goes on, and the last reply stands beside what is typed.
-        room = console.width // 2 - _PROMPT if console is not None and "events" not in self._plan.boxes else 0
-        self._reply.display = room > 0
-        if console is not None:
             self._console.line.styles.width = console.width - room if room > 0 else "1fr"
             put(self._reply, Box(console.x + console.width - room, console.y + 1, max(room - 1, 1), 1))
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
         """Leave the colon a letter where text is typed."""
-        if action == "colon":
-            return len(self.screen_stack) == 1 and not self._console.has_focus_within
-        if action == "again":
+        if action in ("colon", "again"):
             is_elsewhere = len(self.screen_stack) == 1 and not self._console.has_focus_within
-            return is_elsewhere and self._panes.phase.is_over
+            return is_elsewhere and (action == "colon" or self._panes.phase.is_over)
         return super().check_action(action, parameters)
 
-    def _first_steps(self) -> AnswerCard:
+    def _first_steps(self) -> answers.AnswerCard:
         drives = [drive for drive in self._spec.drives if drive.enabled]
         drives.sort(key=lambda drive: drive.kind is not DriveKind.RIGHT)  # forward, if it can
         command = f"{drives[0].code}-3" if drives else "u1"
         key = EXAMPLE_KEY if self._can_run_example else ""
-        return first_steps(key, command, drive_keys(self._settings.keys))
+        return answers.first_steps(key, command, drive_keys(self._settings.keys))
 
     @property
     def _can_run_example(self) -> bool:
@@ -205,14 +181,14 @@ class SimmerApp(Shell):
             self._panes.program_name = EXAMPLE
 
     def action_again(self) -> None:
-        """Begin the run anew, after its end, and its program with it."""
+        """Restart the run after its end, and its program with it."""
         self._panes.home.close()
         self._console.forget_errors()
         self.run_again()
         self.refresh_frame()
 
     def _again_typed(self) -> bool:
-        """Begin the run anew if it is over, for the key that says so in an empty console."""
+        """Restart the run if it is over, for the key that does so from an empty console."""
         if self._panes.phase.is_over:
             self.action_again()
             return True
@@ -246,7 +222,7 @@ class SimmerApp(Shell):
         if isinstance(order, Command):
             self._operator.send(order, partial(self._console.refuse, self._console.given, order.text))
         elif isinstance(order, Action):
-            self._complain(self._operator.perform(order))
+            self._console.show_error(self._operator.perform(order))
         else:
             self._follow_local(order)
         self.refresh_frame()
@@ -263,7 +239,7 @@ class SimmerApp(Shell):
             "why": self._show_why,
             "report": lambda _: self.run_worker(self._show_report(), group="report", exclusive=True),
             "program": lambda _: self._show_program(),
-            "bias": lambda _: self._show_bias(),
+            "bias": lambda _: self.ask(answers.bias_answer(self.server.simulator.bias)),
             "vv": self._drive_for,
             "log": lambda file: self.run_worker(self._start_log(file), group="log"),
             "robot": self.server.use_robot,
@@ -280,16 +256,15 @@ class SimmerApp(Shell):
         snapshot = self._snapshot
         if snapshot is None:
             return
-        if snapshot.verdict is not None and not about:
-            if self.has_pages:  # three rows would cut it
-                # As wide as the page's text, which does not wrap.
-                room = self.size.width - 6
-                text = "\n\n".join(fill(printable(line), room) for line in snapshot.verdict.lines)
-                self.push_screen(ReportScreen(text, "Why", "Esc closes"))
-            else:
-                self.ask(verdict_answer(snapshot.verdict))
+        if snapshot.verdict is None or about:
+            self.ask(answers.why_answer(why(snapshot.state, self._spec), snapshot))
+        elif self._plan.has_pages:  # three rows would cut it
+            # As wide as the page's text, which does not wrap.
+            room = self.size.width - _PAGE_FRAME
+            text = "\n\n".join(fill(printable(line), room) for line in snapshot.verdict.lines)
+            self.push_screen(ReportScreen(text, "Why", "Esc closes"))
         else:
-            self.ask(why_answer(why(snapshot.state, self._spec), snapshot))
+            self.ask(answers.verdict_answer(snapshot.verdict))
 
     async def _show_report(self) -> None:
         """Show the report of this run: the verdict at once, and all of it once it is made from the log."""
@@ -299,14 +274,14 @@ class SimmerApp(Shell):
                 "report: this run is not saved; :log FILE logs it, simmer-tui report reads it"
             )
             return
-        begun = verdict_so_far(snapshot) if snapshot is not None else ()
+        begun = answers.verdict_so_far(snapshot) if snapshot is not None else ()
         note = f"Esc closes; saved in {printable(saved.path.name)}"
         text = "\n".join([*map(printable, begun), "", "Reading the run ..."])
         screen = ReportScreen(text, "Report of this run", note)
         # On the screen before its making takes the machine.
         await self.push_screen(screen)
         try:
-            text = await report_of(saved, self.size.width - 6, self._plain)
+            text = await report_of(saved, self.size.width - _PAGE_FRAME, self._plain)
         except OSError as error:
             text = f"The report cannot be made: {error.strerror or error}"
         screen.replace(text)
@@ -318,12 +293,8 @@ class SimmerApp(Shell):
         if verdict is None or verdict.program is None:
             self._console.show_error("program: none has ended yet; the events have its output (/ program)")
             return
-        text = program_output(verdict.program)
+        text = answers.program_output(verdict.program)
         self.push_screen(ReportScreen(text, "Program", f"Esc closes; exit code {verdict.program.exit_code}"))
-
-    def _complain(self, text: str) -> None:
-        if text:
-            self._console.show_error(text)
 
     def _write_picture(self, name: str) -> None:
         dark = self._settings.screen.theme != "light"
@@ -358,11 +329,7 @@ class SimmerApp(Shell):
 
     def _drive_for(self, values: str) -> None:
         refused = partial(self._console.refuse, self._console.given, f":vv {values.replace(';', ' ')}")
-        self._complain(self._operator.drive_for(values, refused))
-
-    def _show_bias(self) -> None:
-        bias = self.server.simulator.bias
-        self.ask(bias_answer({kind.value: (each.x, each.y, each.r) for kind, each in bias.items()}))
+        self._console.show_error(self._operator.drive_for(values, refused))
 
     async def on_event(self, event: Event) -> None:
         """Have any other key end the velocity of a held one before it does what it says."""
@@ -374,14 +341,14 @@ class SimmerApp(Shell):
         """Drive or turn by a key's step."""
         self._console.forget_errors()
         by_velocity = self._settings.screen.keys_velocity
-        self._complain((self._held_key if by_velocity else self._operator).drive(name, fine))
+        self._console.show_error((self._held_key if by_velocity else self._operator).drive(name, fine))
         self.refresh_frame()
 
     def action_press(self, name: str) -> None:
         """Do what the key of that name says: `stop`, `poll`, `reset`, `pause`, `step`."""
         self._console.forget_errors()
         paused = self._snapshot is not None and self._snapshot.state.paused
-        self._complain(self._operator.press(name, paused))
+        self._console.show_error(self._operator.press(name, paused))
         self.refresh_frame()
 
     def action_pace(self, factor: float) -> None:
@@ -392,7 +359,7 @@ class SimmerApp(Shell):
 
     def _set_pace(self, pace: float) -> None:
         if self.server.engine.timed:
-            self._complain("no effect: timed motion takes its time; :speed changes it")
+            self._console.show_error("no effect: timed motion takes its time; :speed changes it")
             return
         pace = checked_pace(pace)
         self.server.set_pace(pace)

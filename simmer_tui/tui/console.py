@@ -19,12 +19,12 @@ from simmer_tui.sim.specs import SimulationSpec
 from simmer_tui.tui.key_table import IN_CONSOLE, bindings_of
 from simmer_tui.tui.line_panel import LinePanel, StyledLine
 
-# A file of a few KB, which is written anew with every line.
+# A file of a few KB, which is written again with every line.
 KEPT = 500
 """Lines kept in the history."""
 # Codes are of small letters, and so is the maze's key for it, which resets at any time.
 AGAIN = "R"
-"""Key that begins a run that is over anew, also from an empty console."""
+"""Key that restarts a run that is over, also from an empty console."""
 
 
 def default_history_file() -> Path:
@@ -172,13 +172,12 @@ class _ConsoleInput(Input):
         self.cursor_position = len(line)
 
 
-def _actions() -> dict[str, str]:
-    bindings = [*Input.BINDINGS, *_ConsoleInput.BINDINGS]
-    named = [each for each in bindings if isinstance(each, Binding)]
-    return {key.strip(): binding.action for binding in named for key in binding.key.split(",")}
-
-
-_ACTIONS = _actions()
+_ACTIONS = {
+    key.strip(): binding.action
+    for binding in (*Input.BINDINGS, *_ConsoleInput.BINDINGS)
+    if isinstance(binding, Binding)
+    for key in binding.key.split(",")
+}
 """Action of each key on the line, the editing keys among them."""
 
 
@@ -188,12 +187,13 @@ class ConsolePane(Vertical):
     def __init__(
         self, spec: SimulationSpec, history: History, follow: Callable[[ConsoleCommand], object]
     ) -> None:
-        """`follow` carries out a line. It is called, not told by a message, which keys typed after the
+        """`follow` carries out a line. It is called, not sent a message, which keys typed after the
         line might overtake."""
         super().__init__(id="console")
         self._spec = spec
         self._follow = follow
-        self._input = _ConsoleInput(spec, history, self)
+        self.line = _ConsoleInput(spec, history, self)
+        """Line that is typed into."""
         self._hint = LinePanel(id="hint")
         self._status: StyledLine = ()
         self._error = ""
@@ -202,26 +202,21 @@ class ConsolePane(Vertical):
         """Text of the line when the error was shown; with something else in it the error goes."""
         self._note = ""
         self.again: Callable[[], bool] = lambda: False
-        """Begins a run that is over anew; returns false for one that is not."""
+        """Restarts a run that is over; returns false for one that is not."""
         self.given = 0
         """Lines given so far."""
 
-    @property
-    def line(self) -> _ConsoleInput:
-        """Line that is typed into."""
-        return self._input
-
     def compose(self) -> ComposeResult:
         yield self._hint
-        yield self._input
+        yield self.line
 
     def focus_line(self, text: str | None = None) -> None:
         """Give the line the focus, perhaps with text to go on from."""
         if text is not None:
-            self._input.value = text
-            self._input.cursor_position = len(text)
+            self.line.value = text
+            self.line.cursor_position = len(text)
         # At once: the widget's own `focus` comes after keys that are typed already.
-        self.screen.set_focus(self._input)
+        self.screen.set_focus(self.line)
 
     def show_status(self, status: StyledLine) -> None:
         """Set what is shown above the line while nothing is being typed."""
@@ -229,15 +224,14 @@ class ConsolePane(Vertical):
         self._show_hint()
 
     def show_error(self, text: str) -> None:
-        """Show what is wrong, until something else is typed."""
-        self._error = text
-        self._mistaken = self._input.value
-        self._show_hint()
+        """Show what is wrong, if anything is, until something else is typed."""
+        if text:
+            self._error, self._mistaken = text, self.line.value
+            self._show_hint()
 
     def show_complaint(self, text: str) -> None:
         """Show what was wrong with a person's last action, by key or line; an empty text for nothing."""
-        self._complaint = text
-        self._mistaken = self._input.value
+        self._complaint, self._mistaken = text, self.line.value
         self._show_hint()
 
     def show_note(self, text: str) -> None:
@@ -275,14 +269,14 @@ class ConsolePane(Vertical):
 
     def _show_refusal(self, number: int, text: str, reason: str) -> None:
         """Put the line back to be mended, unless others were given or begun since."""
-        if number == self.given and not self._input.value:
-            self._input.value = text
-            self._input.select_all()
+        if number == self.given and not self.line.value:
+            self.line.value = text
+            self.line.select_all()
         self.show_error(reason)
 
     def on_input_changed(self, event: Input.Changed) -> None:
         event.stop()
-        value = self._input.value
+        value = self.line.value
         if value and value != self._mistaken:
             self._error = self._complaint = self._note = ""
         self._show_hint()
@@ -295,7 +289,7 @@ class ConsolePane(Vertical):
             return ((self._error or self._complaint, "danger"),)
         if self._note:
             return ((self._note, "value"),)
-        value = self._input.value
+        value = self.line.value
         if not value.strip():
             return self._status
         found = completions(value, self._spec)

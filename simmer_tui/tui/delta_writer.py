@@ -71,7 +71,7 @@ class DeltaWriter:
         self._pen = 0
 
     def begin(self, width: int, height: int, colors: ColorSystem, *, anew: bool = False) -> None:
-        """Begin an update of a screen. `anew` forgets what it shows, as another size than before does."""
+        """Begin an update of a screen. `anew` forgets the content of the screen, as another size does."""
         screen = width, height, colors
         if anew or self._screen != screen or len(self._pens) > _MOST_PENS:
             self._screen = screen

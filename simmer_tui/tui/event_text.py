@@ -8,7 +8,7 @@ from msgspec import Struct
 from simmer_tui import events
 from simmer_tui.belief_grid import GridBelief
 from simmer_tui.engine import PEOPLE
-from simmer_tui.events import Belief, EventHandler, MovementEnded, NoticeKind, Result
+from simmer_tui.events import Belief, EventHandler, MovementEnded, NoticeKind
 from simmer_tui.phrases import (
     WEDGED_TEXT,
     contact_line,
@@ -71,12 +71,12 @@ def reply_text(result: CommandResult, ended: MovementEnded | None = None) -> str
 
 
 def distance_off(belief: Belief) -> float:
-    """Distance between a belief and the true place when it was told, inches."""
+    """Distance between a belief and the true place at the time of the belief, inches."""
     return math.hypot(belief.pose.x - belief.true.x, belief.pose.y - belief.true.y)
 
 
 def off_text(belief: Belief) -> str:
-    """Error of a belief when it was told: `3.4 in 12 deg`."""
+    """Error of a belief at its time: `3.4 in 12 deg`."""
     if belief.grid is not None and not belief.grid.has_headings:
         return f"{distance_off(belief):.1f} in"
     turned = abs(half_turn(belief.pose.heading - belief.true.heading))
@@ -123,7 +123,7 @@ class EventWords(Struct, frozen=True):
         subject: command, or kind of event.
         told: makes the pieces that tell what happened.
         complaint: reason why a command or action was refused; empty if it was not, None for other events.
-        result: a mission's, with the event of its end.
+        ends_mission: true for the event that ends a mission.
         is_departure: true for what a program does after its end.
     """
 
@@ -131,13 +131,13 @@ class EventWords(Struct, frozen=True):
     subject: str = ""
     told: Callable[[], StyledLine] = tuple
     complaint: str | None = None
-    result: Result | None = None
+    ends_mission: bool = False
     is_departure: bool = False
 
 
 class _Wording(EventHandler[EventWords]):
     """Words for each kind of event; `nearest` is the reading of the sensor that looks at a contact, `wedged`
-    tells that it was one of many in one place."""
+    is True if it was one of many in one place."""
 
     def __init__(self, nearest: Reading | None = None, *, wedged: bool = False) -> None:
         self._nearest, self._wedged = nearest, wedged
@@ -188,8 +188,7 @@ class _Wording(EventHandler[EventWords]):
         return EventWords(event.command.source, event.code, lambda: ((text, "belief"),))
 
     def on_mission(self, event: events.MissionEvent) -> EventWords:
-        result = event.subject if isinstance(event.subject, Result) and event.over else None
-        return EventWords(subject="mission", told=lambda: _mission_pieces(event), result=result)
+        return EventWords(subject="mission", told=lambda: _mission_pieces(event), ends_mission=event.over)
 
     def on_notice(self, event: events.Notice) -> EventWords:
         source = _NOTICE_SOURCES.get(event.kind, "robot")
@@ -273,23 +272,22 @@ def last_event_line(entries: Sequence[LogEntry]) -> StyledLine:
     """The last event in one line, and the number of readings since; empty without any."""
     if not entries:
         return ()
-    last, newest = _last_told(entries), entries[-1]
-    if last is None:
+    told, newest = [entry for entry in entries if not entry.folds], entries[-1]
+    if not told:
         return entry_line(newest)
     since = f"   then {folded_text(newest)}" if newest.folds else ""
-    return (*entry_line(last), (since, "dim"))
+    return (*entry_line(_outweighing(told)), (since, "dim"))
 
 
-def _last_told(entries: Sequence[LogEntry]) -> LogEntry | None:
-    """The last entry with a line of its own. A mission's end outweighs that its program left then."""
-    told = [entry for entry in entries if not entry.folds]
+def _outweighing(told: Sequence[LogEntry]) -> LogEntry:
+    """The last entry; but the end of a mission if only its program's departure came after it."""
     for entry in reversed(told):
         words = words_of(entry)
-        if words.result is not None:
+        if words.ends_mission:
             return entry
         if not words.is_departure:
             break
-    return told[-1] if told else None
+    return told[-1]
 
 
 def complaint_of(entries: Sequence[LogEntry], since: int = 0) -> str | None:
@@ -305,11 +303,9 @@ def complaint_of(entries: Sequence[LogEntry], since: int = 0) -> str | None:
                 return found
             continue
         command = getattr(entry.event, "command", None)
-        if command is None or command.source in PEOPLE:
-            words = words_of(entry)
-            found = words.complaint if words.source in PEOPLE else None
-        else:
+        if command is not None and command.source not in PEOPLE:
             continue
-        if found is not None:
-            return found
+        words = words_of(entry)
+        if words.complaint is not None and words.source in PEOPLE:
+            return words.complaint
     return None

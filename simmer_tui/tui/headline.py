@@ -73,6 +73,7 @@ def header_line(snapshot: Snapshot, room: Room) -> StyledLine:
         left, text = ((f" {icon} {word}", "warning" if going else "bold"),), escape(snapshot.advice, _LONGEST)
         phase = RunPhase.GOING  # whose right end is the shortest
     right: StyledLine = ((f"{_right(snapshot, room, phase)} ", "plain"),)
+    # Three blanks before the text, and one behind it at least.
     free = room.width - length(left) - length(right) - 4
     if free > 0 and text:
         shown = text if len(text) <= free else f"{text[: free - 1]}…"

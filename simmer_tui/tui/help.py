@@ -1,11 +1,11 @@
 """The help and the command palette: all there is to do, made from the tables the app works with."""
 
 from collections.abc import Iterator, Sequence
+from functools import partial
 from typing import ClassVar
 
-from msgspec import Struct
 from rich.text import Text
-from textual.app import ComposeResult
+from textual.app import ComposeResult, SystemCommand
 from textual.binding import Binding, BindingType
 from textual.command import DiscoveryHit, Hit, Hits, Provider
 from textual.containers import VerticalScroll
@@ -141,52 +141,37 @@ _CLOSING = ("q", "?")
 # -- the palette -----------------------------------------------------------------------------------
 
 
-class _Choice(Struct, frozen=True):
-    """One line of the palette; `ahead` raises it above others that match as well."""
-
-    name: str
-    help: str
-    run: IgnoreReturnCallbackType
-    ahead: float = 0.0
-
-
 class CommandProvider(Provider):
     """Every console order and every key's action by name, orders first, then what Textual offers. Orders
     that need words are begun in the console."""
 
-    def _choices(self) -> Iterator[_Choice]:
+    def _choices(self) -> Iterator[SystemCommand]:
         for order in CONSOLE_COMMANDS.values():
             line = f":{order.name}"
             action = f"app.begin_order({f'{line} '!r})" if order.needs_words else f"app.order({line!r})"
-            yield _Choice(order.usage, order.help, self._runner(action), _AHEAD)
+            yield SystemCommand(order.usage, order.help, self._runner(action))
         for port in list_ports():
             line = f":robot {port.device}"
             text = f"drive the robot there: {port.description}" + (f" ({port.mark})" if port.mark else "")
-            yield _Choice(line, text, self._runner(f"app.order({line!r})"), _AHEAD)
+            yield SystemCommand(line, text, self._runner(f"app.order({line!r})"))
         for name, (action, label) in key_table.MAZE_ACTIONS.items():
             if name not in CONSOLE_COMMANDS:
-                yield _Choice(label, "as its key does, see help", self._runner(action))
+                yield SystemCommand(label, "as its key does, see help", self._runner(action))
         for number, page in enumerate(PAGES, 1):
-            yield _Choice(f"Page {page}", "on small screens", self._runner(f"app.page({number})"))
-        for each in self.app.get_system_commands(self.screen):
-            yield _Choice(each.title, each.help, each.callback)
+            yield SystemCommand(f"Page {page}", "on small screens", self._runner(f"app.page({number})"))
+        yield from self.app.get_system_commands(self.screen)
 
     async def discover(self) -> Hits:
-        for each in self._choices():
-            yield DiscoveryHit(Content(each.name), each.run, text=each.name, help=each.help)
+        for title, meaning, run, _ in self._choices():
+            yield DiscoveryHit(Content(title), run, text=title, help=meaning)
 
     async def search(self, query: str) -> Hits:
         matcher = self.matcher(query)
-        for each in self._choices():
-            score = max(matcher.match(each.name), matcher.match(f"{each.name} {each.help}"))
+        for title, meaning, run, _ in self._choices():
+            score = max(matcher.match(title), matcher.match(f"{title} {meaning}"))
             if score > 0:
-                yield Hit(score + each.ahead, Content(each.name), each.run, text=each.name, help=each.help)
+                ahead = _AHEAD if title.startswith(":") else 0.0
+                yield Hit(score + ahead, Content(title), run, text=title, help=meaning)
 
     def _runner(self, action: str) -> IgnoreReturnCallbackType:
-        app = self.app
-        maze = app.screen_stack[0].query_one(MazePane)
-
-        async def run() -> None:
-            await app.run_action(action, maze)
-
-        return run
+        return partial(self.app.run_action, action, self.app.screen_stack[0].query_one(MazePane))

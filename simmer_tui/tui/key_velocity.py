@@ -7,11 +7,10 @@ from simmer_tui.config.keys import keys_of
 from simmer_tui.operating.robot_operator import DRIVES, Operator
 from simmer_tui.server import Server
 from simmer_tui.sim.command import parse_command
-from simmer_tui.sim.specs import DriveKind
 from simmer_tui.sim.velocity_commands import WAIT
 from simmer_tui.tui.key_table import driving_keys
 
-# A terminal tells of presses alone: that a key is held shows in its repeats. Systems begin to repeat
+# A terminal sends presses alone: that a key is held shows in its repeats. Systems begin to repeat
 # after 0.25 to 0.66 s, and go on 20 to 40 times a second.
 _FIRST = 0.7
 """Real seconds that the velocity lasts after the first press of a key."""
@@ -24,14 +23,6 @@ PERIOD = 1 / 15
 _HAIR = 0.005
 """Seconds: more than the roundings of a hundred waits."""
 _STANDING = "0;0;0"
-# VX, VY or OMEGA of a drive, and its sign: a twist has +X forward, +Y to the left and turns left.
-_COMPONENTS = {
-    DriveKind.RIGHT: (0, 1.0),
-    DriveKind.LEFT: (0, -1.0),
-    DriveKind.UP: (1, 1.0),
-    DriveKind.DOWN: (1, -1.0),
-    DriveKind.ROT: (2, 1.0),
-}
 
 
 class KeyVelocity:
@@ -107,15 +98,13 @@ class KeyVelocity:
 
     def _velocity(self, name: str, fine: bool) -> str:
         kind, sign = DRIVES[name]
-        component, direction = _COMPONENTS[kind]
-        screen = self._screen
-        if kind is DriveKind.ROT:
+        screen, direction = self._screen, kind.direction
+        if kind.turns:
             size = screen.keys_turn_speed * (screen.fine_turn / screen.turn if fine and screen.turn else 1.0)
         else:
             size = screen.keys_speed * (screen.fine_step / screen.step if fine and screen.step else 1.0)
-        values = [0.0, 0.0, 0.0]
-        values[component] = sign * direction * size
-        return ";".join(f"{value:g}" for value in values)
+        # VX, VY and OMEGA have the directions of drives. The sum with 0 makes 0 of -0.
+        return ";".join(f"{sign * size * axis + 0.0:g}" for axis in (direction.x, direction.y, direction.r))
 
     def _send(self, text: str) -> None:
         self._operator.send(parse_command(text, "keys"))

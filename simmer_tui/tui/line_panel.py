@@ -13,7 +13,7 @@ from textual.strip import Strip
 from textual.widget import Widget
 
 from simmer_tui.sim.command import escape, printable
-from simmer_tui.tui.direct_lines import DirectLines
+from simmer_tui.tui.strips import DirectLines
 
 StyledLine = tuple[tuple[str, str], ...]
 """Pieces of one line, each (text, role); a role is one of `ROLES`."""
@@ -154,31 +154,22 @@ class MarkableLines(RoleWidget):
     @property
     def marked_text(self) -> str:
         """Text that is marked, without blanks at the ends of rows."""
-        rows = self.text_rows()
-        found = []
-        for row in self._marked_rows():
-            start, stop = self._span(row)
-            found.append((rows[row] if row < len(rows) else "")[start:stop].rstrip())
-        return "\n".join(found)
+        rows, spans = self.text_rows(), self._marked_spans()
+        texts = ((rows[row] if row < len(rows) else "")[span].rstrip() for row, span in spans.items())
+        return "\n".join(texts)
 
     def marked(self, strip: Strip, y: int) -> Strip:
         """A strip as drawn, row `y` of the panel, with its marked part reversed."""
-        if self._to is None:
+        span = self._marked_spans().get(y + self.scroll_offset.y)
+        if span is None:
             return strip
-        row = y + self.scroll_offset.y
-        if row not in self._marked_rows():
-            return strip
-        start, stop = self._span(row)
-        stop = strip.cell_length if stop is None else min(stop, strip.cell_length)
+        start, stop, _ = span.indices(strip.cell_length)
         if start >= stop:
             return strip
-        before, inside, after = (
-            strip.crop(0, start),
-            strip.crop(start, stop),
-            strip.crop(stop, strip.cell_length),
-        )
+        inside = strip.crop(start, stop)
         shown = [Segment(text, (style or Style()) + _MARKED, control) for text, style, control in inside]
-        return Strip.join([before, Strip(shown, inside.cell_length), after])
+        marked = Strip(shown, inside.cell_length)
+        return Strip.join([strip.crop(0, start), marked, strip.crop(stop, strip.cell_length)])
 
     def on_mouse_down(self, event: MouseDown) -> None:
         if event.button == 1:
@@ -205,23 +196,15 @@ class MarkableLines(RoleWidget):
         x, y = event.get_content_offset_capture(self)
         return Offset(max(x, 0), max(min(y, self.size.height - 1), self.FIXED_ROWS) + self.scroll_offset.y)
 
-    def _ends(self) -> tuple[Offset, Offset] | None:
-        """Beginning and end of the marked text, in reading order; None if nothing is marked."""
+    def _marked_spans(self) -> dict[int, slice]:
+        """Columns of the marked text by row, in reading order; empty if nothing is marked."""
         if self._from is None or self._to is None or self._from == self._to:
-            return None
+            return {}
         first, last = sorted((self._from, self._to), key=lambda place: (place.y, place.x))
-        return first, last
-
-    def _marked_rows(self) -> range:
-        ends = self._ends()
-        return range(ends[0].y, ends[1].y + 1) if ends else range(0)
-
-    def _span(self, row: int) -> tuple[int, int | None]:
-        """Columns marked in a row; None for up to the end."""
-        ends = self._ends()
-        assert ends is not None  # asked for marked rows only
-        first, last = ends
-        return first.x if row == first.y else 0, last.x + 1 if row == last.y else None
+        spans = dict.fromkeys(range(first.y, last.y + 1), slice(None))
+        spans[last.y] = slice(0, last.x + 1)
+        spans[first.y] = slice(first.x, spans[first.y].stop)
+        return spans
 
 
 class LinePanel(MarkableLines, DirectLines):

@@ -40,10 +40,11 @@ class LogPanel(StillWhenClamped, ScrollView, MarkableLines, can_focus=True):
     LogPanel { overflow-x: hidden; scrollbar-gutter: stable; scrollbar-size: 1 1; }
     """
 
-    def __init__(self, *, plain: bool = False, id: str | None = None) -> None:  # noqa: A002 - as in Textual
-        super().__init__(id=id)
+    def __init__(self, *, plain: bool = False) -> None:
+        super().__init__(id="events")
         self._plain = plain
-        self._entries: deque[LogEntry] = deque(maxlen=EVENTS)
+        self.entries: deque[LogEntry] = deque(maxlen=EVENTS)
+        """Entries kept, oldest first."""
         self._rows: list[tuple[LogEntry, StyledLine | None]] = []
         """An entry itself, or a line of what is folded into it."""
         self._unfolded: set[int] = set()
@@ -65,23 +66,20 @@ class LogPanel(StillWhenClamped, ScrollView, MarkableLines, can_focus=True):
             anew: true if they replace all others.
         """
         if anew:
-            self._entries.clear()
+            self.entries.clear()
             self._rows.clear()
         elif not entries and told == self._told:
             return
         self._told = told
         top = self._top_number()
-        if entries and self._entries and self._entries[-1].first == entries[0].first != 0:
-            grown = self._entries.pop()
+        if entries and self.entries and self.entries[-1].first == entries[0].first != 0:
+            grown = self.entries.pop()
             while self._rows and self._rows[-1][0] is grown:
                 self._rows.pop()
         # A replay that has jumped brings more than the list holds.
         new = entries[-EVENTS:]
-        self._entries.extend(new)
-        if self.filter or self._unfolded:
-            self._rows += [row for entry in new for row in self._rows_of(entry)]
-        else:
-            self._rows += [(entry, None) for entry in new]
+        self.entries.extend(new)
+        self._rows += [row for entry in new for row in self._rows_of(entry)]
         self._drop_rows()
         self._lay_out(top)
 
@@ -92,15 +90,10 @@ class LogPanel(StillWhenClamped, ScrollView, MarkableLines, can_focus=True):
             self.refresh()
 
     @property
-    def entries(self) -> Sequence[LogEntry]:
-        """Entries kept, oldest first."""
-        return self._entries
-
-    @property
     def text(self) -> str:
         """Text of all that is kept and passes the filter; folded readings are indented."""
         lines: list[str] = []
-        for entry in self._entries:
+        for entry in self.entries:
             if self._passes(entry):
                 lines.append(text_of(_line_of(entry)).rstrip())
                 lines += [f"  {text_of(line).rstrip()}" for line in kept_lines(entry) if entry.folds]
@@ -210,16 +203,16 @@ class LogPanel(StillWhenClamped, ScrollView, MarkableLines, can_focus=True):
 
     def _drop_rows(self) -> None:
         """Forget the rows of entries that have given way."""
-        first = self._entries[0].number if self._entries else 0
+        first = self.entries[0].number if self.entries else 0
         gone = bisect_left(self._rows, first, key=lambda row: row[0].number)
         del self._rows[:gone]
         if self._cursor is not None:
             self._cursor = max(self._cursor - gone, 0)
 
     def _rebuild(self) -> None:
-        """Make all rows anew."""
+        """Make all rows again."""
         top = self._top_number()
-        self._rows = [row for entry in self._entries for row in self._rows_of(entry)]
+        self._rows = [row for entry in self.entries for row in self._rows_of(entry)]
         self._lay_out(top)
 
     def _top_number(self) -> int:
@@ -234,7 +227,7 @@ class LogPanel(StillWhenClamped, ScrollView, MarkableLines, can_focus=True):
             return
         placing, self.placing = self.placing, True
         size = Size(width, len(self._rows) + _HEADING)
-        # Its setter would lay the whole screen out anew, twice a second.
+        # Its setter would lay out the whole screen again, twice a second.
         if size != self.virtual_size:
             set_virtual_size(self, size)
         end = max(len(self._rows) - self._visible, 0)

@@ -7,7 +7,6 @@ import math
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from functools import partial
 from itertools import chain
 from typing import Protocol
 
@@ -23,12 +22,11 @@ from simmer_tui.snapshot import LogEntry, Snapshot
 from simmer_tui.tui.answer_home import AnswerHome
 from simmer_tui.tui.answers import AnswerCard
 from simmer_tui.tui.headline import RunPhase, header_line, phase_of
-from simmer_tui.tui.legend import Legend
 from simmer_tui.tui.line_panel import LinePanel, StyledLine, fault_line, text_of
 from simmer_tui.tui.log_panel import LogPanel
 from simmer_tui.tui.maze.palette import Role
 from simmer_tui.tui.maze.scene import Scene, scene_of
-from simmer_tui.tui.maze.view import MazeView
+from simmer_tui.tui.maze.view import Legend, MazeView
 from simmer_tui.tui.radar import RadarPanel
 from simmer_tui.tui.readouts import Room, pose_line, program_lines, robot_lines, run_lines
 from simmer_tui.tui.sensor_facts import sensor_facts
@@ -109,12 +107,15 @@ class Lags:
         return True
 
 
+_Lines = Callable[[Snapshot, Room], Sequence[StyledLine]]
+
+
 class PanelKind(Struct, frozen=True):
     """A panel of lines beside the maze: its name, its rows, and its lines for a snapshot."""
 
     name: str
     rows: int
-    lines: Callable[[Snapshot, Room], Sequence[StyledLine]]
+    lines: _Lines
 
 
 PANELS = (PanelKind("robot", 6, robot_lines), PanelKind("run", 4, run_lines))
@@ -148,7 +149,7 @@ class SensorsPanel(LinePanel):
 
 
 class Panes:
-    """Maze, events and panels. A fault in one is told in its place and keeps nothing else from going on."""
+    """Maze, events and panels. A fault in one is shown in its place, and the others go on."""
 
     def __init__(self, source: SnapshotSource, choice: TerminalChoice, maze: MazeView) -> None:
         configuration = source.configuration
@@ -166,14 +167,17 @@ class Panes:
         self.sensor_rows = rows_wanted(self._spec.sensors)
         self.maze = maze
         self.legend = Legend(maze)
-        self.log = LogPanel(plain=self._plain, id="events")
+        self.log = LogPanel(plain=self._plain)
         self.sensors = SensorsPanel()
-        self.radar = RadarPanel(self._world, choice.glyphs, choice.color, id="radar")
-        self.panels = {kind.name: LinePanel(id=kind.name) for kind in (*PANELS, *_BARS)}
-        self.facts = LinePanel(id="facts")
-        self.program = LinePanel(id="program")
+        self.radar = RadarPanel(self._world, choice.glyphs, choice.color)
+        self._lines: dict[str, _Lines] = {
+            "answer": self._answer_lines,
+            **{kind.name: kind.lines for kind in (*PANELS, *_BARS)},
+            "facts": self._facts,
+            "program": lambda snapshot, room: program_lines(snapshot, self.log.entries, room),
+        }
+        self._panels = {name: LinePanel(id=name) for name in self._lines}
         self.home = AnswerHome()
-        self._answer_panel = LinePanel(id="answer")
         self.answer: AnswerCard | None = None
         """AnswerCard of the moment."""
         self.phase = RunPhase.GOING
@@ -206,9 +210,9 @@ class Panes:
     @property
     def widgets(self) -> Iterator[Widget]:
         """All panes, in the order in which Tab goes through those that take keys."""
-        yield from (self.maze, self.legend, self._answer_panel, self.sensors, self.radar)
-        yield from self.panels.values()
-        yield from (self.log, self.facts, self.program)
+        answer, *bars, facts, program = self._panels.values()
+        yield from (self.maze, self.legend, answer, self.sensors, self.radar)
+        yield from (*bars, self.log, facts, program)
 
     def panel_rows(self, height: int, *, page: bool) -> list[tuple[str, int]]:
         """Name and rows of each panel beside the maze, on a screen of so many rows; on a `page` of their own
@@ -225,7 +229,7 @@ class Panes:
         answer = self.answer
         if answer is None or not answer.covers:
             return 0
-        return answer.rows(self._answer_panel.size.width or self.sensors.size.width or 1)
+        return answer.rows(self._panels["answer"].size.width or self.sensors.size.width or 1)
 
     def switch(self, name: str, word: str = "") -> None:
         """Show something or not, `on` or `off`; without a word, change over."""
@@ -278,12 +282,12 @@ class Panes:
         self._waiting += entries
 
     def _show_phase(self, snapshot: Snapshot) -> None:
-        """Have row 0 and the maze's frame wear the colour of the run's phase."""
+        """Give row 0 and the maze's frame the colour of the run's phase."""
         phase = phase_of(snapshot, self._source.ports)
         self.has_mission = snapshot.mission is not None
         if phase is not self.phase:
             self.phase = phase
-            self.panels["header"].set_classes([phase.value])
+            self._panels["header"].set_classes([phase.value])
             self._lags.hurry()
         self.maze.frame_role = _FRAMES.get(phase, Role.EDGE)
 
@@ -302,13 +306,22 @@ class Panes:
 
     def _show_numbers(self, snapshot: Snapshot) -> None:
         self._choose_answer(snapshot)
-        for kind in (*PANELS, *_BARS):
-            _show(self.panels[kind.name], partial(self._lines_of, kind, snapshot))
-        _show(self._answer_panel, self._answer_lines)
-        _show(self.facts, lambda width, rows: self._facts(snapshot, width))
-        _show(self.program, partial(self._program_lines, snapshot))
-        _show(self.sensors, partial(self._sensor_lines, snapshot))
+        for name, lines in self._lines.items():
+            self._show_panel(self._panels[name], lines, snapshot)
+        self._show_panel(self.sensors, self._sensor_lines, snapshot)
         self.legend.bring_up_to_date()
+
+    def _show_panel(self, panel: LinePanel, lines: _Lines, snapshot: Snapshot) -> None:
+        """Show lines made for a panel's size, or why they cannot be made."""
+        width, rows = panel.size
+        if not width:
+            return
+        source = self._source
+        words = self._name, source.pace, source.ports, self.pointer, self.program_name
+        try:
+            panel.show(lines(snapshot, Room(width, rows, self._plain, *words, self._wheels)))
+        except Exception as error:  # noqa: BLE001 - a fault in a panel must not end the app
+            panel.show([fault_line(error)])
 
     def _choose_answer(self, snapshot: Snapshot) -> None:
         try:
@@ -318,31 +331,21 @@ class Panes:
         except Exception as error:  # noqa: BLE001 - a fault in an answer must not end the app
             self.answer = AnswerCard("answer", "", (fault_line(error),), covers=False)
 
-    def _answer_lines(self, width: int, rows: int) -> Sequence[StyledLine]:
+    def _answer_lines(self, _snapshot: Snapshot, room: Room) -> Sequence[StyledLine]:
         if self.answer is None:
             return []
         # On a small screen it goes on in the line below, which the console has.
-        return self.answer.shown(self._room(width, max(rows, BRIEF_ANSWER)))[:rows]
+        return self.answer.shown(Room(room.width, max(room.rows, BRIEF_ANSWER), room.plain))[: room.rows]
 
-    def _program_lines(self, snapshot: Snapshot, width: int, rows: int) -> Sequence[StyledLine]:
-        return program_lines(snapshot, self.log.entries, self._room(width, rows))
-
-    def _room(self, width: int, rows: int) -> Room:
-        source = self._source
-        words = self._name, source.pace, source.ports, self.pointer, self.program_name
-        return Room(width, rows, self._plain, *words, self._wheels)
-
-    def _lines_of(self, kind: PanelKind, snapshot: Snapshot, width: int, rows: int) -> Sequence[StyledLine]:
-        return kind.lines(snapshot, self._room(width, rows))
-
-    def _sensor_lines(self, snapshot: Snapshot, width: int, rows: int) -> list[StyledLine]:
+    def _sensor_lines(self, snapshot: Snapshot, room: Room) -> list[StyledLine]:
         view = SensorsView(self._glyphs, self.shown["truth"], self.chosen, self._past)
-        lines = sensor_lines(self._spec.sensors, snapshot, width, rows, view)
+        lines = sensor_lines(self._spec.sensors, snapshot, room.width, room.rows, view)
         self.sensors.codes = [line.code for line in lines]
         return [line.line for line in lines]
 
-    def _facts(self, snapshot: Snapshot, width: int) -> list[StyledLine]:
-        return sensor_facts(snapshot, width, self.chosen, self._past, self._spec.sensors, plain=self._plain)
+    def _facts(self, snapshot: Snapshot, room: Room) -> list[StyledLine]:
+        sensors = self._spec.sensors
+        return sensor_facts(snapshot, room.width, self.chosen, self._past, sensors, plain=room.plain)
 
     def _show_maze(self, snapshot: Snapshot) -> Scene | None:
         if not self.shown["plot_robot"]:
@@ -363,14 +366,3 @@ class Panes:
         if self.maze.region.area:
             self.maze.show(scene)
         return scene
-
-
-def _show(panel: LinePanel, lines: Callable[[int, int], Sequence[StyledLine]]) -> None:
-    """Show lines made for a panel's size, or why they cannot be made."""
-    size = panel.size
-    if not size.width:
-        return
-    try:
-        panel.show(lines(size.width, size.height))
-    except Exception as error:  # noqa: BLE001 - a fault in a panel must not end the app
-        panel.show([fault_line(error)])

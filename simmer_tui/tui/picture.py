@@ -5,7 +5,7 @@ nothing shifts where the terminal's font is missing.
 """
 
 from collections import defaultdict
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from html import escape
 
 from rich.cells import cell_len
@@ -103,15 +103,14 @@ class _Page:
             return (theme.foreground_color if foreground else theme.background_color).hex
         return color.get_truecolor(self._theme, foreground=foreground).hex
 
-    def elements(self) -> Iterable[str]:
+    def elements(self) -> Iterator[str]:
         """From the back to the front."""
         yield "<g shape-rendering='crispEdges'>"  # no seams between neighbours when it is scaled
-        for shapes in (self.areas, self.blocks):
-            yield from (f"<path fill='{ink}' d='{''.join(paths)}'/>" for ink, paths in shapes.items())
+        yield from (*_paths("fill", self.areas), *_paths("fill", self.blocks))
         yield "</g><g fill='none' stroke-linecap='round' stroke-width='3.4'>"
-        yield from (f"<path stroke='{ink}' d='{''.join(paths)}'/>" for ink, paths in self.dots.items())
+        yield from _paths("stroke", self.dots)
         yield "</g><g fill='none' stroke-linecap='square'>"
-        yield from (f"<path stroke='{ink}' d='{''.join(paths)}'/>" for ink, paths in self.lines.items())
+        yield from _paths("stroke", self.lines)
         yield f"</g><g font-family='DejaVu Sans Mono, Menlo, Consolas, monospace' font-size='{_FONT_SIZE}'>"
         for (ink, bold), texts in self.letters.items():
             weight = " font-weight='bold'" if bold else ""
@@ -135,6 +134,11 @@ def picture(strips: Sequence[Strip], *, dark: bool = True, title: str = "SimMeR"
         f"height='{height}' role='img'><title>{escape(title)}</title>"
         f"{''.join(page.elements())}</svg>\n"
     )
+
+
+def _paths(painted: str, shapes: Mapping[str, Sequence[str]]) -> Iterator[str]:
+    """A path for each colour, which fills it or is its stroke."""
+    return (f"<path {painted}='{ink}' d='{''.join(paths)}'/>" for ink, paths in shapes.items())
 
 
 def _area(x: float, y: float, width: float, height: float) -> str:

@@ -8,7 +8,6 @@ from textual.strip import Strip
 from simmer_tui.sim.angles import FloatArray
 from simmer_tui.sim.maze import Maze
 from simmer_tui.sim.records import RangeScan
-from simmer_tui.sim.scan_rays import ScanRays
 from simmer_tui.tui.line_panel import RoleWidget, heading
 from simmer_tui.tui.maze.glyphs import BRAILLE, Cells, Mask, Signs, blank_cells, dot_patterns, signs_for
 from simmer_tui.tui.maze.palette import DEFAULT, Attribute, Look, Palette, Role, palette_for
@@ -62,24 +61,20 @@ def radar_scale(scene: Scene) -> float:
 
 def radar_cells(scene: Scene, maze: Maze, rows: int, columns: int, signs: Signs, palette: Palette) -> Cells:
     """The picture, (rows, columns)."""
-    cells = blank_cells(rows, columns)
-    outer = radar_scale(scene)
-    scale = (min(columns / 2, float(rows)) - _LABEL_ROOM) / outer
-    if scale > 0:
-        _Radar(cells, scene, signs, palette, scale, outer).draw(maze)
-    return cells
+    radar = _Radar(scene, rows, columns, signs, palette)
+    if radar.scale > 0:
+        radar.draw(maze)
+    return radar.cells
 
 
 class _Radar:
     """A picture in the making. Its units are those of the maze's picture; `scale` is units an inch, `outer`
     the distance of the outer ring, inches."""
 
-    def __init__(
-        self, cells: Cells, scene: Scene, signs: Signs, palette: Palette, scale: float, outer: float
-    ) -> None:
-        self.cells, self.scene, self.signs, self.palette = cells, scene, signs, palette
-        self.scale, self.outer = scale, outer
-        rows, columns = cells.shape
+    def __init__(self, scene: Scene, rows: int, columns: int, signs: Signs, palette: Palette) -> None:
+        self.cells, self.scene, self.signs, self.palette = blank_cells(rows, columns), scene, signs, palette
+        self.outer = radar_scale(scene)
+        self.scale = (min(columns / 2, float(rows)) - _LABEL_ROOM) / self.outer
         # A row is two units high.
         self.middle = columns / 2, float(rows)
         self._labels: list[tuple[int, int, int]] = []
@@ -92,8 +87,10 @@ class _Radar:
             angles = np.arange(0.0, 2 * math.pi, _RING_GAP / (radius * self.scale))
             self._put_dots(Role.RING, radius * _directions(angles))
         self._put_dots(Role.EDGE, self._walls(maze))
+        # A dot where each beam ended, over the walls that are there.
         for scan in scene.scans if scene.show_rays else ():
-            self._put_scan(scan)
+            places = to_local(scan.ends, scene.pose)
+            self._put_dots(Role.RAY_STRONG, places[np.hypot(*places.T) <= self.outer])
         rays = [each for each in scene.views if isinstance(each.view, RangeScan) and each.view.distances]
         ends = [self._put_ray(each) for each in rays] if scene.show_rays else []
         self._put_block()
@@ -118,13 +115,8 @@ class _Radar:
         places = np.array((pose.x, pose.y)) + found[near, None] * ways[near]
         return to_local(places, pose)
 
-    def _put_scan(self, scan: ScanRays) -> None:
-        """A dot where each beam ended, over the walls that are there."""
-        places = to_local(scan.ends, self.scene.pose)
-        self._put_dots(Role.RAY_STRONG, places[np.hypot(*places.T) <= self.outer])
-
     def _put_ray(self, each: SensorView) -> tuple[FloatArray, str, Role]:
-        """Ray of a reading, as long as it told. Returns its end, its label and the label's colour."""
+        """Ray of a reading, as long as the range read. Returns its end, its label and the label's colour."""
         view, pose, scale = each.view, self.scene.pose, self.scale
         assert isinstance(view, RangeScan), "only those have rays"
         bright = self.scene.is_bright(each)
@@ -141,6 +133,7 @@ class _Radar:
             for bearing in (min(view.bearings), max(view.bearings)):
                 side = ray_points(view.origin, bearing, shown, _SPARSE / scale)
                 self._put_dots(role, to_local(side, pose))
+            # At two feet two degrees are 0.8 in: an arc as sparse as the sides.
             angles = np.radians(np.arange(min(view.bearings), max(view.bearings), 2.0))
             arc = np.array(view.origin) + shown * _directions(angles)
             self._put_dots(role, to_local(arc, pose))
@@ -198,12 +191,12 @@ class _Radar:
         rows, columns = cells.shape
         bits = mask.reshape(rows, signs.down, columns, signs.across).transpose(0, 2, 1, 3)
         patterns = (bits.reshape(rows, columns, -1) << np.arange(signs.down * signs.across)).sum(axis=-1)
-        for row, column in np.argwhere(patterns).tolist():
-            cells.characters[row, column] = signs.blocks[patterns[row, column]]
-            cells.foreground[row, column] = palette[role]
-            cells.background[row, column] = DEFAULT if paper is None else palette[paper]
-            reverse = palette.is_mono and paper is not None
-            cells.attributes[row, column] = Attribute.REVERSE if reverse else Attribute.NONE
+        there = patterns > 0
+        reverse = palette.is_mono and paper is not None
+        cells.characters[there] = np.array(signs.blocks, dtype=np.uint32)[patterns[there]]
+        cells.foreground[there] = palette[role]
+        cells.background[there] = DEFAULT if paper is None else palette[paper]
+        cells.attributes[there] = Attribute.REVERSE if reverse else Attribute.NONE
 
     def _put_block(self) -> None:
         scene = self.scene
@@ -229,11 +222,9 @@ class _Radar:
         places = self._pixels(scale)
         body: Mask = covers(self.scene.robot, places)
         hand = on_hand(places / radius)
-        rows, columns = self.cells.shape
-        grid = body.reshape(rows, self.signs.down, columns, self.signs.across)
-        whole = np.repeat(
-            np.repeat(grid.all(axis=(1, 3)), self.signs.down, axis=0), self.signs.across, axis=1
-        )
+        (rows, columns), (across, down) = self.cells.shape, (self.signs.across, self.signs.down)
+        by_cell = body.reshape(rows, down, columns, across).all(axis=(1, 3))
+        whole = np.kron(by_cell, np.ones((down, across), dtype=np.bool_))
         # In cells of the rim the ground shows through the hand: its own colour would be a third one there.
         self._put_pixels(Role.ROBOT, body & ~(hand & ~whole))
         self._put_pixels(Role.HEADING, hand & whole, Role.ROBOT)
@@ -259,8 +250,8 @@ class RadarPanel(RoleWidget, CellsWidget):
 
     CELLS_TOP = 1
 
-    def __init__(self, maze: Maze, glyphs: GlyphMode, depth: ColorDepth, *, id: str | None = None) -> None:  # noqa: A002 - as in Textual
-        super().__init__(id=id)
+    def __init__(self, maze: Maze, glyphs: GlyphMode, depth: ColorDepth) -> None:
+        super().__init__(id="radar")
         self._maze = maze
         self._glyphs, self._depth = glyphs, depth
         self._shown: tuple[Scene, Look] | None = None

@@ -26,7 +26,7 @@ from simmer_tui.tui.line_panel import StyledLine, between, heading, length, shor
 from simmer_tui.tui.sensor_readouts import heading_sign, scan_line
 
 # The longest, "contacts" and "commands", have eight letters.
-_LABEL = 9
+LABEL = 9
 """Columns of a label."""
 # Between the usual 80 columns and the 110 at which panels stand in full.
 ROOMY = 100
@@ -105,54 +105,48 @@ def robot_lines(snapshot: Snapshot, room: Room) -> list[StyledLine]:
     """Pose, belief, state, and the totals, below a heading: in as many lines as there are."""
     state = snapshot.state
     head = heading("robot", "", room.width, plain=room.plain)
-    pose = (("pose".ljust(_LABEL), "label"), *_place_pieces(snapshot, room))
-    doing = _fact("state", *_state(snapshot))
+    pose = (("pose".ljust(LABEL), "label"), *_place_pieces(snapshot, room))
+    doing = fact_line("state", *_state(snapshot))
     driven: StyledLine = (("   driven ", "label"), (f"{state.distance:.1f} in", "value"))
     role = "danger" if state.contacts else "bold"
     contacts: StyledLine = (("   contacts ", "label"), (f"{state.contacts}", role))
     if room.rows < _WITH_BELIEF:
         return [head, pose, (*doing, *(contacts if state.contacts else driven))]
-    believed = _fact("belief", "none sent", "dim")
+    believed = fact_line("belief", "none sent", "dim")
     if state.belief is not None:
         grid, off = state.belief.grid, off_text(state.belief)
         # The spread of a grid stands beside its entropy, in the answer card.
         off += spread_text(state.belief) if grid is None else f", {truth_text(grid)}"
         at = f", at {pose_text(state.belief.pose)}" if room.width >= _WIDE_PANEL else ""
-        believed = _fact("belief", f"off {off}{at}", "belief")
+        believed = fact_line("belief", f"off {off}{at}", "belief")
     if room.rows < _WITH_BLOCK:
         return [head, pose, believed, (*doing, *driven, *contacts)]
     last: StyledLine = ()
     if state.contact is not None:
         last = ((f", last {clock(state.contact.time)} {side_text(state.contact)}", "label"),)
-    touched = (*_fact("contacts", f"{state.contacts}", role), *last)
-    return [
-        head,
-        pose,
-        believed,
-        (*doing, *driven),
-        _wheels(snapshot, room) or touched,
-        _block_line(snapshot),
-    ]
+    touched = (*fact_line("contacts", f"{state.contacts}", role), *last)
+    lines = [head, pose, believed, (*doing, *driven)]
+    return [*lines, _wheels(snapshot, room) or touched, _block_line(snapshot)]
 
 
 def _wheels(snapshot: Snapshot, room: Room) -> StyledLine:
-    """Rim speeds of a robot that drives until told otherwise, with its contacts if there were any."""
+    """Rim speeds of a robot that drives at a velocity, with its contacts if there were any."""
     velocity = snapshot.state.velocity
     if room.wheels is None or velocity is None:
         return ()
     speeds = " ".join(f"{speed:.1f}" for speed in room.wheels.speeds(velocity))
     count = snapshot.state.contacts
     touched: StyledLine = ((f"   {counted(count, 'contact')}", "danger"),) if count else ()
-    return (*_fact("wheels", f"{speeds} in/s", "good"), *touched)
+    return (*fact_line("wheels", f"{speeds} in/s", "good"), *touched)
 
 
 def _block_line(snapshot: Snapshot) -> StyledLine:
     block = snapshot.state.block
     if not block.size:
-        return _fact("block", "there is none", "dim")
+        return fact_line("block", "there is none", "dim")
     if snapshot.state.holding:
-        return _fact("block", "held by the robot")
-    return _fact("block", f"lies at {block.x:.1f}, {block.y:.1f} in")
+        return fact_line("block", "held by the robot")
+    return fact_line("block", f"lies at {block.x:.1f}, {block.y:.1f} in")
 
 
 def run_lines(snapshot: Snapshot, room: Room) -> list[StyledLine]:
@@ -161,20 +155,19 @@ def run_lines(snapshot: Snapshot, room: Room) -> list[StyledLine]:
     # Once a mission has ended, its time stands still.
     spent = spent_lines(state.spent if mission is None else mission.spent, room)
     if mission is None:
-        totals = _fact("commands", f"{state.commands:,}", "bold")
-        return [*spent, (*totals, ("   seed ", "label"), (f"{state.seed}", "value")), _fact("set", room.name)]
+        totals = fact_line("commands", f"{state.commands:,}", "bold")
+        return [
+            *spent,
+            (*totals, ("   seed ", "label"), (f"{state.seed}", "value")),
+            fact_line("set", room.name),
+        ]
     note = "with help" if mission.helped else ""
     return [heading("mission", note, room.width, plain=room.plain), *mission_lines(mission, room), *spent]
 
 
 def spent_lines(spent: TimeSpent, room: Room) -> list[StyledLine]:
     """Simulated time by purpose: one bar of three shares, and below it the words in the same colours."""
-    width = max(room.width - _LABEL, 1)
-    shares = (
-        (spent.driving, "driving", "drive"),
-        (spent.reading, "sensing", "sense"),
-        (spent.link, "link", "link"),
-    )
+    width, shares = max(room.width - LABEL, 1), _shares(spent)
     whole = sum(seconds for seconds, _, _ in shares)
     bar: list[tuple[str, str]] = []
     done, at = 0.0, 0
@@ -188,20 +181,23 @@ def spent_lines(spent: TimeSpent, room: Room) -> list[StyledLine]:
     words = [(f"{word} {seconds:.0f}", role) for seconds, role, word in shares]
     taken = sum(len(text) for text, _ in words) + 2  # with the unit
     gap = min(max((width - taken) // (len(words) - 1), 1), 2)
-    pieces: list[tuple[str, str]] = [(" " * _LABEL, "plain")]
+    pieces: list[tuple[str, str]] = [(" " * LABEL, "plain")]
     for text, role in words:
         pieces += [(text, role), (" " * gap, "plain")]
     unit: StyledLine = ((" s", "label"),) if taken + gap * (len(words) - 1) <= width else ()
-    return [(("spent".ljust(_LABEL), "label"), *bar), (*pieces[:-1], *unit)]
+    return [(("spent".ljust(LABEL), "label"), *bar), (*pieces[:-1], *unit)]
 
 
 def spent_words(spent: TimeSpent) -> StyledLine:
     """The same in words alone: `drive 46 s  sense 7 s  link 11 s`."""
-    return (
-        (f"drive {spent.driving:.0f} s", "driving"),
-        (f"  sense {spent.reading:.0f} s", "sensing"),
-        (f"  link {spent.link:.0f} s", "link"),
-    )
+    drive, *others = ((f"{word} {seconds:.0f} s", role) for seconds, role, word in _shares(spent))
+    return (drive, *((f"  {text}", role) for text, role in others))
+
+
+def _shares(spent: TimeSpent) -> Sequence[tuple[float, str, str]]:
+    """Seconds for each purpose, its role and its word."""
+    driving, sensing = (spent.driving, "driving", "drive"), (spent.reading, "sensing", "sense")
+    return driving, sensing, (spent.link, "link", "link")
 
 
 _GOALS = {
@@ -229,15 +225,9 @@ def mission_lines(mission: MissionState, room: Room) -> list[StyledLine]:
             mark = ("x " if room.plain else "✗ ") if missed else ("- " if room.plain else "○ ")
             lines.append(((mark, "danger" if missed else "dim"), (text, "value" if missed else "label")))
     said = f" {mission.time:.0f} of {limit:g} s"
-    hurry = mission.time >= _HURRY * limit
-    bar = gauge(
-        mission.time,
-        limit,
-        max(room.width - _LABEL - len(said), 1),
-        plain=room.plain,
-        role="danger" if hurry else "mark",
-    )
-    return [*lines, (("time".ljust(_LABEL), "label"), *bar, (said, "danger" if hurry else "value"))]
+    bar, number = ("danger", "danger") if mission.time >= _HURRY * limit else ("mark", "value")
+    track = gauge(mission.time, limit, max(room.width - LABEL - len(said), 1), plain=room.plain, role=bar)
+    return [*lines, (("time".ljust(LABEL), "label"), *track, (said, number))]
 
 
 _GOAL_WORDS = {Goal.REACHED: "loading zone", Goal.TAKEN: "picked up", Goal.DELIVERED: "delivered"}
@@ -248,11 +238,8 @@ def goals_line(mission: MissionState) -> StyledLine:
     pieces: list[tuple[str, str]] = []
     for goal, when in mission.goals.items():
         if when is not None:
-            pieces += [
-                ("✓ ", "good"),
-                (f"{_GOAL_WORDS[goal]} ", "value"),
-                (f"{clock(when).partition('.')[0]}   ", "label"),
-            ]
+            time = clock(when).partition(".")[0]
+            pieces += [("✓ ", "good"), (f"{_GOAL_WORDS[goal]} ", "value"), (f"{time}   ", "label")]
     return tuple(pieces)
 
 
@@ -299,10 +286,7 @@ def status_line(
         return scan_line(row.reading.sensor, row.reading.scan, plain=plain)
     if brief and entries:
         return last_event_line(entries)
-    reply = last_reply(snapshot)
-    if not reply:
-        return (("last reply  ", "label"), ("none yet", "value"))
-    return (("last reply  ", "label"), *reply)
+    return (("last reply  ", "label"), *(last_reply(snapshot) or (("none yet", "value"),)))
 
 
 def standing_scan(state: State) -> SensorRow | None:
@@ -317,13 +301,11 @@ def standing_scan(state: State) -> SensorRow | None:
 
 def last_reply(snapshot: Snapshot) -> StyledLine:
     """The last command and its reply: `u1 -> 12.4 in`; empty before the first."""
-    last, ended = snapshot.state.last, snapshot.state.ended
+    last = snapshot.state.last
     if last is None:
         return ()
-    role = "danger" if last.reason else "value"
-    text = reply_text(last, ended)
-    line: StyledLine = ((f"{last.command.shown} -> {text}", role),)
-    return (*line, (f"  {last.reason}", "warning")) if last.reason else line
+    text = f"{last.command.shown} -> {reply_text(last, snapshot.state.ended)}"
+    return ((text, "danger"), (f"  {last.reason}", "warning")) if last.reason else ((text, "value"),)
 
 
 def movement_line(snapshot: Snapshot, *, plain: bool) -> StyledLine:
@@ -358,5 +340,6 @@ def _state(snapshot: Snapshot) -> tuple[str, str]:
     return ("moving", "good") if snapshot.state.moving else ("standing", "value")
 
 
-def _fact(label: str, value: str, role: str = "value") -> StyledLine:
-    return (label.ljust(_LABEL), "label"), (value, role)
+def fact_line(label: str, value: str, role: str = "value") -> StyledLine:
+    """A labelled value."""
+    return (label.ljust(LABEL), "label"), (value, role)

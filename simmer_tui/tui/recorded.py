@@ -9,20 +9,11 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from simmer_tui.config.loader import Configuration
-from simmer_tui.events import (
-    ActionDone,
-    ActionName,
-    Event,
-    EventHandler,
-    MissionEvent,
-    MovementEnded,
-    Notice,
-    NoticeKind,
-    ProgramEnded,
-)
+from simmer_tui.events import ActionName, Event, EventHandler, MovementEnded, Notice, NoticeKind
 from simmer_tui.mission import MissionPlan, mission_state, plan_run
 from simmer_tui.report.run_statistics import RunStatistics
 from simmer_tui.report.verdict import Verdict
+from simmer_tui.run.attempt import Attempt
 from simmer_tui.run.reducer import Reducer
 from simmer_tui.runlog.index import EntryFlag, RunLogIndex
 from simmer_tui.runlog.log_records import ActionRecord, BrokenLine
@@ -35,7 +26,7 @@ SPEEDS = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0)
 """Simulated seconds a second."""
 # As many as the list of events holds: what is further back would not be shown.
 _NEAR = 2000
-"""Entries ahead whose events are read on rather than begun anew some way before."""
+"""Entries ahead whose events are read on; from further on reading begins some way before the moment."""
 
 
 class TimelineMarkKind(StrEnum):
@@ -67,47 +58,20 @@ def judged_end(path: Path, configuration: Configuration) -> JudgedEnd:
     Raises:
         RunLogError: if the log cannot be read.
     """
-    end = _RunEnd()
     with LogReader(path, configuration) as log:
         run = RunStatistics(log.header, log.configuration, recorded=False)
         for logged in log:
             run.add(logged)
-            if not isinstance(logged, BrokenLine):
-                end.line = logged.line
-                end.handle(logged.event)
         run.finish(log.note)
-    return JudgedEnd(run.verdict, (end.over or end.left or end.line) - _FIRST_LINE)
+    attempt, program = Attempt(run.history, run.task), run.verdict.program
+    # A run ends with its mission, or without one with its program.
+    line = next((row.line for row in run.history.programs.items if row.event is program), attempt.line)
+    entry = (line if attempt.over is None else attempt.line) - _FIRST_LINE
+    return JudgedEnd(run.verdict, max(entry, -1))  # -1 for a log without entries
 
 
 _FIRST_LINE = 2
 """Line of a log's first entry; the header has the one before."""
-
-
-class _RunEnd(EventHandler[None]):
-    """Lines at which the last run of a log ended: by its mission's end, or without one by its program's."""
-
-    def __init__(self) -> None:
-        self.line = _FIRST_LINE - 1
-        """Line of the event that comes next, or came last."""
-        self.over = self.left = 0
-
-    def other(self, event: Event) -> None:
-        """Nothing ends."""
-
-    def on_mission(self, event: MissionEvent) -> None:
-        if event.over:
-            self.over = self.line
-
-    def on_program_ended(self, event: ProgramEnded) -> None:
-        self.left = self.line
-
-    def on_notice(self, event: Notice) -> None:
-        if event.kind is NoticeKind.CONNECTED:
-            self.left = 0
-
-    def on_action(self, event: ActionDone) -> None:
-        if event.restarts:
-            self.over = self.left = 0
 
 
 class RecordedRun(EventHandler[None]):
@@ -195,12 +159,12 @@ class RecordedRun(EventHandler[None]):
             self._take_pending()
 
     def _begin_feed(self) -> None:
-        """Have the list of events begin anew, wherever in the log."""
+        """Restart the list of events, wherever in the log."""
         # The time of the log's beginning may be later than that of what comes after a reset.
         beginning = replace(self.index.header.beginning(self.configuration), time=0.0)
         self._feed, self._reducer, self._anew = EventFeed(), Reducer(beginning), True
         self._pending: tuple[float, MovementEnded] | None = None
-        """The end of the movement shown, and when it was told, real time."""
+        """The end of the movement shown, and the real time of its record."""
 
     def on_ended(self, event: MovementEnded) -> None:
         self._pending = self._told_at, event  # a log tells of it where the movement begins
@@ -245,27 +209,25 @@ class RecordedRun(EventHandler[None]):
 
     def move_to(self, elapsed: float) -> None:
         """Show a moment."""
-        self.elapsed = min(max(elapsed, 0.0), self.duration)
-        is_any = self.index.count and self.elapsed >= self.index.time_of(0)
-        self.entry = self.index.find_time(self.elapsed) if is_any else -1
-        self._changed = True
+        elapsed = min(max(elapsed, 0.0), self.duration)
+        is_any = self.index.count and elapsed >= self.index.time_of(0)
+        self._show(self.index.find_time(elapsed) if is_any else -1, elapsed)
 
     def stand_at(self, entry: int) -> None:
-        """Show the moment at which all that an entry tells has happened."""
-        self.entry = entry
-        self.elapsed = self.index.over_of(entry)
-        self._changed = True
+        """Show the moment at which all that an entry says has happened."""
+        self._show(entry, self.index.over_of(entry))
 
     def begin(self) -> None:
         """Show the moment before the first entry."""
-        self.entry, self.elapsed, self.playing, self._changed = -1, 0.0, False, True
+        self.playing = False
+        self._show(-1, 0.0)
 
     def stand_at_end(self) -> None:
         self.playing = False
-        if self.index.count:
-            self.entry = self.index.count - 1
-            self.elapsed = self.duration
-        self._changed = True
+        self._show(self.index.count - 1, self.duration if self.index.count else self.elapsed)
+
+    def _show(self, entry: int, elapsed: float) -> None:
+        self.entry, self.elapsed, self._changed = entry, elapsed, True
 
     def take_in(self) -> bool:
         """Read what has been written since. Returns true if there was any. Who stood at the end stays there.

@@ -23,7 +23,7 @@ from simmer_tui.tui.answers import note
 from simmer_tui.tui.event_text import clock
 from simmer_tui.tui.help import HelpScreen, replay_help
 from simmer_tui.tui.key_table import IN_REPLAY, Hint, bindings_of, hints_of
-from simmer_tui.tui.line_panel import LinePanel, StyledLine, heading
+from simmer_tui.tui.line_panel import LinePanel, StyledLine
 from simmer_tui.tui.maze.view import MazeView
 from simmer_tui.tui.recorded import RecordedRun, TimelineMarkKind
 from simmer_tui.tui.shell import Shell, put
@@ -128,14 +128,13 @@ class ReplayApp(Shell):
         self, run: RecordedRun, choice: TerminalChoice, *, follow: bool = False, devices: Path | None = None
     ) -> None:
         """A take-over looks for the device files of the run in the folder `devices`."""
-        maze = MazeView(choice.glyphs, choice.color, id="maze")
+        maze = MazeView(choice.glyphs, choice.color)
         super().__init__(run, choice, maze)
         # The maze's own actions, wherever the focus is.
         self.action_zoom, self.action_fit = maze.action_zoom, maze.action_fit
         self.action_follow = maze.action_follow
         self.run_shown = run
         self._devices = devices
-        self._head = LinePanel(id="console-head")
         self._timeline = Timeline(run, self.refresh_frame, plain=self._plain)
         self._following = follow
         self._note = ""
@@ -168,11 +167,7 @@ class ReplayApp(Shell):
 
     def _arrange(self, width: int, height: int) -> None:
         super()._arrange(width, height)
-        box = self._plan.boxes.get("console-head")
-        if box is not None:
-            note = "X contact   o goal   p pause"
-            head = heading("timeline", note, box.width - 1, plain=self._plain)
-            self._head.show([((" ", "plain"), *head)])
+        self._show_head("timeline", "X contact   o goal   p pause")
         self._put_time(self.query_one("#time").display)
 
     def _put_time(self, shown: bool) -> None:
@@ -194,12 +189,12 @@ class ReplayApp(Shell):
 
     async def _find_verdict(self) -> None:
         """Have the end of the run show its cause, as a live one does."""
-        with contextlib.suppress(RunLogError):  # whoever follows the log is told by `_take_in`
+        with contextlib.suppress(RunLogError):  # `_take_in` says so to whoever follows the log
             await self.run_shown.find_verdict()
             self.refresh_frame()
 
     def _take_in(self) -> None:
-        """Read the entries that were written since; after one that may end a run, find the verdict anew."""
+        """Read the entries that were written since; after one that may end a run, find the verdict again."""
         index = self.run_shown.index
         known = index.count
         try:

@@ -12,10 +12,9 @@ from simmer_tui.snapshot import Snapshot
 from simmer_tui.tui.event_text import clock
 from simmer_tui.tui.gauges import sparkline
 from simmer_tui.tui.line_panel import StyledLine, heading
+from simmer_tui.tui.readouts import LABEL, fact_line
 from simmer_tui.tui.sensor_readouts import bearing_sign, with_unit
 
-_LABEL = 9
-"""Columns of the labels."""
 # Inches; the panel shows tenths.
 _NEAR = 0.05
 
@@ -38,43 +37,33 @@ def sensor_facts(
         return [heading("sensor", "", width, plain=plain), (("none read yet", "dim"),)]
     note = "click on another" if chosen else f"read last; :help {code}"
     lines = [heading(f"sensor {code}", note, width, plain=plain)]
-    told = ("rolls" if sensor.kind.counts else "looks", _looks(sensor)), ("sits", _sits(sensor))
-    lines += [_fact(label, text) for label, text in told if text]
+    facts = ("rolls" if sensor.kind.counts else "looks", _looks(sensor)), ("sits", _sits(sensor))
+    lines += [fact_line(label, text) for label, text in facts if text]
     row = snapshot.state.sensors.get(code)
-    if row is not None and row.reading.scan is not None:
-        return [*lines, *_scan_facts(row, row.reading.scan, plain=plain)]
     if row is None:
-        return [*lines, (("read".ljust(_LABEL), "label"), ("not yet", "dim"))]
+        return [*lines, fact_line("read", "not yet", "dim")]
+    if row.reading.scan is not None:
+        return [*lines, *_scan_facts(row, row.reading.scan, plain=plain)]
     error = f", error {100 * sensor.error:g} %" if sensor.error else ""
-    value = with_unit(row.reading.value, sensor)
-    read: StyledLine = (
-        ("read".ljust(_LABEL), "label"),
-        (value, "newest"),
-        (f" at {clock(row.time)}{error}", "value"),
-    )
+    read = fact_line("read", with_unit(row.reading.value, sensor), "newest")
     values = past.get(code, row.history)
-    count = min(len(values), width - _LABEL)
-    curve = sparkline(values, count, plain=plain)
-    return [*lines, read, ((f"last {count}".ljust(_LABEL), "label"), (curve, "newest"))]
+    count = min(len(values), width - LABEL)
+    curve = fact_line(f"last {count}", sparkline(values, count, plain=plain), "newest")
+    return [*lines, (*read, (f" at {clock(row.time)}{error}", "value")), curve]
 
 
 def _scan_facts(row: SensorRow, scan: LidarScan, *, plain: bool) -> list[StyledLine]:
     """When a scan was read, and what stands out in it."""
     sensor, found = row.reading.sensor, extremes(scan)
     told = f" at {clock(row.time)}, revolution {scan.revolution:,}"
-    points = (counted(len(scan.ranges), "point"), "newest")
-    read: StyledLine = (("read".ljust(_LABEL), "label"), points, (told, "value"))
+    read = (*fact_line("read", counted(len(scan.ranges), "point"), "newest"), (told, "value"))
     if found.nearest is None or found.farthest is None:
-        return [read, _fact("nearest", "no echo all around")]
+        return [read, fact_line("nearest", "no echo all around")]
     (near, at), (far, beyond) = found.nearest, found.farthest
     signs = [bearing_sign(bearing, plain=plain) for bearing in (at, beyond)]
     missed = f", {found.missed} no echo" if found.missed else ""
     text = f"{near:.1f} {sensor.unit} {signs[0]}, farthest {far:.1f} {sensor.unit} {signs[1]}{missed}"
-    return [read, _fact("nearest", text)]
-
-
-def _fact(label: str, text: str) -> StyledLine:
-    return (label.ljust(_LABEL), "label"), (text, "value")
+    return [read, fact_line("nearest", text)]
 
 
 def _looks(sensor: SensorSpec) -> str:

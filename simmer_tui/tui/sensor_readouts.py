@@ -3,6 +3,7 @@
 import math
 import re
 from collections.abc import Mapping, Sequence
+from itertools import chain
 
 from msgspec import Struct, field
 
@@ -185,11 +186,8 @@ class _SensorTable:
     """Lines of the panel for one snapshot."""
 
     def __init__(self, snapshot: Snapshot, width: int, view: SensorsView) -> None:
-        self.rows, self.twins, self.true_values = (
-            snapshot.state.sensors,
-            snapshot.state.twins,
-            snapshot.true_values,
-        )
+        self.rows, self.twins = snapshot.state.sensors, snapshot.state.twins
+        self.true_values = snapshot.true_values
         self.newest = max((row.number for row in self.rows.values()), default=0)
         self.width, self.view = width, view
         self.full = width >= FULL_COLUMNS
@@ -224,46 +222,41 @@ class _SensorTable:
         is_range = sensor.kind.is_range
         key = "range" if is_range else sensor.kind.name
         if key not in self._ends:
+            kinds = ((row.reading.sensor.kind, row.history) for row in self.rows.values())
             alike = (
-                row
-                for row in self.rows.values()
-                if not row.reading.sensor.kind.is_scan
-                and row.reading.sensor.kind.is_range == is_range
-                and (is_range or row.reading.sensor.kind is sensor.kind)
+                past
+                for kind, past in kinds
+                if not kind.is_scan and (kind.is_range if is_range else kind is sensor.kind)
             )
-            end = scale_end((value for row in alike for value in row.history), sensor.unit)
+            end = scale_end(chain.from_iterable(alike), sensor.unit)
             self._ends[key] = max(end, RANGE_SCALE) if is_range else end
         return self._ends[key]
 
     def _line(self, sensor: SensorSpec) -> StyledLine:
         """One sensor: its reading, and what there is to say of it."""
         row = self.rows.get(sensor.code)
-        fresh = row is not None and row.number == self.newest
-        begin = self._begin(sensor, row, fresh)
-        if row is None:
-            return self._unread(sensor, begin)
-        if row.reading.scan is not None:
-            return self._scan(row.reading.scan, sensor, begin, fresh)
-        value = row.reading.value
-        if sensor.kind.is_range and value == math.inf:
-            return self._no_echo(sensor, begin, fresh)
-        stands_out = range_role(sensor, value)
-        role = "newest" if fresh and stands_out == "value" else stands_out
-        line: StyledLine = (*begin, (_value_text(value, sensor).rjust(6 if self.full else 5), role))
-        is_gauged = self._is_gauged(sensor)
-        if self.full or not is_gauged:
-            unit = "" if sensor.is_yes_or_no else sensor.unit
-            line = (*line, (f" {unit}".ljust(3), "dim"))
-        return (*line, *self._rest(sensor, row, self.width - length(line), fresh))
-
-    def _begin(self, sensor: SensorSpec, row: SensorRow | None, fresh: bool) -> StyledLine:
-        """Code and direction."""
-        look = way(sensor, plain=self.view.plain)
-        role = "dim" if row is None else "newest" if fresh else "value"
-        return (
+        role, look = self._role(row), way(sensor, plain=self.view.plain)
+        begin: StyledLine = (
             (sensor.code, "chosen" if sensor.code == self.view.chosen else role),
             (look.ljust(2) if self.view.plain else f" {look}".ljust(2), role),
         )
+        if row is None:
+            return self._unread(sensor, begin)
+        if row.reading.scan is not None:
+            return self._scan(row.reading.scan, sensor, begin, role)
+        value = row.reading.value
+        if sensor.kind.is_range and value == math.inf:
+            return self._no_echo(sensor, begin, role)
+        shown = _value_text(value, sensor).rjust(6 if self.full else 5)
+        line: StyledLine = (*begin, (shown, _near_role(sensor, value, role)))
+        if self.full or not self._is_gauged(sensor):
+            unit = "" if sensor.is_yes_or_no else sensor.unit
+            line = (*line, (f" {unit}".ljust(3), "dim"))
+        return (*line, *self._rest(sensor, row, self.width - length(line)))
+
+    def _role(self, row: SensorRow | None) -> str:
+        """Role of a reading: the newest stands out, one that was never taken is dim."""
+        return "dim" if row is None else "newest" if row.number == self.newest else "value"
 
     def _unread(self, sensor: SensorSpec, begin: StyledLine) -> StyledLine:
         """A sensor that was never read: its direction and its kind, and no number."""
@@ -276,9 +269,8 @@ class _SensorTable:
             return (*line, (f"true {_value_text(true, sensor)}", "good"))
         return between((*line, (kind_name(sensor.kind), "dim")), (("not read", "dim"),), self.width)
 
-    def _scan(self, scan: LidarScan, sensor: SensorSpec, begin: StyledLine, fresh: bool) -> StyledLine:
-        """A scan: how many points it has, and as much of the nearest and farthest as there is room for."""
-        role = "newest" if fresh else "value"
+    def _scan(self, scan: LidarScan, sensor: SensorSpec, begin: StyledLine, role: str) -> StyledLine:
+        """A scan: its number of points, and as much of the nearest and farthest as there is room for."""
         if not self.full:
             return (*begin, (f" {len(scan.ranges)} pts", role))
         found, plain = extremes(scan), self.view.plain
@@ -286,24 +278,19 @@ class _SensorTable:
         if found.nearest is None or found.farthest is None:
             return (*line, (", no echo", role))
         (near, at), (far, _) = found.nearest, found.farthest
-        stands_out = range_role(sensor, near)
-        pieces: tuple[StyledLine, ...] = (
-            (
-                (", nearest ", role),
-                (f"{near:.1f}", role if stands_out == "value" else stands_out),
-                (f" {sensor.unit} {bearing_sign(at, plain=plain)}", role),
-            ),
-            ((f" farthest {far:.1f} {sensor.unit}", role),),
+        nearest: StyledLine = (
+            (", nearest ", role),
+            (f"{near:.1f}", _near_role(sensor, near, role)),
+            (f" {sensor.unit} {bearing_sign(at, plain=plain)}", role),
         )
-        for more in pieces:
+        for more in (nearest, ((f" farthest {far:.1f} {sensor.unit}", role),)):
             if length(line) + length(more) > self.width:
                 break
             line = (*line, *more)
         return line
 
-    def _no_echo(self, sensor: SensorSpec, begin: StyledLine, fresh: bool) -> StyledLine:
+    def _no_echo(self, sensor: SensorSpec, begin: StyledLine, role: str) -> StyledLine:
         """A range that ended at nothing: words, and no bar."""
-        role = "newest" if fresh else "value"
         true = self.true_values.get(sensor.code)
         if not self.full:
             return (*begin, ("  no echo", role))
@@ -328,7 +315,7 @@ class _SensorTable:
         spark = min(5 + more - more // 3, HISTORY)
         return bars, spark, room - bars - spark - 1
 
-    def _rest(self, sensor: SensorSpec, row: SensorRow, room: int, fresh: bool) -> StyledLine:
+    def _rest(self, sensor: SensorSpec, row: SensorRow, room: int) -> StyledLine:
         """Pieces behind a reading: the true value or the twin's, else gauge and sparkline."""
         twin, true = self.twins.get(sensor.code), self.true_values.get(sensor.code)
         plain, value = self.view.plain, row.reading.value
@@ -343,8 +330,7 @@ class _SensorTable:
             name = kind_name(sensor.kind)
             turned = f" {heading_sign(value, plain=plain)}" if sensor.kind.name == Compass.name else ""
             return ((f" {name}", "dim"), (turned, "value")) if room > len(name) + len(turned) else ()
-        stands_out = range_role(sensor, value)
-        role = stands_out if stands_out != "value" else "newest" if fresh else "mark"
+        role = _near_role(sensor, value, "newest" if row.number == self.newest else "mark")
         end = self._end(sensor)
         if not self.full:
             return (" ", "plain"), *gauge(value, end, max(room - 1, 0), plain=plain, role=role)
@@ -372,6 +358,7 @@ class _SensorTable:
             said = ", ".join(filter(None, (kind_name(kind).removesuffix(" sensor"), note)))
             line: StyledLine = (begin, (f" {self.view.dash:<4}{said}", "dim"))
             return between(line, (("not read", "dim"),), self.width)
+        # Digits of three columns each; the codes before them have six, and the note a gap.
         pad = " " if len(group) * 3 + len(note) + 7 <= self.width else ""
         return between((begin, *self._yes_or_no(group, pad)), ((note, "dim"),), self.width)
 
@@ -380,7 +367,7 @@ class _SensorTable:
         for sensor in group:
             row, true = self.rows.get(sensor.code), self.true_values.get(sensor.code)
             text = self.view.dash if row is None else f"{row.reading.value:.0f}"
-            role = "dim" if row is None else "newest" if row.number == self.newest else "value"
+            role = self._role(row)
             if row is not None and after and not self.view.plain:
                 is_white = bool(row.reading.value) == sensor.detects_white
                 role = "white-tile" if is_white else "black-tile"
@@ -388,6 +375,12 @@ class _SensorTable:
             if self.view.truth and true is not None and self.full:
                 pieces.append((f"/{true:.0f}", "good"))
         return tuple(pieces)
+
+
+def _near_role(sensor: SensorSpec, value: float, usual: str) -> str:
+    """Role of a range that is short, or else the `usual` one."""
+    role = range_role(sensor, value)
+    return usual if role == "value" else role
 
 
 def _value_text(value: float, sensor: SensorSpec) -> str:

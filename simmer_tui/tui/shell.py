@@ -20,7 +20,7 @@ from simmer_tui.snapshot import Snapshot
 from simmer_tui.tui.answers import AnswerCard
 from simmer_tui.tui.jump_thinning import JumpThinning
 from simmer_tui.tui.key_table import ANYWHERE, IN_LOG, Hint, hints_of, keys_line
-from simmer_tui.tui.line_panel import LinePanel
+from simmer_tui.tui.line_panel import LinePanel, heading
 from simmer_tui.tui.maze.palette import Look
 from simmer_tui.tui.maze.view import MazeView
 from simmer_tui.tui.panes import Panes, SnapshotSource
@@ -59,6 +59,7 @@ class Shell(FaultTold, TerminalApp):
         self._panes = Panes(source, choice, maze)
         self._panes.sensors.picked = self.pick_sensor
         self._maze = maze
+        self._head = LinePanel(id="console-head")
         self._keys = LinePanel(id="keys")
         self._small = LinePanel(id="small")
         self._gate = Backpressure(self)
@@ -132,7 +133,8 @@ class Shell(FaultTold, TerminalApp):
             self.skipped += 1
             return
         # A snapshot comes from the robot's thread; a slow one must not queue up more of them.
-        if self._sampling or self._nothing_new() or self._thinning.passes_over(self._jumps):
+        nothing_new = not self.source.has_news(self._known) and self._idle and not self._panes.has_unshown
+        if self._sampling or nothing_new or self._thinning.passes_over(self._jumps):
             return
         self._sampling = True
         try:
@@ -143,9 +145,6 @@ class Shell(FaultTold, TerminalApp):
         finally:
             self._sampling = False
 
-    def _nothing_new(self) -> bool:
-        return not self.source.has_news(self._known) and self._idle and not self._panes.has_unshown
-
     def post_display_hook(self) -> None:
         self._gate.note_display()
 
@@ -153,18 +152,12 @@ class Shell(FaultTold, TerminalApp):
         before, self._snapshot = self._snapshot, snapshot
         since, self._known = self._known, snapshot.number
         # A command that comes in during a pause is no event, nor is the end of a calm second.
-        self._idle = (
-            before is not None
-            and snapshot.rate == 0
-            and before.state.pose == snapshot.state.pose
-            and not snapshot.state.paused
-        )
-        self._jumps = (
-            before is not None
-            and snapshot.pace == 0.0
-            and not (before.state.moving or snapshot.state.moving)
-            and before.state.pose != snapshot.state.pose
-        )
+        self._idle = self._jumps = False
+        if before is not None:
+            stays = before.state.pose == snapshot.state.pose
+            is_moving = before.state.moving or snapshot.state.moving
+            self._idle = stays and snapshot.rate == 0 and not snapshot.state.paused
+            self._jumps = not stays and snapshot.pace == 0.0 and not is_moving
         self.frames += 1
         has_events = self._panes.show(snapshot)
         self.shown(snapshot, since)
@@ -174,10 +167,10 @@ class Shell(FaultTold, TerminalApp):
         draw_at_once(self.screen_stack[0])
 
     def _make_room_for_answers(self) -> None:
-        """Arrange the panes anew where an answer, or a mission's panel, wants other rows than the last."""
+        """Arrange the panes again where an answer, or a mission's panel, wants other rows than the last."""
         rows = self._panes.answer_rows
         # On a small screen it is there or not; beside the maze only one longer than usual takes more.
-        rows = min(rows, 1) if self.has_pages else rows * (rows > ANSWER_ROWS)
+        rows = min(rows, 1) if self._plan.has_pages else rows * (rows > ANSWER_ROWS)
         if (rows, self._panes.has_mission) != (self._answer_rows, self._had_mission):
             self._answer_rows, self._had_mission = rows, self._panes.has_mission
             self._arrange(self.size.width, self.size.height)
@@ -211,11 +204,6 @@ class Shell(FaultTold, TerminalApp):
     def on_resize(self, event: Resize) -> None:
         self._arrange(event.size.width, event.size.height)
 
-    @property
-    def has_pages(self) -> bool:
-        """True if the screen is so small that F2 shows more."""
-        return self._plan.has_pages
-
     def _arrange(self, width: int, height: int) -> None:
         """Put every widget into its box, and hide those without one."""
         if not width or not height:
@@ -244,6 +232,13 @@ class Shell(FaultTold, TerminalApp):
         self._is_arranged = True
         self.refresh_frame()
 
+    def _show_head(self, title: str, note: str) -> None:
+        """Show the heading of console or timeline, where it has one."""
+        box = self._plan.boxes.get("console-head")
+        if box is not None:
+            line = heading(title, note, box.width - 1, plain=self._plain)
+            self._head.show([((" ", "plain"), *line)])
+
     def _laid_out(self, screen: Screen[object]) -> None:
         """Draw into boxes that have just got their sizes."""
         if self._is_arranged:
@@ -253,7 +248,7 @@ class Shell(FaultTold, TerminalApp):
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
         """Allow pages on small screens only."""
-        return self.has_pages or action not in ("page", "next_page")
+        return self._plan.has_pages or action not in ("page", "next_page")
 
     def action_page(self, number: int) -> None:
         """On small screens: show all in brief, or one of sensors, robot and events."""
@@ -270,7 +265,7 @@ class Shell(FaultTold, TerminalApp):
 
     def action_focus_pane(self) -> None:
         """To the maze, or to the page shown on a small screen."""
-        page = PAGES[self._page] if self.has_pages else "maze"
+        page = PAGES[self._page] if self._plan.has_pages else "maze"
         self.screen.set_focus({"maze": self._maze, "events": self._panes.log}.get(page))
 
     # -- keys at the bottom ----------------------------------------------------------------------
@@ -286,7 +281,7 @@ class Shell(FaultTold, TerminalApp):
         return hints_of(IN_LOG if self._panes.log.has_focus else ANYWHERE)
 
     def _show_keys(self) -> None:
-        always = [("F2", PAGES[(self._page + 1) % len(PAGES)])] if self.has_pages else []
+        always = [("F2", PAGES[(self._page + 1) % len(PAGES)])] if self._plan.has_pages else []
         box = self._plan.boxes.get("keys")
         if box is not None:
             self._keys.show([keys_line(self.hints(), box.width, always)])

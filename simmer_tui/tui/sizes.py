@@ -15,7 +15,7 @@ from simmer_tui.tui.maze.viewport import arrange, best_zoom
 
 PAGES = ("maze", "sensors", "robot", "events")
 """Pages of a small screen, by F2 one after the other; the first shows all at once, in brief."""
-# Half of the usual 80 x 24: a maze of 8 x 4 cells is just to be told apart.
+# Half of the usual 80 x 24: the cells of a maze of 8 x 4 can just be seen.
 SMALLEST_COLUMNS, SMALLEST_ROWS = 40, 12
 # Code, direction, value of five, and a gauge of three.
 BRIEF_SENSORS = 13
@@ -193,7 +193,7 @@ def _stacked(room: Box, panels: Panels) -> dict[str, Box]:
     at, rest = room.y, room.height
     gap = 1 if rest >= sum(rows + 1 for _, rows in panels) - 1 else 0
     for name, rows in panels:
-        if rest >= min(rows, 3):
+        if rest >= min(rows, 3):  # a heading and two lines
             boxes[name] = Box(room.x, at, room.width, min(rows, rest))
             at, rest = at + rows + gap, rest - rows - gap
     return boxes
@@ -203,6 +203,7 @@ def _below(low: Box) -> dict[str, Box]:
     """Boxes under the maze: events and console, side by side where there is room."""
     console = _CONTROLS + 1  # with a heading
     # 142 columns of 200 are divided as 86 and 54: an event's line is the longer one.
+    # From 130 on events have 78 columns, more than `_LEAST_BELOW`; 12 rows hold console and facts.
     if low.width >= 130 and low.height >= 12:
         left, top = low.width * 86 // 142, low.y + 1
         right = low.width - left - 2

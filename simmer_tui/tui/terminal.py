@@ -60,7 +60,7 @@ class TerminalChoice(Struct, frozen=True):
     @property
     def color_system(self) -> str:
         """Value for `TEXTUAL_COLOR_SYSTEM`."""
-        # Rich's name of the 16 colours. Without any it must still be told of some: see `ansi_color`.
+        # Rich's name of the 16 colours. Without any it needs a name as well: see `ansi_color`.
         few = self.color in (ColorDepth.COLORS_16, ColorDepth.NONE)
         return "standard" if few else self.color.value
 

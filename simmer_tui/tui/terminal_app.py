@@ -73,18 +73,15 @@ class TerminalApp(App[int]):
 
     async def on_event(self, event: events.Event) -> None:
         """Take keys and pastes for a line editor here, in the app's own queue."""
-        if isinstance(event, events.Key | events.Paste) and not event.is_forwarded and not self.app_focus:
+        if isinstance(event, events.Key | events.Paste) and not event.is_forwarded:
             # Textual would give the focus back only with this key, which then reaches nobody: in a browser
             # the app begins without it.
             self.app_focus = True
-        if isinstance(event, events.Key) and not event.is_forwarded:
-            focused = self.focused
-            if isinstance(focused, LineEditor) and await focused.take_key(event):
-                return
-        elif isinstance(event, events.Paste) and not event.is_forwarded:
-            focused = self.focused
-            target = focused if isinstance(focused, LineEditor) else self.paste_target
-            if target is not None and len(self.screen_stack) == 1:
+            editor = self.focused if isinstance(self.focused, LineEditor) else None
+            if isinstance(event, events.Key):
+                if editor is not None and await editor.take_key(event):
+                    return
+            elif (target := editor or self.paste_target) is not None and len(self.screen_stack) == 1:
                 target.take_paste(event.text)
                 return
         await super().on_event(event)
@@ -138,7 +135,7 @@ def osc52(text: str) -> str:
 def clipboard_sequences(text: str, environment: Mapping[str, str]) -> list[str]:
     """Sequences to send beside the plain one.
 
-    tmux takes the plain one itself with `set-clipboard on`. Else it drops it, but hands on to the
+    tmux takes the plain one itself with `set-clipboard on`. Else it drops it, but passes on to the
     terminal what is wrapped so (DCS tmux; ... ST, each ESC in it doubled), if `allow-passthrough` is on.
     """
     if not environment.get("TMUX"):

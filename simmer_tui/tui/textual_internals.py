@@ -121,7 +121,7 @@ def rows_of(screen: Screen[Any]) -> list[Strip]:
 
 
 def forget_traceback(app: App[Any]) -> None:
-    """Have nothing printed after the app has ended by a fault; whoever runs it tells of it."""
+    """Have nothing printed after the app has ended by a fault; its caller reports it."""
     # Textual would print them, traceback and all, once its screen has gone.
     app._exit_renderables.clear()
 
@@ -140,7 +140,7 @@ def set_virtual_size(view: ScrollView, size: Size) -> None:
 
 
 class FaultTold:
-    """Mixin for an app that is told of an exception that Textual cannot go on from."""
+    """Mixin for an app with a method for exceptions that Textual cannot go on from."""
 
     def fault_met(self, error: Exception) -> None:
         """Called after Textual has taken note of it."""
@@ -151,7 +151,7 @@ class FaultTold:
 
 
 class StillWhenClamped:
-    """Mixin for a view that is told when Textual itself, not its user, changes where it scrolls to."""
+    """Mixin for a view that knows when Textual itself, not its user, changes where it scrolls to."""
 
     placing = False
     """True while Textual, not the user, scrolls."""

@@ -21,7 +21,7 @@ from simmer_tui.tui.log_panel import LogPanel
 
 class _Host(App[None]):
     def compose(self) -> ComposeResult:
-        yield LogPanel(id="events")
+        yield LogPanel()
 
 
 def play(act: Callable[[LogPanel, Pilot[None]], Awaitable[None]], size: tuple[int, int] = (60, 10)) -> None:

@@ -156,7 +156,7 @@ def patch_of(canvas: Canvas, place: CellRange, mask: Mask) -> Patch:
 def square_of(canvas: Canvas, x: float, y: float, size: float) -> Patch | None:
     """An upright square, at least a pixel large and the same wherever it stands."""
     signs = canvas.signs
-    # Signs fill cells; a part of one cannot be told from anything else there.
+    # Signs fill cells; a part of one would look like anything else there.
     whole = not signs.has_blocks or canvas.palette.is_mono
     across, down = (1, 1) if whole else (signs.across, signs.down)
     wide, high = max(1, round(size * across)), max(1, round(size * down / 2))

@@ -1,4 +1,4 @@
-"""One frame in the making: marks laid over the backdrop, each on the ground and on nothing else.
+"""One frame in the making: marks drawn over the backdrop, each on the ground and on nothing else.
 
 A cell shows its topmost mark and the ground under it. Marks are put down from the lowest layer to
 the highest, and each replaces what stood in its cells.
@@ -17,7 +17,7 @@ from simmer_tui.tui.terminal import ColorDepth
 # Without colours the newest, a contact and the block have to stand out, old paths to step back.
 _BOLD_MONO = (Role.RAY_STRONG, Role.CONTACT, Role.BLOCK, Role.HEADING)
 _DIM_MONO = (Role.TRAIL,)
-# A solid body can only be told from the floor by being reversed where there are no colours.
+# Without colours only reversing distinguishes a solid body from the floor.
 _SOLID = (Role.ROBOT, Role.CONTACT)
 
 
@@ -37,7 +37,7 @@ class Patch(Struct, frozen=True, eq=False):
 
 
 class Canvas:
-    """Copy of the backdrop, and what has been laid over it."""
+    """Copy of the backdrop, and the marks drawn over it."""
 
     def __init__(self, backdrop: Backdrop) -> None:
         self.backdrop = backdrop

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 from msgspec import Struct, field
+from msgspec.structs import replace
 from numpy.typing import NDArray
 
 from simmer_tui.sim.angles import FloatArray
@@ -175,8 +176,12 @@ _MONO_FILLS = {
     Role.LOUD_BLACK: ("·", Role.GRID),
     Role.BLOCK: ("■", Role.BLOCK),
 }
+# With 16 colours both tiles have one.
+_SIXTEEN_FILLS = {Role.LOUD_BLACK: ("·", Role.GRID)}
 
 
+# Bits: upper, lower.
+_HALVES = tuple(map(ord, " ▀▄█"))
 # Bits: upper left, upper right, lower left, lower right.
 _QUADRANTS = tuple(map(ord, " ▘▝▀▖▌▞▛▗▚▐▜▄▙▟█"))
 
@@ -207,23 +212,18 @@ def _numbered(count: int, first: int, older: Mapping[int, int]) -> tuple[int, ..
 @cache
 def signs_for(glyphs: GlyphMode, depth: ColorDepth) -> Signs:
     """Characters that a terminal's pictures are made of."""
-    fills: Mapping[Role, tuple[str, Role]] = {}
-    if depth is ColorDepth.NONE:
-        fills = _MONO_FILLS
-    elif depth is ColorDepth.COLORS_16:
-        # Both tiles have one colour there.
-        fills = {Role.LOUD_BLACK: ("·", Role.GRID)}
-    match glyphs:
-        case GlyphMode.OCTANT:
-            return Signs(2, 4, _octants(), True, ARROWS, fills=fills)
-        case GlyphMode.SEXTANT:
-            return Signs(2, 3, _sextants(), True, ARROWS, fills=fills)
-        case GlyphMode.QUADRANT:
-            return Signs(2, 2, _QUADRANTS, True, ARROWS, fills=fills)
-        case GlyphMode.HALF:
-            # WGL4 has no single quadrants for the corners.
-            halves = tuple(map(ord, " ▀▄█"))
-            return Signs(1, 2, halves, False, _PAIRS, _HALF_LINES, fills, "▐▄▌▀▄▄▀▀│─")
-        case GlyphMode.ASCII:
-            blocks = (BLANK, ord("#"))
-            return Signs(1, 1, blocks, False, _PLAIN_ARROWS, _PLAIN_LINES, _PLAIN_FILLS, "########|-")
+    return replace(_SIGNS[glyphs], fills=_SIGNS[glyphs].fills or _FILLS.get(depth, {}))
+
+
+_FILLS = {ColorDepth.NONE: _MONO_FILLS, ColorDepth.COLORS_16: _SIXTEEN_FILLS}
+_SIGNS = {
+    GlyphMode.OCTANT: Signs(2, 4, _octants(), True, ARROWS),
+    GlyphMode.SEXTANT: Signs(2, 3, _sextants(), True, ARROWS),
+    GlyphMode.QUADRANT: Signs(2, 2, _QUADRANTS, True, ARROWS),
+    # WGL4 has no single quadrants for the corners.
+    GlyphMode.HALF: Signs(1, 2, _HALVES, False, _PAIRS, _HALF_LINES, frame="▐▄▌▀▄▄▀▀│─"),
+    # Its fills are the same at every depth: without blocks they are all that distinguishes areas.
+    GlyphMode.ASCII: Signs(
+        1, 1, (BLANK, ord("#")), False, _PLAIN_ARROWS, _PLAIN_LINES, _PLAIN_FILLS, "########|-"
+    ),
+}

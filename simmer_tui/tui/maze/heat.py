@@ -1,6 +1,6 @@
 """Heat: the levels and numbers that a grid's belief gives to the pixels and cells of a window.
 
-Few levels, since fine shades are not told apart on every ground; from 2 % on a number says it too.
+Few levels, since fine shades look alike on some grounds; from 2 % on a number says it too.
 """
 
 import math
@@ -25,7 +25,7 @@ _LEAST_SHARE = 0.02
 
 
 class HeatMark(Struct, frozen=True, eq=False):
-    """A grid to be drawn, when it was told (simulated seconds), and if the robot stands."""
+    """A grid to be drawn, the time at which it came (simulated seconds), and True if the robot stands."""
 
     grid: GridBelief
     time: float
@@ -41,7 +41,7 @@ class HeatNumber(Struct, frozen=True):
 
 
 class HeatMap:
-    """The levels of one window from grid to grid: a map that is drawn anew changes where it must."""
+    """The levels of one window from grid to grid: a map that is drawn again changes where it must."""
 
     def __init__(self) -> None:
         self._mark: HeatMark | None = None

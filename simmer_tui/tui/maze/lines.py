@@ -1,4 +1,4 @@
-"""Marks drawn in dots: trail, rays and the codes of their sensors, floor spots, the outline of a belief."""
+"""Marks drawn in dots: trail, rays and the codes of their sensors, scans, floor spots, beliefs."""
 
 import math
 from collections.abc import Sequence
@@ -10,10 +10,11 @@ from msgspec import Struct
 from simmer_tui.sim.angles import FloatArray
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.records import FloorPatch
+from simmer_tui.sim.scan_rays import ScanRays
 from simmer_tui.sim.specs import RobotSpec
 from simmer_tui.tui.maze import shapes
 from simmer_tui.tui.maze.canvas import Canvas
-from simmer_tui.tui.maze.glyphs import heading_arrow
+from simmer_tui.tui.maze.glyphs import Mask, heading_arrow
 from simmer_tui.tui.maze.palette import Role
 from simmer_tui.tui.maze.scene import BeliefMark, Scene, SensorView
 
@@ -46,6 +47,9 @@ _LONGEST_RAY = 1000.0
 # A ray that ends on the border of a cell has no dot in the next one.
 _JUST = 1e-6
 """Inches by which the last dot of a ray is before its end."""
+# A dot: a longer step would leave gaps between dots and wall.
+_BACK = 0.5
+"""Units by which a dot in a wall is moved along its beam at a time."""
 _TICK = 0.4
 """Length of the mark at the front of a belief, in robot radii."""
 _ARROW_AHEAD = 0.6
@@ -220,3 +224,55 @@ def _spot(spot: FloorPatch, step: float) -> FloatArray:
     if len(spot.black) and float(spot.black.mean()) >= 0.5:
         return np.concatenate((places, spot.points))
     return places
+
+
+# -- scans of lidars ---------------------------------------------------------------------------------
+
+
+def draw_scans(canvas: Canvas, scene: Scene) -> None:
+    """Dots of the newest scans. One that noise puts into a wall is drawn at the last free place of its beam,
+    so that walls keep their edge; zone names and per cents stay legible."""
+    spare = canvas.backdrop.named | canvas.backdrop.has_wall
+    for each in scene.scans:
+        canvas.dots(Role.RAY_STRONG, 2 * dot_places(canvas, each), spare)
+
+
+def dot_places(canvas: Canvas, rays: ScanRays) -> FloatArray:
+    """Places of a scan's dots, units of the window, (n, 2); of a beam that is nowhere free none."""
+    viewport = canvas.viewport
+    lengths = _within(canvas, rays)
+    places = viewport.to_units(rays.origins + lengths[:, None] * rays.ways)
+    back = _BACK * rays.ways * (1.0, -1.0)
+    steps = lengths * viewport.scale / _BACK
+    blocked = np.flatnonzero(_is_covered(canvas, places))
+    shown = np.ones(len(places), dtype=np.bool_)
+    while len(blocked):
+        places[blocked] -= back[blocked]
+        steps[blocked] -= 1.0
+        shown[blocked[steps[blocked] < 0.0]] = False
+        blocked = blocked[(steps[blocked] >= 0.0) & _is_covered(canvas, places[blocked])]
+    free: FloatArray = places[shown]
+    return free
+
+
+def _within(canvas: Canvas, rays: ScanRays) -> FloatArray:
+    """Lengths of the beams as far as they are in the maze, inches."""
+    rows, columns = canvas.backdrop.walls.shape
+    cell = canvas.viewport.maze_height / rows
+    most = np.array((columns * cell, canvas.viewport.maze_height))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ends = (np.where(rays.ways > 0.0, most, 0.0) - rays.origins) / rays.ways
+    # A beam along a side never reaches it.
+    ends[rays.ways == 0.0] = np.inf
+    lengths: FloatArray = np.clip(rays.ranges, 0.0, ends.min(axis=1, initial=np.inf).clip(0.0))
+    return lengths
+
+
+def _is_covered(canvas: Canvas, places: FloatArray) -> Mask:
+    """True for places in units of the window that are in a wall, or in a terminal cell that shows one."""
+    x, y = places.T
+    covered = canvas.backdrop.in_wall(x, y)
+    row, column = np.floor(y / 2).astype(np.intp), np.floor(x).astype(np.intp)
+    inside = (row >= 0) & (row < canvas.rows) & (column >= 0) & (column < canvas.columns)
+    covered[inside] |= canvas.backdrop.has_wall[row[inside], column[inside]]
+    return covered

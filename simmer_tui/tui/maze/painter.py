@@ -2,25 +2,28 @@
 the legend under it and the small overview in its corner."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Sequence
 from functools import lru_cache
+from operator import is_not
 
-import numpy as np
 from msgspec import Struct
 from msgspec.structs import replace
-from numpy.typing import NDArray
 
-from simmer_tui.belief_grid import GridBelief
-from simmer_tui.sim.specs import MazeSpec
 from simmer_tui.tui.maze.backdrop import Backdrop
 from simmer_tui.tui.maze.bodies import draw_block, draw_contact, draw_past_contacts
 from simmer_tui.tui.maze.canvas import Canvas
 from simmer_tui.tui.maze.glyphs import Cells, blank_cells, signs_for
 from simmer_tui.tui.maze.heat import HeatMap, HeatMark, heat_numbers
-from simmer_tui.tui.maze.lines import draw_belief, draw_codes, draw_particles, draw_rays, draw_trail
+from simmer_tui.tui.maze.lines import (
+    draw_belief,
+    draw_codes,
+    draw_particles,
+    draw_rays,
+    draw_scans,
+    draw_trail,
+)
 from simmer_tui.tui.maze.palette import DEFAULT, HEATS, Attribute, Look, Palette, Role, palette_for
 from simmer_tui.tui.maze.robot import DrawnRobot
-from simmer_tui.tui.maze.scan_dots import draw_scans
 from simmer_tui.tui.maze.scene import FloorMode, MazePoint, Scene, zones_of
 from simmer_tui.tui.maze.shapes import is_near
 from simmer_tui.tui.maze.viewport import FRAME, Layout, Viewport, arrange, best_zoom, draw_frame
@@ -29,7 +32,7 @@ from simmer_tui.tui.terminal import ColorDepth, GlyphMode
 _Key = tuple[Viewport, tuple[MazePoint, ...] | None, MazePoint | None, Palette]
 # A tile of the course's floor: those that the sensors at the robot's rim may see next.
 _LOUD_BEYOND = 3.0
-"""Inches beyond the robot within which tiles are told apart while a line sensor is in use."""
+"""Inches beyond the robot within which tiles differ clearly while a line sensor is in use."""
 
 
 class Painter:
@@ -47,8 +50,8 @@ class Painter:
         self.heat = True
         """True if a grid's belief is drawn as a map."""
         self._heat_map = HeatMap()
-        self._heated: tuple[GridBelief, MazeSpec, NDArray[np.uint8], _Key, Backdrop] | None = None
-        self._drawn: dict[bool, tuple[MazeSpec, NDArray[np.uint8], _Key, Backdrop]] = {}
+        self._drawn: dict[str, tuple[tuple[object, ...], _Key, Backdrop]] = {}
+        """For each kind of backdrop the last: what it was drawn from, compared by identity and by value."""
 
     @property
     def palette(self) -> Palette:
@@ -88,8 +91,8 @@ class Painter:
         return canvas.cells
 
     def _ground(self, scene: Scene, viewport: Viewport) -> Backdrop:
-        """Backdrop of a scene; one whose tiles are told apart under the robot alone is mixed of two. With
-        heat on them tiles stay quiet."""
+        """Backdrop of a scene; one whose tiles differ clearly near the robot alone is mixed of two. With heat
+        on them tiles stay quiet."""
         if self.heat and scene.heat is not None:
             return self._heat_backdrop(scene, viewport, self._heat_map.shown(scene.heat))
         backdrop = self.backdrop(scene, viewport, loud=self.floor is FloorMode.LOUD)
@@ -101,17 +104,26 @@ class Painter:
         return backdrop.with_loud(self.backdrop(scene, viewport, loud=True), near)
 
     def backdrop(self, scene: Scene, viewport: Viewport, *, loud: bool) -> Backdrop:
-        """Floor, walls and zones of a window, drawn anew only when one of them is another."""
-        palette, key = self.palette, self._key(scene, viewport)
-        drawn = self._drawn.get(loud)
-        # By identity: comparing all cells of two mazes would cost more than it saves.
-        if drawn is None or drawn[0] is not scene.maze or drawn[1] is not scene.floor or drawn[2] != key:
-            made = Backdrop(scene, viewport, self.signs, palette, loud=loud)
-            drawn = self._drawn[loud] = (scene.maze, scene.floor, key, made)
-        return drawn[3]
+        """Floor, walls and zones of a window."""
+
+        def draw() -> Backdrop:
+            return Backdrop(scene, viewport, self.signs, self.palette, loud=loud)
+
+        kind = "loud" if loud else "quiet"
+        return self._kept(kind, (scene.maze, scene.floor), self._key(scene, viewport), draw)
 
     def _key(self, scene: Scene, viewport: Viewport) -> _Key:
         return viewport, scene.loading_zone, scene.drop_zone, self.palette
+
+    def _kept(
+        self, kind: str, sources: tuple[object, ...], key: _Key, draw: Callable[[], Backdrop]
+    ) -> Backdrop:
+        """Last backdrop of a kind; a new one if `sources` are other objects, or the key differs."""
+        drawn = self._drawn.get(kind)
+        # By identity: comparing all cells of two mazes would cost more than it saves.
+        if drawn is None or drawn[1] != key or any(map(is_not, drawn[0], sources)):
+            drawn = self._drawn[kind] = (sources, key, draw())
+        return drawn[2]
 
     @property
     def tints(self) -> bool:
@@ -119,19 +131,17 @@ class Painter:
         return self.signs.has_blocks and self.depth in (ColorDepth.TRUECOLOR, ColorDepth.COLORS_256)
 
     def _heat_backdrop(self, scene: Scene, viewport: Viewport, mark: HeatMark) -> Backdrop:
-        """Backdrop with the map of a grid, drawn anew only when one of them is another."""
-        key, drawn = self._key(scene, viewport), self._heated
-        if drawn is not None and drawn[0] is mark.grid and drawn[1] is scene.maze and (
-            drawn[2] is scene.floor and drawn[3] == key
-        ):  # fmt: skip
-            return drawn[4]
-        signs = self.signs
-        levels = self._heat_map.levels(mark, scene.maze, viewport, signs.across, signs.down)
-        tints = levels if self.tints else None
-        made = Backdrop(scene, viewport, signs, self.palette, loud=False, heat=tints)
-        made.write_numbers(heat_numbers(mark.grid, viewport, tinted=self.tints))
-        self._heated = (mark.grid, scene.maze, scene.floor, key, made)
-        return made
+        """Backdrop with the map of a grid."""
+
+        def draw() -> Backdrop:
+            signs = self.signs
+            levels = self._heat_map.levels(mark, scene.maze, viewport, signs.across, signs.down)
+            tints = levels if self.tints else None
+            made = Backdrop(scene, viewport, signs, self.palette, loud=False, heat=tints)
+            made.write_numbers(heat_numbers(mark.grid, viewport, tinted=self.tints))
+            return made
+
+        return self._kept("heat", (mark.grid, scene.maze, scene.floor), self._key(scene, viewport), draw)
 
 
 # -- the legend ------------------------------------------------------------------------------------
@@ -186,56 +196,57 @@ def _legend_cells(entries: Sequence[LegendEntry], palette: Palette, width: int, 
     return cells
 
 
-def _legend(scene: Scene | None, painter: Painter) -> Iterator[LegendEntry]:
+def _legend(scene: Scene | None, painter: Painter) -> list[LegendEntry]:
     """Explanations of a scene's signs, the most needed first."""
-    signs = painter.signs
-    blocks = signs.has_blocks
+    blocks = painter.signs.has_blocks
     # A plain block of its colour: its heading stands in the pose line, and would be sent with every turn.
-    yield LegendEntry("  " if blocks else "(O)", Role.HEADING, "robot", Role.ROBOT)
+    robot = LegendEntry("  " if blocks else "(O)", Role.HEADING, "robot", Role.ROBOT)
     if scene is None:
-        return
+        return [robot]
+    arrow = painter.signs.arrows[0]
+    marks = (
+        (scene.belief, LegendEntry(arrow if blocks else f"?{arrow}?", Role.BELIEF, "belief")),
+        (scene.block_centre, LegendEntry("■" if blocks else "BB", Role.BLOCK, "block")),
+        (scene.contact, LegendEntry(" X " if blocks else "X", Role.BACKGROUND, "contact", Role.CONTACT)),
+        (scene.past_contacts or None, LegendEntry("×" if blocks else "x", Role.CONTACT, "earlier")),
+    )
+    shown = [entry for mark, entry in marks if mark is not None]
+    # The ground comes early: it has changed just now, and the other signs are known already.
+    return [robot, *_ground_entries(scene, painter), *shown, *_line_entries(scene, painter)]
+
+
+def _ground_entries(scene: Scene, painter: Painter) -> list[LegendEntry]:
+    """Colours of the floor: levels of heat, or tiles that differ clearly."""
     if painter.heat and scene.heat is not None:
-        if painter.tints:
-            first = painter.depth is ColorDepth.COLORS_256  # the lowest level has no tint there
-            for (dark, _), word in list(zip(HEATS, _HEAT_WORDS, strict=True))[first:]:
-                yield LegendEntry("  ", Role.TEXT, word, dark)
-    elif scene.is_loud(painter.floor):
-        # What matters now comes before what one knows by now.
-        yield from _floor_entries(painter)
-    if scene.belief is not None:
-        arrow = signs.arrows[0]
-        yield LegendEntry(arrow if blocks else f"?{arrow}?", Role.BELIEF, "belief")
-    if scene.block_centre is not None:
-        yield LegendEntry("■" if blocks else "BB", Role.BLOCK, "block")
-    if scene.contact is not None:
-        yield LegendEntry(" X " if blocks else "X", Role.BACKGROUND, "contact", Role.CONTACT)
-    if scene.past_contacts:
-        yield LegendEntry("×" if blocks else "x", Role.CONTACT, "earlier")
+        first = painter.depth is ColorDepth.COLORS_256  # the lowest level has no tint there
+        tints = list(zip(HEATS, _HEAT_WORDS, strict=True))[first:] if painter.tints else ()
+        return [LegendEntry("  ", Role.TEXT, word, dark) for (dark, _), word in tints]
+    if not scene.is_loud(painter.floor):
+        return []
+    black = painter.signs.fills.get(Role.LOUD_BLACK)
+    if black:
+        return [LegendEntry(black[0], Role.GRID, "black"), LegendEntry("_", Role.GRID, "white")]
+    tiles = (("black", Role.LOUD_BLACK), ("white", Role.LOUD_WHITE))
+    return [LegendEntry(" ", Role.TEXT, word, paper) for word, paper in tiles]
+
+
+def _line_entries(scene: Scene, painter: Painter) -> list[LegendEntry]:
+    """Lines and dots: scan, trail, rays and zones."""
     zones = zones_of(scene)
     rays = len(scene.views) if scene.show_rays else 0
     read_last = min(rays, 0 if scene.scan_is_newest else 1)
-    if scene.show_rays and scene.scans:
-        sign = "⠢⠔" if signs.dotted else 2 * chr(signs.line(Role.RAY_STRONG))
-        yield LegendEntry(sign, Role.RAY_STRONG, "scan")
-    for role, word, there in (
-        (Role.TRAIL, "trail", scene.show_trail and len(scene.trail) > 0),
-        (Role.RAY_STRONG, "read last", read_last > 0),
+    lines = (
+        (Role.TRAIL, "trail", scene.show_trail and len(scene.trail)),
+        (Role.RAY_STRONG, "read last", read_last),
         (Role.RAY_WEAK, "ray", rays > read_last),
-        (Role.LOADING_LINE, "loading", bool(zones.loading)),
-        (Role.DROP_LINE, "drop", bool(zones.drop)),
-    ):
-        if there:
-            yield LegendEntry(_line_sign(painter, role), role, word)
-
-
-def _floor_entries(painter: Painter) -> tuple[LegendEntry, LegendEntry]:
-    black = painter.signs.fills.get(Role.LOUD_BLACK)
-    if black:
-        return LegendEntry(black[0], Role.GRID, "black"), LegendEntry("_", Role.GRID, "white")
-    return (
-        LegendEntry(" ", Role.TEXT, "black", Role.LOUD_BLACK),
-        LegendEntry(" ", Role.TEXT, "white", Role.LOUD_WHITE),
+        (Role.LOADING_LINE, "loading", zones.loading),
+        (Role.DROP_LINE, "drop", zones.drop),
     )
+    entries = [LegendEntry(_line_sign(painter, role), role, word) for role, word, there in lines if there]
+    if scene.show_rays and scene.scans:
+        sign = "⠢⠔" if painter.signs.dotted else 2 * chr(painter.signs.line(Role.RAY_STRONG))
+        entries.insert(0, LegendEntry(sign, Role.RAY_STRONG, "scan"))
+    return entries
 
 
 def _line_sign(painter: Painter, role: Role) -> str:
@@ -279,7 +290,7 @@ def paste_overview(painter: Painter, cells: Cells, scene: Scene, layout: Layout,
     left = FRAME if x > layout.columns / 2 else FRAME + layout.columns - columns
     top = FRAME if y / 2 > layout.rows / 2 else FRAME + layout.rows - rows
     if not painter.signs.has_blocks:
-        # A frame of letters needs a margin to be told from the maze under it.
+        # A frame of letters needs a margin, else it looks like a part of the maze under it.
         for row in range(max(top - 1, FRAME), min(top + rows + 1, FRAME + layout.rows)):
             cells.write(row, max(left - 1, FRAME), " " * min(columns + 2, layout.columns))
     cells.paste(small, top, left)

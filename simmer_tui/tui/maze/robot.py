@@ -19,7 +19,7 @@ _AHEAD = 0.2
 # The block in the bundled sets is 3 in wide: its middle, and a gap to the rim that can be seen.
 _HELD_BEYOND = 1.9
 """Distance of a held block's middle beyond the robot's rim, inches."""
-# Longer than the radius, to be told from the rim; shorter than a maze cell.
+# Longer than the radius, so that it is seen beside the rim; shorter than a maze cell.
 _NEEDLE = 1.25
 """Length of the needle in robot radii."""
 _LEAST_NEEDLE = 1.5
@@ -161,6 +161,7 @@ class DrawnRobot:
             spare[self.body.place] |= self.body.covered.any(axis=-1)
         rim = front(self.shape) * self.scale
         tip = rim + _NEEDLE * self.radius
+        # Less than half a dot apart, and beyond the tip as far as the cells of the body may reach.
         along = np.arange(rim, tip + 4, 0.2)
         across, down = self._direction
         x, y = self.x + along * across, self.y + along * down

@@ -42,7 +42,7 @@ class FloorMode(StrEnum):
 
 
 class SensorView(Struct, frozen=True, eq=False):
-    """Geometry of one sensor's latest reading; `sensor` is its code, `reading` the range that it told,
+    """Geometry of one sensor's latest reading; `sensor` is its code, `reading` the range that it gave,
     inches, infinite without an echo, None for what its view says."""
 
     view: View
@@ -167,9 +167,7 @@ def scene_of(
     """
     state = snapshot.state
     rows = sorted(state.sensors.values(), key=lambda row: row.number)
-    seen = [
-        (_view(row, maze), row.reading) for row in rows if row.reading.scan is None and _is_fresh(row, state)
-    ]
+    fresh = (row for row in rows if row.reading.scan is None and _is_fresh(row, state))
     touched = _touched(state)
     block, zones = state.block, snapshot.mission.plan if snapshot.mission is not None else None
     return Scene(
@@ -182,11 +180,7 @@ def scene_of(
         block_heading=block.heading,
         block_held=state.holding,
         trail=state.legs,
-        views=tuple(
-            SensorView(view, reading.sensor.code, reading.value if reading.sensor.kind.is_range else None)
-            for view, reading in seen
-            if view is not None
-        ),
+        views=tuple(filter(None, (_view(row, maze) for row in fresh))),
         scans=tuple(filter(None, map(_scan_rays, rows))),
         scan_is_newest=bool(rows) and rows[-1].reading.scan is not None,
         contact=touched[-1] if touched else None,
@@ -245,14 +239,16 @@ def _is_fresh(row: SensorRow, state: State) -> bool:
     return (row.pose.x, row.pose.y) == (x, y)
 
 
-def _view(row: SensorRow, maze: Maze) -> View | None:
+def _view(row: SensorRow, maze: Maze) -> SensorView | None:
     """View of a reading. A log does not hold it, since it follows from where the robot was."""
-    if row.reading.view is not None:
-        return row.reading.view
-    sensor = modelled_sensor(row.reading.sensor)
-    return (
-        sensor.observe(World(maze, row.block), row.pose)[1] if isinstance(sensor, ObservingSensor) else None
-    )
+    reading, view = row.reading, row.reading.view
+    if view is None:
+        sensor = modelled_sensor(reading.sensor)
+        if isinstance(sensor, ObservingSensor):
+            view = sensor.observe(World(maze, row.block), row.pose)[1]
+    if view is None:
+        return None
+    return SensorView(view, reading.sensor.code, reading.value if reading.sensor.kind.is_range else None)
 
 
 def _line_age(state: State) -> float | None:

@@ -1,6 +1,7 @@
-"""The widget that shows the maze: frame, zoom, panning, following the robot, an overview."""
+"""The widget that shows the maze: frame, zoom, panning, following the robot, an overview; and its legend."""
 
 import textwrap
+from functools import lru_cache
 from typing import ClassVar
 
 from rich.style import Style
@@ -25,7 +26,7 @@ from simmer_tui.tui.maze.viewport import (
     next_zoom,
     point_outside,
 )
-from simmer_tui.tui.strips import CellsWidget, make_strips
+from simmer_tui.tui.strips import CellsWidget, DirectLines, make_strips
 from simmer_tui.tui.terminal import ColorDepth, GlyphMode
 from simmer_tui.tui.terminal_app import TerminalApp
 
@@ -60,13 +61,9 @@ class MazeView(CellsWidget, can_focus=True, inherit_bindings=False):
     """
 
     def __init__(
-        self,
-        glyphs: GlyphMode = GlyphMode.QUADRANT,
-        depth: ColorDepth = ColorDepth.TRUECOLOR,
-        *,
-        id: str | None = None,  # noqa: A002 - as every widget calls it
+        self, glyphs: GlyphMode = GlyphMode.QUADRANT, depth: ColorDepth = ColorDepth.TRUECOLOR
     ) -> None:
-        super().__init__(id=id)
+        super().__init__(id="maze")
         self.painter = Painter(glyphs, depth)
         self._overview = Painter(glyphs, depth)
         self._overview.floor = FloorMode.QUIET
@@ -85,8 +82,6 @@ class MazeView(CellsWidget, can_focus=True, inherit_bindings=False):
         self._held: Offset | None = None
         """Last place of the pointer while a button is held down on the maze."""
         self._dragged = False
-        self._legend: tuple[Cells, Style, Strip] | None = None
-        """The legend last made: its cells, the style of the rest, and the line."""
 
     # -- what is shown ---------------------------------------------------------------------------
 
@@ -116,11 +111,7 @@ class MazeView(CellsWidget, can_focus=True, inherit_bindings=False):
 
     def legend(self, width: int) -> Strip:
         """One line that explains the signs of the picture."""
-        drawn = legend_cells(self.scene, self.painter, width), self._style
-        before = self._legend
-        if before is None or drawn[0] is not before[0] or drawn[1] != before[1]:
-            before = self._legend = (*drawn, make_strips(drawn[0], [0], drawn[1])[0])
-        return before[2]
+        return _legend_strip(legend_cells(self.scene, self.painter, width), self._style)
 
     # -- what people do --------------------------------------------------------------------------
 
@@ -326,3 +317,33 @@ class MazeView(CellsWidget, can_focus=True, inherit_bindings=False):
         for row, line in enumerate(textwrap.wrap(text, size.width)[: size.height]):
             cells.write(row, 0, line)
         self.show_cells(cells, self._style)
+
+
+# Legends with the same entries are the same cells; two widths are in use while a screen changes its size.
+@lru_cache(maxsize=4)
+def _legend_strip(cells: Cells, style: Style) -> Strip:
+    return make_strips(cells, [0], style)[0]
+
+
+class Legend(DirectLines):
+    """Legend below the maze."""
+
+    ALLOW_SELECT = False
+
+    def __init__(self, maze: MazeView) -> None:
+        super().__init__(id="legend")
+        self._maze = maze
+        self._strip = Strip([])
+
+    def bring_up_to_date(self) -> None:
+        strip = self._maze.legend(max(self.size.width - 1, 1)) if self.size.width else Strip([])
+        if strip != self._strip:
+            self._strip = strip
+            self.refresh()
+
+    def on_resize(self) -> None:
+        self.bring_up_to_date()
+
+    def render_line(self, y: int) -> Strip:
+        line = Strip.join((Strip.blank(1, self.rich_style), self._strip))
+        return line.adjust_cell_length(self.size.width, self.rich_style)

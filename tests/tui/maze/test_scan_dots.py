@@ -14,9 +14,9 @@ from simmer_tui.sim.records import RangeScan
 from simmer_tui.sim.scan_rays import ScanRays
 from simmer_tui.tui.maze.canvas import Canvas
 from simmer_tui.tui.maze.glyphs import BRAILLE, Cells
+from simmer_tui.tui.maze.lines import dot_places
 from simmer_tui.tui.maze.painter import Painter, legend_cells
 from simmer_tui.tui.maze.palette import Attribute, Role
-from simmer_tui.tui.maze.scan_dots import dot_places
 from simmer_tui.tui.maze.scene import Scene, SensorView
 from simmer_tui.tui.maze.viewport import whole_maze
 from simmer_tui.tui.terminal import ColorDepth, GlyphMode
