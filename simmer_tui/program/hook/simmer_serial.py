@@ -380,15 +380,14 @@ def make_class(serialutil: Any, clock: Callable[[], float]) -> Any:
             self._use()
             time.sleep(duration)
 
-        def _needs_open(self, *settings: Any, **named: Any) -> bool:
+        def _do_nothing(self, *settings: Any, **named: Any) -> None:
             """Do nothing, on an open port: the line has no such signals and buffers."""
             self._use()
-            return True
 
-        cancel_write = reset_output_buffer = nonblocking = set_buffer_size = _needs_open
-        _update_break_state = _update_rts_state = _update_dtr_state = _needs_open
-        cts = dsr = cd = property(_needs_open)
-        ri = property(lambda self: not self._needs_open())
+        cancel_write = reset_output_buffer = nonblocking = set_buffer_size = _do_nothing
+        _update_break_state = _update_rts_state = _update_dtr_state = _do_nothing
+        cts = dsr = cd = property(lambda self: self._use() is not None)
+        ri = property(lambda self: self._use() is None)
 
         def fileno(self) -> int:
             return self._use().fileno()
