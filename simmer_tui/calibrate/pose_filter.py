@@ -107,10 +107,9 @@ class PoseFilter:
         turned = 0.0
         wheels: list[FloatArray] = []
         for step in range(origin + 1, stop + 1):
-            totals, _ = self._process_model(step)
-            there, _ = self._arrive(pose, totals, step)
+            wheels.append(self._process_model(step)[0])
+            there, _ = self._arrive(pose, wheels[-1], step)
             turned += there[2] - pose[2]
-            wheels.append(totals)
             pose = there
         for counter in self._counters:
             begin, end = (self._heard(counter, each) for each in (origin, stop))
@@ -121,8 +120,7 @@ class PoseFilter:
                 off = counter.change(begin, end) - counter.spec.gain * counted
                 self._note(counter, ahead, counter.wrapped(off))
         for sensor in self._observers:
-            spoken = self._heard(sensor, stop)
-            if spoken is not None:
+            if (spoken := self._heard(sensor, stop)) is not None:
                 seen = self._expected(sensor, pose[None], spoken[1], stop)[0]
                 self._note(sensor, ahead, spoken[0] - seen)
 
@@ -147,8 +145,7 @@ class PoseFilter:
             variance = (spec.error**2) * float(squares.sum()) / self.spec.num_segments
             variance += counter.least_error**2
             variance += spec.random_walk**2 * (end[1] - begin[1])
-            change = counter.change(begin, end)
-            found.append(_Counted(counter, spec.gain * counter.lever, change, variance))
+            found.append(_Counted(counter, spec.gain * counter.lever, counter.change(begin, end), variance))
         return found
 
     def _move(self, stop: int) -> None:
@@ -178,7 +175,7 @@ class PoseFilter:
         self.pose = arrived
 
     def _propagate(self, before: FloatArray, arrived: FloatArray, spread: FloatArray) -> None:
-        """The covariance after a movement whose totals have the covariance `spread`."""
+        """Set the covariance after a movement whose totals have the covariance `spread`."""
         jacobian = np.eye(3)
         away = arrived[:2] - before[:2]
         jacobian[:2, 2] = np.radians((-away[1], away[0]))
@@ -232,11 +229,8 @@ class PoseFilter:
         That happens after a wall that was met sooner than thought. Poses around are tried, and anywhere on
         the path: a filter of one pose never comes back by itself.
         """
-        heard = [
-            (sensor, spoken)
-            for sensor in self._observers
-            if (spoken := self._heard(sensor, stop)) is not None
-        ]
+        spoken = [(sensor, self._heard(sensor, stop)) for sensor in self._observers]
+        heard = [(sensor, each) for sensor, each in spoken if each is not None]
         ranging = np.array([sensor.spec.kind.is_range for sensor, _ in heard], bool)
         if ranging.sum() < _ENOUGH:
             return
@@ -295,7 +289,7 @@ class PoseFilter:
 
     def _expected(self, sensor: ObservingSensor, poses: FloatArray, time: float, stop: int) -> FloatArray:
         """Readings without random errors, (n,); NaN where it is not known what the sensor sees."""
-        if not is_known_to(self.run, sensor, np.array([stop])).all():
+        if not is_known_to(self.run, sensor, stop):
             return np.full(len(poses), np.nan)
         return sensor.expected(self.world, poses, time)
 

@@ -15,7 +15,7 @@ import numpy as np
 from simmer_tui.calibrate.fit import Fit, fit_path, fit_tail, refit
 from simmer_tui.calibrate.measured_run import MeasuredRun
 from simmer_tui.calibrate.model_check import held_back_misfits
-from simmer_tui.calibrate.pose_filter import PoseFilter, PredictionErrors
+from simmer_tui.calibrate.pose_filter import PoseFilter
 from simmer_tui.calibrate.posterior import Iterate
 from simmer_tui.sim.angles import FloatArray
 from simmer_tui.sim.specs import SensorKind
@@ -72,7 +72,7 @@ def held_back(fit: Fit) -> HeldBack | None:
     estimates = learned.state.parameters, learned.state.noise_scales
     followed = follow(run, fit, last, *estimates, learned.state)
     after = followed.errors
-    before = prediction_errors(run, fit, last, *fit.space.of(run.spec), learned.state)
+    before = follow(run, fit, last, *fit.space.of(run.spec), learned.state).errors
     errors = [
         PredictionAccuracy(*key, float(np.median(before[key])), float(np.median(after[key])), len(after[key]))
         for key in after
@@ -96,18 +96,6 @@ def widened(fit: Fit, held: HeldBack) -> Fit:
         covariance=factor**2 * fit.covariance,
         misfits=(*fit.misfits, *found),
     )
-
-
-def prediction_errors(
-    run: MeasuredRun,
-    fit: Fit,
-    last: int,
-    parameters: FloatArray,
-    noise_scales: FloatArray,
-    rough: Iterate,
-) -> PredictionErrors:
-    """Errors of predictions after stop `last` by a set with these parameters, as `follow` makes them."""
-    return follow(run, fit, last, parameters, noise_scales, rough).errors
 
 
 def follow(

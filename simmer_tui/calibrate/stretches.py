@@ -19,7 +19,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from simmer_tui.calibrate.geometry import displacement, on_axes
-from simmer_tui.sim.angles import FloatArray
+from simmer_tui.sim.angles import BoolArray, FloatArray
 from simmer_tui.sim.arcs import Arc, Twist
 from simmer_tui.sim.distance_errors import REFERENCE_TURN, components
 from simmer_tui.sim.pose import Pose
@@ -47,21 +47,21 @@ REFERENCES = np.array((CELL_SIZE, CELL_SIZE, REFERENCE_TURN))
 """Lengths over which errors stay alike, by axis, inches or degrees."""
 
 
-def reference(*, turns: bool) -> float:
-    """The same of a drive."""
-    return REFERENCE_TURN if turns else CELL_SIZE
+def _units(lengths: FloatArray, turns: bool | BoolArray, least: float) -> FloatArray:
+    """Lengths of drives in those over which their errors stay alike, at least `least` of them."""
+    return np.maximum(np.abs(lengths) / np.where(turns, REFERENCE_TURN, CELL_SIZE), least)
 
 
-def share_of_variance(lengths: FloatArray, *, turns: bool) -> FloatArray:
+def share_of_variance(lengths: FloatArray, *, turns: bool | BoolArray) -> FloatArray:
     """Variance over (n,) lengths of continuous motion, of that of one movement of as much."""
     # A millionth of a cell: the limit of 0 is e / 2.
-    units = np.maximum(np.abs(lengths) / reference(turns=turns), 1e-6)
+    units = _units(lengths, turns, 1e-6)
     return np.where(
         units < 1e-3, math.e / 2, math.e * (units + np.expm1(-units)) / np.maximum(units, 1e-3) ** 2
     )
 
 
-def prediction(lengths: FloatArray, *, turns: bool) -> tuple[FloatArray, FloatArray]:
+def prediction(lengths: FloatArray, *, turns: bool | BoolArray) -> tuple[FloatArray, FloatArray]:
     """Share of the errors of (n,) stretches that follows from those of stretches as long before them.
 
     Returns:
@@ -70,7 +70,8 @@ def prediction(lengths: FloatArray, *, turns: bool) -> tuple[FloatArray, FloatAr
         factor is the one for which many stretches together have the variance that they have, l / (l - 1 +
         exp(-l)) of that of independent ones.
     """
-    units = np.maximum(np.abs(lengths) / reference(turns=turns), 1e-2)
+    # From a hundredth of a length on: below it factor and share are differences of nearly equal numbers.
+    units = _units(lengths, turns, 1e-2)
     left = units + np.expm1(-units)
     neighbours = np.expm1(-units) ** 2 / (2 * left)
     lasting = units / left
@@ -150,6 +151,6 @@ class VelocityStretch:
         drove most of a cell or a quarter turn."""
 
         def share(part: tuple[int, float]) -> float:
-            return abs(part[1]) / reference(turns=self._drives[part[0]].kind.turns)
+            return abs(part[1]) / (REFERENCE_TURN if self._drives[part[0]].kind.turns else CELL_SIZE)
 
         return tuple(sorted(self._distances.items(), key=share, reverse=True))

@@ -112,8 +112,7 @@ def _counted(
     """
     stops = readings.stops
     done = np.cumsum(totals, axis=0)[stops]
-    chains = np.searchsorted(run.first_stops(), stops, "right")
-    usable: BoolArray = np.diff(chains) == 0
+    usable: BoolArray = np.diff(run.chains_of(stops)) == 0
     driven: FloatArray = np.diff(done, axis=0)[usable]
     seconds = np.diff(readings.times)[usable]
     row = sensor.spec
