@@ -243,8 +243,7 @@ def _column(model: Model, state: Iterate, rows: Rows, amounts: FloatArray) -> Fl
 def _main_axes(model: Model) -> FloatArray:
     """1 at the axis that each movement is along, (movements, 3)."""
     directions = np.array([on_axes(drive.kind.direction) for drive in model.run.spec.drives])
-    axes: FloatArray = np.abs(directions)[model.drive]
-    return axes
+    return np.asarray(np.abs(directions)[model.drive])
 
 
 def _half_a_drift(model: Model, state: Iterate, drives: tuple[int, ...], value: float) -> FloatArray:
@@ -264,8 +263,7 @@ def _log_shifts(rows: Rows, before: FloatArray, after: FloatArray) -> FloatArray
     squares = [np.asarray(rows.shares.T @ each**2) for each in (before, after)]
     ratios = squares[1] / np.maximum(squares[0], 1e-12)
     # Of what terms explain nothing of, rounding alone is left.
-    shifts: FloatArray = np.where(squares[0] > 0.0, -0.5 * np.log(np.clip(ratios, 1e-6, 1.0)), 0.0)
-    return shifts
+    return np.where(squares[0] > 0.0, -0.5 * np.log(np.clip(ratios, 1e-6, 1.0)), 0.0)
 
 
 def mounting_spread(

@@ -95,7 +95,7 @@ async def _session(configuration: Configuration, guide: SessionPlanner, log: Pat
                 live.update(picture(guide, what, link, console.height))
 
             try:
-                await drive_guided(ask, guide, learn, time.time, show, asyncio.sleep)
+                await drive_guided(ask, guide, learn, time.time, show)
                 show("done")
             except asyncio.CancelledError:
                 bridge.stop()
