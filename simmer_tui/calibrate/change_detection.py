@@ -184,6 +184,7 @@ def _misfit(
 
 def _pseudo_inverse(information: FloatArray) -> FloatArray:
     """The inverse, 0 in directions without information; scaled, since inches and degrees differ by 1,000."""
+    # 1e-12 is below any information there is: it keeps the scale of a direction without any finite.
     scale: FloatArray = 1.0 / np.sqrt(np.maximum(np.diag(information), 1e-12))
     both: FloatArray = np.outer(scale, scale)
     return np.asarray(both * np.linalg.pinv(both * information, hermitian=True))

@@ -114,6 +114,7 @@ class PathFinder:
             if heard:
                 best = weights.max()
                 share = np.exp(weights - best)
+                # Adding 1e-300 keeps the logarithm finite where no particle fits at all.
                 fits += float(np.log(np.average(np.exp(score), weights=share) + 1e-300))
                 readings += heard
                 share /= share.sum()
@@ -202,7 +203,8 @@ class PathFinder:
         """Share of each particle's movement that it makes, and those that meet a wall."""
         count = len(poses)
         share = np.ones(count)
-        # Without an answer: half of the particles do not move, the others nearly all of the distance.
+        # Without an answer: half of the particles do not move, the others nearly all of the distance (the
+        # fifth root of an even number is above 0.87 in every second).
         if not movement.certain:
             share = random.choice((0.0, 1.0), count) * random.random(count) ** 0.2
         segments, bend = movement.law(self._spec.num_segments)
@@ -272,6 +274,7 @@ def _by_wheels(
     counted = np.array([each.amount for each in wheels])
     # 0.03 in is a wheel's rounding. The process model counts for half: its bias is not known yet.
     noise = (_COUNTER_ERROR * np.abs(counted) + 0.03) ** 2
+    # At least a thousandth of an inch, so that a movement by 0 leaves the matrix regular.
     prior = np.diag(np.maximum(2.0 * spread, 1e-3) ** 2)
     gain = prior @ levers.T @ np.linalg.inv(levers @ prior @ levers.T + np.diag(noise))
     off = counted + np.sqrt(noise) * random.standard_normal((len(totals), len(counted))) - totals @ levers.T

@@ -56,7 +56,7 @@ _AMOUNTS = (8.0, 6.0, 4.5, 3.0, 2.0, 1.2)
 _TURNS = (15, 120)
 """Degrees of a turn, either way: less tells little of its bias, more has no place on the screen's plan."""
 _TRIES = 6
-"""Turns that are tried before another drive is chosen."""
+"""Turns that are tried before another drive is chosen: where six of any size are unsafe, most are."""
 _WAIT = 0.5
 """Seconds between two tries of a robot that does not answer: a port takes about as long to come back."""
 # What a drive of a robot that nothing is known of may be off by, an inch driven or a degree turned: twice the
@@ -191,11 +191,13 @@ class SessionPlanner:
         bias, error = on_axes(now.bias), on_axes(now.error)
         d = asked.sum()
         noise = self.random.standard_normal((_SAMPLES, 6))
+        # 1e-9 keeps the covariance positive definite against rounding.
         root = np.linalg.cholesky(pose_filter.covariance + 1e-9 * np.eye(3))
         poses = pose_filter.pose + _WIDER * noise[:, :3] @ root.T
         totals = asked + d * bias + _WIDER * d * error * noise[:, 3:]
         segments = self.spec.num_segments
-        # A robot near a wall may leave it: what counts is that no path comes nearer than where it stands.
+        # A robot near a wall may leave it: what counts is that no path comes nearer than where it stands, by
+        # more than the 0.05 in that poses are known to.
         here = np.minimum(self._clear.of(poses) - 0.05, _CLEAR)
         return bool((self._clear.along(poses, totals, segments).min(axis=1) >= here).all())
 

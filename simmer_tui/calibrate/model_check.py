@@ -161,6 +161,7 @@ def accepted(score: FloatArray, information: FloatArray, level: float) -> list[t
         level: Probability that any is accepted where there is none.
     """
     found: list[tuple[int, float]] = []
+    # Below 1e-9 no row depends on the term: rounding is left.
     left = [number for number in range(len(score)) if information[number, number] > 1e-9]
     while left:
         kept = [number for number, _ in found]

@@ -237,8 +237,8 @@ class PoseFilter:
         away, _ = self._fits(heard, self.pose[None], stop)
         if (np.abs(away[ranging, 0]) > _GATE).sum() < _FAR_OFF:
             return
-        # First widely, then about those that fit best, to a fifth of an inch and a twentieth; the pose as it
-        # is stays among them.
+        # First widely, then about those that fit best, to 0.15 in and to 0.05 in; the pose as it is stays
+        # among them.
         poses = self._candidates()
         for finer in (0.15, 0.05):
             _, score = self._fits(heard, poses, stop)
@@ -283,6 +283,8 @@ class PoseFilter:
             sigma = sensor.model_error(seen, poses)
             # Where nothing is in range a reading is as far off as can be: 50 standard deviations.
             away = np.where(np.isfinite(seen), sensor.wrapped(value - seen) / sigma, 50.0)
+            # One reading in twenty may fit no pose: 1e-3 bounds what it takes from the score. exp(-250) is
+            # no underflow yet.
             score += np.log(0.95 * np.exp(-0.5 * np.minimum(away**2, 500.0)) / sigma + 1e-3)
             off[number] = away
         return off, score

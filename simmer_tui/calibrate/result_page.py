@@ -211,6 +211,7 @@ def held_back_table(held: HeldBack) -> DataTable:
 def held_back_picture(held: HeldBack) -> Figure:
     """Errors of predictions after (blue) as parts of those before (grey)."""
     parts, y = [], 8.0
+    # Room for the names of kinds on the left, and for the shares on the right.
     left, room = 240.0, WIDTH - 240.0 - 90.0
     for each in held.errors:
         share = each.after / each.before if each.before else 1.0

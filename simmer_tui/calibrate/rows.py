@@ -459,5 +459,6 @@ def inlier_probability(
 def huber_weights(squares: FloatArray) -> FloatArray:
     """Huber's weights of residuals with these squares by their variances: 1 up to `_HUBER` standard
     deviations, then falling so that the influence stays the same."""
+    # No residual is divided by that is exactly 0.
     far = np.sqrt(np.maximum(squares, 1e-12))
     return np.where(far > _HUBER, _HUBER / far, 1.0)

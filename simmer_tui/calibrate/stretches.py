@@ -39,7 +39,8 @@ _NEAR, _NEAR_TURN = 0.5, 3.0
 """Inches and degrees from a stop within which a counter is set back to what it was there. Gains and biases
 that are not known yet, 5 %, are off by less over these than drives err over a stretch."""
 ARC_SEGMENTS = 1000
-"""Segments that stand for a continuous motion in the drive law."""
+"""Segments that stand for a continuous motion in the drive law: over a quarter turn its chord is then off by
+0.05 degrees from that of an arc."""
 _START = Pose(0.0, 0.0, 0.0)
 
 

@@ -134,6 +134,7 @@ def _settings(fit: Fit, estimates: Sequence[ParameterEstimate], source: str) -> 
     comments = {"randbias": f"{source}: the biases of drive.csv are this robot's own."}
     latency = next((each for each in estimates if each.owner == "link"), None)
     if latency is not None and latency.identified:
+        # Durations are known to half a millisecond.
         values["link.latency"] = float(f"{latency.value:.3g}")
         _, low, high = latency.shown
         comments["link.latency"] = f"{source}: {low} to {high} s."

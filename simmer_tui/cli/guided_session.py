@@ -51,6 +51,7 @@ def hold_session(configuration: Configuration, log: Path, console: Console) -> N
         raise CalibrationError("--guided needs somebody who puts the robot there and presses Enter") from None
     with contextlib.suppress(KeyboardInterrupt):
         asyncio.run(_session(configuration, guide, log, console))
+    # A spin takes seven: before ten no drive but the turning one has moved twice.
     if guide.count < 10:
         raise CalibrationError("the session ended before there was enough to estimate anything")
     if guide.stuck:
@@ -99,6 +100,7 @@ async def _session(configuration: Configuration, guide: SessionPlanner, log: Pat
                 show("done")
             except asyncio.CancelledError:
                 bridge.stop()
+                # Time for the stop to be written before the port is closed.
                 await asyncio.sleep(0.3)
                 raise
             finally:

@@ -4,7 +4,7 @@ The other simulators let robot and block overlap a wall; here nothing starts so.
 """
 
 import math
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, TypeVar
@@ -134,7 +134,7 @@ def _problems(imported: Imported) -> dict[str, str]:
     )
 
 
-def _middles(maze: MazeSpec, kinds: tuple[int, ...]) -> Iterator[tuple[float, float]]:
+def _middles(maze: MazeSpec, kinds: tuple[int, ...]) -> list[tuple[float, float]]:
     places = [
         ((column + 0.5) * CELL_SIZE, (maze.rows - row - 0.5) * CELL_SIZE)
         for kind in kinds
@@ -142,7 +142,7 @@ def _middles(maze: MazeSpec, kinds: tuple[int, ...]) -> Iterator[tuple[float, fl
         for column, cell in enumerate(cells)
         if cell == kind
     ]
-    yield from places[:MAX_TRIES]
+    return places[:MAX_TRIES]
 
 
 N = TypeVar("N", int, float)
@@ -186,7 +186,8 @@ class Fields:
         self.line = line
         self._fields = fields
         self._notes = notes
-        self._class_numbers = class_numbers
+        self.class_numbers = class_numbers
+        """Numbers of its class."""
         self.of_class: dict[str, ClassNumber] = {}
         """Numbers that the device's class gave, in the order in which they were asked for."""
         self.assumed: dict[str, float] = {}
@@ -202,14 +203,9 @@ class Fields:
             if isinstance(value, int | float) and not isinstance(value, bool) and key.isascii()
         }
 
-    @property
-    def class_numbers(self) -> ClassNumbers:
-        """The numbers of its class."""
-        return self._class_numbers
-
     def silent(self) -> "Fields":
         """The same fields, of which nothing is noted."""
-        return Fields(self.code, self.line, self._fields, Notes(""), self._class_numbers)
+        return Fields(self.code, self.line, self._fields, Notes(""), self.class_numbers)
 
     def note(self, key: str, what: str) -> Problem:
         """Note something about a field, at its line. Returns the note."""
@@ -229,16 +225,13 @@ class Fields:
     def number(self, key: str, default: float, rule: Rule[float] = _ANY_NUMBER) -> float:
         """A number, or the default if it is absent or not one the rule allows."""
         # Adding 0 makes 0.0 of -0.0, which nobody writes.
-        return self._checked(key, default, rule) + 0.0
+        return self.checked(key, default, rule) + 0.0
 
-    def whole_number(self, key: str, default: int, rule: Rule[int]) -> int:
-        """A whole number, or the default if it is absent or not one the rule allows."""
-        return self._checked(key, default, rule)
-
-    def _checked(self, key: str, default: N, rule: Rule[N]) -> N:
-        """A value of the description, or else of the device's class, or else the default."""
+    def checked(self, key: str, default: N, rule: Rule[N]) -> N:
+        """A value of the description, or else of the device's class, or else the default; the default too if
+        the rule does not allow it."""
         value = self.value(key)
-        own = class_number(self._class_numbers, key) if value is None else None
+        own = class_number(self.class_numbers, key) if value is None else None
         if value is None and own is None:
             self.assumed[key] = default
             return default

@@ -146,18 +146,16 @@ def _usable(source: Source, name: str, meant: Setting, notes: Notes) -> Any:
     located = source.names.get(name)
     if located is None:
         return None
-    value, why = located.value, ""
-    if isinstance(value, Unreadable):
-        why = f"cannot be read: {value.why}"
-    else:
+    value = located.value
+    try:
+        if isinstance(value, Unreadable):
+            raise ValueError(f"cannot be read: {value.why}")
         if isinstance(meant.rule, FlagRule) and type(value) is int and value in (0, 1):
             value = bool(value)
-        try:
-            return meant.rule.check(value)
-        except ValueError as error:
-            why = str(error)
-    notes.add(located.line, name, f"{why}; {meant.name} keeps its default")
-    return None
+        return meant.rule.check(value)
+    except ValueError as error:
+        notes.add(located.line, name, f"{error}; {meant.name} keeps its default")
+        return None
 
 
 def _maze(source: Source, notes: Notes) -> MazeSpec:
