@@ -12,6 +12,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -79,8 +80,7 @@ class Parameter:
         """Its value in a set."""
         if not self.drive:
             return parameter_value(spec.sensors[self.index], self.field, self.place)
-        table, axis = self.field.split(".")
-        return float(getattr(getattr(spec.drives[self.index], table), axis))
+        return float(attrgetter(self.field)(spec.drives[self.index]))
 
     def interval(self, value: float, spread: float, z: float = 1.959964) -> tuple[float, float]:
         """The interval of an estimate, by default the 95 % one (the normal distribution's 0.975 quantile).
@@ -188,37 +188,26 @@ def parameters_of(run: MeasuredRun, prior_scale: float = 1.0) -> ParameterSpace:
     driven = {index for movement in run.movements for index, _ in movement.distances(spec.drives)}
     for index, drive in enumerate(spec.drives):
         if drive.enabled or index in driven:
-            for axis in AXES:
-                parameters.append(_drive_bias(drive, index, axis))
-                noise_scales.append(_drive_error(drive, index, axis, prior_scale))
+            parameters += [_of_drive(drive, index, "bias", axis, 1.0) for axis in AXES]
+            noise_scales += [_of_drive(drive, index, "error", axis, prior_scale) for axis in AXES]
     for index, sensor in observed_sensors(spec).items():
         parameters += [_of_sensor(sensor, index, prior, 1.0) for prior in sensor.parameters]
         noise_scales += [_of_sensor(sensor, index, prior, prior_scale) for prior in sensor.noise_scales]
     return ParameterSpace(tuple(parameters), tuple(noise_scales))
 
 
-def _drive_bias(drive: DriveSpec, index: int, axis: str) -> Parameter:
-    value, label, unit = _on_axis(drive, "bias", axis)
-    spread = (_TURN_BIAS_PRIOR if drive.kind.turns else _BIAS_PRIOR)[AXES.index(axis)]
-    return Parameter(
-        drive.kind.value, f"bias.{axis}", label, Sort.BIAS, True, index, value, value, spread, unit
-    )
-
-
-def _drive_error(drive: DriveSpec, index: int, axis: str, prior_scale: float) -> Parameter:
-    value, label, unit = _on_axis(drive, "error", axis)
-    centre = value or (_USUAL_TURN_ERROR if drive.kind.turns else _USUAL_ERROR)
-    spread = prior_scale * _ERROR_PRIOR
-    return Parameter(
-        drive.kind.value, f"error.{axis}", label, Sort.NOISE, True, index, value, centre, spread, unit
-    )
-
-
-def _on_axis(drive: DriveSpec, table: str, axis: str) -> tuple[float, str, str]:
-    """Value, label and unit of a drive's bias or error on an axis."""
-    unit = f"{'deg' if axis == 'r' else 'in'}/{drive.kind.unit}" if axis != main_axis(drive.kind) else ""
-    name = "rotation" if axis == "r" else f"{axis}-axis"
-    return float(getattr(getattr(drive, table), axis)), f"{name} {table}", unit
+def _of_drive(drive: DriveSpec, index: int, table: str, axis: str, scale: float) -> Parameter:
+    """A drive's bias or error (`table`) on an axis. `scale` is a factor on the prior's spread."""
+    kind, field = drive.kind, f"{table}.{axis}"
+    unit = f"{'deg' if axis == 'r' else 'in'}/{kind.unit}" if axis != main_axis(kind) else ""
+    label = f"{'rotation' if axis == 'r' else f'{axis}-axis'} {table}"
+    value = centre = float(attrgetter(field)(drive))
+    if table == "bias":
+        sort, spread = Sort.BIAS, (_TURN_BIAS_PRIOR if kind.turns else _BIAS_PRIOR)[AXES.index(axis)]
+    else:
+        sort, spread = Sort.NOISE, _ERROR_PRIOR
+        centre = value or (_USUAL_TURN_ERROR if kind.turns else _USUAL_ERROR)
+    return Parameter(kind.value, field, label, sort, True, index, value, centre, scale * spread, unit)
 
 
 def _of_sensor(sensor: Sensor, index: int, prior: Prior, scale: float) -> Parameter:

@@ -210,14 +210,22 @@ def _robot(source: Source, notes: Notes) -> RobotSpec:
 
 def _sized(source: Source, notes: Notes) -> RobotSpec:
     """The rectangle of files that give no outline; their height lies along the direction of travel."""
-    sizes = {"robot_height": 6.0, "robot_width": 6.0}
-    for name in sizes:
-        located = source.names.get(name, Located(6.0, 0))
-        try:
-            sizes[name] = NumberRule(0, 12, low_open=True).check(located.value)
-        except ValueError as error:
-            notes.add(located.line, name, f"{error}; 6 in is taken")
-    return RobotSpec.rectangle(*sizes.values())
+    height, width = (
+        _number(source, name, 6.0, NumberRule(0, 12, low_open=True), "6 in", notes)
+        for name in ("robot_height", "robot_width")
+    )
+    return RobotSpec.rectangle(height, width)
+
+
+def _number(source: Source, name: str, default: float, rule: NumberRule, shown: str, notes: Notes) -> float:
+    """A number of the file; the default, which the note has as `shown`, where there is none that the rule
+    allows."""
+    located = source.names.get(name, Located(default, 0))
+    try:
+        return rule.check(located.value)
+    except ValueError as error:
+        notes.add(located.line, name, f"{error}; {shown} is taken")
+        return default
 
 
 def _rectangle(vertices: list[tuple[float, float]]) -> RobotSpec | None:
@@ -253,21 +261,15 @@ def _settings(source: Source, maze: MazeSpec, notes: Notes) -> dict[str, Setting
         settings["blocksize"] = 0.0
     bias = source.names.get("rand_bias")
     if bias is not None and bias.value not in (False, 0):
-        notes.add(
-            bias.line, "rand_bias", "had no effect there; randbias is false, the biases are those given"
-        )
+        what = "had no effect there; randbias is false, the biases are those given"
+        notes.add(bias.line, "rand_bias", what)
     return settings
 
 
 def _clearance(source: Source, drives: tuple[DriveSpec, ...], notes: Notes) -> float:
     """The gap to a wall, inches, that a movement leaves there: it ends with the last frame in which the robot
     touches nothing, on average half of a frame's way before the wall."""
-    located = source.names.get("frame_rate", Located(_FRAME_RATE, 0))
-    try:
-        rate = _RATES.check(located.value)
-    except ValueError as error:
-        notes.add(located.line, "frame_rate", f"{error}; {_FRAME_RATE} is taken")
-        rate = _FRAME_RATE
+    rate = _number(source, "frame_rate", _FRAME_RATE, _RATES, f"{_FRAME_RATE}", notes)
     fastest = max((drive.speed for drive in drives if not drive.kind.turns), default=0.0)
     # Clearances are rounded as lengths in files of ours are, and above the most that the setting takes
     # nothing would be right.
@@ -310,8 +312,5 @@ def _list_the_rest(source: Source, notes: Notes) -> None:
         names = ", ".join(name for name, _ in idle)
         notes.add(idle[0][1], "", f"left out, because nothing here depends on them: {names}")
     if "frame_start" not in source.names:
-        notes.add(
-            0,
-            "frame_start",
-            "is missing, so requests have no brackets; legacy_reply says how they are answered",
-        )
+        what = "is missing, so requests have no brackets; legacy_reply says how they are answered"
+        notes.add(0, "frame_start", what)
