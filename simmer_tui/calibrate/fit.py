@@ -155,21 +155,20 @@ def fit(
         )
     space = parameters_of(run, prior_scale)
     model = Model(run, space)
-    reasons: list[str] = []
+    reason: str | None = None
     for number, count in enumerate(PARTICLES):
         random = np.random.default_rng((seed, number))
         # Each later try starts half as wide again, for a robot that was put worse than asked.
         state, likely = _rough(run, model, count, random, 1.0 + 0.5 * number, progress)
         if likely < _HOPELESS:
-            reasons.append("the ranges fit no path through the maze")
+            reason = "the ranges fit no path through the maze"
             continue
         state = _with_noise_scales(model, _settled(model, state), random, progress)
         reason = lost_stretch(model, model.rows(state)) or misplaced(run, state)
         if reason is None:
             return _result(model, state, random)
-        reasons.append(reason)
     raise CalibrationError(
-        f"{', '.join(run.names)}: the robot's path was not found in {len(PARTICLES)} tries: {reasons[-1]}. "
+        f"{', '.join(run.names)}: the robot's path was not found in {len(PARTICLES)} tries: {reason}. "
         "Check its start pose and its maze against the set, and that nobody carried it in between."
     )
 

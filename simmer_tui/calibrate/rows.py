@@ -333,15 +333,11 @@ class Model:
         variance = random + walk + floor
         columns = self._columns[index]
         entries += self._linear_entries(columns, total, seconds)
-        parts: list[VarianceShare] = [
-            (columns[field], part)
-            for field, part in (("error", random), ("random_walk", walk))
-            if field in columns
-        ]
         # Between readings at one stop only what grows with time shows.
         chosen = np.flatnonzero((end > begin) | ("drift" in columns))
         stack.add(
-            COUNTER, index, end, residual, variance, entries, parts,
+            COUNTER, index, end, residual, variance, entries,
+            _shares(columns, error=random, random_walk=walk),
             weights=huber_weights(residual**2 / variance), chosen=chosen,
         )  # fmt: skip
 
@@ -421,15 +417,16 @@ class Model:
         entries += self._linear_entries(columns, true, times)
         entries += [(self.width + columns[field], each) for field, each in by_parameter.items()]
         absolute = np.full(len(stop), spec.absolute_error**2)
-        parts: list[VarianceShare] = [
-            (columns[field], part)
-            for field, part in (("error", proportional), ("absolute_error", absolute))
-            if field in columns
-        ]
+        shares = _shares(columns, error=proportional, absolute_error=absolute)
         stack.add(
-            RANGE if spec.kind.is_range else OBSERVATION, index, stop, residual, variance, entries, parts,
+            RANGE if spec.kind.is_range else OBSERVATION, index, stop, residual, variance, entries, shares,
             weights=weights, chosen=np.flatnonzero(good),
         )  # fmt: skip
+
+
+def _shares(columns: dict[str, int], **parts: FloatArray) -> list[VarianceShare]:
+    """Parts of a sensor's variance with their noise scales, of those that are estimated."""
+    return [(columns[field], part) for field, part in parts.items() if field in columns]
 
 
 def _between(values: FloatArray, begin: IntArray, end: IntArray) -> FloatArray:

@@ -12,6 +12,7 @@ from typing import Any, TypeVar
 from msgspec import Struct
 from msgspec.structs import replace
 
+from simmer_tui.config.mission_plan import cells_of
 from simmer_tui.config.settings import settings_from
 from simmer_tui.errors import ConfigurationError, Problem
 from simmer_tui.importer.device_classes import ClassNumber, ClassNumbers, class_number
@@ -21,7 +22,6 @@ from simmer_tui.sim.obstacles import placement_problems
 from simmer_tui.sim.rules import NumberRule, Rule
 from simmer_tui.sim.specs import (
     BLOCK,
-    CELL_SIZE,
     EMPTY,
     START,
     DriveSpec,
@@ -117,32 +117,22 @@ def settled(imported: Imported, origins: Mapping[str, str]) -> Imported:
 
 def _problems(imported: Imported) -> dict[str, str]:
     settings = settings_from(imported.settings)
-    return dict(
-        placement_problems(
-            SimulationSpec(
-                maze=imported.maze,
-                robot=imported.robot,
-                sensors=(),
-                drives=(),
-                bot_center=settings.bot_center,
-                bot_rot=settings.bot_rot,
-                block_center=settings.block_center,
-                block_size=settings.blocksize,
-                block_solid=settings.motion.block_solid,
-            )
-        )
+    spec = SimulationSpec(
+        maze=imported.maze,
+        robot=imported.robot,
+        sensors=(),
+        drives=(),
+        bot_center=settings.bot_center,
+        bot_rot=settings.bot_rot,
+        block_center=settings.block_center,
+        block_size=settings.blocksize,
+        block_solid=settings.motion.block_solid,
     )
+    return dict(placement_problems(spec))
 
 
 def _middles(maze: MazeSpec, kinds: tuple[int, ...]) -> list[tuple[float, float]]:
-    places = [
-        ((column + 0.5) * CELL_SIZE, (maze.rows - row - 0.5) * CELL_SIZE)
-        for kind in kinds
-        for row, cells in enumerate(maze.cells)
-        for column, cell in enumerate(cells)
-        if cell == kind
-    ]
-    return places[:MAX_TRIES]
+    return [(cell.x, cell.y) for kind in kinds for cell in cells_of(maze, kind)][:MAX_TRIES]
 
 
 N = TypeVar("N", int, float)

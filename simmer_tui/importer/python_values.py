@@ -59,10 +59,19 @@ def numbers_only(arguments: tuple[Any, ...]) -> tuple[Any, ...]:
 
 
 def as_text(value: Any) -> str:
-    """A number or text as text; of lists, a text could grow without bound."""
-    if isinstance(value, bool | int | float | str):
-        return str(value)
-    raise NotUnderstoodError("only a number can be made text")
+    """A number or text as text; of lists, a text could grow without bound. Raises NotUnderstoodError."""
+    return str(_plain(value, "only a number can be made text"))
+
+
+def as_key(value: Any) -> Any:
+    """The value, if it can be a key of a dict. Raises NotUnderstoodError."""
+    return _plain(value, "a key of a dict must be text or a number")
+
+
+def _plain(value: Any, why: str) -> Any:
+    if not isinstance(value, bool | int | float | str):
+        raise NotUnderstoodError(why)
+    return value
 
 
 def readable(value: Any) -> Any:
@@ -70,13 +79,6 @@ def readable(value: Any) -> Any:
     if isinstance(value, Unreadable):
         raise NotUnderstoodError(value.why)
     return value
-
-
-def as_key(value: Any) -> Any:
-    """The value, if it can be a key of a dict. Raises NotUnderstoodError."""
-    if isinstance(value, bool | int | float | str):
-        return value
-    raise NotUnderstoodError("a key of a dict must be text or a number")
 
 
 def item_of(container: Any, index: Any) -> Any:
@@ -124,15 +126,15 @@ def vector(arguments: tuple[Any, ...]) -> Any:
 
 
 def _vector_arithmetic(op: ast.operator, left: Any, right: Any) -> Vector:
-    stretched = isinstance(op, ast.Mult | ast.Div) and isinstance(right, int | float)
-    if isinstance(op, ast.Add | ast.Sub) and isinstance(left, Vector) and isinstance(right, Vector):
-        pairs = zip(left, right, strict=True)
-    elif isinstance(left, Vector) and stretched:
-        pairs = zip(left, [right] * 2, strict=True)
-    elif isinstance(op, ast.Mult) and isinstance(left, int | float):
-        pairs = zip([left] * 2, right, strict=True)
-    else:
-        raise NotUnderstoodError("this arithmetic with a vector is not understood")
+    match op, left, right:
+        case ast.Add() | ast.Sub(), Vector(), Vector():
+            pairs = zip(left, right, strict=True)
+        case ast.Mult() | ast.Div(), Vector(), int() | float():
+            pairs = zip(left, [right] * 2, strict=True)
+        case ast.Mult(), int() | float(), Vector():
+            pairs = zip([left] * 2, right, strict=True)
+        case _:
+            raise NotUnderstoodError("this arithmetic with a vector is not understood")
     return Vector(arithmetic(op, a, b) for a, b in pairs)
 
 

@@ -49,6 +49,8 @@ _READ = frozenset(
         *("robot_start_position", "start_position", "robot_start_rotation", "start_rotation"),
     }
 )
+# Names of the settings that are places; where a file has two, the last one counts.
+_PLACES = {"bot_center": ("start_position", "robot_start_position"), "block_center": ("block_position",)}
 # Names by which a file is known for a `config.py`, beside its tables of devices.
 _SIGNS = (
     *("walls", "robot_outline", "wall_segment_length", "floor_segment_length", "block_size"),
@@ -119,11 +121,8 @@ def read_simmer_python(
     _list_the_rest(source, notes)
     origins = {
         setting: notes.where(source.names[name].line, name)
-        for setting, name in (
-            ("bot_center", "start_position"),
-            ("bot_center", "robot_start_position"),
-            ("block_center", "block_position"),
-        )
+        for setting, names in _PLACES.items()
+        for name in names
         if name in source.names
     }
     return settled(Imported(maze, robot, sensors, drives, settings, notes.in_order(), tuple(own)), origins)
@@ -244,10 +243,10 @@ def _settings(source: Source, maze: MazeSpec, notes: Notes) -> dict[str, Setting
         "motion.reply": "accepted",
         "motion.block_solid": True,
     }
-    _place(source, maze, ("robot_start_position", "start_position"), "bot_center", settings, notes)
+    _place(source, maze, "bot_center", settings, notes)
     has_block = source.names.get("block_position", Located(0, 0)).value is not None
     if has_block:
-        _place(source, maze, ("block_position",), "block_center", settings, notes)
+        _place(source, maze, "block_center", settings, notes)
     for name in ("start_rotation", "robot_start_rotation"):
         rotation = _usable(source, name, _KNOWN["bot_rot"], notes)
         if rotation is not None:
@@ -277,16 +276,12 @@ def _clearance(source: Source, drives: tuple[DriveSpec, ...], notes: Notes) -> f
 
 
 def _place(
-    source: Source,
-    maze: MazeSpec,
-    names: tuple[str, ...],
-    setting: str,
-    settings: dict[str, SettingValue],
-    notes: Notes,
+    source: Source, maze: MazeSpec, setting: str, settings: dict[str, SettingValue], notes: Notes
 ) -> None:
-    name = next((name for name in names if name in source.names), None)
+    *_, usual = names = _PLACES[setting]
+    name = next((name for name in reversed(names) if name in source.names), None)
     if name is None:
-        notes.add(0, names[0], f"is missing; {setting} keeps its default")
+        notes.add(0, usual, f"is missing; {setting} keeps its default")
         return
     point = pair(source.names[name].value)
     if point is None:
