@@ -33,7 +33,7 @@ from simmer_tui.sim.angles import FloatArray
 from simmer_tui.sim.specs import DriveKind
 
 FALSE_ALARMS = 0.05
-"""Share of unchanged robots that are said to have changed: the usual level of a test."""
+"""Share of unchanged robots with the verdict "changed": the usual level of a test."""
 _ANOTHER = 0.001
 """Share of pairs of logs of one robot that are refused as of two: a refusal costs a user more than an
 accusation, and different robots differ by far."""
@@ -69,7 +69,7 @@ def check_robot(
 
     Args:
         knowledge: What was learned with the set (`read_knowledge`).
-        rate: Share of unchanged robots that are said to have changed.
+        rate: Share of unchanged robots with the verdict "changed".
 
     Raises:
         CalibrationError: if the path was not found, or set and log are of different robots.

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from enum import StrEnum
 
 import numpy as np
 from scipy.special import betaincinv
@@ -33,16 +32,6 @@ within two standard errors of it."""
 _NO_LINE = "the durations of movements do not show it; drive short and long ones"
 _CLOCK = 5e-4
 """Least standard error of a duration, seconds: what a scheduler shifts a line of the log by."""
-
-
-class Timing(StrEnum):
-    """Parameters of time and of faults, which follow from the log without the path."""
-
-    LINK = "link latency"
-    READ = "read time"
-    SPEED = "speed"
-    DROPOUT = "dropouts"
-    OUTLIER = "outliers"
 
 
 @dataclass(frozen=True, slots=True)
@@ -181,8 +170,8 @@ def _faults(fit: Fit) -> list[ParameterEstimate]:
         mine = (fit.rows.family == RANGE) & (fit.rows.source == index)
         odd = float((1.0 - fit.rows.weights[mine]).sum())
         for field, label, hits, seen in (
-            ("dropout", Timing.DROPOUT, missed, count),
-            ("outlier", Timing.OUTLIER, odd, int(mine.sum())),
+            ("dropout", "dropouts", missed, count),
+            ("outlier", "outliers", odd, int(mine.sum())),
         ):
             estimate = _as_it_was(sensor.id, field, label, "", getattr(sensor, field))
             why = "" if seen >= _SEEN else f"{sensor.code} faced a wall within range only {seen} times"
@@ -230,9 +219,9 @@ def timings(run: MeasuredRun) -> list[ParameterEstimate]:
             estimate, constant = _speed(run, index, drive)
             speeds.append(_silenced(estimate, silence))
             constants += [constant] if constant is not None else []
-    latency = _as_it_was("link", "latency", Timing.LINK, "s", run.configuration.settings.link.latency)
+    latency = _as_it_was("link", "latency", "link latency", "s", run.configuration.settings.link.latency)
     read_times = {
-        sensor.code: _as_it_was(sensor.id, "read_time", Timing.READ, "s", sensor.read_time)
+        sensor.code: _as_it_was(sensor.id, "read_time", "read time", "s", sensor.read_time)
         for sensor in run.spec.sensors
         if sensor.enabled and sensor.kind.has("read_time")
     }
@@ -265,7 +254,7 @@ def _speed(
     """Speed of a drive, and the constant part of its durations with its standard error, if it is known."""
     made = [each for each in run.movements if each.drive == index and each.certain]
     rows = [(abs(each.value), each.took) for each in made if math.isfinite(each.took)]
-    speed = _as_it_was(drive.kind.value, "speed", Timing.SPEED, f"{drive.kind.unit}/s", drive.speed)
+    speed = _as_it_was(drive.kind.value, "speed", "speed", f"{drive.kind.unit}/s", drive.speed)
     if len(rows) < _ENOUGH:
         return speed.unidentified(f"{drive.code} was answered only {len(rows)} times"), None
     values, took = np.array(rows).T
@@ -325,4 +314,4 @@ def line_through(x: FloatArray, y: FloatArray) -> tuple[float, float, float]:
 
 
 def _as_it_was(owner: str, field: str, label: str, unit: str, present: float) -> ParameterEstimate:
-    return ParameterEstimate(owner, field, str(label), unit, present, present, present, present)
+    return ParameterEstimate(owner, field, label, unit, present, present, present, present)

@@ -107,16 +107,16 @@ class PathFinder:
             if step:
                 movement = chain.movements[step - 1]
                 poses, touched[step] = self._move(movement, first + step, poses, biases, random)
-            score, heard = self._score(first + step, poses)
+            score, read = self._score(first + step, poses)
             history[step] = poses
             parents[step] = np.arange(count)
             weights += _TEMPER * score
-            if heard:
+            if read:
                 best = weights.max()
                 share = np.exp(weights - best)
                 # Adding 1e-300 keeps the logarithm finite where no particle fits at all.
                 fits += float(np.log(np.average(np.exp(score), weights=share) + 1e-300))
-                readings += heard
+                readings += read
                 share /= share.sum()
                 # Resample at half of the effective sample size (Liu and Chen 1995).
                 if 1.0 / np.square(share).sum() < count / 2 and step < total:
@@ -243,7 +243,7 @@ class PathFinder:
     def _score(self, stop: int, poses: FloatArray) -> tuple[FloatArray, int]:
         """Log likelihoods of what was read at a stop, and how many readings that were."""
         score = np.zeros(len(poses))
-        heard = 0
+        read = 0
         for sensor in self._observers:
             said = self._run.said.get(sensor.spec.code, {}).get(stop)
             if said is None or not math.isfinite(said[0]) or not is_known_to(self._run, sensor, stop):
@@ -252,8 +252,8 @@ class PathFinder:
             # Where there is nothing in range, a reading is as far off as can be: 1,000 is beyond any maze.
             expected = np.where(np.isfinite(expected), expected, 1e3)
             score += np.log(sensor.rough_likelihood(said[0], expected))
-            heard += 1
-        return score, heard
+            read += 1
+        return score, read
 
 
 @dataclass(frozen=True, slots=True)

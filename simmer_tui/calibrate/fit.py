@@ -372,8 +372,8 @@ def _result(model: Model, state: Iterate, random: np.random.Generator) -> Fit:
         rows = model.rows(state, 0.0, tight)
         posterior = Posterior(rows, model.width)
         _, information = noise_scale_score(model.space, state, rows, posterior, random)
-        told = np.flatnonzero(noise_scales_identified)
-        noise_scale_errors[told] = np.sqrt(np.diag(np.linalg.inv(information[np.ix_(told, told)])))
+        chosen = np.flatnonzero(noise_scales_identified)
+        noise_scale_errors[chosen] = np.sqrt(np.diag(np.linalg.inv(information[np.ix_(chosen, chosen)])))
     covariance = posterior.covariance()
     spreads = np.sqrt(np.diag(covariance))
     spreads = np.maximum(spreads, _robust_spreads(model, rows, posterior))
@@ -382,8 +382,8 @@ def _result(model: Model, state: Iterate, random: np.random.Generator) -> Fit:
     spreads = spreads + check.shifts / _TWO_SIDED
     noise_scale_errors = noise_scale_errors + check.log_shifts / _TWO_SIDED
     noise_scale_errors = noise_scale_errors * np.where(model.is_of_continuous_drive, _APPROXIMATED, 1.0)
-    told_spreads = np.where(identified, prior_spreads, FIXED)
-    data = posterior.information - np.diag(1.0 / told_spreads**2)
+    held_spreads = np.where(identified, prior_spreads, FIXED)
+    data = posterior.information - np.diag(1.0 / held_spreads**2)
     data[~identified] = 0.0
     data[:, ~identified] = 0.0
     return Fit(
@@ -442,16 +442,16 @@ def lost_stretch(model: Model, rows: Rows) -> str | None:
     """The reason why a path cannot be right of which a stretch does not fit; else None."""
     mine = rows.family == RANGE
     odd = np.bincount(rows.stop[mine], 1.0 - rows.weights[mine], model.stops)
-    heard = np.bincount(rows.stop[mine], minlength=model.stops)
+    counts = np.bincount(rows.stop[mine], minlength=model.stops)
     window = np.ones(WINDOW)
-    odd_near, heard_near = (np.convolve(each, window, "same") for each in (odd, heard))
-    enough = heard_near >= _RANGES
+    odd_near, counts_near = (np.convolve(each, window, "same") for each in (odd, counts))
+    enough = counts_near >= _RANGES
     if not enough.any():
         return "no range sensor was read often enough to tell where the robot was"
-    whole = float(odd.sum() / heard.sum())
+    whole = float(odd.sum() / counts.sum())
     if whole > _ODD_AT_MOST:
         return f"{whole:.0%} of all ranges fit no place on the path that fits best"
-    share = np.where(enough, odd_near / np.maximum(heard_near, 1.0), 0.0)
+    share = np.where(enough, odd_near / np.maximum(counts_near, 1.0), 0.0)
     worst = int(share.argmax())
     # On a right path outliers and edges are some percent, on a wrong one most ranges.
     if share[worst] < 0.5:

@@ -47,7 +47,7 @@ class MeasuredMovement:
     that it had made it. `took` is in seconds from sending it to its answer; NaN if not known.
 
     Or a stretch of continuous motion: `drive` and `value` are those of the drive that moved most, `parts`
-    all of them, `led` the totals of x, y (inches) and turning (degrees) that the wheels were told, and
+    all of them, `led` the totals of x, y (inches) and turning (degrees) that were commanded, and
     `bend` how far that leads from where one arc would, inches in the frame of its start.
     """
 
@@ -233,7 +233,7 @@ class _Collector(EventHandler[None]):
         self._leg = None
 
     def _drive_until(self, time: float) -> None:
-        """Count what the wheels were told up to a simulated time."""
+        """Count what was commanded up to a simulated time."""
         if self._leg is not None:
             leg, since, line = self._leg
             self._stretch.drive(leg.commanded, time - since)
@@ -254,7 +254,7 @@ class _Collector(EventHandler[None]):
             self.move_block()
             return
         if self._pending is not None and self._pending[0] == event.number:
-            return  # the twin's way was planned anew; the real robot knows nothing of it
+            return  # the twin's path was planned again; the real robot knows nothing of it
         self.settle(certain=False)
         drive = next(i for i, each in enumerate(self._spec.drives) if each.code == event.command.code)
         value = parse_value(event.command.argument)

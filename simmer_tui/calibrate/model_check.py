@@ -268,21 +268,21 @@ def _log_shifts(rows: Rows, before: FloatArray, after: FloatArray) -> FloatArray
 
 
 def mounting_spread(
-    space: ParameterSpace, values: FloatArray, errors: FloatArray, told: BoolArray
+    space: ParameterSpace, values: FloatArray, errors: FloatArray, identified: BoolArray
 ) -> tuple[float, float]:
     """Standard deviation of where this robot's sensors are mounted, inches, and its degrees of freedom.
 
-    An offset along the way a sensor looks is part of its bias. It is taken to be as large as those across
-    it, which the log tells (by moments, as DerSimonian and Laird 1986 have it).
+    An offset in the direction that a sensor looks is part of its bias. It is taken to be as large as those
+    across it, which the log shows (by moments, as DerSimonian and Laird 1986 have it).
 
     Args:
         values: Of the parameters, (p,); `errors` are their standard errors.
-        told: True for those that are identified.
+        identified: True for those that are identified.
 
     Returns:
         (0, 0) if the offsets across are no greater than their standard errors explain.
     """
-    offsets = [n for n, each in enumerate(space.parameters) if each.sort is Sort.OFFSET and told[n]]
+    offsets = [n for n, each in enumerate(space.parameters) if each.sort is Sort.OFFSET and identified[n]]
     squares = values[offsets] ** 2
     if not offsets or chdtrc(len(offsets), float((squares / errors[offsets] ** 2).sum())) > _UNEVEN:
         return 0.0, 0.0
@@ -290,10 +290,10 @@ def mounting_spread(
 
 
 def with_mounting(
-    space: ParameterSpace, values: FloatArray, errors: FloatArray, told: BoolArray
+    space: ParameterSpace, values: FloatArray, errors: FloatArray, identified: BoolArray
 ) -> FloatArray:
-    """Standard errors in which a bias's has the unknown offset along the way that the sensor looks."""
-    spread, freedom = mounting_spread(space, values, errors, told)
+    """Standard errors in which a bias's has the unknown offset in the direction that the sensor looks."""
+    spread, freedom = mounting_spread(space, values, errors, identified)
     if not spread:
         return errors
     # Of few sensors the spread itself is little known: Student's quantile in place of the normal one.

@@ -44,6 +44,8 @@ _BIAS_PRIOR = (0.15, 0.15, 0.8)
 _TURN_BIAS_PRIOR = (0.02, 0.02, 0.1)
 # Centre of a drive's error where the set has 0: about those of the bundled drives.
 _USUAL_ERROR, _USUAL_TURN_ERROR = 0.02, 0.003
+_TWO_SIDED = 1.959964
+"""Standard deviations to either end of a 95 % interval: the normal distribution's 0.975 quantile."""
 _ERROR_PRIOR = 1.2
 """Prior standard deviation of the logarithm of a drive's error: a factor of 3 either way."""
 
@@ -82,15 +84,15 @@ class Parameter:
             return parameter_value(spec.sensors[self.index], self.field, self.place)
         return float(attrgetter(self.field)(spec.drives[self.index]))
 
-    def interval(self, value: float, spread: float, z: float = 1.959964) -> tuple[float, float]:
-        """The interval of an estimate, by default the 95 % one (the normal distribution's 0.975 quantile).
+    def interval(self, value: float, spread: float) -> tuple[float, float]:
+        """The 95 % interval of an estimate.
 
         Even about a parameter, by factors about a noise scale, whose spread is that of its logarithm.
         """
         if self.sort is Sort.NOISE:
-            factor = math.exp(min(z * spread, 50.0))  # e^50 is as good as infinite, and overflows nothing
+            factor = math.exp(min(_TWO_SIDED * spread, 50.0))  # e^50 is as good as infinite: no overflow
             return value / factor, value * factor
-        return value - z * spread, value + z * spread
+        return value - _TWO_SIDED * spread, value + _TWO_SIDED * spread
 
 
 @dataclass(frozen=True)

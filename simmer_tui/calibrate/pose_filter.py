@@ -112,7 +112,7 @@ class PoseFilter:
             turned += there[2] - pose[2]
             pose = there
         for counter in self._counters:
-            begin, end = (self._heard(counter, each) for each in (origin, stop))
+            begin, end = (self._reading(counter, each) for each in (origin, stop))
             if begin is not None and end is not None:
                 counted = float(counter.lever[2] * turned)
                 if counter.slips:
@@ -120,21 +120,21 @@ class PoseFilter:
                 off = counter.change(begin, end) - counter.spec.gain * counted
                 self._note(counter, ahead, counter.wrapped(off))
         for sensor in self._observers:
-            if (spoken := self._heard(sensor, stop)) is not None:
-                seen = self._expected(sensor, pose[None], spoken[1], stop)[0]
-                self._note(sensor, ahead, spoken[0] - seen)
+            if (reading := self._reading(sensor, stop)) is not None:
+                seen = self._expected(sensor, pose[None], reading[1], stop)[0]
+                self._note(sensor, ahead, reading[0] - seen)
 
-    def _heard(self, sensor: Sensor, stop: int) -> tuple[float, float] | None:
+    def _reading(self, sensor: Sensor, stop: int) -> tuple[float, float] | None:
         """A sensor's reading at a stop, value and time; None if there is none, or it is infinite."""
-        spoken = self.said.get(sensor.spec.code, {}).get(stop)
-        return spoken if spoken is not None and np.isfinite(spoken[0]) else None
+        reading = self.said.get(sensor.spec.code, {}).get(stop)
+        return reading if reading is not None and np.isfinite(reading[0]) else None
 
     def _counted(self, stop: int) -> list[_Counted]:
         """Increments of the counters over the movement to a stop."""
         totals, _ = self._process_model(stop)
         found = []
         for counter in self._counters:
-            begin, end = (self._heard(counter, each) for each in (stop - 1, stop))
+            begin, end = (self._reading(counter, each) for each in (stop - 1, stop))
             if begin is None or end is None:
                 continue
             spec = counter.spec
@@ -207,11 +207,11 @@ class PoseFilter:
         """Observations at a stop, linearised about the pose."""
         found = []
         for sensor in self._observers:
-            spoken = self._heard(sensor, stop)
-            if spoken is None:
+            reading = self._reading(sensor, stop)
+            if reading is None:
                 continue
             around = np.concatenate((self.pose[None], self.pose + _STEPS, self.pose - _STEPS))
-            seen = self._expected(sensor, around, spoken[1], stop)
+            seen = self._expected(sensor, around, reading[1], stop)
             if not np.isfinite(seen).all():
                 continue
             slope = (seen[1:4] - seen[4:]) / (2 * np.diag(_STEPS))
@@ -219,7 +219,7 @@ class PoseFilter:
             spec = sensor.spec
             # 4e-4 is 0.02 squared, in or degrees: no reading is more exact than that.
             variance = (spec.error * (seen[0] - spec.bias)) ** 2 + spec.absolute_error**2 + bends + 4e-4
-            off = sensor.wrapped(float(spoken[0] - seen[0]))
+            off = sensor.wrapped(float(reading[0] - seen[0]))
             found.append(_Innovation(sensor, off, slope, variance))
         return found
 
@@ -229,24 +229,24 @@ class PoseFilter:
         That happens after a wall that was met sooner than thought. Poses around are tried, and anywhere on
         the path: a filter of one pose never comes back by itself.
         """
-        spoken = [(sensor, self._heard(sensor, stop)) for sensor in self._observers]
-        heard = [(sensor, each) for sensor, each in spoken if each is not None]
-        ranging = np.array([sensor.spec.kind.is_range for sensor, _ in heard], bool)
+        found = [(sensor, self._reading(sensor, stop)) for sensor in self._observers]
+        readings = [(sensor, each) for sensor, each in found if each is not None]
+        ranging = np.array([sensor.spec.kind.is_range for sensor, _ in readings], bool)
         if ranging.sum() < _ENOUGH:
             return
-        away, _ = self._fits(heard, self.pose[None], stop)
+        away, _ = self._fits(readings, self.pose[None], stop)
         if (np.abs(away[ranging, 0]) > _GATE).sum() < _FAR_OFF:
             return
         # First widely, then about those that fit best, to 0.15 in and to 0.05 in; the pose as it is stays
         # among them.
         poses = self._candidates()
         for finer in (0.15, 0.05):
-            _, score = self._fits(heard, poses, stop)
+            _, score = self._fits(readings, poses, stop)
             share = np.exp(score - score.max())
             chosen = self._random.choice(len(poses), _SEARCHED - 1, p=share / share.sum())
             jitter = finer * np.array((1.0, 1.0, 2.0)) * self._random.standard_normal((len(chosen), 3))
             poses = np.concatenate((self.pose[None], poses[chosen] + jitter))
-        _, score = self._fits(heard, poses, stop)
+        _, score = self._fits(readings, poses, stop)
         best = int(score.argmax())
         if score[best] - score[0] < _BETTER:
             return
@@ -273,12 +273,12 @@ class PoseFilter:
         return around
 
     def _fits(
-        self, heard: list[tuple[ObservingSensor, tuple[float, float]]], poses: FloatArray, stop: int
+        self, readings: list[tuple[ObservingSensor, tuple[float, float]]], poses: FloatArray, stop: int
     ) -> tuple[FloatArray, FloatArray]:
         """Standard deviations that each reading is off at each pose, (readings, poses), and the poses' log
         likelihoods, outliers allowed for."""
-        score, off = np.zeros(len(poses)), np.zeros((len(heard), len(poses)))
-        for number, (sensor, (value, time)) in enumerate(heard):
+        score, off = np.zeros(len(poses)), np.zeros((len(readings), len(poses)))
+        for number, (sensor, (value, time)) in enumerate(readings):
             seen = self._expected(sensor, poses, time, stop)
             sigma = sensor.model_error(seen, poses)
             # Where nothing is in range a reading is as far off as can be: 50 standard deviations.

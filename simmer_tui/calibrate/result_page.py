@@ -257,10 +257,10 @@ def result_page(fit: Fit, estimates: Sequence[ParameterEstimate], held: HeldBack
     """The page: does the model fit, what differs from the set, and the path; the rest is folded."""
     misfits, unidentified = misfits_table(fit.misfits), unidentified_table(estimates)
     changed = [each for each in estimates if each.changed]
-    told = sum(each.identified for each in estimates)
+    identified = sum(each.identified for each in estimates)
     figures = (
         (str(len(changed)), "parameters differ from the set"),
-        (str(told), "parameters estimated"),
+        (str(identified), "parameters estimated"),
         (str(len(fit.run.movements)), "movements"),
     )
     differs: DocumentPart = Paragraph("No parameter differs from the set.")
@@ -298,14 +298,12 @@ def _title(fit: Fit) -> str:
 
 def _about(fit: Fit, estimates: Sequence[ParameterEstimate]) -> str:
     run = fit.run
-    told = sum(each.identified for each in estimates)
+    identified = sum(each.identified for each in estimates)
     changed = sum(each.changed for each in estimates)
     readings = sum(len(each.values) for each in run.readings.values())
-    about = (
-        f"{len(run.movements)} movements, {readings} readings; {told} parameters estimated, {changed} differ "
-        f'from the set "{run.configuration.name}"'
-    )
-    return escape(about, 400)
+    log = f"{len(run.movements)} movements, {readings} readings"
+    found = f'{identified} parameters estimated, {changed} differ from the set "{run.configuration.name}"'
+    return escape(f"{log}; {found}", 400)
 
 
 def _held_back(held: HeldBack | None) -> DataTable | Paragraph:

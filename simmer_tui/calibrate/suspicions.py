@@ -143,7 +143,7 @@ def _drives(found: Fit, done: FloatArray) -> Iterator[Claim]:
     # Values are times Gain already.
     rows = [replace(each, gain=1.0) for each in run.spec.drives]
     for index, row in enumerate(rows):
-        way = np.abs(done[:, 2]) if row.kind.turns else np.hypot(done[:, 0], done[:, 1])
-        made = (number == index) & (asked != 0.0) & (way > _MOVED * np.abs(asked))
+        travelled = np.abs(done[:, 2]) if row.kind.turns else np.hypot(done[:, 0], done[:, 1])
+        made = (number == index) & (asked != 0.0) & (travelled > _MOVED * np.abs(asked))
         if int(made.sum()) >= _FEWEST_MOVEMENTS:
             yield other_direction(row, asked[made], done[made], rows, Basis.SET)

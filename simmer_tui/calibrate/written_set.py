@@ -152,16 +152,16 @@ def _settings(fit: Fit, estimates: Sequence[ParameterEstimate], source: str) -> 
 
 def knowledge_of(fit: Fit, estimates: Sequence[ParameterEstimate]) -> Knowledge:
     """The estimates by name, with the covariance of the identified parameters."""
-    told = np.flatnonzero(fit.identified)
-    covariance = fit.covariance[np.ix_(told, told)]
+    identified = np.flatnonzero(fit.identified)
+    covariance = fit.covariance[np.ix_(identified, identified)]
     return Knowledge(
         logs=tuple(fit.run.names),
         misfits=tuple(each.text for each in fit.misfits),
-        parameters=tuple(fit.space.parameters[i].name for i in told),
+        parameters=tuple(fit.space.parameters[i].name for i in identified),
         # Offsets are counted from where the set that is written has the sensors.
         values=tuple(
             0.0 if fit.space.parameters[i].sort is Sort.OFFSET else float(fit.state.parameters[i])
-            for i in told
+            for i in identified
         ),
         covariance=tuple(tuple(float(f"{v:.6g}") for v in row) for row in covariance),
         noise_scales={

@@ -128,11 +128,11 @@ def picture(guide: SessionPlanner, what: str, link: str, height: int) -> Group:
     room = max(height - _OTHER_LINES - len(goals.rows), 1)
     order = np.argsort(-doubts, kind="stable")
     for index in order[:room]:
-        parameter, told = found.space.parameters[index], found.identified[index]
+        parameter, is_identified = found.space.parameters[index], found.identified[index]
         value, spread = float(found.state.parameters[index]), float(found.standard_errors[index])
         middle, low, high = shown(value, *parameter.interval(value, spread))
         bar = "#" * max(1, min(20, round(20 * float(doubts[index]))))
-        cells = (middle, f"{low} to {high}") if told else ("?", "not known yet")
+        cells = (middle, f"{low} to {high}") if is_identified else ("?", "not known yet")
         figures.add_row(parameter.owner, parameter.label, *cells, bar)
     rest = Text(f"and {len(order) - room} parameters that are known better" if len(order) > room else "")
     return Group(head, goals, figures, rest)

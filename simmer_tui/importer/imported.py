@@ -106,7 +106,7 @@ def settled(imported: Imported, origins: Mapping[str, str]) -> Imported:
         for x, y in _middles(imported.maze, _CELLS[name]):
             moved = replace(imported, settings={**imported.settings, name: (x, y)})
             found = _problems(moved)
-            # The other place is judged anew: a block that moved may have freed the start, or taken it.
+            # The other place is judged again: a block that moved may have freed the start, or taken it.
             if name not in found:
                 problems = found
                 note = Problem(origins.get(name, name), f"{what.partition(';')[0]}; moved to ({x:g}, {y:g})")

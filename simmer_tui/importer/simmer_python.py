@@ -267,7 +267,7 @@ def _settings(source: Source, maze: MazeSpec, notes: Notes) -> dict[str, Setting
 
 def _clearance(source: Source, drives: tuple[DriveSpec, ...], notes: Notes) -> float:
     """The gap to a wall, inches, that a movement leaves there: it ends with the last frame in which the robot
-    touches nothing, on average half of a frame's way before the wall."""
+    touches nothing, on average half of a frame's distance before the wall."""
     rate = _number(source, "frame_rate", _FRAME_RATE, _RATES, f"{_FRAME_RATE}", notes)
     fastest = max((drive.speed for drive in drives if not drive.kind.turns), default=0.0)
     # Clearances are rounded as lengths in files of ours are, and above the most that the setting takes
