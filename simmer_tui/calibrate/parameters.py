@@ -28,7 +28,7 @@ from simmer_tui.sim.sensors import (
     sensor_of,
     with_parameters,
 )
-from simmer_tui.sim.specs import Axes, DriveKind, DriveSpec, SimulationSpec
+from simmer_tui.sim.specs import DriveKind, DriveSpec, SimulationSpec
 
 AXES = ("x", "y", "r")
 IDENTIFIED = 0.5
@@ -157,11 +157,8 @@ def with_values(spec: SimulationSpec, changed: Any) -> SimulationSpec:
 
 def _drive_with(drive: DriveSpec, field: str, value: float) -> DriveSpec:
     table, _, axis = field.partition(".")
-    changed: dict[str, Any] = {table: value}
-    if axis:
-        axes: Axes = replace(getattr(drive, table), **{axis: value})
-        changed = {table: axes}
-    return replace(drive, **changed)
+    changed = replace(getattr(drive, table), **{axis: value}) if axis else value
+    return replace(drive, **{table: changed})
 
 
 def main_axis(kind: DriveKind) -> str:

@@ -72,7 +72,7 @@ class PoseFilter:
         """Predict what is read at the next stop, and take it in."""
         for ahead in AHEAD[1:]:
             if stop - ahead >= self.begin:
-                self._predict_from(stop - ahead, stop, ahead)
+                self._predict_from(stop - ahead, stop)
         self._move(stop)
         self.look(stop)
         self.poses[stop] = self.pose
@@ -102,9 +102,9 @@ class PoseFilter:
         done = totals * np.array((share, share, 1.0 if share == 1.0 else max(share, 0.0)))
         return moved(pose[None], done[None], segments, share * bend)[0], 1.0 - share
 
-    def _predict_from(self, origin: int, stop: int, ahead: int) -> None:
-        pose = self.poses[origin]
-        turned = 0.0
+    def _predict_from(self, origin: int, stop: int) -> None:
+        """Predict what is read at a stop from the pose at an earlier one, and note the errors."""
+        pose, ahead, turned = self.poses[origin], stop - origin, 0.0
         wheels: list[FloatArray] = []
         for step in range(origin + 1, stop + 1):
             wheels.append(self._process_model(step)[0])

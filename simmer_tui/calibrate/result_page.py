@@ -38,13 +38,15 @@ _MOVED_FAMILIES: tuple[int, ...] = (PROCESS,)
 _READ_FAMILIES: tuple[int, ...] = (COUNTER, RANGE, OBSERVATION)
 _NUMBER = number(".3g")
 _FIGURE = replace(WORDS, numeric=True)
+_ESTIMATE = tuple(DataColumn(key, hidden=True) for key in ("value", "value_low", "value_high"))
+_BEFORE_AFTER = (DataColumn("before", _NUMBER), DataColumn("after", _NUMBER))
 MISFITS = DataTable(
     "misfits",
     "Misfits of the model",
     (
         DataColumn("part"),
         DataColumn("kind"),
-        *(DataColumn(key, hidden=True) for key in ("value", "value_low", "value_high")),
+        *_ESTIMATE,
         DataColumn("unit", hidden=True),
         DataColumn("probability", number(".1g"), "p"),
         DataColumn("text", heading="observation", wraps=True),
@@ -58,7 +60,7 @@ PARAMETERS = DataTable(
         DataColumn("parameter", heading="parameter"),
         DataColumn("unit", hidden=True),
         DataColumn("was", number(".4g")),
-        *(DataColumn(key, hidden=True) for key in ("value", "value_low", "value_high")),
+        *_ESTIMATE,
         DataColumn("is", _FIGURE),
         DataColumn("interval", _FIGURE, "95 % interval"),
         DataColumn("changed", Format(lambda changed: "changed" if changed else ""), ""),
@@ -73,24 +75,14 @@ UNIDENTIFIED = DataTable(
         DataColumn("text", heading="why", wraps=True),
     ),
 )
-RESIDUALS = DataTable(
-    "residuals",
-    "Residuals",
-    (
-        DataColumn("part"),
-        DataColumn("unit"),
-        DataColumn("before", _NUMBER),
-        DataColumn("after", _NUMBER),
-    ),
-)
+RESIDUALS = DataTable("residuals", "Residuals", (DataColumn("part"), DataColumn("unit"), *_BEFORE_AFTER))
 HELD_BACK = DataTable(
     "held_back",
     "Predictions of held-back readings",
     (
         DataColumn("readings_of"),
         DataColumn("ahead", COUNT),
-        DataColumn("before", _NUMBER),
-        DataColumn("after", _NUMBER),
+        *_BEFORE_AFTER,
         DataColumn("unit"),
         DataColumn("times_better", number(".1f")),
         DataColumn("readings", COUNT),

@@ -1,8 +1,8 @@
 """Stretches of continuous motion as movements between stops, for logs of robots that drive by velocities.
 
-A velocity has no length known beforehand. The commands to the wheels are in the legs of the simulated twin, so
-that the commanded path is known at any time. It is cut where a sensor was read after `LEAST_DISTANCE`: there is
-a stop, though the robot may not stand. Readings between two stops are left out.
+A velocity has no length known beforehand. The commands to the wheels are in the legs of the simulated twin,
+so that the commanded path is known at any time. It is cut where a sensor was read after `LEAST_DISTANCE`:
+there is a stop, though the robot may not stand. Readings between two stops are left out.
 
 Errors follow the distance (sim/distance_errors.py): a first-order autoregressive process, whose
 correlation falls to 1/e over a cell or a quarter turn, and whose spread over that length is that of one

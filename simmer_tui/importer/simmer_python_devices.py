@@ -18,26 +18,21 @@ _SHARE = NumberRule(0, 1)
 # Degrees of a vertical field of view; one of 180 has no slope.
 _WIDEST = 179.0
 _LENGTH = NumberRule(0)
-_IDLE = frozenset({"id", "visible", "color", "outline", "outline_thickness"})
-_MEASUREMENT = frozenset({"visible_measurement", "visible_measurement_time"})
-_FIELDS: dict[str, frozenset[str]] = {
-    "Ultrasonic": _IDLE
-    | _MEASUREMENT
-    | {"position", "rotation", "height", "error", "num_rays", "min_range", "max_range"}
-    | {"beamwidth", "fov"},
-    "Infrared": _IDLE
-    | _MEASUREMENT
-    | {"position", "rotation", "height", "error", "fov", "threshold", "bias"},
-    "Gyroscope": _IDLE | {"position", "rotation", "error", "bias"},
-    "Compass": _IDLE | {"position", "rotation", "error", "bias"},
+# Fields that a class of theirs knows: those of any device, those of one that shows its measurement, its own.
+_USUAL = frozenset(
+    {"id", "visible", "color", "outline", "outline_thickness", "position", "rotation", "error"}
+)
+_SHOWN = _USUAL | {"visible_measurement", "visible_measurement_time", "height"}
+_FIELDS = {
+    "Ultrasonic": _SHOWN | {"num_rays", "min_range", "max_range", "beamwidth", "fov"},
+    "Infrared": _SHOWN | {"fov", "threshold", "bias"},
+    "Gyroscope": _USUAL | {"bias"},
+    "Compass": _USUAL | {"bias"},
 }
-_USUAL = _IDLE | {"position", "rotation", "error"}
 # Classes of a team's own whose devices are read as `Ultrasonic` ones: there is none for them there.
 _TIME_OF_FLIGHT = re.compile(r"(?i)(.*_)?(tof|time_?of_?flight|vl53l\d\w*)(_?sensor)?")
 _OWN = "is a device of the team's own or belongs elsewhere"
-_DRIVE_FIELDS = _IDLE | {
-    *("position", "rotation", "velocity", "ang_velocity", "motors", "motor_direction", "bias", "error")
-}
+_DRIVE_FIELDS = _USUAL | {"velocity", "ang_velocity", "motors", "motor_direction", "bias"}
 
 
 def read_sensors(
