@@ -1,7 +1,7 @@
 """A rough path of the robot, by a particle filter over pose, drive biases and contacts.
 
-Each particle is a robot with biases of its own, drawn about those of the set, so that those whose biases
-fit survive (Liu and West 2001 call such parameters static). Wheel encoders and the gyro, where they are
+Each particle is a robot with biases of its own, drawn about those of the set. Those whose biases fit survive
+(Liu and West 2001 call such parameters static). Wheel encoders and the gyro, where they are
 read after each movement, say how far it went better than the process model. A particle whose path
 leads into a wall stops there; a few stop anywhere (the slip hypothesis).
 """
@@ -89,9 +89,8 @@ class PathFinder:
             count: Number of particles.
             wide: Factor on the spread of the start.
         """
-        poses = np.array(astuple(chain.start)) + wide * np.array(chain.spread) * random.standard_normal(
-            (count, 3)
-        )
+        start, spread = np.array(astuple(chain.start)), wide * np.array(chain.spread)
+        poses = start + spread * random.standard_normal((count, 3))
         # The robot stood there, so that it was in no wall, save by what walls are off from the set's.
         free = self._clear.of(poses) > -0.3
         if free.any():
@@ -203,8 +202,8 @@ class PathFinder:
         """Share of each particle's movement that it makes, and those that meet a wall."""
         count = len(poses)
         share = np.ones(count)
-        # Without an answer: half of the particles do not move, the others nearly all of the distance (the
-        # fifth root of an even number is above 0.87 in every second).
+        # Without an answer: half of the particles do not move, the others nearly all of the distance: the
+        # fifth root of a uniform number is above 0.87 in half of the cases.
         if not movement.certain:
             share = random.choice((0.0, 1.0), count) * random.random(count) ** 0.2
         segments, bend = movement.law(self._spec.num_segments)

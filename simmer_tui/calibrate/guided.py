@@ -1,8 +1,8 @@
 """A guided session: movements and readings that identify a robot's parameters, without touching a wall.
 
 It begins with readings at rest, a spin, and a square both ways (as UMBmark has it, Borenstein and Feng
-1996), then drives whatever is known least, from where there is room: a movement is made only if the
-robot, wherever it may stand and whatever its errors may be, stays clear of all walls on the way.
+1996). Then it drives what is known least, from where there is room. A movement is made only if its whole path
+is clear of walls, wherever the robot may stand and whatever its errors may be.
 """
 
 from __future__ import annotations

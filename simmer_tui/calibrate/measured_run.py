@@ -47,8 +47,8 @@ class MeasuredMovement:
     that it had made it. `took` is in seconds from sending it to its answer; NaN if not known.
 
     Or a stretch of continuous motion: `drive` and `value` are those of the drive that moved most, `parts`
-    all of them, `led` the totals of x, y (inches) and turning (degrees) that were commanded, and
-    `bend` how far that leads from where one arc would, inches in the frame of its start.
+    those of all. `led` are the totals of x, y (inches) and turning (degrees) that were commanded. `bend` is
+    how far that leads from where one arc would, inches in the frame of its start.
     """
 
     drive: int
@@ -305,8 +305,13 @@ class _Collector(EventHandler[None]):
 
 
 def read_runs(paths: Iterable[Path]) -> MeasuredRun:
-    """Read logs of one robot. Raises RunLogError, ConfigurationError, and CalibrationError for logs with
-    different sets, of a real robot and a simulated one, of the same run, or with no movement in them."""
+    """Read logs of one robot.
+
+    Raises:
+        CalibrationError: for logs with different sets, of a real robot and a simulated one, of the same run,
+            or with no movement in them.
+        RunLogError, ConfigurationError: for a file that is no log, or whose set cannot be read.
+    """
     collector = _Collector()
     configuration: Configuration | None = None
     names: list[str] = []

@@ -9,8 +9,8 @@ others are tested.
 Intervals then hold the estimates with and without the accepted terms, as the omitted-variable formula has
 them (Greene, "Econometric Analysis", 2012, section 4.3.2).
 
-Readings that were held back test all else. Where more than one in ten is surely further off than predicted,
-with some slack (`_SLACK`), all intervals are widened by the split-conformal factor, with which nine in ten
+Readings that were held back test all else: is more than one in ten surely further off than predicted, with
+some slack (`_SLACK`)? Then all intervals are widened by the split-conformal factor. With it nine in ten
 predictions hold (Vovk, Gammerman and Shafer, "Algorithmic Learning in a Random World", 2005).
 """
 

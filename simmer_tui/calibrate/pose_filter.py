@@ -24,10 +24,14 @@ _STEPS = np.diag((0.1, 0.1, 0.5))
 _GATE = 4.0
 """Standard deviations beyond which a reading does not update the pose: 1 normal reading in 16,000 is, and
 most outliers are."""
-_ENOUGH, _FAR_OFF, _SEARCHED, _AROUND = 3, 2, 600, np.array((0.7, 0.7, 2.0))
-"""Search for a lost pose: ranges that it takes (three tell a pose), how many of them must be beyond the gate
-(one is an outlier), poses looked at (a fifth of an inch apart, then finer), and standard deviations around
-the filter's own, inches and degrees (what a contact that was missed leaves it off by)."""
+_ENOUGH, _FAR_OFF = 3, 2
+"""Ranges that a search for a lost pose takes, and how many of them must be beyond the gate: three ranges make
+a pose, and a single one beyond it is an outlier."""
+_SEARCHED = 600
+"""Poses looked at in each round of the search: a fifth of an inch apart, then finer."""
+_AROUND = np.array((0.7, 0.7, 2.0))
+"""Standard deviations of the poses looked at, inches and degrees, besides the filter's own: what a contact
+that was missed leaves it off by."""
 _BETTER = 6.0
 """Gain in log likelihood that a pose found must bring: with 600 tries, log 600 = 6.4 comes by chance if all
 were independent, and they are not."""
@@ -88,8 +92,8 @@ class PoseFilter:
         return mean, np.diag(variances)
 
     def _arrive(self, pose: FloatArray, totals: FloatArray, stop: int) -> tuple[FloatArray, float]:
-        """The pose that totals of the movement to a stop lead to from a pose, as far as walls let it, and
-        the share that was left."""
+        """The pose that totals of the movement to a stop lead to, as far as walls let the robot go, and the
+        share of the movement that was left."""
         segments, bend = self.movements[stop].law(self.spec.num_segments)
         clear = self.clear.along(pose[None], totals[None], segments, bend)[0]
         # 0.05 in is what poses are off by at a wall; shorter movements are not worth a look.

@@ -1,9 +1,8 @@
 """Errors of a set's predictions of readings that it was not made from.
 
-An extended Kalman filter follows the robot through the stretch that was held back, once with each set, and
-says before each reading what it will be: from everything before but the reading itself (0 movements
-ahead), from the stop before (1), or from five stops before, by the commands alone. Counters are predicted
-as what they add since then.
+An extended Kalman filter follows the robot through the stretch that was held back, once with each set. It
+predicts each reading from everything before but the reading itself (0 movements ahead), from the stop before
+(1), or from five stops before, by the commands alone. Counters are predicted as what they add since then.
 """
 
 from __future__ import annotations
@@ -50,8 +49,8 @@ class HeldBack:
     errors: tuple[PredictionAccuracy, ...]
     """By name of the kind and movements ahead."""
     scores: dict[type[SensorKind], FloatArray] = field(default_factory=dict)
-    """Absolute errors of the readings that were held back, predicted from what was learned and the other
-    readings at their stop, in their standard deviations, by kind."""
+    """Absolute errors of predictions of the readings that were held back, in their standard deviations, by
+    kind: from what was learned and the other readings at their stop."""
 
 
 def held_back(fit: Fit) -> HeldBack | None:

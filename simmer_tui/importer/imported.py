@@ -41,8 +41,8 @@ SettingValue = bool | int | float | str | tuple[float, float] | tuple[str, ...]
 
 
 class OwnDevice(Struct, frozen=True):
-    """A device of a class that the team wrote itself: the class's name, its place as a row of another
-    kind, the numbers of its class and of its description, and the note that it was left out."""
+    """A device of a class that the team wrote itself: the class's name, and its place as a row of another
+    kind. With it are the numbers of class and description, and the note that it was left out."""
 
     title: str
     row: SensorSpec

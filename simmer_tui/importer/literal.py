@@ -1,8 +1,8 @@
 """Python source read for its values, without running any of it.
 
 Understood are literals, names assigned before, arithmetic, `[...]`, `{...}` and their
-comprehensions, subscripts, `for` loops that fill a list, and a short list of functions of Python,
-`math` and `numpy`. Any other call (`Ultrasonic(u0_info)`) becomes a `Call` record. What is not
+comprehensions, subscripts, and `for` loops that fill a list. So is a short list of functions of
+Python, `math` and `numpy`. Any other call (`Ultrasonic(u0_info)`) becomes a `Call` record. What is not
 understood becomes an `Unreadable` with its line; so does every name that such a statement may have
 changed.
 """
@@ -93,8 +93,8 @@ _JUMPS = (ast.Break, ast.Continue)
 class Source(Struct):
     """The values a file assigns at its top level.
 
-    `used` holds the names that some expression refers to or some loop counts with, `skipped` the
-    (line, reason) of statements that were not understood, each once.
+    `used` holds the names that some expression refers to or some loop counts with. `skipped` holds
+    (line, reason) of the statements that were not understood, each once.
     """
 
     names: dict[str, Located] = field(default_factory=dict)

@@ -108,8 +108,8 @@ def _devices(
 ) -> Iterator[tuple[Call, Fields]]:
     """The devices of known classes under codes that can be used; the others are noted.
 
-    With `foreign`, a class of time-of-flight sensors counts as known, and devices of other classes
-    that could be read are added to that list in place of being noted.
+    With `foreign`, a class of time-of-flight sensors counts as known. Devices of other classes that could
+    be read are then added to that list in place of being noted.
     """
     for key, located in table.items():
         name = str(key)
