@@ -13,7 +13,7 @@ import operator
 import warnings
 from collections.abc import Callable, Iterator, Mapping
 from functools import partial
-from typing import Any
+from typing import Any, NoReturn
 
 from msgspec import Struct, field
 
@@ -165,7 +165,7 @@ class _Reader(ast.NodeVisitor):
         except NotUnderstoodError:
             self._skip(statement)
 
-    def generic_visit(self, node: ast.AST) -> None:
+    def generic_visit(self, node: ast.AST) -> NoReturn:
         raise NotUnderstoodError(f"{type(node).__name__} is not understood")
 
     def visit_Import(self, statement: ast.Import) -> None:
@@ -183,13 +183,13 @@ class _Reader(ast.NodeVisitor):
 
     def visit_AnnAssign(self, statement: ast.AnnAssign) -> None:
         if statement.value is None:
-            raise NotUnderstoodError("nothing is assigned")
+            self.generic_visit(statement)
         self._assign(statement.target, self._try(statement.value), statement.lineno)
 
     def visit_AugAssign(self, statement: ast.AugAssign) -> None:
         target = statement.target
         if not isinstance(target, ast.Name):
-            raise NotUnderstoodError("it changes part of a value")
+            self.generic_visit(statement)
         # `x += 1` is read as `x = x + 1`, at the same place for messages.
         old = ast.copy_location(ast.Name(target.id, ast.Load()), target)
         sum_ = ast.copy_location(ast.BinOp(old, statement.op, statement.value), statement)
@@ -215,12 +215,12 @@ class _Reader(ast.NodeVisitor):
             ) if isinstance(self._table(name), list):
                 self._add(self._table(name), method, item)
             case _:
-                raise NotUnderstoodError("an expression changes something else")
+                self.generic_visit(statement)
 
     def visit_For(self, statement: ast.For) -> None:
         """Follow a loop turn by turn. Where that goes wrong, nothing that it changes is trusted."""
         if statement.orelse or any(isinstance(node, _JUMPS) for node in ast.walk(statement)):
-            raise NotUnderstoodError("it jumps")
+            self.generic_visit(statement)
         self.source.used |= _touched(statement.target)
         for value in self._values(statement.iter):
             self._assign(statement.target, value, statement.lineno)

@@ -60,18 +60,16 @@ def numbers_only(arguments: tuple[Any, ...]) -> tuple[Any, ...]:
 
 def as_text(value: Any) -> str:
     """A number or text as text; of lists, a text could grow without bound. Raises NotUnderstoodError."""
-    return str(_plain(value, "only a number can be made text"))
+    if isinstance(value, bool | int | float | str):
+        return str(value)
+    raise NotUnderstoodError("only a number can be made text")
 
 
 def as_key(value: Any) -> Any:
     """The value, if it can be a key of a dict. Raises NotUnderstoodError."""
-    return _plain(value, "a key of a dict must be text or a number")
-
-
-def _plain(value: Any, why: str) -> Any:
-    if not isinstance(value, bool | int | float | str):
-        raise NotUnderstoodError(why)
-    return value
+    if isinstance(value, bool | int | float | str):
+        return value
+    raise NotUnderstoodError("a key of a dict must be text or a number")
 
 
 def readable(value: Any) -> Any:
