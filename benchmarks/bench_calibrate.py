@@ -41,7 +41,7 @@ from simmer_tui.calibrate.fit import Fit, fit
 from simmer_tui.calibrate.guided import WANTED, SessionPlanner, drive_guided, guided_run
 from simmer_tui.calibrate.measured_run import read_runs
 from simmer_tui.calibrate.parameters import main_axis
-from simmer_tui.calibrate.prediction import held_back, prediction_errors
+from simmer_tui.calibrate.prediction import follow, held_back
 from simmer_tui.calibrate.written_set import knowledge_of, learned_spec, write_files
 from simmer_tui.config.loader import load
 from simmer_tui.config.sets import bundled_folder
@@ -126,7 +126,7 @@ def learn(
     if held is not None:
         early = held.learned
         last = early.run.stops - 1
-        truth = prediction_errors(run, learned.found, last, *early.space.of(learned.hidden), early.state)
+        truth = follow(run, learned.found, last, *early.space.of(learned.hidden), early.state).errors
         for each in held.errors:
             best = float(np.median(truth.get((each.kind, each.ahead), 0.0)))
             if best > 0:

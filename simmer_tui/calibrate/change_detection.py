@@ -33,7 +33,7 @@ from simmer_tui.sim.angles import FloatArray
 from simmer_tui.sim.specs import DriveKind
 
 FALSE_ALARMS = 0.05
-"""Share of unchanged robots that are said to have changed: the usual level of a test."""
+"""Share of unchanged robots with the verdict "changed": the usual level of a test."""
 _ANOTHER = 0.001
 """Share of pairs of logs of one robot that are refused as of two: a refusal costs a user more than an
 accusation, and different robots differ by far."""
@@ -69,15 +69,14 @@ def check_robot(
 
     Args:
         knowledge: What was learned with the set (`read_knowledge`).
-        rate: Share of unchanged robots that are said to have changed.
+        rate: Share of unchanged robots with the verdict "changed".
 
     Raises:
         CalibrationError: if the path was not found, or set and log are of different robots.
     """
     here, there = run.spec, configuration.simulation
-    for name, rows in (("sensors", "code"), ("drives", "code")):
-        ours = [getattr(each, rows) for each in getattr(there, name)]
-        logged = [getattr(each, rows) for each in getattr(here, name)]
+    for name in ("sensors", "drives"):
+        ours, logged = ([each.code for each in getattr(spec, name)] for spec in (there, here))
         if ours != logged:
             raise CalibrationError(f"the log's {name} ({', '.join(logged)}) are not those of the set")
     # The maze and where the robot starts are the log's; what is to be checked is the set's.
@@ -130,13 +129,10 @@ def judged(found: Fit, knowledge: Knowledge, rate: float = FALSE_ALARMS) -> tupl
 
     verdicts = []
     for owner, probability, changed in _holm(owners, list(dict.fromkeys(owners[identified])), misfit, rate):
-        figures = tuple(
-            (
-                found.space.parameters[chosen[i]].label,
-                *(float(prior[i]), float(prior[i] + difference[i]), float(errors[i])),
-            )
-            for i in np.flatnonzero((owners == owner) & identified)
-        )
+        mine = np.flatnonzero((owners == owner) & identified)
+        labels = [found.space.parameters[i].label for i in chosen[mine]]
+        numbers = ((prior[mine]).tolist(), (prior + difference)[mine].tolist(), errors[mine].tolist())
+        figures = tuple(zip(labels, *numbers, strict=True))
         verdicts.append(PartVerdict(str(owner), probability, changed, figures))
     return tuple(verdicts)
 
@@ -188,10 +184,10 @@ def _misfit(
 
 def _pseudo_inverse(information: FloatArray) -> FloatArray:
     """The inverse, 0 in directions without information; scaled, since inches and degrees differ by 1,000."""
+    # 1e-12 is below any information there is: it keeps the scale of a direction without any finite.
     scale: FloatArray = 1.0 / np.sqrt(np.maximum(np.diag(information), 1e-12))
     both: FloatArray = np.outer(scale, scale)
-    inverse: FloatArray = both * np.linalg.pinv(both * information, hermitian=True)
-    return inverse
+    return np.asarray(both * np.linalg.pinv(both * information, hermitian=True))
 
 
 LEAST = 5

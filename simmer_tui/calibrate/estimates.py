@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from enum import StrEnum
 
 import numpy as np
 from scipy.special import betaincinv
@@ -33,16 +32,6 @@ within two standard errors of it."""
 _NO_LINE = "the durations of movements do not show it; drive short and long ones"
 _CLOCK = 5e-4
 """Least standard error of a duration, seconds: what a scheduler shifts a line of the log by."""
-
-
-class Timing(StrEnum):
-    """Parameters of time and of faults, which follow from the log without the path."""
-
-    LINK = "link latency"
-    READ = "read time"
-    SPEED = "speed"
-    DROPOUT = "dropouts"
-    OUTLIER = "outliers"
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,21 +89,18 @@ def shown(value: float, low: float, high: float) -> tuple[str, str, str]:
 
 def estimates_of(fit: Fit) -> tuple[ParameterEstimate, ...]:
     """All estimates, in the order of the set's rows: drives, sensors, the link."""
-    silence = _silences(fit.run)
-    found: list[ParameterEstimate] = []
-    state = fit.state
-    for parameters, values, spreads, identified in (
-        (fit.space.parameters, state.parameters, fit.standard_errors, fit.identified),
-        (fit.space.noise_scales, state.noise_scales, fit.noise_scale_errors, fit.noise_scales_identified),
-    ):
-        for parameter, value, spread, is_identified in zip(
-            parameters, values, spreads, identified, strict=True
-        ):
-            why = silence.get(parameter.owner, "" if is_identified else "the log does not determine it")
-            found.append(_estimate(parameter, float(value), float(spread), why))
-    found += _faults(fit)
-    found += timings(fit.run)
-    found += _without_model(fit.run)
+    silence, space, state = _silences(fit.run), fit.space, fit.state
+    columns = (
+        (*space.parameters, *space.noise_scales),
+        np.concatenate((state.parameters, state.noise_scales)).tolist(),
+        np.concatenate((fit.standard_errors, fit.noise_scale_errors)).tolist(),
+        (*fit.identified, *fit.noise_scales_identified),
+    )
+    found = []
+    for parameter, value, spread, is_identified in zip(*columns, strict=True):
+        why = silence.get(parameter.owner, "" if is_identified else "the log does not determine it")
+        found.append(_estimate(parameter, value, spread, why))
+    found += [*_faults(fit), *timings(fit.run), *_without_model(fit.run)]
     order = {each.kind.value: i for i, each in enumerate(fit.run.spec.drives)}
     order |= {each.id: len(order) + i for i, each in enumerate(fit.run.spec.sensors)}
     return tuple(sorted(found, key=lambda each: order.get(each.owner, len(order))))
@@ -135,14 +121,24 @@ def _estimate(parameter: Parameter, value: float, spread: float, why: str) -> Pa
     return estimate.unidentified(why) if why else estimate
 
 
+def unidentified_labels(estimates: Iterable[ParameterEstimate]) -> dict[tuple[str, str], list[str]]:
+    """Labels of the parameters that the data do not identify, by part and reason."""
+    reasons: dict[tuple[str, str], list[str]] = {}
+    for each in estimates:
+        if not each.identified:
+            reasons.setdefault((each.owner, each.why_not), []).append(each.label)
+    return reasons
+
+
 def _silences(run: MeasuredRun) -> dict[str, str]:
     """Drives and sensors of which the logs say nothing, by ID, and why."""
     drives = run.spec.drives
-    used = Counter(index for each in run.movements for index, d in each.distances(drives) if d)
-    why = {}
-    for index, drive in enumerate(run.spec.drives):
-        if not used[index]:
-            why[drive.kind.value] = f"no command was sent to {drive.kind.meaning} ({drive.code})"
+    used = {index for each in run.movements for index, d in each.distances(drives) if d}
+    why = {
+        drive.kind.value: f"no command was sent to {drive.kind.meaning} ({drive.code})"
+        for index, drive in enumerate(drives)
+        if index not in used
+    }
     for sensor in run.spec.sensors:
         readings = run.readings.get(sensor.code)
         if readings is None:
@@ -168,24 +164,21 @@ def _faults(fit: Fit) -> list[ParameterEstimate]:
     """Shares of dropouts and outliers of range sensors. Intervals are Jeffreys' for shares."""
     found = []
     silence = _silences(fit.run)
-    for index, at_work in observed_sensors(fit.run.spec).items():
-        sensor = at_work.spec
-        if not sensor.kind.is_range:
-            continue
+    ranging = {i: each.spec for i, each in observed_sensors(fit.run.spec).items() if each.spec.kind.is_range}
+    for index, sensor in ranging.items():
         count, missed = _missed(fit, index)
         mine = (fit.rows.family == RANGE) & (fit.rows.source == index)
         odd = float((1.0 - fit.rows.weights[mine]).sum())
         for field, label, hits, seen in (
-            ("dropout", Timing.DROPOUT, missed, count),
-            ("outlier", Timing.OUTLIER, odd, int(mine.sum())),
+            ("dropout", "dropouts", missed, count),
+            ("outlier", "outliers", odd, int(mine.sum())),
         ):
             estimate = _as_it_was(sensor.id, field, label, "", getattr(sensor, field))
             why = "" if seen >= _SEEN else f"{sensor.code} faced a wall within range only {seen} times"
-            why = silence.get(sensor.id, why)
-            low, high = share_interval(hits, seen)
-            if why:
+            if why := silence.get(sensor.id, why):
                 found.append(estimate.unidentified(why))
             else:
+                low, high = share_interval(hits, seen)
                 found.append(replace(estimate, value=hits / seen, low=low, high=high))
     return found
 
@@ -226,28 +219,26 @@ def timings(run: MeasuredRun) -> list[ParameterEstimate]:
             estimate, constant = _speed(run, index, drive)
             speeds.append(_silenced(estimate, silence))
             constants += [constant] if constant is not None else []
-    latency = _as_it_was("link", "latency", Timing.LINK, "s", run.configuration.settings.link.latency)
+    latency = _as_it_was("link", "latency", "link latency", "s", run.configuration.settings.link.latency)
     read_times = {
-        sensor.code: _as_it_was(sensor.id, "read_time", Timing.READ, "s", sensor.read_time)
+        sensor.code: _as_it_was(sensor.id, "read_time", "read time", "s", sensor.read_time)
         for sensor in run.spec.sensors
         if sensor.enabled and sensor.kind.has("read_time")
     }
-    if not constants:
+    if constants:
+        # A tenth of a millisecond is less than any clock here tells: no drive outweighs all others.
+        weights = np.array([1.0 / max(error, 1e-4) ** 2 for _, error in constants])
+        both = float(np.average([constant for constant, _ in constants], weights=weights))
+        error = max(1.0 / math.sqrt(weights.sum()), _CLOCK)
+        # Two standard errors either way; the constant is the way there and back.
+        latency = latency.about(max(both, 0.0) / 2, 2 * error / 2)
+        times = [_read_time(run, time, code, both, error) for code, time in read_times.items()]
+    else:
         no_line = any(each.why_not == _NO_LINE for each in speeds)
-        unknown = latency.unidentified(_NO_LINE if no_line else "no drive was answered often enough")
+        latency = latency.unidentified(_NO_LINE if no_line else "no drive was answered often enough")
         why = "the link's latency, which is part of it, is not known"
-        return [
-            *speeds,
-            unknown,
-            *(_silenced(time.unidentified(why), silence) for time in read_times.values()),
-        ]
-    weights = np.array([1.0 / max(error, 1e-4) ** 2 for _, error in constants])
-    both = float(np.average([constant for constant, _ in constants], weights=weights))
-    error = max(1.0 / math.sqrt(weights.sum()), _CLOCK)
-    # Two standard errors either way; the constant is the way there and back.
-    known = latency.about(max(both, 0.0) / 2, 2 * error / 2)
-    times = [_read_time(run, time, code, both, error) for code, time in read_times.items()]
-    return [*speeds, known, *(_silenced(time, silence) for time in times)]
+        times = [time.unidentified(why) for time in read_times.values()]
+    return [*speeds, latency, *(_silenced(time, silence) for time in times)]
 
 
 def _silenced(estimate: ParameterEstimate, silence: dict[str, str]) -> ParameterEstimate:
@@ -261,21 +252,17 @@ def _speed(
     run: MeasuredRun, index: int, drive: DriveSpec
 ) -> tuple[ParameterEstimate, tuple[float, float] | None]:
     """Speed of a drive, and the constant part of its durations with its standard error, if it is known."""
-    rows = [
-        (abs(m.value), m.took)
-        for m in run.movements
-        if m.drive == index and m.certain and math.isfinite(m.took)
-    ]
-    speed = _as_it_was(drive.kind.value, "speed", Timing.SPEED, f"{drive.kind.unit}/s", drive.speed)
+    made = [each for each in run.movements if each.drive == index and each.certain]
+    rows = [(abs(each.value), each.took) for each in made if math.isfinite(each.took)]
+    speed = _as_it_was(drive.kind.value, "speed", "speed", f"{drive.kind.unit}/s", drive.speed)
     if len(rows) < _ENOUGH:
         return speed.unidentified(f"{drive.code} was answered only {len(rows)} times"), None
     values, took = np.array(rows).T
     if drive.acceleration or drive.start_lag:
         profiles = [profile_of(drive, float(each)) for each in values]
         planned = np.array([each.duration for each in profiles if each is not None])
-        return speed.unidentified("the set has a start lag or an acceleration for it"), _median(
-            took - planned
-        )
+        unknown = speed.unidentified("the set has a start lag or an acceleration for it")
+        return unknown, _median(took - planned)
     constant, slope, error = line_through(values, took)
     # A slope within four standard errors of 0 would put no upper end to the speed's interval.
     if slope <= 0 or 4 * error > slope:
@@ -327,4 +314,4 @@ def line_through(x: FloatArray, y: FloatArray) -> tuple[float, float, float]:
 
 
 def _as_it_was(owner: str, field: str, label: str, unit: str, present: float) -> ParameterEstimate:
-    return ParameterEstimate(owner, field, str(label), unit, present, present, present, present)
+    return ParameterEstimate(owner, field, label, unit, present, present, present, present)

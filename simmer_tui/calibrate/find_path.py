@@ -1,7 +1,7 @@
 """A rough path of the robot, by a particle filter over pose, drive biases and contacts.
 
-Each particle is a robot with biases of its own, drawn about those of the set, so that those whose biases
-fit survive (Liu and West 2001 call such parameters static). Wheel encoders and the gyro, where they are
+Each particle is a robot with biases of its own, drawn about those of the set. Those whose biases fit survive
+(Liu and West 2001 call such parameters static). Wheel encoders and the gyro, where they are
 read after each movement, say how far it went better than the process model. A particle whose path
 leads into a wall stops there; a few stop anywhere (the slip hypothesis).
 """
@@ -13,9 +13,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from msgspec.structs import astuple
 
 from simmer_tui.calibrate.geometry import SHARES, Clearance, moved, on_axes
-from simmer_tui.calibrate.measured_run import Chain, MeasuredRun
+from simmer_tui.calibrate.measured_run import Chain, MeasuredMovement, MeasuredRun
 from simmer_tui.calibrate.parameters import observed_sensors
 from simmer_tui.sim.angles import BoolArray, FloatArray, IntArray
 from simmer_tui.sim.block import Block
@@ -69,6 +70,7 @@ class PathFinder:
         sensors = observed_sensors(spec).values()
         self._observers = [each for each in sensors if isinstance(each, ObservingSensor)]
         self._counters = [each for each in sensors if isinstance(each, CountingSensor)]
+        self._has_gyro = not all(each.slips for each in self._counters)
 
     def find(
         self,
@@ -87,8 +89,8 @@ class PathFinder:
             count: Number of particles.
             wide: Factor on the spread of the start.
         """
-        start = np.array((chain.start.x, chain.start.y, chain.start.heading))
-        poses = start + wide * np.array(chain.spread) * random.standard_normal((count, 3))
+        start, spread = np.array(astuple(chain.start)), wide * np.array(chain.spread)
+        poses = start + spread * random.standard_normal((count, 3))
         # The robot stood there, so that it was in no wall, save by what walls are off from the set's.
         free = self._clear.of(poses) > -0.3
         if free.any():
@@ -102,16 +104,18 @@ class PathFinder:
         fits, readings = 0.0, 0
         for step in range(total + 1):
             if step:
-                poses, touched[step] = self._move(chain, first, step, poses, biases, random)
-            score, heard = self._score(first + step, poses)
+                movement = chain.movements[step - 1]
+                poses, touched[step] = self._move(movement, first + step, poses, biases, random)
+            score, read = self._score(first + step, poses)
             history[step] = poses
             parents[step] = np.arange(count)
             weights += _TEMPER * score
-            if heard:
+            if read:
                 best = weights.max()
                 share = np.exp(weights - best)
+                # Adding 1e-300 keeps the logarithm finite where no particle fits at all.
                 fits += float(np.log(np.average(np.exp(score), weights=share) + 1e-300))
-                readings += heard
+                readings += read
                 share /= share.sum()
                 # Resample at half of the effective sample size (Liu and Chen 1995).
                 if 1.0 / np.square(share).sum() < count / 2 and step < total:
@@ -136,20 +140,42 @@ class PathFinder:
         drives = self._spec.drives
         present = np.array([on_axes(drive.bias) for drive in drives])
         self._spread = np.array([_TURN_BIAS_SPREAD if d.kind.turns else _BIAS_SPREAD for d in drives])
-        drawn: FloatArray = present + self._spread * random.standard_normal((count, len(drives), 3))
-        return drawn
+        return np.asarray(present + self._spread * random.standard_normal((count, len(drives), 3)))
 
     def _move(
         self,
-        chain: Chain,
-        first: int,
-        step: int,
+        movement: MeasuredMovement,
+        stop: int,
         poses: FloatArray,
         biases: FloatArray,
         random: np.random.Generator,
     ) -> tuple[FloatArray, BoolArray]:
-        movement, count = chain.movements[step - 1], len(poses)
-        drives = self._spec.drives
+        """Poses after the movement to a stop, and those of them that a wall or a slip ended."""
+        totals = self._totals(movement, stop, biases, random)
+        share, met = self._share_made(movement, poses, totals, random)
+        slips = random.random(len(poses)) < _SLIPS
+        share = np.where(slips, share * random.random(len(poses)), share)
+        # A disc goes on turning at a wall, by a velocity even while it is pressed.
+        turns = movement.is_continuous or self._spec.drives[movement.drive].kind.turns
+        done = share[:, None] * totals
+        if self._has_gyro or (turns and self._spec.robot.radius is not None):
+            done[:, 2] = totals[:, 2]
+        segments, bend = movement.law(self._spec.num_segments)
+        arrived = moved(poses, done, segments, np.asarray(share * bend, complex))
+        if movement.is_continuous and met.any():
+            left = (1.0 - share) * np.hypot(totals[:, 0], totals[:, 1])
+            self._slide(arrived, met, left, random)
+        if movement.certain:
+            # Deeper than poses and walls are off: what went through a wall did not go.
+            inside = self._clear.of(arrived) < -0.5
+            arrived[inside, :2] = poses[inside, :2]
+        return arrived, met | slips
+
+    def _totals(
+        self, movement: MeasuredMovement, stop: int, biases: FloatArray, random: np.random.Generator
+    ) -> FloatArray:
+        """Totals of the movement to a stop, drawn by the process model and by what was counted."""
+        count, drives = len(biases), self._spec.drives
         totals, spread = movement.asked(drives), np.zeros(3)
         for index, d in movement.distances(drives):
             turns = drives[index].kind.turns
@@ -157,8 +183,7 @@ class PathFinder:
             totals = totals + d * biases[:, index]
             spread = np.hypot(spread, d * errors) if spread.any() else d * errors
         totals = totals + spread * random.standard_normal((count, 3))
-        before, after = first + step - 1, first + step
-        counted = self._increments(before, after)
+        counted = self._increments(stop - 1, stop)
         wheels = [each for each in counted if each.counter.slips]
         gyro = next((each for each in counted if not each.counter.slips), None)
         # Three wheels tell all three totals; two would leave one to the process model alone.
@@ -169,36 +194,28 @@ class PathFinder:
             # Besides its gain: 0.3 degrees for rounding, and a drift not yet known of 0.05 degrees a second.
             spread = _COUNTER_ERROR * abs(turn) + 0.3 + 0.05 * gyro.seconds
             totals[:, 2] = turn + spread * random.standard_normal(count)
+        return totals
+
+    def _share_made(
+        self, movement: MeasuredMovement, poses: FloatArray, totals: FloatArray, random: np.random.Generator
+    ) -> tuple[FloatArray, BoolArray]:
+        """Share of each particle's movement that it makes, and those that meet a wall."""
+        count = len(poses)
         share = np.ones(count)
-        # Without an answer: half of the particles do not move, the others nearly all of the distance.
+        # Without an answer: half of the particles do not move, the others nearly all of the distance: the
+        # fifth root of a uniform number is above 0.87 in half of the cases.
         if not movement.certain:
             share = random.choice((0.0, 1.0), count) * random.random(count) ** 0.2
         segments, bend = movement.law(self._spec.num_segments)
         clear = self._clear.along(poses, totals, segments, bend)
         # A particle that overlaps a wall a little may go along it, and away from it.
         blocked = clear < np.minimum(self._clear.of(poses), 0.0)[:, None] - 0.02
-        met = blocked.any(axis=1)
+        met = np.asarray(blocked.any(axis=1))
         if met.any():
             reached = np.where(met, np.concatenate(([0.0], SHARES))[blocked.argmax(axis=1)], 1.0)
             reached += np.where(met, random.random(count) / len(SHARES), 0.0)
             share = np.minimum(share, reached)
-        slips = random.random(count) < _SLIPS
-        share = np.where(slips, share * random.random(count), share)
-        touched = met | slips
-        # A disc goes on turning at a wall, by a velocity even while it is pressed.
-        turns = movement.is_continuous or drives[movement.drive].kind.turns
-        freely = turns and self._spec.robot.radius is not None
-        has_gyro = any(not each.slips for each in self._counters)
-        done = share[:, None] * totals
-        done[:, 2] = totals[:, 2] if freely or has_gyro else done[:, 2]
-        arrived = moved(poses, done, segments, np.asarray(share * bend, complex))
-        if movement.is_continuous and met.any():
-            left = (1.0 - share) * np.hypot(totals[:, 0], totals[:, 1])
-            self._slide(arrived, np.asarray(met), left, random)
-        if movement.certain:
-            inside = self._clear.of(arrived) < -0.5
-            arrived[inside, :2] = poses[inside, :2]
-        return arrived, touched
+        return share, met
 
     def _slide(
         self, poses: FloatArray, met: BoolArray, left: FloatArray, random: np.random.Generator
@@ -225,19 +242,17 @@ class PathFinder:
     def _score(self, stop: int, poses: FloatArray) -> tuple[FloatArray, int]:
         """Log likelihoods of what was read at a stop, and how many readings that were."""
         score = np.zeros(len(poses))
-        heard = 0
+        read = 0
         for sensor in self._observers:
             said = self._run.said.get(sensor.spec.code, {}).get(stop)
-            if said is None or not math.isfinite(said[0]):
-                continue
-            if not is_known_to(self._run, sensor, np.array([stop])).all():
+            if said is None or not math.isfinite(said[0]) or not is_known_to(self._run, sensor, stop):
                 continue
             expected = sensor.expected(self._world, poses, 0.0)
             # Where there is nothing in range, a reading is as far off as can be: 1,000 is beyond any maze.
             expected = np.where(np.isfinite(expected), expected, 1e3)
             score += np.log(sensor.rough_likelihood(said[0], expected))
-            heard += 1
-        return score, heard
+            read += 1
+        return score, read
 
 
 @dataclass(frozen=True, slots=True)
@@ -258,11 +273,11 @@ def _by_wheels(
     counted = np.array([each.amount for each in wheels])
     # 0.03 in is a wheel's rounding. The process model counts for half: its bias is not known yet.
     noise = (_COUNTER_ERROR * np.abs(counted) + 0.03) ** 2
+    # At least a thousandth of an inch, so that a movement by 0 leaves the matrix regular.
     prior = np.diag(np.maximum(2.0 * spread, 1e-3) ** 2)
     gain = prior @ levers.T @ np.linalg.inv(levers @ prior @ levers.T + np.diag(noise))
     off = counted + np.sqrt(noise) * random.standard_normal((len(totals), len(counted))) - totals @ levers.T
-    drawn: FloatArray = totals + off @ gain.T
-    return drawn
+    return np.asarray(totals + off @ gain.T)
 
 
 def _systematic(share: FloatArray, random: np.random.Generator) -> IntArray:
@@ -277,9 +292,7 @@ def world_of(run: MeasuredRun) -> World:
     return World(Maze(spec.maze), Block(*spec.block_center, spec.block_size, 0.0))
 
 
-def is_known_to(run: MeasuredRun, sensor: ObservingSensor, stops: IntArray) -> BoolArray:
+def is_known_to(run: MeasuredRun, sensor: ObservingSensor, stops: IntArray | int) -> BoolArray:
     """True at stops where it is known what a sensor sees: a block that was moved may be anywhere."""
-    known: BoolArray = np.ones(len(stops), bool)
-    if run.block_moved_at is not None and sensor.sees_block(run.spec.block_size):
-        known = stops <= run.block_moved_at
-    return known
+    sees_it = run.block_moved_at is not None and sensor.sees_block(run.spec.block_size)
+    return np.asarray(stops) <= (run.block_moved_at if sees_it else np.inf)

@@ -1,7 +1,7 @@
 """The fit: paths and parameters together, noise scales apart, and what the data do not identify.
 
 First the particle filter finds each path, then Gauss-Newton refines poses and parameters at once. Noise
-scales follow by Fisher scoring (noise_scales.py). Intervals are Laplace's; where the residuals of the
+scales follow by Fisher scoring (posterior.py). Intervals are Laplace's; where the residuals of the
 readings have heavier tails than a normal error they are widened by the sandwich (White 1982).
 """
 
@@ -11,9 +11,10 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
+from msgspec.structs import astuple
 
 from simmer_tui.calibrate.find_path import PathFinder, RoughPath
-from simmer_tui.calibrate.geometry import Clearance, totals_between
+from simmer_tui.calibrate.geometry import totals_between
 from simmer_tui.calibrate.measured_run import MeasuredRun
 from simmer_tui.calibrate.model_check import Misfit, check_model, with_mounting
 from simmer_tui.calibrate.parameters import (
@@ -94,7 +95,7 @@ _HEAVY_TAILS = 4.5
 """Kurtosis of residuals, 3 for normal ones, from which intervals are widened."""
 # The kurtosis of 200 normal residuals has a standard error of 0.35: 4.5 comes by chance once in 100,000.
 _FEW_RESIDUALS = 30
-"""Residuals of a source below which its kurtosis is not judged."""
+"""Residuals of a source below which its kurtosis is not judged: there its standard error is 0.9."""
 
 Progress = Callable[[str, float], None]
 
@@ -145,11 +146,8 @@ def fit(
     Raises:
         CalibrationError: if a path was not found.
     """
-    ranges = [
-        run.readings[sensor.spec.code].values
-        for sensor in observed_sensors(run.spec).values()
-        if sensor.spec.kind.is_range and sensor.spec.code in run.readings
-    ]
+    ranging = [each.spec.code for each in observed_sensors(run.spec).values() if each.spec.kind.is_range]
+    ranges = [run.readings[code].values for code in ranging if code in run.readings]
     if sum(int(np.isfinite(values).sum()) for values in ranges) < _RANGES:
         raise CalibrationError(
             f"{', '.join(run.names)}: no range sensor was read often enough to tell where the robot was; "
@@ -157,21 +155,20 @@ def fit(
         )
     space = parameters_of(run, prior_scale)
     model = Model(run, space)
-    reasons: list[str] = []
+    reason: str | None = None
     for number, count in enumerate(PARTICLES):
         random = np.random.default_rng((seed, number))
+        # Each later try starts half as wide again, for a robot that was put worse than asked.
         state, likely = _rough(run, model, count, random, 1.0 + 0.5 * number, progress)
         if likely < _HOPELESS:
-            reasons.append("the ranges fit no path through the maze")
+            reason = "the ranges fit no path through the maze"
             continue
-        state = _settled(model, state)
-        state = _with_noise_scales(model, state, random, progress)
+        state = _with_noise_scales(model, _settled(model, state), random, progress)
         reason = lost_stretch(model, model.rows(state)) or misplaced(run, state)
         if reason is None:
             return _result(model, state, random)
-        reasons.append(reason)
     raise CalibrationError(
-        f"{', '.join(run.names)}: the robot's path was not found in {len(PARTICLES)} tries: {reasons[-1]}. "
+        f"{', '.join(run.names)}: the robot's path was not found in {len(PARTICLES)} tries: {reason}. "
         "Check its start pose and its maze against the set, and that nobody carried it in between."
     )
 
@@ -186,7 +183,8 @@ def refit(whole: Fit, run: MeasuredRun) -> Fit:
     state = replace(
         whole.state, chain=chain, contacts=whole.state.contacts[here], slipped=whole.state.slipped[here]
     )
-    state = _with_noise_scales(model, state, random, lambda what, share: None, rounds=6)
+    # Half of the rounds: it begins where the whole run's scoring ended.
+    state = _with_noise_scales(model, state, random, rounds=_ROUNDS // 2)
     return _result(model, state, random)
 
 
@@ -196,10 +194,9 @@ def fit_path(
     """The path under given parameters, which stay fixed, from a rough one."""
     model = Model(run, space)
     state = replace(rough, parameters=parameters, noise_scales=noise_scales)
-    free = np.zeros(len(parameters), bool)
+    # Three steps at the end: with fixed parameters each pose has near neighbours alone to agree with.
     for annealed in (*_ANNEALED, 0.0, 0.0, 0.0):
-        state, _ = _stepped(model, state, annealed, free)
-        state = with_contacts(model, state)
+        state = with_contacts(model, _stepped(model, state, annealed, np.zeros(len(parameters))))
     return state
 
 
@@ -241,78 +238,63 @@ def _rough(
 ) -> tuple[Iterate, float]:
     """The first iterate, and the log likelihood a reading of the chain that fits worst."""
     finder = PathFinder(run)
-    stops = run.stops
+
+    def at_stop(stop: int) -> None:
+        progress("finding the path", stop / model.stops)
+
     paths = [
-        finder.find(
-            chain,
-            first,
-            count,
-            random,
-            wide=wide,
-            progress=lambda stop: progress("finding the path", stop / stops),
-        )
+        finder.find(chain, first, count, random, wide=wide, progress=at_stop)
         for first, chain in zip(run.first_stops(), run.chains, strict=True)
     ]
     return start_state(run, model, paths), min(path.fit for path in paths)
 
 
-def _stepped(
-    model: Model,
-    state: Iterate,
-    annealed: float,
-    free: BoolArray | None = None,
-) -> tuple[Iterate, Rows]:
-    """One step of Gauss-Newton."""
-    rows = model.rows(state, annealed, _held(model, free))
+def _stepped(model: Model, state: Iterate, annealed: float, tight: FloatArray | None = None) -> Iterate:
+    """The iterate after one step of Gauss-Newton; `annealed` and `tight` as in `Model.rows`."""
+    rows = model.rows(state, annealed, tight)
     step = Posterior(rows, model.width, damping=_DAMPING).step()
     chain = step[: model.width].reshape(-1, PER_STOP)
     limit = np.abs(chain[:, :2]).max(initial=0.0)
     scale = min(1.0, _LONGEST_STEP / limit) if limit else 1.0
     parameters = state.parameters + scale * step[model.width :]
-    return replace(state, chain=state.chain + scale * chain, parameters=parameters), rows
-
-
-def _held(model: Model, free: BoolArray | None) -> FloatArray | None:
-    if free is None:
-        return None
-    spreads = np.array([each.spread for each in model.space.parameters])
-    return np.where(free, spreads, 0.0)
+    return replace(state, chain=state.chain + scale * chain, parameters=parameters)
 
 
 def _settled(model: Model, state: Iterate) -> Iterate:
     """The mode of poses and parameters, with the noise scales as they are."""
     for annealed in (*_ANNEALED, 0.0):
         for _ in range(_STEPS):
-            state, _ = _stepped(model, state, annealed)
+            state = _stepped(model, state, annealed)
         state = with_contacts(model, state)
     return state
 
 
 def with_contacts(model: Model, state: Iterate) -> Iterate:
     """The iterate with contacts where planned paths lead into walls, by the poses as they now are."""
-    spec = model.run.spec
-    clear = Clearance(spec.maze, spec.robot)
-    here = state.chain[model.before]
     # Where it stands already counts too: a robot that turns at a wall, or leaves one, meets none.
-    margin = np.minimum(clear.of(here[:, :3]), 0.0)
-    least = clear.along(here[:, :3], here[:, 3:], *model.law).min(axis=1) - margin
+    margin = np.minimum(model.clearance.of(state.chain[model.before, :3]), 0.0)
+    least = _least_clearance(model, state) - margin
     contacts = np.where(state.contacts, least < _CLEARS, least < _MEETS)
     return replace(state, contacts=contacts | state.slipped)
+
+
+def _least_clearance(model: Model, state: Iterate) -> FloatArray:
+    """Least distance from a wall along each planned path, inches, (movements,)."""
+    here = state.chain[model.before]
+    least: FloatArray = model.clearance.along(here[:, :3], here[:, 3:], *model.law).min(axis=1)
+    return least
 
 
 def slips_in(model: Model, state: Iterate, rows: Rows) -> BoolArray:
     """Movements for which process model, wheels and gyro contradict each other: a wall was met that the
     estimated path just misses, or a wheel lost its grip."""
-    spec = model.run.spec
     worst = np.zeros(model.stops)
     sizes = np.abs(rows.residuals) / np.sqrt(rows.variances)
     for family, offset in ((PROCESS, 0), (KINEMATIC, 0), (COUNTER, -1)):
         mine = rows.family == family
         np.maximum.at(worst, np.maximum(rows.stop[mine] + offset, 0), sizes[mine])
-    worst = worst[model.before]
-    here = state.chain[model.before]
-    least = Clearance(spec.maze, spec.robot).along(here[:, :3], here[:, 3:], *model.law).min(axis=1)
-    return state.slipped | (worst > np.where(least < _NEAR, _ODD_NEAR, _ODD_ANYWHERE))
+    allowed = np.where(_least_clearance(model, state) < _NEAR, _ODD_NEAR, _ODD_ANYWHERE)
+    return state.slipped | (worst[model.before] > allowed)
 
 
 # -- noise scales -----------------------------------------------------------------------------------
@@ -322,29 +304,32 @@ def _with_noise_scales(
     model: Model,
     state: Iterate,
     random: np.random.Generator,
-    progress: Progress,
+    progress: Progress = lambda what, share: None,
+    *,
     fixed: BoolArray | None = None,
-    free: BoolArray | None = None,
+    tight: FloatArray | None = None,
     rounds: int = _ROUNDS,
 ) -> Iterate:
-    """Noise scales by restricted maximum likelihood, poses and parameters following."""
+    """Noise scales by restricted maximum likelihood, poses and parameters following.
+
+    Args:
+        fixed: True for noise scales that stay as they are.
+        tight: As in `Model.rows`.
+    """
     before = None
     for turn in range(rounds):
         for _ in range(2 if turn == 0 else 1):
-            state, _ = _stepped(model, state, 0.0, free)
+            state = _stepped(model, state, 0.0, tight)
         state = with_contacts(model, state)
-        rows = model.rows(state, 0.0, _held(model, free))
+        rows = model.rows(state, 0.0, tight)
         posterior = Posterior(rows, model.width)
         gradient, information = noise_scale_score(model.space, state, rows, posterior, random)
         step = np.linalg.solve(information, gradient)
         if fixed is not None:
             step[fixed] = 0.0
         step = np.clip(step, -_LARGEST_CHANGE, _LARGEST_CHANGE)
-        state = replace(
-            state,
-            noise_scales=state.noise_scales * np.exp(step),
-            outliers=outliers_in(rows, state),
-        )
+        scales = state.noise_scales * np.exp(step)
+        state = replace(state, noise_scales=scales, outliers=outliers_in(rows, state))
         if turn >= _TRUSTED:
             state = replace(state, slipped=slips_in(model, state, rows))
         progress("estimating", (turn + 1) / rounds)
@@ -379,20 +364,16 @@ def _result(model: Model, state: Iterate, random: np.random.Generator) -> Fit:
             parameters=np.where(identified, state.parameters, present),
             noise_scales=np.where(noise_scales_identified, state.noise_scales, present_scales),
         )
+        tight = np.where(identified, prior_spreads, 0.0)
+        # A third of the rounds: only what the unidentified ones took with them has to move.
         state = _with_noise_scales(
-            model,
-            state,
-            random,
-            lambda what, share: None,
-            fixed=~noise_scales_identified,
-            free=identified,
-            rounds=4,
+            model, state, random, fixed=~noise_scales_identified, tight=tight, rounds=_ROUNDS // 3
         )
-        rows = model.rows(state, 0.0, _held(model, identified))
+        rows = model.rows(state, 0.0, tight)
         posterior = Posterior(rows, model.width)
         _, information = noise_scale_score(model.space, state, rows, posterior, random)
-        told = np.flatnonzero(noise_scales_identified)
-        noise_scale_errors[told] = np.sqrt(np.diag(np.linalg.inv(information[np.ix_(told, told)])))
+        chosen = np.flatnonzero(noise_scales_identified)
+        noise_scale_errors[chosen] = np.sqrt(np.diag(np.linalg.inv(information[np.ix_(chosen, chosen)])))
     covariance = posterior.covariance()
     spreads = np.sqrt(np.diag(covariance))
     spreads = np.maximum(spreads, _robust_spreads(model, rows, posterior))
@@ -401,8 +382,8 @@ def _result(model: Model, state: Iterate, random: np.random.Generator) -> Fit:
     spreads = spreads + check.shifts / _TWO_SIDED
     noise_scale_errors = noise_scale_errors + check.log_shifts / _TWO_SIDED
     noise_scale_errors = noise_scale_errors * np.where(model.is_of_continuous_drive, _APPROXIMATED, 1.0)
-    told_spreads = np.where(identified, prior_spreads, FIXED)
-    data = posterior.information - np.diag(1.0 / told_spreads**2)
+    held_spreads = np.where(identified, prior_spreads, FIXED)
+    data = posterior.information - np.diag(1.0 / held_spreads**2)
     data[~identified] = 0.0
     data[:, ~identified] = 0.0
     return Fit(
@@ -437,19 +418,18 @@ def _robust_spreads(model: Model, rows: Rows, posterior: Posterior) -> FloatArra
             mine = (rows.family == family) & (rows.source == source)
             mean = float(squares[mine].mean())
             if mine.sum() > _FEW_RESIDUALS and float((squares[mine] ** 2).mean()) > _HEAVY_TAILS * mean**2:
+                # A residual of nearly 0 by chance is no sign that its row has no error.
                 factors[mine] = np.maximum(squares[mine], 1e-3)
                 heavy = True
     if not heavy:
         return np.zeros(count)
-    spreads: FloatArray = np.sqrt((influence**2 * factors[:, None]).sum(axis=0))
-    return spreads
+    return np.asarray(np.sqrt((influence**2 * factors[:, None]).sum(axis=0)))
 
 
 def misplaced(run: MeasuredRun, state: Iterate) -> str | None:
     """The reason why a path cannot be right that begins far from where people put the robot; else None."""
     for first, chain in zip(run.first_stops(), run.chains, strict=True):
-        start = np.array((chain.start.x, chain.start.y, chain.start.heading))
-        off = state.chain[first, :3] - start
+        off = state.chain[first, :3] - np.array(astuple(chain.start))
         if (np.abs(off) > _FARTHEST * np.array(chain.spread)).any():
             return (
                 f"the path that fits best begins {np.hypot(*off[:2]):.1f} in and {abs(off[2]):.0f} degrees "
@@ -462,17 +442,18 @@ def lost_stretch(model: Model, rows: Rows) -> str | None:
     """The reason why a path cannot be right of which a stretch does not fit; else None."""
     mine = rows.family == RANGE
     odd = np.bincount(rows.stop[mine], 1.0 - rows.weights[mine], model.stops)
-    heard = np.bincount(rows.stop[mine], minlength=model.stops)
+    counts = np.bincount(rows.stop[mine], minlength=model.stops)
     window = np.ones(WINDOW)
-    odd_near, heard_near = (np.convolve(each, window, "same") for each in (odd, heard))
-    enough = heard_near >= _RANGES
+    odd_near, counts_near = (np.convolve(each, window, "same") for each in (odd, counts))
+    enough = counts_near >= _RANGES
     if not enough.any():
         return "no range sensor was read often enough to tell where the robot was"
-    whole = float(odd.sum() / heard.sum())
+    whole = float(odd.sum() / counts.sum())
     if whole > _ODD_AT_MOST:
         return f"{whole:.0%} of all ranges fit no place on the path that fits best"
-    share = np.where(enough, odd_near / np.maximum(heard_near, 1.0), 0.0)
+    share = np.where(enough, odd_near / np.maximum(counts_near, 1.0), 0.0)
     worst = int(share.argmax())
+    # On a right path outliers and edges are some percent, on a wrong one most ranges.
     if share[worst] < 0.5:
         return None
     movement = model.movement_at[min(worst, model.stops - 1)]

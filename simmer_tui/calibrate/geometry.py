@@ -52,8 +52,8 @@ def moved(
 ) -> FloatArray:
     """The poses, (m, 3), to which totals lead from (m, 3) poses in free space; `bend` is how far a path that
     is no arc leads from where the arc would, in the frame of the start."""
-    way = (displacement(totals, segments) + bend) * np.exp(1j * np.radians(poses[:, 2]))
-    return np.column_stack((poses[:, 0] + way.real, poses[:, 1] + way.imag, poses[:, 2] + totals[:, 2]))
+    offset = (displacement(totals, segments) + bend) * np.exp(1j * np.radians(poses[:, 2]))
+    return np.column_stack((poses[:, 0] + offset.real, poses[:, 1] + offset.imag, poses[:, 2] + totals[:, 2]))
 
 
 def totals_between(
@@ -61,9 +61,9 @@ def totals_between(
 ) -> FloatArray:
     """The totals, (m, 3), that lead from poses to poses in free space: the inverse of `moved`."""
     turn = after[:, 2] - before[:, 2]
-    way = (after[:, 0] - before[:, 0]) + 1j * (after[:, 1] - before[:, 1])
-    way = way * np.exp(-1j * np.radians(before[:, 2])) - bend
-    local = way / chord_factor(turn, segments)[0]
+    offset = (after[:, 0] - before[:, 0]) + 1j * (after[:, 1] - before[:, 1])
+    offset = offset * np.exp(-1j * np.radians(before[:, 2])) - bend
+    local = offset / chord_factor(turn, segments)[0]
     return np.column_stack((local.real, local.imag, turn))
 
 
@@ -107,7 +107,7 @@ class Clearance:
         segments: int | FloatArray,
         bend: complex | ComplexArray = 0.0,
     ) -> FloatArray:
-        """The same after each of `SHARES` of the ways that totals lead in free space: (n, 8)."""
+        """The same after each of `SHARES` of the paths that totals lead along in free space: (n, 8)."""
         clear = [self.of(moved(poses, share * totals, segments, share * bend)) for share in SHARES]
         return np.column_stack(clear)
 

@@ -1,20 +1,21 @@
 """A guided session: movements and readings that identify a robot's parameters, without touching a wall.
 
 It begins with readings at rest, a spin, and a square both ways (as UMBmark has it, Borenstein and Feng
-1996), then drives whatever is known least, from where there is room: a movement is made only if the
-robot, wherever it may stand and whatever its errors may be, stays clear of all walls on the way.
+1996). Then it drives what is known least, from where there is room. A movement is made only if its whole path
+is clear of walls, wherever the robot may stand and whatever its errors may be.
 """
 
 from __future__ import annotations
 
+import asyncio
 import dataclasses
 import math
 from collections import Counter
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
-from msgspec.structs import replace
+from msgspec.structs import astuple, replace
 
 from simmer_tui.calibrate.estimates import estimates_of
 from simmer_tui.calibrate.fit import Fit
@@ -55,7 +56,7 @@ _AMOUNTS = (8.0, 6.0, 4.5, 3.0, 2.0, 1.2)
 _TURNS = (15, 120)
 """Degrees of a turn, either way: less tells little of its bias, more has no place on the screen's plan."""
 _TRIES = 6
-"""Turns that are tried before another drive is chosen."""
+"""Turns that are tried before another drive is chosen: where six of any size are unsafe, most are."""
 _WAIT = 0.5
 """Seconds between two tries of a robot that does not answer: a port takes about as long to come back."""
 # What a drive of a robot that nothing is known of may be off by, an inch driven or a degree turned: twice the
@@ -91,7 +92,7 @@ class SessionPlanner:
         self._chain = Chain(self.start, 1, spread=PLACED)
         self._clear = Clearance(spec.maze, spec.robot)
         self._plan = [*_spin(self.drives), *_square(self.drives)]
-        self._follow(worst_case(spec), np.array((self.start.x, self.start.y, self.start.heading)))
+        self._follow(worst_case(spec), np.array(astuple(self.start)))
         self._filter.covariance = np.diag(np.square(PLACED))
 
     @property
@@ -100,13 +101,10 @@ class SessionPlanner:
 
     def looks(self) -> list[str]:
         """Codes to read at a stop, in this order."""
-        once: list[str] = []
-        often: list[str] = []
-        for sensor in self.spec.sensors:
-            kind = sensor.kind
-            if not sensor.enabled or kind.is_yes_or_no:
-                continue
-            (once if kind.counts else often).append(sensor.code)
+        sensors = [each for each in self.spec.sensors if each.enabled and not each.kind.is_yes_or_no]
+        once = [each.code for each in sensors if each.kind.counts]
+        often = [each.code for each in sensors if not each.kind.counts]
+        # Three times as many at the start: readings at rest, in which no movement's error is.
         return once + often * (LOOKS if self.count else 3 * LOOKS)
 
     def seen(self, code: str, value: float, time: float) -> None:
@@ -130,9 +128,9 @@ class SessionPlanner:
             if self.safe(drive, amount):
                 return drive, amount
         for drive in sorted(self.drives, key=lambda each: (self._need(each), self.random.random())):
-            found = self._amount(drive)
-            if found is not None:
-                return drive, found
+            for amount in self._amounts(drive):
+                if self.safe(drive, amount):
+                    return drive, amount
         self.stuck = "there is a wall too near on every side; put the robot where there is room"
         return None
 
@@ -193,11 +191,13 @@ class SessionPlanner:
         bias, error = on_axes(now.bias), on_axes(now.error)
         d = asked.sum()
         noise = self.random.standard_normal((_SAMPLES, 6))
+        # 1e-9 keeps the covariance positive definite against rounding.
         root = np.linalg.cholesky(pose_filter.covariance + 1e-9 * np.eye(3))
         poses = pose_filter.pose + _WIDER * noise[:, :3] @ root.T
         totals = asked + d * bias + _WIDER * d * error * noise[:, 3:]
         segments = self.spec.num_segments
-        # A robot near a wall may leave it: what counts is that no path comes nearer than where it stands.
+        # A robot near a wall may leave it: what counts is that no path comes nearer than where it stands, by
+        # more than the 0.05 in that poses are known to.
         here = np.minimum(self._clear.of(poses) - 0.05, _CLEAR)
         return bool((self._clear.along(poses, totals, segments).min(axis=1) >= here).all())
 
@@ -209,20 +209,16 @@ class SessionPlanner:
         scale = self.fit.space.column(True, index, f"error.{main_axis(drive.kind)}")
         return -float(self.fit.state.noise_scales[scale]) / math.sqrt(self.counts[drive.code] + 1)
 
-    def _amount(self, drive: DriveSpec) -> float | None:
+    def _amounts(self, drive: DriveSpec) -> Iterator[float]:
+        """Amounts to try with a drive, in this order."""
         if drive.kind.turns:
             for _ in range(_TRIES):
-                amount = round(float(self.random.choice((-1, 1)) * self.random.uniform(*_TURNS)), 1)
-                if self.safe(drive, amount):
-                    return amount
-            return None
+                yield round(float(self.random.choice((-1, 1)) * self.random.uniform(*_TURNS)), 1)
+            return
+        # Each times a random factor, so that amounts do not repeat; the three longest in any order.
         amounts = np.array(_AMOUNTS) * self.random.uniform(0.8, 1.1, len(_AMOUNTS))
-        order = [*self.random.permutation(3).tolist(), *range(3, len(_AMOUNTS))]
-        for each in order:
-            amount = round(float(amounts[each]), 1)
-            if self.safe(drive, amount):
-                return amount
-        return None
+        for each in (*self.random.permutation(3).tolist(), *range(3, len(_AMOUNTS))):
+            yield round(float(amounts[each]), 1)
 
     def _follow(self, spec: SimulationSpec, pose: FloatArray, stop: int = 0) -> None:
         run = MeasuredRun(
@@ -237,10 +233,7 @@ def worst_case(spec: SimulationSpec) -> SimulationSpec:
 
     def drive(each: DriveSpec) -> DriveSpec:
         more = _ANY_TURN_BIAS if each.kind.turns else _ANY_BIAS
-        error = (
-            math.hypot(a, b) for a, b in zip((each.error.x, each.error.y, each.error.r), more, strict=True)
-        )
-        return replace(each, error=Axes(*error))
+        return replace(each, error=Axes(*map(math.hypot, astuple(each.error), more)))
 
     def sensor(each: SensorSpec) -> SensorSpec:
         return modelled_sensor(each).worst_case()
@@ -279,7 +272,6 @@ async def drive_guided(
     learn: Callable[[], Awaitable[Fit | None]],
     clock: Callable[[], float],
     show: Callable[[str], None] = lambda what: None,
-    wait: Callable[[float], Awaitable[None]] | None = None,
 ) -> None:
     """Do a session.
 
@@ -287,7 +279,6 @@ async def drive_guided(
         learn: Estimates from what was logged so far; None if it cannot.
         clock: Gives the time, seconds.
         show: Is called with what is being done.
-        wait: Lets seconds pass while a robot does not answer.
     """
     due = list(FITS_AT)
     while True:
@@ -295,8 +286,7 @@ async def drive_guided(
             value = await ask(code)
             while math.isnan(value):
                 show("the robot does not answer; waiting for it")
-                if wait is not None:
-                    await wait(_WAIT)
+                await asyncio.sleep(_WAIT)
                 value = await ask(code)
             guide.seen(code, value, clock())
         guide.settled()
@@ -319,9 +309,8 @@ async def drive_guided(
 
 def guided_run(run: MeasuredRun) -> MeasuredRun:
     """A guided session's log, whose robot was put well."""
-    return dataclasses.replace(
-        run, chains=tuple(dataclasses.replace(chain, spread=PLACED) for chain in run.chains)
-    )
+    chains = tuple(dataclasses.replace(chain, spread=PLACED) for chain in run.chains)
+    return dataclasses.replace(run, chains=chains)
 
 
 def where_to_put(guide: SessionPlanner) -> str:

@@ -47,8 +47,8 @@ class MeasuredMovement:
     that it had made it. `took` is in seconds from sending it to its answer; NaN if not known.
 
     Or a stretch of continuous motion: `drive` and `value` are those of the drive that moved most, `parts`
-    all of them, `led` the totals of x, y (inches) and turning (degrees) that the wheels were told, and
-    `bend` how far that leads from where one arc would, inches in the frame of its start.
+    those of all. `led` are the totals of x, y (inches) and turning (degrees) that were commanded. `bend` is
+    how far that leads from where one arc would, inches in the frame of its start.
     """
 
     drive: int
@@ -147,15 +147,11 @@ class MeasuredRun:
     @cached_property
     def said(self) -> dict[str, dict[int, tuple[float, float]]]:
         """Readings by code and stop: the last one's value and time."""
-        return {
-            code: {
-                stop: (value, time)
-                for stop, value, time in zip(
-                    each.stops.tolist(), each.values.tolist(), each.times.tolist(), strict=True
-                )
-            }
-            for code, each in self.readings.items()
-        }
+        said = {}
+        for code, each in self.readings.items():
+            pairs = zip(each.values.tolist(), each.times.tolist(), strict=True)
+            said[code] = dict(zip(each.stops.tolist(), pairs, strict=True))
+        return said
 
     def first_stops(self) -> list[int]:
         """The number of each chain's first stop."""
@@ -166,6 +162,10 @@ class MeasuredRun:
         """The stop that each movement leads away from."""
         chains = zip(self.first_stops(), self.chains, strict=True)
         return np.array([first + k for first, chain in chains for k in range(len(chain.movements))])
+
+    def chains_of(self, stops: IntArray) -> IntArray:
+        """The number of each stop's chain, from 1 on."""
+        return np.searchsorted(self.first_stops(), stops, side="right")
 
     def before_stop(self, last: int) -> MeasuredRun:
         """The part up to a stop, that included."""
@@ -197,7 +197,8 @@ class _Collector(EventHandler[None]):
         self._last_answer = math.nan
 
     def begin(self, start: Pose, line: int) -> None:
-        self._settle(certain=False)
+        """Begin a chain."""
+        self.settle(certain=False)
         self._leg = None
         self.chains.append(Chain(start, line))
         self.stop += 1
@@ -215,11 +216,16 @@ class _Collector(EventHandler[None]):
     def on_action(self, event: ActionDone) -> None:
         if event.action.name.places and not event.refused:
             self.begin(event.pose, self._line)
-        elif event.action.name is ActionName.BLOCK and self.block_moved_at is None:
+        elif event.action.name is ActionName.BLOCK:
+            self.move_block()
+
+    def move_block(self) -> None:
+        """From here on nobody knows where the block is."""
+        if self.block_moved_at is None:
             self.block_moved_at = self.stop
 
     def on_leg_begun(self, event: LegBegun) -> None:
-        self._settle(certain=False, keeps_stretch=True)
+        self.settle(certain=False, keeps_stretch=True)
         self._leg = event.leg, event.leg.start_time, self._line
 
     def on_leg_ended(self, event: LegEnded) -> None:
@@ -227,7 +233,7 @@ class _Collector(EventHandler[None]):
         self._leg = None
 
     def _drive_until(self, time: float) -> None:
-        """Count what the wheels were told up to a simulated time."""
+        """Count what was commanded up to a simulated time."""
         if self._leg is not None:
             leg, since, line = self._leg
             self._stretch.drive(leg.commanded, time - since)
@@ -239,37 +245,32 @@ class _Collector(EventHandler[None]):
         stretch = self._stretch
         if stretch.has_moved:
             (drive, value), *_ = parts = stretch.distances
-            made = MeasuredMovement(drive, value, True, self._stretch_line, math.nan, parts)
-            self.chains[-1].movements.append(replace(made, led=stretch.asked, bend=stretch.bend))
-            self.stop += 1
+            origin = (True, self._stretch_line, math.nan)
+            self._add(MeasuredMovement(drive, value, *origin, parts, stretch.asked, stretch.bend))
         stretch.clear()
 
     def on_planned(self, event: MovementPlanned) -> None:
         if event.grip is not None:
-            if self.block_moved_at is None:
-                self.block_moved_at = self.stop
+            self.move_block()
             return
         if self._pending is not None and self._pending[0] == event.number:
-            return  # the twin's way was planned anew; the real robot knows nothing of it
-        self._settle(certain=False)
+            return  # the twin's path was planned again; the real robot knows nothing of it
+        self.settle(certain=False)
         drive = next(i for i, each in enumerate(self._spec.drives) if each.code == event.command.code)
         value = parse_value(event.command.argument)
         assert isinstance(value, float), "what moves has a number"
         value *= self._spec.drives[drive].gain
-        self._pending = (
-            event.number,
-            MeasuredMovement(drive, value, True, self._line, math.nan),
-            self._real_time,
-        )
+        movement = MeasuredMovement(drive, value, True, self._line, math.nan)
+        self._pending = (event.number, movement, self._real_time)
 
     def on_result(self, event: CommandResult) -> None:
         if self._pending is not None and event.number == self._pending[0]:
             done = event.status in (Status.DONE, Status.ACCEPTED)
-            self._settle(certain=done, took=self._real_time - self._pending[2] if done else math.nan)
+            self.settle(certain=done, took=self._real_time - self._pending[2] if done else math.nan)
             self._last_answer = self._real_time if done else math.nan
             return
         moves = self._leg is not None
-        self._settle(certain=event.status is not Status.STOPPED, keeps_stretch=moves)
+        self.settle(certain=event.status is not Status.STOPPED, keeps_stretch=moves)
         if event.reading is not None and event.status is Status.READING:
             # Infinity is what a range sensor says that meets nothing; others never do.
             sensor, said = event.reading.sensor, float(event.reply)
@@ -290,23 +291,27 @@ class _Collector(EventHandler[None]):
             self._end_stretch()
         return self._stretch.at_stop(sensor, float(read.reply))
 
-    def _settle(self, *, certain: bool, took: float = math.nan, keeps_stretch: bool = False) -> None:
+    def settle(self, *, certain: bool, took: float = math.nan, keeps_stretch: bool = False) -> None:
         """The movement that is under way is over, and the continuous one unless `keeps_stretch`."""
         if not keeps_stretch:
             self._end_stretch()
-        if self._pending is None:
-            return
-        _, movement, _ = self._pending
-        self._pending = None
-        self.chains[-1].movements.append(
-            MeasuredMovement(movement.drive, movement.value, certain, movement.line, took)
-        )
+        if self._pending is not None:
+            self._add(replace(self._pending[1], certain=certain, took=took))
+            self._pending = None
+
+    def _add(self, movement: MeasuredMovement) -> None:
+        self.chains[-1].movements.append(movement)
         self.stop += 1
 
 
 def read_runs(paths: Iterable[Path]) -> MeasuredRun:
-    """Read logs of one robot. Raises RunLogError, ConfigurationError, and CalibrationError for logs with
-    different sets, of a real robot and a simulated one, of the same run, or with no movement in them."""
+    """Read logs of one robot.
+
+    Raises:
+        CalibrationError: for logs with different sets, of a real robot and a simulated one, of the same run,
+            or with no movement in them.
+        RunLogError, ConfigurationError: for a file that is no log, or whose set cannot be read.
+    """
     collector = _Collector()
     configuration: Configuration | None = None
     names: list[str] = []
@@ -326,8 +331,8 @@ def read_runs(paths: Iterable[Path]) -> MeasuredRun:
             headers.append(log.header)
             collector.begin(log.header.pose, 1)
             collector.describe(log.configuration.simulation)
-            if log.header.holding and collector.block_moved_at is None:
-                collector.block_moved_at = collector.stop
+            if log.header.holding:
+                collector.move_block()
             for logged in log:
                 if isinstance(logged, Logged):
                     collector.take(logged, logged.real_time - log.header.real_time)
@@ -336,13 +341,12 @@ def read_runs(paths: Iterable[Path]) -> MeasuredRun:
             if log.note:
                 notes.append(f"{log.shown}: {log.note}")
     assert configuration is not None, "there is a log"
-    collector.begin(Pose(0.0, 0.0, 0.0), 0)  # settles the last movement
-    chains = tuple(collector.chains[:-1])
+    collector.settle(certain=False)
     run = MeasuredRun(
         configuration,
         tuple(names),
-        chains,
-        {code: _readings(rows) for code, rows in collector.found.items()},
+        tuple(collector.chains),
+        {code: Readings(*map(np.array, zip(*rows, strict=True))) for code, rows in collector.found.items()},
         collector.block_moved_at,
         headers[0].simulated,
         tuple(notes),
@@ -365,11 +369,6 @@ def _refuse_header(log: LogReader, headers: list[Header], names: list[str]) -> N
             f"{log.shown} is of a {kinds[log.header.simulated]} robot, {names[0]} of a "
             f"{kinds[headers[0].simulated]} one; calibrate from logs of one robot"
         )
-
-
-def _readings(rows: list[tuple[int, float, float, float]]) -> Readings:
-    stops, values, times, gaps = zip(*rows, strict=True)
-    return Readings(np.array(stops), np.array(values), np.array(times), np.array(gaps))
 
 
 def _differ(one: SimulationSpec, other: SimulationSpec) -> bool:

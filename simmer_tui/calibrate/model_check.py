@@ -9,8 +9,8 @@ others are tested.
 Intervals then hold the estimates with and without the accepted terms, as the omitted-variable formula has
 them (Greene, "Econometric Analysis", 2012, section 4.3.2).
 
-Readings that were held back test all else. Where more than one in ten is surely further off than predicted,
-with some slack (`_SLACK`), all intervals are widened by the split-conformal factor, with which nine in ten
+Readings that were held back test all else: is more than one in ten surely further off than predicted, with
+some slack (`_SLACK`)? Then all intervals are widened by the split-conformal factor. With it nine in ten
 predictions hold (Vovk, Gammerman and Shafer, "Algorithmic Learning in a Random World", 2005).
 """
 
@@ -161,6 +161,7 @@ def accepted(score: FloatArray, information: FloatArray, level: float) -> list[t
         level: Probability that any is accepted where there is none.
     """
     found: list[tuple[int, float]] = []
+    # Below 1e-9 no row depends on the term: rounding is left.
     left = [number for number in range(len(score)) if information[number, number] > 1e-9]
     while left:
         kept = [number for number, _ in found]
@@ -243,8 +244,7 @@ def _column(model: Model, state: Iterate, rows: Rows, amounts: FloatArray) -> Fl
 def _main_axes(model: Model) -> FloatArray:
     """1 at the axis that each movement is along, (movements, 3)."""
     directions = np.array([on_axes(drive.kind.direction) for drive in model.run.spec.drives])
-    axes: FloatArray = np.abs(directions)[model.drive]
-    return axes
+    return np.asarray(np.abs(directions)[model.drive])
 
 
 def _half_a_drift(model: Model, state: Iterate, drives: tuple[int, ...], value: float) -> FloatArray:
@@ -264,26 +264,25 @@ def _log_shifts(rows: Rows, before: FloatArray, after: FloatArray) -> FloatArray
     squares = [np.asarray(rows.shares.T @ each**2) for each in (before, after)]
     ratios = squares[1] / np.maximum(squares[0], 1e-12)
     # Of what terms explain nothing of, rounding alone is left.
-    shifts: FloatArray = np.where(squares[0] > 0.0, -0.5 * np.log(np.clip(ratios, 1e-6, 1.0)), 0.0)
-    return shifts
+    return np.where(squares[0] > 0.0, -0.5 * np.log(np.clip(ratios, 1e-6, 1.0)), 0.0)
 
 
 def mounting_spread(
-    space: ParameterSpace, values: FloatArray, errors: FloatArray, told: BoolArray
+    space: ParameterSpace, values: FloatArray, errors: FloatArray, identified: BoolArray
 ) -> tuple[float, float]:
     """Standard deviation of where this robot's sensors are mounted, inches, and its degrees of freedom.
 
-    An offset along the way a sensor looks is part of its bias. It is taken to be as large as those across
-    it, which the log tells (by moments, as DerSimonian and Laird 1986 have it).
+    An offset in the direction that a sensor looks is part of its bias. It is taken to be as large as those
+    across it, which the log shows (by moments, as DerSimonian and Laird 1986 have it).
 
     Args:
         values: Of the parameters, (p,); `errors` are their standard errors.
-        told: True for those that are identified.
+        identified: True for those that are identified.
 
     Returns:
         (0, 0) if the offsets across are no greater than their standard errors explain.
     """
-    offsets = [n for n, each in enumerate(space.parameters) if each.sort is Sort.OFFSET and told[n]]
+    offsets = [n for n, each in enumerate(space.parameters) if each.sort is Sort.OFFSET and identified[n]]
     squares = values[offsets] ** 2
     if not offsets or chdtrc(len(offsets), float((squares / errors[offsets] ** 2).sum())) > _UNEVEN:
         return 0.0, 0.0
@@ -291,10 +290,10 @@ def mounting_spread(
 
 
 def with_mounting(
-    space: ParameterSpace, values: FloatArray, errors: FloatArray, told: BoolArray
+    space: ParameterSpace, values: FloatArray, errors: FloatArray, identified: BoolArray
 ) -> FloatArray:
-    """Standard errors in which a bias's has the unknown offset along the way that the sensor looks."""
-    spread, freedom = mounting_spread(space, values, errors, told)
+    """Standard errors in which a bias's has the unknown offset in the direction that the sensor looks."""
+    spread, freedom = mounting_spread(space, values, errors, identified)
     if not spread:
         return errors
     # Of few sensors the spread itself is little known: Student's quantile in place of the normal one.

@@ -12,6 +12,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -27,7 +28,7 @@ from simmer_tui.sim.sensors import (
     sensor_of,
     with_parameters,
 )
-from simmer_tui.sim.specs import Axes, DriveKind, DriveSpec, SimulationSpec
+from simmer_tui.sim.specs import DriveKind, DriveSpec, SimulationSpec
 
 AXES = ("x", "y", "r")
 IDENTIFIED = 0.5
@@ -43,6 +44,8 @@ _BIAS_PRIOR = (0.15, 0.15, 0.8)
 _TURN_BIAS_PRIOR = (0.02, 0.02, 0.1)
 # Centre of a drive's error where the set has 0: about those of the bundled drives.
 _USUAL_ERROR, _USUAL_TURN_ERROR = 0.02, 0.003
+_TWO_SIDED = 1.959964
+"""Standard deviations to either end of a 95 % interval: the normal distribution's 0.975 quantile."""
 _ERROR_PRIOR = 1.2
 """Prior standard deviation of the logarithm of a drive's error: a factor of 3 either way."""
 
@@ -79,18 +82,17 @@ class Parameter:
         """Its value in a set."""
         if not self.drive:
             return parameter_value(spec.sensors[self.index], self.field, self.place)
-        table, axis = self.field.split(".")
-        return float(getattr(getattr(spec.drives[self.index], table), axis))
+        return float(attrgetter(self.field)(spec.drives[self.index]))
 
-    def interval(self, value: float, spread: float, z: float = 1.959964) -> tuple[float, float]:
-        """The interval of an estimate, by default the 95 % one (the normal distribution's 0.975 quantile).
+    def interval(self, value: float, spread: float) -> tuple[float, float]:
+        """The 95 % interval of an estimate.
 
         Even about a parameter, by factors about a noise scale, whose spread is that of its logarithm.
         """
         if self.sort is Sort.NOISE:
-            factor = math.exp(min(z * spread, 50.0))  # e^50 is as good as infinite, and overflows nothing
+            factor = math.exp(min(_TWO_SIDED * spread, 50.0))  # e^50 is as good as infinite: no overflow
             return value / factor, value * factor
-        return value - z * spread, value + z * spread
+        return value - _TWO_SIDED * spread, value + _TWO_SIDED * spread
 
 
 @dataclass(frozen=True)
@@ -155,11 +157,8 @@ def with_values(spec: SimulationSpec, changed: Any) -> SimulationSpec:
 
 def _drive_with(drive: DriveSpec, field: str, value: float) -> DriveSpec:
     table, _, axis = field.partition(".")
-    changed: dict[str, Any] = {table: value}
-    if axis:
-        axes: Axes = replace(getattr(drive, table), **{axis: value})
-        changed = {table: axes}
-    return replace(drive, **changed)
+    changed = replace(getattr(drive, table), **{axis: value}) if axis else value
+    return replace(drive, **{table: changed})
 
 
 def main_axis(kind: DriveKind) -> str:
@@ -188,37 +187,26 @@ def parameters_of(run: MeasuredRun, prior_scale: float = 1.0) -> ParameterSpace:
     driven = {index for movement in run.movements for index, _ in movement.distances(spec.drives)}
     for index, drive in enumerate(spec.drives):
         if drive.enabled or index in driven:
-            for axis in AXES:
-                parameters.append(_drive_bias(drive, index, axis))
-                noise_scales.append(_drive_error(drive, index, axis, prior_scale))
+            parameters += [_of_drive(drive, index, "bias", axis, 1.0) for axis in AXES]
+            noise_scales += [_of_drive(drive, index, "error", axis, prior_scale) for axis in AXES]
     for index, sensor in observed_sensors(spec).items():
         parameters += [_of_sensor(sensor, index, prior, 1.0) for prior in sensor.parameters]
         noise_scales += [_of_sensor(sensor, index, prior, prior_scale) for prior in sensor.noise_scales]
     return ParameterSpace(tuple(parameters), tuple(noise_scales))
 
 
-def _drive_bias(drive: DriveSpec, index: int, axis: str) -> Parameter:
-    value, label, unit = _on_axis(drive, "bias", axis)
-    spread = (_TURN_BIAS_PRIOR if drive.kind.turns else _BIAS_PRIOR)[AXES.index(axis)]
-    return Parameter(
-        drive.kind.value, f"bias.{axis}", label, Sort.BIAS, True, index, value, value, spread, unit
-    )
-
-
-def _drive_error(drive: DriveSpec, index: int, axis: str, prior_scale: float) -> Parameter:
-    value, label, unit = _on_axis(drive, "error", axis)
-    centre = value or (_USUAL_TURN_ERROR if drive.kind.turns else _USUAL_ERROR)
-    spread = prior_scale * _ERROR_PRIOR
-    return Parameter(
-        drive.kind.value, f"error.{axis}", label, Sort.NOISE, True, index, value, centre, spread, unit
-    )
-
-
-def _on_axis(drive: DriveSpec, table: str, axis: str) -> tuple[float, str, str]:
-    """Value, label and unit of a drive's bias or error on an axis."""
-    unit = f"{'deg' if axis == 'r' else 'in'}/{drive.kind.unit}" if axis != main_axis(drive.kind) else ""
-    name = "rotation" if axis == "r" else f"{axis}-axis"
-    return float(getattr(getattr(drive, table), axis)), f"{name} {table}", unit
+def _of_drive(drive: DriveSpec, index: int, table: str, axis: str, scale: float) -> Parameter:
+    """A drive's bias or error (`table`) on an axis. `scale` is a factor on the prior's spread."""
+    kind, field = drive.kind, f"{table}.{axis}"
+    unit = f"{'deg' if axis == 'r' else 'in'}/{kind.unit}" if axis != main_axis(kind) else ""
+    label = f"{'rotation' if axis == 'r' else f'{axis}-axis'} {table}"
+    value = centre = float(attrgetter(field)(drive))
+    if table == "bias":
+        sort, spread = Sort.BIAS, (_TURN_BIAS_PRIOR if kind.turns else _BIAS_PRIOR)[AXES.index(axis)]
+    else:
+        sort, spread = Sort.NOISE, _ERROR_PRIOR
+        centre = value or (_USUAL_TURN_ERROR if kind.turns else _USUAL_ERROR)
+    return Parameter(kind.value, field, label, sort, True, index, value, centre, scale * spread, unit)
 
 
 def _of_sensor(sensor: Sensor, index: int, prior: Prior, scale: float) -> Parameter:

@@ -24,10 +24,14 @@ _STEPS = np.diag((0.1, 0.1, 0.5))
 _GATE = 4.0
 """Standard deviations beyond which a reading does not update the pose: 1 normal reading in 16,000 is, and
 most outliers are."""
-_ENOUGH, _FAR_OFF, _SEARCHED, _AROUND = 3, 2, 600, np.array((0.7, 0.7, 2.0))
-"""Search for a lost pose: ranges that it takes (three tell a pose), how many of them must be beyond the gate
-(one is an outlier), poses looked at (a fifth of an inch apart, then finer), and standard deviations around
-the filter's own, inches and degrees (what a contact that was missed leaves it off by)."""
+_ENOUGH, _FAR_OFF = 3, 2
+"""Ranges that a search for a lost pose takes, and how many of them must be beyond the gate: three ranges make
+a pose, and a single one beyond it is an outlier."""
+_SEARCHED = 600
+"""Poses looked at in each round of the search: a fifth of an inch apart, then finer."""
+_AROUND = np.array((0.7, 0.7, 2.0))
+"""Standard deviations of the poses looked at, inches and degrees, besides the filter's own: what a contact
+that was missed leaves it off by."""
 _BETTER = 6.0
 """Gain in log likelihood that a pose found must bring: with 600 tries, log 600 = 6.4 comes by chance if all
 were independent, and they are not."""
@@ -72,7 +76,7 @@ class PoseFilter:
         """Predict what is read at the next stop, and take it in."""
         for ahead in AHEAD[1:]:
             if stop - ahead >= self.begin:
-                self._predict_from(stop - ahead, stop, ahead)
+                self._predict_from(stop - ahead, stop)
         self._move(stop)
         self.look(stop)
         self.poses[stop] = self.pose
@@ -88,8 +92,8 @@ class PoseFilter:
         return mean, np.diag(variances)
 
     def _arrive(self, pose: FloatArray, totals: FloatArray, stop: int) -> tuple[FloatArray, float]:
-        """The pose that totals of the movement to a stop lead to from a pose, as far as walls let it, and
-        the share that was left."""
+        """The pose that totals of the movement to a stop lead to, as far as walls let the robot go, and the
+        share of the movement that was left."""
         segments, bend = self.movements[stop].law(self.spec.num_segments)
         clear = self.clear.along(pose[None], totals[None], segments, bend)[0]
         # 0.05 in is what poses are off by at a wall; shorter movements are not worth a look.
@@ -102,18 +106,17 @@ class PoseFilter:
         done = totals * np.array((share, share, 1.0 if share == 1.0 else max(share, 0.0)))
         return moved(pose[None], done[None], segments, share * bend)[0], 1.0 - share
 
-    def _predict_from(self, origin: int, stop: int, ahead: int) -> None:
-        pose = self.poses[origin]
-        turned = 0.0
+    def _predict_from(self, origin: int, stop: int) -> None:
+        """Predict what is read at a stop from the pose at an earlier one, and note the errors."""
+        pose, ahead, turned = self.poses[origin], stop - origin, 0.0
         wheels: list[FloatArray] = []
         for step in range(origin + 1, stop + 1):
-            totals, _ = self._process_model(step)
-            there, _ = self._arrive(pose, totals, step)
+            wheels.append(self._process_model(step)[0])
+            there, _ = self._arrive(pose, wheels[-1], step)
             turned += there[2] - pose[2]
-            wheels.append(totals)
             pose = there
         for counter in self._counters:
-            begin, end = (self._heard(counter, each) for each in (origin, stop))
+            begin, end = (self._reading(counter, each) for each in (origin, stop))
             if begin is not None and end is not None:
                 counted = float(counter.lever[2] * turned)
                 if counter.slips:
@@ -121,22 +124,21 @@ class PoseFilter:
                 off = counter.change(begin, end) - counter.spec.gain * counted
                 self._note(counter, ahead, counter.wrapped(off))
         for sensor in self._observers:
-            spoken = self._heard(sensor, stop)
-            if spoken is not None:
-                seen = self._expected(sensor, pose[None], spoken[1], stop)[0]
-                self._note(sensor, ahead, spoken[0] - seen)
+            if (reading := self._reading(sensor, stop)) is not None:
+                seen = self._expected(sensor, pose[None], reading[1], stop)[0]
+                self._note(sensor, ahead, reading[0] - seen)
 
-    def _heard(self, sensor: Sensor, stop: int) -> tuple[float, float] | None:
+    def _reading(self, sensor: Sensor, stop: int) -> tuple[float, float] | None:
         """A sensor's reading at a stop, value and time; None if there is none, or it is infinite."""
-        spoken = self.said.get(sensor.spec.code, {}).get(stop)
-        return spoken if spoken is not None and np.isfinite(spoken[0]) else None
+        reading = self.said.get(sensor.spec.code, {}).get(stop)
+        return reading if reading is not None and np.isfinite(reading[0]) else None
 
     def _counted(self, stop: int) -> list[_Counted]:
         """Increments of the counters over the movement to a stop."""
         totals, _ = self._process_model(stop)
         found = []
         for counter in self._counters:
-            begin, end = (self._heard(counter, each) for each in (stop - 1, stop))
+            begin, end = (self._reading(counter, each) for each in (stop - 1, stop))
             if begin is None or end is None:
                 continue
             spec = counter.spec
@@ -147,8 +149,7 @@ class PoseFilter:
             variance = (spec.error**2) * float(squares.sum()) / self.spec.num_segments
             variance += counter.least_error**2
             variance += spec.random_walk**2 * (end[1] - begin[1])
-            change = counter.change(begin, end)
-            found.append(_Counted(counter, spec.gain * counter.lever, change, variance))
+            found.append(_Counted(counter, spec.gain * counter.lever, counter.change(begin, end), variance))
         return found
 
     def _move(self, stop: int) -> None:
@@ -178,7 +179,7 @@ class PoseFilter:
         self.pose = arrived
 
     def _propagate(self, before: FloatArray, arrived: FloatArray, spread: FloatArray) -> None:
-        """The covariance after a movement whose totals have the covariance `spread`."""
+        """Set the covariance after a movement whose totals have the covariance `spread`."""
         jacobian = np.eye(3)
         away = arrived[:2] - before[:2]
         jacobian[:2, 2] = np.radians((-away[1], away[0]))
@@ -210,11 +211,11 @@ class PoseFilter:
         """Observations at a stop, linearised about the pose."""
         found = []
         for sensor in self._observers:
-            spoken = self._heard(sensor, stop)
-            if spoken is None:
+            reading = self._reading(sensor, stop)
+            if reading is None:
                 continue
             around = np.concatenate((self.pose[None], self.pose + _STEPS, self.pose - _STEPS))
-            seen = self._expected(sensor, around, spoken[1], stop)
+            seen = self._expected(sensor, around, reading[1], stop)
             if not np.isfinite(seen).all():
                 continue
             slope = (seen[1:4] - seen[4:]) / (2 * np.diag(_STEPS))
@@ -222,7 +223,7 @@ class PoseFilter:
             spec = sensor.spec
             # 4e-4 is 0.02 squared, in or degrees: no reading is more exact than that.
             variance = (spec.error * (seen[0] - spec.bias)) ** 2 + spec.absolute_error**2 + bends + 4e-4
-            off = sensor.wrapped(float(spoken[0] - seen[0]))
+            off = sensor.wrapped(float(reading[0] - seen[0]))
             found.append(_Innovation(sensor, off, slope, variance))
         return found
 
@@ -232,27 +233,24 @@ class PoseFilter:
         That happens after a wall that was met sooner than thought. Poses around are tried, and anywhere on
         the path: a filter of one pose never comes back by itself.
         """
-        heard = [
-            (sensor, spoken)
-            for sensor in self._observers
-            if (spoken := self._heard(sensor, stop)) is not None
-        ]
-        ranging = np.array([sensor.spec.kind.is_range for sensor, _ in heard], bool)
+        found = [(sensor, self._reading(sensor, stop)) for sensor in self._observers]
+        readings = [(sensor, each) for sensor, each in found if each is not None]
+        ranging = np.array([sensor.spec.kind.is_range for sensor, _ in readings], bool)
         if ranging.sum() < _ENOUGH:
             return
-        away, _ = self._fits(heard, self.pose[None], stop)
+        away, _ = self._fits(readings, self.pose[None], stop)
         if (np.abs(away[ranging, 0]) > _GATE).sum() < _FAR_OFF:
             return
-        # First widely, then about those that fit best, to a fifth of an inch and a twentieth; the pose as it
-        # is stays among them.
+        # First widely, then about those that fit best, to 0.15 in and to 0.05 in; the pose as it is stays
+        # among them.
         poses = self._candidates()
         for finer in (0.15, 0.05):
-            _, score = self._fits(heard, poses, stop)
+            _, score = self._fits(readings, poses, stop)
             share = np.exp(score - score.max())
             chosen = self._random.choice(len(poses), _SEARCHED - 1, p=share / share.sum())
             jitter = finer * np.array((1.0, 1.0, 2.0)) * self._random.standard_normal((len(chosen), 3))
             poses = np.concatenate((self.pose[None], poses[chosen] + jitter))
-        _, score = self._fits(heard, poses, stop)
+        _, score = self._fits(readings, poses, stop)
         best = int(score.argmax())
         if score[best] - score[0] < _BETTER:
             return
@@ -279,23 +277,25 @@ class PoseFilter:
         return around
 
     def _fits(
-        self, heard: list[tuple[ObservingSensor, tuple[float, float]]], poses: FloatArray, stop: int
+        self, readings: list[tuple[ObservingSensor, tuple[float, float]]], poses: FloatArray, stop: int
     ) -> tuple[FloatArray, FloatArray]:
         """Standard deviations that each reading is off at each pose, (readings, poses), and the poses' log
         likelihoods, outliers allowed for."""
-        score, off = np.zeros(len(poses)), np.zeros((len(heard), len(poses)))
-        for number, (sensor, (value, time)) in enumerate(heard):
+        score, off = np.zeros(len(poses)), np.zeros((len(readings), len(poses)))
+        for number, (sensor, (value, time)) in enumerate(readings):
             seen = self._expected(sensor, poses, time, stop)
             sigma = sensor.model_error(seen, poses)
             # Where nothing is in range a reading is as far off as can be: 50 standard deviations.
             away = np.where(np.isfinite(seen), sensor.wrapped(value - seen) / sigma, 50.0)
+            # One reading in twenty may fit no pose: 1e-3 bounds what it takes from the score. exp(-250) is
+            # no underflow yet.
             score += np.log(0.95 * np.exp(-0.5 * np.minimum(away**2, 500.0)) / sigma + 1e-3)
             off[number] = away
         return off, score
 
     def _expected(self, sensor: ObservingSensor, poses: FloatArray, time: float, stop: int) -> FloatArray:
         """Readings without random errors, (n,); NaN where it is not known what the sensor sees."""
-        if not is_known_to(self.run, sensor, np.array([stop])).all():
+        if not is_known_to(self.run, sensor, stop):
             return np.full(len(poses), np.nan)
         return sensor.expected(self.world, poses, time)
 

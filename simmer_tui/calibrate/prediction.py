@@ -1,9 +1,8 @@
 """Errors of a set's predictions of readings that it was not made from.
 
-An extended Kalman filter follows the robot through the stretch that was held back, once with each set, and
-says before each reading what it will be: from everything before but the reading itself (0 movements
-ahead), from the stop before (1), or from five stops before, by the commands alone. Counters are predicted
-as what they add since then.
+An extended Kalman filter follows the robot through the stretch that was held back, once with each set. It
+predicts each reading from everything before but the reading itself (0 movements ahead), from the stop before
+(1), or from five stops before, by the commands alone. Counters are predicted as what they add since then.
 """
 
 from __future__ import annotations
@@ -15,7 +14,7 @@ import numpy as np
 from simmer_tui.calibrate.fit import Fit, fit_path, fit_tail, refit
 from simmer_tui.calibrate.measured_run import MeasuredRun
 from simmer_tui.calibrate.model_check import held_back_misfits
-from simmer_tui.calibrate.pose_filter import PoseFilter, PredictionErrors
+from simmer_tui.calibrate.pose_filter import PoseFilter
 from simmer_tui.calibrate.posterior import Iterate
 from simmer_tui.sim.angles import FloatArray
 from simmer_tui.sim.specs import SensorKind
@@ -50,8 +49,8 @@ class HeldBack:
     errors: tuple[PredictionAccuracy, ...]
     """By name of the kind and movements ahead."""
     scores: dict[type[SensorKind], FloatArray] = field(default_factory=dict)
-    """Absolute errors of the readings that were held back, predicted from what was learned and the other
-    readings at their stop, in their standard deviations, by kind."""
+    """Absolute errors of predictions of the readings that were held back, in their standard deviations, by
+    kind: from what was learned and the other readings at their stop."""
 
 
 def held_back(fit: Fit) -> HeldBack | None:
@@ -72,7 +71,7 @@ def held_back(fit: Fit) -> HeldBack | None:
     estimates = learned.state.parameters, learned.state.noise_scales
     followed = follow(run, fit, last, *estimates, learned.state)
     after = followed.errors
-    before = prediction_errors(run, fit, last, *fit.space.of(run.spec), learned.state)
+    before = follow(run, fit, last, *fit.space.of(run.spec), learned.state).errors
     errors = [
         PredictionAccuracy(*key, float(np.median(before[key])), float(np.median(after[key])), len(after[key]))
         for key in after
@@ -96,18 +95,6 @@ def widened(fit: Fit, held: HeldBack) -> Fit:
         covariance=factor**2 * fit.covariance,
         misfits=(*fit.misfits, *found),
     )
-
-
-def prediction_errors(
-    run: MeasuredRun,
-    fit: Fit,
-    last: int,
-    parameters: FloatArray,
-    noise_scales: FloatArray,
-    rough: Iterate,
-) -> PredictionErrors:
-    """Errors of predictions after stop `last` by a set with these parameters, as `follow` makes them."""
-    return follow(run, fit, last, parameters, noise_scales, rough).errors
 
 
 def follow(

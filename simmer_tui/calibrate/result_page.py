@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from simmer_tui.calibrate.change_detection import FALSE_ALARMS, PartVerdict
-from simmer_tui.calibrate.estimates import ParameterEstimate
+from simmer_tui.calibrate.estimates import ParameterEstimate, unidentified_labels
 from simmer_tui.calibrate.fit import Fit, fit_path
 from simmer_tui.calibrate.model_check import FALSE_MISFIT_RATE, Misfit
 from simmer_tui.calibrate.posterior import COUNTER, OBSERVATION, PROCESS, RANGE, Rows
@@ -34,16 +34,19 @@ from simmer_tui.report.figure import WIDTH
 from simmer_tui.sim.command import escape
 from simmer_tui.sim.specs import CELL_SIZE, WALL
 
-_READ_FAMILIES = (COUNTER, RANGE, OBSERVATION)
+_MOVED_FAMILIES: tuple[int, ...] = (PROCESS,)
+_READ_FAMILIES: tuple[int, ...] = (COUNTER, RANGE, OBSERVATION)
 _NUMBER = number(".3g")
 _FIGURE = replace(WORDS, numeric=True)
+_ESTIMATE = tuple(DataColumn(key, hidden=True) for key in ("value", "value_low", "value_high"))
+_BEFORE_AFTER = (DataColumn("before", _NUMBER), DataColumn("after", _NUMBER))
 MISFITS = DataTable(
     "misfits",
     "Misfits of the model",
     (
         DataColumn("part"),
         DataColumn("kind"),
-        *(DataColumn(key, hidden=True) for key in ("value", "value_low", "value_high")),
+        *_ESTIMATE,
         DataColumn("unit", hidden=True),
         DataColumn("probability", number(".1g"), "p"),
         DataColumn("text", heading="observation", wraps=True),
@@ -57,7 +60,7 @@ PARAMETERS = DataTable(
         DataColumn("parameter", heading="parameter"),
         DataColumn("unit", hidden=True),
         DataColumn("was", number(".4g")),
-        *(DataColumn(key, hidden=True) for key in ("value", "value_low", "value_high")),
+        *_ESTIMATE,
         DataColumn("is", _FIGURE),
         DataColumn("interval", _FIGURE, "95 % interval"),
         DataColumn("changed", Format(lambda changed: "changed" if changed else ""), ""),
@@ -72,24 +75,14 @@ UNIDENTIFIED = DataTable(
         DataColumn("text", heading="why", wraps=True),
     ),
 )
-RESIDUALS = DataTable(
-    "residuals",
-    "Residuals",
-    (
-        DataColumn("part"),
-        DataColumn("unit"),
-        DataColumn("before", _NUMBER),
-        DataColumn("after", _NUMBER),
-    ),
-)
+RESIDUALS = DataTable("residuals", "Residuals", (DataColumn("part"), DataColumn("unit"), *_BEFORE_AFTER))
 HELD_BACK = DataTable(
     "held_back",
     "Predictions of held-back readings",
     (
         DataColumn("readings_of"),
         DataColumn("ahead", COUNT),
-        DataColumn("before", _NUMBER),
-        DataColumn("after", _NUMBER),
+        *_BEFORE_AFTER,
         DataColumn("unit"),
         DataColumn("times_better", number(".1f")),
         DataColumn("readings", COUNT),
@@ -167,28 +160,21 @@ def figures_table(estimates: Sequence[ParameterEstimate]) -> DataTable:
 
 def unidentified_table(estimates: Sequence[ParameterEstimate]) -> DataTable:
     """Parameters that the data do not identify, and why, a row a part and reason."""
-    reasons: dict[tuple[str, str], list[str]] = {}
-    for each in estimates:
-        if not each.identified:
-            reasons.setdefault((each.owner, each.why_not), []).append(each.label)
-    rows = [(owner, labels, why) for (owner, why), labels in reasons.items()]
-    return UNIDENTIFIED.filled(rows)
+    labels_by_reason = unidentified_labels(estimates)
+    return UNIDENTIFIED.filled([(owner, labels, why) for (owner, why), labels in labels_by_reason.items()])
 
 
 def residual_table(fit: Fit) -> DataTable:
     """Median residuals of movements and readings, with the set as it was and as it is."""
     before_state = fit_path(fit.run, fit.space, *fit.space.of(fit.run.spec), fit.state)
     before, after = fit.model.rows(before_state), fit.rows
-    rows = []
-    spec = fit.run.spec
-    for index, drive in enumerate(spec.drives):
-        was, now = (_middle(each, (PROCESS,), index) for each in (before, after))
+    spec, rows = fit.run.spec, []
+    drives = [(_MOVED_FAMILIES, each.kind.value, "in and deg") for each in spec.drives]
+    sensors = [(_READ_FAMILIES, each.id, each.unit) for each in spec.sensors]
+    for index, (families, name, unit) in (*enumerate(drives), *enumerate(sensors)):
+        was, now = (_middle(each, families, index) for each in (before, after))
         if now is not None and was is not None:
-            rows.append((drive.kind.value, "in and deg", was, now))
-    for index, sensor in enumerate(spec.sensors):
-        was, now = (_middle(each, _READ_FAMILIES, index) for each in (before, after))
-        if now is not None and was is not None:
-            rows.append((sensor.id, sensor.unit, was, now))
+            rows.append((name, unit, was, now))
     note = (
         "Median residuals of movements and readings along the path that fits best: with the old set (before) "
         "and with the new one (after)."
@@ -205,9 +191,8 @@ def held_back_table(held: HeldBack) -> DataTable:
     """Errors of predictions of readings that were held back."""
     rows = []
     for each in held.errors:
-        times = each.before / each.after if each.after else None
-        numbers = (each.ahead, each.before, each.after)
-        rows.append((each.kind.meaning, *numbers, each.kind.unit, times, each.count))
+        kind, times = each.kind, each.before / each.after if each.after else None
+        rows.append((kind.meaning, each.ahead, each.before, each.after, kind.unit, times, each.count))
     note = (
         f"Median errors over the last {held.movements} movements, predicted 0, 1 and 5 movements ahead: with "
         "the old set (before), and with parameters estimated from the earlier movements (after)."
@@ -218,6 +203,7 @@ def held_back_table(held: HeldBack) -> DataTable:
 def held_back_picture(held: HeldBack) -> Figure:
     """Errors of predictions after (blue) as parts of those before (grey)."""
     parts, y = [], 8.0
+    # Room for the names of kinds on the left, and for the shares on the right.
     left, room = 240.0, WIDTH - 240.0 - 90.0
     for each in held.errors:
         share = each.after / each.before if each.before else 1.0
@@ -254,28 +240,19 @@ def result_document(fit: Fit, estimates: Sequence[ParameterEstimate], held: Held
     """All that was learned, and how well it predicts, for terminals and programs."""
     tables = (misfits_table(fit.misfits), figures_table(estimates), unidentified_table(estimates))
     misfits, learned, unidentified = ((table,) if table.rows else () for table in tables)
-    return Document(
-        _title(fit),
-        (
-            fit_verdict(fit.misfits),
-            *misfits,
-            Paragraph(_about(fit, estimates), "about", "run"),
-            *learned,
-            *unidentified,
-            _held_back(held),
-            residual_table(fit),
-        ),
-    )
+    about = Paragraph(_about(fit, estimates), "about", "run")
+    parts = (*misfits, about, *learned, *unidentified, _held_back(held), residual_table(fit))
+    return Document(_title(fit), (fit_verdict(fit.misfits), *parts))
 
 
 def result_page(fit: Fit, estimates: Sequence[ParameterEstimate], held: HeldBack | None) -> Document:
     """The page: does the model fit, what differs from the set, and the path; the rest is folded."""
     misfits, unidentified = misfits_table(fit.misfits), unidentified_table(estimates)
     changed = [each for each in estimates if each.changed]
-    told = sum(each.identified for each in estimates)
+    identified = sum(each.identified for each in estimates)
     figures = (
         (str(len(changed)), "parameters differ from the set"),
-        (str(told), "parameters estimated"),
+        (str(identified), "parameters estimated"),
         (str(len(fit.run.movements)), "movements"),
     )
     differs: DocumentPart = Paragraph("No parameter differs from the set.")
@@ -313,14 +290,12 @@ def _title(fit: Fit) -> str:
 
 def _about(fit: Fit, estimates: Sequence[ParameterEstimate]) -> str:
     run = fit.run
-    told = sum(each.identified for each in estimates)
+    identified = sum(each.identified for each in estimates)
     changed = sum(each.changed for each in estimates)
     readings = sum(len(each.values) for each in run.readings.values())
-    about = (
-        f"{len(run.movements)} movements, {readings} readings; {told} parameters estimated, {changed} differ "
-        f'from the set "{run.configuration.name}"'
-    )
-    return escape(about, 400)
+    log = f"{len(run.movements)} movements, {readings} readings"
+    found = f'{identified} parameters estimated, {changed} differ from the set "{run.configuration.name}"'
+    return escape(f"{log}; {found}", 400)
 
 
 def _held_back(held: HeldBack | None) -> DataTable | Paragraph:
@@ -334,34 +309,27 @@ def path_pictures(fit: Fit) -> list[DocumentPart]:
     pictures: list[DocumentPart] = []
     maze = fit.run.spec.maze
     scale = WIDTH / maze.width
-    height = maze.height * scale
+    height, side = maze.height * scale, CELL_SIZE * scale
+    walls = [
+        svg.element("rect", x=column * side, y=row * side, width=side, height=side, fill=_WALL_FILL)
+        for row, cells in enumerate(maze.cells)
+        for column, cell in enumerate(cells)
+        if cell == WALL
+    ]
+    frame = svg.element("rect", x=0.0, y=0.0, width=WIDTH, height=height, fill="none", stroke=_WALL_FILL)
     for first, chain in zip(fit.run.first_stops(), fit.run.chains, strict=True):
         count = len(chain.movements) + 1
         poses = fit.poses[first : first + count]
-        parts = []
-        for row, cells in enumerate(maze.cells):
-            for column, cell in enumerate(cells):
-                if cell == WALL:
-                    side = CELL_SIZE * scale
-                    parts.append(
-                        svg.element(
-                            "rect", x=column * side, y=row * side, width=side, height=side, fill=_WALL_FILL
-                        )
-                    )
+        parts = [*walls]
         places = [(float(x) * scale, height - float(y) * scale) for x, y in poses[:, :2]]
-        for k, (begin, end) in enumerate(pairwise(places)):
-            parts.append(
-                svg.element(
-                    "line", x1=begin[0], y1=begin[1], x2=end[0], y2=end[1],
-                    stroke=svg.shade(k / count), stroke_width=1.5,
-                )
-            )  # fmt: skip
+        for k, ((x1, y1), (x2, y2)) in enumerate(pairwise(places)):
+            shade = svg.shade(k / count)
+            parts.append(svg.element("line", x1=x1, y1=y1, x2=x2, y2=y2, stroke=shade, stroke_width=1.5))
         for k, (x, y) in enumerate(places):
             spread = 2.0 * float(fit.pose_spread[first + k, :2].max()) * scale
             met = k and fit.state.contacts[fit.model.movement_at[first + k - 1]]
             fill = _TOUCH if met else svg.shade(k / count)
             parts.append(svg.element("circle", cx=x, cy=y, r=max(spread, 2.0), fill=fill, fill_opacity=0.6))
-        frame = svg.element("rect", x=0.0, y=0.0, width=WIDTH, height=height, fill="none", stroke=_WALL_FILL)
         title = "The estimated path, dark at its beginning; red: a wall was touched on the way"
         about = f"{title}. A disc shows the uncertainty of its place (95 %)."
         pictures += [Figure(title, WIDTH, height, "".join(parts) + frame), Paragraph(about, kind="note")]

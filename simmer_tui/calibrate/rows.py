@@ -17,14 +17,14 @@ What a sensor is expected to read, and how that changes with poses and parameter
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from msgspec.structs import astuple
 
 from simmer_tui.calibrate.find_path import is_known_to, world_of
-from simmer_tui.calibrate.geometry import chord_factor
-from simmer_tui.calibrate.measured_run import MeasuredMovement, MeasuredRun, Readings
+from simmer_tui.calibrate.geometry import Clearance, chord_factor
+from simmer_tui.calibrate.measured_run import MeasuredRun, Readings
 from simmer_tui.calibrate.parameters import AXES, ParameterSpace, observed_sensors
 from simmer_tui.calibrate.posterior import (
     COUNTER,
@@ -44,7 +44,7 @@ from simmer_tui.calibrate.stretches import prediction, share_of_variance
 from simmer_tui.sim.angles import BoolArray, FloatArray, IntArray
 from simmer_tui.sim.distance_errors import REFERENCE_TURN
 from simmer_tui.sim.sensors import CountingSensor, ObservingSensor, Sensor, with_parameters
-from simmer_tui.sim.specs import CELL_SIZE, ContactRule, SimulationSpec
+from simmer_tui.sim.specs import CELL_SIZE, ContactRule
 
 _LIMITS = 2.5
 """Standard deviations by which a range must be within a sensor's limits to count: beyond them only 1 % of
@@ -73,29 +73,20 @@ class _Part:
     with fewer parts has a distance of 0 in the others.
     """
 
-    def __init__(self, spec: SimulationSpec, movements: Sequence[MeasuredMovement], place: int) -> None:
-        parts = [each.distances(spec.drives) for each in movements]
+    def __init__(self, run: MeasuredRun, space: ParameterSpace, place: int) -> None:
+        drives = run.spec.drives
+        parts = [each.distances(drives) for each in run.movements]
         mine = [each[place] if place < len(each) else (each[0][0], 0.0) for each in parts]
         self.drive: IntArray = np.array([drive for drive, _ in mine])
         self.distance: FloatArray = np.array([distance for _, distance in mine])
-        self.turns = np.array([drive.kind.turns for drive in spec.drives])[self.drive]
-        shares = np.where(
-            self.turns,
-            share_of_variance(self.distance, turns=True),
-            share_of_variance(self.distance, turns=False),
-        )
-        self.variance = np.where([each.is_continuous for each in movements], shares, 1.0)
-
-    def place_in(self, space: ParameterSpace) -> None:
-        """Find the columns of its parameters and noise scales, (movements, 3)."""
+        self.turns = np.array([drive.kind.turns for drive in drives])[self.drive]
+        shares = share_of_variance(self.distance, turns=self.turns)
+        self.variance = np.where([each.is_continuous for each in run.movements], shares, 1.0)
+        # Columns of its parameters and noise scales, (movements, 3).
         self.bias_columns, self.error_columns = (
             np.array([[space.column(True, d, f"{table}.{axis}") for axis in AXES] for d in self.drive])
             for table in ("bias", "error")
         )
-
-
-def _parts_of(movement: MeasuredMovement) -> int:
-    return max(len(movement.parts), 1)
 
 
 class Model:
@@ -113,6 +104,7 @@ class Model:
         self.stops = run.stops
         self._turns_freely = spec.robot.radius is not None and spec.contact is ContactRule.DRIVE
         self.world = world_of(run)
+        self.clearance = Clearance(spec.maze, spec.robot)
         movements = run.movements
         self.before: IntArray = run.stops_before_movements()
         """The stop before each movement."""
@@ -121,7 +113,8 @@ class Model:
         laws = [each.law(spec.num_segments) for each in movements]
         self.law = np.array([float(segments) for segments, _ in laws]), np.array([bend for _, bend in laws])
         """Segments of each movement's path, and its bend."""
-        self._parts = [_Part(spec, movements, place) for place in range(max(map(_parts_of, movements)))]
+        most = max(1, *(len(each.parts) for each in movements))
+        self._parts = [_Part(run, space, place) for place in range(most)]
         self.amount = self._parts[0].distance
         """Distance of each movement's drive, inches or degrees, (movements,)."""
         self.certain = np.array([each.certain for each in movements])
@@ -133,8 +126,6 @@ class Model:
         self.movement_at: IntArray = np.full(self.stops, -1)
         """The movement after each stop; -1 after the last stop of a chain."""
         self.movement_at[self.before] = np.arange(len(self.before))
-        for part in self._parts:
-            part.place_in(space)
         self._sensors = {
             index: sensor
             for index, sensor in observed_sensors(spec).items()
@@ -154,7 +145,7 @@ class Model:
     def _stretches_before(self) -> IntArray:
         # Errors go on by the distance of each drive, whatever moves the robot in between.
         before, latest = np.arange(len(self.drive)), dict[tuple[int, int], int]()
-        chains = np.searchsorted(self.run.first_stops(), self.before, side="right")
+        chains = self.run.chains_of(self.before)
         for number in np.flatnonzero(self.continuous).tolist():
             key = int(chains[number]), int(self.drive[number])
             before[number] = latest.get(key, number)
@@ -170,13 +161,7 @@ class Model:
         # Not from a stretch so short that its error says nothing.
         ratio = np.where(follows, distance / np.where(follows, distance[before], 1.0), 0.0)
         follows &= (np.abs(ratio) > 1 / _ALIKE) & (np.abs(ratio) < _ALIKE)
-        turning = self._parts[0].turns
-        factor, left = (
-            np.where(turning, one, other)
-            for one, other in zip(
-                prediction(distance, turns=True), prediction(distance, turns=False), strict=True
-            )
-        )
+        factor, left = prediction(distance, turns=self._parts[0].turns)
         return np.where(follows, left, 1.0), np.where(follows, factor * ratio, 0.0)
 
     @property
@@ -206,18 +191,17 @@ class Model:
                     self._add_counter(stack, state, index, counter)
                 case ObservingSensor() as observer:
                     self._add_observations(stack, state, index, observer, annealed)
-        firsts = np.array(self.run.first_stops())
-        starts = np.array([(c.start.x, c.start.y, c.start.heading) for c in self.run.chains])
+        firsts, chains = np.array(self.run.first_stops()), self.run.chains
+        off = state.chain[firsts, :3] - np.array([astuple(chain.start) for chain in chains])
+        variances = np.array([chain.spread for chain in chains]) ** 2
         for axis in range(3):
-            off = state.chain[firsts, axis] - starts[:, axis]
-            spreads = np.array([chain.spread[axis] for chain in self.run.chains])
-            stack.add(START, -1, firsts, off, spreads**2, [(PER_STOP * firsts + axis, 1.0)])
+            columns = PER_STOP * firsts + axis
+            stack.add(START, -1, firsts, off[:, axis], variances[:, axis], [(columns, 1.0)])
         # The last stop of a chain has no movement; its totals are 0.
         last: IntArray = np.flatnonzero(self.movement_at < 0)
         for axis in range(3, 6):
-            stack.add(
-                START, -1, last, state.chain[last, axis], np.ones(len(last)), [(PER_STOP * last + axis, 1.0)]
-            )
+            columns = PER_STOP * last + axis
+            stack.add(START, -1, last, state.chain[last, axis], np.ones(len(last)), [(columns, 1.0)])
         parameters = self.space.parameters
         numbers = np.arange(len(parameters))
         priors = np.array([each.spread for each in parameters]) if tight is None else tight
@@ -229,13 +213,10 @@ class Model:
 
     def sensor_at(self, state: Iterate, index: int) -> Sensor:
         """A sensor with its parameters and noise scales as estimated at a point."""
-        sensor = self._sensors[index]
-        values: dict[str, float] = {}
-        for group, estimated in (
-            (sensor.parameters, state.parameters),
-            (sensor.noise_scales, state.noise_scales),
-        ):
-            values |= {prior.field: float(estimated[self._columns[index][prior.field]]) for prior in group}
+        sensor, columns = self._sensors[index], self._columns[index]
+        values = {each.field: float(state.parameters[columns[each.field]]) for each in sensor.parameters}
+        for each in sensor.noise_scales:
+            values[each.field] = float(state.noise_scales[columns[each.field]])
         return type(sensor)(with_parameters(sensor.spec, values))
 
     def expected(self, state: Iterate, index: int, stops: IntArray) -> FloatArray:
@@ -257,11 +238,8 @@ class Model:
             # movement may have been made in full or not at all: the whole of it is its standard deviation.
             variance = 1e-6 + np.where(self.certain, 0.0, self.amount**2)
             for place, part in enumerate(self._parts):
-                columns, scales, d = (
-                    part.bias_columns[:, axis],
-                    part.error_columns[:, axis],
-                    part.distance,
-                )
+                columns, scales = part.bias_columns[:, axis], part.error_columns[:, axis]
+                d = part.distance
                 bias, error = state.parameters[columns], state.noise_scales[scales]
                 random = (d * (1.0 + bias) * error) ** 2 * part.variance
                 residual = residual - d * bias
@@ -289,18 +267,17 @@ class Model:
         free = curve * totals + bend
         met = state.contacts
         length = np.abs(free)
-        share = np.where(
-            met & (length > 1e-6),
-            np.clip((gone * free.conj()).real / np.maximum(length, 1e-6) ** 2, 0, 1),
-            1.0,
-        )
+        # A millionth of an inch has no direction; rounding of lengths is far below.
+        somewhere, divisor = length > 1e-6, np.maximum(length, 1e-6)
+        reached = np.clip((gone * free.conj()).real / divisor**2, 0, 1)
+        share = np.where(met & somewhere, reached, 1.0)
         # A disc completes a turn on the spot, whatever it touches; a polygon's corner may be held by a wall.
         # By a velocity it does so even while it is pressed.
         whole = self.turns | (self.continuous & self._turns_freely)
         turned = np.where(met & ~whole, share, 1.0)
         loose = np.where(whole, 0.0 if self._turns_freely else 1.0, 0.4)
         off = gone - share * free
-        along = np.where(length > 1e-6, free / np.maximum(length, 1e-6), 1.0)
+        along = np.where(somewhere, free / divisor, 1.0)
         # After a contact: anything along the path, little across it, in the frame of the path. The spreads
         # are judged: 0.4 of the distance asked covers any stop on it, since the share already follows the
         # poses, and 0.1 across is a wall slid along at 6 degrees; 0.5, 0.4 in and 0.3 degrees are what a
@@ -322,38 +299,28 @@ class Model:
         for part, spread in zip((np.real, np.imag), spreads, strict=False):
             entries = [(base + column, part(each)) for column, each in slopes]
             stack.add(KINEMATIC, self.drive, stop, part(off), spread**2, entries)
-        stack.add(
-            KINEMATIC,
-            self.drive,
-            stop,
-            there[:, 2] - here[:, 2] - turned * here[:, 5],
-            spreads[2] ** 2,
-            [(base + 8, 1.0), (base + 2, -1.0), (base + 5, -turned)],
-        )
+        rest = there[:, 2] - here[:, 2] - turned * here[:, 5]
+        by_turn: list[JacobianEntry] = [(base + 8, 1.0), (base + 2, -1.0), (base + 5, -turned)]
+        stack.add(KINEMATIC, self.drive, stop, rest, spreads[2] ** 2, by_turn)
 
     # -- sensors ---------------------------------------------------------------------------------
 
     def _pairs(self, readings: Readings) -> tuple[IntArray, IntArray]:
         """Readings (by number) that follow each other and can be compared: first and second."""
         stops = readings.stops
-        first = np.arange(len(stops) - 1)
         good = np.isfinite(readings.values[:-1]) & np.isfinite(readings.values[1:])
-        good &= stops[1:] - stops[:-1] <= LONGEST_COUNT
-        chain_of = np.searchsorted(self.run.first_stops(), stops, side="right")
-        good &= chain_of[1:] == chain_of[:-1]
-        kept = first[good]
-        return kept, kept + 1
+        good &= np.diff(stops) <= LONGEST_COUNT
+        good &= np.diff(self.run.chains_of(stops)) == 0
+        first = np.flatnonzero(good)
+        return first, first + 1
 
     def _add_counter(self, stack: RowStack, state: Iterate, index: int, sensor: CountingSensor) -> None:
         spec = sensor.spec
         readings = self.run.readings[spec.code]
         first, second = self._pairs(readings)
         begin, end = readings.stops[first], readings.stops[second]
-        if sensor.slips:
-            counts = self._counts_totals(state, sensor, begin, end)
-        else:
-            counts = self._counts_turns(state, sensor, begin, end)
-        total, squares, entries = counts
+        counts = self._counts_totals if sensor.slips else self._counts_turns
+        total, squares, entries = counts(state, sensor, begin, end)
         seconds = readings.times[second] - readings.times[first]
         change = readings.values[second] - readings.values[first]
         residual = sensor.wrapped(change - spec.gain * total - spec.drift * seconds)
@@ -366,15 +333,11 @@ class Model:
         variance = random + walk + floor
         columns = self._columns[index]
         entries += self._linear_entries(columns, total, seconds)
-        parts: list[VarianceShare] = [
-            (columns[field], part)
-            for field, part in (("error", random), ("random_walk", walk))
-            if field in columns
-        ]
         # Between readings at one stop only what grows with time shows.
         chosen = np.flatnonzero((end > begin) | ("drift" in columns))
         stack.add(
-            COUNTER, index, end, residual, variance, entries, parts,
+            COUNTER, index, end, residual, variance, entries,
+            _shares(columns, error=random, random_walk=walk),
             weights=huber_weights(residual**2 / variance), chosen=chosen,
         )  # fmt: skip
 
@@ -454,15 +417,16 @@ class Model:
         entries += self._linear_entries(columns, true, times)
         entries += [(self.width + columns[field], each) for field, each in by_parameter.items()]
         absolute = np.full(len(stop), spec.absolute_error**2)
-        parts: list[VarianceShare] = [
-            (columns[field], part)
-            for field, part in (("error", proportional), ("absolute_error", absolute))
-            if field in columns
-        ]
+        shares = _shares(columns, error=proportional, absolute_error=absolute)
         stack.add(
-            RANGE if spec.kind.is_range else OBSERVATION, index, stop, residual, variance, entries, parts,
+            RANGE if spec.kind.is_range else OBSERVATION, index, stop, residual, variance, entries, shares,
             weights=weights, chosen=np.flatnonzero(good),
         )  # fmt: skip
+
+
+def _shares(columns: dict[str, int], **parts: FloatArray) -> list[VarianceShare]:
+    """Parts of a sensor's variance with their noise scales, of those that are estimated."""
+    return [(columns[field], part) for field, part in parts.items() if field in columns]
 
 
 def _between(values: FloatArray, begin: IntArray, end: IntArray) -> FloatArray:
@@ -492,5 +456,6 @@ def inlier_probability(
 def huber_weights(squares: FloatArray) -> FloatArray:
     """Huber's weights of residuals with these squares by their variances: 1 up to `_HUBER` standard
     deviations, then falling so that the influence stays the same."""
+    # No residual is divided by that is exactly 0.
     far = np.sqrt(np.maximum(squares, 1e-12))
     return np.where(far > _HUBER, _HUBER / far, 1.0)

@@ -1,8 +1,8 @@
 """Stretches of continuous motion as movements between stops, for logs of robots that drive by velocities.
 
-A velocity has no length known beforehand. What the wheels were told is in the legs of the simulated twin, so
-the commanded way is known at any time. It is cut where a sensor was read after `LEAST_WAY`: there is a stop,
-though the robot may not stand. Readings between two stops are left out.
+A velocity has no length known beforehand. The commands to the wheels are in the legs of the simulated twin,
+so that the commanded path is known at any time. It is cut where a sensor was read after `LEAST_DISTANCE`:
+there is a stop, though the robot may not stand. Readings between two stops are left out.
 
 Errors follow the distance (sim/distance_errors.py): a first-order autoregressive process, whose
 correlation falls to 1/e over a cell or a quarter turn, and whose spread over that length is that of one
@@ -19,7 +19,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from simmer_tui.calibrate.geometry import displacement, on_axes
-from simmer_tui.sim.angles import FloatArray
+from simmer_tui.sim.angles import BoolArray, FloatArray
 from simmer_tui.sim.arcs import Arc, Twist
 from simmer_tui.sim.distance_errors import REFERENCE_TURN, components
 from simmer_tui.sim.pose import Pose
@@ -27,7 +27,7 @@ from simmer_tui.sim.sensors import CountingSensor, Sensor, modelled_sensor
 from simmer_tui.sim.sensors.own_motion import Compass
 from simmer_tui.sim.specs import CELL_SIZE, DriveKind, DriveSpec, SensorSpec
 
-LEAST_WAY, LEAST_TURN = 3.0, 20.0
+LEAST_DISTANCE, LEAST_TURN = 3.0, 20.0
 """Inches and degrees after which a reading makes a stop: a quarter of what errors stay alike over, within
 which the path is known better than ranges tell."""
 _LATER, _GOLDEN = 0.4, 0.618034
@@ -39,7 +39,8 @@ _NEAR, _NEAR_TURN = 0.5, 3.0
 """Inches and degrees from a stop within which a counter is set back to what it was there. Gains and biases
 that are not known yet, 5 %, are off by less over these than drives err over a stretch."""
 ARC_SEGMENTS = 1000
-"""Segments that stand for a continuous motion in the drive law."""
+"""Segments that stand for a continuous motion in the drive law: over a quarter turn its chord is then off by
+0.05 degrees from that of an arc."""
 _START = Pose(0.0, 0.0, 0.0)
 
 
@@ -47,21 +48,21 @@ REFERENCES = np.array((CELL_SIZE, CELL_SIZE, REFERENCE_TURN))
 """Lengths over which errors stay alike, by axis, inches or degrees."""
 
 
-def reference(*, turns: bool) -> float:
-    """The same of a drive."""
-    return REFERENCE_TURN if turns else CELL_SIZE
+def _units(lengths: FloatArray, turns: bool | BoolArray, least: float) -> FloatArray:
+    """Lengths of drives in those over which their errors stay alike, at least `least` of them."""
+    return np.maximum(np.abs(lengths) / np.where(turns, REFERENCE_TURN, CELL_SIZE), least)
 
 
-def share_of_variance(lengths: FloatArray, *, turns: bool) -> FloatArray:
+def share_of_variance(lengths: FloatArray, *, turns: bool | BoolArray) -> FloatArray:
     """Variance over (n,) lengths of continuous motion, of that of one movement of as much."""
     # A millionth of a cell: the limit of 0 is e / 2.
-    units = np.maximum(np.abs(lengths) / reference(turns=turns), 1e-6)
+    units = _units(lengths, turns, 1e-6)
     return np.where(
         units < 1e-3, math.e / 2, math.e * (units + np.expm1(-units)) / np.maximum(units, 1e-3) ** 2
     )
 
 
-def prediction(lengths: FloatArray, *, turns: bool) -> tuple[FloatArray, FloatArray]:
+def prediction(lengths: FloatArray, *, turns: bool | BoolArray) -> tuple[FloatArray, FloatArray]:
     """Share of the errors of (n,) stretches that follows from those of stretches as long before them.
 
     Returns:
@@ -70,7 +71,8 @@ def prediction(lengths: FloatArray, *, turns: bool) -> tuple[FloatArray, FloatAr
         factor is the one for which many stretches together have the variance that they have, l / (l - 1 +
         exp(-l)) of that of independent ones.
     """
-    units = np.maximum(np.abs(lengths) / reference(turns=turns), 1e-2)
+    # From a hundredth of a length on: below it factor and share are differences of nearly equal numbers.
+    units = _units(lengths, turns, 1e-2)
     left = units + np.expm1(-units)
     neighbours = np.expm1(-units) ** 2 / (2 * left)
     lasting = units / left
@@ -81,7 +83,7 @@ def prediction(lengths: FloatArray, *, turns: bool) -> tuple[FloatArray, FloatAr
 
 
 class VelocityStretch:
-    """The commanded way of a robot since its last stop."""
+    """The commanded path of a robot since its last stop."""
 
     def __init__(self, drives: tuple[DriveSpec, ...]) -> None:
         self._drives, self._stops = drives, 0
@@ -93,12 +95,12 @@ class VelocityStretch:
         """There is a stop here."""
         self._stops += 1
         self._pose, self._asked = _START, np.zeros(3)
-        self._way = self._turn = 0.0
+        self._travelled = self._turn = 0.0
         self._distances: dict[int, float] = {}
 
-    def drive(self, told: Twist, seconds: float) -> None:
-        """Add so many seconds at a twist that the wheels were told."""
-        parts = components(told, self._rows)
+    def drive(self, twist: Twist, seconds: float) -> None:
+        """Add so many seconds at a commanded twist."""
+        parts = components(twist, self._rows)
         if seconds <= 0.0 or not parts:
             return
         totals = np.zeros(3)
@@ -109,33 +111,33 @@ class VelocityStretch:
         self._asked += totals * seconds
         led = Twist(*totals.tolist())
         self._pose = Arc.of(self._pose, led, seconds).end
-        self._way += led.speed * seconds
+        self._travelled += led.speed * seconds
         self._turn += abs(led.r) * seconds
 
     @property
     def is_long(self) -> bool:
         """True if a reading here makes a stop."""
         later = 1.0 + _LATER * (self._stops * _GOLDEN % 1.0)
-        return self._way >= LEAST_WAY * later or self._turn >= LEAST_TURN * later
+        return self._travelled >= LEAST_DISTANCE * later or self._turn >= LEAST_TURN * later
 
     def at_stop(self, sensor: SensorSpec, value: float) -> float | None:
         """A reading made now as it would have been at the last stop; None if that is too far away."""
         kind = modelled_sensor(sensor) if issubclass(sensor.kind, Sensor) else None
-        near = self._way <= _NEAR and self._turn <= _NEAR_TURN
+        near = self._travelled <= _NEAR and self._turn <= _NEAR_TURN
         if isinstance(kind, CountingSensor) and near:
             return value - sensor.gain * float(kind.lever @ self._asked)
         if isinstance(kind, Compass) and near:
             return value - sensor.gain * float(self._asked[2])
-        return value if self._way <= _THERE and self._turn <= _THERE_TURN else None
+        return value if self._travelled <= _THERE and self._turn <= _THERE_TURN else None
 
     @property
     def has_moved(self) -> bool:
-        """True if the robot was told to go anywhere."""
-        return self._way > 0.0 or self._turn > 0.0
+        """True if a motion was commanded."""
+        return self._travelled > 0.0 or self._turn > 0.0
 
     @property
     def asked(self) -> tuple[float, float, float]:
-        """Inches ahead and to the left and degrees that the wheels were told, as they count them."""
+        """Inches ahead and to the left and degrees that were commanded, as the wheels count them."""
         x, y, r = self._asked.tolist()
         return x, y, r
 
@@ -150,6 +152,6 @@ class VelocityStretch:
         drove most of a cell or a quarter turn."""
 
         def share(part: tuple[int, float]) -> float:
-            return abs(part[1]) / reference(turns=self._drives[part[0]].kind.turns)
+            return abs(part[1]) / (REFERENCE_TURN if self._drives[part[0]].kind.turns else CELL_SIZE)
 
         return tuple(sorted(self._distances.items(), key=share, reverse=True))

@@ -7,12 +7,13 @@ swapped, turned or stuck has little weight in it: the fit takes its readings for
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
+from typing import TypeVar
 
 import numpy as np
 from msgspec.structs import replace
 
-from simmer_tui.calibrate.find_path import is_known_to, world_of
+from simmer_tui.calibrate.find_path import is_known_to
 from simmer_tui.calibrate.fit import Fit
 from simmer_tui.calibrate.geometry import totals_between
 from simmer_tui.calibrate.measured_run import MeasuredRun, Readings
@@ -22,7 +23,7 @@ from simmer_tui.report.finding import FEWEST, Basis, Claim, Finding, FindingKind
 from simmer_tui.report.sensor_audit import other_quantity
 from simmer_tui.report.sensor_sample import Alternative, SensorSample, stuck, turned
 from simmer_tui.sim.angles import BoolArray, FloatArray
-from simmer_tui.sim.sensors import CountingSensor, ObservingSensor, Sensor, World
+from simmer_tui.sim.sensors import CountingSensor, ObservingSensor, Sensor
 
 # Judged: a robot's gains, biases and mounting, before they are known, make an inch of a foot, and 10 degrees.
 _UNKNOWN = {"in": 1.0, "deg": 10.0}
@@ -36,55 +37,56 @@ _MOVED = 0.5
 
 def suspicions(found: Fit) -> tuple[Finding, ...]:
     """Sensors and drives that the fitted path says are swapped, turned or stuck; with an error of 1 %."""
-    sensors = list(observed_sensors(found.run.spec).values())
-    world = world_of(found.run)
-    claims = [
-        other_quantity(sample, Basis.SET)
-        for sensor in sensors
-        for sample in _samples(found, sensor, sensors, world)
-        if len(sample.values) >= FEWEST[Basis.SET]
-    ]
-    return kept([*claims, *_drives(found)])
+    before, law = found.model.before, found.model.law
+    totals = np.zeros((len(found.poses), 3))
+    totals[before + 1] = totals_between(found.poses[before], found.poses[before + 1], *law)
+
+    def sample(sensor: Sensor, readings: Readings, alike: list[Sensor]) -> SensorSample:
+        if isinstance(sensor, CountingSensor):
+            return _counted(found.run, sensor, readings, alike, totals)
+        assert isinstance(sensor, ObservingSensor), "a sensor counts or observes"
+        return _observed(found, sensor, readings, alike)
+
+    claims = _claims(found.run, [*observed_sensors(found.run.spec).values()], sample)
+    return kept([*claims, *_drives(found, totals[before + 1])])
 
 
 def suspicions_without_path(run: MeasuredRun) -> tuple[Finding, ...]:
     """The same where no path was found: counting sensors, held against what the drives were asked."""
     spec = run.spec
-    sensors = [each for each in observed_sensors(spec).values() if isinstance(each, CountingSensor)]
+    counters = [each for each in observed_sensors(spec).values() if isinstance(each, CountingSensor)]
     totals = np.zeros((run.stops, 3))
     for before, movement in zip(run.stops_before_movements().tolist(), run.movements, strict=True):
         totals[before + 1] = movement.asked(spec.drives)
-    claims = []
+
+    def sample(sensor: CountingSensor, readings: Readings, alike: list[CountingSensor]) -> SensorSample:
+        return _counted(run, sensor, readings, alike, totals)
+
+    return kept([*_claims(run, counters, sample)])
+
+
+_S = TypeVar("_S", bound=Sensor)
+
+
+def _claims(
+    run: MeasuredRun, sensors: list[_S], sample_of: Callable[[_S, Readings, list[_S]], SensorSample]
+) -> Iterator[Claim]:
+    """Claims on sensors that were read often enough, by their samples, for which those of the same unit are
+    looked at too."""
     for sensor in sensors:
         readings = run.readings.get(sensor.spec.code)
         if readings is not None:
-            alike: list[Sensor] = [each for each in sensors if each is not sensor]
-            same = [each for each in alike if each.spec.unit == sensor.spec.unit]
-            sample = _counted(run, sensor, readings, same, totals)
+            alike = [each for each in sensors if each is not sensor and each.spec.unit == sensor.spec.unit]
+            sample = sample_of(sensor, readings, alike)
             if len(sample.values) >= FEWEST[Basis.SET]:
-                claims.append(other_quantity(sample, Basis.SET))
-    return kept(claims)
-
-
-def _samples(found: Fit, sensor: Sensor, sensors: list[Sensor], world: World) -> Iterator[SensorSample]:
-    """Readings of a sensor beside those expected on the fitted path; none if it was not read."""
-    readings = found.run.readings.get(sensor.spec.code)
-    if readings is None:
-        return
-    alike = [each for each in sensors if each is not sensor and each.spec.unit == sensor.spec.unit]
-    if isinstance(sensor, ObservingSensor):
-        yield _observed(found, sensor, readings, alike, world)
-    elif isinstance(sensor, CountingSensor):
-        before, law = found.model.before, found.model.law
-        totals = np.zeros((len(found.poses), 3))
-        totals[before + 1] = totals_between(found.poses[before], found.poses[before + 1], *law)
-        yield _counted(found.run, sensor, readings, alike, totals)
+                yield other_quantity(sample, Basis.SET)
 
 
 def _observed(
-    found: Fit, sensor: ObservingSensor, readings: Readings, alike: list[Sensor], world: World
+    found: Fit, sensor: ObservingSensor, readings: Readings, alike: Sequence[Sensor]
 ) -> SensorSample:
-    spec = sensor.spec
+    """Readings of a sensor beside those expected on the fitted path."""
+    spec, world = sensor.spec, found.model.world
     poses = found.poses[readings.stops]
     expected = sensor.expected(world, poses, 0.0)
     spread = np.hypot(spec.error * np.abs(expected), _UNKNOWN[spec.unit])
@@ -104,7 +106,7 @@ def _counted(
     run: MeasuredRun,
     sensor: CountingSensor,
     readings: Readings,
-    alike: list[Sensor],
+    alike: Sequence[Sensor],
     totals: FloatArray,
 ) -> SensorSample:
     """By what it counted between readings; `totals` say how far each stop is from the one before, (stops, 3).
@@ -112,8 +114,7 @@ def _counted(
     """
     stops = readings.stops
     done = np.cumsum(totals, axis=0)[stops]
-    chains = np.searchsorted(run.first_stops(), stops, "right")
-    usable: BoolArray = np.diff(chains) == 0
+    usable: BoolArray = np.diff(run.chains_of(stops)) == 0
     driven: FloatArray = np.diff(done, axis=0)[usable]
     seconds = np.diff(readings.times)[usable]
     row = sensor.spec
@@ -133,18 +134,16 @@ def _counted(
     return sample.against([still, mirrored, *others])
 
 
-def _drives(found: Fit) -> Iterator[Claim]:
-    """Drives by where each of their movements led on the fitted path."""
+def _drives(found: Fit, done: FloatArray) -> Iterator[Claim]:
+    """Drives by the totals of each of their movements on the fitted path, (movements, 3)."""
     run = found.run
-    before = found.model.before
-    done = totals_between(found.poses[before], found.poses[before + 1], *found.model.law)
     asked = np.array([each.value for each in run.movements])
     # A stretch of continuous motion is no drive's alone.
     number = np.array([-1 if each.is_continuous else each.drive for each in run.movements])
     # Values are times Gain already.
     rows = [replace(each, gain=1.0) for each in run.spec.drives]
     for index, row in enumerate(rows):
-        way = np.abs(done[:, 2]) if row.kind.turns else np.hypot(done[:, 0], done[:, 1])
-        made = (number == index) & (asked != 0.0) & (way > _MOVED * np.abs(asked))
+        travelled = np.abs(done[:, 2]) if row.kind.turns else np.hypot(done[:, 0], done[:, 1])
+        made = (number == index) & (asked != 0.0) & (travelled > _MOVED * np.abs(asked))
         if int(made.sum()) >= _FEWEST_MOVEMENTS:
             yield other_direction(row, asked[made], done[made], rows, Basis.SET)

@@ -16,7 +16,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from simmer_tui.calibrate.estimates import ParameterEstimate
+from simmer_tui.calibrate.estimates import ParameterEstimate, unidentified_labels
 from simmer_tui.calibrate.fit import Fit
 from simmer_tui.calibrate.parameters import with_values
 from simmer_tui.config import drive_csv, sensors_csv, settings_file
@@ -101,19 +101,15 @@ def set_texts(fit: Fit, estimates: Sequence[ParameterEstimate]) -> dict[str, str
 
 def _notes(estimates: Sequence[ParameterEstimate], source: str) -> dict[str, str]:
     """Notes on rows, by ID: intervals and the logs they are from, or why there is no estimate."""
-    told: dict[str, list[str]] = {}
-    unidentified: dict[str, dict[str, list[str]]] = {}
+    intervals: dict[str, list[str]] = {}
     for each in estimates:
         if each.identified:
             _, low, high = each.shown
             unit = f" {each.unit}" if each.unit else ""
-            told.setdefault(each.owner, []).append(f"{each.label} {low} to {high}{unit}")
-        else:
-            unidentified.setdefault(each.owner, {}).setdefault(each.why_not, []).append(each.label)
-    notes = {owner: [f"{source}; 95 % intervals: {'; '.join(said)}"] for owner, said in told.items()}
-    for owner, reasons in unidentified.items():
-        parts = [f"{', '.join(labels)} as before: {why}" for why, labels in reasons.items()]
-        notes[owner] = [*notes.get(owner, []), *parts]
+            intervals.setdefault(each.owner, []).append(f"{each.label} {low} to {high}{unit}")
+    notes = {owner: [f"{source}; 95 % intervals: {'; '.join(said)}"] for owner, said in intervals.items()}
+    for (owner, why), labels in unidentified_labels(estimates).items():
+        notes.setdefault(owner, []).append(f"{', '.join(labels)} as before: {why}")
     return {owner: "; ".join(said) for owner, said in notes.items()}
 
 
@@ -138,6 +134,7 @@ def _settings(fit: Fit, estimates: Sequence[ParameterEstimate], source: str) -> 
     comments = {"randbias": f"{source}: the biases of drive.csv are this robot's own."}
     latency = next((each for each in estimates if each.owner == "link"), None)
     if latency is not None and latency.identified:
+        # Durations are known to half a millisecond.
         values["link.latency"] = float(f"{latency.value:.3g}")
         _, low, high = latency.shown
         comments["link.latency"] = f"{source}: {low} to {high} s."
@@ -155,16 +152,16 @@ def _settings(fit: Fit, estimates: Sequence[ParameterEstimate], source: str) -> 
 
 def knowledge_of(fit: Fit, estimates: Sequence[ParameterEstimate]) -> Knowledge:
     """The estimates by name, with the covariance of the identified parameters."""
-    told = np.flatnonzero(fit.identified)
-    covariance = fit.covariance[np.ix_(told, told)]
+    identified = np.flatnonzero(fit.identified)
+    covariance = fit.covariance[np.ix_(identified, identified)]
     return Knowledge(
         logs=tuple(fit.run.names),
         misfits=tuple(each.text for each in fit.misfits),
-        parameters=tuple(fit.space.parameters[i].name for i in told),
+        parameters=tuple(fit.space.parameters[i].name for i in identified),
         # Offsets are counted from where the set that is written has the sensors.
         values=tuple(
             0.0 if fit.space.parameters[i].sort is Sort.OFFSET else float(fit.state.parameters[i])
-            for i in told
+            for i in identified
         ),
         covariance=tuple(tuple(float(f"{v:.6g}") for v in row) for row in covariance),
         noise_scales={

@@ -72,14 +72,7 @@ def _parser() -> OneLineParser:
 def run_atlas(options: argparse.Namespace) -> int:
     """`simmer-tui atlas OUT`: compute and write expected readings. Returns the exit code."""
     out: Path = options.out
-    shown = escape(str(out), 200)
-    form = options.format or out.suffix.removeprefix(".").lower()
-    if form not in _FORMATS:
-        raise AtlasError(f"{shown} does not end in .{', .'.join(_FORMATS)}: say --format too")
-    if out.is_dir() or not out.parent.is_dir():
-        # Said before it is computed, not after.
-        what = "is a folder" if out.is_dir() else "is in a folder that does not exist"
-        raise AtlasError(f"{shown} {what}: name a file to write to")
+    form = _format_for(out, options.format)
     simulator = Simulator(load(find_set(options.config), overrides_from(options)).simulation)
     codes = atlas_codes(simulator, options.sensors.split(",") if options.sensors is not None else ())
     grid = PoseGrid.over(simulator.maze, options.step, options.headings)
@@ -88,22 +81,42 @@ def run_atlas(options: argparse.Namespace) -> int:
         raise AtlasError(f"{what}: take a larger --step, fewer --headings, or say --yes")
     atlas = _computed(simulator, grid, codes)
     data = _FORMATS[form](atlas)
+    shown = escape(str(out), 200)
     try:
         out.write_bytes(data)
     except OSError as error:
         raise AtlasError(f"{shown} cannot be written: {error.strerror or error}") from None
-    places = f"{grid.poses:,} poses: {grid.rows} x {grid.columns} places, {counted(grid.headings, 'heading')}"
     sys.stdout.write(f"Wrote {shown}, {len(data) / 1e6:.2f} MB: {', '.join(codes)}\n")
-    sys.stdout.write(f"{places}; the robot fits at {int(atlas.free.sum()):,}\n")
-    scanning = [each.code for each in simulator.spec.sensors if each.code in codes and each.kind.is_scan]
-    if scanning:
-        sys.stdout.write(f"{', '.join(scanning)}: the first ray of a revolution, along its Rotation\n")
+    _describe(atlas, simulator)
     if form == "h" and table_bytes(atlas) > MEGA_FLASH:
         sys.stderr.write(
             f"note: its tables take {table_bytes(atlas) / 1024:.0f} kB; an Arduino Mega has "
             f"{MEGA_FLASH // 1024} kB: take a larger --step, fewer --headings or fewer --sensors\n"
         )
     return ExitCode.DONE
+
+
+def _format_for(out: Path, named: str | None) -> str:
+    """The format that was named, or that the file's ending says. Raises AtlasError if it says none, or if no
+    file can be there: before the work, whose result would be lost."""
+    shown = escape(str(out), 200)
+    form = named or out.suffix.removeprefix(".").lower()
+    if form not in _FORMATS:
+        raise AtlasError(f"{shown} does not end in .{', .'.join(_FORMATS)}: say --format too")
+    if out.is_dir() or not out.parent.is_dir():
+        what = "is a folder" if out.is_dir() else "is in a folder that does not exist"
+        raise AtlasError(f"{shown} {what}: name a file to write to")
+    return form
+
+
+def _describe(atlas: Atlas, simulator: Simulator) -> None:
+    """Print the size of an atlas, and what is peculiar about its sensors."""
+    grid, codes = atlas.grid, atlas.codes
+    places = f"{grid.poses:,} poses: {grid.rows} x {grid.columns} places, {counted(grid.headings, 'heading')}"
+    sys.stdout.write(f"{places}; the robot fits at {int(atlas.free.sum()):,}\n")
+    scanning = [each.code for each in simulator.spec.sensors if each.code in codes and each.kind.is_scan]
+    if scanning:
+        sys.stdout.write(f"{', '.join(scanning)}: the first ray of a revolution, along its Rotation\n")
 
 
 def _computed(simulator: Simulator, grid: PoseGrid, codes: tuple[str, ...]) -> Atlas:

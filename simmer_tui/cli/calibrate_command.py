@@ -114,7 +114,7 @@ def run_calibrate(options: argparse.Namespace) -> int:
     if options.check is not None:
         return _check(run, options.check, as_json=options.json)
     _check_free(options.out)
-    device_texts(run.configuration)  # missing ones are told before the work
+    device_texts(run.configuration)  # missing ones are reported before the work
     if len(options.logs) > 1:
         with _shown() as progress:
             require_one_robot([read_runs([log]) for log in options.logs], options.seed, progress)

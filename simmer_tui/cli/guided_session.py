@@ -51,6 +51,7 @@ def hold_session(configuration: Configuration, log: Path, console: Console) -> N
         raise CalibrationError("--guided needs somebody who puts the robot there and presses Enter") from None
     with contextlib.suppress(KeyboardInterrupt):
         asyncio.run(_session(configuration, guide, log, console))
+    # A spin takes seven: before ten no drive but the turning one has moved twice.
     if guide.count < 10:
         raise CalibrationError("the session ended before there was enough to estimate anything")
     if guide.stuck:
@@ -95,10 +96,11 @@ async def _session(configuration: Configuration, guide: SessionPlanner, log: Pat
                 live.update(picture(guide, what, link, console.height))
 
             try:
-                await drive_guided(ask, guide, learn, time.time, show, asyncio.sleep)
+                await drive_guided(ask, guide, learn, time.time, show)
                 show("done")
             except asyncio.CancelledError:
                 bridge.stop()
+                # Time for the stop to be written before the port is closed.
                 await asyncio.sleep(0.3)
                 raise
             finally:
@@ -126,11 +128,11 @@ def picture(guide: SessionPlanner, what: str, link: str, height: int) -> Group:
     room = max(height - _OTHER_LINES - len(goals.rows), 1)
     order = np.argsort(-doubts, kind="stable")
     for index in order[:room]:
-        parameter, told = found.space.parameters[index], found.identified[index]
+        parameter, is_identified = found.space.parameters[index], found.identified[index]
         value, spread = float(found.state.parameters[index]), float(found.standard_errors[index])
         middle, low, high = shown(value, *parameter.interval(value, spread))
         bar = "#" * max(1, min(20, round(20 * float(doubts[index]))))
-        cells = (middle, f"{low} to {high}") if told else ("?", "not known yet")
+        cells = (middle, f"{low} to {high}") if is_identified else ("?", "not known yet")
         figures.add_row(parameter.owner, parameter.label, *cells, bar)
     rest = Text(f"and {len(order) - room} parameters that are known better" if len(order) > room else "")
     return Group(head, goals, figures, rest)

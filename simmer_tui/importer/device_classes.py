@@ -13,7 +13,7 @@ from pathlib import Path
 from msgspec import Struct
 
 from simmer_tui.errors import ConfigurationError
-from simmer_tui.importer.literal import read_constants
+from simmer_tui.importer.literal import parsed, read_module
 from simmer_tui.importer.python_values import Located
 from simmer_tui.sim.command import escape
 
@@ -58,10 +58,10 @@ def read_device_classes(folder: Path) -> Mapping[str, ClassNumbers]:
         name = f"{FOLDER}/{escape(path.name, 60)}"
         try:
             data = path.read_bytes()[:_MOST_BYTES]
-            module, constants = read_constants(data.decode("utf-8", "replace"), name)
+            module = parsed(data.decode("utf-8", "replace"), name)
         except (OSError, ConfigurationError):
             continue
-        tables = _tables(module.body)
+        constants, tables = read_module(module).names, _tables(module.body)
         for node in ast.walk(module):
             if isinstance(node, ast.ClassDef):
                 # A file may have a thousand branches or signs within each other.
@@ -121,14 +121,12 @@ class _DeviceClass:
 
     def _read_defaults(self, arguments: ast.arguments) -> None:
         given = arguments.args[len(arguments.args) - len(arguments.defaults) :]
-        pairs = [*zip(given, arguments.defaults, strict=True)]
-        pairs += [
-            (argument, default)
-            for argument, default in zip(arguments.kwonlyargs, arguments.kw_defaults, strict=True)
-            if default is not None
-        ]
-        for argument, default in pairs:
-            self._add(argument.arg, default)
+        for argument, default in (
+            *zip(given, arguments.defaults, strict=True),
+            *zip(arguments.kwonlyargs, arguments.kw_defaults, strict=True),
+        ):
+            if default is not None:
+                self._add(argument.arg, default)
 
     def _read_body(self, body: Iterable[ast.stmt]) -> None:
         """Take in the assignments of a body, those below an `if` or `try` too."""

@@ -4,7 +4,7 @@ The other simulators let robot and block overlap a wall; here nothing starts so.
 """
 
 import math
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, TypeVar
@@ -12,6 +12,7 @@ from typing import Any, TypeVar
 from msgspec import Struct
 from msgspec.structs import replace
 
+from simmer_tui.config.mission_plan import cells_of
 from simmer_tui.config.settings import settings_from
 from simmer_tui.errors import ConfigurationError, Problem
 from simmer_tui.importer.device_classes import ClassNumber, ClassNumbers, class_number
@@ -21,7 +22,6 @@ from simmer_tui.sim.obstacles import placement_problems
 from simmer_tui.sim.rules import NumberRule, Rule
 from simmer_tui.sim.specs import (
     BLOCK,
-    CELL_SIZE,
     EMPTY,
     START,
     DriveSpec,
@@ -41,8 +41,8 @@ SettingValue = bool | int | float | str | tuple[float, float] | tuple[str, ...]
 
 
 class OwnDevice(Struct, frozen=True):
-    """A device of a class that the team wrote itself: the class's name, its place as a row of another
-    kind, the numbers of its class and of its description, and the note that it was left out."""
+    """A device of a class that the team wrote itself: the class's name, and its place as a row of another
+    kind. With it are the numbers of class and description, and the note that it was left out."""
 
     title: str
     row: SensorSpec
@@ -106,7 +106,7 @@ def settled(imported: Imported, origins: Mapping[str, str]) -> Imported:
         for x, y in _middles(imported.maze, _CELLS[name]):
             moved = replace(imported, settings={**imported.settings, name: (x, y)})
             found = _problems(moved)
-            # The other place is judged anew: a block that moved may have freed the start, or taken it.
+            # The other place is judged again: a block that moved may have freed the start, or taken it.
             if name not in found:
                 problems = found
                 note = Problem(origins.get(name, name), f"{what.partition(';')[0]}; moved to ({x:g}, {y:g})")
@@ -117,32 +117,22 @@ def settled(imported: Imported, origins: Mapping[str, str]) -> Imported:
 
 def _problems(imported: Imported) -> dict[str, str]:
     settings = settings_from(imported.settings)
-    return dict(
-        placement_problems(
-            SimulationSpec(
-                maze=imported.maze,
-                robot=imported.robot,
-                sensors=(),
-                drives=(),
-                bot_center=settings.bot_center,
-                bot_rot=settings.bot_rot,
-                block_center=settings.block_center,
-                block_size=settings.blocksize,
-                block_solid=settings.motion.block_solid,
-            )
-        )
+    spec = SimulationSpec(
+        maze=imported.maze,
+        robot=imported.robot,
+        sensors=(),
+        drives=(),
+        bot_center=settings.bot_center,
+        bot_rot=settings.bot_rot,
+        block_center=settings.block_center,
+        block_size=settings.blocksize,
+        block_solid=settings.motion.block_solid,
     )
+    return dict(placement_problems(spec))
 
 
-def _middles(maze: MazeSpec, kinds: tuple[int, ...]) -> Iterator[tuple[float, float]]:
-    places = [
-        ((column + 0.5) * CELL_SIZE, (maze.rows - row - 0.5) * CELL_SIZE)
-        for kind in kinds
-        for row, cells in enumerate(maze.cells)
-        for column, cell in enumerate(cells)
-        if cell == kind
-    ]
-    yield from places[:MAX_TRIES]
+def _middles(maze: MazeSpec, kinds: tuple[int, ...]) -> list[tuple[float, float]]:
+    return [(cell.x, cell.y) for kind in kinds for cell in cells_of(maze, kind)][:MAX_TRIES]
 
 
 N = TypeVar("N", int, float)
@@ -186,7 +176,8 @@ class Fields:
         self.line = line
         self._fields = fields
         self._notes = notes
-        self._class_numbers = class_numbers
+        self.class_numbers = class_numbers
+        """Numbers of its class."""
         self.of_class: dict[str, ClassNumber] = {}
         """Numbers that the device's class gave, in the order in which they were asked for."""
         self.assumed: dict[str, float] = {}
@@ -202,14 +193,9 @@ class Fields:
             if isinstance(value, int | float) and not isinstance(value, bool) and key.isascii()
         }
 
-    @property
-    def class_numbers(self) -> ClassNumbers:
-        """The numbers of its class."""
-        return self._class_numbers
-
     def silent(self) -> "Fields":
         """The same fields, of which nothing is noted."""
-        return Fields(self.code, self.line, self._fields, Notes(""), self._class_numbers)
+        return Fields(self.code, self.line, self._fields, Notes(""), self.class_numbers)
 
     def note(self, key: str, what: str) -> Problem:
         """Note something about a field, at its line. Returns the note."""
@@ -229,16 +215,13 @@ class Fields:
     def number(self, key: str, default: float, rule: Rule[float] = _ANY_NUMBER) -> float:
         """A number, or the default if it is absent or not one the rule allows."""
         # Adding 0 makes 0.0 of -0.0, which nobody writes.
-        return self._checked(key, default, rule) + 0.0
+        return self.checked(key, default, rule) + 0.0
 
-    def whole_number(self, key: str, default: int, rule: Rule[int]) -> int:
-        """A whole number, or the default if it is absent or not one the rule allows."""
-        return self._checked(key, default, rule)
-
-    def _checked(self, key: str, default: N, rule: Rule[N]) -> N:
-        """A value of the description, or else of the device's class, or else the default."""
+    def checked(self, key: str, default: N, rule: Rule[N]) -> N:
+        """A value of the description, or else of the device's class, or else the default; the default too if
+        the rule does not allow it."""
         value = self.value(key)
-        own = class_number(self._class_numbers, key) if value is None else None
+        own = class_number(self.class_numbers, key) if value is None else None
         if value is None and own is None:
             self.assumed[key] = default
             return default

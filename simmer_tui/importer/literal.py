@@ -1,8 +1,8 @@
 """Python source read for its values, without running any of it.
 
 Understood are literals, names assigned before, arithmetic, `[...]`, `{...}` and their
-comprehensions, subscripts, `for` loops that fill a list, and a short list of functions of Python,
-`math` and `numpy`. Any other call (`Ultrasonic(u0_info)`) becomes a `Call` record. What is not
+comprehensions, subscripts, and `for` loops that fill a list. So is a short list of functions of
+Python, `math` and `numpy`. Any other call (`Ultrasonic(u0_info)`) becomes a `Call` record. What is not
 understood becomes an `Unreadable` with its line; so does every name that such a statement may have
 changed.
 """
@@ -13,7 +13,7 @@ import operator
 import warnings
 from collections.abc import Callable, Iterator, Mapping
 from functools import partial
-from typing import Any
+from typing import Any, NoReturn
 
 from msgspec import Struct, field
 
@@ -93,8 +93,8 @@ _JUMPS = (ast.Break, ast.Continue)
 class Source(Struct):
     """The values a file assigns at its top level.
 
-    `used` holds the names that some expression refers to or some loop counts with, `skipped` the
-    (line, reason) of statements that were not understood, each once.
+    `used` holds the names that some expression refers to or some loop counts with. `skipped` holds
+    (line, reason) of the statements that were not understood, each once.
     """
 
     names: dict[str, Located] = field(default_factory=dict)
@@ -104,21 +104,20 @@ class Source(Struct):
 
 def read_source(text: str, file: str) -> Source:
     """Read Python source. Raises ConfigurationError if it is no Python at all."""
+    return read_module(parsed(text, file))
+
+
+def read_module(module: ast.Module) -> Source:
+    """Read the tree of Python source."""
     # Statement by statement, never executed: the file may come from anywhere.
     reader = _Reader()
-    for statement in _parsed(text, file).body:
+    for statement in module.body:
         reader.read(statement)
     return reader.source
 
 
-def read_constants(text: str, file: str) -> tuple[ast.Module, Mapping[str, Located]]:
-    """Python source as a tree, and the values that it assigns at its top level. Raises ConfigurationError if
-    it is no Python at all."""
-    return _parsed(text, file), read_source(text, file).names
-
-
-def _parsed(text: str, file: str) -> ast.Module:
-    """Raises ConfigurationError."""
+def parsed(text: str, file: str) -> ast.Module:
+    """The tree of Python source. Raises ConfigurationError if it is no Python at all."""
     try:
         with warnings.catch_warnings():
             # Of a backslash in a text of theirs, say.
@@ -142,8 +141,8 @@ def read_expression(text: str) -> Any:
 
 
 class _Reader(ast.NodeVisitor):
-    """Reads statements and expressions, each by its method; a statement without one is skipped, an
-    expression without one is not understood."""
+    """Reads statements and expressions, each by its method; what has none is not understood, and a statement
+    that is not understood is skipped."""
 
     def __init__(self) -> None:
         self.source = Source()
@@ -158,12 +157,16 @@ class _Reader(ast.NodeVisitor):
             for node in ast.walk(statement)
             if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Load)
         }
-        self.visit(statement)
+        self._follow(statement)
 
-    def generic_visit(self, node: ast.AST) -> None:
-        if not isinstance(node, ast.stmt):
-            raise NotUnderstoodError(f"{type(node).__name__} is not understood")
-        self._skip(node)
+    def _follow(self, statement: ast.stmt) -> None:
+        try:
+            self.visit(statement)
+        except NotUnderstoodError:
+            self._skip(statement)
+
+    def generic_visit(self, node: ast.AST) -> NoReturn:
+        raise NotUnderstoodError(f"{type(node).__name__} is not understood")
 
     def visit_Import(self, statement: ast.Import) -> None:
         for name in statement.names:
@@ -180,15 +183,13 @@ class _Reader(ast.NodeVisitor):
 
     def visit_AnnAssign(self, statement: ast.AnnAssign) -> None:
         if statement.value is None:
-            self._skip(statement)
-        else:
-            self._assign(statement.target, self._try(statement.value), statement.lineno)
+            self.generic_visit(statement)
+        self._assign(statement.target, self._try(statement.value), statement.lineno)
 
     def visit_AugAssign(self, statement: ast.AugAssign) -> None:
         target = statement.target
         if not isinstance(target, ast.Name):
-            self._skip(statement)
-            return
+            self.generic_visit(statement)
         # `x += 1` is read as `x = x + 1`, at the same place for messages.
         old = ast.copy_location(ast.Name(target.id, ast.Load()), target)
         sum_ = ast.copy_location(ast.BinOp(old, statement.op, statement.value), statement)
@@ -206,41 +207,34 @@ class _Reader(ast.NodeVisitor):
     def visit_Expr(self, statement: ast.Expr) -> None:
         match statement.value:
             case ast.Constant():
-                return
+                pass
             case ast.Call(
                 func=ast.Attribute(value=ast.Name(id=name), attr="append" | "extend" as method),
                 args=[item],
                 keywords=[],
             ) if isinstance(self._table(name), list):
-                self._add(statement, self._table(name), method, item)
+                self._add(self._table(name), method, item)
             case _:
-                self._skip(statement)
+                self.generic_visit(statement)
 
     def visit_For(self, statement: ast.For) -> None:
         """Follow a loop turn by turn. Where that goes wrong, nothing that it changes is trusted."""
         if statement.orelse or any(isinstance(node, _JUMPS) for node in ast.walk(statement)):
-            self._skip(statement)
-            return
+            self.generic_visit(statement)
         self.source.used |= _touched(statement.target)
-        try:
-            for value in self._values(statement.iter):
-                self._assign(statement.target, value, statement.lineno)
-                for inner in statement.body:
-                    self._count_step()
-                    self.visit(inner)
-        except NotUnderstoodError:
-            self._skip(statement)
+        for value in self._values(statement.iter):
+            self._assign(statement.target, value, statement.lineno)
+            for inner in statement.body:
+                self._count_step()
+                self._follow(inner)
 
-    def _add(self, statement: ast.stmt, to: list[Any], method: str, item: ast.expr) -> None:
+    def _add(self, to: list[Any], method: str, item: ast.expr) -> None:
         """`list.append` and `list.extend`; the list is changed where it stands, whatever its names."""
-        try:
-            value = self.evaluate(item)
-            more = [value] if method == "append" else list(value) if isinstance(value, list | range) else None
-            if more is None or len(to) + len(more) > MAX_ITEMS:
-                raise NotUnderstoodError("what is added is no list, or too long")
-            to.extend(more)
-        except NotUnderstoodError:
-            self._skip(statement)
+        value = self.evaluate(item)
+        more = [value] if method == "append" else list(value) if isinstance(value, list | range) else None
+        if more is None or len(to) + len(more) > MAX_ITEMS:
+            raise NotUnderstoodError("what is added is no list, or too long")
+        to.extend(more)
 
     def _skip(self, statement: ast.stmt) -> None:
         word = "a call" if isinstance(statement, ast.Expr) else type(statement).__name__.lower()
@@ -418,10 +412,11 @@ class _Reader(ast.NodeVisitor):
         return values if part == "values" else [list(pair) for pair in zip(table, values, strict=True)]
 
     def visit_Call(self, node: ast.Call) -> Any:
-        if isinstance(node.func, ast.Attribute) and node.func.attr in ("items", "keys", "values"):
-            return self._parts(node.func.value, node.func.attr)
-        if isinstance(node.func, ast.Attribute) and node.func.attr == "rotate" and len(node.args) == 1:
-            return self._rotated(node.func.value, node.args[0])
+        match node:
+            case ast.Call(func=ast.Attribute(value=value, attr="items" | "keys" | "values" as part)):
+                return self._parts(value, part)
+            case ast.Call(func=ast.Attribute(value=value, attr="rotate"), args=[angle]):
+                return self._rotated(value, angle)
         dotted = self._dotted(node.func)
         name = dotted.rpartition(".")[2]
         arguments = tuple(self._elements(node.args))
@@ -431,9 +426,8 @@ class _Reader(ast.NodeVisitor):
             return _CALLS[dotted](*arguments)
         if any(keyword.arg is None for keyword in node.keywords):
             raise NotUnderstoodError("** in a call is not understood")
-        keywords = {
-            str(item.arg): Located(self._try(item.value), item.value.lineno) for item in node.keywords
-        }
+        given = ((str(item.arg), item.value) for item in node.keywords)
+        keywords = {name: Located(self._try(value), value.lineno) for name, value in given}
         if dotted in SPACED:
             return evenly_spaced(dotted, arguments, keywords)
         if dotted == "dict" and not arguments:

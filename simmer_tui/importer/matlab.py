@@ -119,7 +119,7 @@ def _code(path: Path) -> Iterator[tuple[int, str]]:
 
 def _first_assignments(lines: list[tuple[int, str]]) -> dict[str, tuple[int, str]]:
     """The line and right-hand side of each variable's first assignment, which is the user's: the
-    main loop assigns some of them anew."""
+    main loop assigns some of them again."""
     first: dict[str, tuple[int, str]] = {}
     for number, line in lines:
         match = _ASSIGNMENT.match(line)

@@ -59,17 +59,10 @@ def numbers_only(arguments: tuple[Any, ...]) -> tuple[Any, ...]:
 
 
 def as_text(value: Any) -> str:
-    """A number or text as text; of lists, a text could grow without bound."""
+    """A number or text as text; of lists, a text could grow without bound. Raises NotUnderstoodError."""
     if isinstance(value, bool | int | float | str):
         return str(value)
     raise NotUnderstoodError("only a number can be made text")
-
-
-def readable(value: Any) -> Any:
-    """The value, or NotUnderstoodError with the reason why there is none."""
-    if isinstance(value, Unreadable):
-        raise NotUnderstoodError(value.why)
-    return value
 
 
 def as_key(value: Any) -> Any:
@@ -77,6 +70,13 @@ def as_key(value: Any) -> Any:
     if isinstance(value, bool | int | float | str):
         return value
     raise NotUnderstoodError("a key of a dict must be text or a number")
+
+
+def readable(value: Any) -> Any:
+    """The value, or NotUnderstoodError with the reason why there is none."""
+    if isinstance(value, Unreadable):
+        raise NotUnderstoodError(value.why)
+    return value
 
 
 def item_of(container: Any, index: Any) -> Any:
@@ -124,40 +124,32 @@ def vector(arguments: tuple[Any, ...]) -> Any:
 
 
 def _vector_arithmetic(op: ast.operator, left: Any, right: Any) -> Vector:
-    stretched = isinstance(op, ast.Mult | ast.Div) and isinstance(right, int | float)
-    if isinstance(op, ast.Add | ast.Sub) and isinstance(left, Vector) and isinstance(right, Vector):
-        pairs = zip(left, right, strict=True)
-    elif isinstance(left, Vector) and stretched:
-        pairs = zip(left, [right] * 2, strict=True)
-    elif isinstance(op, ast.Mult) and isinstance(left, int | float):
-        pairs = zip([left] * 2, right, strict=True)
-    else:
-        raise NotUnderstoodError("this arithmetic with a vector is not understood")
+    match op, left, right:
+        case ast.Add() | ast.Sub(), Vector(), Vector():
+            pairs = zip(left, right, strict=True)
+        case ast.Mult() | ast.Div(), Vector(), int() | float():
+            pairs = zip(left, [right] * 2, strict=True)
+        case ast.Mult(), int() | float(), Vector():
+            pairs = zip([left] * 2, right, strict=True)
+        case _:
+            raise NotUnderstoodError("this arithmetic with a vector is not understood")
     return Vector(arithmetic(op, a, b) for a, b in pairs)
 
 
-def _linspace(numbers: tuple[Any, ...], given: Mapping[str, Any]) -> tuple[float, float, Any] | None:
-    """Start, step and number of what `linspace` yields (its `num` and `endpoint` too); None for arguments
-    that are not understood."""
-    if len(numbers) not in (2, 3) or not given.keys() <= {"num", "endpoint"}:
-        return None
-    # 50 is numpy's number where none is given.
-    count = numbers[2] if len(numbers) == 3 else given.get("num", 50)
-    parts = count - 1 if given.get("endpoint", True) else count
+def _linspace(start: Any, stop: Any, /, num: Any = 50, *, endpoint: Any = True) -> tuple[Any, Any, Any]:
+    """Start, step and number of what `linspace` yields; 50 is numpy's number where none is given."""
+    parts = num - 1 if endpoint else num
     # One number is the start alone, so that there is no step to divide by.
-    return numbers[0], (numbers[1] - numbers[0]) / max(parts, 1), count
+    return start, (stop - start) / max(parts, 1), num
 
 
-def _arange(numbers: tuple[Any, ...], given: Mapping[str, Any]) -> tuple[float, float, Any] | None:
+def _arange(start: Any, stop: Any = None, step: Any = 1, /) -> tuple[Any, Any, Any]:
     """The same of `arange`."""
-    if not 1 <= len(numbers) <= 3 or given:
-        return None
-    start, stop = (0, numbers[0]) if len(numbers) == 1 else numbers[:2]
-    step = numbers[2] if len(numbers) == 3 else 1
+    start, stop = (0, start) if stop is None else (start, stop)
     return start, step, max(0, checked(math.ceil, checked(operator.truediv, stop - start, step)))
 
 
-SPACED: Mapping[str, Callable[..., tuple[float, float, Any] | None]] = {
+SPACED: Mapping[str, Callable[..., tuple[Any, Any, Any]]] = {
     "numpy.linspace": _linspace,
     "numpy.arange": _arange,
 }
@@ -170,10 +162,10 @@ def evenly_spaced(dotted: str, numbers: tuple[Any, ...], keywords: Mapping[str, 
     given = {key: readable(item.value) for key, item in keywords.items()}
     if not all(isinstance(number, int | float) for number in (*numbers, *given.values())):
         raise NotUnderstoodError(f"{name} is understood with numbers only")
-    spaced = SPACED[dotted](numbers, given)
-    if spaced is None:
-        raise NotUnderstoodError(f"{name} is not understood with these arguments")
-    start, step, count = spaced
+    try:
+        start, step, count = SPACED[dotted](*numbers, **given)
+    except TypeError:
+        raise NotUnderstoodError(f"{name} is not understood with these arguments") from None
     if not isinstance(count, int) or not 0 <= count <= MAX_ITEMS:
         raise NotUnderstoodError("a list is too long")
     return [start + step * i for i in range(count)]

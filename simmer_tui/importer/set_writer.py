@@ -59,7 +59,17 @@ def write_set(imported: Imported, directory: Path) -> tuple[Path, ...]:
 
 def sensors_csv_text(specs: tuple[SensorSpec, ...]) -> str:
     """sensors.csv for these sensors."""
-    return _csv(_sensor_rows(specs))
+    optional = [_optional_cells(spec) for spec in specs]
+    present = {header for cells in optional for header in cells}
+    kinds = sensor_kinds(*(spec.kind for spec in specs))
+    headers = [header for header in sensors_csv.optional_headers(kinds) if header in present]
+    rows: list[list[float | str]] = [[*sensors_csv.HEADERS, *headers]]
+    for spec, cells in zip(specs, optional, strict=True):
+        # Every row says where its sensor sits, even if that changes nothing.
+        used = [each for each in BASE if each not in (FIELD_OF_VIEW, THRESHOLD) or spec.kind.has(each.field)]
+        fixed = _cells(spec, (CODE, ENABLED, *BASE), tuple(used))
+        rows.append([spec.id, *fixed, *(cells.get(header, "") for header in headers)])
+    return _csv(rows)
 
 
 def drive_csv_text(
@@ -110,20 +120,6 @@ def _robot_rows(spec: RobotSpec) -> list[list[float | str]]:
         return [[label, 1], [first, 2 * x], [second, 2 * y]]
     rows: list[list[float | str]] = [[label, 2]]
     rows += [["vertex x, y (in)", x, y] for x, y in spec.vertices]
-    return rows
-
-
-def _sensor_rows(specs: tuple[SensorSpec, ...]) -> list[list[float | str]]:
-    optional = [_optional_cells(spec) for spec in specs]
-    present = {header for cells in optional for header in cells}
-    kinds = sensor_kinds(*(spec.kind for spec in specs))
-    headers = [header for header in sensors_csv.optional_headers(kinds) if header in present]
-    rows: list[list[float | str]] = [[*sensors_csv.HEADERS, *headers]]
-    for spec, cells in zip(specs, optional, strict=True):
-        # Every row says where its sensor sits, even if that changes nothing.
-        used = [each for each in BASE if each not in (FIELD_OF_VIEW, THRESHOLD) or spec.kind.has(each.field)]
-        fixed = _cells(spec, (CODE, ENABLED, *BASE), tuple(used))
-        rows.append([spec.id, *fixed, *(cells.get(header, "") for header in headers)])
     return rows
 
 

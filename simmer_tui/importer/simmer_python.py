@@ -49,6 +49,8 @@ _READ = frozenset(
         *("robot_start_position", "start_position", "robot_start_rotation", "start_rotation"),
     }
 )
+# Names of the settings that are places; where a file has two, the last one counts.
+_PLACES = {"bot_center": ("start_position", "robot_start_position"), "block_center": ("block_position",)}
 # Names by which a file is known for a `config.py`, beside its tables of devices.
 _SIGNS = (
     *("walls", "robot_outline", "wall_segment_length", "floor_segment_length", "block_size"),
@@ -119,11 +121,8 @@ def read_simmer_python(
     _list_the_rest(source, notes)
     origins = {
         setting: notes.where(source.names[name].line, name)
-        for setting, name in (
-            ("bot_center", "start_position"),
-            ("bot_center", "robot_start_position"),
-            ("block_center", "block_position"),
-        )
+        for setting, names in _PLACES.items()
+        for name in names
         if name in source.names
     }
     return settled(Imported(maze, robot, sensors, drives, settings, notes.in_order(), tuple(own)), origins)
@@ -146,18 +145,16 @@ def _usable(source: Source, name: str, meant: Setting, notes: Notes) -> Any:
     located = source.names.get(name)
     if located is None:
         return None
-    value, why = located.value, ""
-    if isinstance(value, Unreadable):
-        why = f"cannot be read: {value.why}"
-    else:
+    value = located.value
+    try:
+        if isinstance(value, Unreadable):
+            raise ValueError(f"cannot be read: {value.why}")
         if isinstance(meant.rule, FlagRule) and type(value) is int and value in (0, 1):
             value = bool(value)
-        try:
-            return meant.rule.check(value)
-        except ValueError as error:
-            why = str(error)
-    notes.add(located.line, name, f"{why}; {meant.name} keeps its default")
-    return None
+        return meant.rule.check(value)
+    except ValueError as error:
+        notes.add(located.line, name, f"{error}; {meant.name} keeps its default")
+        return None
 
 
 def _maze(source: Source, notes: Notes) -> MazeSpec:
@@ -212,14 +209,22 @@ def _robot(source: Source, notes: Notes) -> RobotSpec:
 
 def _sized(source: Source, notes: Notes) -> RobotSpec:
     """The rectangle of files that give no outline; their height lies along the direction of travel."""
-    sizes = {"robot_height": 6.0, "robot_width": 6.0}
-    for name in sizes:
-        located = source.names.get(name, Located(6.0, 0))
-        try:
-            sizes[name] = NumberRule(0, 12, low_open=True).check(located.value)
-        except ValueError as error:
-            notes.add(located.line, name, f"{error}; 6 in is taken")
-    return RobotSpec.rectangle(*sizes.values())
+    height, width = (
+        _number(source, name, 6.0, NumberRule(0, 12, low_open=True), "6 in", notes)
+        for name in ("robot_height", "robot_width")
+    )
+    return RobotSpec.rectangle(height, width)
+
+
+def _number(source: Source, name: str, default: float, rule: NumberRule, shown: str, notes: Notes) -> float:
+    """A number of the file; the default, which the note has as `shown`, where there is none that the rule
+    allows."""
+    located = source.names.get(name, Located(default, 0))
+    try:
+        return rule.check(located.value)
+    except ValueError as error:
+        notes.add(located.line, name, f"{error}; {shown} is taken")
+        return default
 
 
 def _rectangle(vertices: list[tuple[float, float]]) -> RobotSpec | None:
@@ -238,10 +243,10 @@ def _settings(source: Source, maze: MazeSpec, notes: Notes) -> dict[str, Setting
         "motion.reply": "accepted",
         "motion.block_solid": True,
     }
-    _place(source, maze, ("robot_start_position", "start_position"), "bot_center", settings, notes)
+    _place(source, maze, "bot_center", settings, notes)
     has_block = source.names.get("block_position", Located(0, 0)).value is not None
     if has_block:
-        _place(source, maze, ("block_position",), "block_center", settings, notes)
+        _place(source, maze, "block_center", settings, notes)
     for name in ("start_rotation", "robot_start_rotation"):
         rotation = _usable(source, name, _KNOWN["bot_rot"], notes)
         if rotation is not None:
@@ -255,21 +260,15 @@ def _settings(source: Source, maze: MazeSpec, notes: Notes) -> dict[str, Setting
         settings["blocksize"] = 0.0
     bias = source.names.get("rand_bias")
     if bias is not None and bias.value not in (False, 0):
-        notes.add(
-            bias.line, "rand_bias", "had no effect there; randbias is false, the biases are those given"
-        )
+        what = "had no effect there; randbias is false, the biases are those given"
+        notes.add(bias.line, "rand_bias", what)
     return settings
 
 
 def _clearance(source: Source, drives: tuple[DriveSpec, ...], notes: Notes) -> float:
     """The gap to a wall, inches, that a movement leaves there: it ends with the last frame in which the robot
-    touches nothing, on average half of a frame's way before the wall."""
-    located = source.names.get("frame_rate", Located(_FRAME_RATE, 0))
-    try:
-        rate = _RATES.check(located.value)
-    except ValueError as error:
-        notes.add(located.line, "frame_rate", f"{error}; {_FRAME_RATE} is taken")
-        rate = _FRAME_RATE
+    touches nothing, on average half of a frame's distance before the wall."""
+    rate = _number(source, "frame_rate", _FRAME_RATE, _RATES, f"{_FRAME_RATE}", notes)
     fastest = max((drive.speed for drive in drives if not drive.kind.turns), default=0.0)
     # Clearances are rounded as lengths in files of ours are, and above the most that the setting takes
     # nothing would be right.
@@ -277,16 +276,12 @@ def _clearance(source: Source, drives: tuple[DriveSpec, ...], notes: Notes) -> f
 
 
 def _place(
-    source: Source,
-    maze: MazeSpec,
-    names: tuple[str, ...],
-    setting: str,
-    settings: dict[str, SettingValue],
-    notes: Notes,
+    source: Source, maze: MazeSpec, setting: str, settings: dict[str, SettingValue], notes: Notes
 ) -> None:
-    name = next((name for name in names if name in source.names), None)
+    *_, usual = names = _PLACES[setting]
+    name = next((name for name in reversed(names) if name in source.names), None)
     if name is None:
-        notes.add(0, names[0], f"is missing; {setting} keeps its default")
+        notes.add(0, usual, f"is missing; {setting} keeps its default")
         return
     point = pair(source.names[name].value)
     if point is None:
@@ -312,8 +307,5 @@ def _list_the_rest(source: Source, notes: Notes) -> None:
         names = ", ".join(name for name, _ in idle)
         notes.add(idle[0][1], "", f"left out, because nothing here depends on them: {names}")
     if "frame_start" not in source.names:
-        notes.add(
-            0,
-            "frame_start",
-            "is missing, so requests have no brackets; legacy_reply says how they are answered",
-        )
+        what = "is missing, so requests have no brackets; legacy_reply says how they are answered"
+        notes.add(0, "frame_start", what)

@@ -18,26 +18,21 @@ _SHARE = NumberRule(0, 1)
 # Degrees of a vertical field of view; one of 180 has no slope.
 _WIDEST = 179.0
 _LENGTH = NumberRule(0)
-_IDLE = frozenset({"id", "visible", "color", "outline", "outline_thickness"})
-_MEASUREMENT = frozenset({"visible_measurement", "visible_measurement_time"})
-_FIELDS: dict[str, frozenset[str]] = {
-    "Ultrasonic": _IDLE
-    | _MEASUREMENT
-    | {"position", "rotation", "height", "error", "num_rays", "min_range", "max_range"}
-    | {"beamwidth", "fov"},
-    "Infrared": _IDLE
-    | _MEASUREMENT
-    | {"position", "rotation", "height", "error", "fov", "threshold", "bias"},
-    "Gyroscope": _IDLE | {"position", "rotation", "error", "bias"},
-    "Compass": _IDLE | {"position", "rotation", "error", "bias"},
+# Fields that a class of theirs knows: those of any device, those of one that shows its measurement, its own.
+_USUAL = frozenset(
+    {"id", "visible", "color", "outline", "outline_thickness", "position", "rotation", "error"}
+)
+_SHOWN = _USUAL | {"visible_measurement", "visible_measurement_time", "height"}
+_FIELDS = {
+    "Ultrasonic": _SHOWN | {"num_rays", "min_range", "max_range", "beamwidth", "fov"},
+    "Infrared": _SHOWN | {"fov", "threshold", "bias"},
+    "Gyroscope": _USUAL | {"bias"},
+    "Compass": _USUAL | {"bias"},
 }
-_USUAL = _IDLE | {"position", "rotation", "error"}
 # Classes of a team's own whose devices are read as `Ultrasonic` ones: there is none for them there.
 _TIME_OF_FLIGHT = re.compile(r"(?i)(.*_)?(tof|time_?of_?flight|vl53l\d\w*)(_?sensor)?")
 _OWN = "is a device of the team's own or belongs elsewhere"
-_DRIVE_FIELDS = _IDLE | {
-    *("position", "rotation", "velocity", "ang_velocity", "motors", "motor_direction", "bias", "error")
-}
+_DRIVE_FIELDS = _USUAL | {"velocity", "ang_velocity", "motors", "motor_direction", "bias"}
 
 
 def read_sensors(
@@ -80,13 +75,9 @@ def read_sensors(
             what = "; ".join((f"{what}. If it tells a distance, add to sensors.csv: {_row(row)}", *known))
         note = fields.note("", what)
         if own is not None and call.name in classes:
-            row = _placed(silent, Ultrasonic, taken, {"rotation": _turn(silent), "error": _error(silent)})
+            row = _placed(silent, Ultrasonic, taken, _usual(silent, block_size))
             own.append(OwnDevice(call.name, row, silent.class_numbers, silent.numbers, note))
     return sensors
-
-
-def _error(fields: Fields) -> float:
-    return fields.number("error", 0.0, _SHARE)
 
 
 def _origins(fields: Fields, spec: SensorSpec, guessed: bool) -> Iterator[str]:
@@ -117,8 +108,8 @@ def _devices(
 ) -> Iterator[tuple[Call, Fields]]:
     """The devices of known classes under codes that can be used; the others are noted.
 
-    With `foreign`, a class of time-of-flight sensors counts as known, and devices of other classes
-    that could be read are added to that list in place of being noted.
+    With `foreign`, a class of time-of-flight sensors counts as known. Devices of other classes that could
+    be read are then added to that list in place of being noted.
     """
     for key, located in table.items():
         name = str(key)
@@ -196,7 +187,7 @@ def _same_disc(fov: float) -> float:
 
 
 def _ultrasonic(fields: Fields, block_size: float) -> dict[str, Any]:
-    rays = fields.whole_number("num_rays", 7, IntegerRule(1, 1000))
+    rays = fields.checked("num_rays", 7, IntegerRule(1, 1000))
     # Its name in files of the first year was fov.
     name = "fov" if fields.value("beamwidth") is None and fields.value("fov") is not None else "beamwidth"
     beam = fields.number(name, 15.0, NumberRule(0, 360))
@@ -248,8 +239,7 @@ def _compass(fields: Fields, _: float) -> dict[str, Any]:
 
 def _usual(fields: Fields, _: float) -> dict[str, Any]:
     """A device of which nothing but its place, direction and error counts here: a motor, say."""
-    error = fields.number("error", 0.0, _SHARE)
-    return {"rotation": _turn(fields), "error": error}
+    return {"error": fields.number("error", 0.0, _SHARE), "rotation": _turn(fields)}
 
 
 # Those whose descriptions there need more than `_usual`.
@@ -275,6 +265,10 @@ def read_drives(table: dict[Any, Located], notes: Notes) -> tuple[DriveSpec, ...
     return tuple(drives)
 
 
+# The axis that a drive moves along, there and here; of those ahead and back it is their y and our x.
+_AXES = {DriveKind.ROT: ("rotation", "r"), DriveKind.UP: ("x", "y"), DriveKind.DOWN: ("x", "y")}
+
+
 def _drive(fields: Fields) -> DriveSpec | None:
     left, forward = fields.point("velocity")
     turning = fields.number("ang_velocity", 0.0)
@@ -285,22 +279,17 @@ def _drive(fields: Fields) -> DriveSpec | None:
     if turning < 0:
         fields.note("ang_velocity", f"is below 0, which never ends there; {-turning:g} is taken")
     bias, error = fields.axes("bias"), fields.axes("error")
-    axis = {DriveKind.ROT: "rotation", DriveKind.RIGHT: "y", DriveKind.LEFT: "y"}.get(kind, "x")
+    axis, ours = _AXES.get(kind, ("y", "x"))
     ignored = [name for name, value in error.items() if value and name != axis]
     if ignored:
         fields.note(
             "error", f"had no effect there across the direction of travel: {', '.join(ignored)}; left out"
         )
-    kept = abs(error[axis])
     sign = 1.0 if kind in (DriveKind.RIGHT, DriveKind.UP) else -1.0
     return DriveSpec(
         kind=kind,
         code=fields.code,
-        error=Axes(
-            x=kept if axis == "y" else 0.0,
-            y=kept if axis == "x" else 0.0,
-            r=kept if axis == "rotation" else 0.0,
-        ),
+        error=Axes(**{ours: abs(error[axis])}),
         bias=Axes(x=sign * bias["y"] + 0.0, y=sign * bias["x"] + 0.0, r=-sign * bias["rotation"] + 0.0),
         gain=-1.0 if kind is DriveKind.ROT else 1.0,
         speed=abs(turning) or math.hypot(left, forward),

@@ -63,7 +63,7 @@ def session_with(
             return None
 
     async def program(session: Session) -> None:
-        await drive_guided(session.ask, guide, learn, session.robot.clock, wait=asyncio.sleep)
+        await drive_guided(session.ask, guide, learn, session.robot.clock)
 
     robot = record(log, configuration, hidden, seed, program, wire_of=wire)
     return guide, robot, hidden

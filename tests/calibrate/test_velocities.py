@@ -21,7 +21,7 @@ from simmer_tui.calibrate.posterior import PROCESS, Iterate
 from simmer_tui.calibrate.rows import PER_STOP, Model
 from simmer_tui.calibrate.stretches import (
     ARC_SEGMENTS,
-    LEAST_WAY,
+    LEAST_DISTANCE,
     VelocityStretch,
     prediction,
     share_of_variance,
@@ -102,7 +102,7 @@ def test_readings_make_stops_after_enough_way(tmp_path: Path) -> None:
     assert kinds == [False, *[True] * 4, False]
     values = [each.value for each in run.movements[1:5]]
     assert sum(values) == pytest.approx(15.5)
-    assert all(LEAST_WAY <= each <= 1.6 * LEAST_WAY for each in values[:-1])
+    assert all(LEAST_DISTANCE <= each <= 1.6 * LEAST_DISTANCE for each in values[:-1])
     assert run.readings["u1"].stops.tolist() == [1, 2, 3, 4, 5, 6]
     assert run.readings["u2"].stops.tolist() == [2, 3, 4]
 

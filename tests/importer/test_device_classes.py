@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from simmer_tui.importer import read_path
 from simmer_tui.importer.device_classes import read_device_classes
+from simmer_tui.importer.files import read_path
 
 CONFIG = """
 walls = [[1, 1], [1, 1]]

@@ -10,9 +10,8 @@ import pytest
 from simmer_tui.cli.config_commands import run_import
 from simmer_tui.config.loader import load
 from simmer_tui.config.settings import all_settings
-from simmer_tui.importer import Imported, write_set
-from simmer_tui.importer.imported import COURSE_MAZE, SettingValue
-from simmer_tui.importer.set_writer import settings_text
+from simmer_tui.importer.imported import COURSE_MAZE, Imported, SettingValue
+from simmer_tui.importer.set_writer import settings_text, write_set
 from simmer_tui.sim.sensors import Gyro, LineSensor, TimeOfFlight, Ultrasonic
 from simmer_tui.sim.specs import Axes, DriveKind, DriveSpec, RobotSpec, SensorSpec
 

@@ -8,7 +8,9 @@ import pytest
 
 from simmer_tui.config.loader import load
 from simmer_tui.errors import ConfigurationError
-from simmer_tui.importer import Imported, read_matlab, write_set
+from simmer_tui.importer.imported import Imported
+from simmer_tui.importer.matlab import read_matlab
+from simmer_tui.importer.set_writer import write_set
 from simmer_tui.sim.sensors import LineSensor
 from simmer_tui.sim.specs import DriveKind, RobotSpec
 

@@ -15,7 +15,9 @@ from msgspec.structs import replace
 from simmer_tui.config.loader import load
 from simmer_tui.config.sets import find_set
 from simmer_tui.errors import ConfigurationError
-from simmer_tui.importer import Imported, read_simmer_python, write_set
+from simmer_tui.importer.imported import Imported
+from simmer_tui.importer.set_writer import write_set
+from simmer_tui.importer.simmer_python import read_simmer_python
 from simmer_tui.sim import Pose, Simulator
 from simmer_tui.sim.sensors import Compass, Gyro, LineSensor, Ultrasonic
 from simmer_tui.sim.specs import Axes, DriveKind, DriveSpec, RobotSpec, SensorSpec
