@@ -17,6 +17,7 @@ from simmer_tui.links.connection_doctor import ALONE, ClientWatch, ConnectionDoc
 from simmer_tui.links.driver_seat import NOT_SERVED
 from simmer_tui.links.link import LinkContext
 from simmer_tui.links.peer import MOST_WAITING, PIECE, UNREAD_LIMIT, Peer, ReadBudget
+from simmer_tui.links.processes import children
 from simmer_tui.phrases import counted
 from simmer_tui.protocol.binary import CommandReader, NumberEncoder
 from simmer_tui.sim.command import Command
@@ -341,7 +342,8 @@ class BinaryLink:
             return []
         inodes = {reply: self._processes.inode(reply.sock, reply.peer) for reply in present}
         of_client = self._processes.inode(client.sock, client.peer)
-        holders = self._processes.holders({of_client, *inodes.values()} - {0})
+        # Nearly always the program that this process has started.
+        holders = self._processes.holders({of_client, *inodes.values()} - {0}, first=children())
         ours = holders.get(of_client, set())
         # A process that forks has both sockets in several: one that has both will do.
         return [reply for reply in present if ours and inodes[reply] and not ours & holders[inodes[reply]]]

@@ -244,8 +244,10 @@ class KeptProcess:
             if self._has_ended:
                 return
             self._has_ended = True
-            adopted = set if self._adoption is None else self._adoption.living
-            keeper.end_all(self._mark, self._process.pid, adopted)
+            if self._adoption is None:
+                keeper.end_all(self._mark, self._process.pid)
+            elif not self._adoption.nothing_left():
+                keeper.end_all(self._mark, self._process.pid, self._adoption.living)
             self._release()
             with contextlib.suppress(subprocess.TimeoutExpired):
                 self._process.wait(_LAST_WAIT)
