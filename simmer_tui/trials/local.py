@@ -10,6 +10,7 @@ pebble's notices a worker that ends with exit code 0 only at its time limit.
 from __future__ import annotations
 
 import contextlib
+import gc
 import multiprocessing
 import queue
 import signal
@@ -154,6 +155,7 @@ class _Worker:
 
 def work(connection: Connection, folder: Path, make: Make = TrialRun) -> None:
     """Work of a worker: the runs that come through `connection`, until it is closed at the other end."""
+    gc.freeze()  # what has been imported stays: collections need not go through it again
     interruptions = _Interruptions()
     trials: queue.SimpleQueue[Trial | None] = queue.SimpleQueue()
 

@@ -15,7 +15,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from enum import StrEnum
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any, ClassVar, TypeVar
 
 import numpy as np
@@ -375,6 +375,8 @@ class CountingSensor(Sensor, ABC):
         return self.ideal(true)
 
 
+# Trials ask for all sensors of a set several times a run. A set has some ten.
+@lru_cache(maxsize=128)
 def modelled_sensor(spec: SensorSpec) -> Sensor:
     """The sensor of a row as analyses of a run know it: of an opaque kind, one that neither observes nor
     counts. Raises TypeError if its kind is no class of `Sensor`."""
