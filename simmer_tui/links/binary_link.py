@@ -342,8 +342,8 @@ class BinaryLink:
             return []
         inodes = {reply: self._processes.inode(reply.sock, reply.peer) for reply in present}
         of_client = self._processes.inode(client.sock, client.peer)
-        # Nearly always the program that this process has started.
-        holders = self._processes.holders({of_client, *inodes.values()} - {0}, first=children())
+        # Nearly always the program that this process has started last.
+        holders = self._processes.holders({of_client, *inodes.values()} - {0}, first=reversed(children()))
         ours = holders.get(of_client, set())
         # A process that forks has both sockets in several: one that has both will do.
         return [reply for reply in present if ours and inodes[reply] and not ours & holders[inodes[reply]]]
