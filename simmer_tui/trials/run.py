@@ -24,7 +24,7 @@ from simmer_tui.events import Event, Goal, MissionEnd, Result
 from simmer_tui.links.ports import Listener, PortRequest, take_port
 from simmer_tui.mission import MissionState
 from simmer_tui.phrases import last_output
-from simmer_tui.program import Keeper, Program, ProgramOutput, not_started
+from simmer_tui.program import Keeper, Program, ProgramOutput, RunningProgram, not_started
 from simmer_tui.report.finding import plain_findings
 from simmer_tui.report.verdict import findings_of, verdict_of
 from simmer_tui.run.attempt import task_of
@@ -47,19 +47,6 @@ _SETTLE = 1.0
 """Longest wait for the end of a mission that was asked to end, seconds. It takes milliseconds."""
 _FAREWELL = 1.0
 """Time that a program has to end by itself after a successful mission, seconds."""
-
-
-class RunningProgram(Protocol):
-    """A program that has been started; see `Program`."""
-
-    @property
-    def stopped(self) -> bool:
-        """True if the program did not end by itself."""
-        ...
-
-    def settle_output(self) -> bool: ...
-
-    def end(self, grace: float = 0.0) -> None: ...
 
 
 class Sandbox(Protocol):
