@@ -304,7 +304,7 @@ def _show(folder: TrialFolder, required: float | None, *, as_json: bool) -> None
     else:
         answer, page = trials_document(folder), trials_page(folder, write_run_pages(folder), required)
     files[PAGE] = html_page(page)
-    written = [escape(str(folder.write(name, text)), 200) for name, text in files.items()]
+    written = [escape(str(folder.store.write(name, text)), 200) for name, text in files.items()]
     print_answer(answer, as_json=as_json)
     if not as_json:
         sys.stdout.write(f"Wrote {' and '.join(written)}\n")

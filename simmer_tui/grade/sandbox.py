@@ -13,10 +13,10 @@ from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path, PurePosixPath
 
+from simmer_tui.config.sets import bundled_folder
 from simmer_tui.errors import GradeError, PortError, ProgramError
 from simmer_tui.grade.cgroup import ControlGroup
-from simmer_tui.grade.supervisor import Supervisor
-from simmer_tui.grade.usage import SandboxUsage
+from simmer_tui.grade.usage import SandboxUsage, Supervisor
 from simmer_tui.links.ports import Listener, PortRequest
 from simmer_tui.program.control_program import RunningProgram
 from simmer_tui.program.hook_folder import with_hook
@@ -28,6 +28,8 @@ HOME, FILES, PACKAGE = "/robot/home", "/program", "/simmer"
 """In a sandbox: the program's own copy of its files, what that is copied from, and our package."""
 HOOK = f"{PACKAGE}/simmer_tui/program/hook"
 """In a sandbox: the folder that stands first on the path of a Python program with a clock of its own."""
+LAUNCHER = f"{PACKAGE}/simmer_tui/grade/launcher.py"
+"""In a sandbox: the launcher."""
 # Both are memory: with them a program stays below its limit of memory and disk.
 SCRATCH = 16_000_000
 """Bytes of /tmp and of /dev/shm."""
@@ -189,6 +191,15 @@ class LaunchedSandbox(ABC):
         self._kill()
         said = escape(b"".join(self._process.communicate()).decode(errors="replace").strip(), 300)
         return f": {said}" if said else ""
+
+
+def package_folders() -> dict[Path, str]:
+    """Folders of our package here, and where a sandbox shows each."""
+    package = Path(__file__).resolve().parent.parent
+    seen = {package: f"{PACKAGE}/{package.name}"}
+    if not bundled_folder().is_relative_to(package):
+        seen[bundled_folder()] = f"{PACKAGE}/{bundled_folder().name}"
+    return seen
 
 
 def surroundings(python: str) -> dict[str, str]:

@@ -117,9 +117,7 @@ def comparison(first: TrialFolder, second: TrialFolder, pairs: list[RunPair]) ->
 
 def count_pairs(pairs: list[RunPair]) -> PairCounts:
     """Numbers of runs in which both succeed, only one, or neither."""
-    outcomes = [(a.success, b.success) for a, b in pairs]
-    counts = [outcomes.count(each) for each in ((True, True), (True, False), (False, True), (False, False))]
-    return PairCounts(*counts)
+    return PairCounts.of([(a.success, b.success) for a, b in pairs])
 
 
 def verdict(pairs: list[RunPair]) -> str:
