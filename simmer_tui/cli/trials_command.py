@@ -55,8 +55,7 @@ from simmer_tui.trials.sweep_summary import (
     sweep_document,
     sweep_page,
 )
-from simmer_tui.trials.trial import TrialResult
-from simmer_tui.trials.trial_clock import timed_seconds
+from simmer_tui.trials.trial import TrialResult, timed_seconds
 from simmer_tui.trials.trials_page import trials_page
 from simmer_tui.trials.trials_summary import runs_table, trials_document
 

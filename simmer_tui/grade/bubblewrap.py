@@ -176,7 +176,7 @@ def what_is_missing() -> str:
         with contextlib.closing(Bubblewrap(Path(name), Limits())) as sandbox:
             try:
                 sandbox.take("127.0.0.1", PortRequest(0, "a trial", "")).close()
-                sandbox.start("python -S -c pass", {}, note, lambda line: None, ProgramOutput())
+                sandbox.start("python -S -c pass", {}, note, lambda line: None, output=ProgramOutput())
             except (GradeError, PortError, ProgramError) as error:
                 return (
                     f"bubblewrap cannot make a sandbox here: {error}; as root it mostly can (sudo), and "

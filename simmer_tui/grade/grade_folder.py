@@ -40,8 +40,7 @@ from simmer_tui.grade.submission_reader import SubmissionReader
 from simmer_tui.trials.run import OUTPUT, PACKED_LOG
 from simmer_tui.trials.sequential import Decision, SequentialTest, sequential_test
 from simmer_tui.trials.store import RunStore, StoreKind, unbroken
-from simmer_tui.trials.trial import TrialResult, maze_faults
-from simmer_tui.trials.trial_clock import timed_seconds, with_clock
+from simmer_tui.trials.trial import TrialResult, maze_faults, timed_seconds, with_clock
 
 PLAN, TEAMS = PLAN_FILE, TEAMS_FOLDER
 COURSE, RUNS = "course", "runs"

@@ -46,8 +46,7 @@ class Grading:
 
     def trials(self) -> Iterator[GradeTrial]:
         """The runs to do, each decided on when it can begin."""
-        while (trial := self._next()) is not None:
-            yield trial
+        return iter(self._next, None)
 
     def take(self, result: TrialResult) -> None:
         """Keep a result. A fault of the simulator itself is not the team's, unless it comes again and again.

@@ -26,7 +26,7 @@ from simmer_tui.sim.command import escape
 from simmer_tui.sim.fingerprint import math_fingerprint
 from simmer_tui.trials.figures import log_page, map_figure
 from simmer_tui.trials.sequential import shown_test
-from simmer_tui.trials.trial_clock import clock_sentences, clocks_text
+from simmer_tui.trials.trial import clock_sentences, clocks_text
 from simmer_tui.trials.trials_page import beside
 from simmer_tui.trials.trials_summary import failure_text
 

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from simmer_tui.document.formats import ESTIMATE
-from simmer_tui.errors import Problem
 from simmer_tui.grade.course import shown_name
 from simmer_tui.grade.grade_folder import Entry, GradeFolder
 from simmer_tui.report.causes import Kind
@@ -50,7 +49,6 @@ class TeamResult:
     time: float | None
     contacts: float | None
     causes: list[tuple[str, int]]
-    problems: tuple[Problem, ...]
 
     @property
     def runs(self) -> int:
@@ -71,7 +69,7 @@ class TeamResult:
     def said(self) -> str:
         """In a line."""
         if self.outcome is TeamStatus.REFUSED:
-            return "; ".join(shown_name(str(problem), 300) for problem in self.problems)
+            return "; ".join(shown_name(str(problem), 300) for problem in self.entry.problems)
         if self.score is None:
             return f"{self.successes} of {self.runs} runs so far"
         return f"success rate {ESTIMATE.text(self.score)}, {self.successes} of {self.runs} runs"
@@ -119,7 +117,6 @@ def _team_result(folder: GradeFolder, entry: Entry, *, hidden: bool) -> TeamResu
         time=median([result.time for result in results if result.success]),
         contacts=sum(result.contacts for result in results) / len(results) if results else None,
         causes=[(escape(cause, 200), number) for cause, number in causes.most_common(_CAUSES)],
-        problems=entry.problems,
     )
 
 

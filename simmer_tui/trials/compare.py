@@ -21,8 +21,7 @@ from simmer_tui.trials.intervals import (
     mean_difference,
     paired_difference,
 )
-from simmer_tui.trials.trial import RANDOM, TrialResult
-from simmer_tui.trials.trial_clock import clocks_text
+from simmer_tui.trials.trial import RANDOM, TrialResult, clocks_text
 
 # The usual level; with the interval of 95 % in the same table, both say the same.
 SIGNIFICANCE = 0.05

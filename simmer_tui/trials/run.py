@@ -10,6 +10,7 @@ from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from enum import Enum
+from functools import partial
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -33,8 +34,7 @@ from simmer_tui.server import Server
 from simmer_tui.sim.command import escape
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.simulator import Simulator
-from simmer_tui.trials.trial import Ending, Trial, TrialResult, prepare
-from simmer_tui.trials.trial_clock import REAL, clock_of, with_clock
+from simmer_tui.trials.trial import REAL, Ending, Trial, TrialResult, clock_of, prepare, with_clock
 
 LOG, PACKED_LOG, OUTPUT, MAZE = ".jsonl", ".jsonl.gz", ".txt", ".maze.csv"
 """Name endings of a run's log, of its program's output and of a maze of its own."""
@@ -61,6 +61,7 @@ class Sandbox(Protocol):
         variables: Mapping[str, str],
         on_end: Callable[[int], None],
         on_line: Callable[[str], None],
+        *,
         output: ProgramOutput,
     ) -> RunningProgram:
         """Start the program, as `Program` does. Raises ProgramError."""
@@ -75,20 +76,8 @@ class Unconfined:
     take = staticmethod(take_port)
 
     def __init__(self, folder: Path | None, keeper: Keeper | None) -> None:
-        self._folder = folder
-        self._keeper = keeper
-
-    def start(
-        self,
-        command: str,
-        variables: Mapping[str, str],
-        on_end: Callable[[int], None],
-        on_line: Callable[[str], None],
-        output: ProgramOutput,
-    ) -> Program:
         # A worker with a keeper does one run after the other; on a cluster the process is not ours alone.
-        adopts = self._keeper is not None
-        return Program(command, variables, on_end, on_line, self._folder, self._keeper, output, adopts=adopts)
+        self.start = partial(Program, folder=folder, keeper=keeper, adopts=keeper is not None)
 
     def close(self) -> None:
         pass
@@ -212,7 +201,7 @@ class TrialRun:
         output = ProgramOutput(lambda: server.engine.present)
         try:
             program = self._sandbox.start(
-                self._trial.command, variables, self._happened.put, self._take_line, output
+                self._trial.command, variables, self._happened.put, self._take_line, output=output
             )
         except ProgramError as error:
             # Of many programs one that cannot be started is a failure; the only one of trials is a mistake.

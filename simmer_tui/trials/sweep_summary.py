@@ -23,8 +23,7 @@ from simmer_tui.sim.command import escape
 from simmer_tui.trials.failures import rate
 from simmer_tui.trials.folder import TrialFolder
 from simmer_tui.trials.intervals import IntervalEstimate, median
-from simmer_tui.trials.trial import TrialResult
-from simmer_tui.trials.trial_clock import clocks_text
+from simmer_tui.trials.trial import TrialResult, clocks_text
 from simmer_tui.trials.trials_summary import runs_table
 
 WANTED_RATE = 0.9

@@ -23,13 +23,11 @@ from simmer_tui.document.model import (
 from simmer_tui.phrases import capitalized, counted
 from simmer_tui.sim.command import escape
 from simmer_tui.trials.explanations import WHY_FAILED
-from simmer_tui.trials.failures import CAUSES, counted_causes, failure_summary, rate
+from simmer_tui.trials.failures import CAUSES, DEVICES, counted_causes, failure_summary, rate
 from simmer_tui.trials.figures import histogram_figure, map_figure
 from simmer_tui.trials.folder import TrialFolder
 from simmer_tui.trials.intervals import median
-from simmer_tui.trials.run_findings import DEVICES
-from simmer_tui.trials.trial import RANDOM, Ending, TrialResult
-from simmer_tui.trials.trial_clock import clock_sentences, clocks_text
+from simmer_tui.trials.trial import RANDOM, Ending, TrialResult, clock_sentences, clocks_text
 from simmer_tui.trials.trials_summary import ports_advice, success_texts, tables
 
 _MAPS = 12

@@ -23,13 +23,19 @@ from simmer_tui.report.causes import Kind
 from simmer_tui.sim.command import escape
 from simmer_tui.trials.chance_control import CONTROL
 from simmer_tui.trials.explanations import CHANGED_RUNS, WHY_FAILED, explanation_tables
-from simmer_tui.trials.failures import CAUSES, causes_table, failure_summary, rate
+from simmer_tui.trials.failures import (
+    CAUSES,
+    DEVICES,
+    RUN_FINDINGS,
+    causes_table,
+    failure_summary,
+    findings_tables,
+    rate,
+)
 from simmer_tui.trials.figures import start_cell
 from simmer_tui.trials.folder import RUNS, TABLE, TrialFolder
 from simmer_tui.trials.intervals import distribution, median
-from simmer_tui.trials.run_findings import DEVICES, RUN_FINDINGS, findings_tables
-from simmer_tui.trials.trial import RANDOM, Ending, TrialResult
-from simmer_tui.trials.trial_clock import clock_sentences, clocks_text
+from simmer_tui.trials.trial import RANDOM, Ending, TrialResult, clock_sentences, clocks_text
 
 LISTED = 20
 """Most failed runs listed; all of them are in trials.csv."""
