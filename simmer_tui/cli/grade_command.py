@@ -25,7 +25,6 @@ from simmer_tui.grade.sandbox import Isolation
 from simmer_tui.grade.site import INDEX, grades_document, grades_table, gradescope_json, junit_xml, site
 from simmer_tui.grade.team_result import TeamResult, TeamStatus, team_results
 from simmer_tui.phrases import counted
-from simmer_tui.sim.command import escape
 from simmer_tui.trials.sequential import MARGIN, shown_test
 from simmer_tui.trials.trial import TrialResult
 
@@ -105,7 +104,7 @@ def run_grade(options: argparse.Namespace) -> int:
         check_isolation(folder)
     say("grade", f"{counted(len(folder.entries), 'team')}, results in {typed_path(folder.path)}")
     say("grade", shown_test(folder.test))
-    isolation = _isolation_line(folder.isolation, is_here=options.dask is None)
+    isolation = _isolation_line(folder.plan.isolation, is_here=options.dask is None)
     say("grade", isolation)
     code, why = _run_all(folder, options)
     found = team_results(folder, hidden=False)
@@ -242,16 +241,11 @@ def _write(folder: GradeFolder, found: list[TeamResult], isolation: str) -> None
     files = {GRADES: csv_text(grades_table(folder, found)), JUNIT: junit_xml(folder, found)}
     for each in found:
         files[f"{GRADESCOPE}/{each.entry.team.slug}/results.json"] = gradescope_json(folder, each)
-    shown = team_results(folder, hidden=True) if folder.hides_names else found
-    pages = site(folder, shown, isolation)
-    try:
-        shutil.rmtree(folder.path / SITE, ignore_errors=True)  # with other names before, maybe
-        for name, text in {**files, **{f"{SITE}/{page}": text for page, text in pages.items()}}.items():
-            path = folder.path / name
-            path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_text(text, "utf-8", newline="\n")
-    except OSError as error:
-        raise GradeError(f"{escape(str(error.filename), 200)} cannot be written: {error.strerror}") from None
+    shown = team_results(folder, hidden=True) if folder.plan.hides_names else found
+    files |= {f"{SITE}/{page}": text for page, text in site(folder, shown, isolation).items()}
+    shutil.rmtree(folder.path / SITE, ignore_errors=True)  # with other names before, maybe
+    for name, text in files.items():
+        folder.store.write(name, text)
     say("grade", f"wrote {typed_path(folder.path)}/{GRADES}, {JUNIT}, {GRADESCOPE}/ and {SITE}/{INDEX}")
 
 

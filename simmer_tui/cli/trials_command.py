@@ -55,8 +55,7 @@ from simmer_tui.trials.sweep_summary import (
     sweep_document,
     sweep_page,
 )
-from simmer_tui.trials.trial import TrialResult
-from simmer_tui.trials.trial_clock import timed_seconds
+from simmer_tui.trials.trial import TrialResult, timed_seconds
 from simmer_tui.trials.trials_page import trials_page
 from simmer_tui.trials.trials_summary import runs_table, trials_document
 
@@ -304,7 +303,7 @@ def _show(folder: TrialFolder, required: float | None, *, as_json: bool) -> None
     else:
         answer, page = trials_document(folder), trials_page(folder, write_run_pages(folder), required)
     files[PAGE] = html_page(page)
-    written = [escape(str(folder.write(name, text)), 200) for name, text in files.items()]
+    written = [escape(str(folder.store.write(name, text)), 200) for name, text in files.items()]
     print_answer(answer, as_json=as_json)
     if not as_json:
         sys.stdout.write(f"Wrote {' and '.join(written)}\n")

@@ -6,6 +6,7 @@ import argparse
 import contextlib
 import shlex
 import sys
+from collections.abc import Callable
 from datetime import datetime
 from pathlib import Path
 
@@ -47,6 +48,23 @@ def say(command: str, line: str) -> None:
     """Tell the progress of a command on standard error, if it is still open."""
     with contextlib.suppress(OSError, ValueError):
         sys.stderr.write(f"simmer-tui {command}: {line}\n")
+
+
+def _number_between(low: float, high: float, what: str) -> Callable[[str], float]:
+    """Type of an option: a number within bounds, or an error that says `what` is allowed."""
+
+    def number(text: str) -> float:
+        with contextlib.suppress(ValueError):
+            if low <= float(text) <= high:
+                return float(text)
+        raise argparse.ArgumentTypeError(f'must be {what}, not "{text}"')
+
+    return number
+
+
+seconds = _number_between(0.01, 1e6, "a number of seconds from 0.01 to 1e6")
+rate = _number_between(0.0, 1.0, "a success rate from 0 to 1")
+confidence = _number_between(0.501, 0.9999, "a probability from 0.501 to 0.9999")
 
 
 def trials_parser() -> OneLineParser:
@@ -162,26 +180,3 @@ def count(text: str) -> int:
     if not text.isdecimal() or not 1 <= int(text) <= _MANY:
         raise argparse.ArgumentTypeError(f'must be a whole number from 1 to {_MANY}, not "{text}"')
     return int(text)
-
-
-def seconds(text: str) -> float:
-    """A time."""
-    return number_between(text, 0.01, 1e6, "a number of seconds from 0.01 to 1e6")
-
-
-def rate(text: str) -> float:
-    """A success rate."""
-    return number_between(text, 0.0, 1.0, "a success rate from 0 to 1")
-
-
-def confidence(text: str) -> float:
-    """Confidence of a decision."""
-    return number_between(text, 0.501, 0.9999, "a probability from 0.501 to 0.9999")
-
-
-def number_between(text: str, low: float, high: float, what: str) -> float:
-    """A number within bounds, or an error that says `what` is allowed."""
-    with contextlib.suppress(ValueError):
-        if low <= float(text) <= high:
-            return float(text)
-    raise argparse.ArgumentTypeError(f'must be {what}, not "{text}"')

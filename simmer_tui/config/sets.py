@@ -1,6 +1,7 @@
 """Configuration sets as folders: which there are, how to find one, how to copy one out."""
 
 from collections.abc import Mapping
+from functools import cache
 from pathlib import Path
 
 from simmer_tui.config import drive_csv, maze_csv, mission_toml, robot_csv, sensors_csv, settings_file
@@ -21,6 +22,8 @@ LOCAL_FOLDER = "config"
 """The folder of the working directory that is used when none is named."""
 
 
+# They do not change while the program runs, and trials ask for them after each run.
+@cache
 def bundled_folder() -> Path:
     """The folder of the default set: inside the installed package, or beside it in a checkout."""
     package = Path(__file__).resolve().parent.parent
@@ -29,7 +32,8 @@ def bundled_folder() -> Path:
     return installed if installed.is_dir() else package.parent / "config"
 
 
-def bundled_sets() -> dict[str, Path]:
+@cache
+def bundled_sets() -> Mapping[str, Path]:
     """The sets that come with the program, by name."""
     folder = bundled_folder()
     others = sorted(path.parent for path in folder.glob(f"*/{maze_csv.FILE}"))

@@ -23,12 +23,20 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from simmer_tui import platform_has
-from simmer_tui.config.sets import bundled_folder
 from simmer_tui.errors import GradeError, PortError, ProgramError
 from simmer_tui.grade import launcher
 from simmer_tui.grade.call_filter import call_filter
 from simmer_tui.grade.cgroup import made_group
-from simmer_tui.grade.sandbox import FILES, PACKAGE, PATIENCE, SCRATCH, WRITABLE, LaunchedSandbox, Limits
+from simmer_tui.grade.sandbox import (
+    FILES,
+    PACKAGE,
+    PATIENCE,
+    SCRATCH,
+    WRITABLE,
+    LaunchedSandbox,
+    Limits,
+    package_folders,
+)
 from simmer_tui.grade.usage import tells_descendants
 from simmer_tui.links.ports import PortRequest
 from simmer_tui.program import ProgramOutput
@@ -119,10 +127,8 @@ def _words(files: Path, limits: Limits, extra: Sequence[str], rules: int) -> lis
     words += ["--perms", "0755", "--dir", "/etc", "--perms", "0755", "--dir", PACKAGE]
     for name in _ETC:
         words += ["--ro-bind-try", f"/etc/{name}", f"/etc/{name}"]
-    package = Path(launcher.__file__).resolve().parent.parent
-    words += ["--ro-bind", str(package), f"{PACKAGE}/{package.name}"]
-    if not bundled_folder().is_relative_to(package):
-        words += ["--ro-bind", str(bundled_folder()), f"{PACKAGE}/{bundled_folder().name}"]
+    for path, place in package_folders().items():
+        words += ["--ro-bind", str(path), place]
     words += ["--ro-bind", launcher.__file__, f"{PACKAGE}/launcher.py", "--ro-bind", str(files), FILES]
     words += ["--remount-ro", "/dev", "--remount-ro", "/"]  # both are memory without a limit
     words += ["--remount-ro", "/proc"]  # settings of the kernel are in it, some of them the machine's
@@ -170,7 +176,7 @@ def what_is_missing() -> str:
         with contextlib.closing(Bubblewrap(Path(name), Limits())) as sandbox:
             try:
                 sandbox.take("127.0.0.1", PortRequest(0, "a trial", "")).close()
-                sandbox.start("python -S -c pass", {}, note, lambda line: None, ProgramOutput())
+                sandbox.start("python -S -c pass", {}, note, lambda line: None, output=ProgramOutput())
             except (GradeError, PortError, ProgramError) as error:
                 return (
                     f"bubblewrap cannot make a sandbox here: {error}; as root it mostly can (sudo), and "

@@ -18,10 +18,17 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from simmer_tui import platform_has
-from simmer_tui.config.sets import bundled_folder
 from simmer_tui.errors import GradeError
-from simmer_tui.grade import launcher
-from simmer_tui.grade.sandbox import FILES, HOME, PACKAGE, PATIENCE, SCRATCH, LaunchedSandbox, Limits
+from simmer_tui.grade.sandbox import (
+    FILES,
+    HOME,
+    LAUNCHER,
+    PATIENCE,
+    SCRATCH,
+    LaunchedSandbox,
+    Limits,
+    package_folders,
+)
 
 DEFAULT_IMAGE = "python:3.12-slim"
 _DOOR, _KNOCKER = "/door", "launcher"
@@ -83,10 +90,7 @@ class Container(LaunchedSandbox):
 
     def words(self) -> list[str]:
         """The command that makes the container."""
-        package = Path(launcher.__file__).resolve().parent.parent
-        seen = {package: f"{PACKAGE}/{package.name}", self._files: FILES, self._door: _DOOR}
-        if not bundled_folder().is_relative_to(package):
-            seen[bundled_folder()] = f"{PACKAGE}/{bundled_folder().name}"
+        seen = package_folders() | {self._files: FILES, self._door: _DOOR}
         seen |= {Path(each): each for each in self._extra}
         words = [self._engine, "run", "--rm", "--name", self._name, "--network", "none", "--read-only"]
         words += ["--cap-drop", "ALL", "--security-opt", "no-new-privileges", "--user", f"{_USER}:{_USER}"]
@@ -97,12 +101,11 @@ class Container(LaunchedSandbox):
             words += ["--tmpfs", f"{place}:rw,exec,mode=1777,size={size}"]
         for path, place in seen.items():
             words += ["--volume", f"{path}:{place}:ro"]
-        inside = f"{PACKAGE}/{package.name}/grade/launcher.py"
         # A container is not our child, and would outlive us if we are killed: `timeout`, its first process,
         # which the program cannot kill, ends it.
         longest = str(math.ceil(self._limits.time + PATIENCE))
         words += ["--entrypoint", "timeout", self._image, "-s", "KILL", longest]
-        return [*words, "python3", "-I", "-S", inside, f"{_DOOR}/{_KNOCKER}"]
+        return [*words, "python3", "-I", "-S", LAUNCHER, f"{_DOOR}/{_KNOCKER}"]
 
     def _kill(self) -> None:
         with contextlib.suppress(OSError, subprocess.TimeoutExpired):

@@ -12,13 +12,13 @@ from __future__ import annotations
 
 import hmac
 import shutil
-from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Iterable
+from contextlib import closing
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated
 
-from msgspec import Meta, Struct
+from msgspec import Meta, Struct, structs
 
 from simmer_tui.config import mission_toml
 from simmer_tui.config.device_trust import DeviceUse
@@ -37,12 +37,10 @@ from simmer_tui.grade.grade_run import GradeTrial
 from simmer_tui.grade.sandbox import Isolation
 from simmer_tui.grade.submission import PROGRAM, SubmissionCheck, check_submission, keep_files, reference
 from simmer_tui.grade.submission_reader import SubmissionReader
-from simmer_tui.sim.command import escape
 from simmer_tui.trials.run import OUTPUT, PACKED_LOG
 from simmer_tui.trials.sequential import Decision, SequentialTest, sequential_test
 from simmer_tui.trials.store import RunStore, StoreKind, unbroken
-from simmer_tui.trials.trial import TrialResult, maze_faults
-from simmer_tui.trials.trial_clock import timed_seconds, with_clock
+from simmer_tui.trials.trial import TrialResult, maze_faults, timed_seconds, with_clock
 
 PLAN, TEAMS = PLAN_FILE, TEAMS_FOLDER
 COURSE, RUNS = "course", "runs"
@@ -129,9 +127,7 @@ class GradeFolder:
         self.path = path
         self.store = RunStore(path, KIND)
         self.course = course = replace(plan.course, directory=path / COURSE)
-        self.seed = plan.seed
-        self.isolation = plan.isolation
-        self.hides_names = plan.hides_names
+        self.plan = structs.replace(plan, course=course)
         self.entries = [Entry(planned) for planned in plan.teams]
         self.test: SequentialTest = sequential_test(course.require, course.margin, course.risk, course.cap)
         self._base = load(path / COURSE)
@@ -151,7 +147,7 @@ class GradeFolder:
             raise GradeError(f"a grading runs no devices of a set's own: take {names} out of sensors.devices")
         _check(base, reference(base, course.rules))
         store = RunStore(path, KIND)
-        with store.made():
+        with store.made(), closing(SubmissionReader()) as reader:
             for name in (TEAMS, RUNS):
                 (path / name).mkdir()
             store.write_files(COURSE, base.files)
@@ -160,7 +156,7 @@ class GradeFolder:
                 isolation=isolation,
                 hides_names=hides_names,
                 course=replace(course, teams=(), team_folders=()),
-                teams=_taken(course, path),
+                teams=tuple(_kept(PlannedTeam(team), path, course.command, reader) for team in course.teams),
             )
             folder = cls(path, plan)
             store.write_plan(plan)
@@ -203,11 +199,11 @@ class GradeFolder:
         """A run of a team, from 1; it has the same seed and mission for all teams."""
         configuration = entry.check.configuration
         assert configuration is not None, "only teams that are accepted are run"
-        course, isolation = self.course, self.isolation
+        course, isolation = self.course, self.plan.isolation
         return GradeTrial(
             number=self.entries.index(entry) * _NUMBERS + number,
             repetition=number,
-            seed=_run_seed(self.seed, number),
+            seed=_run_seed(self.plan.seed, number),
             configuration=configuration,
             maze="",
             command=entry.team.command,
@@ -240,7 +236,7 @@ class GradeFolder:
         """Keep the result of a run: on the disk when this returns. Raises GradeError."""
         entry, number = self.entries[result.number // _NUMBERS], number_in_team(result)
         self.store.append(TeamRun(entry.team.name, entry.planned.attempt, result))
-        with _reported():
+        with self.store.reported("written"):
             self._keep_within_bounds(entry, number)
         entry.results[number] = result
 
@@ -261,34 +257,26 @@ class GradeFolder:
         if not entry.team.folder.is_dir():
             raise GradeError(f"{shown_name(str(entry.team.folder), 200)} is not a folder any more")
         team = entry.team
-        with _reported(), SubmissionReader() as reader:
+        with self.store.reported("written"), closing(SubmissionReader()) as reader:
             for place in (self.home(team), self.runs / team.slug):
                 if place.exists():
                     shutil.rmtree(place)
             planned = PlannedTeam(team, entry.planned.attempt + 1)
             entry.planned = _kept(planned, self.path, self.course.command, reader)
         entry.results = {}
-        self._write_plan()
+        self._write_plan(structs.replace(self.plan, teams=tuple(each.planned for each in self.entries)))
         self._check_submissions([entry])
 
     def hide_names(self, *, hidden: bool) -> None:
         """Change whether pages have codes in place of names. Raises GradeError."""
-        self.hides_names = hidden
-        self._write_plan()
+        self._write_plan(structs.replace(self.plan, hides_names=hidden))
 
-    def _write_plan(self) -> None:
-        self.store.write_plan(
-            GradePlan(
-                seed=self.seed,
-                isolation=self.isolation,
-                hides_names=self.hides_names,
-                course=self.course,
-                teams=tuple(entry.planned for entry in self.entries),
-            )
-        )
+    def _write_plan(self, plan: GradePlan) -> None:
+        self.store.write_plan(plan)
+        self.plan = plan
 
     def _check_submissions(self, entries: Iterable[Entry]) -> None:
-        with SubmissionReader() as reader:
+        with closing(SubmissionReader()) as reader:
             for entry in entries:
                 if entry.planned.refused or entry.team.problems:
                     continue
@@ -305,16 +293,6 @@ class GradeFolder:
                     configuration = with_clock(check.configuration, self.course.clock)
                     check = replace(check, configuration=configuration)
                 entry.check = check
-
-
-@contextmanager
-def _reported() -> Iterator[None]:
-    """Raises GradeError for an OSError."""
-    try:
-        yield
-    except OSError as error:
-        where = escape(str(error.filename), 200)
-        raise GradeError(f"{where} cannot be written: {error.strerror or error}") from None
 
 
 def _run_seed(seed: int, number: int) -> int:
@@ -335,12 +313,6 @@ def _check(base: Configuration, largest: Configuration) -> None:
     ]
     if problems:
         raise ConfigurationError(problems)
-
-
-def _taken(course: Course, path: Path) -> tuple[PlannedTeam, ...]:
-    """Copies of all teams' files in a new grading. Raises OSError."""
-    with SubmissionReader() as reader:
-        return tuple(_kept(PlannedTeam(team), path, course.command, reader) for team in course.teams)
 
 
 def _kept(planned: PlannedTeam, path: Path, command: str, reader: SubmissionReader) -> PlannedTeam:

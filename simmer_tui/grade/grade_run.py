@@ -15,7 +15,7 @@ from simmer_tui.grade.container import Container
 from simmer_tui.grade.sandbox import Isolation, Limits
 from simmer_tui.program import Keeper
 from simmer_tui.sim.command import escape
-from simmer_tui.trials.run import OUTPUT, PACKED_LOG, Sandbox, TrialRun, Unconfined, fault_result
+from simmer_tui.trials.run import Sandbox, TrialRun, Unconfined, fault_result
 from simmer_tui.trials.trial import Ending, Trial, TrialResult
 
 _LARGEST_LOG = 30_000_000
@@ -41,37 +41,31 @@ class GradeTrial(Trial):
         return f"{self.slug}/{self.repetition:04}"
 
 
-class GradeRun:
+class GradeRun(TrialRun):
     """Make it, call `run` once; `interrupt` ends it from another thread."""
 
     def __init__(self, trial: GradeTrial, folder: Path, keeper: Keeper | None = None) -> None:
         """`folder` takes the log and the output of a run that fails, in a folder of the team, and the log of
         run `SHOWN_SUCCESS`."""
-        self._trial = trial
         (folder / trial.slug).mkdir(exist_ok=True)
-        self._log = folder / f"{trial.name}{PACKED_LOG}"
-        self._output = folder / f"{trial.name}{OUTPUT}"
-        self._run = TrialRun(trial, folder, sandbox=lambda: sandbox_of(trial, keeper), most_log=_LARGEST_LOG)
-
-    def interrupt(self) -> None:
-        self._run.interrupt()
+        super().__init__(trial, folder, sandbox=lambda: sandbox_of(trial, keeper), most_log=_LARGEST_LOG)
+        self._most_output = int(trial.limits.output * 1000)
 
     def run(self) -> TrialResult:
         """Do the run. What is wrong with the team's program, ports or robot is a failure of that run.
         Raises RunLogError, GradeError, InterruptedTrialError."""
         try:
-            result = self._run.run()
+            result = super().run()
         except (ConfigurationError, PlacementError, PortError) as error:
             failed = fault_result(self._trial, escape(str(error), 300))
             result = structs.replace(failed, ending=Ending.EXIT)
         if result.success:
-            self._output.unlink(missing_ok=True)
+            self._output_file.unlink(missing_ok=True)
             # The same mission for all teams: a page plays it for a team that passes, too.
             if self._trial.repetition != SHOWN_SUCCESS:
                 self._log.unlink(missing_ok=True)
-        elif self._output.exists():
-            most = int(self._trial.limits.output * 1000)
-            self._output.write_bytes(self._output.read_bytes()[-most:])
+        elif self._output_file.exists():
+            self._output_file.write_bytes(self._output_file.read_bytes()[-self._most_output :])
         return result
 
 

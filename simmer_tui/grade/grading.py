@@ -46,8 +46,7 @@ class Grading:
 
     def trials(self) -> Iterator[GradeTrial]:
         """The runs to do, each decided on when it can begin."""
-        while (trial := self._next()) is not None:
-            yield trial
+        return iter(self._next, None)
 
     def take(self, result: TrialResult) -> None:
         """Keep a result. A fault of the simulator itself is not the team's, unless it comes again and again.
@@ -100,7 +99,7 @@ def here(folder: GradeFolder, jobs: int) -> RunSource:
 
 def check_isolation(folder: GradeFolder) -> None:
     """Raises GradeError if programs cannot be sandboxed as asked."""
-    missing = what_is_missing(folder.isolation)
+    missing = what_is_missing(folder.plan.isolation)
     if missing:
         raise GradeError(
             f"programs cannot be sandboxed: {missing}. Without it, a program can read this grading's seed, "
@@ -108,7 +107,7 @@ def check_isolation(folder: GradeFolder) -> None:
         )
     seen = bubblewrap.seen_folders(folder.course.read_only)
     inside = [place for place in seen if folder.path.resolve().is_relative_to(place.resolve())]
-    if folder.isolation is Isolation.BWRAP and inside:
+    if folder.plan.isolation is Isolation.BWRAP and inside:
         raise GradeError(f"the grading would lie in {inside[0]}, which programs can read: name another --out")
 
 
@@ -125,7 +124,7 @@ def what_is_missing(isolation: Isolation) -> str:
 
 def on_cluster(folder: GradeFolder, client: Client) -> RunSource:
     """Runs on the workers of a cluster. Raises GradeError if one of them cannot close programs in."""
-    missing = {where: why for where, why in client.run(what_is_missing, folder.isolation).items() if why}
+    missing = {where: why for where, why in client.run(what_is_missing, folder.plan.isolation).items() if why}
     if missing:
         where, why = next(iter(missing.items()))
         raise GradeError(f"programs cannot be sandboxed on the worker {where}: {why}")

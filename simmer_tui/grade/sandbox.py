@@ -7,18 +7,18 @@ import os
 import socket
 import subprocess
 import sys
-import threading
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path, PurePosixPath
 
+from simmer_tui.config.sets import bundled_folder
 from simmer_tui.errors import GradeError, PortError, ProgramError
 from simmer_tui.grade.cgroup import ControlGroup
-from simmer_tui.grade.supervisor import Supervisor
-from simmer_tui.grade.usage import SandboxUsage
+from simmer_tui.grade.usage import SandboxUsage, Supervisor
 from simmer_tui.links.ports import Listener, PortRequest
+from simmer_tui.program.control_program import RunningProgram
 from simmer_tui.program.hook_folder import with_hook
 from simmer_tui.program.program_command import words_of
 from simmer_tui.program.program_output import ProgramOutput, reading
@@ -28,6 +28,8 @@ HOME, FILES, PACKAGE = "/robot/home", "/program", "/simmer"
 """In a sandbox: the program's own copy of its files, what that is copied from, and our package."""
 HOOK = f"{PACKAGE}/simmer_tui/program/hook"
 """In a sandbox: the folder that stands first on the path of a Python program with a clock of its own."""
+LAUNCHER = f"{PACKAGE}/simmer_tui/grade/launcher.py"
+"""In a sandbox: the launcher."""
 # Both are memory: with them a program stays below its limit of memory and disk.
 SCRATCH = 16_000_000
 """Bytes of /tmp and of /dev/shm."""
@@ -50,7 +52,7 @@ class LaunchedSandbox(ABC):
         self._limits = limits
         self._process: subprocess.Popen[bytes] | None = None
         self._link: socket.socket | None = None
-        self._program: SandboxedProgram | None = None
+        self._program: RunningProgram | None = None
         self._supervisor: Supervisor | None = None
         self._group: ControlGroup | None = None
 
@@ -84,6 +86,11 @@ class LaunchedSandbox(ABC):
         if self._process is not None:
             self._process.kill()
 
+    def _end(self) -> None:
+        """End everything in it, unless it has ended with its first process."""
+        if self._process is not None and self._process.returncode is None:
+            self._kill()
+
     def take(self, host: str, request: PortRequest) -> Listener:
         """Listen in there on 127.0.0.1, whatever the host is. Raises PortError, GradeError."""
         self._open()
@@ -101,7 +108,7 @@ class LaunchedSandbox(ABC):
         on_end: Callable[[int], None],
         on_line: Callable[[str], None],
         output: ProgramOutput,
-    ) -> SandboxedProgram:
+    ) -> RunningProgram:
         """Start the program. Raises ProgramError."""
         process = self._open()
         order = {
@@ -118,7 +125,11 @@ class LaunchedSandbox(ABC):
             for each in meter:
                 each.close()
             raise ProgramError(f"{escape(command, 200)}: {escape(answer['error'], 300)}")
-        self._program = SandboxedProgram(process, on_end, on_line, output, self._kill)
+        assert process.stdout is not None, "its output is taken"
+        assert process.stderr is not None, "its output is taken"
+        with process.stdout as stdout, process.stderr as stderr:
+            reader = reading(output, os.dup(stdout.fileno()), os.dup(stderr.fileno()), on_line)
+        self._program = RunningProgram(process.wait, self._end, reader, on_end, _LAST)
         if self._meters:
 
             def end(reason: str) -> None:
@@ -182,6 +193,15 @@ class LaunchedSandbox(ABC):
         return f": {said}" if said else ""
 
 
+def package_folders() -> dict[Path, str]:
+    """Folders of our package here, and where a sandbox shows each."""
+    package = Path(__file__).resolve().parent.parent
+    seen = {package: f"{PACKAGE}/{package.name}"}
+    if not bundled_folder().is_relative_to(package):
+        seen[bundled_folder()] = f"{PACKAGE}/{bundled_folder().name}"
+    return seen
+
+
 def surroundings(python: str) -> dict[str, str]:
     """The environment of a sandboxed program; nothing of ours is in it."""
     return {
@@ -194,50 +214,6 @@ def surroundings(python: str) -> dict[str, str]:
         "OMP_NUM_THREADS": "1",  # a thread a processor would not fit into the limits on large machines
         "OPENBLAS_NUM_THREADS": "1",
     }
-
-
-class SandboxedProgram:
-    """A program in a sandbox, which ends with its first process."""
-
-    def __init__(
-        self,
-        process: subprocess.Popen[bytes],
-        on_end: Callable[[int], None],
-        on_line: Callable[[str], None],
-        output: ProgramOutput,
-        stop: Callable[[], None],
-    ) -> None:
-        """`stop` ends the sandbox."""
-        self.stopped = False
-        """True if the program did not end by itself."""
-        self._process = process
-        self._stop = stop
-        self._ended = threading.Event()
-        assert process.stdout is not None, "its output is taken"
-        assert process.stderr is not None, "its output is taken"
-        with process.stdout as stdout, process.stderr as stderr:
-            self._reader = reading(output, os.dup(stdout.fileno()), os.dup(stderr.fileno()), on_line)
-        self._waiter = threading.Thread(target=self._wait, args=(on_end,), name="program", daemon=True)
-        self._waiter.start()
-
-    def settle_output(self) -> bool:
-        """Wait until all that it has printed is kept; False if that takes too long."""
-        return self._reader.settle()
-
-    def end(self, grace: float = 0.0) -> None:
-        """End everything in the sandbox; the program may end by itself for `grace` seconds."""
-        if grace:
-            self._ended.wait(grace)
-        if not self._ended.is_set():
-            self.stopped = True
-            self._stop()
-        self._waiter.join(2 * _LAST)
-
-    def _wait(self, on_end: Callable[[int], None]) -> None:
-        code = self._process.wait()
-        self._reader.join(_LAST)  # it ends when the last process that could write has gone
-        self._ended.set()
-        on_end(code if code >= 0 else 128 - code)
 
 
 _MEGABYTE = 1_000_000

@@ -17,21 +17,17 @@ from simmer_tui.document.model import (
     Folded,
     KeyFigures,
     Paragraph,
-    SideBySide,
     Tone,
     VerdictBox,
 )
-from simmer_tui.errors import ConfigurationError, RunLogError
 from simmer_tui.grade.grade_folder import GradeFolder, number_in_team
 from simmer_tui.grade.team_result import TeamResult, TeamStatus, code_of, last_failure, ranked
-from simmer_tui.report.page import report_page
-from simmer_tui.report.run_statistics import report_of
-from simmer_tui.runlog.reader import LogReader
 from simmer_tui.sim.command import escape
 from simmer_tui.sim.fingerprint import math_fingerprint
-from simmer_tui.trials.figures import map_figure
+from simmer_tui.trials.figures import log_page, map_figure
 from simmer_tui.trials.sequential import shown_test
-from simmer_tui.trials.trial_clock import clock_sentences, clocks_text
+from simmer_tui.trials.trial import clock_sentences, clocks_text
+from simmer_tui.trials.trials_page import beside
 from simmer_tui.trials.trials_summary import failure_text
 
 INDEX = "index.html"
@@ -191,7 +187,7 @@ def _index_page(folder: GradeFolder, team_results: list[TeamResult], isolation: 
     runs = sum(each.runs for each in team_results)
     table = replace(grades_table(folder, ranked(team_results), links=True), title="", sortable=True)
     # What a program printed may name its team.
-    shown = () if folder.hides_names else silent[:_MOST_SILENT]
+    shown = () if folder.plan.hides_names else silent[:_MOST_SILENT]
     return Document(
         folder.course.name,
         (
@@ -250,13 +246,10 @@ def _team_page(folder: GradeFolder, team_result: TeamResult, links: dict[int, st
             )
         )
     configuration = team_result.entry.check.configuration
+    picture: list[DocumentPart] = []
     if configuration is not None and team_result.results:
-        picture = map_figure(configuration.simulation.maze, team_result.results)
-        about = Paragraph("Contacts (×) and ends of all runs.", kind="note")
-        parts.append(SideBySide(left, (picture, about), even=True))
-    else:
-        parts += left
-    return Document(team_result.label, parts)
+        picture.append(map_figure(configuration.simulation.maze, team_result.results))
+    return Document(team_result.label, [*parts, *beside(left, picture)])
 
 
 def _run_pages(folder: GradeFolder, team_result: TeamResult) -> dict[int, str]:
@@ -271,13 +264,9 @@ def _run_pages(folder: GradeFolder, team_result: TeamResult) -> dict[int, str]:
         failures += not result.success
         if log.stat().st_size > _LARGEST_SHOWN:
             continue
-        try:
-            with LogReader(log) as reader:
-                pages[number_of] = report_page(
-                    report_of(reader), f"{team_result.label}, run {number_of}", commands=False
-                )
-        except (RunLogError, ConfigurationError):
-            continue  # a log that was cut short by its bound
+        page = log_page(log, f"{team_result.label}, run {number_of}", commands=False)
+        if page is not None:  # else its bound has cut it short
+            pages[number_of] = page
     return pages
 
 

@@ -14,8 +14,7 @@ import time
 from collections.abc import Callable
 from multiprocessing.process import BaseProcess
 from pathlib import Path
-from types import TracebackType
-from typing import ParamSpec, Self, TypeVar, cast
+from typing import ParamSpec, TypeVar, cast
 
 from simmer_tui import platform_has
 from simmer_tui.errors import GradeError, SimmerError
@@ -47,17 +46,6 @@ class SubmissionReader:
         self._child: BaseProcess | None = None
         self._connection: End | None = None
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self._end()
-
     def call(
         self, function: Callable[_Asked, _Answer], *given: _Asked.args, **named: _Asked.kwargs
     ) -> _Answer:
@@ -73,7 +61,7 @@ class SubmissionReader:
         except (EOFError, OSError):
             answer = None
         if answer is None:
-            self._end()
+            self.close()
             raise GradeError(
                 f"take more than {_CPU} s of processor time or {_MEMORY / 1e6:.0f} MB to read: "
                 "make them smaller"
@@ -91,7 +79,8 @@ class SubmissionReader:
             theirs.close()
         return self._connection
 
-    def _end(self) -> None:
+    def close(self) -> None:
+        """End the child."""
         if self._connection is not None:
             self._connection.close()
             self._connection = None

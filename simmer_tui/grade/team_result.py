@@ -9,12 +9,11 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from simmer_tui.document.formats import ESTIMATE
-from simmer_tui.errors import Problem
 from simmer_tui.grade.course import shown_name
 from simmer_tui.grade.grade_folder import Entry, GradeFolder
 from simmer_tui.report.causes import Kind
 from simmer_tui.sim.command import escape
-from simmer_tui.trials.intervals import IntervalEstimate, distribution
+from simmer_tui.trials.intervals import IntervalEstimate, median
 from simmer_tui.trials.trial import TrialResult
 from simmer_tui.trials.trials_summary import failure_text
 
@@ -50,7 +49,6 @@ class TeamResult:
     time: float | None
     contacts: float | None
     causes: list[tuple[str, int]]
-    problems: tuple[Problem, ...]
 
     @property
     def runs(self) -> int:
@@ -71,7 +69,7 @@ class TeamResult:
     def said(self) -> str:
         """In a line."""
         if self.outcome is TeamStatus.REFUSED:
-            return "; ".join(shown_name(str(problem), 300) for problem in self.problems)
+            return "; ".join(shown_name(str(problem), 300) for problem in self.entry.problems)
         if self.score is None:
             return f"{self.successes} of {self.runs} runs so far"
         return f"success rate {ESTIMATE.text(self.score)}, {self.successes} of {self.runs} runs"
@@ -100,14 +98,13 @@ def ranked(all_of_them: list[TeamResult]) -> list[TeamResult]:
 def code_of(folder: GradeFolder, entry: Entry) -> str:
     """Code of a team where names are hidden: only who has the seed can tell which team it is."""
     name = entry.team.name.encode(errors="surrogatepass")
-    digest = hmac.new(str(folder.seed).encode(), name, hashlib.sha256)
+    digest = hmac.new(str(folder.plan.seed).encode(), name, hashlib.sha256)
     return f"team {digest.hexdigest()[:_CODE]}"
 
 
 def _team_result(folder: GradeFolder, entry: Entry, *, hidden: bool) -> TeamResult:
     verdict, results = folder.verdict(entry), folder.counted(entry)
     score = None if verdict is None else folder.test.interval(verdict.runs, verdict.successes)
-    times = [result.time for result in results if result.success]
     causes = Counter(_reason(result) for result in results if not result.success)
     code = code_of(folder, entry)
     return TeamResult(
@@ -117,10 +114,9 @@ def _team_result(folder: GradeFolder, entry: Entry, *, hidden: bool) -> TeamResu
         outcome=_outcome(entry, verdict is not None and verdict.passed, decided=verdict is not None),
         score=score,
         results=results,
-        time=distribution(times).median if times else None,
+        time=median([result.time for result in results if result.success]),
         contacts=sum(result.contacts for result in results) / len(results) if results else None,
         causes=[(escape(cause, 200), number) for cause, number in causes.most_common(_CAUSES)],
-        problems=entry.problems,
     )
 
 

@@ -16,6 +16,7 @@ from simmer_tui.links.access import TurnedAwayNotices
 from simmer_tui.links.connection_doctor import ALONE, ClientWatch, ConnectionDoctor
 from simmer_tui.links.link import LinkContext
 from simmer_tui.links.peer import MOST_WAITING, PIECE, UNREAD_LIMIT, Peer, ReadBudget, host_of
+from simmer_tui.links.processes import children
 from simmer_tui.phrases import counted
 from simmer_tui.protocol.binary import CommandReader, NumberEncoder
 from simmer_tui.sessions import LoopTimer
@@ -317,7 +318,8 @@ class BinaryLink:
             return []
         inodes = {reply: processes.inode(reply.sock, reply.peer) for reply in present}
         of_client = processes.inode(client.sock, client.peer)
-        holders = processes.holders({of_client, *inodes.values()} - {0})
+        # Nearly always the program that this process has started last.
+        holders = processes.holders({of_client, *inodes.values()} - {0}, first=reversed(children()))
         ours = holders.get(of_client, set())
         # A process that forks has both sockets in several: one that has both will do.
         return [reply for reply in present if ours and inodes[reply] and not ours & holders[inodes[reply]]]

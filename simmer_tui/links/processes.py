@@ -8,8 +8,9 @@ import os
 import socket
 import sys
 import time
-from collections.abc import Collection
+from collections.abc import Collection, Iterable, Iterator
 from enum import IntEnum
+from itertools import chain
 
 from msgspec import Struct
 
@@ -114,13 +115,14 @@ class ProcessLookup:
         pids = self.holders({inode}, LONGEST_LOOK)[inode]
         return _process(max(pids)) if pids else None
 
-    def holders(self, inodes: Collection[int], longest: float = LONGEST_SEARCH) -> dict[int, set[int]]:
+    def holders(
+        self, inodes: Collection[int], longest: float = LONGEST_SEARCH, first: Iterable[int] = ()
+    ) -> dict[int, set[int]]:
         """The process numbers that have each of these sockets, as far as they are found in time. It ends with
-        the first process that has all of them."""
+        the first process that has all of them. Processes in `first` are looked at before all others."""
         found: dict[int, set[int]] = {inode: set() for inode in inodes}
         until = time.thread_time() + longest
-        # The newest first: a program that has just connected was nearly always started lately.
-        for pid in sorted(_own_processes(), reverse=True):
+        for pid in chain(first, _newest_first()):
             held = _sockets_of(pid, inodes)
             for inode in held:
                 found[inode].add(pid)
@@ -146,12 +148,24 @@ def session_of(pid: int) -> int | None:
         return None
 
 
-def _own_processes() -> list[int]:
-    """The process numbers there are; none where there is no /proc."""
-    try:
-        return [int(name) for name in os.listdir("/proc") if name.isdigit()]  # noqa: PTH208 - names will do
-    except OSError:
-        return []
+def children() -> list[int]:
+    """The process numbers of this process's children, of all its threads; none where there is no /proc."""
+    found: list[int] = []
+    with contextlib.suppress(OSError):
+        for thread in os.listdir("/proc/self/task"):  # noqa: PTH208 - names will do
+            with (
+                contextlib.suppress(OSError),  # it has ended
+                open(f"/proc/self/task/{thread}/children", "rb") as file,  # noqa: PTH123 - as in `stat_of`
+            ):
+                found += map(int, file.read().split())
+    return found
+
+
+def _newest_first() -> Iterator[int]:
+    """The process numbers there are; none where there is no /proc. A program that has just connected was
+    nearly always started lately."""
+    with contextlib.suppress(OSError):
+        yield from sorted((int(name) for name in os.listdir("/proc") if name.isdigit()), reverse=True)  # noqa: PTH208 - names will do
 
 
 def _sockets_of(pid: int, inodes: Collection[int]) -> set[int]:

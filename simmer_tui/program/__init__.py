@@ -4,7 +4,7 @@ Nothing stays behind even if the simulator is killed. On Unix a small process, t
 ends what is left; on Windows a job object does.
 """
 
-from simmer_tui.program.control_program import Keeper, Program
+from simmer_tui.program.control_program import Keeper, Program, RunningProgram
 from simmer_tui.program.program_output import ProgramOutput, not_started
 
-__all__ = ["Keeper", "Program", "ProgramOutput", "not_started"]
+__all__ = ["Keeper", "Program", "ProgramOutput", "RunningProgram", "not_started"]

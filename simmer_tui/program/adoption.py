@@ -15,7 +15,7 @@ import sys
 from pathlib import Path
 
 from simmer_tui import platform_has
-from simmer_tui.links.processes import StatField, stat_of
+from simmer_tui.links.processes import StatField, children, stat_of
 from simmer_tui.program.keeper import KEEPER, MARK
 
 _SET_CHILD_SUBREAPER = 36
@@ -30,12 +30,22 @@ class Adoption:
         self._mark = mark.encode()
         self._program = 0
         self._since = 0
-        _adopt(is_on=True)
+        self._is_on = _adopt(is_on=True)
 
     def begin(self, program: int) -> None:
         """The program has this process ID."""
         with contextlib.suppress(OSError):  # no /proc: nothing is found there later either
             self._program, self._since = program, int(stat_of(program)[StatField.STARTED])
+
+    def nothing_left(self) -> bool:
+        """True if this process sees its keeper as its only child: all that the program started has ended.
+
+        A look of some microseconds, where one through all processes takes milliseconds.
+        """
+        try:
+            return self._is_on and [_mark_of(pid) for pid in children()] == [KEEPER.encode()]
+        except OSError:
+            return False
 
     def living(self) -> set[int]:
         """Adopted processes that live. Those that have ended are reaped."""
@@ -43,7 +53,7 @@ class Adoption:
             raise NotImplementedError  # there is no such thing on Windows
         found: dict[int, int] = {}
         others, ended = [], []
-        for pid in _children():
+        for pid in children():
             try:
                 fields = stat_of(pid)
                 started = int(fields[StatField.STARTED])
@@ -71,19 +81,13 @@ class Adoption:
         _adopt(is_on=False)
 
 
-def _adopt(*, is_on: bool) -> None:
-    if platform_has.LINUX:
-        import ctypes  # numpy has imported it already
+def _adopt(*, is_on: bool) -> bool:
+    """Begin or end to adopt; True if the system does."""
+    if not platform_has.LINUX:
+        return False
+    import ctypes  # numpy has imported it already
 
-        ctypes.CDLL(None).prctl(_SET_CHILD_SUBREAPER, int(is_on), 0, 0, 0)
-
-
-def _children() -> list[int]:
-    found: list[int] = []
-    for path in Path("/proc/self/task").glob("*/children"):
-        with contextlib.suppress(OSError):  # a thread that has ended
-            found += map(int, path.read_bytes().split())
-    return found
+    return bool(ctypes.CDLL(None).prctl(_SET_CHILD_SUBREAPER, int(is_on), 0, 0, 0) == 0)
 
 
 def _mark_of(pid: int) -> bytes | None:

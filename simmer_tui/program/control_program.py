@@ -5,36 +5,79 @@ On Unix a keeper watches it: its start, and its end with all it started.
 
 from __future__ import annotations
 
+import contextlib
 import os
+import subprocess
 import sys
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from simmer_tui import platform_has
 from simmer_tui.errors import ProgramError
-
-if TYPE_CHECKING:
-    from simmer_tui.program.job_process import JobProcess
-
-
-import contextlib
-import subprocess
-from collections.abc import Sequence
-
 from simmer_tui.program import keeper
 from simmer_tui.program.adoption import Adoption
 from simmer_tui.program.hook_folder import with_hook
 from simmer_tui.program.program_command import console_variables, words_of
-from simmer_tui.program.program_output import OutputRoute, ProgramOutput
+from simmer_tui.program.program_output import OutputReader, OutputRoute, ProgramOutput
+
+if TYPE_CHECKING:
+    from simmer_tui.program.job_process import JobProcess
 
 _LAST_LINES = 1.0
 """Time that a child of an ended program may keep its output open, seconds. Longer would delay every run that
 leaves a daemon behind."""
 
 
-class Program:
+class RunningProgram:
+    """A program that has been started, and what reads its output."""
+
+    def __init__(
+        self,
+        wait: Callable[[], int],
+        stop: Callable[[], None],
+        output: OutputRoute | OutputReader,
+        on_end: Callable[[int], None],
+        last_lines: float,
+    ) -> None:
+        """Wait in a thread for its end, and then `last_lines` seconds at most for the rest of its output.
+
+        `wait` returns the exit code, or the negative number of the signal that ended it. `stop` ends the
+        program and all that it started. `on_end` gets the exit code: 128 and the signal's number for a
+        program that a signal ended.
+        """
+        self.stopped = False
+        """True if the program did not end by itself."""
+        self._stop = stop
+        self._output = output
+        self._last_lines = last_lines
+        self._ended = threading.Event()
+        self._waiter = threading.Thread(target=self._wait, args=(wait, on_end), name="program", daemon=True)
+        self._waiter.start()
+
+    def settle_output(self) -> bool:
+        """Wait until all that it has printed is kept; False if that takes too long."""
+        return self._output.settle()
+
+    def end(self, grace: float = 0.0) -> None:
+        """Make sure that it and all that it started has ended, kindly at first. It may end by itself
+        for `grace` seconds. Any thread may ask, more than once; call it in any case."""
+        if grace:
+            self._ended.wait(grace)
+        if not self._ended.is_set():
+            self.stopped = True
+        self._stop()
+        self._waiter.join(2 * self._last_lines)
+
+    def _wait(self, wait: Callable[[], int], on_end: Callable[[int], None]) -> None:
+        code = wait()
+        self._ended.set()
+        self._output.join(self._last_lines)  # a child of the program may hold its output open for ever
+        on_end(code if code >= 0 else 128 - code)
+
+
+class Program(RunningProgram):
     """A running program, in a session of its own."""
 
     def __init__(
@@ -52,14 +95,11 @@ class Program:
         """Start `command` in `folder`, or where we are, with `environment` added to ours. Raises
         ProgramError.
 
-        `on_end` gets the exit code in a thread of its own: 128 and the signal's number for a
-        program that a signal ended. With `on_line` its output is taken, a line at a time, else it
-        goes where ours goes. `output` keeps its last lines. A process that runs many programs has one
-        `keeper` for them all. One that runs one at a time, and starts no other processes, `adopts`
+        `on_end` gets the exit code in a thread of its own. With `on_line` its output is taken, a line at a
+        time, else it goes where ours goes. `output` keeps its last lines. A process that runs many programs
+        has one `keeper` for them all. One that runs one at a time, and starts no other processes, `adopts`
         what a program leaves behind (Linux).
         """
-        self.stopped = False
-        """True if the program did not end by itself."""
         unbuffered: dict[str, str] = {}
         if not platform_has.POSIX and on_line is None and (os.isatty(1) or os.isatty(2)):
             from simmer_tui.program.job_process import console_code_page
@@ -68,45 +108,18 @@ class Program:
         surroundings = with_hook({**unbuffered, **os.environ, **environment})
         try:
             kept = output or ProgramOutput()
-            self._route = OutputRoute(kept, on_line, at_once=bool(unbuffered))
+            route = OutputRoute(kept, on_line, at_once=bool(unbuffered))
             try:
-                self._process = _started(
-                    command, surroundings, folder, keeper, self._route, on_line is None, adopts
-                )
+                process = _started(command, surroundings, folder, keeper, route, on_line is None, adopts)
             except BaseException:
-                self._route.abandon()
+                route.abandon()
                 raise
         except OSError as error:
             raise ProgramError(f"--run {command!r}: {error.strerror or error}") from None
-        self._route.start()
-        self._ended = threading.Event()
-        self._waiter = threading.Thread(target=self._wait, args=(on_end,), name="program", daemon=True)
-        self._waiter.start()
-
-    @property
-    def pid(self) -> int:
+        route.start()
+        self.pid = process.pid
         """Its process ID."""
-        return self._process.pid
-
-    def settle_output(self) -> bool:
-        """Wait until all that it has printed is kept; False if that takes too long."""
-        return self._route.settle()
-
-    def end(self, grace: float = 0.0) -> None:
-        """Make sure that it and all that it started has ended, kindly at first. It may end by itself
-        for `grace` seconds. Any thread may ask, more than once; call it in any case."""
-        if grace:
-            self._ended.wait(grace)
-        if not self._ended.is_set():
-            self.stopped = True
-        self._process.end()
-        self._waiter.join(2 * _LAST_LINES)
-
-    def _wait(self, on_end: Callable[[int], None]) -> None:
-        code = self._process.wait()
-        self._ended.set()
-        self._route.join(_LAST_LINES)  # a child of the program may hold its output open for ever
-        on_end(code if code >= 0 else 128 - code)
+        super().__init__(process.wait, process.end, route, on_end, _LAST_LINES)
 
 
 def _started(
@@ -244,8 +257,10 @@ class KeptProcess:
             if self._has_ended:
                 return
             self._has_ended = True
-            adopted = set if self._adoption is None else self._adoption.living
-            keeper.end_all(self._mark, self._process.pid, adopted)
+            if self._adoption is None:
+                keeper.end_all(self._mark, self._process.pid)
+            elif not self._adoption.nothing_left():
+                keeper.end_all(self._mark, self._process.pid, self._adoption.living)
             self._release()
             with contextlib.suppress(subprocess.TimeoutExpired):
                 self._process.wait(_LAST_WAIT)

@@ -102,6 +102,11 @@ def _frames(pattern: re.Pattern[str], lines: Iterable[str]) -> list[_Frame]:
     return [(found[1], found[2]) for found in map(pattern.match, lines) if found]
 
 
+def _places(pattern: re.Pattern[str], lines: Sequence[str]) -> list[int]:
+    """The places of the lines that a pattern matches."""
+    return [place for place, line in enumerate(lines) if pattern.match(line)]
+
+
 def _first_said(lines: Iterable[str]) -> str:
     """The first line that is not blank; empty without one."""
     return next((line.strip() for line in lines if line.strip()), "")
@@ -127,7 +132,7 @@ _FATAL = "Fatal Python error: "
 
 
 def _python(lines: Sequence[str]) -> Crash | None:
-    begins = [place for place, line in enumerate(lines) if _TRACEBACK.match(line)]
+    begins = _places(_TRACEBACK, lines)
     # A mistake in the program's own file has no traceback.
     if not begins:
         return _python_without_traceback(lines)
@@ -170,7 +175,7 @@ def _python_without_traceback(lines: Sequence[str]) -> Crash | None:
 
 def _thread(lines: Sequence[str]) -> Crash | None:
     """An error that ended a thread, and not the program: it has nobody left to drive the robot."""
-    begins = [place for place, line in enumerate(lines) if _THREAD.match(line)]
+    begins = _places(_THREAD, lines)
     return _python(lines[begins[-1] :]) if begins else None
 
 
@@ -188,7 +193,7 @@ class OwnFrame(Struct, frozen=True):
 
 def own_frames(stderr: Sequence[str]) -> tuple[OwnFrame, ...]:
     """Calls in the program's own code that led to its last Python exception, the innermost first."""
-    begins = [place for place, line in enumerate(stderr) if _TRACEBACK.match(line)]
+    begins = _places(_TRACEBACK, stderr)
     lines = stderr[begins[-1] :] if begins else ()
     found = []
     for place, line in enumerate(lines):
@@ -290,11 +295,11 @@ def _node(lines: Sequence[str]) -> Crash | None:
     if not any(map(_NODE_VERSION.match, lines)):
         return None
     heads = _frames(_NODE_HEAD, lines)
-    errors = [place for place, line in enumerate(lines) if _NODE_ERROR.match(line)]
+    errors = _places(_NODE_ERROR, lines)
     if errors:
         return _node_error(lines[errors[-1] :], heads)
     # A value that is no Error has no stack: it stands below the line of carets.
-    thrown = [place for place, line in enumerate(lines) if _CARETS.match(line)]
+    thrown = _places(_CARETS, lines)
     said = next((line for line in lines[thrown[-1] + 1 :] if line), "") if thrown else ""
     return Crash(said, _last_own(heads[-1:])) if said else None
 

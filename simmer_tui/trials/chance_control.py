@@ -70,10 +70,7 @@ def control_of(
         tested: Number of changes of this run that are tested.
     """
     pairs = [(unchanged[each], changed[each]) for each in changed.keys() & unchanged.keys()]
-    if not pairs:
-        return None
-    counts = [pairs.count(each) for each in ((True, True), (True, False), (False, True), (False, False))]
-    return ChanceControl(change, PairCounts(*counts), tested)
+    return ChanceControl(change, PairCounts.of(pairs), tested) if pairs else None
 
 
 CONTROL = DataTable(

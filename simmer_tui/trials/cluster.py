@@ -7,12 +7,16 @@ The program's files and how to start it travel there, results and logs come back
 from __future__ import annotations
 
 import contextlib
+import os
+import shlex
+import subprocess
+import sys
 import tempfile
-from collections.abc import Callable, Generator, Iterable
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
 from concurrent.futures import CancelledError
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import islice
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from simmer_tui import platform_has
@@ -25,15 +29,6 @@ from simmer_tui.version import requirement
 
 if TYPE_CHECKING:
     from distributed import Client, Future
-
-
-import os
-import shlex
-import subprocess
-import sys
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
-from pathlib import PurePath
 
 # Each worker gets all of it before its first run: programs have kilobytes, an environment hundreds of
 # megabytes.

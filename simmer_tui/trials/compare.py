@@ -21,8 +21,7 @@ from simmer_tui.trials.intervals import (
     mean_difference,
     paired_difference,
 )
-from simmer_tui.trials.trial import RANDOM, TrialResult
-from simmer_tui.trials.trial_clock import clocks_text
+from simmer_tui.trials.trial import RANDOM, TrialResult, clocks_text
 
 # The usual level; with the interval of 95 % in the same table, both say the same.
 SIGNIFICANCE = 0.05
@@ -117,9 +116,7 @@ def comparison(first: TrialFolder, second: TrialFolder, pairs: list[RunPair]) ->
 
 def count_pairs(pairs: list[RunPair]) -> PairCounts:
     """Numbers of runs in which both succeed, only one, or neither."""
-    outcomes = [(a.success, b.success) for a, b in pairs]
-    counts = [outcomes.count(each) for each in ((True, True), (True, False), (False, True), (False, False))]
-    return PairCounts(*counts)
+    return PairCounts.of([(a.success, b.success) for a, b in pairs])
 
 
 def verdict(pairs: list[RunPair]) -> str:

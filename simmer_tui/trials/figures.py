@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from types import MappingProxyType
 
 from simmer_tui.document import svg
@@ -167,6 +168,15 @@ _LARGEST = 20_000_000
 _SUFFIX = ".html"
 
 
+def log_page(log: Path, name: str, *, commands: bool = True) -> str | None:
+    """The page about a run by its log, see `report_page`; None if the log cannot be read."""
+    try:
+        with LogReader(log) as reader:
+            return report_page(report_of(reader), name, commands=commands)
+    except (RunLogError, ConfigurationError):
+        return None  # it says so itself when it is reported on
+
+
 def write_run_pages(folder: TrialFolder) -> dict[int, str]:
     """Write the pages that are not there yet, of failed runs whose logs are here, the first ones of every
     cause. Returns them by the runs' numbers, as they are linked to from the folder. Raises TrialsError."""
@@ -178,10 +188,9 @@ def write_run_pages(folder: TrialFolder) -> dict[int, str]:
         name = f"{RUNS}/{folder.trial(number).name}{_SUFFIX}"
         page = folder.path / name
         if not page.exists() or page.stat().st_mtime_ns < log.stat().st_mtime_ns:
-            try:
-                with LogReader(log) as reader:
-                    folder.write(name, report_page(report_of(reader), log.name))
-            except (RunLogError, ConfigurationError):
-                continue  # it says so itself when it is reported on
+            text = log_page(log, log.name)
+            if text is None:
+                continue
+            folder.store.write(name, text)
         pages[number] = name
     return pages

@@ -190,10 +190,6 @@ class TrialFolder:
         self.store.write_plan(plan)
         self.plan = plan
 
-    def write(self, name: str, text: str) -> Path:
-        """Write a file of the folder, whole or not at all; returns its path. Raises TrialsError."""
-        return self.store.write(name, text)
-
     def _check_mazes(self) -> None:
         """Every maze must have room for robot, block and mission."""
         problems = [

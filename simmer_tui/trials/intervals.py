@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -52,6 +53,11 @@ class PairCounts:
     first_only: int
     second_only: int
     neither: int
+
+    @classmethod
+    def of(cls, outcomes: Sequence[tuple[bool, bool]]) -> PairCounts:
+        """The numbers of some pairs, each the success of the first and of the second program."""
+        return cls(*map(outcomes.count, ((True, True), (True, False), (False, True), (False, False))))
 
     @property
     def count(self) -> int:
@@ -147,8 +153,7 @@ def _studentised(values: np.ndarray, resamples: int) -> np.ndarray:
     return np.concatenate(parts)
 
 
-@dataclass(frozen=True, slots=True)
-class Distribution:
+class Distribution(NamedTuple):
     """Quantiles of some values, by linear interpolation."""
 
     least: float
@@ -161,6 +166,11 @@ class Distribution:
 def distribution(values: Sequence[float]) -> Distribution:
     """The distribution of at least one value."""
     return Distribution(*np.quantile(np.array(values), (0, 0.25, 0.5, 0.75, 1)).tolist())
+
+
+def median(values: Sequence[float]) -> float | None:
+    """The median of some values; None without any."""
+    return distribution(values).median if values else None
 
 
 def histogram(values: Sequence[float], most_bins: int = 20) -> tuple[list[float], int]:

@@ -106,30 +106,24 @@ def _effective(each: Intervention) -> tuple[SimulationSpec, LinkSettings]:
     return each.configuration.simulation, each.configuration.settings.link
 
 
+_ERRORS = (
+    *("error", "absolute_error", "bias", "drift", "dropout", "outlier"),
+    *("cross_talk", "random_walk", "hard_iron", "soft_iron"),
+)
+"""The errors of a sensor."""
+
+
 def _true_sensor(spec: SensorSpec, nominal: Nominal | None) -> SensorSpec:
     """The sensor as the program takes it to be, without errors. A gain of 0, or another than the nominal
     one, is an error; its sign is how it is wired."""
     rows = () if nominal is None else nominal.spec.sensors
-    same = (row for row in rows if row.code == spec.code and row.kind is spec.kind)
-    known = next(same, None)
+    known = next((row for row in rows if row.code == spec.code and row.kind is spec.kind), None)
     if known is None:
         base = replace(spec, gain=math.copysign(1.0, spec.gain))
     else:
         # Its number names its random stream and its time is no error of its readings.
         base = replace(known, number=spec.number, enabled=spec.enabled, read_time=spec.read_time)
-    return replace(
-        base,
-        error=0.0,
-        absolute_error=0.0,
-        bias=0.0,
-        drift=0.0,
-        dropout=0.0,
-        outlier=0.0,
-        cross_talk=0.0,
-        random_walk=0.0,
-        hard_iron=0.0,
-        soft_iron=0.0,
-    )
+    return replace(base, **dict.fromkeys(_ERRORS, 0.0))
 
 
 def _without_noise(spec: SimulationSpec) -> SimulationSpec:

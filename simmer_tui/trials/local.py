@@ -10,6 +10,7 @@ pebble's notices a worker that ends with exit code 0 only at its time limit.
 from __future__ import annotations
 
 import contextlib
+import gc
 import multiprocessing
 import queue
 import signal
@@ -45,17 +46,10 @@ class _Refusal:
     reason: str
 
 
-class Run(Protocol):
-    """One run to be done, like a `TrialRun`."""
-
-    def run(self) -> TrialResult: ...
-    def interrupt(self) -> None: ...
-
-
 class Make(Protocol):
     """Makes a run of a trial, with a folder for its log and a keeper for its program, in a worker."""
 
-    def __call__(self, trial: Any, folder: Path, *, keeper: Keeper) -> Run: ...
+    def __call__(self, trial: Any, folder: Path, *, keeper: Keeper) -> TrialRun: ...
 
 
 def run_locally(
@@ -154,6 +148,7 @@ class _Worker:
 
 def work(connection: Connection, folder: Path, make: Make = TrialRun) -> None:
     """Work of a worker: the runs that come through `connection`, until it is closed at the other end."""
+    gc.freeze()  # what has been imported stays: collections need not go through it again
     interruptions = _Interruptions()
     trials: queue.SimpleQueue[Trial | None] = queue.SimpleQueue()
 
@@ -179,7 +174,7 @@ def work(connection: Connection, folder: Path, make: Make = TrialRun) -> None:
 
 
 def _result(
-    trial: Trial, make: Callable[[Trial, Path], Run], folder: Path, interruptions: _Interruptions
+    trial: Trial, make: Callable[[Trial, Path], TrialRun], folder: Path, interruptions: _Interruptions
 ) -> TrialResult | _Refusal:
     try:
         run = make(trial, folder)
@@ -202,7 +197,7 @@ class _Interruptions:
 
     def __init__(self) -> None:
         self.any = False
-        self.run: Run | None = None
+        self.run: TrialRun | None = None
         # Ctrl-C in a terminal is for whoever started the trials, who says what is to become of the
         # runs. Not ignored but handled: what is ignored, control programs would ignore as well.
         signal.signal(signal.SIGINT, self._handle)

@@ -10,6 +10,7 @@ from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from enum import Enum
+from functools import partial
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -24,7 +25,7 @@ from simmer_tui.events import Event, Goal, MissionEnd, Result
 from simmer_tui.links.ports import Listener, PortRequest, take_port
 from simmer_tui.mission import MissionState
 from simmer_tui.phrases import last_output
-from simmer_tui.program import Keeper, Program, ProgramOutput, not_started
+from simmer_tui.program import Keeper, Program, ProgramOutput, RunningProgram, not_started
 from simmer_tui.report.finding import plain_findings
 from simmer_tui.report.verdict import findings_of, verdict_of
 from simmer_tui.run.attempt import task_of
@@ -33,8 +34,7 @@ from simmer_tui.server import Server
 from simmer_tui.sim.command import escape
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.simulator import Simulator
-from simmer_tui.trials.trial import Ending, Trial, TrialResult, prepare
-from simmer_tui.trials.trial_clock import REAL, clock_of, with_clock
+from simmer_tui.trials.trial import REAL, Ending, Trial, TrialResult, clock_of, prepare, with_clock
 
 LOG, PACKED_LOG, OUTPUT, MAZE = ".jsonl", ".jsonl.gz", ".txt", ".maze.csv"
 """Name endings of a run's log, of its program's output and of a maze of its own."""
@@ -49,19 +49,6 @@ _FAREWELL = 1.0
 """Time that a program has to end by itself after a successful mission, seconds."""
 
 
-class RunningProgram(Protocol):
-    """A program that has been started; see `Program`."""
-
-    @property
-    def stopped(self) -> bool:
-        """True if the program did not end by itself."""
-        ...
-
-    def settle_output(self) -> bool: ...
-
-    def end(self, grace: float = 0.0) -> None: ...
-
-
 class Sandbox(Protocol):
     """Surroundings of a program: the ports that its simulator listens on, and its start."""
 
@@ -74,6 +61,7 @@ class Sandbox(Protocol):
         variables: Mapping[str, str],
         on_end: Callable[[int], None],
         on_line: Callable[[str], None],
+        *,
         output: ProgramOutput,
     ) -> RunningProgram:
         """Start the program, as `Program` does. Raises ProgramError."""
@@ -88,20 +76,8 @@ class Unconfined:
     take = staticmethod(take_port)
 
     def __init__(self, folder: Path | None, keeper: Keeper | None) -> None:
-        self._folder = folder
-        self._keeper = keeper
-
-    def start(
-        self,
-        command: str,
-        variables: Mapping[str, str],
-        on_end: Callable[[int], None],
-        on_line: Callable[[str], None],
-        output: ProgramOutput,
-    ) -> Program:
         # A worker with a keeper does one run after the other; on a cluster the process is not ours alone.
-        adopts = self._keeper is not None
-        return Program(command, variables, on_end, on_line, self._folder, self._keeper, output, adopts=adopts)
+        self.start = partial(Program, folder=folder, keeper=keeper, adopts=keeper is not None)
 
     def close(self) -> None:
         pass
@@ -225,7 +201,7 @@ class TrialRun:
         output = ProgramOutput(lambda: server.engine.present)
         try:
             program = self._sandbox.start(
-                self._trial.command, variables, self._happened.put, self._take_line, output
+                self._trial.command, variables, self._happened.put, self._take_line, output=output
             )
         except ProgramError as error:
             # Of many programs one that cannot be started is a failure; the only one of trials is a mistake.

@@ -83,7 +83,7 @@ class RunStore(Generic[Plan, Line]):
     def made(self) -> Iterator[None]:
         """Make the folder, which must be new or empty. The body fills it and ends with `write_plan`; if it
         raises, the folder is empty again."""
-        with self._used("written"):
+        with self.reported("written"):
             self.path.mkdir(mode=0o700 if self._kind.private else 0o777, parents=True, exist_ok=True)
             if self._kind.private:
                 self.path.chmod(0o700)
@@ -127,7 +127,7 @@ class RunStore(Generic[Plan, Line]):
     def lines(self) -> Iterator[tuple[str, Line]]:
         """All results in the order in which they came, each with its place for messages."""
         shown = escape(str(self.results), 200)
-        with self._used("read"):
+        with self.reported("read"):
             data = self.results.read_bytes() if self.results.exists() else b""
         for number, line in enumerate(_whole(data).splitlines(), 1):
             where = f"{shown}:{number}"
@@ -140,7 +140,7 @@ class RunStore(Generic[Plan, Line]):
 
     def recover(self) -> None:
         """Remove a last line that was cut off, so that the next one does not continue it."""
-        with self._used("written"):
+        with self.reported("written"):
             if self.results.exists():
                 data = self.results.read_bytes()
                 if len(_whole(data)) < len(data):
@@ -148,7 +148,7 @@ class RunStore(Generic[Plan, Line]):
 
     def append(self, line: Line) -> None:
         """Add a result: on the disk when this returns."""
-        with self._used("written"), self.results.open("ab", buffering=0) as file:
+        with self.reported("written"), self.results.open("ab", buffering=0) as file:
             text = json.dumps(msgspec.to_builtins(line), separators=(",", ":"), allow_nan=False)
             file.write(f"{text}\n".encode())
             os.fsync(file.fileno())
@@ -156,7 +156,7 @@ class RunStore(Generic[Plan, Line]):
     def write(self, name: str, text: str) -> Path:
         """Write a file, whole or not at all; returns its path."""
         path = self.path / name
-        with self._used("written"):
+        with self.reported("written"):
             path.parent.mkdir(parents=True, exist_ok=True)
             partial = path.with_name(f"{path.name}{PARTIAL}")
             partial.write_text(text, "utf-8", newline="\n")
@@ -176,7 +176,7 @@ class RunStore(Generic[Plan, Line]):
     def locked(self) -> Iterator[None]:
         """Keep other processes from adding results meanwhile: two would do the same runs. The system
         releases the lock of a process that is killed. On Windows there is none."""
-        with self._used("written"):
+        with self.reported("written"):
             file = self.results.open("ab")
         with file:
             try:
@@ -187,6 +187,15 @@ class RunStore(Generic[Plan, Line]):
                     f"{shown}: another simmer-tui is adding results: wait until it has ended"
                 ) from None
             yield
+
+    @contextlib.contextmanager
+    def reported(self, what: str) -> Iterator[None]:
+        """Raise the error of the kind for an OSError: that a file cannot be `what` (read, written)."""
+        try:
+            yield
+        except OSError as error:
+            where = escape(str(error.filename or self.path), 200)
+            raise self._kind.error(f"{where} cannot be {what}: {error.strerror or error}") from None
 
     @property
     def _unfinished(self) -> Path:
@@ -207,14 +216,6 @@ class RunStore(Generic[Plan, Line]):
         for name in self._kind.folders:
             shutil.rmtree(self.path / name, ignore_errors=True)
         self._unfinished.unlink(missing_ok=True)
-
-    @contextlib.contextmanager
-    def _used(self, what: str) -> Iterator[None]:
-        try:
-            yield
-        except OSError as error:
-            where = escape(str(error.filename or self.path), 200)
-            raise self._kind.error(f"{where} cannot be {what}: {error.strerror or error}") from None
 
 
 def unbroken(results: Mapping[int, _Result]) -> list[_Result]:

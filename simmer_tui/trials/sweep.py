@@ -18,7 +18,7 @@ from msgspec.structs import replace
 from simmer_tui.config import drive_csv, sensors_csv
 from simmer_tui.config.csv_table import ID, POLL_CHARACTER, CsvRow, CsvTable, read_csv
 from simmer_tui.config.loader import Configuration
-from simmer_tui.config.settings import Settings, all_settings
+from simmer_tui.config.settings import Settings, all_settings, value_of
 from simmer_tui.errors import ConfigurationError, Problem
 from simmer_tui.sim.command import escape
 from simmer_tui.sim.rules import PairRule, did_you_mean
@@ -75,17 +75,9 @@ def settings_at(point: SweepPoint, configuration: Configuration) -> dict[str, st
         if name not in known:
             continue
         if isinstance(known[name].rule, PairRule) and "," not in value:
-            value = f"{value},{_value(configuration, name)[1]:g}"
+            value = f"{value},{value_of(configuration.settings, name)[1]:g}"
         found[name] = value
     return found
-
-
-def _value(configuration: Configuration, name: str) -> tuple[float, float]:
-    value: object = configuration.settings
-    for part in name.split("."):
-        value = getattr(value, part)
-    assert isinstance(value, tuple), "a setting of two numbers"
-    return value
 
 
 def files_at(point: SweepPoint, folder: Path) -> dict[str, str]:

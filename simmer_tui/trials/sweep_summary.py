@@ -22,9 +22,8 @@ from simmer_tui.report.figure import WIDTH
 from simmer_tui.sim.command import escape
 from simmer_tui.trials.failures import rate
 from simmer_tui.trials.folder import TrialFolder
-from simmer_tui.trials.intervals import IntervalEstimate, distribution
-from simmer_tui.trials.trial import TrialResult
-from simmer_tui.trials.trial_clock import clocks_text
+from simmer_tui.trials.intervals import IntervalEstimate, median
+from simmer_tui.trials.trial import TrialResult, clocks_text
 from simmer_tui.trials.trials_summary import runs_table
 
 WANTED_RATE = 0.9
@@ -58,28 +57,12 @@ class SweepValue:
         return rate(self.results)
 
     @property
-    def successes(self) -> int:
-        """Number of runs that succeeded."""
-        return sum(result.success for result in self.results)
-
-    @property
     def number(self) -> float:
         """The value as a number, the first of several; NaN if it is none."""
         try:
             return float(self.value.partition(",")[0])
         except ValueError:
             return math.nan
-
-    @property
-    def median_time(self) -> float | None:
-        """Of the successful runs, simulated seconds."""
-        times = [result.time for result in self.results if result.success]
-        return distribution(times).median if times else None
-
-    @property
-    def contacts(self) -> int:
-        """Number of contacts in all runs."""
-        return sum(result.contacts for result in self.results)
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,8 +122,10 @@ def sweep_tables(folder: TrialFolder, wanted: float) -> list[DataTable]:
 
 
 def _row(curve: Curve, point: SweepValue) -> tuple[object, ...]:
-    rated = (len(point.results), point.successes, point.rate)
-    return curve.name, point.value, *rated, point.median_time, point.contacts
+    results = point.results
+    times = [result.time for result in results if result.success]
+    contacts = sum(result.contacts for result in results)
+    return curve.name, point.value, len(results), len(times), point.rate, median(times), contacts
 
 
 def answer(curve: Curve, wanted: float) -> str:

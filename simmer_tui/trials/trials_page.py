@@ -23,13 +23,11 @@ from simmer_tui.document.model import (
 from simmer_tui.phrases import capitalized, counted
 from simmer_tui.sim.command import escape
 from simmer_tui.trials.explanations import WHY_FAILED
-from simmer_tui.trials.failures import CAUSES, counted_causes, failure_summary, rate
+from simmer_tui.trials.failures import CAUSES, DEVICES, counted_causes, failure_summary, rate
 from simmer_tui.trials.figures import histogram_figure, map_figure
 from simmer_tui.trials.folder import TrialFolder
-from simmer_tui.trials.intervals import distribution
-from simmer_tui.trials.run_findings import DEVICES
-from simmer_tui.trials.trial import RANDOM, Ending, TrialResult
-from simmer_tui.trials.trial_clock import clock_sentences, clocks_text
+from simmer_tui.trials.intervals import median
+from simmer_tui.trials.trial import RANDOM, Ending, TrialResult, clock_sentences, clocks_text
 from simmer_tui.trials.trials_summary import ports_advice, success_texts, tables
 
 _MAPS = 12
@@ -70,7 +68,7 @@ def trials_page(folder: TrialFolder, run_pages: Mapping[int, str], required: flo
         _bar(results),
         _figures(results, required),
         Paragraph(ports_advice(results), kind="warning"),
-        *_beside(failures, first_map),
+        *beside(failures, first_map),
         *((Bullets("", [summary], kind="card"),) if summary else ()),
         Folded("Places of failures and contacts", () if first_map else maps),
         Folded("Simulated time and distance", _histograms(results)),
@@ -121,22 +119,22 @@ def _bar(results: Sequence[TrialResult]) -> ShareBar:
 
 
 def _figures(results: Sequence[TrialResult], required: float | None) -> KeyFigures:
-    times = [result.time for result in results if result.success]
+    time = median([result.time for result in results if result.success])
     asked = "" if required is None else f", {SHARE.text(required)} required"
-    median = f"{LENGTH.text(distribution(times).median)} s" if times else "–"
+    shown = "–" if time is None else f"{LENGTH.text(time)} s"
     contacts = _PER_RUN.text(sum(result.contacts for result in results) / len(results))
     share = SHARE.text(rate(results).value)
     return KeyFigures(
-        ((share, f"succeeded{asked}"), (median, "median of the successes"), (contacts, "contacts a run"))
+        ((share, f"succeeded{asked}"), (shown, "median of the successes"), (contacts, "contacts a run"))
     )
 
 
-def _beside(failures: Sequence[DocumentPart], picture: Sequence[DocumentPart]) -> list[DocumentPart]:
-    """Failures, and beside them the one picture of all runs, if there are both."""
-    if not failures or not picture:
-        return [*failures, *picture]
+def beside(parts: Sequence[DocumentPart], picture: Sequence[DocumentPart]) -> list[DocumentPart]:
+    """Parts, and beside them the one picture of all runs, if there are both."""
+    if not parts or not picture:
+        return [*parts, *picture]
     about = Paragraph("Contacts (×) and ends of all runs.", kind="note")
-    return [SideBySide(failures, (*picture, about), even=True)]
+    return [SideBySide(parts, (*picture, about), even=True)]
 
 
 def _links(results: Sequence[TrialResult], run_pages: Mapping[int, str]) -> list[tuple[Prose, ...]]:

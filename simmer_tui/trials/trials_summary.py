@@ -23,13 +23,19 @@ from simmer_tui.report.causes import Kind
 from simmer_tui.sim.command import escape
 from simmer_tui.trials.chance_control import CONTROL
 from simmer_tui.trials.explanations import CHANGED_RUNS, WHY_FAILED, explanation_tables
-from simmer_tui.trials.failures import CAUSES, causes_table, failure_summary, rate
+from simmer_tui.trials.failures import (
+    CAUSES,
+    DEVICES,
+    RUN_FINDINGS,
+    causes_table,
+    failure_summary,
+    findings_tables,
+    rate,
+)
 from simmer_tui.trials.figures import start_cell
 from simmer_tui.trials.folder import RUNS, TABLE, TrialFolder
-from simmer_tui.trials.intervals import distribution
-from simmer_tui.trials.run_findings import DEVICES, RUN_FINDINGS, findings_tables
-from simmer_tui.trials.trial import RANDOM, Ending, TrialResult
-from simmer_tui.trials.trial_clock import clock_sentences, clocks_text
+from simmer_tui.trials.intervals import distribution, median
+from simmer_tui.trials.trial import RANDOM, Ending, TrialResult, clock_sentences, clocks_text
 
 LISTED = 20
 """Most failed runs listed; all of them are in trials.csv."""
@@ -242,8 +248,7 @@ def _goals(results: list[TrialResult]) -> DataTable:
     rows = []
     for name, when in goals.items() if any(result.drop_zone is not None for result in results) else ():
         times = [time for time in map(when, results) if time is not None]
-        median = distribution(times).median if times else None
-        rows.append((name, len(times), len(times) / len(results), median))
+        rows.append((name, len(times), len(times) / len(results), median(times)))
     return GOALS.filled(rows)
 
 
@@ -258,9 +263,7 @@ def _distributions(results: list[TrialResult]) -> DataTable:
     rows = []
     for name, unit, each, decimals in values:
         if each:
-            spread = distribution(each)
-            quantiles = (spread.least, spread.quarter, spread.median, spread.three_quarters, spread.most)
-            rows.append((name, unit, *(round(value, decimals) for value in quantiles)))
+            rows.append((name, unit, *(round(value, decimals) for value in distribution(each))))
     return DISTRIBUTION.filled(rows)
 
 

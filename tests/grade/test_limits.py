@@ -18,8 +18,7 @@ from simmer_tui.grade.grade_folder import GradeFolder
 from simmer_tui.grade.grade_run import GradeRun
 from simmer_tui.grade.robot_rules import rule_problems
 from simmer_tui.grade.sandbox import Isolation
-from simmer_tui.grade.supervisor import Supervisor
-from simmer_tui.grade.usage import SandboxUsage, descendants, tells_descendants
+from simmer_tui.grade.usage import SandboxUsage, Supervisor, descendants, tells_descendants
 
 LIMITS = "[limits]\ntime = 30.0\ncpu = {}\nmemory = 300.0\ndisk = 8.0\nprocesses = 20\n"
 STAY = "import sys, os\nos.write(1, b'ready\\n')\nsys.stdin.read()\n"

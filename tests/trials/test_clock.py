@@ -15,8 +15,7 @@ from simmer_tui.config.loader import Configuration, find_set, init_set, load
 from simmer_tui.config.settings import ELSE_REAL
 from simmer_tui.config.settings_file import Override
 from simmer_tui.trials.run import TrialRun
-from simmer_tui.trials.trial import Trial, TrialResult
-from simmer_tui.trials.trial_clock import clock_of, clock_sentences, clocks_text, timed_seconds
+from simmer_tui.trials.trial import Trial, TrialResult, clock_of, clock_sentences, clocks_text, timed_seconds
 
 pytest.importorskip("serial")
 DIALECT = '[[command]]\nmatch = "w {n}"\ndo = "d1-{n}"\ndone = "ok"\n'

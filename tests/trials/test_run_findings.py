@@ -12,8 +12,8 @@ import pytest
 from simmer_tui.cli.trials_command import run_trials
 from simmer_tui.config.sets import bundled_sets, init_set
 from simmer_tui.report.finding import Basis, Finding, FindingKind, plain_findings
+from simmer_tui.trials.failures import findings_tables
 from simmer_tui.trials.folder import TrialFolder
-from simmer_tui.trials.run_findings import findings_tables
 from simmer_tui.trials.sweep import files_at
 from simmer_tui.trials.trial import TrialResult
 

@@ -9,8 +9,6 @@ from __future__ import annotations
 import builtins
 import contextlib
 import functools
-import importlib.abc
-import importlib.machinery
 import math
 import os
 import select
@@ -260,7 +258,10 @@ def install() -> None:
     _replace_clocks(clock)
     _replace_sockets(clock)
     _replace_waits(clock)
-    sys.meta_path.insert(0, _Finder())
+    # Only a program has this folder on its path.
+    from simmer_imports import patch_when_imported  # type: ignore[import-not-found]
+
+    patch_when_imported(dict.fromkeys(_REFUSED, _patch))
     for name in _REFUSED:
         if name in sys.modules:
             _patch(sys.modules[name])
@@ -482,32 +483,3 @@ def _refusing(what: str) -> Callable[..., NoReturn]:
         refuse(f"{what} waits by a clock of its own")
 
     return refused
-
-
-class _Loader(importlib.abc.Loader):
-    """Loads a module as always, and patches it."""
-
-    def __init__(self, loader: Any) -> None:
-        self._loader = loader
-
-    def create_module(self, spec: Any) -> Any:
-        return self._loader.create_module(spec)
-
-    def exec_module(self, module: Any) -> None:
-        self._loader.exec_module(module)
-        _patch(module)
-
-    def __getattr__(self, name: str) -> Any:  # what else an import asks its loader
-        return getattr(self._loader, name)
-
-
-class _Finder(importlib.abc.MetaPathFinder):
-    """Finds the modules that are to be patched as always."""
-
-    def find_spec(self, name: str, path: Any = None, target: Any = None) -> Any:
-        if name not in _REFUSED:
-            return None
-        spec = importlib.machinery.PathFinder.find_spec(name, path, target)
-        if spec is not None and spec.loader is not None:
-            spec.loader = _Loader(spec.loader)
-        return spec

@@ -7,8 +7,6 @@ on, and nothing of the package. `links/dialect_link.py` is the other end; the fr
 from __future__ import annotations
 
 import collections
-import importlib.abc
-import importlib.machinery
 import json
 import math
 import os
@@ -428,39 +426,12 @@ def _patch_ports(module: Any) -> None:
 _PATCHES = {"serial": _patch_serial, "serial.tools.list_ports": _patch_ports}
 
 
-class _Loader(importlib.abc.Loader):
-    def __init__(self, loader: Any, patch: Callable[[Any], None]) -> None:
-        self._loader = loader
-        self._patch = patch
-
-    def create_module(self, spec: Any) -> Any:
-        return self._loader.create_module(spec)
-
-    def exec_module(self, module: Any) -> None:
-        self._loader.exec_module(module)
-        self._patch(module)
-
-    def __getattr__(self, name: str) -> Any:  # what else an import asks its loader
-        return getattr(self._loader, name)
-
-
-class _Finder(importlib.abc.MetaPathFinder):
-    """Finds pyserial as always, and puts our class into it when it has been imported."""
-
-    def find_spec(self, name: str, path: Any = None, target: Any = None) -> Any:
-        patch = _PATCHES.get(name)
-        if patch is None:
-            return None
-        spec = importlib.machinery.PathFinder.find_spec(name, path, target)
-        if spec is None or spec.loader is None:
-            return spec
-        spec.loader = _Loader(spec.loader, patch)
-        return spec
-
-
 def install() -> None:
     """Lead `serial.Serial` to the simulated robot, when the program imports it."""
-    sys.meta_path.insert(0, _Finder())
+    # Only a program has this folder on its path.
+    from simmer_imports import patch_when_imported  # type: ignore[import-not-found]
+
+    patch_when_imported(_PATCHES)
     if _program_clock() is None:
         _say_hello()
 

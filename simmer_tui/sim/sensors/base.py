@@ -15,7 +15,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from enum import StrEnum
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any, ClassVar, TypeVar
 
 import numpy as np
@@ -378,7 +378,14 @@ class CountingSensor(Sensor, ABC):
 def modelled_sensor(spec: SensorSpec) -> Sensor:
     """The sensor of a row as analyses of a run know it: of an opaque kind, one that neither observes nor
     counts. Raises TypeError if its kind is no class of `Sensor`."""
-    return Sensor(spec) if spec.kind.is_opaque else sensor_of(spec)
+    return Sensor(spec) if spec.kind.is_opaque else _shared_sensor(spec)
+
+
+# Trials ask for all sensors of a set several times a run. A set has some ten.
+@lru_cache(maxsize=128)
+def _shared_sensor(spec: SensorSpec) -> Sensor:
+    """The sensor of a row, which all analyses share: it keeps nothing of what it has measured."""
+    return sensor_of(spec)
 
 
 def sensor_of(spec: SensorSpec) -> Sensor:

@@ -1,0 +1,52 @@
+"""Modules that are changed when a program imports them.
+
+It is imported into other people's programs, by whatever Python they use: standard library alone, Python 3.8
+on, and nothing of the package.
+"""
+
+from __future__ import annotations
+
+import importlib.abc
+import importlib.machinery
+import sys
+from collections.abc import Callable, Mapping
+from typing import Any
+
+
+def patch_when_imported(patches: Mapping[str, Callable[[Any], None]]) -> None:
+    """Have each module changed by the function of its name when it has been imported."""
+    sys.meta_path.insert(0, _Finder(patches))
+
+
+class _Loader(importlib.abc.Loader):
+    """Loads a module as always, and patches it."""
+
+    def __init__(self, loader: Any, patch: Callable[[Any], None]) -> None:
+        self._loader = loader
+        self._patch = patch
+
+    def create_module(self, spec: Any) -> Any:
+        return self._loader.create_module(spec)
+
+    def exec_module(self, module: Any) -> None:
+        self._loader.exec_module(module)
+        self._patch(module)
+
+    def __getattr__(self, name: str) -> Any:  # what else an import asks its loader
+        return getattr(self._loader, name)
+
+
+class _Finder(importlib.abc.MetaPathFinder):
+    """Finds the modules that are to be patched as always."""
+
+    def __init__(self, patches: Mapping[str, Callable[[Any], None]]) -> None:
+        self._patches = patches
+
+    def find_spec(self, name: str, path: Any = None, target: Any = None) -> Any:
+        patch = self._patches.get(name)
+        if patch is None:
+            return None
+        spec = importlib.machinery.PathFinder.find_spec(name, path, target)
+        if spec is not None and spec.loader is not None:
+            spec.loader = _Loader(spec.loader, patch)
+        return spec
