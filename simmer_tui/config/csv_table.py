@@ -135,6 +135,19 @@ def delimiter_of(text: str) -> str:
     return ","
 
 
+def cells_of(text: str) -> list[list[str]]:
+    """The rows of a CSV text that is right, without spaces around cells, blank rows and comments."""
+    rows = csv.reader(io.StringIO(text), delimiter=delimiter_of(text), skipinitialspace=True)
+    cells = ([cell.strip() for cell in row] for row in rows)
+    return [row for row in cells if any(row) and not row[0].startswith(COMMENT)]
+
+
+def rows_by_header(text: str) -> list[dict[str, str]]:
+    """The rows under the header of such a text, by column."""
+    rows = cells_of(text)
+    return [dict(zip(rows[0], row, strict=False)) for row in rows[1:]]
+
+
 def _clean(cells: Sequence[str], delimiter: str) -> tuple[str, ...]:
     cleaned = [cell.strip() for cell in cells]
     # Only with semicolons is a comma inside a cell a decimal point for certain.

@@ -62,13 +62,10 @@ _COMMAND = re.compile(r"\w\w(?:\W.*)?", re.DOTALL)
 _STEPS = "there are d1-6, run d1, run d1 for 2 s, pause 0.2, stop, name = expression"
 
 
-def load_dialect(directory: Path, parts: Parts, problems: list[Problem]) -> DialectRules | None:
-    """The dialect.toml of a set, if it has one; mistakes go to `problems`."""
-    path = directory / FILE
-    if not path.exists():
-        return None
+def load_dialect(directory: Path, parts: Parts, problems: list[Problem]) -> DialectRules:
+    """The dialect.toml of a set; mistakes go to `problems`."""
     before = len(problems)
-    file = TomlFile.read(path, problems)
+    file = TomlFile.read(directory / FILE, problems)
     # What is missing in a file that cannot be read is no mistake of its own.
     if len(problems) > before:
         return DialectRules()

@@ -437,6 +437,11 @@ class Settings(Struct, frozen=True, kw_only=True):
     screen: ScreenSettings = ScreenSettings()
     keys: KeySettings = KeySettings()
 
+    @property
+    def uses_profiles(self) -> bool:
+        """True if a profile takes the place of values of the set."""
+        return bool(self.realistic or self.sensor_profile or self.drive_profile or self.link_profile)
+
 
 def all_settings() -> tuple[Setting, ...]:
     """Every setting, those outside tables first, in the order of the fields."""
