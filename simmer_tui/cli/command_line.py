@@ -155,6 +155,31 @@ def command(
     return lambda function: CliCommand(parser, function)
 
 
+def subcommand(
+    name: str, add_options: Callable[[OneLineParser], None] | None = None, **settings: Any
+) -> Callable[[Callable[[argparse.Namespace], int]], CliCommand]:
+    """Make the command `simmer-tui NAME` of a function of its options, which returns the exit code. Its
+    docstring is the description in its help.
+
+    Args:
+        name: The name.
+        add_options: Adds its options to its parser.
+        settings: Further arguments of the parser.
+    """
+
+    def made(function: Callable[[argparse.Namespace], int]) -> CliCommand:
+        def parser() -> OneLineParser:
+            description = " ".join((function.__doc__ or "").split())
+            parser = OneLineParser(prog=f"simmer-tui {name}", description=description, **settings)
+            if add_options is not None:
+                add_options(parser)
+            return parser
+
+        return CliCommand(parser, function)
+
+    return made
+
+
 @contextmanager
 def configuration_of(log: Path) -> Generator[None, None, None]:
     """A configuration that is refused in here came out of a log: raises RunLogError, which says so."""

@@ -13,10 +13,10 @@ from simmer_tui.cli.command_line import (
     add_json_option,
     add_setting_options,
     add_trust_option,
-    command,
     overrides_from,
     print_json,
     report,
+    subcommand,
 )
 from simmer_tui.config.device_trust import DeviceUse
 from simmer_tui.config.dialect_templates import TEMPLATES, with_dialect
@@ -45,10 +45,7 @@ from simmer_tui.phrases import counted
 from simmer_tui.sim.command import escape
 
 
-def _init_parser() -> OneLineParser:
-    parser = OneLineParser(
-        prog="simmer-tui init", description="Copy a configuration set into a folder, to be edited there."
-    )
+def _init_options(parser: OneLineParser) -> None:
     parser.add_argument("directory", metavar="DIR", type=Path, help="where to; made if it does not exist")
     sets = ", ".join(bundled_sets())
     parser.add_argument("--from", dest="source", metavar="SET", help=f"another set: {sets}, or a folder")
@@ -63,12 +60,11 @@ def _init_parser() -> OneLineParser:
         choices=TEMPLATES,
         help="with a dialect.toml to be edited, for messages that are lines, in brackets, bytes or binary",
     )
-    return parser
 
 
-@command(_init_parser)
+@subcommand("init", _init_options)
 def run_init(options: argparse.Namespace) -> int:
-    """`simmer-tui init DIR [--from SET]`: copy a set out for editing. Returns the exit code."""
+    """Copy a configuration set into a folder, to be edited there."""
     source = bundled_folder() if options.source is None else find_set(options.source)
     mission = options.mission or options.term
     if mission and source == bundled_folder():
@@ -116,12 +112,7 @@ def _new_set(files: Mapping[str, bytes], *, mission: bool, nominal: str) -> dict
     return explained(with_mission(files) if mission else files, nominal)
 
 
-def _check_parser() -> OneLineParser:
-    parser = OneLineParser(
-        prog="simmer-tui check",
-        usage="simmer-tui check [DIR] [options]",
-        description="Check a configuration set and show what it describes.",
-    )
+def _check_options(parser: OneLineParser) -> None:
     parser.add_argument(
         "directory",
         metavar="DIR",
@@ -137,12 +128,11 @@ def _check_parser() -> OneLineParser:
     add_trust_option(parser)
     add_json_option(parser)
     add_setting_options(parser)
-    return parser
 
 
-@command(_check_parser)
+@subcommand("check", _check_options, usage="simmer-tui check [DIR] [options]")
 def run_check(options: argparse.Namespace) -> int:
-    """`simmer-tui check [DIR]`: every mistake of a set, or its summary. Returns the exit code."""
+    """Check a configuration set and show what it describes."""
     try:
         directory, overrides = find_set(options.directory), overrides_from(options)
         configuration = load(directory, overrides, devices=DeviceUse.CHECK)
@@ -205,27 +195,18 @@ def _check_against(path: Path, configuration: Configuration, *, as_json: bool) -
     return ExitCode.NO if differences else ExitCode.DONE
 
 
-def _import_parser() -> OneLineParser:
-    parser = OneLineParser(
-        prog="simmer-tui import",
-        description="Make a configuration set from a simmer-python config.py or a MATLAB Main.m. "
-        "The file is read, never executed.",
-    )
+def _import_options(parser: OneLineParser) -> None:
     parser.add_argument("file", metavar="FILE", type=Path, help="config.py, Main.m, or the folder of either")
     parser.add_argument(
         "directory", metavar="DIR", type=Path, help="where the set is written; made if need be"
     )
     add_mission_option(parser)
-    return parser
 
 
-@command(_import_parser)
+@subcommand("import", _import_options)
 def run_import(options: argparse.Namespace) -> int:
-    """`simmer-tui import FILE DIR`: make a configuration set of a team's own files.
-
-    Returns the exit code: 0 for a set that can be used, 1 for one that is written but must be
-    edited first, 2 if nothing was written.
-    """
+    """Make a configuration set from a simmer-python config.py or a MATLAB Main.m. The file is read, never
+    executed."""
     imported, skeletons = with_skeletons(read_path(options.file))
     files = {**set_files(imported), **skeletons}
     written = write_new_set(options.directory, files, mission=options.mission)

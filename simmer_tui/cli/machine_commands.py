@@ -14,7 +14,7 @@ from pathlib import Path
 
 from simmer_tui import platform_has
 from simmer_tui.cli import main
-from simmer_tui.cli.command_line import ExitCode, OneLineParser, add_json_option, command, print_json
+from simmer_tui.cli.command_line import ExitCode, OneLineParser, add_json_option, print_json, subcommand
 from simmer_tui.cli.help_command import topics
 from simmer_tui.config.device_trust import DeviceUse
 from simmer_tui.config.loader import Configuration, load
@@ -62,19 +62,14 @@ Check = tuple[bool, str]
 """True if all is well, and the text."""
 
 
-def _doctor_parser() -> OneLineParser:
-    parser = OneLineParser(
-        prog="simmer-tui doctor",
-        description="Say what this terminal can show, whether the ports are free, which versions are here "
-        "and what is missing for which feature. Exits with 1 if simmer-tui could not start as it is.",
-    )
+def _doctor_options(parser: OneLineParser) -> None:
     add_json_option(parser)
-    return parser
 
 
-@command(_doctor_parser)
+@subcommand("doctor", _doctor_options)
 def run_doctor(options: argparse.Namespace) -> int:
-    """`simmer-tui doctor`: ten lines. Returns the exit code, 1 where the set or a port is at fault."""
+    """Say what this terminal can show, whether the ports are free, which versions are here and what is
+    missing for which feature. Exits with 1 if simmer-tui could not start as it is."""
     configuration, set_check = _set()
     server = configuration.settings.server if configuration is not None else ServerSettings()
     checks = {
@@ -190,15 +185,13 @@ def _is_there(*programs: str) -> bool:
     return any(shutil.which(each) is not None for each in programs)
 
 
-def _ports_parser() -> OneLineParser:
-    parser = OneLineParser(prog="simmer-tui ports", description="List the serial ports of this machine.")
+def _ports_options(parser: OneLineParser) -> None:
     add_json_option(parser)
-    return parser
 
 
-@command(_ports_parser)
+@subcommand("ports", _ports_options)
 def run_ports(options: argparse.Namespace) -> int:
-    """`simmer-tui ports`: the serial ports, one a line. Returns the exit code."""
+    """List the serial ports of this machine."""
     ports = port_list.list_ports()
     if options.json:
         rows = [(port.device, port.description, port.mark or None) for port in ports]
@@ -216,20 +209,18 @@ def run_ports(options: argparse.Namespace) -> int:
     return ExitCode.DONE if ports else ExitCode.NO
 
 
-def _completion_parser() -> OneLineParser:
-    parser = OneLineParser(
-        prog="simmer-tui completion",
-        description="Print a script that makes a shell complete commands, options and values.",
-        epilog="\n".join(("for good:", *(f"  {how}" for how in SHELLS.values()))),
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
+def _completion_options(parser: OneLineParser) -> None:
     parser.add_argument("shell", choices=tuple(SHELLS), help="which shell")
-    return parser
 
 
-@command(_completion_parser)
+@subcommand(
+    "completion",
+    _completion_options,
+    epilog="\n".join(("for good:", *(f"  {how}" for how in SHELLS.values()))),
+    formatter_class=argparse.RawDescriptionHelpFormatter,
+)
 def run_completion(options: argparse.Namespace) -> int:
-    """`simmer-tui completion SHELL`: print the script. Returns the exit code."""
+    """Print a script that makes a shell complete commands, options and values."""
     # Imported here because only this command needs it.
     import shtab
 

@@ -234,11 +234,9 @@ def read_table(
         problems.append(Problem(f"{table.file}:{header.line}", what))
         return ()
     columns = _columns_by_name(table.file, header, names, problems)
-    problems.extend(
-        Problem(f"{table.file}:{header.line}:{name}", "this column is missing from the header row")
-        for name in required
-        if name not in columns
-    )
+    what = "this column is missing from the header row"
+    where = f"{table.file}:{header.line}"
+    problems += [Problem(f"{where}:{name}", what) for name in required if name not in columns]
     rows = []
     for row in table.rows[begin + 1 :]:
         values = {name: row.cell(index) for name, index in columns.items()}
@@ -263,9 +261,8 @@ def _columns_by_name(
             problems.append(Problem(where, what))
         elif name in columns:
             first = column_letters(columns[name])
-            problems.append(
-                Problem(where, f"is a column already (column {first}); each column must occur once")
-            )
+            what = f"is a column already (column {first}); each column must occur once"
+            problems.append(Problem(where, what))
         else:
             columns[name] = index
     return columns
