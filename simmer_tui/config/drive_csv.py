@@ -81,25 +81,25 @@ def _read_row(
 ) -> DriveSpec | GripperSpec | VelocitySpec | None:
     before = len(problems)
     name = _read_id(row, seen, problems)
-    flags = read_flags(row, codes, problems)
+    values = read_flags(row, codes, problems)
     if name in _VELOCITIES:
         row.refuse(_ONLY_OTHERS, f"has no effect for {name}: leave it blank", problems)
-        complete = len(problems) == before and row.has(COLUMNS)
-        return with_values(VelocitySpec(kind=VelocityKind(name), code=""), flags) if complete else None
-    if name == GRIPPER:
+    elif name == GRIPPER:
         row.refuse(_ONLY_MOVEMENTS, f"is for movements only; leave it blank for {GRIPPER}", problems)
-        cells = row.cells(columns.GRIPPER, problems)
+        values |= row.cells(columns.GRIPPER, problems)
     else:
-        cells = row.cells(columns.MOVEMENT, problems)
+        values |= row.cells(columns.MOVEMENT, problems)
         if name is not None:
             row.refuse(_ONLY_GRIPPER, f"is for {GRIPPER} only; leave it blank for {name}", problems)
     if name is None or len(problems) > before or not row.has(COLUMNS):
         return None
+    if name in _VELOCITIES:
+        return with_values(VelocitySpec(kind=VelocityKind(name), code=""), values)
     if name == GRIPPER:
-        return with_values(GripperSpec(code=""), flags | cells)
+        return with_values(GripperSpec(code=""), values)
     kind = DriveKind(name)
     speed = columns.ROTATION_SPEED if kind.turns else columns.TRANSLATION_SPEED
-    return with_values(DriveSpec(kind=kind, code="", speed=speed), flags | cells)
+    return with_values(DriveSpec(kind=kind, code="", speed=speed), values)
 
 
 def _read_id(row: TableRow, seen: dict[str, int], problems: list[Problem]) -> str | None:

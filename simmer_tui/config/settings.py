@@ -62,6 +62,8 @@ class Setting(Value, frozen=True, kw_only=True):
     alone: str = ""
 
 
+_Pair = tuple[float, float]
+_Names = tuple[str, ...]
 # Only tables whose names would be wrong or unclear alone: `track` is --wheels-track, `fps` is --fps.
 _OPTIONS = {"wheels": "--wheels-", "link": "--link-", "web": "--web-", "keys": "--key-"}
 """The beginning of the options of a table's settings, where it is not `--`."""
@@ -78,6 +80,11 @@ def _port(port: dialects.DialectPort) -> Setting:
 def _number(low: float, high: float, help_text: str, unit: str = "", option: str = "") -> Setting:
     """A number within bounds, the bounds included."""
     return Setting(NumberRule(low, high), help_text, unit, option=option)
+
+
+def _whole(low: int, high: int, help_text: str) -> Setting:
+    """A whole number within bounds, the bounds included."""
+    return Setting(IntegerRule(low, high), help_text)
 
 
 def _flag(help_text: str, option: str = "") -> Setting:
@@ -105,7 +112,7 @@ class ServerSettings(Struct, frozen=True, kw_only=True):
 
     host: Annotated[str, _text("address the ports are taken on", "ADDRESS", blank=False)] = "127.0.0.1"
     listeners: Annotated[
-        tuple[str, ...], _talk(SeveralRule(()), "which programs are served: binary, packets, dialect")
+        _Names, _talk(SeveralRule(()), "which programs are served: binary, packets, dialect")
     ] = ("binary",)
     port: Annotated[int, _port(dialects.COMMANDS)] = dialects.COMMANDS.default
     reply_port: Annotated[int, _port(dialects.REPLIES)] = dialects.REPLIES.default
@@ -128,7 +135,7 @@ class ServerSettings(Struct, frozen=True, kw_only=True):
         str, _choice("baud instant", "time of a byte on a dialect's line: by its baud rate, or none")
     ] = "baud"
     serial_names: Annotated[
-        tuple[str, ...],
+        _Names,
         Setting(NamesRule(), "serial ports that lead a dialect's program to the robot; by default all"),
     ] = ()
     pty: Annotated[
@@ -207,8 +214,7 @@ class SensorsSettings(Struct, frozen=True, kw_only=True):
     """Kinds of sensors that a team wrote itself."""
 
     devices: Annotated[
-        tuple[str, ...],
-        Setting(NamesRule(), "files of the set with sensors of its own, such as devices/thermal.py"),
+        _Names, Setting(NamesRule(), "files of the set with sensors of its own, such as devices/thermal.py")
     ] = ()
 
 
@@ -248,7 +254,7 @@ class SerialSettings(Struct, frozen=True, kw_only=True):
     port: Annotated[
         str, _text("serial port or URL of a real robot, which is then driven", "PORT", "--serial")
     ] = ""
-    baud: Annotated[int, Setting(IntegerRule(50, 4_000_000), "bits a second on the port")] = 9600
+    baud: Annotated[int, _whole(50, 4_000_000, "bits a second on the port")] = 9600
     timeout: Annotated[
         float, _number(0.01, 3600, "after how long a command without a reply is answered NaN", "s", _SERIAL)
     ] = 5.0
@@ -311,7 +317,7 @@ class WebSettings(Struct, frozen=True, kw_only=True):
 class ScreenSettings(Struct, frozen=True, kw_only=True):
     """Looks of the terminal app, and lengths of its keys' drives."""
 
-    fps: Annotated[int, Setting(IntegerRule(1, 20), "pictures a second")] = 15
+    fps: Annotated[int, _whole(1, 20, "pictures a second")] = 15
     pace: Annotated[
         float,
         Setting(
@@ -375,30 +381,23 @@ class KeySettings(Struct, frozen=True, kw_only=True):
 class Settings(Struct, frozen=True, kw_only=True):
     """settings.toml and the options together. Units: inches, degrees, seconds."""
 
-    bot_center: Annotated[
-        tuple[float, float], Setting(PairRule(), "where the robot's centre starts", "in")
-    ] = (9.5, 42.0)
+    bot_center: Annotated[_Pair, Setting(PairRule(), "where the robot's centre starts", "in")] = (9.5, 42.0)
     bot_rot: Annotated[
         float, Setting(NumberRule(), "start heading, counter-clockwise from +X", "deg", metavar="ANGLE")
     ] = 0.0
-    block_center: Annotated[tuple[float, float], Setting(PairRule(), "where the block's centre is", "in")] = (
-        25.0,
-        41.0,
-    )
+    block_center: Annotated[_Pair, Setting(PairRule(), "where the block's centre is", "in")] = (25.0, 41.0)
     blocksize: Annotated[
         float, Setting(NumberRule(0), "side length of the block, 0 for no block at all", "in")
     ] = 3.0
-    num_segments: Annotated[int, Setting(IntegerRule(1, 10_000), "equal parts each movement is cut into")] = (
-        10
-    )
+    num_segments: Annotated[int, _whole(1, 10_000, "equal parts each movement is cut into")] = 10
     step_time: Annotated[float, _number(0, 3600, "pause after every command, before its reply", "s")] = 0.0
     randerror: Annotated[bool, _flag("random errors differ from run to run, else come from seed")] = True
     seed: Annotated[
-        int, Setting(IntegerRule(0, MAX_SEED), "seed of the random errors; the option implies --no-randerror")
+        int, _whole(0, MAX_SEED, "seed of the random errors; the option implies --no-randerror")
     ] = 0
     randbias: Annotated[bool, _flag("draw the drives' biases at random at start, not from drive.csv")] = True
     strength: Annotated[
-        tuple[float, float],
+        _Pair,
         Setting(
             PairRule(NumberRule(0)),
             "strength of the random bias of translations and of rotations",
@@ -409,8 +408,7 @@ class Settings(Struct, frozen=True, kw_only=True):
         str, _text("errors and speeds of a usual drive in place of those in drive.csv", "NAME")
     ] = ""
     sensor_profile: Annotated[
-        tuple[str, ...],
-        Setting(NamesRule(), "errors and ranges of usual sensors in place of those in sensors.csv"),
+        _Names, Setting(NamesRule(), "errors and ranges of usual sensors in place of those in sensors.csv")
     ] = ()
     link_profile: Annotated[
         str, _text("delays of a usual link to the robot in place of those in [link]", "NAME")
