@@ -30,20 +30,11 @@ _LOOK = 0.5
 """Seconds in which a simulator must answer that runs."""
 
 
-def _sh(name: str, value: str) -> str:
-    return f"export {name}={shlex.quote(value)}"
-
-
-def _powershell(name: str, value: str) -> str:
-    quoted = value.replace("'", "''")
-    return f"$env:{name} = '{quoted}'"
-
-
-def _cmd(name: str, value: str) -> str:
-    return f'set "{name}={value}"'
-
-
-_FORMS: dict[str, Callable[[str, str], str]] = {"sh": _sh, "powershell": _powershell, "cmd": _cmd}
+_FORMS: dict[str, Callable[[str, str], str]] = {
+    "sh": lambda name, value: f"export {name}={shlex.quote(value)}",
+    "powershell": lambda name, value: "$env:{} = '{}'".format(name, value.replace("'", "''")),
+    "cmd": lambda name, value: f'set "{name}={value}"',
+}
 _JSON = "json"
 
 
