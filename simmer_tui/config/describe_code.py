@@ -1,8 +1,9 @@
 """The meaning of a command code in words: place and direction of its sensor, or motion of its drive."""
 
 import math
+from collections.abc import Iterator
 
-from simmer_tui.sim.columns import FIELD_OF_VIEW
+from simmer_tui.sim.columns import FIELD_OF_VIEW, CsvColumn
 from simmer_tui.sim.command import escape
 from simmer_tui.sim.rules import did_you_mean
 from simmer_tui.sim.specs import DriveSpec, GripperSpec, SensorSpec, SimulationSpec, VelocitySpec
@@ -137,15 +138,18 @@ _TOLD = {
 def _errors(sensor: SensorSpec) -> str:
     """The Percent Error, and whatever else of its columns differs from the default."""
     parts = [f"{100 * sensor.error:g} %"] if sensor.kind.has("error") else []
-    defaults = type(sensor)(kind=sensor.kind, number=sensor.number, code=sensor.code)
-    parts += [
-        f"{column.label or column.shown} {column.rule.shown(getattr(sensor, column.field))}"
-        for column in sensor.kind.columns
-        if column.field not in _TOLD
-        and hasattr(defaults, column.field)
-        and getattr(sensor, column.field) != getattr(defaults, column.field)
-    ]
+    parts += [shown for column, shown, usual in values_of(sensor) if column.field not in _TOLD and not usual]
     return ", ".join(parts) or "none"
+
+
+def values_of(sensor: SensorSpec) -> Iterator[tuple[CsvColumn, str, bool]]:
+    """The columns of a sensor, each with its value in a few words, and True if that is the default."""
+    defaults = type(sensor)(kind=sensor.kind, number=sensor.number, code=sensor.code)
+    for column in sensor.kind.columns:
+        if hasattr(defaults, column.field):
+            value = getattr(sensor, column.field)
+            shown = f"{column.label or column.shown} {column.rule.shown(value)}"
+            yield column, shown, value == getattr(defaults, column.field)
 
 
 def _drive_lines(drive: DriveSpec) -> list[str]:

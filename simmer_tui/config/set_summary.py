@@ -8,6 +8,7 @@ from msgspec import Struct
 from shapely.geometry.base import BaseGeometry
 
 from simmer_tui.config import dialects
+from simmer_tui.config.describe_code import values_of
 from simmer_tui.config.loader import Configuration
 from simmer_tui.config.mission_toml import Heading, MissionSpec
 from simmer_tui.config.robot_drawing import robot_drawing
@@ -183,13 +184,12 @@ def _sensor_row(sensor: SensorSpec) -> tuple[str, ...]:
 
 
 def _sensor_notes(sensor: SensorSpec) -> list[str]:
-    plain = sensor.kind.spec_type(kind=sensor.kind, number=sensor.number, code=sensor.code)
     notes = [] if sensor.enabled else ["disabled"]
-    for column in sensor.kind.columns:
-        value = getattr(sensor, column.field)
-        if column.name not in _IN_TABLE and (column.needed or value != getattr(plain, column.field)):
-            notes.append(f"{column.label or column.shown} {column.rule.shown(value)}")
-    return notes
+    return notes + [
+        shown
+        for column, shown, usual in values_of(sensor)
+        if column.name not in _IN_TABLE and (column.needed or not usual)
+    ]
 
 
 def _devices(configuration: Configuration) -> list[str]:
