@@ -18,7 +18,7 @@ from simmer_tui.config.maze_csv import FLOOR_FILE, load_maze
 from simmer_tui.config.mission_toml import FILE as MISSION_FILE
 from simmer_tui.config.mission_toml import MissionSpec, load_mission
 from simmer_tui.config.robot_csv import load_robot
-from simmer_tui.config.set_devices import DeviceStatus, SetDevices
+from simmer_tui.config.set_devices import DeviceStatus, set_devices
 from simmer_tui.config.sets import FILES, find_set, init_set, set_name
 from simmer_tui.config.settings import NO_WHEELS, Settings
 from simmer_tui.config.settings_file import LoadedSettings, Override, load_settings
@@ -108,7 +108,7 @@ def load(
     # Read before the sensors, whose kinds they name; their mistakes are told behind those of the CSV files.
     loaded = load_settings(directory, overrides or {}, later)
     try:
-        own = _own_devices(directory, loaded, kinds, devices)
+        own = set_devices(directory, loaded, kinds, devices)
     except ConfigurationError as error:
         # Without their kinds every row of theirs would seem wrong, so the sensors wait.
         raise ConfigurationError([*problems, *later, *error.problems]) from None
@@ -146,16 +146,6 @@ def load(
         own.run_files,
         own.statuses,
     )
-
-
-def _own_devices(directory: Path, loaded: LoadedSettings, kinds: SensorKinds, use: DeviceUse) -> SetDevices:
-    """The devices of a set, with all kinds that its sensors may be of. Raises ConfigurationError."""
-    if not loaded.settings.sensors.devices or use is DeviceUse.GIVEN:
-        return SetDevices(kinds)
-    # Few sets have any.
-    from simmer_tui.config.device_kinds import set_devices
-
-    return set_devices(directory, loaded, kinds, use)
 
 
 def _dialect(
