@@ -201,6 +201,7 @@ def _import_options(parser: OneLineParser) -> None:
 def run_import(options: argparse.Namespace) -> int:
     """Make a configuration set from a simmer-python config.py or a MATLAB Main.m. The file is read, never
     executed."""
+    # The exit code is 0 for a set that can be used, 1 for one that is written but must be edited first.
     imported, skeletons = with_skeletons(read_path(options.file))
     files = _new_set({**set_files(imported), **skeletons}, mission=options.mission)
     sys.stdout.write(f"{_write(options.directory, files)}\n")

@@ -309,8 +309,8 @@ class _Reader(RuleParts):
         time = self._expression(_bare(seconds), place, names) if seconds is not None else None
         if template is None or (seconds is not None and time is None):
             return None
-        given = [drive] if "{" not in drive else re.findall(r"(?<=')-?\w\w(?=')|(?<=\")-?\w\w(?=\")", drive)
-        for each in given:
+        quoted = [code for _, code in re.findall(r"(['\"])(-?\w\w)\1", drive)]
+        for each in quoted if "{" in drive else [drive]:
             _check_code(each.removeprefix("-"), self._parts.speeds)
         return RunStep(template, time)
 
