@@ -110,13 +110,9 @@ def _apply_seed_option(
     if "seed" not in overrides:
         return
     if "randerror" in overrides and values.get("randerror", False):
-        problems.append(
-            Problem(
-                overrides["seed"].option,
-                f"asks for repeatable errors and {overrides['randerror'].option} for different ones; "
-                "give one of the two",
-            )
-        )
+        other = overrides["randerror"].option
+        what = f"asks for repeatable errors and {other} for different ones; give one of the two"
+        problems.append(Problem(overrides["seed"].option, what))
     values["randerror"] = False
 
 
@@ -127,13 +123,9 @@ def _apply_serial_option(
     if "serial.port" not in overrides or not values.get("serial.port"):
         return
     if "sim" in overrides and values.get("sim", False):
-        problems.append(
-            Problem(
-                overrides["serial.port"].option,
-                f"asks for a real robot and {overrides['sim'].option} for the simulated one; "
-                "give one of the two",
-            )
-        )
+        other = overrides["sim"].option
+        what = f"asks for a real robot and {other} for the simulated one; give one of the two"
+        problems.append(Problem(overrides["serial.port"].option, what))
     values["sim"] = False
 
 
@@ -150,19 +142,16 @@ def _apply_keys(values: dict[str, Any]) -> None:
 def _check_together(settings: Settings, places: Mapping[str, str], problems: list[Problem]) -> None:
     """Checks that involve more than one value, or what this version supports."""
     if not settings.sim and not settings.serial.port:
-        problems.append(
-            Problem(
-                places["sim"],
-                "means the real robot, which needs its serial port: --serial PORT, or port in [serial] "
-                "(simmer-tui ports lists them)",
-            )
+        what = (
+            "means the real robot, which needs its serial port: --serial PORT, or port in [serial] "
+            "(simmer-tui ports lists them)"
         )
+        problems.append(Problem(places["sim"], what))
     server = settings.server
     # Two ports of 0 are two free ones.
     if server.port == server.reply_port != 0:
-        problems.append(
-            Problem(places["server.reply_port"], f"must differ from server.port, which is {server.port} too")
-        )
+        what = f"must differ from server.port, which is {server.port} too"
+        problems.append(Problem(places["server.reply_port"], what))
     if settings.keys != KeySettings():
         # Most runs leave the keys as they are.
         from simmer_tui.config.keys import key_problems
