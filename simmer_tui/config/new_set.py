@@ -75,9 +75,11 @@ def with_mission(files: Mapping[str, bytes]) -> dict[str, bytes]:
     model = read_files(bundled_sets()[MISSION_SET])
     texts = {name: text_of(name, data) for name, data in files.items() if not name.endswith(".py")}
     drives, sensors = drive_csv.FILE, sensors_csv.FILE
-    missing = [name for name in (drives, sensors) if name not in texts]
-    if missing:
-        raise ConfigurationError([Problem(name, "is missing from the set") for name in missing])
+    problems = [Problem(name, "is missing from the set") for name in (drives, sensors) if name not in texts]
+    tables = [(name, texts[name]) for name in (drives, sensors) if name in texts]
+    problems += [Problem(name, "the file is empty") for name, text in tables if not cells_of(text)]
+    if problems:
+        raise ConfigurationError(problems)
     taken = {row.get(POLL_CHARACTER, "") for name in (drives, sensors) for row in rows_by_header(texts[name])}
     for name, kind in ((drives, drive_csv.GRIPPER), (sensors, _LOAD)):
         if not any(row.get(ID, "").lower().startswith(kind) for row in rows_by_header(texts[name])):
