@@ -44,7 +44,7 @@ PAGES = ROOT / "docs" / "reference"
 NOTE = "<!-- Made by scripts/make_reference.py from the code: change it there. -->\n"
 _SETTING = "setting."  # what the options of settings are stored under
 _ERRORS = "Error"
-_COMPLAINTS = {"Problem": -1, "complain": 1, "refuse": 1}
+_COMPLAINTS = {"Problem": -1, "complain": -1, "refuse": 1}
 """Calls that report a problem, and the number of the argument with the message."""
 _OF_PYTHON = ("AssertionError", "AttributeError")
 """Errors that no user meets."""

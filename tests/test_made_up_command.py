@@ -1,4 +1,4 @@
-"""A command is a function with its parser and a row: this file adds one, and nothing else knows of it."""
+"""A command is a function with its options and a row: this file adds one, and nothing else knows of it."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from types import ModuleType
 import pytest
 
 from simmer_tui.cli import main as command_line
-from simmer_tui.cli.command_line import OneLineParser, command
+from simmer_tui.cli.command_line import OneLineParser, subcommand
 from simmer_tui.cli.machine_commands import whole_parser
 from simmer_tui.errors import SimmerError
 
@@ -18,13 +18,11 @@ class GreetingError(SimmerError):
     """There is nobody to greet."""
 
 
-def parser() -> OneLineParser:
-    made = OneLineParser(prog="simmer-tui hello", description="Greet somebody.")
-    made.add_argument("name")
-    return made
+def add_options(parser: OneLineParser) -> None:
+    parser.add_argument("name")
 
 
-@command(parser)
+@subcommand("hello", add_options)
 def run_hello(options: argparse.Namespace) -> int:
     """Greet somebody."""
     if options.name == "nobody":

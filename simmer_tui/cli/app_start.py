@@ -8,17 +8,13 @@ import sys
 import threading
 from collections.abc import Callable
 from pathlib import Path, PureWindowsPath
-from typing import TYPE_CHECKING
 
 from simmer_tui import platform_has
 from simmer_tui.cli.headless import LinePrinter
-from simmer_tui.cli.run_life import say
-from simmer_tui.events import Event, Notice, NoticeKind, Result
+from simmer_tui.cli.run_life import FrontEnd, say
+from simmer_tui.events import Notice, NoticeKind, Result
 from simmer_tui.server import Server
 from simmer_tui.tui.terminal import TerminalChoice, choose
-
-if TYPE_CHECKING:
-    from simmer_tui.report.verdict import Verdict
 
 # A few screens full (judged): more would only be scrolled past.
 _LINES_AHEAD = 200
@@ -27,10 +23,8 @@ _LINES_AHEAD = 200
 _LONGEST_LINE = 500
 
 
-class Screen:
+class Screen(FrontEnd):
     """The front end on the terminal. If the app itself fails, the robot is served on without it."""
-
-    judges = False
 
     def __init__(self, server: Server, *, once: bool, program: str | None = None) -> None:
         """Look at the terminal and make the app; with `once` it ends with the program, a command."""
@@ -51,9 +45,6 @@ class Screen:
         self._printer = LinePrinter(quiet=False)
         self.program_output = _teller(server, printable)
 
-    def logging(self, path: Path) -> None:
-        """Not said: the screen's header shows it."""
-
     def prepare(self, prefix: Callable[[], None] | None) -> None:
         server, pace = self._server, self._settings.pace
         server.save_run()
@@ -69,9 +60,6 @@ class Screen:
 
     def offer_again(self, again: Callable[[], None]) -> None:
         self._app.run_again = again
-
-    def watch(self, event: Event) -> None:
-        """Not needed: the app asks for snapshots."""
 
     def started(self) -> None:
         for warning in self._server.warnings:
@@ -110,14 +98,6 @@ class Screen:
         # Without `--once` the screen stays, for a look at how it ended.
         if self._once:
             self.finish(code)
-
-    def show_rest(self) -> None:
-        """The screen has shown it."""
-
-    wants_verdict = False
-
-    def judged(self, verdict: Verdict) -> None:
-        """Not asked for: the screen has shown it."""
 
     def ended(self, program_code: int | None) -> None:
         referee = self._server.referee

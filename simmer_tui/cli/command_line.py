@@ -7,7 +7,7 @@ import os
 import re
 import sys
 from collections.abc import Callable, Generator, Iterable, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from enum import IntEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
@@ -93,7 +93,7 @@ class CliCommand:
         parser = self.parser()
         try:
             options = parser.parse_args(argv)
-            with _trust(everything=getattr(options, "trust_devices", False)):
+            with _trusting(DeviceTrust(getattr(options, "trust_devices", False), _ask)):
                 return int(self._function(options))
         except SimmerError as error:
             return report(error, parser.prog)
@@ -102,9 +102,9 @@ class CliCommand:
 
 
 @contextmanager
-def _trust(*, everything: bool) -> Generator[None, None, None]:
-    """The trust in a team's own devices while a command runs: in all, or by the question."""
-    token = TRUST.set(DeviceTrust(everything, _ask))
+def _trusting(trust: DeviceTrust) -> Generator[None, None, None]:
+    """The trust in a team's own devices meanwhile: in all, or by the question."""
+    token = TRUST.set(trust)
     try:
         yield
     finally:
@@ -120,11 +120,7 @@ def _ask(file: DeviceFile, directory: Path) -> bool:
 
 def add_trust_option(parser: argparse.ArgumentParser | argparse._ArgumentGroup) -> None:
     """The option `--trust-devices`, of commands that may run a set's own devices."""
-    parser.add_argument(
-        OPTION,
-        action="store_true",
-        help="run the set's devices/*.py without asking",
-    )
+    parser.add_argument(OPTION, action="store_true", help="run the set's devices/*.py without asking")
 
 
 def add_device_options(parser: argparse.ArgumentParser | argparse._ArgumentGroup) -> None:
@@ -138,14 +134,9 @@ def add_device_options(parser: argparse.ArgumentParser | argparse._ArgumentGroup
     add_trust_option(parser)
 
 
-@contextmanager
-def asking_nobody() -> Generator[None, None, None]:
+def asking_nobody() -> AbstractContextManager[None]:
     """No question about devices while a screen has the terminal."""
-    token = TRUST.set(DeviceTrust(TRUST.get().everything))
-    try:
-        yield
-    finally:
-        TRUST.reset(token)
+    return _trusting(DeviceTrust(TRUST.get().everything))
 
 
 def command(
@@ -153,6 +144,31 @@ def command(
 ) -> Callable[[Callable[[argparse.Namespace], int]], CliCommand]:
     """Make a command of a function of the options that `parser` reads."""
     return lambda function: CliCommand(parser, function)
+
+
+def subcommand(
+    name: str, add_options: Callable[[OneLineParser], None] | None = None, **settings: Any
+) -> Callable[[Callable[[argparse.Namespace], int]], CliCommand]:
+    """Make the command `simmer-tui NAME` of a function of its options, which returns the exit code. Its
+    docstring is the description in its help.
+
+    Args:
+        name: The name.
+        add_options: Adds its options to its parser.
+        settings: Further arguments of the parser.
+    """
+
+    def made(function: Callable[[argparse.Namespace], int]) -> CliCommand:
+        def parser() -> OneLineParser:
+            description = " ".join((function.__doc__ or "").split())
+            parser = OneLineParser(prog=f"simmer-tui {name}", description=description, **settings)
+            if add_options is not None:
+                add_options(parser)
+            return parser
+
+        return CliCommand(parser, function)
+
+    return made
 
 
 @contextmanager
@@ -269,21 +285,15 @@ def add_setting_options(
 def _add_option(group: argparse._ArgumentGroup, item: Setting) -> None:
     unit = f"{item.unit}, " if item.unit else ""
     help_text = f"{item.help} ({unit}default {default_text(item) or 'none'})".replace("%", "%%")
-    dest = _DEST + item.name
+    value: dict[str, Any] = {"metavar": item.metavar}
     if isinstance(item.rule, FlagRule):
-        group.add_argument(
-            item.option,
-            dest=dest,
-            action=argparse.BooleanOptionalAction,
-            # Absent unless given: what the set says must win over a default.
-            default=argparse.SUPPRESS,
-            help=help_text,
-        )
-    else:
-        alone: dict[str, Any] = {"nargs": "?", "const": item.alone} if item.alone else {}
-        group.add_argument(
-            item.option, dest=dest, default=argparse.SUPPRESS, metavar=item.metavar, help=help_text, **alone
-        )
+        value = {"action": argparse.BooleanOptionalAction}
+    elif item.alone:
+        value |= {"nargs": "?", "const": item.alone}
+    # Absent unless given: what the set says must win over a default.
+    group.add_argument(
+        item.option, dest=_DEST + item.name, default=argparse.SUPPRESS, help=help_text, **value
+    )
 
 
 def default_text(item: Setting) -> str:
@@ -297,11 +307,10 @@ def default_text(item: Setting) -> str:
 
 def overrides_from(namespace: argparse.Namespace) -> dict[str, Override]:
     """The settings really given as options, by dotted name."""
-    given = vars(namespace)
     overrides = {}
     for item in all_settings():
-        if _DEST + item.name in given:
-            value = given[_DEST + item.name]
+        value = getattr(namespace, _DEST + item.name, None)
+        if value is not None:
             # Messages name the option as it was typed.
             option = f"--no-{item.option.removeprefix('--')}" if value is False else item.option
             overrides[item.name] = Override(option, value)

@@ -13,10 +13,10 @@ from simmer_tui.cli.command_line import (
     add_json_option,
     add_setting_options,
     add_trust_option,
-    command,
     overrides_from,
     print_json,
     report,
+    subcommand,
 )
 from simmer_tui.config.device_trust import DeviceUse
 from simmer_tui.config.dialect_templates import TEMPLATES, with_dialect
@@ -45,10 +45,7 @@ from simmer_tui.phrases import counted
 from simmer_tui.sim.command import escape
 
 
-def _init_parser() -> OneLineParser:
-    parser = OneLineParser(
-        prog="simmer-tui init", description="Copy a configuration set into a folder, to be edited there."
-    )
+def _init_options(parser: OneLineParser) -> None:
     parser.add_argument("directory", metavar="DIR", type=Path, help="where to; made if it does not exist")
     sets = ", ".join(bundled_sets())
     parser.add_argument("--from", dest="source", metavar="SET", help=f"another set: {sets}, or a folder")
@@ -63,33 +60,31 @@ def _init_parser() -> OneLineParser:
         choices=TEMPLATES,
         help="with a dialect.toml to be edited, for messages that are lines, in brackets, bytes or binary",
     )
-    return parser
 
 
-@command(_init_parser)
+@subcommand("init", _init_options)
 def run_init(options: argparse.Namespace) -> int:
-    """`simmer-tui init DIR [--from SET]`: copy a set out for editing. Returns the exit code."""
+    """Copy a configuration set into a folder, to be edited there."""
     source = bundled_folder() if options.source is None else find_set(options.source)
     mission = options.mission or options.term
     if mission and source == bundled_folder():
         source = bundled_sets()[MISSION_SET]  # the same robot, with a gripper, and honest about time
-    files = read_files(source)
-    name = set_name(source)
+    files, name = read_files(source), set_name(source)
     if options.dialect is not None:
         files = with_dialect(files, options.dialect)
-    nominal = name if name in bundled_sets() else ""
+    files = _new_set(files, mission=mission, nominal=name if name in bundled_sets() else "")
+    if options.term:
+        files = term_files(files)
+    wrote = _write(options.directory, files)
     shown = escape(str(options.directory), 200)
     if options.term:
-        count = len(
-            write_files(options.directory, term_files(_new_set(files, mission=True, nominal=nominal)))
+        sys.stdout.write(
+            f"Wrote {len(files)} files of a course to {shown}; README.md is the page for students\n"
+            f"Edit {LOCAL_FOLDER} and course.toml in it, then: simmer-tui check {shown}\n"
         )
-        sys.stdout.write(f"Wrote {count} files of a course to {shown}; README.md is the page for students\n")
-        sys.stdout.write(f"Edit {LOCAL_FOLDER} and course.toml in it, then: simmer-tui check {shown}\n")
-        return 0
-    written = write_new_set(options.directory, files, mission=mission, nominal=nominal)
-    sys.stdout.write(f"Wrote {', '.join(path.as_posix() for path in written)} to {shown}\n")
-    sys.stdout.write(f"Edit them, then: simmer-tui check {shown}\n")
-    return 0
+    else:
+        sys.stdout.write(f"{wrote}\nEdit them, then: simmer-tui check {shown}\n")
+    return ExitCode.DONE
 
 
 def add_mission_option(parser: argparse.ArgumentParser) -> None:
@@ -101,27 +96,21 @@ def add_mission_option(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def write_new_set(
-    directory: Path, files: Mapping[str, bytes], *, mission: bool, nominal: str = ""
-) -> list[Path]:
-    """Write a set for people to edit, explained, that names its `nominal` one; returns the paths of its files
-    in it, without the schemas. Raises ConfigurationError."""
-    made = _new_set(files, mission=mission, nominal=nominal)
-    written = [path.relative_to(directory) for path in write_files(directory, made)]
-    return [path for path in written if path.parts[0] != SCHEMAS]
+def _write(directory: Path, files: Mapping[str, bytes]) -> str:
+    """Write the files of a set; returns a line with their names, without the schemas. Raises
+    ConfigurationError."""
+    written = [path.relative_to(directory) for path in write_files(directory, files)]
+    names = ", ".join(path.as_posix() for path in written if path.parts[0] != SCHEMAS)
+    return f"Wrote {names} to {escape(str(directory), 200)}"
 
 
-def _new_set(files: Mapping[str, bytes], *, mission: bool, nominal: str) -> dict[str, bytes]:
-    """The files of a set, explained. Raises ConfigurationError."""
+def _new_set(files: Mapping[str, bytes], *, mission: bool, nominal: str = "") -> dict[str, bytes]:
+    """The files of a set for people to edit, explained, that name its `nominal` one. Raises
+    ConfigurationError."""
     return explained(with_mission(files) if mission else files, nominal)
 
 
-def _check_parser() -> OneLineParser:
-    parser = OneLineParser(
-        prog="simmer-tui check",
-        usage="simmer-tui check [DIR] [options]",
-        description="Check a configuration set and show what it describes.",
-    )
+def _check_options(parser: OneLineParser) -> None:
     parser.add_argument(
         "directory",
         metavar="DIR",
@@ -137,12 +126,11 @@ def _check_parser() -> OneLineParser:
     add_trust_option(parser)
     add_json_option(parser)
     add_setting_options(parser)
-    return parser
 
 
-@command(_check_parser)
+@subcommand("check", _check_options, usage="simmer-tui check [DIR] [options]")
 def run_check(options: argparse.Namespace) -> int:
-    """`simmer-tui check [DIR]`: every mistake of a set, or its summary. Returns the exit code."""
+    """Check a configuration set and show what it describes."""
     try:
         directory, overrides = find_set(options.directory), overrides_from(options)
         configuration = load(directory, overrides, devices=DeviceUse.CHECK)
@@ -190,47 +178,33 @@ def _check_against(path: Path, configuration: Configuration, *, as_json: bool) -
         raise ConfigurationError([Problem("--against", what)])
     baud, pieces = read_exchange(path)
     comparison = Comparison(rules, baud)
-    differences = comparison.differences(pieces)
+    rows = [(each.line, each.text) for each in comparison.differences(pieces)]
     if as_json:
-        rows = [(each.line, each.text) for each in differences]
         ok = CHECK.filled([(not rows, configuration.name, str(configuration.directory))])
         print_json(Document("Set", [ok, DIFFERENCES.filled(rows)]))
-        return ExitCode.NO if rows else ExitCode.DONE
-    name = escape(path.name, 100)
-    sys.stdout.writelines(f"{name}:{each.line}: {each.text}\n" for each in differences)
-    told = counted(len(differences), "difference")
-    if not differences:
-        told = "the dialect answers as the robot did"
-    sys.stdout.write(f"{counted(comparison.messages, 'message')} of the dialect; {told}\n")
-    return ExitCode.NO if differences else ExitCode.DONE
+    else:
+        sys.stdout.writelines(f"{escape(path.name, 100)}:{line}: {text}\n" for line, text in rows)
+        told = counted(len(rows), "difference") if rows else "the dialect answers as the robot did"
+        sys.stdout.write(f"{counted(comparison.messages, 'message')} of the dialect; {told}\n")
+    return ExitCode.NO if rows else ExitCode.DONE
 
 
-def _import_parser() -> OneLineParser:
-    parser = OneLineParser(
-        prog="simmer-tui import",
-        description="Make a configuration set from a simmer-python config.py or a MATLAB Main.m. "
-        "The file is read, never executed.",
-    )
+def _import_options(parser: OneLineParser) -> None:
     parser.add_argument("file", metavar="FILE", type=Path, help="config.py, Main.m, or the folder of either")
     parser.add_argument(
         "directory", metavar="DIR", type=Path, help="where the set is written; made if need be"
     )
     add_mission_option(parser)
-    return parser
 
 
-@command(_import_parser)
+@subcommand("import", _import_options)
 def run_import(options: argparse.Namespace) -> int:
-    """`simmer-tui import FILE DIR`: make a configuration set of a team's own files.
-
-    Returns the exit code: 0 for a set that can be used, 1 for one that is written but must be
-    edited first, 2 if nothing was written.
-    """
+    """Make a configuration set from a simmer-python config.py or a MATLAB Main.m. The file is read, never
+    executed."""
+    # The exit code is 0 for a set that can be used, 1 for one that is written but must be edited first.
     imported, skeletons = with_skeletons(read_path(options.file))
-    files = {**set_files(imported), **skeletons}
-    written = write_new_set(options.directory, files, mission=options.mission)
-    shown = escape(str(options.directory), 200)
-    sys.stdout.write(f"Wrote {', '.join(path.as_posix() for path in written)} to {shown}\n")
+    files = _new_set({**set_files(imported), **skeletons}, mission=options.mission)
+    sys.stdout.write(f"{_write(options.directory, files)}\n")
     if imported.left_out:
         sys.stdout.write("Not imported, or changed:\n")
         sys.stdout.writelines(f"  {problem}\n" for problem in imported.left_out)
@@ -243,5 +217,5 @@ def run_import(options: argparse.Namespace) -> int:
         return ExitCode.NO
     if skeletons:
         sys.stdout.write(f"To finish: {', '.join(skeletons)} (docs/devices.md says how)\n")
-    sys.stdout.write(f"Try it: simmer-tui --config {shown}\n")
-    return 0
+    sys.stdout.write(f"Try it: simmer-tui --config {escape(str(options.directory), 200)}\n")
+    return ExitCode.DONE

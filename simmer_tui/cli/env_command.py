@@ -11,7 +11,13 @@ import sys
 from collections.abc import Callable, Mapping
 
 from simmer_tui import platform_has
-from simmer_tui.cli.command_line import ExitCode, OneLineParser, add_setting_options, command, overrides_from
+from simmer_tui.cli.command_line import (
+    ExitCode,
+    OneLineParser,
+    add_setting_options,
+    overrides_from,
+    subcommand,
+)
 from simmer_tui.config.device_trust import DeviceUse
 from simmer_tui.config.dialects import SERIAL, TEAM
 from simmer_tui.config.loader import Configuration, load
@@ -24,29 +30,15 @@ _LOOK = 0.5
 """Seconds in which a simulator must answer that runs."""
 
 
-def _sh(name: str, value: str) -> str:
-    return f"export {name}={shlex.quote(value)}"
-
-
-def _powershell(name: str, value: str) -> str:
-    quoted = value.replace("'", "''")
-    return f"$env:{name} = '{quoted}'"
-
-
-def _cmd(name: str, value: str) -> str:
-    return f'set "{name}={value}"'
-
-
-_FORMS: dict[str, Callable[[str, str], str]] = {"sh": _sh, "powershell": _powershell, "cmd": _cmd}
+_FORMS: dict[str, Callable[[str, str], str]] = {
+    "sh": lambda name, value: f"export {name}={shlex.quote(value)}",
+    "powershell": lambda name, value: "$env:{} = '{}'".format(name, value.replace("'", "''")),
+    "cmd": lambda name, value: f'set "{name}={value}"',
+}
 _JSON = "json"
 
 
-def _env_parser() -> OneLineParser:
-    parser = OneLineParser(
-        prog="simmer-tui env",
-        description="Print the variables with which an IDE must start a Python program, so that its "
-        "serial.Serial leads to a simmer-tui that runs a set with a dialect. Give the same set and options.",
-    )
+def _env_options(parser: OneLineParser) -> None:
     parser.add_argument("--config", metavar="DIR", help="configuration set (default: ./config, else default)")
     parser.add_argument(
         "--form",
@@ -55,12 +47,12 @@ def _env_parser() -> OneLineParser:
         help="as lines of a shell, or as an object for an IDE (default: powershell on Windows, else sh)",
     )
     add_setting_options(parser, names=("server.host", "server.dialect_port", "server.serial_names"))
-    return parser
 
 
-@command(_env_parser)
+@subcommand("env", _env_options)
 def run_env(options: argparse.Namespace) -> int:
-    """`simmer-tui env`: the variables. Returns the exit code."""
+    """Print the variables with which an IDE must start a Python program, so that its serial.Serial leads to
+    a simmer-tui that runs a set with a dialect. Give the same set and options."""
     configuration = load(find_set(options.config), overrides_from(options), devices=DeviceUse.PARSE)
     variables = variables_of(configuration, os.environ)
     if options.form == _JSON:

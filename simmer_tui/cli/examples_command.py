@@ -6,26 +6,21 @@ import argparse
 import sys
 from pathlib import Path
 
-from simmer_tui.cli.command_line import ExitCode, OneLineParser, command
+from simmer_tui.cli.command_line import ExitCode, OneLineParser, subcommand
 from simmer_tui.config.examples import EXAMPLE, copy_examples
 from simmer_tui.phrases import counted
 from simmer_tui.sim.command import escape
 
 
-def _examples_parser() -> OneLineParser:
-    parser = OneLineParser(
-        prog="simmer-tui examples",
-        description="Copy the sample programs into a folder, to be changed there: wander.py to begin with, "
-        "the programs of the course, a whole mission, the client libraries for Python, C and MATLAB, and "
-        "sketches for an Arduino. Files that are there already stay as they are.",
-    )
+def _examples_options(parser: OneLineParser) -> None:
     parser.add_argument("directory", metavar="DIR", type=Path, help="where to; made if it does not exist")
-    return parser
 
 
-@command(_examples_parser)
+@subcommand("examples", _examples_options)
 def run_examples(options: argparse.Namespace) -> int:
-    """`simmer-tui examples DIR`: copy the sample programs out. Returns the exit code."""
+    """Copy the sample programs into a folder, to be changed there: wander.py to begin with, the programs of
+    the course, a whole mission, the client libraries for Python, C and MATLAB, and sketches for an Arduino.
+    Files that are there already stay as they are."""
     written = copy_examples(options.directory)
     where = escape(str(options.directory), 200)
     told = f"{counted(len(written), 'file')} written to {where}" if written else f"{where} has all of them"

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from simmer_tui import platform_has
-from simmer_tui.cli.run_life import say
+from simmer_tui.cli.run_life import FrontEnd, say
 from simmer_tui.events import (
     Event,
     EventHandler,
@@ -141,20 +141,17 @@ class EventLines(EventHandler[str]):
         return ""
 
 
-class Headless:
+class Headless(LinePrinter, FrontEnd):
     """The front end without a screen: it ends with its mission, which makes the exit code."""
 
     judges = True
-    program_output = None
 
     def __init__(self, server: Server, *, quiet: bool, has_program: bool) -> None:
+        super().__init__(quiet)
         self._server = server
-        self._quiet = quiet
+        self.wants_verdict = not quiet
         # What a program prints on standard output is its own, for others to read.
         self._stream = sys.stderr if has_program else sys.stdout
-        printer = LinePrinter(quiet)
-        self.watch, self.show, self.show_rest = printer.watch, printer.wait, printer.print_rest
-        self.finish = self.program_ended = printer.finish
 
     def logging(self, path: Path) -> None:
         if not self._quiet:
@@ -163,12 +160,6 @@ class Headless:
     def prepare(self, prefix: Callable[[], None] | None) -> None:
         if prefix is not None:
             prefix()
-
-    def offer(self, run: Callable[[str], None]) -> None:
-        """Nobody is there to ask for a program."""
-
-    def offer_again(self, again: Callable[[], None]) -> None:
-        """Nor to ask for it again."""
 
     def started(self) -> None:
         """Say the ports, configuration and seed, and that clients may come."""
@@ -186,15 +177,17 @@ class Headless:
         for link in links:
             say(link, self._stream)
 
-    @property
-    def wants_verdict(self) -> bool:
-        return not self._quiet
+    def show(self) -> int:
+        return self.wait()
+
+    def show_rest(self) -> None:
+        self.print_rest()
+
+    def program_ended(self, code: int) -> None:
+        self.finish(code)
 
     def judged(self, verdict: Verdict) -> None:
         """Say how the run ended: the evidence, and the verdict's sentence as the last line."""
         said, *evidence = verdict.lines
         for line in (*(f"  {each}" for each in evidence), f"verdict: {said}"):
             say(line)
-
-    def ended(self, program_code: int | None) -> None:
-        """Nothing is left to be said."""

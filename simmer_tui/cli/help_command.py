@@ -6,7 +6,7 @@ import argparse
 import sys
 
 from simmer_tui.cli import main
-from simmer_tui.cli.command_line import ExitCode, OneLineParser, command
+from simmer_tui.cli.command_line import ExitCode, OneLineParser, subcommand
 from simmer_tui.sim.command import escape
 from simmer_tui.sim.rules import did_you_mean
 
@@ -14,13 +14,8 @@ SETTINGS = "settings"
 """The topic that is no command."""
 
 
-def _parser() -> OneLineParser:
-    parser = OneLineParser(
-        prog="simmer-tui help",
-        description="Help on a command, as with its --help, or on the options of all settings.",
-    )
+def _options(parser: OneLineParser) -> None:
     parser.add_argument("topic", metavar="COMMAND", nargs="?", help=f"which command, or: {SETTINGS}")
-    return parser
 
 
 def topics() -> tuple[str, ...]:
@@ -28,9 +23,9 @@ def topics() -> tuple[str, ...]:
     return (*main.COMMANDS, SETTINGS)
 
 
-@command(_parser)
+@subcommand("help", _options)
 def run_help(options: argparse.Namespace) -> int:
-    """`simmer-tui help [COMMAND]`. Returns the exit code."""
+    """Help on a command, as with its --help, or on the options of all settings."""
     topic = options.topic
     if topic is None:
         text = main.build_parser().format_help()
@@ -39,6 +34,6 @@ def run_help(options: argparse.Namespace) -> int:
     elif topic in main.COMMANDS:
         text = main.command_named(topic).parser().format_help()
     else:
-        _parser().error(f'unknown command "{escape(topic, 60)}"{did_you_mean(topic, topics())}')
+        run_help.parser().error(f'unknown command "{escape(topic, 60)}"{did_you_mean(topic, topics())}')
     sys.stdout.write(text)
     return ExitCode.DONE

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -24,11 +24,11 @@ from simmer_tui.cli.command_line import (
     add_device_options,
     add_json_option,
     add_log_argument,
-    command,
     configuration_of,
     log_of,
     print_answer,
     print_json,
+    subcommand,
 )
 from simmer_tui.document.model import Bullets, DataColumn, DataTable, Document
 from simmer_tui.errors import ExportError, RunLogError
@@ -57,12 +57,7 @@ RERUN = DataTable(
 )
 
 
-def _report_parser() -> OneLineParser:
-    parser = OneLineParser(
-        prog="simmer-tui report",
-        description="Summarize a logged run: what went wrong, where, and the errors of the sensors "
-        "and of the program's belief.",
-    )
+def _report_options(parser: OneLineParser) -> None:
     add_log_argument(parser)
     parser.add_argument("--svg", metavar="OUT", type=Path, help="write maze, path and sensors as a picture")
     parser.add_argument("--csv", metavar="OUT", type=Path, help="write a table with a row a command")
@@ -73,12 +68,12 @@ def _report_parser() -> OneLineParser:
         help="compare sensors and drives with this set, too (default: the one the run's set was made from)",
     )
     add_json_option(parser)
-    return parser
 
 
-@command(_report_parser)
+@subcommand("report", _report_options)
 def run_report(options: argparse.Namespace) -> int:
-    """`simmer-tui report [FILE]`: what a logged run amounts to. Returns the exit code."""
+    """Summarize a logged run: what went wrong, where, and the errors of the sensors and of the program's
+    belief."""
     path = log_of(options)
     _check_outputs(path, (options.svg, options.csv, options.html))
     run = build_report(path, options.csv, recorded=options.html is not None, nominal=options.nominal)
@@ -143,89 +138,75 @@ def _blocks(log: LogReader) -> Iterator[list[Logged | BrokenLine]]:
     yield block
 
 
-def _export_parser() -> OneLineParser:
-    parser = OneLineParser(
-        prog="simmer-tui export",
-        description="Make pictures of a logged run for slides: an animated GIF, or the whole path as an SVG "
-        "that can be enlarged.",
-    )
+def _export_options(parser: OneLineParser) -> None:
     add_log_argument(parser)
     parser.add_argument("--gif", metavar="OUT", type=Path, help="write the run as a GIF (needs Pillow)")
     parser.add_argument("--svg", metavar="OUT", type=Path, help="write the whole path as a picture")
+    width = _number("a width from 160 to 3840 pixels", 160, 3840)
+    speed = _number("a speed from 0.01 to 1000", 0.01, 1000)
+    seconds = _number("a time in seconds, 0 or more", 0, 1e12)
     parser.add_argument(
-        "--width", metavar="PIXELS", type=_width, default=720, help="of the pictures (default 720)"
+        "--width", metavar="PIXELS", type=width, default=720, help="of the pictures (default 720)"
     )
     parser.add_argument(
-        "--speed", metavar="X", type=_speed,
+        "--speed", metavar="X", type=speed,
         help="simulated seconds a second of the GIF (default: 1, or as many as make it 20 s long)",
     )  # fmt: skip
     parser.add_argument(
-        "--from", metavar="S", type=_seconds, dest="begin", help="where the GIF begins, seconds"
+        "--from", metavar="S", type=seconds, dest="begin", help="where the GIF begins, seconds"
     )
-    parser.add_argument("--until", metavar="S", type=_seconds, help="where it ends")
-    return parser
+    parser.add_argument("--until", metavar="S", type=seconds, help="where it ends")
 
 
-@command(_export_parser)
+@subcommand("export", _export_options)
 def run_export(options: argparse.Namespace) -> int:
-    """`simmer-tui export [FILE] --gif OUT --svg OUT`: a run for slides. Returns the exit code."""
+    """Make pictures of a logged run for slides: an animated GIF, or the whole path as an SVG that can be
+    enlarged."""
     if options.gif is None and options.svg is None:
         raise ExportError("say what to write: --gif OUT, --svg OUT, or both")
     path = log_of(options)
     _check_outputs(path, (options.gif, options.svg))
-    run = build_report(path)
+    run, width = build_report(path), round(options.width)
     if options.svg is not None:
-        _write_text(options.svg, maze_picture(run, escape(path.name, 200), options.width))
+        _write_text(options.svg, maze_picture(run, escape(path.name, 200), width))
         sys.stdout.write(_wrote(options.svg))
     if options.gif is not None:
         taken = shots(run, options.begin, options.until, options.speed)
         try:
-            _run_through(write_gif(run, options.gif, taken, options.width), len(taken.times), "pictures")
+            _run_through(write_gif(run, options.gif, taken, width), len(taken.times), "pictures")
         except OSError as error:
             raise _unwritable(options.gif, error) from None
         sys.stdout.write(_wrote(options.gif))
     return 0
 
 
-def _number(text: str, low: float, high: float, what: str) -> float:
-    try:
-        number = float(text)
-    except ValueError:
-        number = float("nan")
-    # Written so that NaN is refused too.
-    if not low <= number <= high:
-        raise argparse.ArgumentTypeError(f"{escape(text, 40)!r} is not {what}")
+def _number(what: str, low: float, high: float) -> Callable[[str], float]:
+    """The reader of an option with a number."""
+
+    def number(text: str) -> float:
+        try:
+            value = float(text)
+        except ValueError:
+            value = float("nan")
+        # Written so that NaN is refused too.
+        if not low <= value <= high:
+            raise argparse.ArgumentTypeError(f"{escape(text, 40)!r} is not {what}")
+        return value
+
     return number
 
 
-def _width(text: str) -> int:
-    return round(_number(text, 160, 3840, "a width from 160 to 3840 pixels"))
-
-
-def _speed(text: str) -> float:
-    return _number(text, 0.01, 1000, "a speed from 0.01 to 1000")
-
-
-def _seconds(text: str) -> float:
-    return _number(text, 0, 1e12, "a time in seconds, 0 or more")
-
-
-def _rerun_parser() -> OneLineParser:
-    parser = OneLineParser(
-        prog="simmer-tui rerun",
-        description="Run the commands of a log again, from its configuration and seed, and compare every "
-        "reply bit for bit, or but for rounding if a machine with other mathematics wrote it. Exits with 0 "
-        "if all are the same, 1 at the first difference, 2 for a broken log.",
-    )
+def _rerun_options(parser: OneLineParser) -> None:
     add_log_argument(parser)
     add_device_options(parser)
     add_json_option(parser)
-    return parser
 
 
-@command(_rerun_parser)
+@subcommand("rerun", _rerun_options)
 def run_rerun(options: argparse.Namespace) -> int:
-    """`simmer-tui rerun [FILE]`: run a logged run again and compare. Returns the exit code."""
+    """Run the commands of a log again, from its configuration and seed, and compare every reply bit for bit,
+    or but for rounding if a machine with other mathematics wrote it. Exits with 0 if all are the same, 1 at
+    the first difference, 2 for a broken log."""
     path = log_of(options)
     with configuration_of(path):
         rerun = Rerun(path, options.config)
@@ -262,7 +243,7 @@ def _report_rerun(rerun: Rerun, path: Path, *, as_json: bool) -> int:
 def _check_outputs(log: Path, outputs: Iterable[Path | None]) -> None:
     """No output may be the log itself, nor another output. Raises RunLogError."""
     # Resolved: the same file may be named in two ways.
-    given = [path.resolve() for path in (log, *(output for output in outputs if output is not None))]
+    given = [path.resolve() for path in (log, *outputs) if path is not None]
     for path in given:
         if given.count(path) > 1:
             raise RunLogError(f"{escape(str(path), 200)} is named twice; name another file to write to")
@@ -292,13 +273,8 @@ def _run_through(positions: Iterable[int], size: int, what: str) -> None:
     On a terminal (standard error) a bar shows how far it is and goes away at the end.
     """
     console = Console(stderr=True)
-    columns = (
-        TextColumn(what, markup=False),
-        BarColumn(),
-        TaskProgressColumn(),
-        DownloadColumn(),
-        TimeRemainingColumn(),
-    )
+    text = TextColumn(what, markup=False)
+    columns = (text, BarColumn(), TaskProgressColumn(), DownloadColumn(), TimeRemainingColumn())
     with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
         task = progress.add_task(what, total=size)
         for step, position in enumerate(positions):

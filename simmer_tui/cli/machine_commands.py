@@ -7,14 +7,14 @@ import os
 import platform
 import shutil
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Iterable, Mapping
 from importlib import metadata
 from importlib.util import find_spec
 from pathlib import Path
 
 from simmer_tui import platform_has
 from simmer_tui.cli import main
-from simmer_tui.cli.command_line import ExitCode, OneLineParser, add_json_option, command, print_json
+from simmer_tui.cli.command_line import ExitCode, OneLineParser, add_json_option, print_json, subcommand
 from simmer_tui.cli.help_command import topics
 from simmer_tui.config.device_trust import DeviceUse
 from simmer_tui.config.loader import Configuration, load
@@ -26,6 +26,7 @@ from simmer_tui.errors import ConfigurationError, PortError
 from simmer_tui.links import port_list
 from simmer_tui.links.link import port_requests
 from simmer_tui.links.ports import take_port
+from simmer_tui.phrases import counted
 from simmer_tui.runlog.saved_runs import saved_runs_folder
 from simmer_tui.sim.command import escape
 from simmer_tui.tui.sizes import SMALLEST_COLUMNS, SMALLEST_ROWS
@@ -57,89 +58,80 @@ SHELLS = {
 _FOLDERS = {"directory", "mazes", "config", "target", "source", "first", "second"}
 """Arguments that are folders, by their name in the parsers."""
 
-DoctorLine = tuple[str, bool, str]
-"""Subject, True if all is well, and the text."""
+Check = tuple[bool, str]
+"""True if all is well, and the text."""
 
 
-def _doctor_parser() -> OneLineParser:
-    parser = OneLineParser(
-        prog="simmer-tui doctor",
-        description="Say what this terminal can show, whether the ports are free, which versions are here "
-        "and what is missing for which feature. Exits with 1 if simmer-tui could not start as it is.",
-    )
+def _doctor_options(parser: OneLineParser) -> None:
     add_json_option(parser)
-    return parser
 
 
-@command(_doctor_parser)
+@subcommand("doctor", _doctor_options)
 def run_doctor(options: argparse.Namespace) -> int:
-    """`simmer-tui doctor`: ten lines. Returns the exit code, 1 where the set or a port is at fault."""
-    configuration, line = _set()
+    """Say what this terminal can show, whether the ports are free, which versions are here and what is
+    missing for which feature. Exits with 1 if simmer-tui could not start as it is."""
+    configuration, set_check = _set()
     server = configuration.settings.server if configuration is not None else ServerSettings()
-    lines = [_program(), _libraries(), _terminal(os.environ), _drawing(os.environ), line, _ports(server)]
-    lines += [_serial(), _runs(), _grading(), _extras()]
+    checks = {
+        "version": (True, _program()),
+        "libraries": (True, ", ".join(f"{name} {metadata.version(name)}" for name in _LIBRARIES)),
+        "terminal": _terminal(os.environ),
+        "drawing": (True, _drawing(os.environ)),
+        "set": set_check,
+        "ports": _ports(server),
+        "serial": (True, _serial()),
+        "runs": _runs(),
+        "grading": _grading(),
+        "extras": (True, _extras()),
+    }
     if options.json:
-        print_json(Document("Doctor", [CHECKS.filled(lines)]))
+        print_json(Document("Doctor", [CHECKS.filled([(about, *each) for about, each in checks.items()])]))
     else:
-        for about, fine, text in lines:
+        for about, (fine, text) in checks.items():
             sys.stdout.write(f"{'ok' if fine else '!!'}  {about:<9} {text}\n")
     # Without a set or a port nothing starts; all else is only missed by one feature.
-    needed = (line, lines[5])
-    return ExitCode.DONE if all(fine for _, fine, _ in needed) else ExitCode.NO
+    return ExitCode.DONE if checks["set"][0] and checks["ports"][0] else ExitCode.NO
 
 
-def _program() -> DoctorLine:
+def _program() -> str:
     where = Path(__file__).resolve().parents[1]
     system = f"{platform.system()} {platform.machine()}"
-    return (
-        "version",
-        True,
-        f"simmer-tui {__version__}, Python {platform.python_version()}, {system}, in {where}",
-    )
+    return f"simmer-tui {__version__}, Python {platform.python_version()}, {system}, in {where}"
 
 
-def _libraries() -> DoctorLine:
-    return "libraries", True, ", ".join(f"{name} {metadata.version(name)}" for name in _LIBRARIES)
-
-
-def _terminal(environment: Mapping[str, str]) -> DoctorLine:
+def _terminal(environment: Mapping[str, str]) -> Check:
     around = [name for name, key in (("tmux", "TMUX"), ("SSH", "SSH_CONNECTION")) if environment.get(key)]
     inside = f", in {' and '.join(around)}" if around else ""
     kind = f"TERM={escape(environment.get('TERM', ''), 40) or '(not set)'}{inside}"
     if not (sys.stdin.isatty() and sys.stdout.isatty() and sys.stderr.isatty()):
-        return "terminal", True, f"none to draw on here, {kind}: run with --no-ui"
+        return True, f"none to draw on here, {kind}: run with --no-ui"
     columns, rows = os.get_terminal_size()
     if columns < SMALLEST_COLUMNS or rows < SMALLEST_ROWS:
         least = f"{SMALLEST_COLUMNS} x {SMALLEST_ROWS}"
-        return "terminal", False, f"{columns} x {rows}, {kind}: too small, make it {least} at least"
+        return False, f"{columns} x {rows}, {kind}: too small, make it {least} at least"
     hint = "" if columns >= _USUAL[0] and rows >= _USUAL[1] else "; from 80 x 24 on all is shown at once"
-    return "terminal", True, f"{columns} x {rows}, {kind}{hint}"
+    return True, f"{columns} x {rows}, {kind}{hint}"
 
 
-def _drawing(environment: Mapping[str, str]) -> DoctorLine:
+def _drawing(environment: Mapping[str, str]) -> str:
     choice = choose(environment, sys.stdout.encoding, windows=not platform_has.POSIX)
     if choice.glyphs is GlyphMode.ASCII:
         why = "in ASCII: the locale is not UTF-8, or the terminal says it can no more; LANG=C.UTF-8 may help"
-        return "drawing", True, f"colours {choice.color}, {why}"
+        return f"colours {choice.color}, {why}"
     sample = _SAMPLES.get(choice.glyphs, _SAMPLE)
-    return (
-        "drawing",
-        True,
-        f"colours {choice.color}, {choice.glyphs} {sample} (looks odd? --glyphs half or ascii)",
-    )
+    return f"colours {choice.color}, {choice.glyphs} {sample} (looks odd? --glyphs half or ascii)"
 
 
-def _set() -> tuple[Configuration | None, DoctorLine]:
+def _set() -> tuple[Configuration | None, Check]:
     try:
         configuration = load(find_set(None), devices=DeviceUse.PARSE)
     except ConfigurationError as error:
-        count = len(error.problems)
-        what = f"{count} mistake{'s' * (count != 1)} in ./config: simmer-tui check lists them"
-        return None, ("set", False, what)
-    return configuration, ("set", True, f"{escape(configuration.name, 60)}, {configuration.directory}")
+        mistakes = counted(len(error.problems), "mistake")
+        return None, (False, f"{mistakes} in ./config: simmer-tui check lists them")
+    return configuration, (True, f"{escape(configuration.name, 60)}, {configuration.directory}")
 
 
-def _ports(server: ServerSettings) -> DoctorLine:
+def _ports(server: ServerSettings) -> Check:
     requests = [request for _, each in port_requests(server) for request in each]
     taken = []
     for request in requests:
@@ -150,91 +142,85 @@ def _ports(server: ServerSettings) -> DoctorLine:
             taken.append(request.number)
     shown = ", ".join(str(request.number) for request in requests)
     if not taken:
-        return "ports", True, f"{shown} are free on {escape(server.host, 60)}"
+        return True, f"{shown} are free on {escape(server.host, 60)}"
     busy = ", ".join(map(str, taken))
     how = "end what holds them (another simmer-tui?), or --port 0 --reply-port 0 --belief-port 0 with --run"
-    return "ports", False, f"{busy} of {shown} taken: {how}"
+    return False, f"{busy} of {shown} taken: {how}"
 
 
-def _serial() -> DoctorLine:
+def _serial() -> str:
     found = port_list.list_ports()
     if not found:
-        return "serial", True, "no port: plug a real robot in, or pair it, first (simmer-tui ports)"
-    return "serial", True, f"{', '.join(port.device for port in found[:4])} (simmer-tui ports tells more)"
+        return "no port: plug a real robot in, or pair it, first (simmer-tui ports)"
+    return f"{', '.join(port.device for port in found[:4])} (simmer-tui ports tells more)"
 
 
-def _runs() -> DoctorLine:
+def _runs() -> Check:
     folder = saved_runs_folder()
     # The folder is made by the first run: until then its nearest parent tells.
     existing = next(path for path in (folder, *folder.parents) if path.exists())
     fine = os.access(existing, os.W_OK)
-    return "runs", fine, f"the last ten are saved in {folder}" + ("" if fine else ", which cannot be written")
+    return fine, f"the last ten are saved in {folder}" + ("" if fine else ", which cannot be written")
 
 
-def _grading() -> DoctorLine:
+def _grading() -> Check:
     from simmer_tui.grade.bubblewrap import what_is_missing
 
     missing = what_is_missing()
-    return "grading", not missing, missing or "programs can be sandboxed with bubblewrap (simmer-tui grade)"
+    return not missing, missing or "programs can be sandboxed with bubblewrap (simmer-tui grade)"
 
 
-def _extras() -> DoctorLine:
+def _extras() -> str:
     """Programs and packages that some features need."""
     octave = "apt-get install octave octave-instrument-control"
-    checks: Mapping[str, tuple[Callable[[], bool], str]] = {
-        "Octave": (lambda: _is_there("octave-cli", "octave"), octave),
-        "MATLAB": (lambda: _is_there("matlab"), "from MathWorks"),
-        "Dask": (lambda: find_spec("distributed") is not None, f"pip install '{requirement('dask')}'"),
-    }
-    shown = [name if there() else f"no {name} ({how})" for name, (there, how) in checks.items()]
-    return "extras", True, ", ".join(shown)
+    features = (
+        ("Octave", _is_there("octave-cli", "octave"), octave),
+        ("MATLAB", _is_there("matlab"), "from MathWorks"),
+        ("Dask", find_spec("distributed") is not None, f"pip install '{requirement('dask')}'"),
+    )
+    return ", ".join(name if there else f"no {name} ({how})" for name, there, how in features)
 
 
 def _is_there(*programs: str) -> bool:
     return any(shutil.which(each) is not None for each in programs)
 
 
-def _ports_parser() -> OneLineParser:
-    parser = OneLineParser(prog="simmer-tui ports", description="List the serial ports of this machine.")
+def _ports_options(parser: OneLineParser) -> None:
     add_json_option(parser)
-    return parser
 
 
-@command(_ports_parser)
+@subcommand("ports", _ports_options)
 def run_ports(options: argparse.Namespace) -> int:
-    """`simmer-tui ports`: the serial ports, one a line. Returns the exit code."""
+    """List the serial ports of this machine."""
     ports = port_list.list_ports()
     if options.json:
         rows = [(port.device, port.description, port.mark or None) for port in ports]
         print_json(Document("Serial ports", [PORTS.filled(rows)]))
-        return ExitCode.DONE if ports else ExitCode.NO
-    if not ports:
+    elif ports:
+        width = max(len(port.device) for port in ports)
+        for port in ports:
+            mark = f"[{port.mark}]" if port.mark else ""
+            shown = "  ".join(filter(None, (port.device.ljust(width), mark, port.description)))
+            sys.stdout.write(f"{shown.rstrip()}\n")
+    else:
         sys.stderr.write(
             "no serial port found: plug the robot in, or pair it and connect its Bluetooth port first\n"
         )
-        return ExitCode.NO
-    width = max(len(port.device) for port in ports)
-    for port in ports:
-        mark = f"[{port.mark}]" if port.mark else ""
-        sys.stdout.write("  ".join(filter(None, (port.device.ljust(width), mark, port.description))).rstrip())
-        sys.stdout.write("\n")
-    return ExitCode.DONE
+    return ExitCode.DONE if ports else ExitCode.NO
 
 
-def _completion_parser() -> OneLineParser:
-    parser = OneLineParser(
-        prog="simmer-tui completion",
-        description="Print a script that makes a shell complete commands, options and values.",
-        epilog="\n".join(("for good:", *(f"  {how}" for how in SHELLS.values()))),
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
+def _completion_options(parser: OneLineParser) -> None:
     parser.add_argument("shell", choices=tuple(SHELLS), help="which shell")
-    return parser
 
 
-@command(_completion_parser)
+@subcommand(
+    "completion",
+    _completion_options,
+    epilog="\n".join(("for good:", *(f"  {how}" for how in SHELLS.values()))),
+    formatter_class=argparse.RawDescriptionHelpFormatter,
+)
 def run_completion(options: argparse.Namespace) -> int:
-    """`simmer-tui completion SHELL`: print the script. Returns the exit code."""
+    """Print a script that makes a shell complete commands, options and values."""
     # Imported here because only this command needs it.
     import shtab
 
@@ -267,16 +253,14 @@ def _name_values(parser: argparse.ArgumentParser) -> None:
     import shtab
 
     # Reached by the names of parsers' attributes, since the parser holds no sort of a value.
-    profiles = {f"setting.{sort}_profile": profile_names(sort) for sort in (DRIVE, SENSOR, LINK)}
+    choices: dict[str, Iterable[str]] = {"topic": topics()}
+    choices |= dict.fromkeys(("config", "source"), sorted(bundled_sets()))
+    choices |= {f"setting.{sort}_profile": profile_names(sort) for sort in (DRIVE, SENSOR, LINK)}
     for action in parser._actions:
         if action.choices is not None or action.nargs == 0:
             continue
-        if action.dest == "topic":
-            action.choices = topics()
-        elif action.dest in ("config", "source"):
-            action.choices = sorted(bundled_sets())
-        elif action.dest in profiles:
-            action.choices = profiles[action.dest]
+        if action.dest in choices:
+            action.choices = choices[action.dest]
         elif action.dest in _FOLDERS:
             action.complete = shtab.DIRECTORY  # type: ignore[attr-defined]
         elif action.type is not None or action.dest in ("run", "log"):

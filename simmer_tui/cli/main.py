@@ -32,8 +32,9 @@ from simmer_tui.errors import ConfigurationError, Problem
 from simmer_tui.version import __version__, requirement
 
 if TYPE_CHECKING:
-    from simmer_tui.cli.run_life import FrontEnd, RunPage
+    from simmer_tui.cli.run_life import FrontEnd
     from simmer_tui.server import Server
+    from simmer_tui.web.page_server import PageServer
 
 # Names, not functions: importing all commands would make every start as slow as the slowest.
 COMMANDS = {
@@ -156,7 +157,7 @@ def _run(options: argparse.Namespace) -> int:
     return RunLife(server, front, command=options.run, once=options.once, log=options.log, page=page).run()
 
 
-def _page(server: Server) -> RunPage | None:
+def _page(server: Server) -> PageServer | None:
     """The page that shows the run in browsers, if it is asked for. Raises ConfigurationError, PortError."""
     if server.configuration.settings.web.port == OFF:
         return None

@@ -14,10 +14,10 @@ from simmer_tui.cli.command_line import (
     add_device_options,
     add_log_argument,
     asking_nobody,
-    command,
     configuration_of,
     has_terminal,
     log_of,
+    subcommand,
 )
 from simmer_tui.cli.main import front_end
 from simmer_tui.cli.run_life import RunLife
@@ -27,11 +27,7 @@ from simmer_tui.tui.recorded import RecordedRun
 from simmer_tui.tui.terminal import COLOR_OPTIONS, GLYPH_OPTIONS
 
 
-def _parser() -> OneLineParser:
-    parser = OneLineParser(
-        prog="simmer-tui replay",
-        description="Play a logged run: the maze, the sensors and a clock to move about in.",
-    )
+def _options(parser: OneLineParser) -> None:
     add_log_argument(parser)
     parser.add_argument(
         "--follow", action="store_true", help="stay at the end of a log that is still being written"
@@ -48,16 +44,15 @@ def _parser() -> OneLineParser:
     take_over.add_argument("--run", metavar='"CMD ..."', help="run a program, which goes on from there")
     take_over.add_argument("--log", metavar="FILE", help="log the run, all that was before included")
     add_device_options(take_over)
-    return parser
 
 
-@command(_parser)
+@subcommand("replay", _options)
 def run_replay(options: argparse.Namespace) -> int:
-    """`simmer-tui replay [FILE] [--follow]`. Returns the exit code."""
+    """Play a logged run: the maze, the sensors and a clock to move about in."""
     if options.take_over is not None:
         return _take_over_at(log_of(options), options)
     if options.no_ui or options.run or options.log:
-        _parser().error("--no-ui, --run and --log need --take-over")
+        run_replay.parser().error("--no-ui, --run and --log need --take-over")
     if not has_terminal():
         sys.stderr.write("simmer-tui replay: there is no terminal to draw on; simmer-tui report needs none\n")
         return ExitCode.PROBLEM

@@ -13,7 +13,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 from types import FrameType
-from typing import TYPE_CHECKING, Protocol, TextIO
+from typing import TYPE_CHECKING, TextIO
 
 from simmer_tui.cli.command_line import ExitCode
 from simmer_tui.config.dialects import SERIAL
@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from simmer_tui.mission import Referee
     from simmer_tui.report.verdict import Verdict
     from simmer_tui.run.run_history import RunHistory
+    from simmer_tui.web.page_server import PageServer
 
 NOTHING_SENT = "nothing was sent"
 """Reason for the failure of a mission in which no command came."""
@@ -38,99 +39,56 @@ _PROGRAM, _SERVER, _EXIT = 0.4, 1.4, 1.8
 has not come to it. It cannot while it writes to a terminal, or a pipe, that takes nothing."""
 
 
-class FrontEnd(Protocol):
-    """Shows a run, and ends when told to."""
+class FrontEnd:
+    """Shows a run, and ends when told to. What one has no use for does nothing."""
 
-    judges: bool
+    judges = False
     """True if the run ends with its mission, and the mission makes the exit code."""
-
-    @property
-    def program_output(self) -> Callable[[str], None] | None:
-        """Takes a program's lines; without it they go where ours go."""
-        ...
+    wants_verdict = False
+    """True if the verdict is to be given to `judged`."""
+    program_output: Callable[[str], None] | None = None
+    """Takes a program's lines; without it they go where ours go."""
 
     def logging(self, path: Path) -> None:
         """The run is logged to a file."""
-        ...
 
     def prepare(self, prefix: Callable[[], None] | None) -> None:
         """Watch the server, which is to be started. A `prefix` is what happened before, to be told first."""
-        ...
 
     def offer(self, run: Callable[[str], None]) -> None:
         """`run` starts a program beside the run, which was begun without one. It raises ProgramError."""
-        ...
 
     def offer_again(self, again: Callable[[], None]) -> None:
         """`again` begins the run anew, with its program, if there was one; what it starts goes on without the
         caller."""
-        ...
 
     def watch(self, event: Event) -> None:
         """Take note of an event, in the robot's thread."""
-        ...
 
     def started(self) -> None:
         """Server and program run."""
-        ...
-
-    def show(self) -> int:
-        """Show what happens until `finish`; returns its code."""
-        ...
-
-    def finish(self, code: int) -> None:
-        """End `show`. Safe in signal handlers and from any thread."""
-        ...
-
-    def program_ended(self, code: int) -> None:
-        """The program has ended, told in a thread of its own."""
-        ...
-
-    def show_rest(self) -> None:
-        """Show what has happened by now, and no more."""
-        ...
-
-    @property
-    def wants_verdict(self) -> bool:
-        """True if the verdict is to be given to `judged`."""
-        ...
-
-    def judged(self, verdict: Verdict) -> None:
-        """The run is over, its server stopped; this is how it ended, and why."""
-        ...
-
-    def ended(self, program_code: int | None) -> None:
-        """The run is over, its server stopped."""
-        ...
 
     def show_links(self, links: tuple[str, ...]) -> None:
         """Show where browsers see the run."""
-        ...
 
+    def show(self) -> int:
+        """Show what happens until `finish`; returns its code."""
+        raise NotImplementedError
 
-class RunPage(Protocol):
-    """Shows a run in browsers beside its front end."""
+    def finish(self, code: int) -> None:
+        """End `show`. Safe in signal handlers and from any thread."""
 
-    @property
-    def shown_links(self) -> tuple[str, ...]:
-        """Lines with the links to it, for people and not for logs."""
-        ...
+    def program_ended(self, code: int) -> None:
+        """The program has ended, told in a thread of its own."""
 
-    def prepare(self) -> None:
-        """Watch the server, which is to be started."""
-        ...
-
-    def start(self) -> None:
-        """The server runs."""
-        ...
+    def show_rest(self) -> None:
+        """Show what has happened by now, and no more."""
 
     def judged(self, verdict: Verdict) -> None:
         """The run is over, its server stopped; this is how it ended, and why."""
-        ...
 
-    def stop(self) -> None:
-        """The run is over."""
-        ...
+    def ended(self, program_code: int | None) -> None:
+        """The run is over, its server stopped."""
 
 
 class RunLife:
@@ -145,7 +103,7 @@ class RunLife:
         once: bool = False,
         log: str | None = None,
         prefix: Callable[[], None] | None = None,
-        page: RunPage | None = None,
+        page: PageServer | None = None,
     ) -> None:
         """`command` is the program. With `once` the run ends when the client has left, or the program.
         `log` is a file, or `auto`. A `prefix` is told before the server starts. A `page` shows it too."""

@@ -67,14 +67,23 @@ class CsvRow(Struct, frozen=True):
 
 
 class CsvTable(Struct, frozen=True):
-    """A CSV file without the blank rows at its end."""
+    """A CSV file without the blank rows at its end. Every mistake is added to `problems`."""
 
     file: str
     rows: tuple[CsvRow, ...]
+    problems: list[Problem]
 
-    def where(self, row: CsvRow, column: int) -> str:
-        """`file:line:LETTER`, the column named as spreadsheets do."""
-        return f"{self.file}:{row.line}:{column_letters(column)}"
+    def complain(self, row: CsvRow, column: int, what: str) -> None:
+        """Add a problem with a cell, whose column is named as spreadsheets do."""
+        self.problems.append(Problem(f"{self.file}:{row.line}:{column_letters(column)}", what))
+
+    def value(self, row: CsvRow, column: int, rule: Rule[T], name: str = "") -> T | None:
+        """The value of a cell; None, and a problem, if it is missing or wrong."""
+        try:
+            return from_cell(rule, row.cell(column))
+        except ValueError as error:
+            self.complain(row, column, f"the {name} {error}" if name else str(error))
+            return None
 
 
 def column_letters(index: int) -> str:
@@ -122,7 +131,7 @@ def read_csv(path: Path, problems: list[Problem]) -> CsvTable | None:
     if not rows:
         problems.append(Problem(f"{path.name}:1", "the file is empty"))
         return None
-    return CsvTable(path.name, tuple(rows))
+    return CsvTable(path.name, tuple(rows), problems)
 
 
 def delimiter_of(text: str) -> str:
@@ -135,6 +144,19 @@ def delimiter_of(text: str) -> str:
     return ","
 
 
+def cells_of(text: str) -> list[list[str]]:
+    """The rows of a CSV text that is right, without spaces around cells, blank rows and comments."""
+    rows = csv.reader(io.StringIO(text), delimiter=delimiter_of(text), skipinitialspace=True)
+    cells = ([cell.strip() for cell in row] for row in rows)
+    return [row for row in cells if any(row) and not row[0].startswith(COMMENT)]
+
+
+def rows_by_header(text: str) -> list[dict[str, str]]:
+    """The rows under the header of such a text, by column."""
+    rows = cells_of(text)
+    return [dict(zip(rows[0], row, strict=False)) for row in rows[1:]]
+
+
 def _clean(cells: Sequence[str], delimiter: str) -> tuple[str, ...]:
     cleaned = [cell.strip() for cell in cells]
     # Only with semicolons is a comma inside a cell a decimal point for certain.
@@ -145,39 +167,35 @@ def _clean(cells: Sequence[str], delimiter: str) -> tuple[str, ...]:
     return tuple(cleaned)
 
 
-def read_grid(
-    table: CsvTable, rule: IntegerRule, problems: list[Problem]
-) -> tuple[tuple[int, ...], ...] | None:
+def read_grid(table: CsvTable, rule: IntegerRule) -> tuple[tuple[int, ...], ...] | None:
     """A rectangle of whole numbers; None, and problems, if it is not one."""
-    before = len(problems)
+    before = len(table.problems)
     # The width that most rows have is taken for the right one, so that a single slip is reported as one.
     width = Counter(len(row.cells) for row in table.rows).most_common(1)[0][0]
     grid: list[tuple[int, ...]] = []
     for row in table.rows:
         if len(row.cells) != width:
             what = f"the row has {len(row.cells)} cells, others have {width}; all rows must be equally long"
-            problems.append(Problem(table.where(row, min(len(row.cells), width)), what))
-        values: list[int] = []
-        for column, cell in enumerate(row.cells):
-            try:
-                values.append(from_cell(rule, cell))
-            except ValueError as error:
-                problems.append(Problem(table.where(row, column), str(error)))
-        grid.append(tuple(values))
-    return tuple(grid) if len(problems) == before else None
+            table.complain(row, min(len(row.cells), width), what)
+        values = [table.value(row, column, rule) for column in range(len(row.cells))]
+        grid.append(tuple(value for value in values if value is not None))
+    return tuple(grid) if len(table.problems) == before else None
 
 
 class TableRow(Struct, frozen=True):
-    """One row under a header. `values` holds the text of each known column the file has."""
+    """One row under a header, `FILE:LINE`. `values` holds the text of each known column the file has. Every
+    mistake is added to `problems`."""
 
-    file: str
+    place: str
     line: int
     values: Mapping[str, str]
+    problems: list[Problem]
 
-    def where(self, column: str) -> str:
-        return f"{self.file}:{self.line}:{column}"
+    def complain(self, column: str, what: str) -> None:
+        """Add a problem with a cell."""
+        self.problems.append(Problem(f"{self.place}:{column}", what))
 
-    def cells(self, columns: Iterable[CsvColumn], problems: list[Problem]) -> dict[str, Any]:
+    def cells(self, columns: Iterable[CsvColumn]) -> dict[str, Any]:
         """The values of the cells that are filled, by field. One that is wrong, or blank and needed, is a
         problem; a column that the file lacks is none, because its header is reported already."""
         values: dict[str, Any] = {}
@@ -187,16 +205,18 @@ class TableRow(Struct, frozen=True):
                 try:
                     values[column.field] = from_cell(column.rule, text)
                 except ValueError as error:
-                    problems.append(Problem(self.where(column.name), str(error)))
+                    self.complain(column.name, str(error))
         return values
 
     def has(self, columns: Iterable[CsvColumn]) -> bool:
         """True if the file has all of these columns that are needed."""
         return all(column.name in self.values for column in columns if column.needed)
 
-    def refuse(self, columns: Iterable[str], what: str, problems: list[Problem]) -> None:
+    def refuse(self, columns: Iterable[str], what: str) -> None:
         """Report the cells that are filled and must not be."""
-        problems += [Problem(self.where(name), what) for name in columns if self.values.get(name)]
+        for name in columns:
+            if self.values.get(name):
+                self.complain(name, what)
 
 
 def headers_of(table: CsvTable) -> tuple[str, ...]:
@@ -205,9 +225,7 @@ def headers_of(table: CsvTable) -> tuple[str, ...]:
     return tuple(dict.fromkeys(cell for cell in header.cells if cell)) if header is not None else ()
 
 
-def read_table(
-    table: CsvTable, required: Sequence[str], optional: Sequence[str], problems: list[Problem]
-) -> tuple[TableRow, ...]:
+def read_table(table: CsvTable, required: Sequence[str], optional: Sequence[str]) -> tuple[TableRow, ...]:
     """The rows under a header row, columns found by name; blank rows are left out.
 
     Columns without a header are people's own notes. Any other unknown, missing or doubled header
@@ -215,44 +233,40 @@ def read_table(
     """
     begin = next(index for index, row in enumerate(table.rows) if row.cells)
     header = table.rows[begin]
+    place = f"{table.file}:{header.line}"
     names = {_fold(name): name for name in (*required, *optional)}
     if not any(_fold(cell) in names for cell in header.cells):
         what = f"the first row must be the header row: {','.join(required)}"
-        problems.append(Problem(f"{table.file}:{header.line}", what))
+        table.problems.append(Problem(place, what))
         return ()
-    columns = _columns_by_name(table.file, header, names, problems)
-    problems.extend(
-        Problem(f"{table.file}:{header.line}:{name}", "this column is missing from the header row")
-        for name in required
-        if name not in columns
-    )
+    titles = TableRow(place, header.line, {}, table.problems)
+    columns = _columns_by_name(titles, header.cells, names)
+    for name in required:
+        if name not in columns:
+            titles.complain(name, "this column is missing from the header row")
     rows = []
     for row in table.rows[begin + 1 :]:
         values = {name: row.cell(index) for name, index in columns.items()}
         if any(values.values()):
-            rows.append(TableRow(table.file, row.line, values))
+            rows.append(TableRow(f"{table.file}:{row.line}", row.line, values, table.problems))
     return tuple(rows)
 
 
-def _columns_by_name(
-    file: str, header: CsvRow, names: Mapping[str, str], problems: list[Problem]
-) -> dict[str, int]:
+def _columns_by_name(titles: TableRow, cells: Iterable[str], names: Mapping[str, str]) -> dict[str, int]:
     """The index of each known column; `names` are the known ones by their folded form."""
     columns: dict[str, int] = {}
-    for index, cell in enumerate(header.cells):
+    for index, cell in enumerate(cells):
         name = names.get(_fold(cell))
         if not cell:
             continue
-        where = f"{file}:{header.line}:{escape(cell, 40)}"
         if name is None:
             hint = did_you_mean(cell, names.values()) or f"; known are {', '.join(names.values())}"
             what = f"is not a column that is known{hint} (a column of notes has a blank header)"
-            problems.append(Problem(where, what))
+            titles.complain(escape(cell, 40), what)
         elif name in columns:
             first = column_letters(columns[name])
-            problems.append(
-                Problem(where, f"is a column already (column {first}); each column must occur once")
-            )
+            what = f"is a column already (column {first}); each column must occur once"
+            titles.complain(escape(cell, 40), what)
         else:
             columns[name] = index
     return columns
@@ -288,10 +302,10 @@ ENABLED = CsvColumn(
 """The first three columns of sensors.csv and drive.csv are ID, code (unique across both files) and flag."""
 
 
-def read_flags(row: TableRow, codes: dict[str, str], problems: list[Problem]) -> dict[str, Any]:
+def read_flags(row: TableRow, codes: dict[str, str]) -> dict[str, Any]:
     """The code and the flag of a row, by field. The code is entered in `codes` (code to place), so that the
     next row cannot have it."""
-    values = row.cells((CODE, ENABLED), problems)
+    values = row.cells((CODE, ENABLED))
     if "enabled" in values:
         values["enabled"] = values["enabled"] == 1
     code = values.get("code")
@@ -299,17 +313,16 @@ def read_flags(row: TableRow, codes: dict[str, str], problems: list[Problem]) ->
         return values
     if code in codes:
         what = f'"{code}" is the code of {codes[code]} already; codes must be unique over both files'
-        problems.append(Problem(row.where(POLL_CHARACTER), what))
+        row.complain(POLL_CHARACTER, what)
     # The first row keeps the code: every later one is told of the same place.
-    codes.setdefault(code, f"{row.file}:{row.line}")
+    codes.setdefault(code, row.place)
     return values
 
 
-def claim_id(name: str, row: TableRow, seen: dict[str, int], problems: list[Problem]) -> bool:
+def claim_id(name: str, row: TableRow, seen: dict[str, int]) -> bool:
     """True if no earlier row has the ID `name`; `seen` keeps the line of each."""
     if name in seen:
-        what = f'"{name}" is in line {seen[name]} already; every ID must occur once'
-        problems.append(Problem(row.where(ID), what))
+        row.complain(ID, f'"{name}" is in line {seen[name]} already; every ID must occur once')
         return False
     seen[name] = row.line
     return True

@@ -1,8 +1,9 @@
 """The meaning of a command code in words: place and direction of its sensor, or motion of its drive."""
 
 import math
+from collections.abc import Iterator
 
-from simmer_tui.sim.columns import FIELD_OF_VIEW
+from simmer_tui.sim.columns import FIELD_OF_VIEW, CsvColumn
 from simmer_tui.sim.command import escape
 from simmer_tui.sim.rules import did_you_mean
 from simmer_tui.sim.specs import DriveSpec, GripperSpec, SensorSpec, SimulationSpec, VelocitySpec
@@ -20,24 +21,18 @@ _NEAR = 0.01
 def describe_code(spec: SimulationSpec, code: str) -> list[str]:
     """Lines about a code, or an ID such as `ultra2`: kind, place, direction (degrees from the front,
     counter-clockwise), unit, errors, and the value of the command. One line if there is no such code."""
-    for sensor in spec.sensors:
-        if code in (sensor.code, sensor.id):
-            return _sensor_lines(sensor)
-    for drive in spec.drives:
-        if code in (drive.code, drive.kind.value):
-            return _drive_lines(drive)
-    gripper = spec.gripper
-    if gripper is not None and code in (gripper.code, "grip"):
-        return _gripper_lines(gripper)
-    for velocity in spec.velocities:
-        if code in (velocity.code, velocity.kind.value):
-            return _velocity_lines(velocity, spec)
+    parts = [(each.code, each.id, _sensor_lines(each)) for each in spec.sensors]
+    parts += [(each.code, each.kind.value, _drive_lines(each)) for each in spec.drives]
+    if spec.gripper is not None:
+        parts.append((spec.gripper.code, "grip", _gripper_lines(spec.gripper)))
+    parts += [(each.code, each.kind.value, _velocity_lines(each, spec)) for each in spec.velocities]
+    for known, name, lines in parts:
+        if code in (known, name):
+            return lines
     if code == WAIT:
         return [f"{WAIT}  wait: simulated time goes on by S seconds", f"Give   {WAIT}-S, such as {WAIT}-0.5"]
-    known = [sensor.code for sensor in spec.sensors] + [drive.code for drive in spec.drives]
-    known += [gripper.code] if gripper is not None else []
-    known += [velocity.code for velocity in spec.velocities]
-    hint = did_you_mean(code, known) or f"; there are {' '.join(known)}"
+    codes = [known for known, _, _ in parts]
+    hint = did_you_mean(code, codes) or f"; there are {' '.join(codes)}"
     return [f"{escape(code, 20)}: no sensor or drive has that code{hint}"]
 
 
@@ -76,15 +71,11 @@ def _sensor_lines(sensor: SensorSpec) -> list[str]:
         lines.append(f"{verb:<6} {_turned(sensor.rotation)}{_view(sensor)}")
     elif kind.has("field_of_view"):
         lines.append(f"Looks  straight down{_view(sensor)}")
-    lines += [f"Says   {_answer(sensor)}", f"Errors {_errors(sensor)}"]
-    lines.append(f"Give   {_given(sensor)}")
-    return lines
-
-
-def _given(sensor: SensorSpec) -> str:
-    if not sensor.kind.is_scan:
-        return f"{sensor.code}  (it takes no value)"
-    return f"{sensor.code} for all its ranges, {sensor.code}-90 for that at 90 deg from the robot's front"
+    given = "  (it takes no value)"
+    if kind.is_scan:
+        given = f" for all its ranges, {sensor.code}-90 for that at 90 deg from the robot's front"
+    answers = [f"Says   {_answer(sensor)}", f"Errors {_errors(sensor)}", f"Give   {sensor.code}{given}"]
+    return lines + answers
 
 
 def _place(sensor: SensorSpec) -> str:
@@ -147,25 +138,26 @@ _TOLD = {
 def _errors(sensor: SensorSpec) -> str:
     """The Percent Error, and whatever else of its columns differs from the default."""
     parts = [f"{100 * sensor.error:g} %"] if sensor.kind.has("error") else []
-    defaults = type(sensor)(kind=sensor.kind, number=sensor.number, code=sensor.code)
-    parts += [
-        f"{column.label or column.shown} {column.rule.shown(getattr(sensor, column.field))}"
-        for column in sensor.kind.columns
-        if column.field not in _TOLD
-        and hasattr(defaults, column.field)
-        and getattr(sensor, column.field) != getattr(defaults, column.field)
-    ]
+    parts += [shown for column, shown, usual in values_of(sensor) if column.field not in _TOLD and not usual]
     return ", ".join(parts) or "none"
+
+
+def values_of(sensor: SensorSpec) -> Iterator[tuple[CsvColumn, str, bool]]:
+    """The columns of a sensor, each with its value in a few words, and True if that is the default."""
+    defaults = type(sensor)(kind=sensor.kind, number=sensor.number, code=sensor.code)
+    for column in sensor.kind.columns:
+        if hasattr(defaults, column.field):
+            value = getattr(sensor, column.field)
+            shown = f"{column.label or column.shown} {column.rule.shown(value)}"
+            yield column, shown, value == getattr(defaults, column.field)
 
 
 def _drive_lines(drive: DriveSpec) -> list[str]:
     unit = "degrees" if drive.kind.turns else "inches"
-    axes = (("along", drive.error.x), ("across", drive.error.y), ("turn", drive.error.r))
-    if drive.kind.direction.y:
-        axes = (("along", drive.error.y), ("across", drive.error.x), ("turn", drive.error.r))
-    elif drive.kind.turns:
-        axes = (("x", drive.error.x), ("y", drive.error.y), ("turn", drive.error.r))
-    errors = ", ".join(f"{name} {100 * value:g} %" for name, value in axes)
+    names = ("x", "y", "turn") if drive.kind.turns else ("along", "across", "turn")
+    x, y, turn = drive.error.x, drive.error.y, drive.error.r
+    values = (y, x, turn) if drive.kind.direction.y else (x, y, turn)
+    errors = ", ".join(f"{name} {100 * value:g} %" for name, value in zip(names, values, strict=True))
     gain = f", times {drive.gain:g} (Gain)" if drive.gain != 1.0 else ""
     return [
         f"{drive.code}  {drive.kind.value}: {drive.kind.meaning}",

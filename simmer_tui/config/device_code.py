@@ -37,12 +37,8 @@ def kinds_of(file: DeviceFile) -> tuple[type[Sensor], ...]:
 
 def _guarded_kinds(file: DeviceFile, module: ModuleType) -> tuple[type[Sensor], ...]:
     """The kinds among the classes of a module, judged and guarded. Raises ConfigurationError."""
-    own = [
-        each
-        for each in vars(module).values()
-        if isinstance(each, type) and each.__module__ == file.module and issubclass(each, Sensor)
-    ]
-    own = list(dict.fromkeys(own))
+    classes = dict.fromkeys(each for each in vars(module).values() if isinstance(each, type))
+    own = [each for each in classes if each.__module__ == file.module and issubclass(each, Sensor)]
     # A class that others of the file derive from, without a name of its own, is their common part.
     kinds = [each for each in own if isinstance(getattr(each, "name", None), str)]
     problems: list[Problem] = []
@@ -65,10 +61,7 @@ def run_device(file: DeviceFile) -> ModuleType:
     known = sys.modules.get(file.module)
     if known is not None:
         return known
-    try:
-        tree = parsed(file)
-    except ValueError as error:
-        raise ConfigurationError([_problem(error)]) from None
+    tree = parsed(file)
     module = ModuleType(file.module)
     module.__file__ = file.path
     module.__dict__["print"] = _print_aside
@@ -81,11 +74,10 @@ def run_device(file: DeviceFile) -> ModuleType:
         # Standard output is the command's answer, which scripts read.
         with contextlib.redirect_stdout(sys.stderr):
             exec(code, module.__dict__)
-    except KeyboardInterrupt:
-        sys.modules.pop(file.module, None)  # Ctrl-C in a file that never ends
-        raise
-    except BaseException as error:  # noqa: BLE001 - whatever it raises
+    except BaseException as error:
         sys.modules.pop(file.module, None)
+        if isinstance(error, KeyboardInterrupt):  # Ctrl-C in a file that never ends
+            raise
         raise ConfigurationError([_problem(located(file.path, "the file", error))]) from None
     return module
 

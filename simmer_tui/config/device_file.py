@@ -9,7 +9,7 @@ import hashlib
 import os
 import re
 import stat
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path, PurePosixPath, PureWindowsPath
 
 from msgspec import Struct
@@ -68,18 +68,11 @@ def read_devices(
         problems.append(Problem(place, f"names {len(names)} files; a set may have {MOST}"))
         return ()
     found: list[DeviceFile] = []
-
-    def refuse(name: str, what: str) -> None:
-        problems.append(Problem(place, f"{describe(name)} {what}"))
-
     for name in names:
-        why = _unsafe(name)
-        if why:
-            refuse(name, f"{why}; name a file in the set, such as {FOLDER}/thermal.py")
-            continue
-        data = _read(directory, name, refuse)
-        if data is not None:
-            found.append(DeviceFile(name, data))
+        try:
+            found.append(DeviceFile(name, _read(directory, name)))
+        except ValueError as error:
+            problems.append(Problem(place, f"{describe(name)} {error}"))
     return tuple(found)
 
 
@@ -104,33 +97,32 @@ def _unsafe(name: str) -> str:
     return ""
 
 
-def _read(directory: Path, name: str, refuse: Callable[[str, str], None]) -> bytes | None:
-    """The bytes of a file; None, and a refusal, if it cannot be used."""
+def _read(directory: Path, name: str) -> bytes:
+    """The bytes of a file. Raises ValueError if it cannot be used."""
+    why = _unsafe(name)
+    if why:
+        raise ValueError(f"{why}; name a file in the set, such as {FOLDER}/thermal.py")
     path = directory / name
     try:
         if not path.resolve().is_relative_to(directory.resolve()):
-            refuse(name, "is a link that leads out of the set; put a copy of the file in its place")
-            return None
+            raise ValueError("is a link that leads out of the set; put a copy of the file in its place")
         # Without waiting: a named pipe would hold up every command.
         flags = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
         with open(os.open(path, flags), "rb") as file:  # noqa: PTH123 - a descriptor
             if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
-                refuse(name, "is no file")
-                return None
+                raise ValueError("is no file")
             data = file.read(LARGEST + 1)
     except FileNotFoundError:
-        refuse(name, f"is not in the set {escape(str(directory), 200)}")
-        return None
+        raise ValueError(f"is not in the set {escape(str(directory), 200)}") from None
     except (OSError, RuntimeError) as error:  # RuntimeError: links that lead to each other
-        refuse(name, f"cannot be read: {escape(str(getattr(error, 'strerror', None) or error), 120)}")
-        return None
+        reason = escape(str(getattr(error, "strerror", None) or error), 120)
+        raise ValueError(f"cannot be read: {reason}") from None
     if len(data) > LARGEST:
-        refuse(name, f"has more than {LARGEST:,} bytes")
-        return None
+        raise ValueError(f"has more than {LARGEST:,} bytes")
     try:
         data.decode()
     except UnicodeDecodeError as error:
         line = data.count(b"\n", 0, error.start) + 1
-        refuse(name, f"holds in line {line} the byte 0x{data[error.start]:02x}, which is not UTF-8")
-        return None
+        what = f"holds in line {line} the byte 0x{data[error.start]:02x}, which is not UTF-8"
+        raise ValueError(what) from None
     return data

@@ -13,7 +13,7 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from simmer_tui.config.device_file import DeviceFile
-from simmer_tui.errors import Problem
+from simmer_tui.errors import ConfigurationError, Problem
 from simmer_tui.sim.command import escape
 from simmer_tui.sim.sensors.recorded_kinds import RecordedKind, is_kind_name, is_label, recorded_class
 from simmer_tui.sim.specs import SensorKind
@@ -27,7 +27,7 @@ class DeviceOutline(Struct, frozen=True):
 
 
 def parsed(file: DeviceFile) -> ast.Module:
-    """The syntax tree of a file. Raises ValueError with its line and what is wrong."""
+    """The syntax tree of a file. Raises ConfigurationError with its line and what is wrong."""
     try:
         with warnings.catch_warnings():
             # Of a string such as "\d": the file's own business.
@@ -35,10 +35,11 @@ def parsed(file: DeviceFile) -> ast.Module:
             return ast.parse(file.text.removeprefix("\ufeff"), file.path)
     except SyntaxError as error:
         where = f"{file.path}:{error.lineno}" if error.lineno else file.path
-        raise ValueError(f"{where}: is not Python: {escape(error.msg, 120)}") from None
+        raise ConfigurationError([Problem(where, f"is not Python: {escape(error.msg, 120)}")]) from None
     except (ValueError, RecursionError, MemoryError) as error:
         what = escape(str(error), 120) or type(error).__name__
-        raise ValueError(f"{file.path}: is not Python that can be read: {what}") from None
+        what = f"is not Python that can be read: {what}"
+        raise ConfigurationError([Problem(file.path, what)]) from None
 
 
 def outline_of(file: DeviceFile, problems: list[Problem]) -> DeviceOutline:
@@ -48,9 +49,8 @@ def outline_of(file: DeviceFile, problems: list[Problem]) -> DeviceOutline:
         classes = [node for node in module.body if isinstance(node, ast.ClassDef)]
         kinds = tuple(kind for node in classes if (kind := _kind(node)) is not None)
         return DeviceOutline(kinds, tuple(_unfinished(file, classes)))
-    except ValueError as error:
-        where, _, what = str(error).partition(": ")
-        problems.append(Problem(where, what))
+    except ConfigurationError as error:
+        problems += error.problems
     except RecursionError:
         problems.append(Problem(file.path, "is nested too deeply to be parsed"))
     return DeviceOutline((), ())
@@ -88,9 +88,7 @@ def _unfinished(file: DeviceFile, classes: list[ast.ClassDef]) -> Iterator[str]:
 
 
 def _is_open(statement: ast.stmt) -> bool:
-    match statement:
-        case ast.Raise(exc=ast.Call(func=ast.Name(id="NotImplementedError"))):
-            return True
-        case ast.Raise(exc=ast.Name(id="NotImplementedError")):
-            return True
-    return False
+    if not isinstance(statement, ast.Raise):
+        return False
+    raised = statement.exc.func if isinstance(statement.exc, ast.Call) else statement.exc
+    return isinstance(raised, ast.Name) and raised.id == "NotImplementedError"

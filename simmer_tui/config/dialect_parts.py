@@ -2,20 +2,14 @@
 
 import struct
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import Any, TypeVar
+from typing import Any, ParamSpec, TypeGuard, TypeVar
 
 from msgspec import Struct
 
-from simmer_tui.config.dialect_toml import (
-    LONGEST_TIME,
-    REPLY_KEYS,
-)
+from simmer_tui.config.dialect_toml import LONGEST_TIME, REPLY_KEYS
 from simmer_tui.config.toml_file import TomlFile
 from simmer_tui.dialect import expressions, kinds
-from simmer_tui.dialect.dialect_rules import (
-    TYPE,
-    AnyReply,
-)
+from simmer_tui.dialect.dialect_rules import TYPE, AnyReply
 from simmer_tui.dialect.expressions import Expression
 from simmer_tui.dialect.frames import FrameKind, Framing
 from simmer_tui.dialect.kinds import ANY, NUMBER, Known, ValueKind
@@ -31,6 +25,7 @@ READING = frozenset(("time", "contact"))
 """Names that every expression may use."""
 Names = Mapping[str, Known]
 """The values of a message, with what is known of each."""
+P = ParamSpec("P")
 T = TypeVar("T")
 
 
@@ -89,6 +84,16 @@ class Parts(Struct, frozen=True):
         return frozenset(codes | ({self.gripper.code} if self.gripper and self.gripper.enabled else set()))
 
 
+def without_gaps(parts: Iterable[T | None]) -> tuple[T, ...]:
+    """The parts that could be read."""
+    return tuple(each for each in parts if each is not None)
+
+
+def is_whole(value: object) -> TypeGuard[int]:
+    """True for a whole number."""
+    return isinstance(value, int) and not isinstance(value, bool)
+
+
 class RuleParts:
     """Reads the parts of rules. What cannot be read is a problem, and left out."""
 
@@ -102,61 +107,54 @@ class RuleParts:
     def _replies(self, given: Mapping[str, Any], key: str, prefix: str, names: Names) -> tuple[AnyReply, ...]:
         if key not in given:
             return ()
-        place, listed = prefix + key, given[key]
-        listed = listed if isinstance(listed, list) else [listed]
-        made: list[AnyReply] = []
-        for each in listed:
-            if isinstance(each, str):
-                text = self._text(each, place, names)
-                made += [text] if text is not None else []
-                if self._framing.kind is FrameKind.BINARY and not self._reply_end:
-                    way = 'write { type = 1, text = "..." }, or give plain texts an end by [reply] end'
-                    self._file.complain(place, f"a text is no binary frame; {way}")
-            elif isinstance(each, dict):
-                frame = self._binary_reply(each, place, names)
-                made += [frame] if frame is not None else []
-            else:
-                self._file.complain(place, "must be a text, a table for a binary frame, or a list of them")
-        return tuple(made)
+        listed = given[key] if isinstance(given[key], list) else [given[key]]
+        place = prefix + key
+        return without_gaps([self._made(place, self._reply, each, place, names) for each in listed])
+
+    def _reply(self, given: object, place: str, names: Names) -> AnyReply | None:
+        if isinstance(given, dict):
+            return self._binary_reply(given, place, names)
+        if not isinstance(given, str):
+            raise ValueError("must be a text, a table for a binary frame, or a list of them")
+        text = self._text(given, place, names)
+        if self._framing.kind is FrameKind.BINARY and not self._reply_end:
+            way = 'write { type = 1, text = "..." }, or give plain texts an end by [reply] end'
+            self._file.complain(place, f"a text is no binary frame; {way}")
+        return text
 
     def _binary_reply(self, given: Mapping[str, Any], place: str, names: Names) -> BinaryReply | None:
         if self._framing.kind is not FrameKind.BINARY:
-            self._file.complain(place, 'a binary frame needs [frame] kind = "binary"')
-            return None
-        self._check_keys(given, REPLY_KEYS, f"{place}.")
+            raise ValueError('a binary frame needs [frame] kind = "binary"')
+        self._file.check_names(given, REPLY_KEYS, f"{place}.")
         kind, times = given.get("type"), given.get("times", 1)
-        if TYPE in self._framing.names and (not isinstance(kind, int) or isinstance(kind, bool)):
-            self._file.complain(place, "needs the type of the frame, a whole number")
-            return None
-        if not isinstance(times, int) or isinstance(times, bool) or not 1 <= times <= MOST_FRAMES:
-            self._file.complain(place, f"times must be a whole number from 1 to {MOST_FRAMES}")
-            return None
+        if TYPE in self._framing.names and not is_whole(kind):
+            raise ValueError("needs the type of the frame, a whole number")
+        if not is_whole(times) or not 1 <= times <= MOST_FRAMES:
+            raise ValueError(f"times must be a whole number from 1 to {MOST_FRAMES}")
         if ("text" in given) is ("pack" in given):
-            self._file.complain(place, "needs either text, or pack with values")
-            return None
+            raise ValueError("needs either text, or pack with values")
         known = {**names, "k": NUMBER}
         if "text" in given:
             text = self._text(str(given["text"]), place, known)
             reply = BinaryReply(kind, text=text, times=times) if text is not None else None
         else:
-            reply = self._packed(kind, str(given["pack"]), given.get("values"), times, place, known)
+            pack, values = str(given["pack"]), self._packed(given, place, known)
+            reply = BinaryReply(kind, pack=pack, values=values, times=times) if values is not None else None
         if reply is not None:
             self._check_length(reply, place)
         return reply
 
-    def _packed(
-        self, kind: int | None, pack: str, values: object, times: int, place: str, names: Names
-    ) -> BinaryReply | None:
+    def _packed(self, given: Mapping[str, Any], place: str, names: Names) -> tuple[Expression, ...] | None:
+        """The values of a binary frame; None, and a problem, if one cannot be read."""
+        values = given.get("values")
         if not isinstance(values, list):
-            self._file.complain(place, "values must be a list of expressions")
-            return None
-        made = [self._expression(str(each), place, names) for each in values]
+            raise ValueError("values must be a list of expressions")
+        made = without_gaps([self._expression(str(each), place, names) for each in values])
         for each in made:
-            if each is not None and kinds.kind(each, self._known(names)) is ValueKind.LIST:
+            if kinds.kind(each, self._known(names)) is ValueKind.LIST:
                 self._file.complain(place, f"'{each.source}' is a list; name its values one by one")
-        if not self._is_packable(pack, len(values), place) or None in made:
-            return None
-        return BinaryReply(kind, pack=pack, values=tuple(e for e in made if e is not None), times=times)
+        check_pack(str(given["pack"]), len(values))
+        return made if len(made) == len(values) else None
 
     def _check_length(self, reply: BinaryReply, place: str) -> None:
         """A frame whose length its own header cannot hold, or whose type, is a problem."""
@@ -185,12 +183,12 @@ class RuleParts:
         return None if mistakes else template
 
     def _time(self, given: object, place: str, names: Names) -> Expression | None:
-        if isinstance(given, int | float) and not isinstance(given, bool):
-            if 0 <= given <= LONGEST_TIME:
-                return Expression(repr(given))
-            self._file.complain(place, f"must be from 0 to {LONGEST_TIME:g} s, not {given:g}")
-            return None
-        return self._expression(given, place, names, reads=False)
+        if isinstance(given, bool) or not isinstance(given, int | float):
+            return self._expression(given, place, names, reads=False)
+        if 0 <= given <= LONGEST_TIME:
+            return Expression(repr(given))
+        self._file.complain(place, f"must be from 0 to {LONGEST_TIME:g} s, not {given:g}")
+        return None
 
     def _expression(
         self, given: object, place: str, names: Names, *, reads: bool = True
@@ -201,13 +199,14 @@ class RuleParts:
         if not isinstance(given, str):
             self._file.complain(place, "must be an expression in quotes")
             return None
-        made = self._made(lambda: Expression(given), place)
-        if made is not None:
-            self._check_names(made, place, names)
-            for mistake in kinds.mistakes(made, self._known(names)):
-                self._file.complain(place, mistake)
-            if not reads and (made.sensing or made.names & self._parts.readable):
-                self._file.complain(place, "must not read a sensor; use values of the message and of [state]")
+        made = self._made(place, Expression, given)
+        if made is None:
+            return None
+        self._check_names(made, place, names)
+        for mistake in kinds.mistakes(made, self._known(names)):
+            self._file.complain(place, mistake)
+        if not reads and (made.sensing or made.names & self._parts.readable):
+            self._file.complain(place, "must not read a sensor; use values of the message and of [state]")
         return made
 
     def _check_names(self, expression: Expression, place: str, names: Names) -> None:
@@ -223,25 +222,10 @@ class RuleParts:
         lists = {code: Known(ValueKind.LIST, length=each.rays) for code, each in self._parts.lidars.items()}
         return {**numbers, **lists, **dict.fromkeys(self._state, ANY), **names}
 
-    def _check_keys(self, given: Mapping[str, Any], known: Iterable[str], prefix: str) -> None:
-        for name in given:
-            if name not in known:
-                hint = did_you_mean(name, known) or f" (known: {', '.join(known)})"
-                self._file.complain(prefix + name, f"is not known here{hint}")
-
-    def _is_packable(self, shape: str, count: int, place: str) -> bool:
-        """True if a struct format is one for so many values; else a problem."""
+    def _made(self, place: str, make: Callable[P, T], *args: P.args, **named: P.kwargs) -> T | None:
+        """Result of `make`; None, and a problem at the place, if it raises ValueError."""
         try:
-            check_pack(shape, count)
-        except ValueError as error:
-            self._file.complain(place, str(error))
-            return False
-        return True
-
-    def _made(self, make: Callable[[], T], place: str) -> T | None:
-        """Result of `make`; None, and a problem, if it raises ValueError."""
-        try:
-            return make()
+            return make(*args, **named)
         except ValueError as error:
             self._file.complain(place, str(error))
             return None

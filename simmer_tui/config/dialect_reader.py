@@ -3,11 +3,12 @@
 import re
 import struct
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from functools import partial
 from pathlib import Path
 from typing import Any, TypeGuard
 
-from simmer_tui.config.dialect_parts import READING, Names, Parts, RuleParts
+from msgspec.structs import replace
+
+from simmer_tui.config.dialect_parts import READING, Names, Parts, RuleParts, is_whole, without_gaps
 from simmer_tui.config.dialect_toml import (
     COMMAND_KEYS,
     FILE,
@@ -19,9 +20,6 @@ from simmer_tui.config.dialect_toml import (
     STREAM_KEYS,
     TABLES,
     UNKNOWN_KEYS,
-    FrameTable,
-    ReplyTable,
-    RobotTable,
 )
 from simmer_tui.config.toml_file import TomlFile
 from simmer_tui.dialect import expressions
@@ -43,7 +41,7 @@ from simmer_tui.dialect.dialect_rules import (
 from simmer_tui.dialect.frames import FrameKind, Framing
 from simmer_tui.dialect.kinds import ANY, LIST, NUMBER, TEXT, Known, ValueKind, kind_of
 from simmer_tui.dialect.patterns import Pattern
-from simmer_tui.dialect.templates import pack_codes
+from simmer_tui.dialect.templates import check_pack, pack_codes
 from simmer_tui.errors import Problem
 from simmer_tui.sim.command import parse_value
 from simmer_tui.sim.rules import did_you_mean
@@ -52,6 +50,10 @@ from simmer_tui.sim.specs import VelocityKind
 # A page of rules for each of the public teams had at most 40 commands.
 MOST_RULES = 500
 """Tables [[command]] of a file, and [[stream]]."""
+_MARKS_OF = {FrameKind.LINE: ("end",), FrameKind.BRACKET: ("open", "close")}
+"""The marks that a message of a kind must have."""
+_KINDS = {"number": NUMBER, "int": NUMBER, "digit": NUMBER, "list": LIST, "word": TEXT, "text": TEXT}
+"""The kinds of values by the kinds of a pattern's fields."""
 _NAME = re.compile(r"[A-Za-z_]\w*", re.ASCII)
 _ASSIGNED = re.compile(r"([A-Za-z_]\w*)\s*=(?!=)(.*)", re.ASCII | re.DOTALL)
 _RUN = re.compile(r"run\s+(.+?)(?:\s+for\s+(.+?)\s*s)?", re.DOTALL)
@@ -60,13 +62,10 @@ _COMMAND = re.compile(r"\w\w(?:\W.*)?", re.DOTALL)
 _STEPS = "there are d1-6, run d1, run d1 for 2 s, pause 0.2, stop, name = expression"
 
 
-def load_dialect(directory: Path, parts: Parts, problems: list[Problem]) -> DialectRules | None:
-    """The dialect.toml of a set, if it has one; mistakes go to `problems`."""
-    path = directory / FILE
-    if not path.exists():
-        return None
+def load_dialect(directory: Path, parts: Parts, problems: list[Problem]) -> DialectRules:
+    """The dialect.toml of a set; mistakes go to `problems`."""
     before = len(problems)
-    file = TomlFile.read(path, problems)
+    file = TomlFile.read(directory / FILE, problems)
     # What is missing in a file that cannot be read is no mistake of its own.
     if len(problems) > before:
         return DialectRules()
@@ -81,55 +80,44 @@ class _Reader(RuleParts):
 
     def rules(self) -> DialectRules:
         """All of the file."""
-        file = self._file
-        for name in file.tree:
-            if name not in TABLES:
-                hint = did_you_mean(name, TABLES) or f" (tables: {', '.join(TABLES)})"
-                file.complain(name, f"is not known here{hint}")
+        file, parts = self._file, self._parts
+        file.check_names(file.tree, TABLES, listed_as="tables")
         protocol = self._protocol()
         if protocol is not None:
             return DialectRules(protocol=protocol)
         before = file.mistakes
         self._framing = self._read_framing()
         self._is_framed = file.mistakes == before
-        reply = ReplyTable(**file.values(REPLY, file.table("reply"), "reply."))
-        self._reply_end = reply.end
-        table = RobotTable(**file.values(ROBOT, file.table("robot"), "robot."))
+        reply = file.values(REPLY, file.table("reply"), "reply.")
+        self._reply_end = reply.get("end", "")
+        robot = RobotRules(**file.values(ROBOT, file.table("robot"), "robot."))
         self._state = dict(self._read_state())
-        commands = file.tables("command")[:MOST_RULES]
-        if len(file.tables("command")) > MOST_RULES:
+        commands = file.tables("command")
+        if len(commands) > MOST_RULES:
             file.complain("command", f"there are more than {MOST_RULES} commands")
-        rules = tuple(self._rule(each, number) for number, each in enumerate(commands, 1))
+        rules = tuple(self._rule(each, number) for number, each in enumerate(commands[:MOST_RULES], 1))
         if not commands and not file.tables("stream"):
             file.complain("", "has no [[command]]; add one for each message that the robot knows")
         streams = [self._stream(each, number) for number, each in enumerate(file.tables("stream"), 1)]
         unknown = file.table("unknown")
-        self._check_keys(unknown, UNKNOWN_KEYS, "unknown.")
+        file.check_names(unknown, UNKNOWN_KEYS, "unknown.")
         self._find_hidden(rules)
         return DialectRules(
             framing=self._framing,
-            reply_end=reply.end,
-            missing=reply.missing,
-            robot=RobotRules(
-                busy=Busy(table.busy),
-                reads=Busy(table.reads),
-                buffer=table.buffer,
-                boot=table.boot,
-                greeting=table.greeting,
-                halts_after=table.halts_after,
-                runs_on=table.runs_on,
-            ),
+            reply_end=self._reply_end,
+            missing=reply.get("missing", DialectRules().missing),
+            robot=robot,
             state=self._state,
             rules=rules,
-            streams=tuple(each for each in streams if each is not None),
+            streams=without_gaps(streams),
             unknown=self._replies(unknown, "reply", "unknown.", {"text": TEXT}),
             unknown_place=file.place("unknown"),
-            codes=self._parts.readable,
-            yes_or_no=self._parts.yes_or_no,
-            behind=self._parts.behind,
-            lidars=self._parts.lidars,
-            speeds=self._parts.speeds,
-            velocity=self._parts.velocity,
+            codes=parts.readable,
+            yes_or_no=parts.yes_or_no,
+            behind=parts.behind,
+            lidars=parts.lidars,
+            speeds=parts.speeds,
+            velocity=parts.velocity,
         )
 
     # -- [frame] and [state] -----------------------------------------------------------------------
@@ -137,7 +125,7 @@ class _Reader(RuleParts):
     def _protocol(self) -> CourseProtocol | None:
         """The course's protocol that the dialect is, if it is one; it needs nothing else."""
         given = self._file.table("frame")
-        kind = given.get("kind")
+        kind = str(given.get("kind")).strip().lower()
         if kind not in tuple(CourseProtocol):
             return None
         others = [f"frame.{name}" for name in given if name != "kind"]
@@ -147,55 +135,37 @@ class _Reader(RuleParts):
 
     def _read_framing(self) -> Framing:
         given = self._file.table("frame")
-        table = FrameTable(**self._file.values(FRAME, given, "frame.", others=HEAD_KEYS))
-        kind = FrameKind(table.kind)
-        end = table.end if kind is FrameKind.LINE or "end" in given else ""
-        wanted = {FrameKind.LINE: {"end": end}, FrameKind.BRACKET: {"open": table.open, "close": table.close}}
-        for name, mark in wanted.get(kind, {}).items():
-            if not mark:
+        values = self._file.values(FRAME, given, "frame.", others=HEAD_KEYS)
+        kind = values.get("kind", FrameKind.LINE)
+        if kind is not FrameKind.LINE and "end" not in given:
+            values["end"] = ""
+        marks = {name: values[name].encode() for name in ("end", "open", "close") if name in values}
+        framing = Framing(**(values | marks))
+        for name in _MARKS_OF.get(kind, ()):
+            if not getattr(framing, name):
                 self._file.complain(f"frame.{name}", f"must not be empty for kind {kind.value}")
                 return Framing()
+        if kind is FrameKind.BINARY:
+            return self._with_head(framing, given)
         for name in HEAD_KEYS:
-            if name in given and kind is not FrameKind.BINARY:
+            if name in given:
                 self._file.complain(f"frame.{name}", 'is for kind = "binary" only')
-        framing = Framing(
-            kind=kind,
-            end=end.encode(),
-            silence=table.silence,
-            longest=table.longest,
-            open=table.open.encode(),
-            close=table.close.encode(),
-        )
-        return self._with_head(framing, given) if kind is FrameKind.BINARY else framing
+        return framing
 
     def _with_head(self, framing: Framing, given: Mapping[str, Any]) -> Framing:
         head, names, body = (given.get(key) for key in HEAD_KEYS)
         complain = self._file.complain
         if not isinstance(head, str):
             complain("frame.head", 'must be a struct format, such as "<BB"')
-            return framing
-        if not _is_texts(names) or not all(_NAME.fullmatch(each) for each in names):
+        elif not _is_texts(names) or not all(_NAME.fullmatch(each) for each in names):
             complain("frame.names", 'must be a list of names, such as ["type", "size"]')
-            return framing
-        if not self._is_packable(head, len(names), "frame.head"):
-            return framing
-        if re.search(r"[efdspc?]", head):
-            complain("frame.head", "must have whole numbers only (b B h H i I q Q)")
-            return framing
-        fixed = isinstance(body, int) and not isinstance(body, bool) and 0 <= body <= framing.longest
-        if not fixed and body not in names:
+        elif self._made("frame.head", _header, head, len(names)) is None:
+            pass  # it has its problem
+        elif body not in names and not (is_whole(body) and 0 <= body <= framing.longest):
             complain("frame.body", f"must be one of {', '.join(names)}, or a length up to {framing.longest}")
-            return framing
-        assert isinstance(body, str | int), "checked above"
-        return Framing(
-            kind=framing.kind,
-            end=framing.end,
-            silence=framing.silence,
-            longest=framing.longest,
-            head=head,
-            names=tuple(names),
-            body=body,
-        )
+        else:
+            return replace(framing, head=head, names=tuple(names), body=body)
+        return framing
 
     def _read_state(self) -> Iterator[tuple[str, expressions.FieldValue]]:
         for name, value in self._file.table("state").items():
@@ -213,24 +183,22 @@ class _Reader(RuleParts):
 
     def _rule(self, given: Mapping[str, Any], number: int) -> MessageRule:
         prefix = f"command.{number}."
-        self._check_keys(given, COMMAND_KEYS, prefix)
-        unpack, fields = self._unpack(given, prefix)
+        complain = self._file.complain
+        self._file.check_names(given, COMMAND_KEYS, prefix)
+        unpack, fields = self._made(f"{prefix}unpack", _unpack, given.get("unpack")) or ("", ())
         patterns = self._patterns(given, prefix)
         kind = self._type(given, prefix)
         if not {"match", "type"} & set(given):
-            self._file.complain(f"{prefix}match", "is missing; it says which message this is for")
+            complain(f"{prefix}match", "is missing; it says which message this is for")
         # A value that only some of its texts have is none to go by.
         known = self._names_of(patterns, unpack, fields)
         for name in known:
             if name in self._parts.readable:
-                self._file.complain(
-                    f"{prefix}match", f"{{{name}}} is the code of a sensor; take another name"
-                )
+                complain(f"{prefix}match", f"{{{name}}} is the code of a sensor; take another name")
             elif name in expressions.CONSTANTS:
-                self._file.complain(f"{prefix}match", f"{{{name}}} is a factor of length; take another name")
+                complain(f"{prefix}match", f"{{{name}}} is a factor of length; take another name")
         if kind is not None:
             known["text"] = TEXT
-        steps = tuple(each for each in self._steps(given, prefix, known) if each is not None)
         rule = MessageRule(
             number=number,
             place=self._file.place(f"command.{number}"),
@@ -238,18 +206,16 @@ class _Reader(RuleParts):
             type=kind,
             unpack=unpack,
             names=fields,
+            steps=self._steps(given, prefix, known),
             condition=self._expression(given.get("if"), f"{prefix}if", known, reads=False),
-            steps=steps,
             takes=self._time(given.get("takes"), f"{prefix}takes", known),
             reply=self._replies(given, "reply", prefix, known),
             done=self._replies(given, "done", prefix, known),
             stopped=self._replies(given, "stopped", prefix, known),
-            busy=self._busy(given, prefix),
+            busy=self._made(f"{prefix}busy", _busy, given.get("busy")),
         )
         if not rule.steps and (rule.done or rule.stopped):
-            self._file.complain(
-                f"{prefix}do", "is missing; done and stopped are sent at the end of its steps"
-            )
+            complain(f"{prefix}do", "is missing; done and stopped are sent at the end of its steps")
         return rule
 
     def _names_of(self, patterns: Sequence[Pattern], unpack: str, fields: Sequence[str]) -> dict[str, Known]:
@@ -263,19 +229,17 @@ class _Reader(RuleParts):
         return found
 
     def _patterns(self, given: Mapping[str, Any], prefix: str) -> tuple[Pattern, ...]:
-        texts = given.get("match", [])
-        texts = [texts] if isinstance(texts, str) else texts
+        place, texts = f"{prefix}match", _listed(given.get("match", []))
         if not _is_texts(texts) or ("match" in given and not texts):
-            self._file.complain(f"{prefix}match", "must be a text or a list of texts")
+            self._file.complain(place, "must be a text or a list of texts")
             return ()
-        made = [self._made(partial(Pattern, each), f"{prefix}match") for each in texts]
-        patterns = tuple(each for each in made if each is not None)
+        patterns = without_gaps([self._made(place, Pattern, each) for each in texts])
         for pattern in patterns:
             if self._framing.kind is FrameKind.BYTE and len(pattern.example) != 1:
-                self._file.complain(f"{prefix}match", f"'{pattern.source}': a message is one character here")
+                self._file.complain(place, f"'{pattern.source}': a message is one character here")
             elif pattern.match(pattern.example) is None:
                 what = f"'{pattern.source}' matches nothing: one field leaves nothing to the next"
-                self._file.complain(f"{prefix}match", what)
+                self._file.complain(place, what)
         return patterns
 
     def _type(self, given: Mapping[str, Any], prefix: str) -> int | None:
@@ -291,7 +255,7 @@ class _Reader(RuleParts):
             if kind is not None and self._is_framed:
                 self._file.complain(f"{prefix}type", f"the header has no field '{TYPE}' (names in [frame])")
             return None
-        if not isinstance(kind, int) or isinstance(kind, bool):
+        if not is_whole(kind):
             self._file.complain(f"{prefix}type", "must be a whole number: the header's field type")
             return None
         code = tuple(pack_codes(self._framing.head))[self._framing.names.index(TYPE)]
@@ -301,39 +265,15 @@ class _Reader(RuleParts):
             self._file.complain(f"{prefix}type", f"{kind} does not fit the header '{self._framing.head}'")
         return kind
 
-    def _unpack(self, given: Mapping[str, Any], prefix: str) -> tuple[str, tuple[str, ...]]:
-        text = given.get("unpack")
-        if text is None:
-            return "", ()
-        shape, colon, names = str(text).partition(":")
-        fields = tuple(names.split())
-        if not isinstance(text, str) or not colon or not all(map(_NAME.fullmatch, fields)):
-            self._file.complain(f"{prefix}unpack", 'must be a struct format and names, such as "<hh: x y"')
-            return "", ()
-        if not self._is_packable(shape.strip(), len(fields), f"{prefix}unpack"):
-            return "", ()
-        return shape.strip(), fields
-
-    def _busy(self, given: Mapping[str, Any], prefix: str) -> Busy | None:
-        word = given.get("busy")
-        if word is None:
-            return None
-        if word not in tuple(Busy):
-            known = ", ".join(each.value for each in Busy)
-            self._file.complain(f"{prefix}busy", f"must be one of {known}")
-            return None
-        return Busy(word)
-
     # -- steps -------------------------------------------------------------------------------------
 
-    def _steps(self, given: Mapping[str, Any], prefix: str, names: Names) -> Iterator[Step | None]:
-        texts = given.get("do", [])
-        texts = [texts] if isinstance(texts, str) else texts
+    def _steps(self, given: Mapping[str, Any], prefix: str, names: Names) -> tuple[Step, ...]:
+        texts = _listed(given.get("do", []))
         if not _is_texts(texts):
             self._file.complain(f"{prefix}do", "must be a step or a list of steps, each a text")
-            return
-        for text in texts:
-            yield self._step(text.strip(), f"{prefix}do", names)
+            return ()
+        place = f"{prefix}do"
+        return without_gaps([self._made(place, self._step, text.strip(), place, names) for text in texts])
 
     def _step(self, text: str, place: str, names: Names) -> Step | None:
         if text == "stop":
@@ -352,83 +292,104 @@ class _Reader(RuleParts):
         if "{" in code or "}" in code:
             return MoveStep(template)
         if not _COMMAND.fullmatch(text):
-            self._file.complain(place, f"'{text}' is no step; {_STEPS}")
-            return None
-        if code not in self._parts.commands:
-            self._no_code(code, self._parts.commands, place)
-            return None
+            raise ValueError(f"'{text}' is no step; {_STEPS}")
+        _check_code(code, self._parts.commands)
         value = parse_value(text[3:]) if "{" not in text and code in self._parts.speeds else 0.0
         if not text[3:].strip() or isinstance(value, str):
-            self._file.complain(place, f"'{text}' has no value; write it behind the code, {code}-6")
-            return None
+            raise ValueError(f"'{text}' has no value; write it behind the code, {code}-6")
         return MoveStep(template)
-
-    def _no_code(self, code: str, known: Collection[str], place: str) -> None:
-        what = f"no enabled row of drive.csv has the code '{code}'"
-        self._file.complain(place, f"{what}; there are {', '.join(sorted(known))}")
 
     def _run(self, drive: str, seconds: str | None, place: str, names: Names) -> Step | None:
         if not self._parts.velocity:
             row = f"{VelocityKind.ALL.value},vv,1"
-            self._file.complain(place, f"run needs the row '{row}' in drive.csv")
-            return None
+            raise ValueError(f"run needs the row '{row}' in drive.csv")
         if seconds is None and re.search(r"\sfor\s", drive):
-            self._file.complain(place, f"'run {drive}' needs seconds with their unit: run {drive} s")
-            return None
+            raise ValueError(f"'run {drive}' needs seconds with their unit: run {drive} s")
         template = self._text(drive, place, names)
         time = self._expression(_bare(seconds), place, names) if seconds is not None else None
         if template is None or (seconds is not None and time is None):
             return None
-        given = [drive] if "{" not in drive else re.findall(r"'(-?\w\w)'|\"(-?\w\w)\"", drive)
-        for each in given:
-            code = (each if isinstance(each, str) else each[0] or each[1]).removeprefix("-")
-            if code not in self._parts.speeds:
-                self._no_code(code, self._parts.speeds, place)
-                return None
+        quoted = [code for _, code in re.findall(r"(['\"])(-?\w\w)\1", drive)]
+        for each in quoted if "{" in drive else [drive]:
+            _check_code(each.removeprefix("-"), self._parts.speeds)
         return RunStep(template, time)
 
     def _assigned(self, name: str, text: str, place: str, names: Names) -> Step | None:
         if name not in self._state:
             known = ", ".join(self._state) or "none"
             hint = did_you_mean(name, self._state) or f"; its values: {known}"
-            self._file.complain(place, f"'{name}' is no value of [state]{hint}")
-            return None
+            raise ValueError(f"'{name}' is no value of [state]{hint}")
         value = self._expression(text, place, names)
         return AssignStep(name, value) if value is not None else None
 
     def _stream(self, given: Mapping[str, Any], number: int) -> StreamRule | None:
         prefix = f"stream.{number}."
-        self._check_keys(given, STREAM_KEYS, prefix)
+        self._file.check_names(given, STREAM_KEYS, prefix)
         every = given.get("every")
-        is_number = isinstance(every, int | float) and not isinstance(every, bool)
         # A robot's loop at 2 kHz; faster ones fill any line.
-        if not is_number or not 0.0005 <= float(every or 0) <= LONGEST_TIME:
+        if (
+            isinstance(every, bool)
+            or not isinstance(every, int | float)
+            or not 0.0005 <= every <= LONGEST_TIME
+        ):
             self._file.complain(f"{prefix}every", f"must be seconds from 0.0005 to {LONGEST_TIME:g}")
             return None
         send = self._replies(given, "send", prefix, {"tick": NUMBER})
         if "send" not in given:
             self._file.complain(f"{prefix}send", "is missing; it says what is sent")
         condition = self._expression(given.get("if"), f"{prefix}if", {"tick": NUMBER}, reads=False)
-        return StreamRule(float(every or 0), send, condition, self._file.place(f"stream.{number}"))
+        return StreamRule(float(every), send, condition, self._file.place(f"stream.{number}"))
 
     # -- together ----------------------------------------------------------------------------------
 
     def _find_hidden(self, rules: Sequence[MessageRule]) -> None:
         """A command whose own example an earlier one takes is never done."""
         for rule in rules:
+            earlier = rules[: rule.number - 1]
             for pattern in rule.patterns:
-                earlier = next(
-                    (each for each in rules[: rule.number - 1] if _takes(each, rule, pattern)), None
-                )
-                if earlier is not None:
-                    what = f"'{pattern.example}' is taken by the command before it at {earlier.place}"
+                taken = next((each for each in earlier if _takes(each, rule, pattern)), None)
+                if taken is not None:
+                    what = f"'{pattern.example}' is taken by the command before it at {taken.place}"
                     self._file.complain(f"command.{rule.number}.match", f"{what}; put this one first")
             if rule.type is None or rule.patterns:
                 continue
-            before = next((each for each in rules[: rule.number - 1] if _takes_frames(each, rule)), None)
-            if before is not None:
-                what = f"type {rule.type} is taken by the command before it at {before.place}"
+            taken = next((each for each in earlier if _takes_frames(each, rule)), None)
+            if taken is not None:
+                what = f"type {rule.type} is taken by the command before it at {taken.place}"
                 self._file.complain(f"command.{rule.number}.type", f"{what}; give that one an if")
+
+
+def _header(head: str, count: int) -> str:
+    """A struct format of whole numbers. Raises ValueError."""
+    check_pack(head, count)
+    if re.search(r"[efdspc?]", head):
+        raise ValueError("must have whole numbers only (b B h H i I q Q)")
+    return head
+
+
+def _unpack(text: object) -> tuple[str, tuple[str, ...]]:
+    """Struct format and names of a content. Raises ValueError."""
+    if text is None:
+        return "", ()
+    shape, colon, names = str(text).partition(":")
+    fields = tuple(names.split())
+    if not isinstance(text, str) or not colon or not all(map(_NAME.fullmatch, fields)):
+        raise ValueError('must be a struct format and names, such as "<hh: x y"')
+    check_pack(shape.strip(), len(fields))
+    return shape.strip(), fields
+
+
+def _busy(word: Any) -> Busy | None:
+    """The word of a command. Raises ValueError."""
+    if word is not None and word not in tuple(Busy):
+        raise ValueError(f"must be one of {', '.join(each.value for each in Busy)}")
+    return None if word is None else Busy(word)
+
+
+def _check_code(code: str, known: Collection[str]) -> None:
+    if code not in known:
+        what = f"no enabled row of drive.csv has the code '{code}'"
+        raise ValueError(f"{what}; there are {', '.join(sorted(known))}")
 
 
 def _takes_frames(earlier: MessageRule, rule: MessageRule) -> bool:
@@ -441,14 +402,11 @@ def _takes_frames(earlier: MessageRule, rule: MessageRule) -> bool:
 
 def _known(pattern: Pattern, name: str) -> Known:
     """Kind and values of a field of a pattern."""
-    of_kind = {"number": NUMBER, "int": NUMBER, "digit": NUMBER, "list": LIST, "word": TEXT, "text": TEXT}
     values = tuple(pattern.choices.get(name, {}).values())
+    if not values:
+        return _KINDS.get(pattern.kinds[name], ANY)
     found = {kind_of(each) for each in values}
-    return (
-        of_kind.get(pattern.kinds[name], ANY)
-        if not values
-        else Known(found.pop() if len(found) == 1 else ValueKind.ANY, values)
-    )
+    return Known(found.pop() if len(found) == 1 else ValueKind.ANY, values)
 
 
 def _takes(earlier: MessageRule, rule: MessageRule, pattern: Pattern) -> bool:
@@ -463,6 +421,11 @@ def _bare(text: str) -> str:
     """An expression without the braces around it."""
     text = text.strip()
     return text[1:-1] if text.startswith("{") and text.endswith("}") else text
+
+
+def _listed(given: object) -> object:
+    """A text alone as a list."""
+    return [given] if isinstance(given, str) else given
 
 
 def _is_texts(value: object) -> TypeGuard[list[str]]:

@@ -1,11 +1,9 @@
 """The dialect.toml of a new set: a small language of each kind, with comments, to be edited."""
 
-import csv
-import io
 from collections.abc import Mapping
 
 from simmer_tui.config import dialect_toml, drive_csv, sensors_csv
-from simmer_tui.config.csv_table import COMMENT, ID, POLL_CHARACTER, delimiter_of
+from simmer_tui.config.csv_table import ID, POLL_CHARACTER, rows_by_header
 
 _HEAD = """# The language of your robot: what its sketch understands, and answers. simmer-tui check DIR finds
 # every mistake, and prints all messages with an example of their replies. docs/dialects.md has every key.
@@ -141,7 +139,7 @@ TEMPLATES: Mapping[str, str] = {"line": _LINE, "bracket": _BRACKET, "byte": _BYT
 
 def with_dialect(files: Mapping[str, bytes], kind: str) -> dict[str, bytes]:
     """The files of a set with a dialect.toml of a kind, its codes those of the set."""
-    drives, sensors = _codes(files[drive_csv.FILE]), _codes(files[sensors_csv.FILE])
+    drives, sensors = (_codes(files[name]) for name in (drive_csv.FILE, sensors_csv.FILE))
     ranges = [code for name, code in sensors.items() if name.startswith(("ultra", "tof"))]
     text = _HEAD + TEMPLATES[kind]
     for word, code in (
@@ -155,11 +153,5 @@ def with_dialect(files: Mapping[str, bytes], kind: str) -> dict[str, bytes]:
 
 def _codes(data: bytes) -> dict[str, str]:
     """The codes of the rows of a table, by ID."""
-    text = data.decode("utf-8-sig", "replace")
-    lines = [line for line in text.splitlines() if line.strip() and not line.startswith(COMMENT)]
-    rows = csv.DictReader(io.StringIO("\n".join(lines)), delimiter=delimiter_of(text), skipinitialspace=True)
-    found = {}
-    for row in rows:
-        plain = {(key or "").strip(): (value or "").strip() for key, value in row.items() if key}
-        found[plain.get(ID, "")] = plain.get(POLL_CHARACTER, "")
-    return found
+    rows = rows_by_header(data.decode("utf-8-sig", "replace"))
+    return {row.get(ID, ""): row.get(POLL_CHARACTER, "") for row in rows}

@@ -1,16 +1,15 @@
 """dialect.toml, the optional file of a set that describes a team's own language: its tables and their keys.
 
-Annotations are evaluated here: they hold the descriptions of the keys.
+A key that is not given has the default of the field that it fills.
 """
 
-from typing import Annotated
-
-from msgspec import Struct
+from enum import StrEnum
+from typing import Any
 
 from simmer_tui.dialect.dialect_rules import Busy, CourseProtocol
 from simmer_tui.dialect.frames import FrameKind
-from simmer_tui.sim.rules import ChoiceRule, FlagRule, IntegerRule, NumberRule, RawTextRule
-from simmer_tui.sim.values import Value, described
+from simmer_tui.sim.rules import FlagRule, IntegerRule, NumberRule, RawTextRule, Rule, WordRule
+from simmer_tui.sim.values import Value
 
 FILE = "dialect.toml"
 # An hour: what is longer in a protocol is a mistake in the unit.
@@ -19,60 +18,50 @@ LONGEST_TIME = 3600.0
 # The header of a message: a line end, or a few bytes that cannot come by chance.
 _MARK = RawTextRule(8)
 _SECONDS = NumberRule(0, LONGEST_TIME)
-_BUSY = tuple(each.value for each in Busy)
 
 
-class FrameTable(Struct, frozen=True, kw_only=True):
-    """[frame]: what a message to the robot is."""
-
-    kind: Annotated[
-        str,
-        Value(
-            ChoiceRule((*(each.value for each in FrameKind), *(each.value for each in CourseProtocol))),
-            "how a message begins and ends, or a protocol of the course, which needs no rules",
-        ),
-    ] = FrameKind.LINE.value
-    end: Annotated[str, Value(_MARK, "line: what ends a message; binary: what must follow the content")] = (
-        "\n"
-    )
-    silence: Annotated[
-        float,
-        Value(
-            _SECONDS, "time after which bytes without an end are a message (line) or dropped; 0: never", "s"
-        ),
-    ] = 0.0
-    longest: Annotated[int, Value(IntegerRule(1, 65536), "bytes that a message may have")] = 256
-    open: Annotated[str, Value(_MARK, "bracket: what begins a message")] = "["
-    close: Annotated[str, Value(_MARK, "bracket: what ends a message")] = "]"
+def _key(name: str, rule: Rule[Any], help_text: str, unit: str = "") -> Value:
+    return Value(rule, help_text, unit, name)
 
 
-class ReplyTable(Struct, frozen=True, kw_only=True):
-    """[reply]: what all replies have in common."""
-
-    end: Annotated[str, Value(_MARK, "added to every text reply")] = ""
-    missing: Annotated[str, Value(RawTextRule(40), "what a reading without a finite value becomes")] = "inf"
+def _one_of(*members: StrEnum) -> WordRule:
+    return WordRule(tuple(each.value for each in members), members)
 
 
-class RobotTable(Struct, frozen=True, kw_only=True):
-    """[robot]: how the robot's own program takes messages."""
-
-    busy: Annotated[
-        str, Value(ChoiceRule(_BUSY[1:]), "what becomes of a movement that comes during another")
-    ] = Busy.WAIT.value
-    reads: Annotated[
-        str, Value(ChoiceRule(_BUSY[:2]), "when a message without a movement is answered meanwhile")
-    ] = Busy.NOW.value
-    buffer: Annotated[int, Value(IntegerRule(1, 65536), "bytes that wait at most; later ones are lost")] = 64
-    boot: Annotated[float, Value(_SECONDS, "time after opening in which bytes are lost", "s")] = 0.0
-    greeting: Annotated[str, Value(RawTextRule(256), "text sent after that")] = ""
-    halts_after: Annotated[
-        float, Value(_SECONDS, "time without any byte after which an untimed run stops; 0: never", "s")
-    ] = 0.0
-    runs_on: Annotated[bool, Value(FlagRule(), "an untimed run goes on when the program has left")] = False
-
-
-FRAME, REPLY, ROBOT = described(FrameTable()), described(ReplyTable()), described(RobotTable())
-"""The keys of the three tables."""
+FRAME = (
+    _key(
+        *("kind", _one_of(*FrameKind, *CourseProtocol)),
+        "how a message begins and ends, or a protocol of the course, which needs no rules",
+    ),
+    _key("end", _MARK, "line: what ends a message; binary: what must follow the content"),
+    _key(
+        *("silence", _SECONDS),
+        "time after which bytes without an end are a message (line) or dropped; 0: never",
+        "s",
+    ),
+    _key("longest", IntegerRule(1, 65536), "bytes that a message may have"),
+    _key("open", _MARK, "bracket: what begins a message"),
+    _key("close", _MARK, "bracket: what ends a message"),
+)
+"""The keys of [frame], by field of `Framing`: what a message to the robot is."""
+REPLY = (
+    _key("end", _MARK, "added to every text reply"),
+    _key("missing", RawTextRule(40), "what a reading without a finite value becomes"),
+)
+"""The keys of [reply]: what all replies have in common."""
+ROBOT = (
+    _key(
+        *("busy", _one_of(Busy.WAIT, Busy.REPLACE, Busy.DROP)),
+        "what becomes of a movement that comes during another",
+    ),
+    _key("reads", _one_of(Busy.NOW, Busy.WAIT), "when a message without a movement is answered meanwhile"),
+    _key("buffer", IntegerRule(1, 65536), "bytes that wait at most; later ones are lost"),
+    _key("boot", _SECONDS, "time after opening in which bytes are lost", "s"),
+    _key("greeting", RawTextRule(256), "text sent after that"),
+    _key("halts_after", _SECONDS, "time without any byte after which an untimed run stops; 0: never", "s"),
+    _key("runs_on", FlagRule(), "an untimed run goes on when the program has left"),
+)
+"""The keys of [robot], by field of `RobotRules`: how the robot's own program takes messages."""
 HEAD_KEYS = ("head", "names", "body")
 """Keys of [frame] for binary frames: struct format, its fields, and which of them is the content's length."""
 COMMAND_KEYS = {

@@ -67,8 +67,7 @@ def load_drives(directory: Path, codes: dict[str, str], problems: list[Problem])
     if table is None:
         return DriveRows()
     seen: dict[str, int] = {}
-    rows = read_table(table, REQUIRED, OPTIONAL, problems)
-    specs = [_read_row(row, seen, codes, problems) for row in rows]
+    specs = [_read_row(row, seen, codes) for row in read_table(table, REQUIRED, OPTIONAL)]
     return DriveRows(
         tuple(spec for spec in specs if isinstance(spec, DriveSpec)),
         next((spec for spec in specs if isinstance(spec, GripperSpec)), None),
@@ -77,39 +76,39 @@ def load_drives(directory: Path, codes: dict[str, str], problems: list[Problem])
 
 
 def _read_row(
-    row: TableRow, seen: dict[str, int], codes: dict[str, str], problems: list[Problem]
+    row: TableRow, seen: dict[str, int], codes: dict[str, str]
 ) -> DriveSpec | GripperSpec | VelocitySpec | None:
-    before = len(problems)
-    name = _read_id(row, seen, problems)
-    flags = read_flags(row, codes, problems)
+    before = len(row.problems)
+    name = _read_id(row, seen)
+    values = read_flags(row, codes)
     if name in _VELOCITIES:
-        row.refuse(_ONLY_OTHERS, f"has no effect for {name}: leave it blank", problems)
-        complete = len(problems) == before and row.has(COLUMNS)
-        return with_values(VelocitySpec(kind=VelocityKind(name), code=""), flags) if complete else None
-    if name == GRIPPER:
-        row.refuse(_ONLY_MOVEMENTS, f"is for movements only; leave it blank for {GRIPPER}", problems)
-        cells = row.cells(columns.GRIPPER, problems)
+        row.refuse(_ONLY_OTHERS, f"has no effect for {name}: leave it blank")
+    elif name == GRIPPER:
+        row.refuse(_ONLY_MOVEMENTS, f"is for movements only; leave it blank for {GRIPPER}")
+        values |= row.cells(columns.GRIPPER)
     else:
-        cells = row.cells(columns.MOVEMENT, problems)
+        values |= row.cells(columns.MOVEMENT)
         if name is not None:
-            row.refuse(_ONLY_GRIPPER, f"is for {GRIPPER} only; leave it blank for {name}", problems)
-    if name is None or len(problems) > before or not row.has(COLUMNS):
+            row.refuse(_ONLY_GRIPPER, f"is for {GRIPPER} only; leave it blank for {name}")
+    if name is None or len(row.problems) > before or not row.has(COLUMNS):
         return None
+    if name in _VELOCITIES:
+        return with_values(VelocitySpec(kind=VelocityKind(name), code=""), values)
     if name == GRIPPER:
-        return with_values(GripperSpec(code=""), flags | cells)
+        return with_values(GripperSpec(code=""), values)
     kind = DriveKind(name)
     speed = columns.ROTATION_SPEED if kind.turns else columns.TRANSLATION_SPEED
-    return with_values(DriveSpec(kind=kind, code="", speed=speed), flags | cells)
+    return with_values(DriveSpec(kind=kind, code="", speed=speed), values)
 
 
-def _read_id(row: TableRow, seen: dict[str, int], problems: list[Problem]) -> str | None:
+def _read_id(row: TableRow, seen: dict[str, int]) -> str | None:
     """The ID of a row; None, and a problem, if it is wrong or not the first of its name."""
     if ID not in row.values:
         return None
     try:
         name: str = from_cell(COLUMNS[0].rule, row.values[ID])
     except ValueError as error:
-        problems.append(Problem(row.where(ID), str(error)))
+        row.complain(ID, str(error))
         return None
-    claim_id(name, row, seen, problems)
+    claim_id(name, row, seen)
     return name

@@ -2,7 +2,7 @@
 
 import string
 import unicodedata
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 
 from msgspec import structs
 
@@ -75,20 +75,26 @@ def yielding_defaults(given: Mapping[str, str]) -> dict[str, str]:
     `given` are the keys that were, by action. Default keys yield to them. So a file in which a key means
     something stays valid when a later version gives that key to a new action.
     """
-    taken = set()
+    taken: set[str] = set()
     for action, text in given.items():
-        names = key_names(text)
-        taken.update(names)
-        if action in DRIVING:
-            taken.update(shifted(name) for name in names)
+        taken |= _meant(action, key_names(text)).keys()
     changed = {}
     for action, default in structs.asdict(KeySettings()).items():
         usual = key_names(default)
-        fine = shifted if action in DRIVING else str
-        kept = [name for name in usual if name not in taken and fine(name) not in taken]
+        kept = [name for name in usual if not _meant(action, [name]).keys() & taken]
         if action not in given and kept != usual:
             changed[action] = ",".join(kept)
     return changed
+
+
+def _meant(action: str, names: Iterable[str]) -> dict[str, str]:
+    """The keys that an action takes by these names, each with an addition to its meaning."""
+    taken = {}
+    for name in names:
+        taken[name] = ""
+        if action in DRIVING:
+            taken[shifted(name)] = ", finely"
+    return taken
 
 
 def key_problems(keys: KeySettings, places: Mapping[str, str]) -> Iterator[Problem]:
@@ -103,10 +109,8 @@ def key_problems(keys: KeySettings, places: Mapping[str, str]) -> Iterator[Probl
             if wrong:
                 yield Problem(place, wrong)
                 continue
-            taken = {key: meaning}
-            if action in DRIVING:
-                taken[shifted(key)] = f"{meaning}, finely"
-            for each, what in taken.items():
+            for each, addition in _meant(action, [key]).items():
+                what = meaning + addition
                 if each in used:
                     yield Problem(place, f'needs the key "{each}" to {what}: it is there to {used[each]}')
                 # The first action keeps the key, so that each later one is told of it.

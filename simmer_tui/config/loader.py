@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from msgspec import Struct, field
-from msgspec.structs import astuple, replace
+from msgspec.structs import asdict, astuple, replace
 
 from simmer_tui.config import dialect_toml
 from simmer_tui.config.device_trust import DeviceUse
@@ -18,9 +18,9 @@ from simmer_tui.config.maze_csv import FLOOR_FILE, load_maze
 from simmer_tui.config.mission_toml import FILE as MISSION_FILE
 from simmer_tui.config.mission_toml import MissionSpec, load_mission
 from simmer_tui.config.robot_csv import load_robot
-from simmer_tui.config.set_devices import DeviceStatus, SetDevices
+from simmer_tui.config.set_devices import DeviceStatus, set_devices
 from simmer_tui.config.sets import FILES, find_set, init_set, set_name
-from simmer_tui.config.settings import NO_WHEELS, Settings, WheelsSettings
+from simmer_tui.config.settings import NO_WHEELS, Settings
 from simmer_tui.config.settings_file import LoadedSettings, Override, load_settings
 from simmer_tui.config.toml_file import TomlFile
 from simmer_tui.dialect.dialect_rules import DialectRules
@@ -108,7 +108,7 @@ def load(
     # Read before the sensors, whose kinds they name; their mistakes are told behind those of the CSV files.
     loaded = load_settings(directory, overrides or {}, later)
     try:
-        own = _own_devices(directory, loaded, kinds, devices)
+        own = set_devices(directory, loaded, kinds, devices)
     except ConfigurationError as error:
         # Without their kinds every row of theirs would seem wrong, so the sensors wait.
         raise ConfigurationError([*problems, *later, *error.problems]) from None
@@ -118,7 +118,7 @@ def load(
     problems += later
     mission, mission_file = load_mission(directory, problems)
     settings = loaded.settings
-    if settings.realistic or settings.sensor_profile or settings.drive_profile or settings.link_profile:
+    if settings.uses_profiles:
         # Few sets need it, and it takes time.
         from simmer_tui.config.profiles import with_profiles
 
@@ -148,16 +148,6 @@ def load(
     )
 
 
-def _own_devices(directory: Path, loaded: LoadedSettings, kinds: SensorKinds, use: DeviceUse) -> SetDevices:
-    """The devices of a set, with all kinds that its sensors may be of. Raises ConfigurationError."""
-    if not loaded.settings.sensors.devices or use is DeviceUse.GIVEN:
-        return SetDevices(kinds)
-    # Few sets have any.
-    from simmer_tui.config.device_kinds import set_devices
-
-    return set_devices(directory, loaded, kinds, use)
-
-
 def _dialect(
     directory: Path,
     loaded: LoadedSettings,
@@ -167,43 +157,29 @@ def _dialect(
     overrides: Mapping[str, Override],
     problems: list[Problem],
 ) -> tuple[DialectRules | None, Settings]:
-    """The dialect of a set, if it has one, and the settings with it."""
+    """The dialect of a set, if it has one, and the settings with it: programs speak that alone, and motion is
+    timed."""
+    listeners = settings.server.listeners
     dialect = None
-    if TEAM in settings.server.listeners or (directory / dialect_toml.FILE).exists():
+    if (directory / dialect_toml.FILE).exists():
         # Few sets have one, and its reader takes time to import.
         from simmer_tui.config.dialect_parts import Parts
         from simmer_tui.config.dialect_reader import load_dialect
 
         parts = Parts(sensors, rows.drives, rows.gripper, rows.velocities)
         dialect = load_dialect(directory, parts, problems)
-        settings = _with_dialect(loaded, settings, dialect, overrides, problems)
-    if settings.server.pty and TEAM not in settings.server.listeners:
+        if "server.listeners" not in overrides and TEAM not in listeners:
+            listeners = (TEAM,)
+        if TEAM in listeners:
+            server = replace(settings.server, listeners=listeners)
+            settings = replace(settings, server=server, motion=replace(settings.motion, motion="timed"))
+    elif TEAM in listeners:
+        what = f"names {TEAM}, but the set has no {dialect_toml.FILE}; simmer-tui init --dialect writes one"
+        problems.append(Problem(loaded.places["server.listeners"], what))
+    if settings.server.pty and TEAM not in listeners:
         what = f"is the serial port of a set with a {dialect_toml.FILE}; simmer-tui init --dialect writes one"
         problems.append(Problem(loaded.places["server.pty"], what))
     return dialect, settings
-
-
-def _with_dialect(
-    loaded: LoadedSettings,
-    settings: Settings,
-    dialect: DialectRules | None,
-    overrides: Mapping[str, Override],
-    problems: list[Problem],
-) -> Settings:
-    """The settings of a set with a dialect: programs speak that alone, and motion is timed."""
-    listeners, name = settings.server.listeners, "server.listeners"
-    if dialect is None:
-        if TEAM in listeners:
-            what = (
-                f"names {TEAM}, but the set has no {dialect_toml.FILE}; simmer-tui init --dialect writes one"
-            )
-            problems.append(Problem(loaded.places[name], what))
-        return settings
-    if TEAM not in listeners and name not in overrides:
-        settings = replace(settings, server=replace(settings.server, listeners=(TEAM,)))
-    if TEAM not in settings.server.listeners:
-        return settings
-    return replace(settings, motion=replace(settings.motion, motion="timed"))
 
 
 def _undoable(mission: MissionSpec, file: TomlFile, simulation: SimulationSpec) -> Iterator[Problem]:
@@ -222,7 +198,10 @@ def _simulation(
     sensors: tuple[SensorSpec, ...],
     rows: DriveRows,
 ) -> SimulationSpec:
-    motion, wheels = settings.motion, settings.wheels
+    motion, wheels = settings.motion, None
+    if settings.wheels.layout != NO_WHEELS:
+        layout = WheelLayout(settings.wheels.layout)
+        wheels = WheelsSpec(**asdict(settings.wheels) | {"layout": layout})
     return SimulationSpec(
         maze=maze,
         robot=robot,
@@ -240,21 +219,11 @@ def _simulation(
         contact=ContactRule(motion.contact),
         clearance=motion.clearance,
         velocities=rows.velocities,
-        wheels=None if wheels.layout == NO_WHEELS else _wheels(wheels),
+        wheels=wheels,
         velocity_timeout=motion.velocity_timeout,
         loop_time=motion.loop_time,
         wall_friction=motion.wall_friction,
         control_period=motion.control_period,
-    )
-
-
-def _wheels(wheels: WheelsSettings) -> WheelsSpec:
-    return WheelsSpec(
-        layout=WheelLayout(wheels.layout),
-        track=wheels.track,
-        wheelbase=wheels.wheelbase,
-        radius=wheels.radius,
-        top_speed=wheels.top_speed,
     )
 
 

@@ -47,14 +47,14 @@ def read_cells(path: Path, problems: list[Problem]) -> Grid | None:
         what = f"has {rows} rows and {columns} columns; a maze has at most {MAX_CELLS} of each"
         problems.append(Problem(path.name, what))
         return None
-    return read_grid(table, _CELL, problems)
+    return read_grid(table, _CELL)
 
 
 def _read_floor(directory: Path, cells: Grid | None, problems: list[Problem]) -> Grid | None:
     table = read_csv(directory / FLOOR_FILE, problems)
     if table is None:
         return None
-    tiles = read_grid(table, _TILE, problems)
+    tiles = read_grid(table, _TILE)
     if tiles is not None and cells is not None:
         rows, columns = TILES_PER_CELL * len(cells), TILES_PER_CELL * len(cells[0])
         if (len(tiles), len(tiles[0])) != (rows, columns):

@@ -86,24 +86,19 @@ def draw_mission(mission: MissionSpec, simulation: SimulationSpec, seed: int) ->
 def mission_problems(mission: MissionSpec, simulation: SimulationSpec) -> list[tuple[str, str]]:
     """The reasons why a mission cannot be drawn or done: pairs of the key in mission.toml (empty for the
     whole) and the reason."""
-    problems = []
-    if simulation.gripper is None or not simulation.gripper.enabled:
-        problems.append(
-            (
-                "",
-                "a mission needs a gripper: an enabled row grip in drive.csv (simmer-tui init DIR "
-                "--mission writes a set with one)",
-            )
-        )
+    gripper = simulation.gripper
+    no_gripper = (
+        "a mission needs a gripper: an enabled row grip in drive.csv (simmer-tui init DIR --mission writes a "
+        "set with one)"
+    )
     ground = _Ground(mission, simulation)
-    for key, fault in (
+    faults = (
+        ("", "" if gripper is not None and gripper.enabled else no_gripper),
         ("start", ground.start_fault()),
         ("block", ground.block_fault()),
         ("drop_zone", ground.drop_zone_fault()),
-    ):
-        if fault:
-            problems.append((key, fault))
-    return problems
+    )
+    return [(key, fault) for key, fault in faults if fault]
 
 
 def cells_of(maze: MazeSpec, value: int) -> list[Cell]:
@@ -184,12 +179,9 @@ class _Ground:
                     right - CELL_SIZE - keep_off, top - CELL_SIZE - keep_off, right + keep_off, top + keep_off
                 )
             )
-            room = shapely.box(cell.x - _HALF, cell.y - _HALF, cell.x + _HALF, cell.y + _HALF).difference(
-                taken
-            )
-            if room.area > _LEAST_ROOM:
-                rooms.append(room)
-        return rooms
+            (low_x, low_y), (high_x, high_y) = cell.corners
+            rooms.append(shapely.box(low_x, low_y, high_x, high_y).difference(taken))
+        return [room for room in rooms if room.area > _LEAST_ROOM]
 
     def rooms(self, place: Place) -> list[BaseGeometry]:
         """The same with the robot at a place."""
@@ -201,8 +193,7 @@ class _Ground:
         block = self._mission.block
         if block is not None:
             return math.dist(place, block) >= self._apart
-        robot = shapely.Point(place).buffer(self._apart)
-        return any(room.difference(robot).area > _LEAST_ROOM for room in self._rooms)
+        return bool(self.rooms(place))
 
     def block_fault(self) -> str:
         if not self._simulation.block_size:

@@ -21,7 +21,7 @@ from simmer_tui.config import (
     sensors_csv,
     settings_file,
 )
-from simmer_tui.config.csv_table import COMMENT, ID, POLL_CHARACTER, delimiter_of
+from simmer_tui.config.csv_table import COMMENT, ID, POLL_CHARACTER, cells_of, delimiter_of, rows_by_header
 from simmer_tui.config.sets import MISSION_SET, bundled_sets, read_files
 from simmer_tui.config.settings import Setting, all_settings
 from simmer_tui.config.settings_file import with_all_settings
@@ -75,13 +75,15 @@ def with_mission(files: Mapping[str, bytes]) -> dict[str, bytes]:
     model = read_files(bundled_sets()[MISSION_SET])
     texts = {name: text_of(name, data) for name, data in files.items() if not name.endswith(".py")}
     drives, sensors = drive_csv.FILE, sensors_csv.FILE
-    missing = [name for name in (drives, sensors) if name not in texts]
-    if missing:
-        raise ConfigurationError([Problem(name, "is missing from the set") for name in missing])
-    taken = {row.get(POLL_CHARACTER, "") for name in (drives, sensors) for row in _rows(texts[name])}
+    problems = [Problem(name, "is missing from the set") for name in (drives, sensors) if name not in texts]
+    tables = [(name, texts[name]) for name in (drives, sensors) if name in texts]
+    problems += [Problem(name, "the file is empty") for name, text in tables if not cells_of(text)]
+    if problems:
+        raise ConfigurationError(problems)
+    taken = {row.get(POLL_CHARACTER, "") for name in (drives, sensors) for row in rows_by_header(texts[name])}
     for name, kind in ((drives, drive_csv.GRIPPER), (sensors, _LOAD)):
-        if not any(row.get(ID, "").lower().startswith(kind) for row in _rows(texts[name])):
-            wanted = next(row for row in _rows(model[name].decode()) if row[ID].startswith(kind))
+        if not any(row.get(ID, "").lower().startswith(kind) for row in rows_by_header(texts[name])):
+            wanted = next(row for row in rows_by_header(model[name].decode()) if row[ID].startswith(kind))
             code = _free_code(wanted[POLL_CHARACTER], taken)
             taken.add(code)
             texts[name] = _with_row(texts[name], wanted | {POLL_CHARACTER: code})
@@ -95,36 +97,16 @@ def _free_code(wanted: str, taken: Collection[str]) -> str:
     return next(code for code in (wanted, *others) if code not in taken)
 
 
-def _rows(text: str) -> list[dict[str, str]]:
-    """The rows under a header, by column; cells and headers without spaces around."""
-    lines = [
-        [cell.strip() for cell in row]
-        for row in csv.reader(io.StringIO(text), delimiter=delimiter_of(text), skipinitialspace=True)
-        if any(cell.strip() for cell in row) and not row[0].startswith(COMMENT)
-    ]
-    if not lines:
-        return []
-    header, *rest = lines
-    return [dict(zip(header, row, strict=False)) for row in rest]
-
-
 def _with_row(text: str, row: Mapping[str, str]) -> str:
     """A table with a row more, and the columns that it needs; comments stay behind the rows."""
-    delimiter = delimiter_of(text)
-    lines = [line for line in text.splitlines() if line.strip()]
-    comments = [line for line in lines if line.lstrip(' "').startswith(COMMENT)]
-    table = [
-        [cell.strip() for cell in cells]
-        for cells in csv.reader(
-            (line for line in lines if line not in comments), delimiter=delimiter, skipinitialspace=True
-        )
-    ]
+    comments = [line for line in text.splitlines() if line.lstrip(' "').startswith(COMMENT)]
+    table = cells_of(text)
     header = table[0]
     header += [name for name, value in row.items() if value and name not in header]
-    table = [[*cells, *[""] * (len(header) - len(cells))] for cells in table]
     table.append([row.get(name, "") for name in header])
     written = io.StringIO()
-    csv.writer(written, delimiter=delimiter, lineterminator="\n").writerows(table)
+    writer = csv.writer(written, delimiter=delimiter_of(text), lineterminator="\n")
+    writer.writerows([*cells, *[""] * (len(header) - len(cells))] for cells in table)
     return written.getvalue() + "".join(f"{line}\n" for line in comments)
 
 
@@ -140,11 +122,8 @@ def _comments(name: str, text: str) -> Iterable[str]:
         yield "The robot's outline from above, in its own frame: x ahead, y to the left, inches."
         yield from (f"{row}: {meaning}" for row, meaning in robot_csv.ROWS.items())
     elif name in (sensors_csv.FILE, drive_csv.FILE):
-        meanings = (
-            sensors_csv.meanings()
-            if name == sensors_csv.FILE
-            else {each.name: each.help for each in drive_csv.COLUMNS}
-        )
+        drives = {each.name: each.help for each in drive_csv.COLUMNS}
+        meanings = sensors_csv.meanings() if name == sensors_csv.FILE else drives
         present = [cell.strip() for cell in text.partition("\n")[0].split(delimiter_of(text))]
         yield "One row each. In brackets what a blank cell means. docs/sensors.md has more columns."
         yield from (f"{column}: {meanings[column]}" for column in present if column in meanings)

@@ -50,14 +50,9 @@ def nominal_of(configuration: Configuration, chosen: str | None = None) -> Nomin
     # Nearly every run has a bundled set: then one is enough to see that nothing differs.
     names = [configuration.name] if configuration.name in bundled else list(bundled)
     candidates = [_read(name, configuration) for name in names]
-    share, best = max(
-        ((_alike(configuration.simulation, each.spec), each) for each in candidates), key=_first
-    )
-    return best if share > _SAME else None
-
-
-def _first(pair: tuple[float, Nominal]) -> float:
-    return pair[0]
+    shares = [_alike(configuration.simulation, each.spec) for each in candidates]
+    best = max(shares)
+    return candidates[shares.index(best)] if best > _SAME else None
 
 
 def _read(name: str, configuration: Configuration) -> Nominal:
@@ -69,12 +64,8 @@ def _read(name: str, configuration: Configuration) -> Nominal:
 
 def _loaded(folder: Path, chosen: tuple[Any, ...]) -> Nominal:
     """A set with some values of the `_PROFILES`."""
-    # TOML has lists where settings have tuples.
-    given = {
-        name: list(value) if isinstance(value, tuple) else value
-        for name, value in zip(_PROFILES, chosen, strict=True)
-    }
-    overrides = {name: Override(f"{name} of the run", value) for name, value in given.items() if value}
+    given = zip(_PROFILES, chosen, strict=True)
+    overrides = {name: Override(f"{name} of the run", value) for name, value in given if value}
     return Nominal(set_name(folder), load(folder, overrides, devices=DeviceUse.PARSE).simulation)
 
 

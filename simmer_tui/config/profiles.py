@@ -159,17 +159,15 @@ def _movement(file: TomlFile, table: Mapping[str, Any], prefix: str) -> Mapping[
 def link_profile(name: str, place: str, problems: list[Problem]) -> Mapping[str, float] | None:
     """Read a link profile: values of the settings in [link] by name; None, and problems, if there is none
     of that name."""
-    before = len(problems)
-    file = _file(LINK, name, place, problems)
-    if file is None:
-        return None
     known = [
         replace(item, name=item.name.removeprefix(_SETTINGS_TABLE))
         for item in all_settings()
         if item.name.startswith(_SETTINGS_TABLE)
     ]
-    values = file.values((_TITLE, *known), needed=True)
-    return None if len(problems) > before else {item.name: values[item.name] for item in known}
+    before = len(problems)
+    file = _file(LINK, name, place, problems)
+    values = file.values((_TITLE, *known), needed=True) if file is not None else {}
+    return {item.name: values[item.name] for item in known} if len(problems) == before else None
 
 
 def sensor_profiles(

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from simmer_tui.config.csv_table import CsvRow, CsvTable, T, from_cell, read_csv
+from simmer_tui.config.csv_table import CsvRow, CsvTable, T, read_csv
 from simmer_tui.errors import Problem
 from simmer_tui.sim.rules import IntegerRule, NumberRule, Rule
 from simmer_tui.sim.specs import CELL_SIZE, RobotSpec
@@ -34,55 +34,47 @@ def load_robot(directory: Path, problems: list[Problem]) -> RobotSpec | None:
     table = read_csv(directory / FILE, problems)
     if table is None:
         return None
-    shape = _read_cell(table, 0, _B, "shape", _SHAPE, problems)
+    shape = _read_cell(table, 0, _B, "shape", _SHAPE)
     if shape in _SIZES:
-        sizes = [
-            _read_cell(table, row, _B, name, _SIZE, problems) for row, name in enumerate(_SIZES[shape], 1)
-        ]
-        is_complete = _refuse_further_rows(table, problems)
+        sizes = [_read_cell(table, row, _B, name, _SIZE) for row, name in enumerate(_SIZES[shape], 1)]
+        is_complete = _refuse_further_rows(table)
         given = [size for size in sizes if size is not None]
         if not is_complete or len(given) < len(sizes):
             return None
         return RobotSpec.circle(*given) if shape == _CIRCLE else RobotSpec.rectangle(*given)
-    return _read_polygon(table, problems) if shape == _POLYGON else None
+    return _read_polygon(table) if shape == _POLYGON else None
 
 
-def _read_cell(
-    table: CsvTable, index: int, column: int, name: str, rule: Rule[T], problems: list[Problem]
-) -> T | None:
+def _read_cell(table: CsvTable, index: int, column: int, name: str, rule: Rule[T]) -> T | None:
     """The value in row `index`; None, and a problem, if it is missing or wrong."""
     row = table.rows[index] if index < len(table.rows) else CsvRow(table.rows[-1].line + 1, ())
-    try:
-        return from_cell(rule, row.cell(column))
-    except ValueError as error:
-        problems.append(Problem(table.where(row, column), f"the {name} {error}"))
-        return None
+    return table.value(row, column, rule, name)
 
 
-def _refuse_further_rows(table: CsvTable, problems: list[Problem]) -> bool:
+def _refuse_further_rows(table: CsvTable) -> bool:
     """Values below row 3 are most likely the vertices of a polygon whose shape is not set to 2."""
     further = [row for row in table.rows[3:] if row.cell(_B) or row.cell(_C)]
     if further:
         what = "a circle or rectangle ends with row 3; only shape 2, a polygon, has more rows"
-        problems.append(Problem(table.where(further[0], _B), what))
+        table.complain(further[0], _B, what)
     return not further
 
 
-def _read_polygon(table: CsvTable, problems: list[Problem]) -> RobotSpec | None:
+def _read_polygon(table: CsvTable) -> RobotSpec | None:
     vertices: list[Vertex] = []
-    before = len(problems)
+    before = len(table.problems)
     for index in range(1, len(table.rows)):
-        x = _read_cell(table, index, _B, "vertex's x (in)", _COORDINATE, problems)
-        y = _read_cell(table, index, _C, "vertex's y (in)", _COORDINATE, problems)
+        x = _read_cell(table, index, _B, "vertex's x (in)", _COORDINATE)
+        y = _read_cell(table, index, _C, "vertex's y (in)", _COORDINATE)
         if x is not None and y is not None and (x, y) not in vertices[-1:]:
             vertices.append((x, y))
-    if len(problems) > before:
+    if len(table.problems) > before:
         return None
     if len(vertices) > 1 and vertices[0] == vertices[-1]:
         vertices.pop()
     what = outline_fault(vertices)
     if what:
-        problems.append(Problem(f"{FILE}:{table.rows[min(1, len(table.rows) - 1)].line}:B", what))
+        table.complain(table.rows[min(1, len(table.rows) - 1)], _B, what)
         return None
     return RobotSpec.polygon(tuple(vertices))
 

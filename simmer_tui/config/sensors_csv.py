@@ -67,16 +67,16 @@ def load_sensors(
     owners = _owners(kinds)
     cells: dict[type[SensorKind] | None, _Cells] = {}
     specs = []
-    for row in read_table(table, HEADERS, optional, problems):
+    for row in read_table(table, HEADERS, optional):
         before = len(problems)
-        identity = _read_id(row, kinds, seen, problems)
-        values = read_flags(row, codes, problems)
+        identity = _read_id(row, kinds, seen)
+        values = read_flags(row, codes)
         kind = identity[0] if identity else None
         if kind not in cells:
             cells[kind] = _cells_of(kind, owners, optional)
-        values |= cells[kind].read(row, problems)
+        values |= cells[kind].read(row)
         if identity and row.has((CODE, ENABLED)) and len(problems) == before:
-            specs.append(_spec(*identity, row, values, problems))
+            specs.append(_spec(*identity, row, values))
     return tuple(specs)
 
 
@@ -87,13 +87,11 @@ class _Cells(NamedTuple):
     columns: tuple[CsvColumn, ...]
     blank: Mapping[str, str]
 
-    def read(self, row: TableRow, problems: list[Problem]) -> dict[str, Any]:
-        values = row.cells(self.columns, problems)
+    def read(self, row: TableRow) -> dict[str, Any]:
+        values = row.cells(self.columns)
         for header, owners in self.blank.items():
             shown = describe(row.values.get(header))
-            row.refuse(
-                [header], f"is for {owners} only; leave it blank for {self.kind}, not {shown}", problems
-            )
+            row.refuse([header], f"is for {owners} only; leave it blank for {self.kind}, not {shown}")
         return values
 
 
@@ -126,9 +124,7 @@ def _owners(kinds: SensorKinds) -> dict[str, list[str]]:
     return owners
 
 
-def _spec(
-    kind: type[SensorKind], number: int, row: TableRow, values: dict[str, Any], problems: list[Problem]
-) -> SensorSpec:
+def _spec(kind: type[SensorKind], number: int, row: TableRow, values: dict[str, Any]) -> SensorSpec:
     """The sensor of a row without mistakes; values that contradict each other are a problem."""
     defaults = {column.field: column.default for column in kind.columns if column.default is not None}
     spec = kind.spec_type(kind=kind, number=number, **(defaults | values))
@@ -136,13 +132,11 @@ def _spec(
     if contradiction is not None:
         columns, what = contradiction
         place = next((c.name for c in columns if row.values.get(c.name)), columns[0].name)
-        problems.append(Problem(row.where(place), what))
+        row.complain(place, what)
     return spec
 
 
-def _read_id(
-    row: TableRow, kinds: SensorKinds, seen: dict[str, int], problems: list[Problem]
-) -> tuple[type[SensorKind], int] | None:
+def _read_id(row: TableRow, kinds: SensorKinds, seen: dict[str, int]) -> tuple[type[SensorKind], int] | None:
     """The kind and the number in an ID; None, and a problem, if it is wrong or there already."""
     text = row.values.get(ID)
     if text is None:
@@ -153,7 +147,7 @@ def _read_id(
         number = _NUMBER_AT_END.search(text)
         hint = did_you_mean(text, [f"{kind}{number[0] if number else 1}" for kind in kinds])
         what = f"must be a type and a number, such as ultra1, not {shown}{hint}"
-        problems.append(Problem(row.where(ID), f"{what} (types: {listed(kinds)})"))
+        row.complain(ID, f"{what} (types: {listed(kinds)})")
         return None
     kind, number_value = kinds[match[1]], int(match[2])
-    return (kind, number_value) if claim_id(f"{kind.name}{number_value}", row, seen, problems) else None
+    return (kind, number_value) if claim_id(f"{kind.name}{number_value}", row, seen) else None

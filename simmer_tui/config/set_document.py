@@ -4,6 +4,8 @@ from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from operator import attrgetter
 
+from msgspec.structs import astuple
+
 from simmer_tui.config.loader import Configuration
 from simmer_tui.config.mission_toml import Heading
 from simmer_tui.config.set_warnings import set_warnings
@@ -79,21 +81,8 @@ DIFFERENCES = DataTable(
     "differences", "Lines of an exchange in which the dialect answers otherwise", _columns("line text")
 )
 TABLES = (
-    CHECK,
-    PROBLEMS,
-    WARNINGS,
-    MAZE,
-    ROBOT,
-    BLOCK,
-    SENSORS,
-    DEVICES,
-    DRIVES,
-    GRIPPER,
-    VELOCITIES,
-    MISSION,
-    MESSAGES,
-    TURNED,
-    DIFFERENCES,
+    *(CHECK, PROBLEMS, WARNINGS, MAZE, ROBOT, BLOCK, SENSORS, DEVICES, DRIVES, GRIPPER, VELOCITIES),
+    *(MISSION, MESSAGES, TURNED, DIFFERENCES),
 )
 
 
@@ -135,18 +124,13 @@ def set_document(configuration: Configuration) -> Document:
         settings_table().filled([[value_of(settings, each.name) for each in all_settings()]]),
     ]
     if configuration.device_statuses:
-        rows = [
-            (each.path, each.sha256, each.trusted, each.ran, each.kinds, each.unfinished)
-            for each in configuration.device_statuses
-        ]
-        parts.append(DEVICES.filled(rows))
+        parts.append(DEVICES.filled([astuple(each) for each in configuration.device_statuses]))
     gripper = spec.gripper
     if gripper is not None:
         parts.append(GRIPPER.filled([(gripper.code, gripper.enabled, *_values(gripper, columns.GRIPPER))]))
     if spec.velocities:
-        parts.append(
-            VELOCITIES.filled([(each.kind.value, each.code, each.enabled) for each in spec.velocities])
-        )
+        rows = [(each.kind.value, each.code, each.enabled) for each in spec.velocities]
+        parts.append(VELOCITIES.filled(rows))
     if mission is not None:
         drawn = isinstance(mission.heading, Heading)
         heading = (None, mission.heading) if drawn else (mission.heading, None)
@@ -184,10 +168,8 @@ def _plain(value: object) -> object:
 
 def _values(spec: object, values: Iterable[Value]) -> list[object]:
     """Values of a sensor, a drive or the gripper; None for one that its kind does not have."""
-    found = []
-    for value in values:
-        try:
-            found.append(attrgetter(value.field)(spec))
-        except AttributeError:  # a kind's own column, of another kind
-            found.append(None)
-    return found
+    # A kind's own column may be of another kind; only `error.x` and its like have a dot.
+    return [
+        attrgetter(value.field)(spec) if hasattr(spec, value.field.partition(".")[0]) else None
+        for value in values
+    ]

@@ -5,9 +5,10 @@ from collections.abc import Sequence
 import numpy as np
 import shapely
 from msgspec import Struct
-from numpy.typing import NDArray
+from shapely.geometry.base import BaseGeometry
 
 from simmer_tui.config import dialects
+from simmer_tui.config.describe_code import values_of
 from simmer_tui.config.loader import Configuration
 from simmer_tui.config.mission_toml import Heading, MissionSpec
 from simmer_tui.config.robot_drawing import robot_drawing
@@ -46,16 +47,15 @@ class _Glyphs(Struct, frozen=True):
     """The characters of a drawing; `arrows` begin at +X and go counter-clockwise."""
 
     wall: str
-    robot: str
     block: str
     arrows: str
 
 
-_UNICODE = _Glyphs(wall="█", robot="o", block="■", arrows="→↗↑↖←↙↓↘")
-_ASCII = _Glyphs(wall="#", robot="o", block="B", arrows=">^<v")
+_UNICODE = _Glyphs(wall="█", block="■", arrows="→↗↑↖←↙↓↘")
+_ASCII = _Glyphs(wall="#", block="B", arrows=">^<v")
 # Columns of sensors.csv that the table has too.
 _IN_TABLE = {column.name for column in BASE} - {THRESHOLD.name}
-_EMPTY, _START, _BLOCK_CELL = " ", "s", "b"
+_EMPTY, _ROBOT, _START, _BLOCK_CELL = " ", "o", "s", "b"
 
 
 def summarize(configuration: Configuration, *, ascii_only: bool = False) -> str:
@@ -115,40 +115,31 @@ def _draw(spec: SimulationSpec, glyphs: _Glyphs) -> list[str]:
     xs = (np.arange(len(canvas[0])) + 0.5) * CELL_SIZE / across
     ys = maze.height - (np.arange(len(canvas)) + 0.5) * CELL_SIZE / down
     middles = shapely.points(*np.meshgrid(xs, ys))
+
+    def fill(shape: BaseGeometry, margin: float, glyph: str) -> None:
+        for row, column in np.argwhere(np.asarray(shapely.distance(shape, middles)) <= margin):
+            canvas[row][column] = glyph
+
+    def put(place: tuple[float, float], glyph: str) -> None:
+        column = int(place[0] * across / CELL_SIZE)
+        row = int((maze.height - place[1]) * down / CELL_SIZE)
+        canvas[min(row, len(canvas) - 1)][min(column, len(canvas[0]) - 1)] = glyph
+
     if spec.block_size:
-        block = Block(*spec.block_center, spec.block_size).corners()
-        _fill(canvas, np.asarray(shapely.distance(shapely.Polygon(block), middles)) <= 0, glyphs.block)
+        fill(shapely.Polygon(Block(*spec.block_center, spec.block_size).corners()), 0.0, glyphs.block)
     for part in Footprint.of(spec.robot).shapes(Pose(*spec.bot_center, spec.bot_rot)):
-        _fill(canvas, np.asarray(shapely.distance(part.geometry, middles)) <= part.margin, glyphs.robot)
+        fill(part.geometry, part.margin, _ROBOT)
     if spec.block_size:
-        _put(canvas, spec, spec.block_center, across, down, glyphs.block)
+        put(spec.block_center, glyphs.block)
     directions = len(glyphs.arrows)
     arrow = glyphs.arrows[round(spec.bot_rot % 360 / (360 / directions)) % directions]
-    _put(canvas, spec, spec.bot_center, across, down, arrow)
+    put(spec.bot_center, arrow)
     edge = "+" + "-" * (across * maze.columns) + "+"
     legend = (
-        f"{glyphs.wall} wall, {glyphs.robot} robot ({arrow} heading), {glyphs.block} block, "
+        f"{glyphs.wall} wall, {_ROBOT} robot ({arrow} heading), {glyphs.block} block, "
         f"{_START} start cell, {_BLOCK_CELL} block cell"
     )
     return [edge, *(f"|{''.join(line)}|" for line in canvas), edge, legend]
-
-
-def _fill(canvas: list[list[str]], chosen: NDArray[np.bool_], glyph: str) -> None:
-    for row, column in np.argwhere(chosen):
-        canvas[row][column] = glyph
-
-
-def _put(
-    canvas: list[list[str]],
-    spec: SimulationSpec,
-    place: tuple[float, float],
-    across: int,
-    down: int,
-    glyph: str,
-) -> None:
-    column = int(place[0] * across / CELL_SIZE)
-    row = int((spec.maze.height - place[1]) * down / CELL_SIZE)
-    canvas[min(row, len(canvas) - 1)][min(column, len(canvas[0]) - 1)] = glyph
 
 
 def _point(place: tuple[float, float]) -> str:
@@ -186,24 +177,19 @@ def _sensor_row(sensor: SensorSpec) -> tuple[str, ...]:
     return (
         sensor.code,
         sensor.id,
-        f"{sensor.x:g}",
-        f"{sensor.y:g}",
-        f"{sensor.z:g}",
-        f"{sensor.rotation:g}",
-        f"{sensor.error:g}",
+        *(f"{each:g}" for each in (sensor.x, sensor.y, sensor.z, sensor.rotation, sensor.error)),
         f"{sensor.field_of_view:g}" if has_view else "",
         ", ".join(_sensor_notes(sensor)),
     )
 
 
 def _sensor_notes(sensor: SensorSpec) -> list[str]:
-    plain = sensor.kind.spec_type(kind=sensor.kind, number=sensor.number, code=sensor.code)
     notes = [] if sensor.enabled else ["disabled"]
-    for column in sensor.kind.columns:
-        value = getattr(sensor, column.field)
-        if column.name not in _IN_TABLE and (column.needed or value != getattr(plain, column.field)):
-            notes.append(f"{column.label or column.shown} {column.rule.shown(value)}")
-    return notes
+    return notes + [
+        shown
+        for column, shown, usual in values_of(sensor)
+        if column.name not in _IN_TABLE and (column.needed or not usual)
+    ]
 
 
 def _devices(configuration: Configuration) -> list[str]:
@@ -250,11 +236,9 @@ def _gripper(gripper: GripperSpec | None) -> list[str]:
 def _velocities(spec: SimulationSpec) -> list[str]:
     """Commands of continuous motion, as a program sends them."""
     shown = [velocity_shape(each, spec.wheels) for each in spec.velocities if each.enabled]
-    return (
-        ["", f"Continuous motion: {', '.join(each for each in shown if each)}; {WAIT}-S waits"]
-        if shown
-        else []
-    )
+    if not shown:
+        return []
+    return ["", f"Continuous motion: {', '.join(each for each in shown if each)}; {WAIT}-S waits"]
 
 
 def _axes(axes: Axes) -> str:
@@ -267,11 +251,9 @@ def _settings(configuration: Configuration) -> list[str]:
     bias = "not used"
     if settings.randbias:
         bias = f"drawn at start, strength {settings.strength[0]:g} and {settings.strength[1]:g}"
-    profiles = [
-        name for name in (settings.drive_profile, *settings.sensor_profile, settings.link_profile) if name
-    ]
+    profiles = filter(None, (settings.drive_profile, *settings.sensor_profile, settings.link_profile))
     return [
-        *([f"Profiles: {', '.join(profiles)}."] if profiles else []),
+        *([f"Profiles: {', '.join(profiles)}."] if settings.uses_profiles else []),
         f"Random errors: {noise}. Random drive bias: {bias}.",
         f"Movement: {settings.num_segments} segments a command, pause after each {settings.step_time:g} s.",
         *_ports(settings),
@@ -295,18 +277,14 @@ def _dialect(dialect: DialectRules | None) -> list[str]:
         return ["", f"Messages of the dialect: the course's protocol {dialect.protocol.value}"]
     rows = [tuple(escape(cell, 100) for cell in row) for row in dictionary(dialect)]
     turned = [tuple(escape(cell, 100) for cell in row) for row in InverseRules(dialect).dictionary()]
+    lines = ["", "Messages of the dialect", *_table(("message", "does", "replies, for example"), rows), ""]
     if not turned:
-        what = 'With --serial only its program drives the robot: no rule is a plain stop (do = "stop")'
-        driven = ["", what]
-    else:
-        driven = ["", "Commands of console, keys and TCP programs for a real robot (--serial)"]
-        driven += _table(("command", "message"), turned)
-    return [
-        "",
-        "Messages of the dialect",
-        *_table(("message", "does", "replies, for example"), rows),
-        *driven,
-    ]
+        return [
+            *lines,
+            'With --serial only its program drives the robot: no rule is a plain stop (do = "stop")',
+        ]
+    driven = _table(("command", "message"), turned)
+    return [*lines, "Commands of console, keys and TCP programs for a real robot (--serial)", *driven]
 
 
 def _mission(mission: MissionSpec | None) -> list[str]:

@@ -51,17 +51,24 @@ class Setting(Value, frozen=True, kw_only=True):
     """One setting as readers and options see it. In the fields below without what follows from the field.
 
     `name` is dotted for one in a table (`server.port`). `group` is its heading in `--help`, for one in
-    a table the table's name. `option` is its long option, by default its name with hyphens; one that ends in
-    a hyphen comes before the name. `metavar` is the rule's unless given. `alone` is the value of the option
-    without one; empty where it needs one.
+    a table the table's name. `option` is its long option, by default that of `_OPTIONS` for its table; one
+    that ends in a hyphen comes before the name. `metavar` is the rule's unless given. `alone` is the value of
+    the option without one; empty where it needs one.
     """
 
     group: str = ""
-    option: str = "--"
+    option: str = ""
     metavar: str = ""
     alone: str = ""
 
 
+_Pair = tuple[float, float]
+_Names = tuple[str, ...]
+# Only tables whose names would be wrong or unclear alone: `track` is --wheels-track, `fps` is --fps.
+_OPTIONS = {"wheels": "--wheels-", "link": "--link-", "web": "--web-", "keys": "--key-"}
+"""The beginning of the options of a table's settings, where it is not `--`."""
+# Names of [serial] that other tables have too, or that say too little alone.
+_SERIAL = "--serial-"
 # Of a course's robot they are the team's: they only say how its program talks.
 _talk = functools.partial(Setting, course=CourseRule.FREE)
 
@@ -70,29 +77,42 @@ def _port(port: dialects.DialectPort) -> Setting:
     return _talk(IntegerRule(0, 65535), port.help, metavar="PORT")
 
 
+def _number(low: float, high: float, help_text: str, unit: str = "", option: str = "") -> Setting:
+    """A number within bounds, the bounds included."""
+    return Setting(NumberRule(low, high), help_text, unit, option=option)
+
+
+def _whole(low: int, high: int, help_text: str) -> Setting:
+    """A whole number within bounds, the bounds included."""
+    return Setting(IntegerRule(low, high), help_text)
+
+
+def _flag(help_text: str, option: str = "") -> Setting:
+    """True or false."""
+    return Setting(FlagRule(), help_text, option=option)
+
+
 def _key(help_text: str) -> Setting:
     """The keys of one action, comma-separated names as Textual has them; empty for none."""
-    return Setting(TextRule(blank=True), help_text, option="--key-", metavar="KEYS")
+    return _text(help_text, "KEYS")
 
 
-def _choice(words: str, help_text: str, option: str = "--") -> Setting:
+def _choice(words: str, help_text: str, option: str = "") -> Setting:
     """One of a few words, given with spaces between them."""
     return Setting(ChoiceRule(tuple(words.split())), help_text, option=option)
 
 
-def _text(help_text: str, metavar: str, option: str = "--") -> Setting:
-    """A line of text, which may be empty."""
-    return Setting(TextRule(blank=True), help_text, option=option, metavar=metavar)
+def _text(help_text: str, metavar: str = "", option: str = "", *, blank: bool = True) -> Setting:
+    """A line of text, which may be empty unless it must not be `blank`."""
+    return Setting(TextRule(blank), help_text, option=option, metavar=metavar)
 
 
 class ServerSettings(Struct, frozen=True, kw_only=True):
     """The ports and the form of replies."""
 
-    host: Annotated[str, Setting(TextRule(), "address the ports are taken on", metavar="ADDRESS")] = (
-        "127.0.0.1"
-    )
+    host: Annotated[str, _text("address the ports are taken on", "ADDRESS", blank=False)] = "127.0.0.1"
     listeners: Annotated[
-        tuple[str, ...], _talk(SeveralRule(()), "which programs are served: binary, packets, dialect")
+        _Names, _talk(SeveralRule(()), "which programs are served: binary, packets, dialect")
     ] = ("binary",)
     port: Annotated[int, _port(dialects.COMMANDS)] = dialects.COMMANDS.default
     reply_port: Annotated[int, _port(dialects.REPLIES)] = dialects.REPLIES.default
@@ -107,26 +127,21 @@ class ServerSettings(Struct, frozen=True, kw_only=True):
         str, _talk(ChoiceRule(("float64", "float32", "text")), "how packets without brackets are answered")
     ] = "float64"
     idle: Annotated[
-        float,
-        Setting(NumberRule(0.1, 3600), "silence after which a program that sends packets has left", "s"),
+        float, _number(0.1, 3600, "silence after which a program that sends packets has left", "s")
     ] = 10.0
     belief_port: Annotated[int, _port(dialects.BELIEFS)] = dialects.BELIEFS.default
     dialect_port: Annotated[int, _port(dialects.SERIAL)] = dialects.SERIAL.default
     line: Annotated[
-        str,
-        _choice("baud instant", "time of a byte on a dialect's line: by its baud rate, or none"),
+        str, _choice("baud instant", "time of a byte on a dialect's line: by its baud rate, or none")
     ] = "baud"
     serial_names: Annotated[
-        tuple[str, ...],
+        _Names,
         Setting(NamesRule(), "serial ports that lead a dialect's program to the robot; by default all"),
     ] = ()
     pty: Annotated[
-        str,
-        _text("path of a pseudo-terminal that is a dialect's serial port (not on Windows)", "PATH"),
+        str, _text("path of a pseudo-terminal that is a dialect's serial port (not on Windows)", "PATH")
     ] = ""
-    any_user: Annotated[
-        bool, Setting(FlagRule(), "let programs of other users of this machine connect (Linux)")
-    ] = False
+    any_user: Annotated[bool, _flag("let programs of other users of this machine connect (Linux)")] = False
     token: Annotated[
         str, _text("token that programs must send as their first line; also from SIMMER_TOKEN", "WORD")
     ] = ""
@@ -154,7 +169,7 @@ class MotionSettings(Struct, frozen=True, kw_only=True):
         ),
     ] = AUTO_CLOCK
     time_scale: Annotated[
-        float, Setting(NumberRule(0.01, 1000), "simulated seconds that pass in a second of timed motion")
+        float, _number(0.01, 1000, "simulated seconds that pass in a second of timed motion")
     ] = 1.0
     contact: Annotated[
         str,
@@ -164,31 +179,24 @@ class MotionSettings(Struct, frozen=True, kw_only=True):
         ),
     ] = "drive"
     clearance: Annotated[
-        float,
-        Setting(NumberRule(0, 1), "how far before a contact the robot stands still, along its path", "in"),
+        float, _number(0, 1, "how far before a contact the robot stands still, along its path", "in")
     ] = 0.0
-    block_solid: Annotated[bool, Setting(FlagRule(), "the block stops the robot as a wall does")] = False
+    block_solid: Annotated[bool, _flag("the block stops the robot as a wall does")] = False
     velocity_timeout: Annotated[
         float,
-        Setting(
-            NumberRule(0, 3600),
-            "simulated time after which a velocity ends if it is not sent again, 0: never",
-            "s",
-        ),
+        _number(0, 3600, "simulated time after which a velocity ends if it is not sent again, 0: never", "s"),
     ] = 0.0
     loop_time: Annotated[
         float,
-        Setting(
-            NumberRule(0.001, 1),
+        _number(
+            *(0.001, 1),
             "simulated time that a pass of a program's loop takes in instant motion while its robot drives",
             "s",
         ),
     ] = 0.02
-    wall_friction: Annotated[
-        float, Setting(NumberRule(0, 1), "friction of a robot that slides along a wall")
-    ] = 0.3
+    wall_friction: Annotated[float, _number(0, 1, "friction of a robot that slides along a wall")] = 0.3
     control_period: Annotated[
-        float, Setting(NumberRule(0.001, 0.2), "period of the robot's speed control: steps of a ramp", "s")
+        float, _number(0.001, 0.2, "period of the robot's speed control: steps of a ramp", "s")
     ] = 0.02
 
     @property
@@ -206,8 +214,7 @@ class SensorsSettings(Struct, frozen=True, kw_only=True):
     """Kinds of sensors that a team wrote itself."""
 
     devices: Annotated[
-        tuple[str, ...],
-        Setting(NamesRule(), "files of the set with sensors of its own, such as devices/thermal.py"),
+        _Names, Setting(NamesRule(), "files of the set with sensors of its own, such as devices/thermal.py")
     ] = ()
 
 
@@ -223,22 +230,12 @@ class WheelsSettings(Struct, frozen=True, kw_only=True):
         Setting(
             ChoiceRule((NO_WHEELS, *(layout.value for layout in WheelLayout))),
             "arrangement of the wheels; with none there is no command for rim speeds",
-            option="--wheels-",
         ),
     ] = NO_WHEELS
-    track: Annotated[
-        float, Setting(NumberRule(0.1, 24), "distance of left and right wheels", "in", option="--wheels-")
-    ] = 6.0
-    wheelbase: Annotated[
-        float, Setting(NumberRule(0.1, 24), "distance of front and rear wheels", "in", option="--wheels-")
-    ] = 6.0
-    radius: Annotated[
-        float,
-        Setting(NumberRule(0.1, 12), "distance of omni wheels from the centre", "in", option="--wheels-"),
-    ] = 3.0
-    top_speed: Annotated[
-        float, Setting(NumberRule(0.1, 1000), "greatest speed of a rim", "in/s", option="--wheels-")
-    ] = 12.0
+    track: Annotated[float, _number(0.1, 24, "distance of left and right wheels", "in")] = 6.0
+    wheelbase: Annotated[float, _number(0.1, 24, "distance of front and rear wheels", "in")] = 6.0
+    radius: Annotated[float, _number(0.1, 12, "distance of omni wheels from the centre", "in")] = 3.0
+    top_speed: Annotated[float, _number(0.1, 1000, "greatest speed of a rim", "in/s")] = 12.0
 
 
 class LinkSettings(Struct, frozen=True, kw_only=True):
@@ -246,16 +243,9 @@ class LinkSettings(Struct, frozen=True, kw_only=True):
 
     latency: Annotated[
         float,
-        Setting(
-            NumberRule(0, 10),
-            "simulated time a message is under way between program and robot, each way",
-            "s",
-            option="--link-latency",
-        ),
+        _number(0, 10, "simulated time a message is under way between program and robot, each way", "s"),
     ] = 0.0
-    jitter: Annotated[
-        float, Setting(NumberRule(0, 10), "most that is added to it at random", "s", option="--link-jitter")
-    ] = 0.0
+    jitter: Annotated[float, _number(0, 10, "most that is added to it at random", "s")] = 0.0
 
 
 class SerialSettings(Struct, frozen=True, kw_only=True):
@@ -264,19 +254,13 @@ class SerialSettings(Struct, frozen=True, kw_only=True):
     port: Annotated[
         str, _text("serial port or URL of a real robot, which is then driven", "PORT", "--serial")
     ] = ""
-    baud: Annotated[int, Setting(IntegerRule(50, 4_000_000), "bits a second on the port")] = 9600
+    baud: Annotated[int, _whole(50, 4_000_000, "bits a second on the port")] = 9600
     timeout: Annotated[
-        float,
-        Setting(
-            NumberRule(0.01, 3600),
-            "after how long a command without a reply is answered NaN",
-            "s",
-            option="--serial-timeout",
-        ),
+        float, _number(0.01, 3600, "after how long a command without a reply is answered NaN", "s", _SERIAL)
     ] = 5.0
-    suffix: Annotated[
-        str, _choice("none lf crlf", "line end added to commands that have none", "--serial-suffix")
-    ] = "none"
+    suffix: Annotated[str, _choice("none lf crlf", "line end added to commands that have none", _SERIAL)] = (
+        "none"
+    )
     reply_end: Annotated[
         str,
         _choice(
@@ -294,14 +278,11 @@ class SerialSettings(Struct, frozen=True, kw_only=True):
     robot_byte_order: Annotated[
         str, _choice("big little", "order of the bytes in such a float32 or float64 reply")
     ] = "little"
-    record: Annotated[
-        str, _text("file that keeps what goes to the real robot and comes from it", "FILE", "--record")
-    ] = ""
-    velocity: Annotated[
-        bool,
-        Setting(FlagRule(), "the robot knows the commands of continuous motion", option="--serial-velocity"),
-    ] = False
-    stop: Annotated[str, Setting(TextRule(), "what stops the robot at once", option="--serial-stop")] = "xx"
+    record: Annotated[str, _text("file that keeps what goes to the real robot and comes from it", "FILE")] = (
+        ""
+    )
+    velocity: Annotated[bool, _flag("the robot knows the commands of continuous motion", _SERIAL)] = False
+    stop: Annotated[str, _text("what stops the robot at once", option=_SERIAL, blank=False)] = "xx"
 
 
 OFF = "off"
@@ -328,18 +309,15 @@ class WebSettings(Struct, frozen=True, kw_only=True):
         _text(
             "address on which other machines may look too, with the link that is shown at the start",
             "ADDRESS",
-            "--web-host",
         ),
     ] = ""
-    control: Annotated[
-        bool, Setting(FlagRule(), "let the page drive, as console and keys do", option="--web-control")
-    ] = False
+    control: Annotated[bool, _flag("let the page drive, as console and keys do")] = False
 
 
 class ScreenSettings(Struct, frozen=True, kw_only=True):
     """Looks of the terminal app, and lengths of its keys' drives."""
 
-    fps: Annotated[int, Setting(IntegerRule(1, 20), "pictures a second")] = 15
+    fps: Annotated[int, _whole(1, 20, "pictures a second")] = 15
     pace: Annotated[
         float,
         Setting(
@@ -352,19 +330,19 @@ class ScreenSettings(Struct, frozen=True, kw_only=True):
         str, _choice("auto quadrant sextant octant half ascii", "characters the maze is drawn with")
     ] = "auto"
     theme: Annotated[str, _choice("dark light high-contrast", "colours of the screen")] = "dark"
-    mouse: Annotated[bool, Setting(FlagRule(), "use the mouse, else it is left to the terminal")] = True
-    step: Annotated[float, Setting(NumberRule(0, 1000), "length of a key's drive", "in")] = 3.0
-    fine_step: Annotated[float, Setting(NumberRule(0, 1000), "the same with Shift", "in")] = 0.5
-    turn: Annotated[float, Setting(NumberRule(0, 3600), "angle of a key's turn", "deg")] = 15.0
-    fine_turn: Annotated[float, Setting(NumberRule(0, 3600), "the same with Shift", "deg")] = 3.0
+    mouse: Annotated[bool, _flag("use the mouse, else it is left to the terminal")] = True
+    step: Annotated[float, _number(0, 1000, "length of a key's drive", "in")] = 3.0
+    fine_step: Annotated[float, _number(0, 1000, "the same with Shift", "in")] = 0.5
+    turn: Annotated[float, _number(0, 3600, "angle of a key's turn", "deg")] = 15.0
+    fine_turn: Annotated[float, _number(0, 3600, "the same with Shift", "deg")] = 3.0
     keys_velocity: Annotated[
-        bool, Setting(FlagRule(), "a key that is held drives at a velocity until it is let go, not by steps")
+        bool, _flag("a key that is held drives at a velocity until it is let go, not by steps")
     ] = False
     # 6 in/s crosses a cell of the course's maze in 2 s, and 45 deg/s a quarter turn: slow enough to react to.
     keys_speed: Annotated[
-        float, Setting(NumberRule(0, 1000), "velocity of a held key; with Shift less, as steps are", "in/s")
+        float, _number(0, 1000, "velocity of a held key; with Shift less, as steps are", "in/s")
     ] = 6.0
-    keys_turn_speed: Annotated[float, Setting(NumberRule(0, 3600), "the same of a turn", "deg/s")] = 45.0
+    keys_turn_speed: Annotated[float, _number(0, 3600, "the same of a turn", "deg/s")] = 45.0
 
 
 class KeySettings(Struct, frozen=True, kw_only=True):
@@ -403,36 +381,23 @@ class KeySettings(Struct, frozen=True, kw_only=True):
 class Settings(Struct, frozen=True, kw_only=True):
     """settings.toml and the options together. Units: inches, degrees, seconds."""
 
-    bot_center: Annotated[
-        tuple[float, float], Setting(PairRule(), "where the robot's centre starts", "in")
-    ] = (9.5, 42.0)
+    bot_center: Annotated[_Pair, Setting(PairRule(), "where the robot's centre starts", "in")] = (9.5, 42.0)
     bot_rot: Annotated[
         float, Setting(NumberRule(), "start heading, counter-clockwise from +X", "deg", metavar="ANGLE")
     ] = 0.0
-    block_center: Annotated[tuple[float, float], Setting(PairRule(), "where the block's centre is", "in")] = (
-        25.0,
-        41.0,
-    )
+    block_center: Annotated[_Pair, Setting(PairRule(), "where the block's centre is", "in")] = (25.0, 41.0)
     blocksize: Annotated[
         float, Setting(NumberRule(0), "side length of the block, 0 for no block at all", "in")
     ] = 3.0
-    num_segments: Annotated[int, Setting(IntegerRule(1, 10_000), "equal parts each movement is cut into")] = (
-        10
-    )
-    step_time: Annotated[
-        float, Setting(NumberRule(0, 3600), "pause after every command, before its reply", "s")
-    ] = 0.0
-    randerror: Annotated[
-        bool, Setting(FlagRule(), "random errors differ from run to run, else come from seed")
-    ] = True
+    num_segments: Annotated[int, _whole(1, 10_000, "equal parts each movement is cut into")] = 10
+    step_time: Annotated[float, _number(0, 3600, "pause after every command, before its reply", "s")] = 0.0
+    randerror: Annotated[bool, _flag("random errors differ from run to run, else come from seed")] = True
     seed: Annotated[
-        int, Setting(IntegerRule(0, MAX_SEED), "seed of the random errors; the option implies --no-randerror")
+        int, _whole(0, MAX_SEED, "seed of the random errors; the option implies --no-randerror")
     ] = 0
-    randbias: Annotated[
-        bool, Setting(FlagRule(), "draw the drives' biases at random at start, not from drive.csv")
-    ] = True
+    randbias: Annotated[bool, _flag("draw the drives' biases at random at start, not from drive.csv")] = True
     strength: Annotated[
-        tuple[float, float],
+        _Pair,
         Setting(
             PairRule(NumberRule(0)),
             "strength of the random bias of translations and of rotations",
@@ -443,34 +408,23 @@ class Settings(Struct, frozen=True, kw_only=True):
         str, _text("errors and speeds of a usual drive in place of those in drive.csv", "NAME")
     ] = ""
     sensor_profile: Annotated[
-        tuple[str, ...],
-        Setting(NamesRule(), "errors and ranges of usual sensors in place of those in sensors.csv"),
+        _Names, Setting(NamesRule(), "errors and ranges of usual sensors in place of those in sensors.csv")
     ] = ()
     link_profile: Annotated[
         str, _text("delays of a usual link to the robot in place of those in [link]", "NAME")
     ] = ""
-    nominal: Annotated[
-        str,
-        Setting(
-            TextRule(blank=True),
-            "the set that this one was made from: reports compare the two",
-            metavar="SET",
-        ),
-    ] = ""
+    nominal: Annotated[str, _text("the set that this one was made from: reports compare the two", "SET")] = ""
     realistic: Annotated[
         bool,
-        Setting(
-            FlagRule(),
+        _flag(
             "simulate a robot with real faults and delays: the profiles omni-4, hc-sr04, vl53l0x, qtr, "
             "mpu-6050, qmc5883l, encoder, rplidar-a1m8 and usb where no other is chosen; not the real robot "
             "(that is --serial)",
         ),
     ] = False
-    sim: Annotated[bool, Setting(FlagRule(), "simulate the robot, else drive the one on the serial port")] = (
-        True
-    )
-    plot_robot: Annotated[bool, Setting(FlagRule(), "draw the maze and the robot on the screen")] = True
-    plot_sense: Annotated[bool, Setting(FlagRule(), "draw what the sensors see on the screen")] = True
+    sim: Annotated[bool, _flag("simulate the robot, else drive the one on the serial port")] = True
+    plot_robot: Annotated[bool, _flag("draw the maze and the robot on the screen")] = True
+    plot_sense: Annotated[bool, _flag("draw what the sensors see on the screen")] = True
     server: ServerSettings = ServerSettings()
     motion: MotionSettings = MotionSettings()
     wheels: WheelsSettings = WheelsSettings()
@@ -480,6 +434,11 @@ class Settings(Struct, frozen=True, kw_only=True):
     web: WebSettings = WebSettings()
     screen: ScreenSettings = ScreenSettings()
     keys: KeySettings = KeySettings()
+
+    @property
+    def uses_profiles(self) -> bool:
+        """True if a profile takes the place of values of the set."""
+        return bool(self.realistic or self.sensor_profile or self.drive_profile or self.link_profile)
 
 
 def all_settings() -> tuple[Setting, ...]:
@@ -518,12 +477,13 @@ def _described(defaults: Struct, prefix: str, group: str) -> Iterator[Setting]:
 
 def _completed(item: Setting, name: str, default: object, prefix: str, group: str) -> Setting:
     """A setting with what follows from its field."""
+    option = item.option or _OPTIONS.get(group, "--")
     return replace(
         item,
         name=prefix + name,
         default=default,
         group=group,
-        option=item.option + name.replace("_", "-") if item.option.endswith("-") else item.option,
+        option=option + name.replace("_", "-") if option.endswith("-") else option,
         metavar=item.metavar or item.rule.metavar,
     )
 

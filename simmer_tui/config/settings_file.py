@@ -110,13 +110,9 @@ def _apply_seed_option(
     if "seed" not in overrides:
         return
     if "randerror" in overrides and values.get("randerror", False):
-        problems.append(
-            Problem(
-                overrides["seed"].option,
-                f"asks for repeatable errors and {overrides['randerror'].option} for different ones; "
-                "give one of the two",
-            )
-        )
+        other = overrides["randerror"].option
+        what = f"asks for repeatable errors and {other} for different ones; give one of the two"
+        problems.append(Problem(overrides["seed"].option, what))
     values["randerror"] = False
 
 
@@ -127,13 +123,9 @@ def _apply_serial_option(
     if "serial.port" not in overrides or not values.get("serial.port"):
         return
     if "sim" in overrides and values.get("sim", False):
-        problems.append(
-            Problem(
-                overrides["serial.port"].option,
-                f"asks for a real robot and {overrides['sim'].option} for the simulated one; "
-                "give one of the two",
-            )
-        )
+        other = overrides["sim"].option
+        what = f"asks for a real robot and {other} for the simulated one; give one of the two"
+        problems.append(Problem(overrides["serial.port"].option, what))
     values["sim"] = False
 
 
@@ -150,19 +142,16 @@ def _apply_keys(values: dict[str, Any]) -> None:
 def _check_together(settings: Settings, places: Mapping[str, str], problems: list[Problem]) -> None:
     """Checks that involve more than one value, or what this version supports."""
     if not settings.sim and not settings.serial.port:
-        problems.append(
-            Problem(
-                places["sim"],
-                "means the real robot, which needs its serial port: --serial PORT, or port in [serial] "
-                "(simmer-tui ports lists them)",
-            )
+        what = (
+            "means the real robot, which needs its serial port: --serial PORT, or port in [serial] "
+            "(simmer-tui ports lists them)"
         )
+        problems.append(Problem(places["sim"], what))
     server = settings.server
     # Two ports of 0 are two free ones.
     if server.port == server.reply_port != 0:
-        problems.append(
-            Problem(places["server.reply_port"], f"must differ from server.port, which is {server.port} too")
-        )
+        what = f"must differ from server.port, which is {server.port} too"
+        problems.append(Problem(places["server.reply_port"], what))
     if settings.keys != KeySettings():
         # Most runs leave the keys as they are.
         from simmer_tui.config.keys import key_problems
@@ -188,7 +177,8 @@ def settings_text(values: Mapping[str, Any]) -> str:
 def with_all_settings(text: str, values: Mapping[str, Any] = _NONE) -> str:
     """A settings.toml with the settings that it lacks at the end of their tables, so that a new setting needs
     no line in the bundled sets. A text that is no TOML, or lacks nothing, stays to the letter."""
-    # A third of a millisecond, which a start without TOML files saves.
+    # Some milliseconds, which a start saves.
+    import json
     import tomllib
 
     try:
@@ -209,7 +199,9 @@ def with_all_settings(text: str, values: Mapping[str, Any] = _NONE) -> str:
         while lines[-1:] == [""]:
             lines.pop()
         lines += [] if lines == [f"[{table}]"] else [""]
-        lines += [_comment(item), f"{key} = {_toml(values.get(item.name, item.default))}"]
+        # Flags, numbers, texts without control characters and lists of them are the same in JSON and TOML.
+        value = json.dumps(values.get(item.name, item.default), ensure_ascii=False)
+        lines += [_comment(item), f"{key} = {value}"]
     if not missing:
         return text
     return "\n\n".join("\n".join(lines).rstrip() for lines in sections.values()) + "\n"
@@ -225,14 +217,3 @@ def _is_there(item: Setting, tree: Mapping[str, Any], sections: Mapping[str, lis
 def _comment(item: Setting) -> str:
     unit = f", {item.unit}" if item.unit else ""
     return f"# {item.help[0].upper()}{item.help[1:]}: {item.rule.allowed}{unit}."
-
-
-def _toml(value: Any) -> str:
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, tuple | list):
-        return f"[{', '.join(_toml(item) for item in value)}]"
-    if isinstance(value, str):
-        escaped = value.replace("\\", "\\\\").replace('"', '\\"')
-        return f'"{escaped}"'
-    return repr(value)

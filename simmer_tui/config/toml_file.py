@@ -1,7 +1,7 @@
 """The reader of every TOML file: all mistakes of a file at once, each with its line."""
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -58,6 +58,16 @@ class TomlFile:
         """Add a problem at the place of a name."""
         self._problems.append(Problem(self.place(name), what))
 
+    def check_names(
+        self, names: Iterable[str], known: Collection[str], prefix: str = "", listed_as: str = "known"
+    ) -> None:
+        """Add a problem for each name that is none of the `known` ones. They are listed in it, unless one of
+        them seems to be meant or `listed_as` is empty."""
+        listing = f" ({listed_as}: {', '.join(known)})" if listed_as else ""
+        for name in names:
+            if name not in known:
+                self.complain(prefix + name, f"is not known here{did_you_mean(name, known) or listing}")
+
     def table(self, name: str) -> dict[str, Any]:
         """A table by its dotted name; empty if it is missing, and a problem if it is something else."""
         found: Any = self.tree
@@ -106,11 +116,9 @@ class TomlFile:
         for name, given in tree.items():
             if name in described:
                 self.take(described[name], given, prefix + name, values)
-            elif name not in names:
+            else:
                 # A file that must be complete names what it lacks already.
-                listing = "" if needed else f" (known: {', '.join(names)})"
-                hint = did_you_mean(name, names) or listing
-                self.complain(prefix + name, f"is not known here{hint}")
+                self.check_names([name], names, prefix, "" if needed else "known")
         return values
 
     def take(self, value: Value, given: object, name: str, values: dict[str, Any]) -> None:

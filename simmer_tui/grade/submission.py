@@ -9,10 +9,10 @@ from pathlib import Path, PureWindowsPath
 from msgspec.structs import replace
 
 from simmer_tui.config import dialect_toml, settings_file
-from simmer_tui.config.device_kinds import SETTING
 from simmer_tui.config.dialects import TEAM
 from simmer_tui.config.given_path import given_path
 from simmer_tui.config.loader import Configuration, load
+from simmer_tui.config.set_devices import SETTING
 from simmer_tui.config.settings import ServerSettings, all_settings, settings_from, value_of
 from simmer_tui.config.settings_file import Override, load_settings
 from simmer_tui.config.toml_file import TomlFile

@@ -14,7 +14,7 @@ from collections.abc import Iterable, Sequence
 from msgspec.structs import replace
 
 from simmer_tui.config.device_file import FOLDER, LARGEST
-from simmer_tui.config.device_kinds import SETTING
+from simmer_tui.config.set_devices import SETTING
 from simmer_tui.errors import Problem
 from simmer_tui.importer.imported import Imported, OwnDevice, free_number
 from simmer_tui.sim.columns import ERROR, ROTATION, X, Y

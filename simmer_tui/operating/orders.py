@@ -56,15 +56,19 @@ def _alone(order: OrderSpec, words: Sequence[str]) -> ConsoleCommand:
     return Action(order.action) if order.action else Local(order.name)
 
 
+def _each_number(words: Sequence[str]) -> tuple[float, ...]:
+    try:
+        return tuple(NumberRule().from_text(word) for word in words)
+    except ValueError as error:
+        raise ConsoleCommandError(f"each {error}") from None
+
+
 def _numbers(order: OrderSpec, words: Sequence[str]) -> ConsoleCommand:
     assert order.action is not None  # numbers are for the robot
     count = len(order.words.split())
     if len(words) != count:
         raise ConsoleCommandError(f"takes {count} numbers" if count != 1 else "takes one number")
-    try:
-        return Action(order.action, tuple(NumberRule().from_text(word) for word in words))
-    except ValueError as error:
-        raise ConsoleCommandError(f"each {error}") from None
+    return Action(order.action, _each_number(words))
 
 
 def _switch(order: OrderSpec, words: Sequence[str]) -> ConsoleCommand:
@@ -80,10 +84,7 @@ def _switch(order: OrderSpec, words: Sequence[str]) -> ConsoleCommand:
 def _pace(order: OrderSpec, words: Sequence[str]) -> ConsoleCommand:
     if len(words) != 1:
         raise ConsoleCommandError("takes one number, or off")
-    try:
-        return Local(order.name, f"{NumberOrOffRule(SLOWEST, FASTEST).from_text(words[0]):g}")
-    except ValueError as error:
-        raise ConsoleCommandError(str(error)) from None
+    return Local(order.name, f"{NumberOrOffRule(SLOWEST, FASTEST).from_text(words[0]):g}")
 
 
 def _velocity(order: OrderSpec, words: Sequence[str]) -> ConsoleCommand:
@@ -91,10 +92,7 @@ def _velocity(order: OrderSpec, words: Sequence[str]) -> ConsoleCommand:
     values = [*words, "1"] if len(words) == 3 else list(words)
     if len(values) != 4:
         raise ConsoleCommandError("takes three numbers VX VY OMEGA, and seconds T if not 1")
-    try:
-        return Local(order.name, ";".join(f"{NumberRule().from_text(value):g}" for value in values))
-    except ValueError as error:
-        raise ConsoleCommandError(f"each {error}") from None
+    return Local(order.name, ";".join(f"{value:g}" for value in _each_number(values)))
 
 
 def _code(order: OrderSpec, words: Sequence[str]) -> ConsoleCommand:
@@ -171,7 +169,7 @@ def read_console_command(line: str, spec: SimulationSpec) -> ConsoleCommand:
         raise ConsoleCommandError(f":{escape(name, 20)} is not an order{hint}")
     try:
         return order.read(order, words)
-    except ConsoleCommandError as error:
+    except ValueError as error:
         raise ConsoleCommandError(f":{order.name} {error}; {order.usage}") from None
 
 
@@ -229,9 +227,5 @@ def _meaning(order: OrderSpec) -> str:
 
 def completed(line: str, spec: SimulationSpec) -> str | None:
     """The line with its first completion, None if there is none to add."""
-    if not line.strip():
-        return None
-    for completion, _ in completions(line, spec):
-        if completion.startswith(line) and completion != line:
-            return completion
-    return None
+    found = (completion for completion, _ in completions(line, spec) if line.strip())
+    return next((each for each in found if each.startswith(line) and each != line), None)

@@ -61,6 +61,13 @@ def test_init_into_a_file_or_from_an_empty_folder_is_one_clear_line(
     assert not (tmp_path / "new").exists()
 
 
+def test_a_mission_is_not_added_to_an_empty_table(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    init_set(tmp_path / "set", bundled_folder())
+    (tmp_path / "set" / "drive.csv").write_bytes(b"")
+    assert run_init([str(tmp_path / "new"), "--from", str(tmp_path / "set"), "--mission"]) == 2
+    assert capsys.readouterr().err == "drive.csv: the file is empty\n"
+
+
 def test_init_without_folder_is_a_usage_error_of_one_line(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as caught:
         run_init([])

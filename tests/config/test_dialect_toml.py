@@ -17,6 +17,7 @@ from simmer_tui.config.loader import find_set, init_set, load
 from simmer_tui.config.new_set import dialect_schema
 from simmer_tui.config.set_summary import summarize
 from simmer_tui.config.settings_file import Override
+from simmer_tui.dialect.dialect_rules import CourseProtocol
 from simmer_tui.dialect.messages import dictionary
 from simmer_tui.errors import ConfigurationError, Problem
 
@@ -222,3 +223,16 @@ def test_check_says_which_commands_a_real_robot_is_sent(tmp_path: Path) -> None:
     assert ["d1-N", "f", "{n}"] in rows
     path.write_text(rule, "utf-8")
     assert "no rule is a plain stop" in summarize(load(tmp_path / "set"))
+
+
+def test_a_protocol_of_the_course_in_capitals_is_that_protocol(tmp_path: Path) -> None:
+    problems: list[Problem] = []
+    (tmp_path / "dialect.toml").write_text('[frame]\nkind = "Packets"\n', "utf-8")
+    assert load_dialect(tmp_path, PARTS, problems).protocol is CourseProtocol.PACKETS
+    assert problems == []
+
+
+def test_codes_of_a_choice_of_drives_are_the_words_in_quotes(tmp_path: Path) -> None:
+    rule = """[[command]]\nmatch = "g {n}"\ndo = "run {'d1'if n else'%s'}"\n"""
+    assert problems_of(tmp_path, rule % "-d1") == []
+    assert "the code 'd9'" in "".join(problems_of(tmp_path, rule % "d9"))
