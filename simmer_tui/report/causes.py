@@ -6,8 +6,10 @@ A cause that its own counterfactual contradicts is never named: `contradicted` d
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import Protocol
 
 from simmer_tui.report.counterfactuals import Change, Counterfactual
+from simmer_tui.run.attempt import Attempt
 
 
 class Kind(StrEnum):
@@ -130,6 +132,47 @@ class Cause:
         return contradicted(self.kind, self.tried)
 
 
-def without_blanks(*sentences: str) -> tuple[str, ...]:
-    """The sentences that say something."""
-    return tuple(each for each in sentences if each)
+class Moment(Protocol):
+    """Something with a time, elapsed seconds, and a line of the log."""
+
+    @property
+    def elapsed(self) -> float: ...
+
+    @property
+    def line(self) -> int: ...
+
+
+def cause_of(
+    attempt: Attempt,
+    kind: Kind,
+    text: str,
+    *evidence: str,
+    at: Moment | None = None,
+    since: float | None = None,
+    place: tuple[float, float] | None = None,
+    tried: tuple[Counterfactual, ...] = (),
+    sure: Sureness = Sureness.CERTAIN,
+    culprits: tuple[str, ...] = (),
+) -> Cause:
+    """A cause at a row of the history, or elapsed seconds; by default, and elsewhere, at the attempt's end.
+
+    Args:
+        evidence: Sentences that speak for it; empty ones are left out.
+    """
+    moment = attempt if at is None else at
+    return Cause(
+        kind,
+        text,
+        tuple(filter(None, evidence)),
+        moment.elapsed if since is None else since,
+        moment.line,
+        place or (attempt.pose.x, attempt.pose.y),
+        tried,
+        sure,
+        culprits,
+    )
+
+
+def undecided_text(changed: str) -> str:
+    """The two explanations that a log cannot tell apart; `changed` is what may have happened on the way."""
+    return f"Either the program has an error, or {changed} on its way: the log cannot tell which."
