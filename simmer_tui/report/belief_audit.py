@@ -8,14 +8,15 @@ of the compass, if it was read there.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from simmer_tui.report.disagreement import Disagreement
+from simmer_tui.report.disagreement import Disagreement, moment
 from simmer_tui.report.finding import FEWEST, LEAST_DEGREES
 from simmer_tui.report.robust_fit import Flags, binomial_tail, mad_scale, robust_fit, two_sided
+from simmer_tui.report.sensor_sample import by_sensor
 from simmer_tui.run.attempt import Attempt
 from simmer_tui.run.episodes import SAME
 from simmer_tui.run.facts import UNTOLD_TURN
@@ -29,7 +30,6 @@ from simmer_tui.sim.specs import CELL_SIZE
 
 SURE = 1.5
 """Spread, inches, up to which a mean pose says something of each reading: half of a robot's width; judged."""
-Places = NDArray[np.int64]
 _FEWEST = FEWEST["set"]
 # Judged: a filter moves its belief by a few percent of the way when it corrects it.
 _LEAST_SHARE = 0.05
@@ -98,16 +98,11 @@ class BeliefMotion:
         if len(self._beliefs) <= _FEWEST:
             return []
         sure = self._beliefs["allowed_turn"] <= UNTOLD_TURN
-        turns = _Axis(
-            self._turn,
-            self._true_turn,
-            sure[1:] & sure[:-1] & (np.abs(self._true_turn) <= _LONGEST_TURN),
-            _TURN,
-            LEAST_DEGREES,
-        )
-        spread = np.nan_to_num(self._beliefs["spread"])
-        near = spread <= SURE
-        ways = _Axis(self._along, self._gone, near[1:] & near[:-1] & sure[1:] & sure[:-1], _WAY, 0.5)
+        near = np.nan_to_num(self._beliefs["spread"]) <= SURE
+        usable = sure[1:] & sure[:-1]
+        in_half = np.abs(self._true_turn) <= _LONGEST_TURN
+        turns = _Axis(self._turn, self._true_turn, usable & in_half, _TURN, LEAST_DEGREES)
+        ways = _Axis(self._along, self._gone, usable & near[1:] & near[:-1], _WAY, 0.5)
         made = (
             self._explained(turns, [*self._turn_counters(), *self._drives(turning=True)]),
             self._explained(ways, [*self._way_counters(), *self._drives(turning=False)]),
@@ -140,8 +135,7 @@ class BeliefMotion:
             f"with nothing read, but the log has no {of[0] if of else 'movement'}"
         )
         probability = binomial_tail(hits, count, _MOVED_BY_NOTHING)
-        elapsed, line = float(row["elapsed"]), int(row["line"])
-        return [Disagreement(of, text, hits, probability, 1.0, elapsed, line, swallowed=True)]
+        return [Disagreement(of, text, hits, probability, 1.0, *moment(row), swallowed=True)]
 
     def _explained(self, axis: _Axis, sources: list[_Source]) -> list[Disagreement]:
         usable = axis.usable & ~self._same & np.isfinite(axis.believed)
@@ -168,51 +162,43 @@ class BeliefMotion:
             scatter = mad_scale(believed[known] - fit.values[0] * values[known])
             low, high = fit.interval(0)
             value = float(fit.values[0])
-            of = f"{low:.2f} to {high:.2f}, {fit.count} movements"
+            figures = f"{low:.2f} to {high:.2f}, {fit.count} movements"
             used = "commands" if source.is_drive else "replies"
-            text = f"the program used {value:.2f} times {source.code}'s {used} in the log ({of})"
-            found.append(
-                Disagreement(
-                    *((source.code,), text, fit.count, probability),
-                    # Less is not to be told apart: poses are told in hundredths.
-                    *(max(scatter, axis.doubt / 20), float(begun["elapsed"]), int(begun["line"])),
-                )
-            )
+            text = f"the program used {value:.2f} times {source.code}'s {used} in the log ({figures})"
+            # Less is not to be told apart: poses are told in hundredths.
+            scatter, of = max(scatter, axis.doubt / 20), (source.code,)
+            found.append(Disagreement(of, text, fit.count, probability, scatter, *moment(begun)))
         return found
 
     # -- where motion may be known from --------------------------------------------------------------
 
     def _turn_counters(self) -> list[_Source]:
         return [
-            _Source(sensor.spec.code, self._counted(number) / (sensor.spec.gain * lever[2]), False)
-            for number, sensor in self._counters()
+            _Source(sensor.spec.code, counted / (sensor.spec.gain * lever[2]), False)
+            for sensor, counted in self._counters()
             if (lever := sensor.lever)[2] and not lever[:2].any()
         ]
 
     def _way_counters(self) -> list[_Source]:
         found = []
-        for number, sensor in self._counters():
+        for sensor, counted in self._counters():
             lever = sensor.lever
             with np.errstate(invalid="ignore", divide="ignore"):
                 share = (lever[:2, None] * self._way).sum(axis=0) / self._gone
-                values = (self._counted(number) / sensor.spec.gain - lever[2] * self._true_turn) / share
+                values = (counted / sensor.spec.gain - lever[2] * self._true_turn) / share
             # A wheel that hardly rolls says nothing of the way.
             found.append(_Source(sensor.spec.code, np.where(np.abs(share) > 0.5, values, np.nan), False))
         return found
 
-    def _counters(self) -> list[tuple[int, CountingSensor]]:
-        history = self._attempt.history
-        specs = {each.code: each for each in history.spec.sensors}
-        made = ((number, modelled_sensor(specs[code])) for number, code in enumerate(history.sensor_codes))
-        return [
-            (number, each)
-            for number, each in made
-            if isinstance(each, CountingSensor) and each.spec.gain and not each.spec.wrap
-        ]
+    def _counters(self) -> Iterator[tuple[CountingSensor, FloatArray]]:
+        """The counting sensors, each with its counts from belief to belief: in its unit, NaN where it was not
+        read at both; (n,)."""
+        for spec, rows in by_sensor(self._attempt.history, self._readings):
+            sensor = modelled_sensor(spec)
+            if isinstance(sensor, CountingSensor) and spec.gain and not spec.wrap:
+                yield sensor, self._counted(rows)
 
-    def _counted(self, number: int) -> FloatArray:
-        """Counts of a sensor from belief to belief, in its unit, NaN where it was not read at both; (n,)."""
-        mine = self._readings[self._readings["sensor"] == number]
+    def _counted(self, mine: Columns) -> FloatArray:
         beliefs = self._beliefs
         place = np.searchsorted(mine["order"], beliefs["order"]) - 1
         if not len(mine):
@@ -252,17 +238,19 @@ def wrong_heading(attempt: Attempt) -> list[Disagreement]:
         return []
     beliefs = beliefs[beliefs["allowed_turn"] <= _LONGEST_TURN / 2]
     found = []
-    for number, code in enumerate(history.sensor_codes):
-        spec = next(each for each in history.spec.sensors if each.code == code)
-        sensor = modelled_sensor(spec)
+    for spec, rows in by_sensor(history, readings):
+        sensor, code = modelled_sensor(spec), spec.code
         if not isinstance(sensor, ObservingSensor) or not sensor.period or spec.kind.is_range:
             continue
-        rows = readings[readings["sensor"] == number]
         place = np.searchsorted(beliefs["order"], rows["order"])
         if min(len(beliefs), len(rows)) == 0:
             continue
         told = beliefs[np.minimum(place, len(beliefs) - 1)]
-        here = (place < len(beliefs)) & _same_place(moves, rows["order"], told["order"])
+        # No movement ended between the two.
+        moved = np.searchsorted(moves["order"], rows["order"]) != np.searchsorted(
+            moves["order"], told["order"]
+        )
+        here = (place < len(beliefs)) & ~moved
         rows, told = rows[here], told[here]
         if len(rows) < _FEWEST:
             continue
@@ -279,20 +267,10 @@ def wrong_heading(attempt: Attempt) -> list[Disagreement]:
         stays = np.abs((turns - value + 180.0) % 360.0 - 180.0) <= np.maximum(UNTOLD_TURN, allowed)
         if beyond <= 0.0 or stays.mean() < 0.5:
             continue
-        text = f"the program used {_more(value, spec.unit)} than {code}'s replies in the log"
-        first = told[0]
-        found.append(
-            Disagreement(
-                *((code,), f"{text} ({len(rows)} readings)", len(rows), two_sided(beyond), 1.0),
-                *(float(first["elapsed"]), int(first["line"])),
-            )
-        )
+        more = f"{abs(value):.0f} {spec.unit} {'more' if value > 0 else 'less'}"
+        text = f"the program used {more} than {code}'s replies in the log ({len(rows)} readings)"
+        found.append(Disagreement((code,), text, len(rows), two_sided(beyond), 1.0, *moment(told[0])))
     return found
-
-
-def _more(value: float, unit: str) -> str:
-    """`20 deg more`, `20 deg less`."""
-    return f"{abs(value):.0f} {unit} {'more' if value > 0 else 'less'}"
 
 
 def _in_frame(beliefs: Columns, names: tuple[str, str, str], turns: FloatArray) -> FloatArray:
@@ -308,9 +286,3 @@ def _of_kind(attempt: Attempt, moves: Columns, *, turning: bool) -> Flags:
     names = attempt.history.code_names
     codes = [names.index(e.code) for e in attempt.spec.drives if e.kind.turns is turning and e.code in names]
     return np.isin(moves["code"], codes)
-
-
-def _same_place(moves: Columns, orders: Places, others: Places) -> Flags:
-    """True where no movement ended between two events, by their running numbers, (n,) each."""
-    ended = moves["order"]
-    return np.asarray(np.searchsorted(ended, orders) == np.searchsorted(ended, others))

@@ -15,9 +15,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from simmer_tui.report.disagreement import Disagreement
+from simmer_tui.report.disagreement import Disagreement, moment
 from simmer_tui.report.finding import FEWEST
 from simmer_tui.report.robust_fit import Flags, binomial_tail
+from simmer_tui.report.sensor_sample import by_sensor
 from simmer_tui.run.attempt import Attempt
 from simmer_tui.run.table import Columns
 from simmer_tui.sim.angles import FloatArray
@@ -103,10 +104,10 @@ def multiplied_corrections(attempt: Attempt, row: DriveSpec) -> Iterator[list[Di
     growing = pairs.within(_LEAST[unit], _MOST[unit])
     if (found := _most_alike(growing, _FACTORS, _BY_CHANCE)) is not None:
         yield [_multiplied(row, found)]
-    undoing = (pairs if turns else _pairs_of(attempt, row, along=True)).within(
-        _LEAST[unit], _MOST_UNDOING[unit]
-    )
-    by_chance = _BY_CHANCE if turns else _BY_CHANCE_UP_AND_BACK
+    undoing, by_chance = pairs, _BY_CHANCE
+    if not turns:
+        undoing, by_chance = _pairs_of(attempt, row, along=True), _BY_CHANCE_UP_AND_BACK
+    undoing = undoing.within(_LEAST[unit], _MOST_UNDOING[unit])
     found = _most_alike(undoing, (_UNDOING,), by_chance, _BAND_UNDOING)
     # Who goes to and fro on purpose goes back by the very same.
     if found is not None and undoing.opposite <= _ON_PURPOSE * len(found.rows):
@@ -186,19 +187,18 @@ def _as_measured(attempt: Attempt, row: DriveSpec, found: _Found) -> list[Disagr
     may have been that much too long, as well as the movement."""
     readings = attempt.within(attempt.history.readings)
     made = []
-    for number, code in enumerate(attempt.history.sensor_codes):
-        sensor = next(each for each in attempt.spec.sensors if each.code == code)
+    for sensor, rows in by_sensor(attempt.history, readings):
         if not _measures(sensor, row):
             continue
-        orders = readings["order"][readings["sensor"] == number]
+        orders = rows["order"]
         places = np.searchsorted(orders, found.rows["order"])
         # Read after the movement and before the next command of all.
         after = np.append(orders, np.iinfo(np.int64).max)[places]
         nexts = np.append(attempt.within(attempt.history.movements)["order"], np.iinfo(np.int64).max)
         until = nexts[np.searchsorted(nexts, found.rows["order"], side="right")]
         if np.mean(after < until) >= _BETWEEN:
-            text = f"{code} told the program twice the movement, or more"
-            made.append(_disagreement(code, text, found))
+            text = f"{sensor.code} told the program twice the movement, or more"
+            made.append(_disagreement(sensor.code, text, found))
     return made
 
 
@@ -212,9 +212,7 @@ def _measures(sensor: SensorSpec, row: DriveSpec) -> bool:
 
 
 def _disagreement(code: str, text: str, found: _Found) -> Disagreement:
-    begun = found.rows[0]
-    elapsed, line = float(begun["elapsed"]), int(begun["line"])
-    return Disagreement((code,), text, len(found.rows), found.probability, 1.0, elapsed, line)
+    return Disagreement((code,), text, len(found.rows), found.probability, 1.0, *moment(found.rows[0]))
 
 
 def _as_meant(row: DriveSpec, share: float) -> str:
@@ -252,8 +250,9 @@ def vanished_movements(attempt: Attempt) -> list[Disagreement]:
         )
         # The end of each drive's commands was tried.
         probability = min(probability * len(ends), 1.0)
-        elapsed, line = float(rows["elapsed"][first]), int(rows["line"][first])
-        found.append(Disagreement(of, text, len(gaps), probability, 1.0, elapsed, line, swallowed=True))
+        found.append(
+            Disagreement(of, text, len(gaps), probability, 1.0, *moment(rows[first]), swallowed=True)
+        )
     return sorted(found, key=lambda each: each.probability)[:1]
 
 

@@ -17,9 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from simmer_tui.report.belief_audit import SURE
-from simmer_tui.report.disagreement import Disagreement
+from simmer_tui.report.disagreement import Disagreement, moment
 from simmer_tui.report.finding import FEWEST, FindingKind
 from simmer_tui.report.robust_fit import Z_95, binomial_tail, mad_scale
+from simmer_tui.report.sensor_sample import by_sensor
 from simmer_tui.run.attempt import Attempt
 from simmer_tui.run.table import Columns
 from simmer_tui.sim.angles import FloatArray
@@ -91,15 +92,15 @@ class ReplyAudit:
         readings = attempt.within(history.readings, attempt.placed)
         size = history.spec.block_size
         self._seen: dict[str, _Seen] = {}
-        for number, code in enumerate(history.sensor_codes):
-            sensor = modelled_sensor(next(each for each in history.spec.sensors if each.code == code))
-            if not isinstance(sensor, ObservingSensor) or not sensor.spec.kind.is_range or not len(beliefs):
+        for spec, rows in by_sensor(history, readings):
+            sensor = modelled_sensor(spec)
+            if not isinstance(sensor, ObservingSensor) or not spec.kind.is_range or not len(beliefs):
                 continue
             # Where the block is, the program need not know.
             if not sensor.sees_block(size):
-                seen = self._of(readings[readings["sensor"] == number], sensor)
+                seen = self._of(rows, sensor)
                 if (seen.belief >= 0).any():
-                    self._seen[code] = seen
+                    self._seen[spec.code] = seen
         self._implied = {code: self._at_beliefs(each.sensor) for code, each in self._seen.items()}
         self._base = {
             code: each.explained(each.values, self._of_beliefs(code, each))
@@ -216,9 +217,8 @@ class ReplyAudit:
         count, of = int(np.nansum(hits)), int(np.isfinite(hits).sum())
         first = self._beliefs[int(beliefs[hits == 1].min())]
         text = f"the program used {self._as_taken(change)} ({count} of {of} readings)"
-        elapsed, line = float(first["elapsed"]), int(first["line"])
         # What it leaves unexplained, at least a hundredth: one is as good as none.
-        return Disagreement(change.of, text, count, probability, max(1.0 - share, 0.01), elapsed, line)
+        return Disagreement(change.of, text, count, probability, max(1.0 - share, 0.01), *moment(first))
 
     def _as_taken(self, change: _Change) -> str:
         replies = f"the replies of {', '.join(change.of)}"

@@ -96,6 +96,14 @@ class SensorSample:
         return self.sensor.wrapped(self.values - expected)
 
 
+def by_sensor(history: RunHistory, readings: Columns) -> Iterator[tuple[SensorSpec, Columns]]:
+    """The sensors that a run read, each with its rows among some readings."""
+    specs = {each.code: each for each in history.spec.sensors}
+    for number, code in enumerate(history.sensor_codes):
+        if code in specs:
+            yield specs[code], readings[readings["sensor"] == number]
+
+
 def sample_of(
     history: RunHistory, rows: Columns, spec: SensorSpec, others: Iterable[SensorSpec] = ()
 ) -> SensorSample | None:
