@@ -260,7 +260,10 @@ class _ContactCauses:
             shown_tried(self._tried),
         )
         return cause_of(
-            *(self._seen, kind, text, *evidence),
+            self._seen,
+            kind,
+            text,
+            *evidence,
             at=at or row,
             place=contact.point,
             tried=self._tried,

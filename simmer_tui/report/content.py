@@ -243,21 +243,20 @@ def maze_picture(run: RunStatistics, name: str, width: float) -> str:
 
 def tables(run: RunStatistics, name: str = "") -> list[DataTable]:
     """The run's record, the findings about sensors and drives, and all other tables that have rows."""
-    made = (
-        _mission,
-        _time_spent,
-        _commands,
-        _messages,
-        _contacts,
-        _refusals,
-        _sensors,
-        _scans,
-        _belief,
-        _episodes,
-        _cells,
+    others = (
+        _mission(run),
+        _time_spent(run),
+        _commands(run),
+        _messages(run),
+        _contacts(run),
+        _refusals(run),
+        _sensors(run),
+        scans_table(run.bent),
+        _belief(run),
+        episodes_table(run.history, ended_badly=run.cause is not None),
+        _cells(run),
     )
-    others = (table for table in (make(run) for make in made) if table.rows)
-    return [_record(run, name), findings_table(run.findings), *others]
+    return [_record(run, name), findings_table(run.findings), *(table for table in others if table.rows)]
 
 
 def _record(run: RunStatistics, name: str) -> DataTable:
@@ -289,11 +288,9 @@ def _time_spent(run: RunStatistics) -> DataTable:
     if not read and not totals.link_seconds:
         spent = []
     total = run.history.elapsed or 1.0
-    note = (
-        "Of simulated time; the sensor that costs most comes first. In the remaining time the robot waited."
-    )
     rows = [(name, seconds, seconds / total) for name, seconds in spent]
-    return TIME_SPENT.filled(rows, note)
+    note = "Of simulated time; the sensor that costs most comes first. "
+    return TIME_SPENT.filled(rows, f"{note}In the remaining time the robot waited.")
 
 
 def _commands(run: RunStatistics) -> DataTable:
@@ -365,10 +362,6 @@ def _sensors(run: RunStatistics) -> DataTable:
     return SENSORS.filled(rows, note)
 
 
-def _scans(run: RunStatistics) -> DataTable:
-    return scans_table(run.bent)
-
-
 def _belief(run: RunStatistics) -> DataTable:
     last = run.history.beliefs[-1:]
     if not last or not run.totals.beliefs.count:
@@ -386,10 +379,6 @@ def _belief(run: RunStatistics) -> DataTable:
         end = last[0].entropy if last[0].is_grid else None
         rows.append(("entropy", "bit", *_moments(entropy), entropy.worst, end))
     return replace(BELIEF.filled(rows), title=f"Belief ({distance.count} sent)")
-
-
-def _episodes(run: RunStatistics) -> DataTable:
-    return episodes_table(run.history, ended_badly=run.cause is not None)
 
 
 def _cells(run: RunStatistics) -> DataTable:

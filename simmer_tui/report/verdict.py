@@ -148,6 +148,12 @@ def findings_of(history: RunHistory, task: Task | None) -> tuple[Finding, ...]:
     return audit(history, None if over is None else over.order)
 
 
+def goals_met(history: RunHistory) -> dict[Goal, float]:
+    """Goals met since the run last began anew, in order, with the mission's time of each, seconds."""
+    rows = (row for row in history.missions.items if row.order > history.began)
+    return {row.event.subject: row.event.time for row in rows if isinstance(row.event.subject, Goal)}
+
+
 class _Judge:
     """The way to one verdict."""
 
@@ -162,6 +168,7 @@ class _Judge:
         self._cut_off = cut_off
         self._program = self._last_program()
         self._left = self._last_departure()
+        self._goal = next(reversed(goals_met(history)), None)
 
     def verdict(self) -> Verdict:
         outcome, over = self._outcome(), self._attempt.over
@@ -178,7 +185,7 @@ class _Judge:
             text=self._text(outcome, cause),
             elapsed=elapsed,
             line=line,
-            goal=self._goal(),
+            goal=self._goal,
             cause=cause,
             second_cause=second,
             evidence=() if cause is None else cause.evidence,
@@ -205,14 +212,6 @@ class _Judge:
         last = rows[-1] if rows else None
         gone = last is not None and last.notice.kind is NoticeKind.LEFT and last.order > history.began
         return last if gone else None
-
-    def _goal(self) -> Goal | None:
-        met = [
-            row.event.subject
-            for row in self._history.missions.items
-            if row.order > self._history.began and isinstance(row.event.subject, Goal)
-        ]
-        return met[-1] if met else None
 
     def _crashed(self) -> bool:
         """True if the program crashed by itself."""
@@ -254,7 +253,7 @@ class _Judge:
     # -- words -----------------------------------------------------------------------------------
 
     def _text(self, outcome: Outcome, cause: Cause | None) -> str:
-        attempt, goal = self._attempt, self._goal()
+        attempt, goal = self._attempt, self._goal
         over = attempt.over
         seconds = attempt.elapsed - attempt.begun if over is None else over.event.time
         when = f"after {seconds:.1f} s"
