@@ -227,7 +227,10 @@ def vanished_movements(attempt: Attempt) -> list[Disagreement]:
     """The explanation of a program that goes on as after movements that are not in the log; none where it
     keeps its rhythm."""
     rows, names = attempt.within(attempt.history.commands), attempt.history.code_names
-    rows = rows[~rows["refused"] & ~np.isin(rows["number"], _nothing_asked(attempt))]
+    moves = attempt.within(attempt.history.movements)
+    # In packets, programs ask for the end of a movement by movements of 0.
+    asks_nothing = np.isin(rows["number"], moves["number"][moves["asked"] == 0.0])
+    rows = rows[~rows["refused"] & ~asks_nothing]
     drives = [_number_of(names, each.code) for each in attempt.spec.drives]
     ends = {
         number: int(places[-1])
@@ -290,12 +293,6 @@ class _Rhythm:
         # Laplace's rule of succession, for what was never seen before.
         usual = max((missed + 1) / (whole + missed + 2), _LEFT_OUT)
         return gaps, int(counts.sum()), binomial_tail(len(gaps), int(counts.sum()), usual)
-
-
-def _nothing_asked(attempt: Attempt) -> Codes:
-    """The numbers of movements of 0: in packets, programs ask by them for the end of a movement."""
-    moves = attempt.within(attempt.history.movements)
-    return np.asarray(moves["number"][moves["asked"] == 0.0])
 
 
 def _number_of(names: Sequence[str], code: str) -> int | None:

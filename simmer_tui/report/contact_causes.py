@@ -19,8 +19,7 @@ from collections.abc import Iterator, Sequence
 from simmer_tui.phrases import body_text, capitalized, contact_text, drift_text, obstacle_place
 from simmer_tui.report.causes import Cause, Kind, Moment, Sureness, cause_of, undecided_text
 from simmer_tui.report.counterfactuals import Change, Counterfactual, CounterfactualWorld
-from simmer_tui.report.look_alikes import looks_alike
-from simmer_tui.report.right_readings import looked_at_each_movement, shown_place
+from simmer_tui.report.right_readings import looked_at_each_movement, looks_alike, shown_place
 from simmer_tui.report.why import facing_sensor_text, looks_there, shown_range
 from simmer_tui.run.attempt import Attempt, Collision
 from simmer_tui.run.facts import ALIKE, LastReading, carried_over, facing_sensor, wrapped
@@ -142,7 +141,8 @@ class _ContactCauses:
             yield self._made(Kind.HELD_BLOCK, f"The block it held {self._hit}{knew}.")
         last = self._facing
         if last is not None and self._is_off(last):
-            text = f"A sensor misled it: {_misled(last)}. Then {self._into}."
+            read = f"{last.code} read {shown_range(last.value)} instead of {shown_range(last.true)}"
+            text = f"A sensor misled it: {read}. Then {self._into}."
             yield self._made(Kind.MISREAD, text, sure=Sureness.LIKELY, culprits=(last.code,))
 
     def _against_readings(self) -> Iterator[Cause]:
@@ -339,7 +339,7 @@ def _changes_text(changes: Sequence[Change]) -> str:
         words = ["without errors of its drive"]
         changes = [each for each in changes if each not in _DRIVE_ERRORS]
     words += [_SHOWN.get(each, each.value) for each in changes]
-    return _listed(words) if words else ""
+    return "".join(words) if len(words) < 2 else f"{', '.join(words[:-1])} or {words[-1]}"
 
 
 def _since(met: Collision, words: Sequence[LastReading]) -> float:
@@ -351,11 +351,3 @@ def _since(met: Collision, words: Sequence[LastReading]) -> float:
         ),
         default=math.inf,
     )
-
-
-def _misled(last: LastReading) -> str:
-    return f"{last.code} read {shown_range(last.value)} instead of {shown_range(last.true)}"
-
-
-def _listed(words: Sequence[str]) -> str:
-    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} or {words[-1]}"

@@ -350,7 +350,9 @@ def _sensors(run: RunStatistics) -> DataTable:
             rows.append((title, record.readings, unit, wrong, None, f"{wrong} wrong", *(None,) * 4))
             continue
         (mean, std), worst = _moments(errors), errors.worst if errors.count else None
-        bars = (_bars(errors), errors.reach) if errors.width else (None, None)
+        # Sixteen bins; the error 0 lies in the middle.
+        counts = [sum(errors.bins[place : place + 2]) for place in range(0, BINS, 2)]
+        bars = (counts, errors.reach) if errors.width else (None, None)
         rows.append((title, record.readings, unit, None, mean, _ERROR.text(mean), std, worst, *bars))
     missed = sum(record.missed for record in run.totals.sensors.values())
     note = (
@@ -392,11 +394,6 @@ def _cells(run: RunStatistics) -> DataTable:
     if len(run.paths.cells) > MOST_CELLS:
         note += f" {len(run.paths.cells)} cells in all."
     return CELLS.filled(rows, note)
-
-
-def _bars(errors: Errors) -> list[int]:
-    """Counts of sixteen bins; the error 0 lies in the middle."""
-    return [sum(errors.bins[place : place + 2]) for place in range(0, BINS, 2)]
 
 
 def _moments(errors: Errors) -> tuple[float | None, float | None]:

@@ -155,7 +155,10 @@ class CounterfactualWorld:
         """A change of one movement alone."""
         ended = met.ended
         if change is Change.FURTHER_OFF:
-            places = [*_aside(ended, FURTHER, ended.before), *_back(ended, FURTHER)]
+            places = _aside(ended, FURTHER, ended.before)
+            # A movement that goes somewhere may begin further back on its path, too.
+            if not ended.trajectory.turning:
+                places.append(_moved(ended.before, _course(ended) + math.pi, FURTHER))
             return self._from(met, change, places, totals)
         asked = self.asked(ended, met.bias, change)
         if asked is None or asked == totals:
@@ -266,11 +269,6 @@ def _aside(ended: MovementEnded, distance: float, start: Pose) -> list[Pose]:
         return [_moved(start, away, distance)]
     course = _course(ended)
     return [_moved(start, course + math.pi / 2, distance), _moved(start, course - math.pi / 2, distance)]
-
-
-def _back(ended: MovementEnded, distance: float) -> list[Pose]:
-    """The beginning of a movement that goes somewhere, moved back along its path."""
-    return [] if ended.trajectory.turning else [_moved(ended.before, _course(ended) + math.pi, distance)]
 
 
 def _course(ended: MovementEnded) -> float:

@@ -141,8 +141,10 @@ def _axes(device: DeviceUnderTest, rule: DriveRule, asked: FloatArray, done: Flo
         noise = np.abs(driven) * error
         rest = done[:, axis] - driven * (bias + (axis == own))
         if axis == own:
-            fit, made = _gain(device, row, driven, rest, noise, float(rule.allowed[axis]))
-            tests += made
+            fit = _gain_fit(driven, rest, noise)
+            tests.append(_gain(device, row.kind.verb, _allowing(fit, float(rule.allowed[axis]))))
+            if len(fit.values) == 2:
+                tests.append(_shortfall(device, row.kind, fit, float(np.median(np.abs(driven)))))
         else:
             fit = robust_fit(driven[:, None], rest, noise)
             tests.append(_bias(device, row.kind.unit, name, _allowing(fit, float(rule.allowed[axis]))))
@@ -150,29 +152,17 @@ def _axes(device: DeviceUnderTest, rule: DriveRule, asked: FloatArray, done: Flo
     return tests
 
 
-def _gain(
-    device: DeviceUnderTest,
-    row: DriveSpec,
-    driven: FloatArray,
-    rest: FloatArray,
-    noise: FloatArray,
-    allowed: float,
-) -> tuple[RobustFit, list[Claim]]:
+def _gain_fit(driven: FloatArray, rest: FloatArray, noise: FloatArray) -> RobustFit:
     """Gain, and a shortfall that is the same for all movements, where their lengths tell the two apart."""
-    sign = np.sign(driven)
     single = robust_fit(driven[:, None], rest, noise)
-    both = robust_fit(np.column_stack((driven, sign)), rest, noise)
+    both = robust_fit(np.column_stack((driven, np.sign(driven))), rest, noise)
     size = np.abs(driven)
     varied = float(np.quantile(size, 0.9)) > 1.5 * float(np.quantile(size, 0.1))
     # Judged: the fit with a shortfall must be better by a tenth.
-    fit = both if varied and single.rough > 1.1 * both.rough else single
-    tests = [_gain_test(device, row.kind.verb, _allowing(fit, allowed))]
-    if fit is both:
-        tests.append(_shortfall(device, row.kind, fit, float(np.median(size))))
-    return fit, tests
+    return both if varied and single.rough > 1.1 * both.rough else single
 
 
-def _gain_test(device: DeviceUnderTest, verb: str, fit: RobustFit) -> Claim:
+def _gain(device: DeviceUnderTest, verb: str, fit: RobustFit) -> Claim:
     slope, probability = float(fit.values[0]), fit.probability(0)
     if abs(slope) < LEAST_SHARE:
         return Claim(probability)

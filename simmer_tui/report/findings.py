@@ -15,9 +15,10 @@ _READINGS = 6
 
 def findings(run: RunStatistics) -> list[str]:
     """Sentences that a person should read first, the most telling first."""
+    origin = run.header.taken_over
     found = [
         *(f"{each.text}." for each in run.findings),
-        *_taken_over(run),
+        *([] if origin is None else [f"Taken over {origin}: until then the two runs are the same."]),
         *_end(run),
         *_contacts(run),
         *_wedged(run),
@@ -31,11 +32,6 @@ def findings(run: RunStatistics) -> list[str]:
     elif not run.totals.contacts and not run.history.refusals.first.given and run.cause is None:
         found.append("No contact with a wall and no refused command.")
     return found
-
-
-def _taken_over(run: RunStatistics) -> list[str]:
-    origin = run.header.taken_over
-    return [] if origin is None else [f"Taken over {origin}: until then the two runs are the same."]
 
 
 def _end(run: RunStatistics) -> list[str]:

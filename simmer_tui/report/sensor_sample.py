@@ -155,13 +155,8 @@ def _observed(
         missed=int((within & ~there).sum()),
         looked=int(within.sum()),
     )
-    made = [
-        *stuck(sample),
-        *_late(expected, usable),
-        *turned(sample, base[usable]),
-        *_swapped(history, rows[usable], sample, alike),
-    ]
-    return sample.against(made)
+    others = *_late(expected, usable), *turned(sample, base[usable])
+    return sample.against((*stuck(sample), *others, *_swapped(history, rows[usable], sample, alike)))
 
 
 def _answered(
@@ -184,13 +179,8 @@ def _answered(
         np.full(int(usable.sum()), 0.01),
         chance=min(max(_WRONG, 1.5 * declared), 0.5),
     )
-    made = [
-        *stuck(sample),
-        *_late(expected, usable),
-        Alternative(FindingKind.SIGN, 1.0 - sample.expected, -1.0),
-        *_swapped(history, rows[usable], sample, alike),
-    ]
-    return sample.against(made)
+    others = *_late(expected, usable), Alternative(FindingKind.SIGN, 1.0 - sample.expected, -1.0)
+    return sample.against((*stuck(sample), *others, *_swapped(history, rows[usable], sample, alike)))
 
 
 def _true(history: RunHistory, rows: Columns, spec: SensorSpec) -> FloatArray:

@@ -284,14 +284,12 @@ class _Judge:
             return f"Fix first: {cause.kind.advice}."
         if not program.started:
             return "Fix first: the command after --run. Try it alone in a terminal."
-        if self._attempt.is_silent and self._not_led():
+        not_led = any(row.text.startswith(NOT_LED) for row in self._history.faults.items)
+        if self._attempt.is_silent and not_led:
             return "Fix first: how the program is started; it was not led to the robot's serial port."
         if program.crashed:
             return f"Fix first: {escape(program.place, _LONGEST_TEXT) or cause.kind.advice}."
         return f"Fix first: why the program ends with exit code {program.exit_code}."
-
-    def _not_led(self) -> bool:
-        return any(row.text.startswith(NOT_LED) for row in self._history.faults.items)
 
     def _end(self) -> str:
         """Words for the end of the program or of its connection; empty without one."""
