@@ -16,16 +16,13 @@ import numpy as np
 from simmer_tui.report.disagreement import Disagreement, moment
 from simmer_tui.report.finding import FEWEST, LEAST_DEGREES
 from simmer_tui.report.robust_fit import Flags, binomial_tail, mad_scale, robust_fit, two_sided
-from simmer_tui.report.sensor_sample import by_sensor
+from simmer_tui.report.sensor_sample import by_sensor, poses_of, world_without_block
 from simmer_tui.run.attempt import Attempt
 from simmer_tui.run.episodes import SAME
 from simmer_tui.run.facts import UNTOLD_TURN
 from simmer_tui.run.table import Columns
 from simmer_tui.sim.angles import FloatArray, cos_sin_array
-from simmer_tui.sim.block import Block
-from simmer_tui.sim.maze import Maze
 from simmer_tui.sim.sensors import CountingSensor, ObservingSensor, modelled_sensor
-from simmer_tui.sim.sensors.base import World
 from simmer_tui.sim.specs import CELL_SIZE
 
 SURE = 1.5
@@ -209,15 +206,17 @@ class BeliefMotion:
         return np.diff(np.where(fresh, last["value"], np.nan))
 
     def _drives(self, *, turning: bool) -> list[_Source]:
-        history, moves = self._attempt.history, self._moves
-        names = history.code_names
+        names, moves = self._attempt.history.code_names, self._moves
+        drives = [each for each in self._attempt.spec.drives if each.kind.turns is turning]
+        numbers = {each.code: names.index(each.code) for each in drives if each.code in names}
+        of_kind = np.isin(moves["code"], list(numbers.values()))
         found = []
-        for row in self._attempt.spec.drives:
-            if row.kind.turns is not turning or row.code not in names:
+        for row in drives:
+            if row.code not in numbers:
                 continue
-            mine = moves["code"] == names.index(row.code)
+            mine = moves["code"] == numbers[row.code]
             asked = np.where(mine, np.nan_to_num(moves["asked"], nan=np.nan) * row.gain, 0.0)
-            rivals = ~mine & _of_kind(self._attempt, moves, turning=turning)
+            rivals = of_kind & ~mine
             sums = np.concatenate(((0.0,), np.cumsum(asked)))
             others = np.concatenate(((0,), np.cumsum(rivals)))
             ways = np.diff(sums[self._at])
@@ -254,9 +253,8 @@ def wrong_heading(attempt: Attempt) -> list[Disagreement]:
         rows, told = rows[here], told[here]
         if len(rows) < _FEWEST:
             continue
-        poses = np.column_stack([told[name] for name in ("x", "y", "heading")])
-        world = World(Maze(history.spec.maze), Block(0.0, 0.0, 0.0), False)
-        off = np.asarray(sensor.expected(world, poses, 0.0) - rows["value"]) * 360.0 / sensor.period
+        expected = sensor.expected(world_without_block(history.spec), poses_of(told), 0.0)
+        off = np.asarray(expected - rows["value"]) * 360.0 / sensor.period
         # The mean direction: half a turn to either side is one.
         value = float(np.degrees(np.angle(np.exp(1j * np.radians(off)).mean())))
         noise = np.hypot(spec.error * np.abs(rows["true"]), spec.absolute_error) + sensor.least_error
@@ -279,10 +277,3 @@ def _in_frame(beliefs: Columns, names: tuple[str, str, str], turns: FloatArray) 
     cos, sin = cos_sin_array(heading[:-1] + turns / 2)
     ahead, aside = np.diff(x), np.diff(y)
     return np.array((cos * ahead + sin * aside, cos * aside - sin * ahead))
-
-
-def _of_kind(attempt: Attempt, moves: Columns, *, turning: bool) -> Flags:
-    """True for movements that turn the robot, or that do not."""
-    names = attempt.history.code_names
-    codes = [names.index(e.code) for e in attempt.spec.drives if e.kind.turns is turning and e.code in names]
-    return np.isin(moves["code"], codes)

@@ -126,17 +126,16 @@ def _pairs_of(attempt: Attempt, row: DriveSpec, *, along: bool = False) -> _Pair
         row: The drive.
         along: True if others may be between them that hardly turn the robot.
     """
-    number = _number_of(attempt.history.code_names, row.code)
+    numbers = _numbers_of(attempt)
     moves = attempt.within(attempt.history.movements)
     moves = moves[np.isfinite(moves["asked"]) & (moves["asked"] != 0.0)]
     asked = moves["asked"].astype(np.float64)
-    mine = np.flatnonzero(moves["code"] == (-1 if number is None else number))
+    mine = np.flatnonzero(moves["code"] == numbers.get(row.code, -1))
     first, second = mine[:-1], mine[1:]
     near = second - first == 1
     if along:
-        names, drives = attempt.history.code_names, attempt.spec.drives
-        turning = [_number_of(names, each.code) for each in drives if each.kind.turns]
-        turns = np.isin(moves["code"], [each for each in turning if each is not None])
+        turning = {each.code for each in attempt.spec.drives if each.kind.turns}
+        turns = np.isin(moves["code"], [numbers[code] for code in turning & numbers.keys()])
         turned = np.cumsum(np.where(turns, np.abs(asked), 0.0))
         near = turned[second] - turned[first] <= _SAME_WAY
     ratios = asked[second] / asked[first]
@@ -231,11 +230,11 @@ def vanished_movements(attempt: Attempt) -> list[Disagreement]:
     # In packets, programs ask for the end of a movement by movements of 0.
     asks_nothing = np.isin(rows["number"], moves["number"][moves["asked"] == 0.0])
     rows = rows[~rows["refused"] & ~asks_nothing]
-    drives = [_number_of(names, each.code) for each in attempt.spec.drives]
+    numbers = _numbers_of(attempt)
     ends = {
         number: int(places[-1])
-        for number in drives
-        if number is not None and len(places := np.flatnonzero(rows["code"] == number))
+        for number in (numbers[each.code] for each in attempt.spec.drives if each.code in numbers)
+        if len(places := np.flatnonzero(rows["code"] == number))
     }
     rhythm = _Rhythm(rows["code"].astype(np.int64), np.isin(rows["code"], list(ends)))
     found: list[Disagreement] = []
@@ -295,5 +294,6 @@ class _Rhythm:
         return gaps, int(counts.sum()), binomial_tail(len(gaps), int(counts.sum()), usual)
 
 
-def _number_of(names: Sequence[str], code: str) -> int | None:
-    return names.index(code) if code in names else None
+def _numbers_of(attempt: Attempt) -> dict[str, int]:
+    """The numbers that codes of commands have in the history's tables."""
+    return {code: number for number, code in enumerate(attempt.history.code_names)}

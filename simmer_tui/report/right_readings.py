@@ -10,16 +10,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from simmer_tui.report.robust_fit import Flags
-from simmer_tui.report.sensor_sample import by_sensor
+from simmer_tui.report.sensor_sample import by_sensor, world_without_block
 from simmer_tui.run.attempt import Attempt, Collision
 from simmer_tui.run.facts import COVERED, SLIGHT, wrapped
 from simmer_tui.run.history_rows import BeliefRow, GripRow
 from simmer_tui.run.table import Columns
 from simmer_tui.sim.angles import FloatArray
-from simmer_tui.sim.block import Block
-from simmer_tui.sim.maze import Maze
 from simmer_tui.sim.sensors import ObservingSensor, modelled_sensor
-from simmer_tui.sim.sensors.base import World
 from simmer_tui.sim.sensors.yes_or_no import LoadSensor
 from simmer_tui.sim.specs import CELL_SIZE, SensorSpec
 
@@ -181,7 +178,7 @@ def looks_alike(seen: Attempt, belief: BeliefRow) -> bool:
     ]
     if len(sensors) < _AGREEING:
         return False
-    world = World(Maze(seen.spec.maze), Block(0.0, 0.0, 0.0), False)
+    world = world_without_block(seen.spec)
     true = np.array([[belief.true_x, belief.true_y, belief.true_heading]])
     poses = _around(belief)
     alike = np.ones(len(poses), dtype=np.bool_)

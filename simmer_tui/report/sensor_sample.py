@@ -21,7 +21,7 @@ from simmer_tui.sim.block import Block
 from simmer_tui.sim.maze import Maze
 from simmer_tui.sim.sensors import CountingSensor, ObservingSensor, Sensor, modelled_sensor
 from simmer_tui.sim.sensors.base import World
-from simmer_tui.sim.specs import SensorSpec
+from simmer_tui.sim.specs import SensorSpec, SimulationSpec
 
 MOST = 4000
 """Readings of one sensor that are compared, evenly chosen: its interval is then a sixtieth of its noise."""
@@ -102,6 +102,16 @@ def by_sensor(history: RunHistory, readings: Columns) -> Iterator[tuple[SensorSp
     for number, code in enumerate(history.sensor_codes):
         if code in specs:
             yield specs[code], readings[readings["sensor"] == number]
+
+
+def poses_of(rows: Columns) -> FloatArray:
+    """The poses of some rows, (n, 3)."""
+    return np.column_stack([rows[name] for name in ("x", "y", "heading")]).astype(np.float64)
+
+
+def world_without_block(spec: SimulationSpec) -> World:
+    """The maze as a program must take it that does not know where the block is."""
+    return World(Maze(spec.maze), Block(0.0, 0.0, 0.0), False)
 
 
 def sample_of(
@@ -360,7 +370,7 @@ def _alike(spec: SensorSpec, others: Iterable[SensorSpec]) -> Iterator[Sensor]:
 def _seen_by(history: RunHistory, rows: Columns, sensor: ObservingSensor) -> FloatArray:
     """True values of a sensor where other readings were taken, (n,); NaN where a held block may be seen."""
     maze = Maze(history.spec.maze)
-    poses = np.column_stack([rows[name] for name in ("x", "y", "heading")]).astype(np.float64)
+    poses = poses_of(rows)
     true = np.full(len(rows), np.nan)
     blocks = list(history.blocks.items)
     since = np.searchsorted([each.order for each in blocks], rows["order"], "right") - 1
