@@ -130,8 +130,7 @@ def _picture(run: RunStatistics) -> Iterator[DocumentPart]:
 def _cards(run: RunStatistics, attempt: Attempt, log: str) -> Iterator[DocumentPart]:
     """Cards: the reasons, the next steps and the goals. `log` is empty where the reader has none."""
     verdict = run.verdict
-    second = "" if verdict.second_cause is None else f"Second cause: {verdict.second_cause.text}"
-    yield Bullets("Why", [each for each in (*verdict.notes, *verdict.evidence, second) if each], kind="card")
+    yield Bullets("Why", verdict.reasons, kind="card")
     file = shlex.quote(log)
     steps: list[tuple[Prose, ...] | str] = [verdict.advice] if verdict.advice else []
     if log:
