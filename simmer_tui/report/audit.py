@@ -32,7 +32,7 @@ from simmer_tui.report.finding import (
     kept,
 )
 from simmer_tui.report.sensor_audit import change_claim, sensor_tests
-from simmer_tui.report.sensor_sample import by_sensor, sample_of
+from simmer_tui.report.sensor_sample import sample_of, sensors_read
 from simmer_tui.run.facts import wrapped
 from simmer_tui.run.run_history import RunHistory
 from simmer_tui.run.table import Columns
@@ -65,7 +65,8 @@ def audit(history: RunHistory, until: int | None = None) -> tuple[Finding, ...]:
     readings = history.readings.columns(0, history.readings.place_of(last + 1))
     moves = history.movements.columns(0, history.movements.place_of(last + 1))
     tests: list[Claim] = []
-    for spec, rows in by_sensor(history, readings):
+    for number, spec in sensors_read(history):
+        rows = readings[readings["sensor"] == number]
         sample = sample_of(history, rows, spec, history.spec.sensors)
         tests += [] if sample is None else sensor_tests(sample, Basis.SET)
         if nominal is not None:

@@ -16,7 +16,7 @@ import numpy as np
 from simmer_tui.report.disagreement import Disagreement, moment
 from simmer_tui.report.finding import FEWEST, LEAST_DEGREES
 from simmer_tui.report.robust_fit import Flags, binomial_tail, mad_scale, robust_fit, two_sided
-from simmer_tui.report.sensor_sample import by_sensor, poses_of, world_without_block
+from simmer_tui.report.sensor_sample import poses_of, sensors_read, world_without_block
 from simmer_tui.run.attempt import Attempt
 from simmer_tui.run.episodes import SAME
 from simmer_tui.run.facts import UNTOLD_TURN
@@ -171,31 +171,31 @@ class BeliefMotion:
 
     def _turn_counters(self) -> list[_Source]:
         return [
-            _Source(sensor.spec.code, counted / (sensor.spec.gain * lever[2]), False)
-            for sensor, counted in self._counters()
+            _Source(sensor.spec.code, self._counted(number) / (sensor.spec.gain * lever[2]), False)
+            for number, sensor in self._counters()
             if (lever := sensor.lever)[2] and not lever[:2].any()
         ]
 
     def _way_counters(self) -> list[_Source]:
         found = []
-        for sensor, counted in self._counters():
+        for number, sensor in self._counters():
             lever = sensor.lever
             with np.errstate(invalid="ignore", divide="ignore"):
                 share = (lever[:2, None] * self._way).sum(axis=0) / self._gone
-                values = (counted / sensor.spec.gain - lever[2] * self._true_turn) / share
+                values = (self._counted(number) / sensor.spec.gain - lever[2] * self._true_turn) / share
             # A wheel that hardly rolls says nothing of the way.
             found.append(_Source(sensor.spec.code, np.where(np.abs(share) > 0.5, values, np.nan), False))
         return found
 
-    def _counters(self) -> Iterator[tuple[CountingSensor, FloatArray]]:
-        """The counting sensors, each with its counts from belief to belief: in its unit, NaN where it was not
-        read at both; (n,)."""
-        for spec, rows in by_sensor(self._attempt.history, self._readings):
+    def _counters(self) -> Iterator[tuple[int, CountingSensor]]:
+        for number, spec in sensors_read(self._attempt.history):
             sensor = modelled_sensor(spec)
             if isinstance(sensor, CountingSensor) and spec.gain and not spec.wrap:
-                yield sensor, self._counted(rows)
+                yield number, sensor
 
-    def _counted(self, mine: Columns) -> FloatArray:
+    def _counted(self, number: int) -> FloatArray:
+        """Counts of a sensor from belief to belief, in its unit, NaN where it was not read at both; (n,)."""
+        mine = self._readings[self._readings["sensor"] == number]
         beliefs = self._beliefs
         place = np.searchsorted(mine["order"], beliefs["order"]) - 1
         if not len(mine):
@@ -237,18 +237,18 @@ def wrong_heading(attempt: Attempt) -> list[Disagreement]:
         return []
     beliefs = beliefs[beliefs["allowed_turn"] <= _LONGEST_TURN / 2]
     found = []
-    for spec, rows in by_sensor(history, readings):
+    ended = moves["order"]
+    for number, spec in sensors_read(history):
         sensor, code = modelled_sensor(spec), spec.code
         if not isinstance(sensor, ObservingSensor) or not sensor.period or spec.kind.is_range:
             continue
+        rows = readings[readings["sensor"] == number]
         place = np.searchsorted(beliefs["order"], rows["order"])
         if min(len(beliefs), len(rows)) == 0:
             continue
         told = beliefs[np.minimum(place, len(beliefs) - 1)]
         # No movement ended between the two.
-        moved = np.searchsorted(moves["order"], rows["order"]) != np.searchsorted(
-            moves["order"], told["order"]
-        )
+        moved = np.searchsorted(ended, rows["order"]) != np.searchsorted(ended, told["order"])
         here = (place < len(beliefs)) & ~moved
         rows, told = rows[here], told[here]
         if len(rows) < _FEWEST:

@@ -138,12 +138,8 @@ def _device_cause(attempt: Attempt, findings: Sequence[Finding]) -> Cause | None
     device = "drive" if is_drive else "sensor"
     begin = f"A {device} was wrong: " if len(culprits) == 1 else f"{len(culprits)} {device}s were wrong. "
     rest = [each.text for each in findings if each not in mine]
-    kind, evidence = (
-        Kind.DRIVE_WRONG if is_drive else Kind.SENSOR_WRONG,
-        [f"{each}." for each in rest[:_NAMED]],
-    )
-    evidence.append(belief_text(attempt.beliefs[0]))
-    text = f"{begin}{told}{more}."
+    kind, text = Kind.DRIVE_WRONG if is_drive else Kind.SENSOR_WRONG, f"{begin}{told}{more}."
+    evidence = *(f"{each}." for each in rest[:_NAMED]), belief_text(attempt.beliefs[0])
     return cause_of(attempt, kind, text, *evidence, sure=Sureness.LIKELY, culprits=culprits)
 
 

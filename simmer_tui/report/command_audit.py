@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from simmer_tui.report.disagreement import Disagreement, moment
 from simmer_tui.report.finding import FEWEST
 from simmer_tui.report.robust_fit import Flags, binomial_tail
-from simmer_tui.report.sensor_sample import by_sensor
+from simmer_tui.report.sensor_sample import sensors_read
 from simmer_tui.run.attempt import Attempt
 from simmer_tui.run.table import Columns
 from simmer_tui.sim.angles import FloatArray
@@ -186,10 +186,10 @@ def _as_measured(attempt: Attempt, row: DriveSpec, found: _Found) -> list[Disagr
     may have been that much too long, as well as the movement."""
     readings = attempt.within(attempt.history.readings)
     made = []
-    for sensor, rows in by_sensor(attempt.history, readings):
+    for number, sensor in sensors_read(attempt.history):
         if not _measures(sensor, row):
             continue
-        orders = rows["order"]
+        orders = readings["order"][readings["sensor"] == number]
         places = np.searchsorted(orders, found.rows["order"])
         # Read after the movement and before the next command of all.
         after = np.append(orders, np.iinfo(np.int64).max)[places]

@@ -20,7 +20,7 @@ from simmer_tui.report.belief_audit import SURE
 from simmer_tui.report.disagreement import Disagreement, moment
 from simmer_tui.report.finding import FEWEST, FindingKind
 from simmer_tui.report.robust_fit import Z_95, binomial_tail, mad_scale
-from simmer_tui.report.sensor_sample import by_sensor, poses_of, world_without_block
+from simmer_tui.report.sensor_sample import poses_of, sensors_read, world_without_block
 from simmer_tui.run.attempt import Attempt
 from simmer_tui.run.table import Columns
 from simmer_tui.sim.angles import FloatArray
@@ -87,13 +87,13 @@ class ReplyAudit:
         readings = attempt.within(history.readings, attempt.placed)
         size = history.spec.block_size
         self._seen: dict[str, _Seen] = {}
-        for spec, rows in by_sensor(history, readings):
+        for number, spec in sensors_read(history):
             sensor = modelled_sensor(spec)
             if not isinstance(sensor, ObservingSensor) or not spec.kind.is_range or not len(beliefs):
                 continue
             # Where the block is, the program need not know.
             if not sensor.sees_block(size):
-                seen = self._of(rows, sensor)
+                seen = self._of(readings[readings["sensor"] == number], sensor)
                 if (seen.belief >= 0).any():
                     self._seen[spec.code] = seen
         poses, world = poses_of(beliefs), world_without_block(history.spec)

@@ -5,12 +5,13 @@ A program that got right readings as they were could have known better, unless t
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 
 from simmer_tui.report.robust_fit import Flags
-from simmer_tui.report.sensor_sample import by_sensor, world_without_block
+from simmer_tui.report.sensor_sample import world_without_block
 from simmer_tui.run.attempt import Attempt, Collision
 from simmer_tui.run.facts import COVERED, SLIGHT, wrapped
 from simmer_tui.run.history_rows import BeliefRow, GripRow
@@ -128,9 +129,8 @@ def told_held(attempt: Attempt, done: GripRow) -> tuple[str, int] | None:
         return None
     rows = attempt.within(attempt.history.readings, taken[-1])
     rows = rows[rows["order"] < done.order]
-    for sensor, mine in _in_order(attempt, rows):
-        if sensor.kind.name != LoadSensor.name:
-            continue
+    loads = [each for each in attempt.spec.sensors if each.kind.name == LoadSensor.name]
+    for sensor, mine in _read(attempt, rows, loads):
         values = mine["value"]
         held = int((values > 0.0).sum())
         # One answer may be wrong, most of them are not.
@@ -148,15 +148,15 @@ def _mostly_right(attempt: Attempt, since: int, fewest: int) -> bool:
     return total >= fewest and 2 * right > total
 
 
-def _in_order(attempt: Attempt, rows: Columns) -> list[tuple[SensorSpec, Columns]]:
-    """The sensors that were read, in the order of the set, each with its rows."""
-    place = attempt.spec.sensors.index
-    return sorted(by_sensor(attempt.history, rows), key=lambda each: place(each[0]))
+def _read(attempt: Attempt, rows: Columns, sensors: Iterable[SensorSpec]) -> list[tuple[SensorSpec, Columns]]:
+    """Those of some sensors that were read, each with its rows."""
+    codes = attempt.history.sensor_codes
+    return [(each, rows[rows["sensor"] == codes.index(each.code)]) for each in sensors if each.code in codes]
 
 
 def _by_range(attempt: Attempt, rows: Columns) -> list[tuple[SensorSpec, Columns]]:
-    """The range sensors among them."""
-    return [each for each in _in_order(attempt, rows) if each[0].kind.is_range]
+    """The range sensors that were read, each with its rows."""
+    return _read(attempt, rows, (each for each in attempt.spec.sensors if each.kind.is_range))
 
 
 def _right(rows: Columns, sensor: SensorSpec) -> Flags:

@@ -96,12 +96,10 @@ class SensorSample:
         return self.sensor.wrapped(self.values - expected)
 
 
-def by_sensor(history: RunHistory, readings: Columns) -> Iterator[tuple[SensorSpec, Columns]]:
-    """The sensors that a run read, each with its rows among some readings."""
+def sensors_read(history: RunHistory) -> Iterator[tuple[int, SensorSpec]]:
+    """The sensors that a run read, each with its number in the history's readings."""
     specs = {each.code: each for each in history.spec.sensors}
-    for number, code in enumerate(history.sensor_codes):
-        if code in specs:
-            yield specs[code], readings[readings["sensor"] == number]
+    return ((number, specs[code]) for number, code in enumerate(history.sensor_codes) if code in specs)
 
 
 def poses_of(rows: Columns) -> FloatArray:
