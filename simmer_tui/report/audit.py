@@ -31,7 +31,7 @@ from simmer_tui.report.finding import (
     FindingKind,
     kept,
 )
-from simmer_tui.report.sensor_audit import change_claim, sensor_tests
+from simmer_tui.report.sensor_audit import change_text, sensor_tests
 from simmer_tui.report.sensor_sample import sample_of, sensors_read
 from simmer_tui.run.facts import wrapped
 from simmer_tui.run.run_history import RunHistory
@@ -94,10 +94,12 @@ def _nominal_sensor_tests(
         return []
     device = DeviceUnderTest(own.code, Basis.NOMINAL, "reading", f", against {_by(nominal)}")
     if (other := _swapped_with(own, row, nominal.spec)) is not None:
-        return [change_claim(device, own, 0.0, FindingKind.SWAPPED, 1.0, len(rows), other)]
+        what = change_text(own, FindingKind.SWAPPED, 1.0, other)
+        return [device.claim(0.0, FindingKind.SWAPPED, 1.0, what, len(rows), other=other)]
     if (turned := _turned(own, row)) is not None:
-        value = own.bias if turned is FindingKind.STUCK else -1.0
-        return [change_claim(device, own, 0.0, turned, value, len(rows))]
+        value, unit = (own.bias, own.unit) if turned is FindingKind.STUCK else (-1.0, "")
+        what = change_text(own, turned, value)
+        return [device.claim(0.0, turned, value, what, len(rows), unit=unit)]
     tests = [*_mounted(history, rows, own, row, nominal), *_slower(rows, own, row, nominal)]
     placed = {name: getattr(own, name) for name in (*_MOUNTING, *_IN_TRUTH)}
     # Another kind of sensor under this code measures something else altogether.

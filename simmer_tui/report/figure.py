@@ -103,11 +103,11 @@ class MazeFrame:
         side = size * self.scale
         for row, cells in enumerate(grid):
             for is_filled, run in groupby(range(len(cells)), cells.__getitem__):
-                begin, *rest = run
-                box = {"x": self.left + begin * side, "y": TOP + row * side}
+                columns = list(run)
                 if is_filled:
-                    width = (1 + len(rest)) * side
-                    boxes += svg.element("rect", **box, width=width, height=side, fill=fill)
+                    corner = {"x": self.left + columns[0] * side, "y": TOP + row * side}
+                    width = len(columns) * side
+                    boxes += svg.element("rect", **corner, width=width, height=side, fill=fill)
         # Without seams between rows, too.
         return svg.element("g", boxes, shape_rendering="crispEdges") if boxes else ""
 

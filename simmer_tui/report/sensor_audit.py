@@ -67,11 +67,15 @@ def other_quantity(sample: SensorSample, basis: Basis) -> Claim:
             best = explained, each, count
     if best is None:
         return Claim(least)
-    _, fault, count = best
+    (_, fault, count), spec = best, sample.spec
     # A counting sensor that is stuck adds nothing.
-    value = 0.0 if fault.kind is FindingKind.STUCK and sample.spec.kind.counts else fault.value
-    device = DeviceUnderTest(sample.spec.code, basis, "reading")
-    return change_claim(device, sample.spec, least, fault.kind, value, count, fault.other)
+    value = 0.0 if fault.kind is FindingKind.STUCK and spec.kind.counts else fault.value
+    unit = {FindingKind.STUCK: spec.unit, FindingKind.LATE: "readings"}.get(fault.kind, "")
+    device, what = (
+        DeviceUnderTest(spec.code, basis, "reading"),
+        change_text(spec, fault.kind, value, fault.other),
+    )
+    return device.claim(least, fault.kind, value, what, count, unit=unit, other=fault.other)
 
 
 def _held_against(sample: SensorSample, other: Alternative) -> tuple[int, int, float]:
@@ -90,34 +94,22 @@ def _held_against(sample: SensorSample, other: Alternative) -> tuple[int, int, f
     return int((otherwise < off)[apart].sum()), count, float(min(near[known].mean(), near[apart].mean()))
 
 
-def change_claim(
-    device: DeviceUnderTest,
-    spec: SensorSpec,
-    probability: float,
-    kind: FindingKind,
-    value: float,
-    count: int,
-    other: str | None = None,
-) -> Claim:
-    """The claim of a fault that changes what a sensor measures: `reads what u2 should`.
+def change_text(spec: SensorSpec, kind: FindingKind, value: float, other: str | None = None) -> str:
+    """Words for a fault that changes what a sensor measures: `reads what u2 should`.
 
     Args:
         value: The value at which it is stuck, in its unit, or the number of readings by which it is late.
         other: Code of the sensor that it is swapped with.
     """
-    unit = ""
     match kind:
         case FindingKind.STUCK:
-            unit = spec.unit
-            what = "counts nothing" if spec.kind.counts else f"always reads {value:.3g} {unit}".rstrip()
+            return "counts nothing" if spec.kind.counts else f"always reads {value:.3g} {spec.unit}".rstrip()
         case FindingKind.SIGN:
-            what = "answers the opposite" if spec.is_yes_or_no else "reads with the wrong sign"
+            return "answers the opposite" if spec.is_yes_or_no else "reads with the wrong sign"
         case FindingKind.SWAPPED:
-            what = f"reads what {other} should read"
+            return f"reads what {other} should read"
         case _:
-            unit = "readings"
-            what = "is late by one reading" if value == 1 else f"is late by {int(value)} readings"
-    return device.claim(probability, kind, value, what, count, unit=unit, other=other)
+            return "is late by one reading" if value == 1 else f"is late by {int(value)} readings"
 
 
 # -- shares ------------------------------------------------------------------------------------------
