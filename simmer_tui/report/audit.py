@@ -118,14 +118,10 @@ def _nominal_drive_tests(
     row = next((each for each in nominal.spec.drives if each.code == own.code), None)
     if row is None or not len(moves) or _moves_alike(own, row, history.spec, nominal.spec):
         return []
-    device, count = (
-        DeviceUnderTest(own.code, Basis.NOMINAL, "movement", f", against {_by(nominal)}"),
-        len(moves),
-    )
+    device = DeviceUnderTest(own.code, Basis.NOMINAL, "movement", f", against {_by(nominal)}")
+    count = len(moves)
     if own.kind is not row.kind:
-        other = next((each.code for each in nominal.spec.drives if each.kind is own.kind), None)
-        what = "moves like no drive of that set" if other is None else f"does what {other} should do"
-        return [device.claim(0.0, FindingKind.SWAPPED, 1.0, what, count, other=other)]
+        return [_other_drive(device, own, nominal, count)]
     if own.gain * row.gain < 0.0:
         return [device.claim(0.0, FindingKind.SIGN, -1.0, f"{row.kind.verb} the wrong way", count)]
     rule = _nominal_rule(history, moves, own, row, nominal.spec)
@@ -137,8 +133,13 @@ def _nominal_drive_tests(
     if not tests:
         what = f"{row.kind.verb} {times:.2f} times what is asked"
         return [device.claim(0.0, FindingKind.GAIN, times, what, count)]
-    gains = (each.finding is not None and each.finding.kind is FindingKind.GAIN for each in tests)
-    return [Claim(0.0, each.finding) if certain else each for each, certain in zip(tests, gains, strict=True)]
+    return [_surely(each, FindingKind.GAIN) for each in tests]
+
+
+def _surely(test: Claim, kind: FindingKind) -> Claim:
+    """A test whose finding is certain if it is of a kind that stands in the rows."""
+    stands = test.finding is not None and test.finding.kind is kind
+    return Claim(0.0, test.finding) if stands else test
 
 
 def _nominal_rule(
@@ -170,6 +171,13 @@ def _drawn(row: DriveSpec, strength: tuple[float, float]) -> FloatArray:
 
 
 # -- by the rows alone -------------------------------------------------------------------------------
+
+
+def _other_drive(device: DeviceUnderTest, own: DriveSpec, nominal: Nominal, count: int) -> Claim:
+    """A drive that moves along another axis."""
+    other = next((each.code for each in nominal.spec.drives if each.kind is own.kind), None)
+    what = "moves like no drive of that set" if other is None else f"does what {other} should do"
+    return device.claim(0.0, FindingKind.SWAPPED, 1.0, what, count, other=other)
 
 
 def _swapped_with(own: SensorSpec, row: SensorSpec, nominal: SimulationSpec) -> str | None:
