@@ -116,7 +116,7 @@ class Cause:
         return contradicted(self.kind, self.tried)
 
 
-class Moment(Protocol):
+class LogMoment(Protocol):
     """Something with a time, elapsed seconds, and a line of the log."""
 
     @property
@@ -131,7 +131,7 @@ def cause_of(
     kind: Kind,
     text: str,
     *evidence: str,
-    at: Moment | None = None,
+    at: LogMoment | None = None,
     since: float | None = None,
     place: tuple[float, float] | None = None,
     tried: tuple[Counterfactual, ...] = (),

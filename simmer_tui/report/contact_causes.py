@@ -17,7 +17,7 @@ import math
 from collections.abc import Iterator, Sequence
 
 from simmer_tui.phrases import body_text, capitalized, contact_text, drift_text, obstacle_place
-from simmer_tui.report.causes import Cause, Kind, Moment, Sureness, cause_of, undecided_text
+from simmer_tui.report.causes import Cause, Kind, LogMoment, Sureness, cause_of, undecided_text
 from simmer_tui.report.counterfactuals import Change, Counterfactual, CounterfactualWorld
 from simmer_tui.report.right_readings import looked_at_each_movement, looks_alike, shown_place
 from simmer_tui.report.why import facing_sensor_text, looks_there, shown_range
@@ -247,7 +247,7 @@ class _ContactCauses:
         kind: Kind,
         text: str,
         *,
-        at: Moment | None = None,
+        at: LogMoment | None = None,
         sure: Sureness = Sureness.CERTAIN,
         culprits: tuple[str, ...] = (),
     ) -> Cause:
