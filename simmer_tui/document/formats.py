@@ -123,12 +123,8 @@ HISTOGRAM = Format(_histogram, fixed=True)
 """Counts of bins, as bars."""
 
 
-def _split_pose(pose: Any) -> tuple[float, float, float]:
-    return pose.x, pose.y, pose.heading
-
-
 POSE = Format(
     lambda pose: f"({pose.x:.2f}, {pose.y:.2f}) heading {pose.heading:.1f} deg",
     ("_x_in", "_y_in", "_heading_deg"),
-    _split_pose,
+    lambda pose: (pose.x, pose.y, pose.heading),
 )

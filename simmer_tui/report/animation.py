@@ -21,7 +21,7 @@ from simmer_tui.report import figure
 from simmer_tui.report.recording import Keyframe, Mark, MarkKind, PlayerReading, latest
 from simmer_tui.report.run_statistics import RunStatistics
 from simmer_tui.run.scan_traces import range_step, ray_ends, ray_times
-from simmer_tui.sim.angles import cos_sin, rotation
+from simmer_tui.sim.angles import FloatArray, cos_sin, rotation
 from simmer_tui.sim.footprint import Footprint
 from simmer_tui.sim.maze import Maze
 from simmer_tui.sim.pose import Pose
@@ -172,6 +172,10 @@ class _Canvas:
     def _at(self, x: float, y: float) -> tuple[float, float]:
         return self.margin + x * self.scale, self.margin + (self.spec.maze.height - y) * self.scale
 
+    def _all_at(self, corners: FloatArray) -> list[tuple[float, float]]:
+        """The corners of a polygon, (n, 2)."""
+        return [self._at(x, y) for x, y in corners.tolist()]
+
     def _line(self, points: float) -> int:
         """A width that looks the same in pictures of any size; points are those of the report."""
         return max(round(points * _FINER * self.width / figure.WIDTH), 1)
@@ -229,15 +233,11 @@ class _Canvas:
     def _body(self, draw: ImageDraw.ImageDraw, pose: Pose, line: str, fill: str | None) -> None:
         robot, width = self.spec.robot, self._line(2.2)
         if robot.radius is not None:
-            (x, y), radius = self._at(pose.x, pose.y), robot.radius * self.scale
-            draw.ellipse(
-                (x - radius, y - radius, x + radius, y + radius), fill=fill, outline=line, width=width
-            )
+            around = _around(self._at(pose.x, pose.y), robot.radius * self.scale)
+            draw.ellipse(around, fill=fill, outline=line, width=width)
         else:
             corners = np.array(robot.vertices) @ rotation(pose.heading).T + (pose.x, pose.y)
-            draw.polygon(
-                [self._at(*corner) for corner in corners.tolist()], fill=fill, outline=line, width=width
-            )
+            draw.polygon(self._all_at(corners), fill=fill, outline=line, width=width)
         cos, sin = cos_sin(pose.heading)
         front = Footprint.of(robot).front
         nose = self._at(pose.x + front * cos, pose.y + front * sin)
@@ -245,13 +245,8 @@ class _Canvas:
 
     def _block(self, draw: ImageDraw.ImageDraw, now: float) -> None:
         if self.spec.block_size:
-            corners = self.recording.block_at(now).corners().tolist()
-            draw.polygon(
-                [self._at(*corner) for corner in corners],
-                fill=svg.BLOCK,
-                outline=svg.BLOCK_LINE,
-                width=self._line(1.5),
-            )
+            corners = self._all_at(self.recording.block_at(now).corners())
+            draw.polygon(corners, fill=svg.BLOCK, outline=svg.BLOCK_LINE, width=self._line(1.5))
 
     def _belief(self, draw: ImageDraw.ImageDraw, now: float) -> None:
         cloud = self.recording.belief_at(now)
@@ -259,8 +254,7 @@ class _Canvas:
             return
         half = self._line(2.4) / 2
         for particle in cloud.particles:
-            x, y = self._at(*particle[:2])
-            draw.ellipse((x - half, y - half, x + half, y + half), fill=_CLOUD)
+            draw.ellipse(_around(self._at(*particle[:2]), half), fill=_CLOUD)
         self._body(draw, cloud.belief.pose, svg.BELIEF, None)
 
     def _rays(self, draw: ImageDraw.ImageDraw, now: float) -> None:
@@ -282,10 +276,9 @@ class _Canvas:
                 draw.polygon([self._end_of(reading, 0.0), *ends], fill=_CONE)
         for reading in seen:
             if math.isfinite(reading.value):
-                x, y = end = self._end_of(reading, reading.value)
+                end = self._end_of(reading, reading.value)
                 draw.line((self._end_of(reading, 0.0), end), fill=_RAY, width=self._line(2))
-                half = self._line(8) / 2
-                draw.ellipse((x - half, y - half, x + half, y + half), fill=_RAY)
+                draw.ellipse(_around(end, self._line(8) / 2), fill=_RAY)
 
     def _scans(self, draw: ImageDraw.ImageDraw, now: float) -> None:
         """Dots where the beams of the newest scans ended."""
@@ -293,8 +286,7 @@ class _Canvas:
         for code, scan in self.recording.scan_at(now).items():
             poses = [self.recording.pose_at(time) for time in ray_times(scan)]
             for place in ray_ends(scan, self._sensors[code], step, poses):
-                x, y = self._at(*place)
-                draw.ellipse((x - half, y - half, x + half, y + half), fill=_RAY)
+                draw.ellipse(_around(self._at(*place), half), fill=_RAY)
 
     def _end_of(self, reading: PlayerReading, length: float, turn: float = 0.0) -> tuple[float, float]:
         """A place that far along where a sensor looked."""
@@ -310,9 +302,7 @@ class _Canvas:
         draw.line((x - half, y - half, x + half, y + half), fill=svg.CONTACT, width=width)
         draw.line((x - half, y + half, x + half, y - half), fill=svg.CONTACT, width=width)
         if fresh:
-            draw.ellipse(
-                (x - 2 * half, y - 2 * half, x + 2 * half, y + 2 * half), outline=svg.CONTACT, width=width
-            )
+            draw.ellipse(_around((x, y), 2 * half), outline=svg.CONTACT, width=width)
 
     def _words(self, draw: ImageDraw.ImageDraw, now: float) -> None:
         """The time, and what happened lately or is being done."""
@@ -329,6 +319,12 @@ class _Canvas:
         while text and begin + draw.textlength(text, font=font) > self.width - left:
             text = text[:-4].rstrip(".") + "..." if len(text) > 4 else ""
         draw.text((begin, y), text, fill=fill, font=font, anchor="lm")
+
+
+def _around(middle: tuple[float, float], half: float) -> tuple[float, float, float, float]:
+    """The square around a place of the picture."""
+    x, y = middle
+    return x - half, y - half, x + half, y + half
 
 
 def _font(size: float) -> ImageFont.ImageFont | ImageFont.FreeTypeFont:

@@ -3,16 +3,52 @@
 Each is held against two sets. Beyond what the run's own set declares, something is wrong with the device.
 Where that set differs from its nominal one, which it was made from, the device does as its set says, and
 otherwise than a program expects that knows the nominal one.
+
+Against the nominal set only rows that differ are tested. Sensors are held against an ideal sensor at the
+place where the run's set has them, with the electronics of the nominal one: a sign or a wrap that it declares
+is convention.
 """
 
 from __future__ import annotations
 
-from simmer_tui.report.drive_audit import drive_tests, set_rule
-from simmer_tui.report.finding import Basis, Claim, Finding, kept
-from simmer_tui.report.nominal_audit import nominal_drive_tests, nominal_sensor_tests
-from simmer_tui.report.sensor_audit import sensor_tests
-from simmer_tui.report.sensor_sample import sample_of
+import math
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+from msgspec import structs
+
+from simmer_tui.config.nominal import Nominal
+from simmer_tui.report.drive_audit import DriveRule, axis_values, drive_tests, set_rule
+from simmer_tui.report.finding import (
+    LEAST_DEGREES,
+    LEAST_INCHES,
+    LEAST_SHARE,
+    Basis,
+    Claim,
+    DeviceUnderTest,
+    Finding,
+    FindingKind,
+    kept,
+)
+from simmer_tui.report.sensor_audit import change_text, sensor_tests
+from simmer_tui.report.sensor_sample import sample_of, sensors_read
+from simmer_tui.run.facts import wrapped
 from simmer_tui.run.run_history import RunHistory
+from simmer_tui.run.table import Columns
+from simmer_tui.sim.angles import FloatArray
+from simmer_tui.sim.command import escape
+from simmer_tui.sim.specs import DriveSpec, SensorSpec, SimulationSpec
+
+_MOUNTING = ("x", "y", "z", "rotation", "field_of_view", "rays", "vertical_field_of_view")
+"""Fields of a sensor's row that say where it is and where it looks."""
+# Its effect on a range is in the truth of the log, as that of the mounting is.
+_IN_TRUTH = ("incidence_limit",)
+# Judged: a delay that a program notices: half the time of an ultrasonic reading.
+_LEAST_DELAY = 0.03
+"""Least difference of Read Time that matters, seconds."""
+# Where most sensors are elsewhere it is another robot, and each of them is meant to be where it is.
+_ELSEWHERE = 0.5
 
 
 def audit(history: RunHistory, until: int | None = None) -> tuple[Finding, ...]:
@@ -29,15 +65,12 @@ def audit(history: RunHistory, until: int | None = None) -> tuple[Finding, ...]:
     readings = history.readings.columns(0, history.readings.place_of(last + 1))
     moves = history.movements.columns(0, history.movements.place_of(last + 1))
     tests: list[Claim] = []
-    for number, code in enumerate(history.sensor_codes):
-        spec = next((each for each in history.spec.sensors if each.code == code), None)
-        if spec is None:
-            continue
+    for number, spec in sensors_read(history):
         rows = readings[readings["sensor"] == number]
         sample = sample_of(history, rows, spec, history.spec.sensors)
         tests += [] if sample is None else sensor_tests(sample, Basis.SET)
         if nominal is not None:
-            tests += nominal_sensor_tests(history, rows, spec, nominal)
+            tests += _nominal_sensor_tests(history, rows, spec, nominal)
     for number, code in enumerate(history.code_names):
         row = next((each for each in history.spec.drives if each.code == code), None)
         if row is None:
@@ -45,5 +78,175 @@ def audit(history: RunHistory, until: int | None = None) -> tuple[Finding, ...]:
         mine = moves[moves["code"] == number]
         tests += drive_tests(mine, set_rule(history, mine, row), history.spec.drives, Basis.SET)
         if nominal is not None:
-            tests += nominal_drive_tests(history, mine, row, nominal)
+            tests += _nominal_drive_tests(history, mine, row, nominal)
     return kept(tests)
+
+
+# -- against the nominal set ---------------------------------------------------------------------------
+
+
+def _nominal_sensor_tests(
+    history: RunHistory, rows: Columns, own: SensorSpec, nominal: Nominal
+) -> list[Claim]:
+    """Tests of a sensor by its readings, where the nominal set has another row for its code."""
+    row = next((each for each in nominal.spec.sensors if each.code == own.code), None)
+    if row is None or not len(rows) or structs.replace(row, number=own.number) == own:
+        return []
+    device = DeviceUnderTest(own.code, Basis.NOMINAL, "reading", f", against {_by(nominal)}")
+    if (other := _swapped_with(own, row, nominal.spec)) is not None:
+        what = change_text(own, FindingKind.SWAPPED, 1.0, other)
+        return [device.claim(0.0, FindingKind.SWAPPED, 1.0, what, len(rows), other=other)]
+    if (turned := _turned(own, row)) is not None:
+        value, unit = (own.bias, own.unit) if turned is FindingKind.STUCK else (-1.0, "")
+        what = change_text(own, turned, value)
+        return [device.claim(0.0, turned, value, what, len(rows), unit=unit)]
+    tests = [*_mounted(history, rows, own, row, nominal), *_slower(rows, own, row, nominal)]
+    placed = {name: getattr(own, name) for name in (*_MOUNTING, *_IN_TRUTH)}
+    # Another kind of sensor under this code measures something else altogether.
+    if row.kind is own.kind and structs.replace(row, **placed, number=own.number) != own:
+        sample = sample_of(history, rows, structs.replace(row, **placed))
+        if sample is not None:
+            tests += [_named(each, nominal) for each in sensor_tests(sample, Basis.NOMINAL)]
+    return tests
+
+
+def _nominal_drive_tests(
+    history: RunHistory, moves: Columns, own: DriveSpec, nominal: Nominal
+) -> list[Claim]:
+    """Tests of a drive by its movements, where the nominal set has another row for its code, or draws biases
+    of another strength."""
+    row = next((each for each in nominal.spec.drives if each.code == own.code), None)
+    if row is None or not len(moves) or _moves_alike(own, row, history.spec, nominal.spec):
+        return []
+    device = DeviceUnderTest(own.code, Basis.NOMINAL, "movement", f", against {_by(nominal)}")
+    count = len(moves)
+    if own.kind is not row.kind:
+        return [_other_drive(device, own, nominal, count)]
+    if own.gain * row.gain < 0.0:
+        return [device.claim(0.0, FindingKind.SIGN, -1.0, f"{row.kind.verb} the wrong way", count)]
+    rule = _nominal_rule(history, moves, own, row, nominal.spec)
+    tests = [_named(each, nominal) for each in drive_tests(moves, rule, nominal.spec.drives, Basis.NOMINAL)]
+    times = own.gain / row.gain if row.gain else 1.0
+    if abs(times - 1.0) < LEAST_SHARE:
+        return tests
+    # A gain that stands in the rows needs no test, and few movements no figure of their own.
+    if not tests:
+        what = f"{row.kind.verb} {times:.2f} times what is asked"
+        return [device.claim(0.0, FindingKind.GAIN, times, what, count)]
+    return [_surely(each, FindingKind.GAIN) for each in tests]
+
+
+def _surely(test: Claim, kind: FindingKind) -> Claim:
+    """A test whose finding is certain if it is of a kind that stands in the rows."""
+    stands = test.finding is not None and test.finding.kind is kind
+    return Claim(0.0, test.finding) if stands else test
+
+
+def _nominal_rule(
+    history: RunHistory, moves: Columns, own: DriveSpec, row: DriveSpec, nominal: SimulationSpec
+) -> DriveRule:
+    """Expected motion of a drive by its nominal row, with the bias that the run's set declares or draws."""
+    spec = history.spec
+    if not spec.randbias:
+        # A bias that a set declares for good is not one that was drawn.
+        return DriveRule(row, np.tile(axis_values(row.bias), (len(moves), 1)), np.zeros(3))
+    if spec.strength == nominal.strength:
+        # A bias is a share of what the drive was really given, its own Gain included.
+        drawn = set_rule(history, moves, own).biases * (own.gain / row.gain if row.gain else 1.0)
+        return DriveRule(row, drawn, np.zeros(3))
+    return DriveRule(row, np.zeros((len(moves), 3)), _drawn(row, nominal.strength))
+
+
+def _moves_alike(own: DriveSpec, row: DriveSpec, spec: SimulationSpec, nominal: SimulationSpec) -> bool:
+    same = (own.kind, own.gain, own.error) == (row.kind, row.gain, row.error)
+    if spec.randbias:
+        return same and (not nominal.randbias or spec.strength == nominal.strength)
+    return same and own.bias == row.bias
+
+
+def _drawn(row: DriveSpec, strength: tuple[float, float]) -> FloatArray:
+    """Standard deviations of a bias drawn at random, on the three axes; see `noise.random_bias`."""
+    straight, turning = strength[0], strength[1] / 360.0
+    return np.array((turning,) * 3 if row.kind.turns else (straight, straight, 10.0 * straight))
+
+
+# -- by the rows alone -------------------------------------------------------------------------------
+
+
+def _other_drive(device: DeviceUnderTest, own: DriveSpec, nominal: Nominal, count: int) -> Claim:
+    """A drive that moves along another axis."""
+    other = next((each.code for each in nominal.spec.drives if each.kind is own.kind), None)
+    what = "moves like no drive of that set" if other is None else f"does what {other} should do"
+    return device.claim(0.0, FindingKind.SWAPPED, 1.0, what, count, other=other)
+
+
+def _swapped_with(own: SensorSpec, row: SensorSpec, nominal: SimulationSpec) -> str | None:
+    """The code of the nominal sensor that stands under this one's code; None if it is the right one."""
+    if _mounting(own) == _mounting(row) and own.kind is row.kind:
+        return None
+    for each in nominal.sensors:
+        if each.code != own.code and each.kind is own.kind and _mounting(each) == _mounting(own):
+            return each.code
+    return None
+
+
+def _turned(own: SensorSpec, row: SensorSpec) -> FindingKind | None:
+    """Stuck or turned, where one row says so and the other does not."""
+    if own.kind is not row.kind:
+        return None
+    if own.gain == 0.0 != row.gain:
+        return FindingKind.STUCK
+    if own.gain * row.gain < 0.0 or (
+        own.kind.has("detects_white") and own.detects_white != row.detects_white
+    ):
+        return FindingKind.SIGN
+    return None
+
+
+def _mounting(row: SensorSpec) -> tuple[object, ...]:
+    return tuple(getattr(row, name) for name in _MOUNTING if row.kind.has(name))
+
+
+def _mounted(
+    history: RunHistory, rows: Columns, own: SensorSpec, row: SensorSpec, nominal: Nominal
+) -> Iterator[Claim]:
+    """A sensor that is elsewhere, or looks elsewhere."""
+    if row.kind is not own.kind or _is_another_robot(history.spec, nominal.spec):
+        return
+    device, count = DeviceUnderTest(own.code, Basis.NOMINAL, "reading"), len(rows)
+    turned = wrapped(own.rotation - row.rotation)
+    if own.kind.has("rotation") and abs(turned) >= LEAST_DEGREES:
+        side = "left" if turned > 0 else "right"
+        what = f"looks {abs(turned):.1f} deg further to the {side} than in {_by(nominal)}"
+        yield device.claim(0.0, FindingKind.MOUNTING, turned, what, count, unit="deg")
+    moved = math.hypot(own.x - row.x, own.y - row.y)
+    if own.kind.has("x") and moved >= LEAST_INCHES:
+        what = f"is mounted {moved:.1f} in from where {_by(nominal)} has it"
+        yield device.claim(0.0, FindingKind.MOUNTING, moved, what, count, unit="in")
+
+
+def _is_another_robot(spec: SimulationSpec, nominal: SimulationSpec) -> bool:
+    places = {each.code: _mounting(each) for each in nominal.sensors}
+    elsewhere = [places.get(each.code) != _mounting(each) for each in spec.sensors]
+    return sum(elsewhere) > _ELSEWHERE * len(elsewhere)
+
+
+def _slower(rows: Columns, own: SensorSpec, row: SensorSpec, nominal: Nominal) -> Iterator[Claim]:
+    """A sensor that takes longer to answer."""
+    took = float(np.median(rows["took"])) - row.read_time
+    if own.read_time != row.read_time and abs(took) >= _LEAST_DELAY:
+        how = "later" if took > 0 else "sooner"
+        what = f"answers {abs(took):.2f} s {how} than in {_by(nominal)}"
+        device = DeviceUnderTest(own.code, Basis.NOMINAL, "reading")
+        yield device.claim(0.0, FindingKind.LATE, took, what, len(rows), unit="s")
+
+
+def _named(test: Claim, nominal: Nominal) -> Claim:
+    """A test whose finding names the set that it was held against."""
+    if test.finding is None:
+        return test
+    return Claim(test.probability, replace(test.finding, text=f"{test.finding.text}, against {_by(nominal)}"))
+
+
+def _by(nominal: Nominal) -> str:
+    return f"the nominal set {escape(nominal.name)}"

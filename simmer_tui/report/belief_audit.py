@@ -8,28 +8,25 @@ of the compass, if it was read there.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from simmer_tui.report.disagreement import Disagreement
+from simmer_tui.report.disagreement import Disagreement, moment
 from simmer_tui.report.finding import FEWEST, LEAST_DEGREES
 from simmer_tui.report.robust_fit import Flags, binomial_tail, mad_scale, robust_fit, two_sided
+from simmer_tui.report.sensor_sample import poses_of, sensors_read, world_without_block
 from simmer_tui.run.attempt import Attempt
 from simmer_tui.run.episodes import SAME
 from simmer_tui.run.facts import UNTOLD_TURN
 from simmer_tui.run.table import Columns
 from simmer_tui.sim.angles import FloatArray, cos_sin_array
-from simmer_tui.sim.block import Block
-from simmer_tui.sim.maze import Maze
 from simmer_tui.sim.sensors import CountingSensor, ObservingSensor, modelled_sensor
-from simmer_tui.sim.sensors.base import World
 from simmer_tui.sim.specs import CELL_SIZE
 
 SURE = 1.5
 """Spread, inches, up to which a mean pose says something of each reading: half of a robot's width; judged."""
-Places = NDArray[np.int64]
 _FEWEST = FEWEST["set"]
 # Judged: a filter moves its belief by a few percent of the way when it corrects it.
 _LEAST_SHARE = 0.05
@@ -98,16 +95,11 @@ class BeliefMotion:
         if len(self._beliefs) <= _FEWEST:
             return []
         sure = self._beliefs["allowed_turn"] <= UNTOLD_TURN
-        turns = _Axis(
-            self._turn,
-            self._true_turn,
-            sure[1:] & sure[:-1] & (np.abs(self._true_turn) <= _LONGEST_TURN),
-            _TURN,
-            LEAST_DEGREES,
-        )
-        spread = np.nan_to_num(self._beliefs["spread"])
-        near = spread <= SURE
-        ways = _Axis(self._along, self._gone, near[1:] & near[:-1] & sure[1:] & sure[:-1], _WAY, 0.5)
+        near = np.nan_to_num(self._beliefs["spread"]) <= SURE
+        usable = sure[1:] & sure[:-1]
+        in_half = np.abs(self._true_turn) <= _LONGEST_TURN
+        turns = _Axis(self._turn, self._true_turn, usable & in_half, _TURN, LEAST_DEGREES)
+        ways = _Axis(self._along, self._gone, usable & near[1:] & near[:-1], _WAY, 0.5)
         made = (
             self._explained(turns, [*self._turn_counters(), *self._drives(turning=True)]),
             self._explained(ways, [*self._way_counters(), *self._drives(turning=False)]),
@@ -140,8 +132,7 @@ class BeliefMotion:
             f"with nothing read, but the log has no {of[0] if of else 'movement'}"
         )
         probability = binomial_tail(hits, count, _MOVED_BY_NOTHING)
-        elapsed, line = float(row["elapsed"]), int(row["line"])
-        return [Disagreement(of, text, hits, probability, 1.0, elapsed, line, swallowed=True)]
+        return [Disagreement(of, text, hits, probability, 1.0, *moment(row), swallowed=True)]
 
     def _explained(self, axis: _Axis, sources: list[_Source]) -> list[Disagreement]:
         usable = axis.usable & ~self._same & np.isfinite(axis.believed)
@@ -168,16 +159,12 @@ class BeliefMotion:
             scatter = mad_scale(believed[known] - fit.values[0] * values[known])
             low, high = fit.interval(0)
             value = float(fit.values[0])
-            of = f"{low:.2f} to {high:.2f}, {fit.count} movements"
+            figures = f"{low:.2f} to {high:.2f}, {fit.count} movements"
             used = "commands" if source.is_drive else "replies"
-            text = f"the program used {value:.2f} times {source.code}'s {used} in the log ({of})"
-            found.append(
-                Disagreement(
-                    *((source.code,), text, fit.count, probability),
-                    # Less is not to be told apart: poses are told in hundredths.
-                    *(max(scatter, axis.doubt / 20), float(begun["elapsed"]), int(begun["line"])),
-                )
-            )
+            text = f"the program used {value:.2f} times {source.code}'s {used} in the log ({figures})"
+            # Less is not to be told apart: poses are told in hundredths.
+            scatter, of = max(scatter, axis.doubt / 20), (source.code,)
+            found.append(Disagreement(of, text, fit.count, probability, scatter, *moment(begun)))
         return found
 
     # -- where motion may be known from --------------------------------------------------------------
@@ -200,15 +187,11 @@ class BeliefMotion:
             found.append(_Source(sensor.spec.code, np.where(np.abs(share) > 0.5, values, np.nan), False))
         return found
 
-    def _counters(self) -> list[tuple[int, CountingSensor]]:
-        history = self._attempt.history
-        specs = {each.code: each for each in history.spec.sensors}
-        made = ((number, modelled_sensor(specs[code])) for number, code in enumerate(history.sensor_codes))
-        return [
-            (number, each)
-            for number, each in made
-            if isinstance(each, CountingSensor) and each.spec.gain and not each.spec.wrap
-        ]
+    def _counters(self) -> Iterator[tuple[int, CountingSensor]]:
+        for number, spec in sensors_read(self._attempt.history):
+            sensor = modelled_sensor(spec)
+            if isinstance(sensor, CountingSensor) and spec.gain and not spec.wrap:
+                yield number, sensor
 
     def _counted(self, number: int) -> FloatArray:
         """Counts of a sensor from belief to belief, in its unit, NaN where it was not read at both; (n,)."""
@@ -223,15 +206,17 @@ class BeliefMotion:
         return np.diff(np.where(fresh, last["value"], np.nan))
 
     def _drives(self, *, turning: bool) -> list[_Source]:
-        history, moves = self._attempt.history, self._moves
-        names = history.code_names
+        names, moves = self._attempt.history.code_names, self._moves
+        drives = [each for each in self._attempt.spec.drives if each.kind.turns is turning]
+        numbers = {each.code: names.index(each.code) for each in drives if each.code in names}
+        of_kind = np.isin(moves["code"], list(numbers.values()))
         found = []
-        for row in self._attempt.spec.drives:
-            if row.kind.turns is not turning or row.code not in names:
+        for row in drives:
+            if row.code not in numbers:
                 continue
-            mine = moves["code"] == names.index(row.code)
+            mine = moves["code"] == numbers[row.code]
             asked = np.where(mine, np.nan_to_num(moves["asked"], nan=np.nan) * row.gain, 0.0)
-            rivals = ~mine & _of_kind(self._attempt, moves, turning=turning)
+            rivals = of_kind & ~mine
             sums = np.concatenate(((0.0,), np.cumsum(asked)))
             others = np.concatenate(((0,), np.cumsum(rivals)))
             ways = np.diff(sums[self._at])
@@ -252,9 +237,9 @@ def wrong_heading(attempt: Attempt) -> list[Disagreement]:
         return []
     beliefs = beliefs[beliefs["allowed_turn"] <= _LONGEST_TURN / 2]
     found = []
-    for number, code in enumerate(history.sensor_codes):
-        spec = next(each for each in history.spec.sensors if each.code == code)
-        sensor = modelled_sensor(spec)
+    ended = moves["order"]
+    for number, spec in sensors_read(history):
+        sensor, code = modelled_sensor(spec), spec.code
         if not isinstance(sensor, ObservingSensor) or not sensor.period or spec.kind.is_range:
             continue
         rows = readings[readings["sensor"] == number]
@@ -262,13 +247,14 @@ def wrong_heading(attempt: Attempt) -> list[Disagreement]:
         if min(len(beliefs), len(rows)) == 0:
             continue
         told = beliefs[np.minimum(place, len(beliefs) - 1)]
-        here = (place < len(beliefs)) & _same_place(moves, rows["order"], told["order"])
+        # No movement ended between the two.
+        moved = np.searchsorted(ended, rows["order"]) != np.searchsorted(ended, told["order"])
+        here = (place < len(beliefs)) & ~moved
         rows, told = rows[here], told[here]
         if len(rows) < _FEWEST:
             continue
-        poses = np.column_stack([told[name] for name in ("x", "y", "heading")])
-        world = World(Maze(history.spec.maze), Block(0.0, 0.0, 0.0), False)
-        off = np.asarray(sensor.expected(world, poses, 0.0) - rows["value"]) * 360.0 / sensor.period
+        expected = sensor.expected(world_without_block(history.spec), poses_of(told), 0.0)
+        off = np.asarray(expected - rows["value"]) * 360.0 / sensor.period
         # The mean direction: half a turn to either side is one.
         value = float(np.degrees(np.angle(np.exp(1j * np.radians(off)).mean())))
         noise = np.hypot(spec.error * np.abs(rows["true"]), spec.absolute_error) + sensor.least_error
@@ -279,20 +265,10 @@ def wrong_heading(attempt: Attempt) -> list[Disagreement]:
         stays = np.abs((turns - value + 180.0) % 360.0 - 180.0) <= np.maximum(UNTOLD_TURN, allowed)
         if beyond <= 0.0 or stays.mean() < 0.5:
             continue
-        text = f"the program used {_more(value, spec.unit)} than {code}'s replies in the log"
-        first = told[0]
-        found.append(
-            Disagreement(
-                *((code,), f"{text} ({len(rows)} readings)", len(rows), two_sided(beyond), 1.0),
-                *(float(first["elapsed"]), int(first["line"])),
-            )
-        )
+        more = f"{abs(value):.0f} {spec.unit} {'more' if value > 0 else 'less'}"
+        text = f"the program used {more} than {code}'s replies in the log ({len(rows)} readings)"
+        found.append(Disagreement((code,), text, len(rows), two_sided(beyond), 1.0, *moment(told[0])))
     return found
-
-
-def _more(value: float, unit: str) -> str:
-    """`20 deg more`, `20 deg less`."""
-    return f"{abs(value):.0f} {unit} {'more' if value > 0 else 'less'}"
 
 
 def _in_frame(beliefs: Columns, names: tuple[str, str, str], turns: FloatArray) -> FloatArray:
@@ -301,16 +277,3 @@ def _in_frame(beliefs: Columns, names: tuple[str, str, str], turns: FloatArray) 
     cos, sin = cos_sin_array(heading[:-1] + turns / 2)
     ahead, aside = np.diff(x), np.diff(y)
     return np.array((cos * ahead + sin * aside, cos * aside - sin * ahead))
-
-
-def _of_kind(attempt: Attempt, moves: Columns, *, turning: bool) -> Flags:
-    """True for movements that turn the robot, or that do not."""
-    names = attempt.history.code_names
-    codes = [names.index(e.code) for e in attempt.spec.drives if e.kind.turns is turning and e.code in names]
-    return np.isin(moves["code"], codes)
-
-
-def _same_place(moves: Columns, orders: Places, others: Places) -> Flags:
-    """True where no movement ended between two events, by their running numbers, (n,) each."""
-    ended = moves["order"]
-    return np.asarray(np.searchsorted(ended, orders) == np.searchsorted(ended, others))

@@ -7,7 +7,6 @@ from where the robot was at its moment, less that from where the robot was at th
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 
 import numpy as np
 from msgspec import Struct
@@ -59,14 +58,15 @@ class BentScans:
 
     def __init__(self, maze: Maze) -> None:
         self._maze = maze
-        self._found: dict[str, _Bends] = {}
+        self.found: dict[str, _Bends] = {}
+        """The sums by sensor ID."""
 
     def add(self, reading: Reading, block: BlockPlace) -> None:
         """Take in a reading of a lidar, with the block where it was."""
         scan, spec = reading.scan, reading.sensor
         if scan is None:
             return
-        bends = self._found.setdefault(spec.id, _Bends(f"{spec.code} {spec.id}"))
+        bends = self.found.setdefault(spec.id, _Bends(f"{spec.code} {spec.id}"))
         # The same revolution may be read many times.
         if bends.last is scan:
             return
@@ -90,25 +90,15 @@ class BentScans:
         bends.squares += float(np.square(off).sum())
         bends.worst = max(bends.worst, float(off.max(initial=0.0)))
 
-    @property
-    def found(self) -> Mapping[str, _Bends]:
-        """The sums by sensor ID."""
-        return self._found
-
 
 def scans_table(bent: BentScans) -> DataTable:
     """The scans of each lidar, and how far those were bent in which the robot moved."""
-    rows = [
-        (
-            each.title,
-            each.scans,
-            each.moved,
-            each.off / each.rays if each.rays else None,
-            math.sqrt(each.squares / each.rays) if each.rays else None,
-            each.worst if each.rays else None,
-        )
-        for _, each in sorted(bent.found.items())
-    ]
+    rows: list[tuple[object, ...]] = []
+    for _, each in sorted(bent.found.items()):
+        off: tuple[float | None, ...] = (None, None, None)
+        if each.rays:
+            off = each.off / each.rays, math.sqrt(each.squares / each.rays), each.worst
+        rows.append((each.title, each.scans, each.moved, *off))
     note = (
         "Off: the true distance of a ray at its own moment, less that from where the robot was at the end of "
         "the scan. A program that knows its motion can set it right."

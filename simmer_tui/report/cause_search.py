@@ -11,8 +11,8 @@ from collections.abc import Iterator, Sequence
 
 from simmer_tui.events import ProgramEnded
 from simmer_tui.phrases import counted
-from simmer_tui.report.causes import Cause, Kind, Sureness, without_blanks
-from simmer_tui.report.contact_causes import WHICH, belief_text, contact_causes
+from simmer_tui.report.causes import Cause, Kind, Sureness, cause_of, undecided_text
+from simmer_tui.report.contact_causes import belief_text, contact_causes
 from simmer_tui.report.disagreement import Disagreement
 from simmer_tui.report.ending_causes import EndingCauses
 from simmer_tui.report.finding import Finding
@@ -138,16 +138,9 @@ def _device_cause(attempt: Attempt, findings: Sequence[Finding]) -> Cause | None
     device = "drive" if is_drive else "sensor"
     begin = f"A {device} was wrong: " if len(culprits) == 1 else f"{len(culprits)} {device}s were wrong. "
     rest = [each.text for each in findings if each not in mine]
-    return Cause(
-        Kind.DRIVE_WRONG if is_drive else Kind.SENSOR_WRONG,
-        f"{begin}{told}{more}.",
-        without_blanks(*(f"{each}." for each in rest[:_NAMED]), belief_text(attempt.beliefs[0])),
-        attempt.elapsed,
-        attempt.line,
-        (attempt.pose.x, attempt.pose.y),
-        sure=Sureness.LIKELY,
-        culprits=culprits,
-    )
+    kind, text = Kind.DRIVE_WRONG if is_drive else Kind.SENSOR_WRONG, f"{begin}{told}{more}."
+    evidence = *(f"{each}." for each in rest[:_NAMED]), belief_text(attempt.beliefs[0])
+    return cause_of(attempt, kind, text, *evidence, sure=Sureness.LIKELY, culprits=culprits)
 
 
 def _explained(attempt: Attempt, findings: Sequence[Finding]) -> Cause | None:
@@ -172,17 +165,7 @@ def _explained(attempt: Attempt, findings: Sequence[Finding]) -> Cause | None:
 def _made_of(attempt: Attempt, found: Sequence[Disagreement], kind: Kind, text: str) -> Cause:
     since = min(found, key=lambda each: each.elapsed)
     begin = f"Program and log disagree from {since.elapsed:.1f} s on"
-    pose = attempt.pose
-    return Cause(
-        kind,
-        f"{begin}: {text}." if kind is Kind.NOT_CARRIED_OUT else f"{begin}. {text}.",
-        without_blanks(
-            f"Either the program has an error, or a message was changed or lost on its way: {WHICH}.",
-            belief_text(attempt.beliefs[0]),
-        ),
-        since.elapsed,
-        since.line,
-        (pose.x, pose.y),
-        sure=Sureness.LIKELY,
-        culprits=tuple(dict.fromkeys(code for each in found for code in each.of)),
-    )
+    text = f"{begin}: {text}." if kind is Kind.NOT_CARRIED_OUT else f"{begin}. {text}."
+    evidence = undecided_text("a message was changed or lost"), belief_text(attempt.beliefs[0])
+    culprits = tuple(dict.fromkeys(code for each in found for code in each.of))
+    return cause_of(attempt, kind, text, *evidence, at=since, sure=Sureness.LIKELY, culprits=culprits)

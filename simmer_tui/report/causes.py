@@ -3,65 +3,51 @@
 A cause that its own counterfactual contradicts is never named: `contradicted` decides, here and in tests.
 """
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import Protocol
 
 from simmer_tui.report.counterfactuals import Change, Counterfactual
+from simmer_tui.run.attempt import Attempt
 
 
 class Kind(StrEnum):
-    """Kinds of causes."""
+    """Kinds of causes, each with the `advice`: the thing to look at first."""
 
-    LOST = "lost"
-    UNSURE = "unsure"
-    CLEARANCE = "clearance"
-    DRIVE_ERROR = "drive error"
-    DRIVE_WRONG = "drive wrong"
-    HELD_BLOCK = "held block"
-    MISSED_GRIP = "missed grip"
-    DROPPED_OUTSIDE = "dropped outside"
-    MISREAD = "sensor misread"
-    SENSOR_WRONG = "sensor wrong"
-    UNREAD = "sensor unread"
-    STUCK = "stuck"
-    GOT_NOWHERE = "got nowhere"
-    TOO_SLOW = "too slow"
-    NOT_CARRIED_OUT = "command not carried out"
-    CRASHED = "program crashed"
-    ENDED = "program ended"
-    NOTHING_SENT = "nothing sent"
-    MOVED = "moved by a person"
-    UNDECIDED = "program or link"
+    advice: str
 
-    @property
-    def advice(self) -> str:
-        """Thing to look at first."""
-        return _ADVICE[self]
+    def __new__(cls, name: str, advice: str) -> Kind:
+        kind = str.__new__(cls, name)
+        kind._value_ = name
+        kind.advice = advice
+        return kind
 
-
-_ADVICE = {
-    Kind.LOST: "how the program tracks the robot's pose",
-    Kind.UNSURE: "localization: find out where the robot is before driving on",
-    Kind.CLEARANCE: "the distance that its path keeps from the walls",
-    Kind.DRIVE_ERROR: "the length of movements without a reading, and a correction for the drives' bias",
-    Kind.DRIVE_WRONG: "the drive that does not move as the program expects",
-    Kind.HELD_BLOCK: "the room that the held block needs, above all in turns",
-    Kind.MISSED_GRIP: "the robot's place when the gripper closes",
-    Kind.DROPPED_OUTSIDE: "the robot's place when the gripper opens",
-    Kind.MISREAD: "decisions that depend on a single reading",
-    Kind.SENSOR_WRONG: "the sensor that does not read as the program expects",
-    Kind.UNREAD: "reading the sensors that look ahead before each movement",
-    Kind.STUCK: "what the program does after a contact",
-    Kind.GOT_NOWHERE: "what the program does when it makes no progress",
-    Kind.TOO_SLOW: "what takes most of its time",
-    Kind.NOT_CARRIED_OUT: "the command that was missing or refused",
-    Kind.CRASHED: "the error that ends the program",
-    Kind.ENDED: "the condition on which the program gives up",
-    Kind.MOVED: "how the program notices that something was moved",
-    Kind.NOTHING_SENT: "the program's connection to the simulator",
-    Kind.UNDECIDED: "what the program sent and received: print it and compare it with the log",
-}
+    LOST = "lost", "how the program tracks the robot's pose"
+    UNSURE = "unsure", "localization: find out where the robot is before driving on"
+    CLEARANCE = "clearance", "the distance that its path keeps from the walls"
+    DRIVE_ERROR = (
+        "drive error",
+        "the length of movements without a reading, and a correction for the drives' bias",
+    )
+    DRIVE_WRONG = "drive wrong", "the drive that does not move as the program expects"
+    HELD_BLOCK = "held block", "the room that the held block needs, above all in turns"
+    MISSED_GRIP = "missed grip", "the robot's place when the gripper closes"
+    DROPPED_OUTSIDE = "dropped outside", "the robot's place when the gripper opens"
+    MISREAD = "sensor misread", "decisions that depend on a single reading"
+    SENSOR_WRONG = "sensor wrong", "the sensor that does not read as the program expects"
+    UNREAD = "sensor unread", "reading the sensors that look ahead before each movement"
+    STUCK = "stuck", "what the program does after a contact"
+    GOT_NOWHERE = "got nowhere", "what the program does when it makes no progress"
+    TOO_SLOW = "too slow", "what takes most of its time"
+    NOT_CARRIED_OUT = "command not carried out", "the command that was missing or refused"
+    CRASHED = "program crashed", "the error that ends the program"
+    ENDED = "program ended", "the condition on which the program gives up"
+    NOTHING_SENT = "nothing sent", "the program's connection to the simulator"
+    MOVED = "moved by a person", "how the program notices that something was moved"
+    UNDECIDED = "program or link", "what the program sent and received: print it and compare it with the log"
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,6 +116,47 @@ class Cause:
         return contradicted(self.kind, self.tried)
 
 
-def without_blanks(*sentences: str) -> tuple[str, ...]:
-    """The sentences that say something."""
-    return tuple(each for each in sentences if each)
+class LogMoment(Protocol):
+    """Something with a time, elapsed seconds, and a line of the log."""
+
+    @property
+    def elapsed(self) -> float: ...
+
+    @property
+    def line(self) -> int: ...
+
+
+def cause_of(
+    attempt: Attempt,
+    kind: Kind,
+    text: str,
+    *evidence: str,
+    at: LogMoment | None = None,
+    since: float | None = None,
+    place: tuple[float, float] | None = None,
+    tried: tuple[Counterfactual, ...] = (),
+    sure: Sureness = Sureness.CERTAIN,
+    culprits: tuple[str, ...] = (),
+) -> Cause:
+    """A cause at a row of the history, or elapsed seconds; by default, and elsewhere, at the attempt's end.
+
+    Args:
+        evidence: Sentences that speak for it; empty ones are left out.
+    """
+    moment = attempt if at is None else at
+    return Cause(
+        kind,
+        text,
+        tuple(filter(None, evidence)),
+        moment.elapsed if since is None else since,
+        moment.line,
+        place or (attempt.pose.x, attempt.pose.y),
+        tried,
+        sure,
+        culprits,
+    )
+
+
+def undecided_text(changed: str) -> str:
+    """The two explanations that a log cannot tell apart; `changed` is what may have happened on the way."""
+    return f"Either the program has an error, or {changed} on its way: the log cannot tell which."

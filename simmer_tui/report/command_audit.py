@@ -15,9 +15,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from simmer_tui.report.disagreement import Disagreement
+from simmer_tui.report.disagreement import Disagreement, moment
 from simmer_tui.report.finding import FEWEST
 from simmer_tui.report.robust_fit import Flags, binomial_tail
+from simmer_tui.report.sensor_sample import sensors_read
 from simmer_tui.run.attempt import Attempt
 from simmer_tui.run.table import Columns
 from simmer_tui.sim.angles import FloatArray
@@ -103,10 +104,10 @@ def multiplied_corrections(attempt: Attempt, row: DriveSpec) -> Iterator[list[Di
     growing = pairs.within(_LEAST[unit], _MOST[unit])
     if (found := _most_alike(growing, _FACTORS, _BY_CHANCE)) is not None:
         yield [_multiplied(row, found)]
-    undoing = (pairs if turns else _pairs_of(attempt, row, along=True)).within(
-        _LEAST[unit], _MOST_UNDOING[unit]
-    )
-    by_chance = _BY_CHANCE if turns else _BY_CHANCE_UP_AND_BACK
+    undoing, by_chance = pairs, _BY_CHANCE
+    if not turns:
+        undoing, by_chance = _pairs_of(attempt, row, along=True), _BY_CHANCE_UP_AND_BACK
+    undoing = undoing.within(_LEAST[unit], _MOST_UNDOING[unit])
     found = _most_alike(undoing, (_UNDOING,), by_chance, _BAND_UNDOING)
     # Who goes to and fro on purpose goes back by the very same.
     if found is not None and undoing.opposite <= _ON_PURPOSE * len(found.rows):
@@ -125,17 +126,16 @@ def _pairs_of(attempt: Attempt, row: DriveSpec, *, along: bool = False) -> _Pair
         row: The drive.
         along: True if others may be between them that hardly turn the robot.
     """
-    number = _number_of(attempt.history.code_names, row.code)
+    numbers = _numbers_of(attempt)
     moves = attempt.within(attempt.history.movements)
     moves = moves[np.isfinite(moves["asked"]) & (moves["asked"] != 0.0)]
     asked = moves["asked"].astype(np.float64)
-    mine = np.flatnonzero(moves["code"] == (-1 if number is None else number))
+    mine = np.flatnonzero(moves["code"] == numbers.get(row.code, -1))
     first, second = mine[:-1], mine[1:]
     near = second - first == 1
     if along:
-        names, drives = attempt.history.code_names, attempt.spec.drives
-        turning = [_number_of(names, each.code) for each in drives if each.kind.turns]
-        turns = np.isin(moves["code"], [each for each in turning if each is not None])
+        turning = {each.code for each in attempt.spec.drives if each.kind.turns}
+        turns = np.isin(moves["code"], [numbers[code] for code in turning & numbers.keys()])
         turned = np.cumsum(np.where(turns, np.abs(asked), 0.0))
         near = turned[second] - turned[first] <= _SAME_WAY
     ratios = asked[second] / asked[first]
@@ -186,8 +186,7 @@ def _as_measured(attempt: Attempt, row: DriveSpec, found: _Found) -> list[Disagr
     may have been that much too long, as well as the movement."""
     readings = attempt.within(attempt.history.readings)
     made = []
-    for number, code in enumerate(attempt.history.sensor_codes):
-        sensor = next(each for each in attempt.spec.sensors if each.code == code)
+    for number, sensor in sensors_read(attempt.history):
         if not _measures(sensor, row):
             continue
         orders = readings["order"][readings["sensor"] == number]
@@ -197,8 +196,8 @@ def _as_measured(attempt: Attempt, row: DriveSpec, found: _Found) -> list[Disagr
         nexts = np.append(attempt.within(attempt.history.movements)["order"], np.iinfo(np.int64).max)
         until = nexts[np.searchsorted(nexts, found.rows["order"], side="right")]
         if np.mean(after < until) >= _BETWEEN:
-            text = f"{code} told the program twice the movement, or more"
-            made.append(_disagreement(code, text, found))
+            text = f"{sensor.code} told the program twice the movement, or more"
+            made.append(_disagreement(sensor.code, text, found))
     return made
 
 
@@ -212,9 +211,7 @@ def _measures(sensor: SensorSpec, row: DriveSpec) -> bool:
 
 
 def _disagreement(code: str, text: str, found: _Found) -> Disagreement:
-    begun = found.rows[0]
-    elapsed, line = float(begun["elapsed"]), int(begun["line"])
-    return Disagreement((code,), text, len(found.rows), found.probability, 1.0, elapsed, line)
+    return Disagreement((code,), text, len(found.rows), found.probability, 1.0, *moment(found.rows[0]))
 
 
 def _as_meant(row: DriveSpec, share: float) -> str:
@@ -229,12 +226,15 @@ def vanished_movements(attempt: Attempt) -> list[Disagreement]:
     """The explanation of a program that goes on as after movements that are not in the log; none where it
     keeps its rhythm."""
     rows, names = attempt.within(attempt.history.commands), attempt.history.code_names
-    rows = rows[~rows["refused"] & ~np.isin(rows["number"], _nothing_asked(attempt))]
-    drives = [_number_of(names, each.code) for each in attempt.spec.drives]
+    moves = attempt.within(attempt.history.movements)
+    # In packets, programs ask for the end of a movement by movements of 0.
+    asks_nothing = np.isin(rows["number"], moves["number"][moves["asked"] == 0.0])
+    rows = rows[~rows["refused"] & ~asks_nothing]
+    numbers = _numbers_of(attempt)
     ends = {
         number: int(places[-1])
-        for number in drives
-        if number is not None and len(places := np.flatnonzero(rows["code"] == number))
+        for number in (numbers[each.code] for each in attempt.spec.drives if each.code in numbers)
+        if len(places := np.flatnonzero(rows["code"] == number))
     }
     rhythm = _Rhythm(rows["code"].astype(np.int64), np.isin(rows["code"], list(ends)))
     found: list[Disagreement] = []
@@ -252,8 +252,9 @@ def vanished_movements(attempt: Attempt) -> list[Disagreement]:
         )
         # The end of each drive's commands was tried.
         probability = min(probability * len(ends), 1.0)
-        elapsed, line = float(rows["elapsed"][first]), int(rows["line"][first])
-        found.append(Disagreement(of, text, len(gaps), probability, 1.0, elapsed, line, swallowed=True))
+        found.append(
+            Disagreement(of, text, len(gaps), probability, 1.0, *moment(rows[first]), swallowed=True)
+        )
     return sorted(found, key=lambda each: each.probability)[:1]
 
 
@@ -293,11 +294,6 @@ class _Rhythm:
         return gaps, int(counts.sum()), binomial_tail(len(gaps), int(counts.sum()), usual)
 
 
-def _nothing_asked(attempt: Attempt) -> Codes:
-    """The numbers of movements of 0: in packets, programs ask by them for the end of a movement."""
-    moves = attempt.within(attempt.history.movements)
-    return np.asarray(moves["number"][moves["asked"] == 0.0])
-
-
-def _number_of(names: Sequence[str], code: str) -> int | None:
-    return names.index(code) if code in names else None
+def _numbers_of(attempt: Attempt) -> dict[str, int]:
+    """The numbers that codes of commands have in the history's tables."""
+    return {code: number for number, code in enumerate(attempt.history.code_names)}

@@ -15,13 +15,11 @@ Those that hold come in this order:
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 
 from simmer_tui.phrases import body_text, capitalized, contact_text, drift_text, obstacle_place
-from simmer_tui.report.causes import Cause, Kind, Sureness, without_blanks
-from simmer_tui.report.counterfactuals import Change, Counterfactual, CounterfactualWorld, Deciding
-from simmer_tui.report.look_alikes import looks_alike
-from simmer_tui.report.right_readings import looked_at_each_movement, shown_place
+from simmer_tui.report.causes import Cause, Kind, LogMoment, Sureness, cause_of, undecided_text
+from simmer_tui.report.counterfactuals import Change, Counterfactual, CounterfactualWorld
+from simmer_tui.report.right_readings import looked_at_each_movement, looks_alike, shown_place
 from simmer_tui.report.why import facing_sensor_text, looks_there, shown_range
 from simmer_tui.run.attempt import Attempt, Collision
 from simmer_tui.run.facts import ALIKE, LastReading, carried_over, facing_sensor, wrapped
@@ -29,8 +27,6 @@ from simmer_tui.run.history_rows import BeliefRow
 from simmer_tui.sim.command import parse_value
 
 NO_BELIEFS = "No beliefs were sent: the log cannot show where the program thought the robot was."
-WHICH = "the log cannot tell which"
-"""End of sentences about what a log does not show."""
 # Judged: a third of a cell, or half a quarter turn, changes what stands before a sensor.
 BLIND, BLIND_TURN = 4.0, 45.0
 """A sensor that was last read more than this ago, inches or degrees of path, was not looked at."""
@@ -81,21 +77,7 @@ class _ContactCauses:
             # Of a velocity the last inches are laid again, of a movement the whole of it.
             start = met.legs[0].before if met.legs else met.ended.before
             believed = carried_over(self._belief.true, self._belief.believed, start)
-        self._tried = tuple(
-            CounterfactualWorld(seen.spec).tried(
-                Deciding(
-                    ended=met.ended,
-                    before=met.before,
-                    unseen=met.unseen,
-                    bias=met.bias,
-                    held=met.held,
-                    lying=met.lying,
-                    believed=believed,
-                    legs=met.legs,
-                    unseen_legs=met.unseen_legs,
-                )
-            )
-        )
+        self._tried = tuple(CounterfactualWorld(seen.spec).tried(met, believed))
         self._saved = {each.change: each.saved for each in self._tried}
         self._shown = shown_place(seen, met)
         self._looked = looked_at_each_movement(seen, met)
@@ -140,12 +122,10 @@ class _ContactCauses:
         sure = Sureness.CERTAIN if believed else Sureness.LIKELY
         if self._wrong and lost is not None:
             text = f"It was lost. {wrong_text(self._seen, lost)}. Then {self._into}."
-            made = self._made(Kind.LOST, text, sure=sure)
-            yield replace(made, elapsed=lost.elapsed, line=lost.line)
+            yield self._made(Kind.LOST, text, at=lost, sure=sure)
         elif belief.unsure:
-            yield self._made(
-                Kind.UNSURE, f"It drove on without knowing where it was: {self._into}.", sure=sure
-            )
+            text = f"It drove on without knowing where it was: {self._into}."
+            yield self._made(Kind.UNSURE, text, sure=sure)
         elif believed:
             off = belief.deviation
             text = (
@@ -161,7 +141,8 @@ class _ContactCauses:
             yield self._made(Kind.HELD_BLOCK, f"The block it held {self._hit}{knew}.")
         last = self._facing
         if last is not None and self._is_off(last):
-            text = f"A sensor misled it: {_misled(last)}. Then {self._into}."
+            read = f"{last.code} read {shown_range(last.value)} instead of {shown_range(last.true)}"
+            text = f"A sensor misled it: {read}. Then {self._into}."
             yield self._made(Kind.MISREAD, text, sure=Sureness.LIKELY, culprits=(last.code,))
 
     def _against_readings(self) -> Iterator[Cause]:
@@ -257,25 +238,37 @@ class _ContactCauses:
         return self._apart(known)
 
     def _apart(self, known: str) -> Cause:
-        text = (
-            f"It drove straight at the wall: {self._into}. {known}. Either the program has an error, or a "
-            f"command or reading was changed on its way: {WHICH}."
-        )
+        either = undecided_text("a command or reading was changed")
+        text = f"It drove straight at the wall: {self._into}. {known}. {either}"
         return self._made(Kind.UNDECIDED, text, sure=Sureness.LIKELY)
 
     def _made(
-        self, kind: Kind, text: str, *, sure: Sureness = Sureness.CERTAIN, culprits: tuple[str, ...] = ()
+        self,
+        kind: Kind,
+        text: str,
+        *,
+        at: LogMoment | None = None,
+        sure: Sureness = Sureness.CERTAIN,
+        culprits: tuple[str, ...] = (),
     ) -> Cause:
-        met, contact = self._met, self._met.contact
-        touched = contact_text(contact, self._spec)
-        evidence = without_blanks(
-            f"{capitalized(touched)} at {met.row.elapsed:.2f} s, {drift_text(contact)}.",
-            belief_text(met.belief),
-            facing_sensor_text(self._looks, met.row.elapsed),
+        row, contact = self._met.row, self._met.contact
+        touched = capitalized(contact_text(contact, self._spec))
+        evidence = (
+            f"{touched} at {row.elapsed:.2f} s, {drift_text(contact)}.",
+            belief_text(self._met.belief),
+            facing_sensor_text(self._looks, row.elapsed),
             shown_tried(self._tried),
         )
-        return Cause(
-            kind, text, evidence, met.row.elapsed, met.row.line, contact.point, self._tried, sure, culprits
+        return cause_of(
+            self._seen,
+            kind,
+            text,
+            *evidence,
+            at=at or row,
+            place=contact.point,
+            tried=self._tried,
+            sure=sure,
+            culprits=culprits,
         )
 
     def _is_blind(self) -> bool:
@@ -331,13 +324,11 @@ def _share(probability: float) -> str:
 
 def shown_tried(tried: Sequence[Counterfactual]) -> str:
     """Changes that would have saved a movement, and those that would not."""
-    saved = _changes_text([each.change for each in tried if each.saved])
-    not_saved = _changes_text([each.change for each in tried if each.saved is False])
     parts = []
-    if saved:
-        parts.append(f"It would have touched nothing {saved}.")
-    if not_saved:
-        parts.append(f"It would have touched something even {not_saved}.")
+    for saved, touched in ((True, "nothing"), (False, "something even")):
+        changes = _changes_text([each.change for each in tried if each.saved is saved])
+        if changes:
+            parts.append(f"It would have touched {touched} {changes}.")
     return " ".join(parts)
 
 
@@ -348,7 +339,7 @@ def _changes_text(changes: Sequence[Change]) -> str:
         words = ["without errors of its drive"]
         changes = [each for each in changes if each not in _DRIVE_ERRORS]
     words += [_SHOWN.get(each, each.value) for each in changes]
-    return _listed(words) if words else ""
+    return "".join(words) if len(words) < 2 else f"{', '.join(words[:-1])} or {words[-1]}"
 
 
 def _since(met: Collision, words: Sequence[LastReading]) -> float:
@@ -360,11 +351,3 @@ def _since(met: Collision, words: Sequence[LastReading]) -> float:
         ),
         default=math.inf,
     )
-
-
-def _misled(last: LastReading) -> str:
-    return f"{last.code} read {shown_range(last.value)} instead of {shown_range(last.true)}"
-
-
-def _listed(words: Sequence[str]) -> str:
-    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} or {words[-1]}"

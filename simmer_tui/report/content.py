@@ -243,21 +243,20 @@ def maze_picture(run: RunStatistics, name: str, width: float) -> str:
 
 def tables(run: RunStatistics, name: str = "") -> list[DataTable]:
     """The run's record, the findings about sensors and drives, and all other tables that have rows."""
-    made = (
-        _mission,
-        _time_spent,
-        _commands,
-        _messages,
-        _contacts,
-        _refusals,
-        _sensors,
-        _scans,
-        _belief,
-        _episodes,
-        _cells,
+    others = (
+        _mission(run),
+        _time_spent(run),
+        _commands(run),
+        _messages(run),
+        _contacts(run),
+        _refusals(run),
+        _sensors(run),
+        scans_table(run.bent),
+        _belief(run),
+        episodes_table(run.history, ended_badly=run.cause is not None),
+        _cells(run),
     )
-    others = (table for table in (make(run) for make in made) if table.rows)
-    return [_record(run, name), findings_table(run.findings), *others]
+    return [_record(run, name), findings_table(run.findings), *(table for table in others if table.rows)]
 
 
 def _record(run: RunStatistics, name: str) -> DataTable:
@@ -289,11 +288,9 @@ def _time_spent(run: RunStatistics) -> DataTable:
     if not read and not totals.link_seconds:
         spent = []
     total = run.history.elapsed or 1.0
-    note = (
-        "Of simulated time; the sensor that costs most comes first. In the remaining time the robot waited."
-    )
     rows = [(name, seconds, seconds / total) for name, seconds in spent]
-    return TIME_SPENT.filled(rows, note)
+    note = "Of simulated time; the sensor that costs most comes first. "
+    return TIME_SPENT.filled(rows, f"{note}In the remaining time the robot waited.")
 
 
 def _commands(run: RunStatistics) -> DataTable:
@@ -353,7 +350,9 @@ def _sensors(run: RunStatistics) -> DataTable:
             rows.append((title, record.readings, unit, wrong, None, f"{wrong} wrong", *(None,) * 4))
             continue
         (mean, std), worst = _moments(errors), errors.worst if errors.count else None
-        bars = (_bars(errors), errors.reach) if errors.width else (None, None)
+        # Sixteen bins; the error 0 lies in the middle.
+        counts = [sum(errors.bins[place : place + 2]) for place in range(0, BINS, 2)]
+        bars = (counts, errors.reach) if errors.width else (None, None)
         rows.append((title, record.readings, unit, None, mean, _ERROR.text(mean), std, worst, *bars))
     missed = sum(record.missed for record in run.totals.sensors.values())
     note = (
@@ -363,10 +362,6 @@ def _sensors(run: RunStatistics) -> DataTable:
     if missed:
         note += f" {missed} readings had a value where nothing was in range, or none where something was."
     return SENSORS.filled(rows, note)
-
-
-def _scans(run: RunStatistics) -> DataTable:
-    return scans_table(run.bent)
 
 
 def _belief(run: RunStatistics) -> DataTable:
@@ -388,10 +383,6 @@ def _belief(run: RunStatistics) -> DataTable:
     return replace(BELIEF.filled(rows), title=f"Belief ({distance.count} sent)")
 
 
-def _episodes(run: RunStatistics) -> DataTable:
-    return episodes_table(run.history, ended_badly=run.cause is not None)
-
-
 def _cells(run: RunStatistics) -> DataTable:
     total = sum(run.paths.cells.values())
     rows = [
@@ -403,11 +394,6 @@ def _cells(run: RunStatistics) -> DataTable:
     if len(run.paths.cells) > MOST_CELLS:
         note += f" {len(run.paths.cells)} cells in all."
     return CELLS.filled(rows, note)
-
-
-def _bars(errors: Errors) -> list[int]:
-    """Counts of sixteen bins; the error 0 lies in the middle."""
-    return [sum(errors.bins[place : place + 2]) for place in range(0, BINS, 2)]
 
 
 def _moments(errors: Errors) -> tuple[float | None, float | None]:

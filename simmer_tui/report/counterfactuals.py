@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 from enum import StrEnum
 
 from simmer_tui.events import MovementEnded
+from simmer_tui.run.attempt import Collision
 from simmer_tui.sim.arc_contact import first_arc_contact
 from simmer_tui.sim.arcs import LARGEST_TURN, Arc, Twist
 from simmer_tui.sim.block import Block
@@ -59,25 +60,6 @@ class Counterfactual:
 
     change: Change
     saved: bool | None
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Deciding:
-    """A movement that met something, and what is known of it: the movements before it, newest last, that
-    followed on one another with nothing in between, `unseen` of them since a sensor was read; the bias, the
-    block held (in the robot's frame) or lying, and where the program took itself to be, if it said so. Of a
-    velocity: the `legs` that led there, the last one included, `unseen_legs` of them since a reading. The
-    belief is then that at the beginning of the first of them."""
-
-    ended: MovementEnded
-    before: Sequence[MovementEnded]
-    unseen: int
-    bias: Mapping[DriveKind, Axes]
-    held: Block | None
-    lying: Block
-    believed: Pose | None
-    legs: Sequence[Leg] = ()
-    unseen_legs: int = 0
 
 
 _Driven = tuple[Twist, float]
@@ -127,54 +109,61 @@ class CounterfactualWorld:
             part(direction.r, biases.r, totals.r),
         )
 
-    def tried(self, deciding: Deciding) -> list[Counterfactual]:
-        """All changes that make sense of a movement that met something."""
-        if not deciding.legs and deciding.ended.command.code not in self._drives:
+    def tried(self, met: Collision, believed: Pose | None) -> list[Counterfactual]:
+        """All changes that make sense of a movement that met something.
+
+        Args:
+            believed: Where the program took itself to be, if it said so: at the movement's beginning, or of a
+                velocity at that of the first of its legs.
+        """
+        if not met.legs and met.ended.command.code not in self._drives:
             return []
-        made = (self._tried(deciding, change) for change in Change)
+        made = (self._tried(met, believed, change) for change in Change)
         return [each for each in made if each is not None]
 
-    def _tried(self, deciding: Deciding, change: Change) -> Counterfactual | None:
+    def _tried(self, met: Collision, believed: Pose | None, change: Change) -> Counterfactual | None:
         """A change tried; None if it would change nothing, or cannot be told of a velocity."""
-        ended, legs = deciding.ended, deciding.legs
+        ended, legs = met.ended, met.legs
         start = legs[0].before if legs else ended.before
         went: _Way = [_driven(leg) for leg in legs] if legs else ended.trajectory.totals
-        unseen, known = deciding.unseen, len(deciding.before)
+        unseen, known = met.unseen, len(met.before)
         if legs:
-            unseen, known = deciding.unseen_legs, len(legs)
+            unseen, known = met.unseen_legs, len(legs)
         match change:
             case Change.UNSEEN:
-                return self._without_errors(deciding, change, unseen)
+                return self._without_errors(met, change, unseen)
             case Change.LAST:
                 # Else it is the change before.
-                return self._without_errors(deciding, change, known) if known > unseen else None
+                return self._without_errors(met, change, known) if known > unseen else None
             case Change.BELIEVED:
-                believed = deciding.believed
-                return None if believed is None else self._cleared(deciding, change, believed, went)
+                return None if believed is None else self._cleared(met, change, believed, went)
             case Change.NO_BLOCK:
-                if deciding.held is None:
+                if met.held is None:
                     return None
                 nothing = Block(0.0, 0.0, 0.0)
-                return self._cleared(replace(deciding, held=None, lying=nothing), change, start, went)
+                return self._cleared(replace(met, held=None, lying=nothing), change, start, went)
             case Change.ASIDE:
                 if not isinstance(went, Axes):
                     went = self._further(went)
-                return self._from(deciding, change, _aside(ended, INCH, start), went)
+                return self._from(met, change, _aside(ended, INCH, start), went)
             case _ if isinstance(went, Axes):
-                return self._tried_movement(deciding, change, went)
+                return self._tried_movement(met, change, went)
         # A velocity that comes from further away goes on for longer, and each leg has errors of its own.
         return None
 
-    def _tried_movement(self, deciding: Deciding, change: Change, totals: Axes) -> Counterfactual | None:
+    def _tried_movement(self, met: Collision, change: Change, totals: Axes) -> Counterfactual | None:
         """A change of one movement alone."""
-        ended = deciding.ended
+        ended = met.ended
         if change is Change.FURTHER_OFF:
-            places = [*_aside(ended, FURTHER, ended.before), *_back(ended, FURTHER)]
-            return self._from(deciding, change, places, totals)
-        asked = self.asked(ended, deciding.bias, change)
+            places = _aside(ended, FURTHER, ended.before)
+            # A movement that goes somewhere may begin further back on its path, too.
+            if not ended.trajectory.turning:
+                places.append(_moved(ended.before, _course(ended) + math.pi, FURTHER))
+            return self._from(met, change, places, totals)
+        asked = self.asked(ended, met.bias, change)
         if asked is None or asked == totals:
             return None
-        return self._cleared(deciding, change, ended.before, asked)
+        return self._cleared(met, change, ended.before, asked)
 
     def _further(self, driven: Sequence[_Driven]) -> Sequence[_Driven]:
         """Velocities half an inch further. They went no further than to the contact, and must not stop just
@@ -183,59 +172,59 @@ class CounterfactualWorld:
         pace = last.speed + math.radians(abs(last.r)) * self._footprint.reach
         return [*driven[:-1], (last, seconds + (NARROW / pace if pace else 0.0))]
 
-    def _from(self, deciding: Deciding, change: Change, places: Sequence[Pose], way: _Way) -> Counterfactual:
+    def _from(self, met: Collision, change: Change, places: Sequence[Pose], way: _Way) -> Counterfactual:
         """The same way from other places, of which one that is free suffices."""
-        met = [self._meets(deciding, place, way) for place in places]
-        possible = [each for each in met if each is not None]
+        touched = [self._meets(met, place, way) for place in places]
+        possible = [each for each in touched if each is not None]
         return Counterfactual(change, not all(possible) if possible else None)
 
-    def _without_errors(self, deciding: Deciding, change: Change, count: int) -> Counterfactual | None:
+    def _without_errors(self, met: Collision, change: Change, count: int) -> Counterfactual | None:
         """The last so many legs at the velocities that the wheels were told; or the movement after so many
         others, all as they were asked for."""
-        if deciding.legs:
-            legs = deciding.legs[-count:]
+        if met.legs:
+            legs = met.legs[-count:]
             exact = [(self._exact(leg.commanded), leg.duration) for leg in legs]
             if exact == [_driven(leg) for leg in legs]:
                 return None
-            return self._cleared(deciding, change, legs[0].before, exact)
-        before = deciding.before[len(deciding.before) - count :]
-        asked = self.asked(deciding.ended, deciding.bias, Change.EXACT)
+            return self._cleared(met, change, legs[0].before, exact)
+        before = met.before[len(met.before) - count :]
+        asked = self.asked(met.ended, met.bias, Change.EXACT)
         if not before or asked is None:
             return None
         pose = before[0].before
         for ended in before:
-            kind, totals = ended.trajectory.kind, self.asked(ended, deciding.bias, Change.EXACT)
-            if kind is None or totals is None or self._walls.overlap(self._body(deciding), pose):
+            kind, totals = ended.trajectory.kind, self.asked(ended, met.bias, Change.EXACT)
+            if kind is None or totals is None or self._walls.overlap(self._body(met), pose):
                 return Counterfactual(change, None)
-            laid = self._laid(deciding, pose, kind, totals)
+            laid = self._laid(met, pose, kind, totals)
             if laid.contact is not None:
                 return Counterfactual(change, False)
             pose = laid.pose_at(laid.end_time)
-        return self._cleared(deciding, change, pose, asked)
+        return self._cleared(met, change, pose, asked)
 
     def _exact(self, told: Twist) -> Twist:
         """The velocity of a robot without drive errors."""
         parts = components(told, self._by_kind)
         return TrueVelocity(told, parts, DistanceErrors(1, {}, ()), {}, noise=False).whole
 
-    def _cleared(self, deciding: Deciding, change: Change, start: Pose, way: _Way) -> Counterfactual:
+    def _cleared(self, met: Collision, change: Change, start: Pose, way: _Way) -> Counterfactual:
         """A way from a pose: saved if it would pass everything by a fair margin."""
-        met = self._meets(deciding, start, way)
-        if met is not False:
-            return Counterfactual(change, None if met is None else False)
+        touches = self._meets(met, start, way)
+        if touches is not False:
+            return Counterfactual(change, None if touches is None else False)
         shifted = (Pose(start.x + NARROW * x, start.y + NARROW * y, start.heading) for x, y in _AROUND)
         # Standing closer to a wall than that is too narrow as well.
-        passes = all(self._meets(deciding, each, way) is False for each in shifted)
+        passes = all(self._meets(met, each, way) is False for each in shifted)
         return Counterfactual(change, True if passes else None)
 
-    def _meets(self, deciding: Deciding, start: Pose, way: _Way) -> bool | None:
+    def _meets(self, met: Collision, start: Pose, way: _Way) -> bool | None:
         """True if a way from a pose would touch anything; None if the robot would stand in a wall."""
-        kind = deciding.ended.trajectory.kind
-        if kind is None or self._walls.overlap(self._body(deciding), start):
+        kind = met.ended.trajectory.kind
+        if kind is None or self._walls.overlap(self._body(met), start):
             return None
         if isinstance(way, Axes):
-            return self._laid(deciding, start, kind, way).contact is not None
-        body, obstacles, pose = self._body(deciding), self._obstacles(deciding, start), start
+            return self._laid(met, start, kind, way).contact is not None
+        body, obstacles, pose = self._body(met), self._obstacles(met, start), start
         for twist, seconds in way:
             parts = math.ceil(abs(twist.r) * seconds / LARGEST_TURN) or 1
             for _ in range(parts):
@@ -245,23 +234,23 @@ class CounterfactualWorld:
                 pose = arc.end
         return False
 
-    def _laid(self, deciding: Deciding, start: Pose, kind: DriveKind, totals: Axes) -> Trajectory:
-        body, obstacles = self._body(deciding), self._obstacles(deciding, start)
+    def _laid(self, met: Collision, start: Pose, kind: DriveKind, totals: Axes) -> Trajectory:
+        body, obstacles = self._body(met), self._obstacles(met, start)
         planner = Planner(self._spec.num_segments, self._spec.contact, {})
         laid = rebuilt(start, kind, totals, self._spec.num_segments, 0.0, 1.0)
         return planner.checked(laid, CollisionChecker(body, obstacles, self._maze))
 
-    def _obstacles(self, deciding: Deciding, start: Pose) -> Obstacles:
+    def _obstacles(self, met: Collision, start: Pose) -> Obstacles:
         """The walls, and the block where it is solid and lies about."""
-        lying = deciding.lying
-        if not (self._spec.block_solid and deciding.held is None and lying.size):
+        lying = met.lying
+        if not (self._spec.block_solid and met.held is None and lying.size):
             return self._walls
         solid = self._walls.with_block(lying)
         # A block that overlaps the robot already would make a contact of every movement.
-        return self._walls if solid.overlap(self._body(deciding), start) else solid
+        return self._walls if solid.overlap(self._body(met), start) else solid
 
-    def _body(self, deciding: Deciding) -> Footprint:
-        body, held = self._footprint, deciding.held
+    def _body(self, met: Collision) -> Footprint:
+        body, held = self._footprint, met.held
         return body if held is None else Footprint(body.radius, (*body.polygons, held.corners()), True)
 
 
@@ -280,11 +269,6 @@ def _aside(ended: MovementEnded, distance: float, start: Pose) -> list[Pose]:
         return [_moved(start, away, distance)]
     course = _course(ended)
     return [_moved(start, course + math.pi / 2, distance), _moved(start, course - math.pi / 2, distance)]
-
-
-def _back(ended: MovementEnded, distance: float) -> list[Pose]:
-    """The beginning of a movement that goes somewhere, moved back along its path."""
-    return [] if ended.trajectory.turning else [_moved(ended.before, _course(ended) + math.pi, distance)]
 
 
 def _course(ended: MovementEnded) -> float:

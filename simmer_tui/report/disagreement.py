@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 from simmer_tui.report.finding import ERROR
 from simmer_tui.report.robust_fit import MAD_ERROR, Z_95
+from simmer_tui.run.table import Columns
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,6 +34,11 @@ class Disagreement:
     elapsed: float
     line: int
     swallowed: bool = False
+
+
+def moment(row: Columns) -> tuple[float, int]:
+    """The elapsed time and the line of a row of a history's table."""
+    return float(row["elapsed"]), int(row["line"])
 
 
 def kept_disagreements(found: Iterable[Sequence[Disagreement]]) -> list[list[Disagreement]]:

@@ -14,7 +14,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from simmer_tui.phrases import counted
 from simmer_tui.report.finding import (
     FEWEST,
     LEAST_DEGREES,
@@ -22,9 +21,8 @@ from simmer_tui.report.finding import (
     LEAST_SHARE,
     Basis,
     Claim,
-    Finding,
+    DeviceUnderTest,
     FindingKind,
-    interval_text,
 )
 from simmer_tui.report.robust_fit import (
     LEAST_NOISE,
@@ -92,7 +90,9 @@ def drive_tests(moves: Columns, rule: DriveRule, others: Iterable[DriveSpec], ba
     asked = moves["asked"].astype(np.float64)
     done = np.column_stack([moves[f"total_{axis}"] for axis in _AXES]).astype(np.float64)
     claim = other_direction(row, asked, done, others, basis)
-    return [claim] if claim.finding is not None else [claim, *_axes(rule, asked, done, basis)]
+    if claim.finding is not None:
+        return [claim]
+    return [claim, *_axes(DeviceUnderTest(row.code, basis, "movement"), rule, asked, done)]
 
 
 def other_direction(
@@ -112,27 +112,23 @@ def other_direction(
     typical = float(np.median(along))
     if typical >= _OTHER_AXIS:
         return Claim(probability)
-    code, count = row.code, len(asked)
-
-    def made(kind: FindingKind, what: str, value: float, other: str | None = None) -> Claim:
-        text = f"{code} {what} ({counted(count, 'movement')})"
-        return Claim(probability, Finding(code, kind, value, value, value, "", count, basis, text, other))
-
+    device, count = DeviceUnderTest(row.code, basis, "movement"), len(asked)
     # Which other drive, for the same command, would have led there.
     for each in others:
-        if each.code != code and each.enabled and each.kind.turns == row.kind.turns:
+        if each.code != row.code and each.enabled and each.kind.turns == row.kind.turns:
             as_other = done @ _direction(each.kind) / (asked * each.gain)
             opposite = float(direction @ _direction(each.kind)) == -1.0
             if float(np.median(as_other)) >= _OTHER_AXIS and not opposite:
-                return made(FindingKind.SWAPPED, f"does what {each.code} should do", 1.0, each.code)
+                what = f"does what {each.code} should do"
+                return device.claim(probability, FindingKind.SWAPPED, 1.0, what, count, other=each.code)
     if typical <= -_OTHER_AXIS:
-        return made(FindingKind.SIGN, f"{row.kind.verb} the wrong way", -1.0)
+        return device.claim(probability, FindingKind.SIGN, -1.0, f"{row.kind.verb} the wrong way", count)
     if float(np.abs(done).max()) < _SHORTEST["in"]:
-        return made(FindingKind.STUCK, "does not move the robot", 0.0)
+        return device.claim(probability, FindingKind.STUCK, 0.0, "does not move the robot", count)
     return Claim(probability)
 
 
-def _axes(rule: DriveRule, asked: FloatArray, done: FloatArray, basis: Basis) -> list[Claim]:
+def _axes(device: DeviceUnderTest, rule: DriveRule, asked: FloatArray, done: FloatArray) -> list[Claim]:
     """Gain and shortfall on the drive's own axis, biases on the others, and scatter."""
     row = rule.row
     direction = _direction(row.kind)
@@ -145,41 +141,36 @@ def _axes(rule: DriveRule, asked: FloatArray, done: FloatArray, basis: Basis) ->
         noise = np.abs(driven) * error
         rest = done[:, axis] - driven * (bias + (axis == own))
         if axis == own:
-            fit, made = _gain(row, driven, rest, noise, float(rule.allowed[axis]), basis)
-            tests += made
+            fit = _gain_fit(driven, rest, noise)
+            tests.append(_gain(device, row.kind.verb, _allowing(fit, float(rule.allowed[axis]))))
+            if len(fit.values) == 2:
+                tests.append(_shortfall(device, row.kind, fit, float(np.median(np.abs(driven)))))
         else:
             fit = robust_fit(driven[:, None], rest, noise)
-            tests.append(_bias(row, name, fit, float(rule.allowed[axis]), basis))
-        tests.append(_scatter(row, name, fit, float(np.median(error)), basis))
+            tests.append(_bias(device, row.kind.unit, name, _allowing(fit, float(rule.allowed[axis]))))
+        tests.append(_scatter(device, row.kind.unit, name, fit, float(np.median(error))))
     return tests
 
 
-def _gain(
-    row: DriveSpec, driven: FloatArray, rest: FloatArray, noise: FloatArray, allowed: float, basis: Basis
-) -> tuple[RobustFit, list[Claim]]:
+def _gain_fit(driven: FloatArray, rest: FloatArray, noise: FloatArray) -> RobustFit:
     """Gain, and a shortfall that is the same for all movements, where their lengths tell the two apart."""
-    sign = np.sign(driven)
     single = robust_fit(driven[:, None], rest, noise)
-    both = robust_fit(np.column_stack((driven, sign)), rest, noise)
+    both = robust_fit(np.column_stack((driven, np.sign(driven))), rest, noise)
     size = np.abs(driven)
     varied = float(np.quantile(size, 0.9)) > 1.5 * float(np.quantile(size, 0.1))
     # Judged: the fit with a shortfall must be better by a tenth.
-    fit = both if varied and single.rough > 1.1 * both.rough else single
-    tests = [_gain_test(row, _allowing(fit, allowed), basis)]
-    if fit is both:
-        tests.append(_shortfall(row, fit, float(np.median(size)), basis))
-    return fit, tests
+    return both if varied and single.rough > 1.1 * both.rough else single
 
 
-def _gain_test(row: DriveSpec, fit: RobustFit, basis: Basis) -> Claim:
-    slope, count, probability = float(fit.values[0]), fit.count, fit.probability(0)
+def _gain(device: DeviceUnderTest, verb: str, fit: RobustFit) -> Claim:
+    slope, probability = float(fit.values[0]), fit.probability(0)
     if abs(slope) < LEAST_SHARE:
         return Claim(probability)
-    low, high = (1.0 + each for each in fit.interval(0))
+    low, high = fit.interval(0)
     value = 1.0 + slope
-    of = f"{interval_text(low, high, value)}, {counted(count, 'movement')}"
-    text = f"{row.code} {row.kind.verb} {value:.2f} times what is asked ({of})"
-    return Claim(probability, Finding(row.code, FindingKind.GAIN, value, low, high, "", count, basis, text))
+    what = f"{verb} {value:.2f} times what is asked"
+    interval = 1.0 + low, 1.0 + high
+    return device.claim(probability, FindingKind.GAIN, value, what, fit.count, interval=interval)
 
 
 def _allowing(fit: RobustFit, allowed: float) -> RobustFit:
@@ -188,24 +179,20 @@ def _allowing(fit: RobustFit, allowed: float) -> RobustFit:
     return RobustFit(fit.values[:1], np.array([error]), fit.rough, fit.count, fit.declared)
 
 
-def _shortfall(row: DriveSpec, fit: RobustFit, usual: float, basis: Basis) -> Claim:
-    value, probability, unit = float(fit.values[1]), fit.probability(1), row.kind.unit
+def _shortfall(device: DeviceUnderTest, kind: DriveKind, fit: RobustFit, usual: float) -> Claim:
+    value, probability, unit = float(fit.values[1]), fit.probability(1), kind.unit
     # A fiftieth of a usual command, and a quarter of an inch or half a degree, are what adds up soonest.
     if abs(value) < max(LEAST_SHARE * usual, 0.25 if unit == "in" else 0.5):
         return Claim(probability)
-    low, high = fit.interval(1)
-    far = "too little" if value < 0 else "too much"
-    of = f"{interval_text(low, high, value)}, {counted(fit.count, 'movement')}"
-    text = f"{row.code} {row.kind.verb} {abs(value):.2f} {unit} {far} each time ({of})"
-    return Claim(
-        probability, Finding(row.code, FindingKind.OFFSET, value, low, high, unit, fit.count, basis, text)
+    what = f"{kind.verb} {abs(value):.2f} {unit} {'too little' if value < 0 else 'too much'} each time"
+    return device.claim(
+        probability, FindingKind.OFFSET, value, what, fit.count, interval=fit.interval(1), unit=unit
     )
 
 
-def _bias(row: DriveSpec, axis: str, fit: RobustFit, allowed: float, basis: Basis) -> Claim:
-    """A bias across: inches or degrees on another axis for each one asked."""
-    unit, other = row.kind.unit, "deg" if axis == "r" else "in"
-    fit = _allowing(fit, allowed)
+def _bias(device: DeviceUnderTest, unit: str, axis: str, fit: RobustFit) -> Claim:
+    """A bias across: inches or degrees on another axis for each `unit` asked."""
+    other = "deg" if axis == "r" else "in"
     value, probability = float(fit.values[0]), fit.probability(0)
     if abs(value) < _LEAST_BIAS[unit, other]:
         return Claim(probability)
@@ -213,34 +200,27 @@ def _bias(row: DriveSpec, axis: str, fit: RobustFit, allowed: float, basis: Basi
     side = {"r": ("left", "right"), "y": ("left", "right"), "x": ("front", "back")}[axis][value < 0]
     verb = "turns" if axis == "r" else "drifts"
     near, far = sorted((abs(low), abs(high)))
-    text = (
-        f"{row.code} {verb} {abs(value):.3f} {other} to the {side} for each {_one(unit)} "
-        f"({near:.3f} to {far:.3f}, {counted(fit.count, 'movement')})"
-    )
-    return Claim(
-        probability,
-        Finding(row.code, FindingKind.BIAS, value, low, high, f"{other}/{unit}", fit.count, basis, text),
+    what = f"{verb} {abs(value):.3f} {other} to the {side} for each {_one(unit)}"
+    interval, bounds, per = (low, high), f"{near:.3f} to {far:.3f}", f"{other}/{unit}"
+    return device.claim(
+        probability, FindingKind.BIAS, value, what, fit.count, interval=interval, bounds=bounds, unit=per
     )
 
 
-def _scatter(row: DriveSpec, axis: str, fit: RobustFit, declared: float, basis: Basis) -> Claim:
+def _scatter(device: DeviceUnderTest, unit: str, axis: str, fit: RobustFit, declared: float) -> Claim:
     """Noise on an axis that the set does not declare."""
-    unit, other = row.kind.unit, "deg" if axis == "r" else "in"
+    other = "deg" if axis == "r" else "in"
     error, scatter = MAD_ERROR / math.sqrt(fit.count), fit.rough * declared
     probability = two_sided(max(fit.rough - 1.0, 0.0) / error, fit.count - 1)
     if fit.rough < LEAST_NOISE or math.sqrt(scatter**2 - declared**2) < _LEAST_BIAS[unit, other]:
         return Claim(probability)
     half = Z_95 * error * scatter
     low, high = max(scatter - half, 0.0), scatter + half
-    of = f"{low:.3f} to {high:.3f}, {counted(fit.count, 'movement')}"
     motion = "turn" if axis == "r" else "distance"
-    text = (
-        f"{row.code} scatters by {scatter:.3f} {other} of {motion} for each {_one(unit)}, not by "
-        f"{declared:.3f} ({of})"
-    )
-    per = f"{other}/{unit}"
-    return Claim(
-        probability, Finding(row.code, FindingKind.NOISE, scatter, low, high, per, fit.count, basis, text)
+    what = f"scatters by {scatter:.3f} {other} of {motion} for each {_one(unit)}, not by {declared:.3f}"
+    interval, bounds, per = (low, high), f"{low:.3f} to {high:.3f}", f"{other}/{unit}"
+    return device.claim(
+        probability, FindingKind.NOISE, scatter, what, fit.count, interval=interval, bounds=bounds, unit=per
     )
 
 

@@ -1,7 +1,7 @@
 """Causes of failures that no contact decided: by the program's end, by the time, or by what it never did."""
 
 import math
-from dataclasses import replace
+from functools import partial
 
 from simmer_tui.events import ProgramEnded
 from simmer_tui.phrases import (
@@ -14,8 +14,8 @@ from simmer_tui.phrases import (
     program_end_text,
     times_text,
 )
-from simmer_tui.report.causes import Cause, Kind, Sureness, without_blanks
-from simmer_tui.report.contact_causes import BLIND, BLIND_TURN, WHICH, belief_text, wrong_text
+from simmer_tui.report.causes import Cause, Kind, Sureness, cause_of, undecided_text
+from simmer_tui.report.contact_causes import BLIND, BLIND_TURN, belief_text, wrong_text
 from simmer_tui.report.right_readings import looked_for_block, looked_in_vain, looked_while_lost, told_held
 from simmer_tui.run.attempt import Attempt
 from simmer_tui.run.episodes import EpisodeKind
@@ -23,6 +23,7 @@ from simmer_tui.run.facts import missed_zone, wrapped
 from simmer_tui.run.history_rows import ActionRow
 from simmer_tui.run.progress import HUNDRED
 from simmer_tui.sim.command import escape
+from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.specs import CELL_SIZE
 
 # Judged: a good program crosses the maze with fewer movements.
@@ -33,6 +34,7 @@ _LED = 20
 # Judged: a place that is off by less is taken for the block's, by drift or by a wrong angle.
 _FAR = CELL_SIZE / 2
 """Distance of the block from the jaws, inches, from which they did not close beside it, but elsewhere."""
+_REPLY_CHANGED = undecided_text("a reply was changed")
 
 
 class EndingCauses:
@@ -43,6 +45,7 @@ class EndingCauses:
         self, seen: Attempt, program: ProgramEnded | None, exit_code: int | None, cut_off: bool
     ) -> None:
         self._seen = seen
+        self._made = partial(cause_of, seen)
         self._program = program
         self._exit_code = exit_code
         self._last_words = "" if program is None else last_output(program)
@@ -53,8 +56,7 @@ class EndingCauses:
         program, code = self._program, self._exit_code
         if program is not None and program.crashed and not program.stopped:
             text = program_end_text(program)
-            goals = self._goals() if program.started else ""
-            return self._made(Kind.CRASHED, f"{capitalized(text)}.", goals)
+            return self._made(Kind.CRASHED, f"{capitalized(text)}.", self._goals() if program.started else "")
         # Of an older log nothing but the exit code is known: 128 and a signal's number, or less than 0.
         if program is None and code is not None and (code < 0 or code > 128):
             return self._made(Kind.CRASHED, f"The program crashed with exit code {code}.", self._goals())
@@ -66,11 +68,11 @@ class EndingCauses:
             return None
         if self._seen.task is None and self._exit_code is None and not self._cut_off:
             return None
-        said = f"Last output: {self._last_words}." if self._last_words else ""
+        text = "The program sent no command at all."
         if self._exit_code:
             text = f"The program ended with exit code {self._exit_code} before it sent a command."
-            return self._made(Kind.NOTHING_SENT, text, said)
-        return self._made(Kind.NOTHING_SENT, "The program sent no command at all.", said)
+        said = f"Last output: {self._last_words}." if self._last_words else ""
+        return self._made(Kind.NOTHING_SENT, text, said)
 
     def put_down(self) -> Cause | None:
         """The block was set down, and not in the drop zone."""
@@ -79,29 +81,23 @@ class EndingCauses:
             return None
         block, zone = done.grip.block, seen.task.zone
         where = place_text(block.x, block.y)
-        if zone is None:
+        kind, sure, codes = Kind.DROPPED_OUTSIDE, Sureness.CERTAIN, tuple[str, ...]()
+        if (told := told_held(seen, done)) is not None:
+            code, times = told
+            kind, sure, codes = Kind.UNDECIDED, Sureness.LIKELY, (code,)
+            either = undecided_text(f"a reply of {code} was changed")
+            text = (
+                f"It let the block go where it had taken it, at {where}, though {code} had just read that "
+                f"the gripper held it ({counted(times, 'reading')}). {either}"
+            )
+        elif zone is None:
             text = f"It set the block down at {where}, which is not in the drop zone."
         else:
             off = outside_text(missed_zone(zone, block.x, block.y))
-            text = (
-                f"It set the block down outside the drop zone: at {where}, {off} the cell around "
-                f"{place_text(zone.x, zone.y)}."
-            )
-        belief = belief_text(seen.belief_before(done.order)[0])
-        place = (block.x, block.y)
-        dropped = self._made(
-            Kind.DROPPED_OUTSIDE, text, belief, elapsed=done.elapsed, line=done.line, place=place
-        )
-        told = told_held(seen, done)
-        if told is None:
-            return dropped
-        code, times = told
-        text = (
-            f"It let the block go where it had taken it, at {where}, though {code} had just read that the "
-            f"gripper held it ({counted(times, 'reading')}). Either the program has an error, or a reply of "
-            f"{code} was changed on its way: {WHICH}."
-        )
-        return replace(dropped, kind=Kind.UNDECIDED, text=text, sure=Sureness.LIKELY, culprits=(code,))
+            cell = f"the cell around {place_text(zone.x, zone.y)}"
+            text = f"It set the block down outside the drop zone: at {where}, {off} {cell}."
+        belief, place = belief_text(seen.belief_before(done.order)[0]), (block.x, block.y)
+        return self._made(kind, text, belief, at=done, place=place, sure=sure, culprits=codes)
 
     def missed_grip(self) -> Cause | None:
         """The gripper closed, and never on the block.
@@ -123,14 +119,9 @@ class EndingCauses:
         is_far = missed is not None and math.hypot(*missed) > _FAR
         if is_far and lost is None and looked_for_block(seen, done):
             kind, sure = Kind.UNDECIDED, Sureness.LIKELY
-            text = (
-                f"{text} No reading in the log showed a block there. Either the program has an error, or a "
-                f"reply was changed on its way: {WHICH}."
-            )
+            text += f" No reading in the log showed a block there. {_REPLY_CHANGED}"
         place = (done.grip.block.x, done.grip.block.y)
-        return self._made(
-            kind, text, belief_text(belief), elapsed=done.elapsed, line=done.line, place=place, sure=sure
-        )
+        return self._made(kind, text, belief_text(belief), at=done, place=place, sure=sure)
 
     def wrong_when_gripping(self) -> Cause | None:
         """It was wrong about where it was when it closed or opened the gripper in the wrong place."""
@@ -141,7 +132,7 @@ class EndingCauses:
             return None
         what = "set the block down" if seen.taken else "closed the gripper"
         text = f"It was lost when it {what}. {wrong_text(seen, lost)}."
-        return self._made(Kind.LOST, text, elapsed=lost.elapsed, line=lost.line)
+        return self._made(Kind.LOST, text, at=lost)
 
     def asked_after_grip(self) -> Cause | None:
         """The gripper was never used, and the program took itself to have used it."""
@@ -155,24 +146,17 @@ class EndingCauses:
         # Who stays may have been about to close it; who asks its load takes it to be closed.
         passed = seen.left_block or seen.asked_after_grip
         if not seen.taken and not seen.closed and seen.graspable and passed:
-            stood, what = (
-                seen.graspable,
-                f"never closed: {counted(len(seen.graspable), 'movement')} ended with",
-            )
-            where = "the block between its jaws"
+            first, times = seen.graspable[0], counted(len(seen.graspable), "movement")
+            what = f"closed: {times} ended with the block between its jaws"
         elif seen.holding and seen.arrivals:
-            stood, what = seen.arrivals, "never opened:"
-            where = "the block was in the drop zone"
+            first, what = seen.arrivals[0], "opened: the block was in the drop zone"
         else:
             return None
-        first = stood[0]
-        text = f"The gripper was {what} {where}, first at {first.elapsed:.1f} s."
         return self._made(
             Kind.NOT_CARRIED_OUT,
-            text,
+            f"The gripper was never {what}, first at {first.elapsed:.1f} s.",
             "Either the program did not send the command, or it was lost. The log cannot tell which.",
-            elapsed=first.elapsed,
-            line=first.line,
+            at=first,
             place=(first.x, first.y),
             sure=Sureness.LIKELY,
             culprits=(gripper.code,),
@@ -186,18 +170,11 @@ class EndingCauses:
         rows = [row for row in seen.refusals if row.outcome.command.code in codes]
         if seen.task is None or not rows:
             return None
-        last = rows[-1]
+        command, reason = rows[-1].outcome.command, escape(rows[-1].outcome.reason, 200)
         others = f", like {len(rows) - 1} before it" if len(rows) > 1 else ""
-        reason = escape(last.outcome.reason, 200)
-        text = f"{last.outcome.command.shown} was not carried out{others}: {reason}."
-        return self._made(
-            Kind.NOT_CARRIED_OUT,
-            text,
-            elapsed=last.elapsed,
-            line=last.line,
-            culprits=(last.outcome.command.code,),
-            sure=Sureness.LIKELY,
-        )
+        text = f"{command.shown} was not carried out{others}: {reason}."
+        culprits, sure = (command.code,), Sureness.LIKELY
+        return self._made(Kind.NOT_CARRIED_OUT, text, at=rows[-1], sure=sure, culprits=culprits)
 
     def blocked(self) -> Cause | None:
         """A wall held it."""
@@ -205,11 +182,8 @@ class EndingCauses:
         if stuck is None or seen.collision is None:
             return None
         pose = seen.collision.row.pose
-        return self._made(
-            Kind.STUCK,
-            f"It was stuck at {place_text(pose.x, pose.y)}: from {stuck.since:.1f} s on, {stuck.text}.",
-            elapsed=stuck.since,
-        )
+        text = f"It was stuck at {place_text(pose.x, pose.y)}: from {stuck.since:.1f} s on, {stuck.text}."
+        return self._made(Kind.STUCK, text, since=stuck.since)
 
     def nowhere(self) -> Cause | None:
         """It went on moving, or only reading, and reached no goal and no new place."""
@@ -224,28 +198,16 @@ class EndingCauses:
         if stretch.movements < (HUNDRED if idle or not seen.out_of_time else MOVES):
             return self._looped()
         turned = f", {stretch.turned:.0f} deg" if stretch.turned >= 1.0 else ""
-        return self._made(
-            Kind.GOT_NOWHERE,
-            f"It got nowhere. From {stretch.since:.1f} s on, {stretch.movements} movements "
-            f"({stretch.driven:.0f} in{turned}) reached no goal and no new place.",
-            self._goals(),
-            elapsed=stretch.since,
-            place=(stretch.place.x, stretch.place.y),
-        )
+        moved = f"{stretch.movements} movements ({stretch.driven:.0f} in{turned})"
+        return self._got_nowhere(stretch.since, f"{moved} reached no goal and no new place", stretch.place)
 
     def _looped(self) -> Cause | None:
         """It repeated the same few movements, without any look at what its sensors said."""
         loop = self._seen.loop
         if loop is None:
             return None
-        return self._made(
-            Kind.GOT_NOWHERE,
-            f"It got nowhere. From {loop.since:.1f} s on, it repeated the same {loop.commands} movements "
-            f"{loop.rounds} times.",
-            self._goals(),
-            elapsed=loop.since,
-            place=(loop.place.x, loop.place.y),
-        )
+        what = f"it repeated the same {loop.commands} movements {loop.rounds} times"
+        return self._got_nowhere(loop.since, what, loop.place)
 
     def _stood(self, time_limit: float) -> Cause | None:
         """It stood and read its sensors until time was up, or it gave up."""
@@ -254,14 +216,14 @@ class EndingCauses:
             return None
         if seen.elapsed - standing.since < STAYED * time_limit:
             return None
-        return self._made(
-            Kind.GOT_NOWHERE,
-            f"It got nowhere. From {standing.since:.1f} s on, it did not move and read sensors "
-            f"{standing.readings} times ({standing.code} {standing.often} times).",
-            "" if seen.out_of_time else f"{self._end()}.",
-            self._goals(),
-            elapsed=standing.since,
-        )
+        read = f"{standing.readings} times ({standing.code} {standing.often} times)"
+        end = "" if seen.out_of_time else f"{self._end()}."
+        return self._got_nowhere(standing.since, f"it did not move and read sensors {read}", None, end)
+
+    def _got_nowhere(self, since: float, text: str, pose: Pose | None, *evidence: str) -> Cause:
+        text = f"It got nowhere. From {since:.1f} s on, {text}."
+        place = None if pose is None else (pose.x, pose.y)
+        return self._made(Kind.GOT_NOWHERE, text, *evidence, self._goals(), since=since, place=place)
 
     def slow(self) -> Cause | None:
         """Time was up."""
@@ -303,7 +265,7 @@ class EndingCauses:
             frozen = [each for each in episodes if each.kind is EpisodeKind.FROZEN]
             how = " It kept sending the same pose while it moved." if frozen else ""
             text = f"It was lost. {wrong_text(seen, lost)}.{how} {self._end()}."
-            return self._made(Kind.LOST, text, elapsed=lost.elapsed, line=lost.line)
+            return self._made(Kind.LOST, text, at=lost)
         known = any(each.kind is EpisodeKind.LOCALIZED for each in episodes)
         if belief.unsure or not known or seen.hardly_localized:
             late = "no longer knew" if belief.unsure else "seldom knew"
@@ -326,18 +288,12 @@ class EndingCauses:
             return None
         if lost is not None and looked_while_lost(self._seen):
             told = f"the pose that the program told (its belief) was wrong. {wrong_text(self._seen, lost)}"
-            elapsed, line = lost.elapsed, lost.line
         elif lost is None and looked_in_vain(self._seen) and self._seen.hardly_localized:
-            told, elapsed, line = "the program seldom knew where it was", None, None
+            told = "the program seldom knew where it was"
         else:
             return None
-        text = (
-            f"Program and log disagree: the readings in the log were right, but {told}. "
-            f"Either the program has an error, or a reply was changed on its way: {WHICH}."
-        )
-        return self._made(
-            Kind.UNDECIDED, text, belief_text(belief), elapsed=elapsed, line=line, sure=Sureness.LIKELY
-        )
+        text = f"Program and log disagree: the readings in the log were right, but {told}. {_REPLY_CHANGED}"
+        return self._made(Kind.UNDECIDED, text, belief_text(belief), at=lost, sure=Sureness.LIKELY)
 
     def unread(self) -> Cause | None:
         """It gave up lost, and had not looked on the last of its path."""
@@ -345,13 +301,10 @@ class EndingCauses:
         gone, turned = seen.blind_for
         if self.astray() is None or not (gone > BLIND or turned > BLIND_TURN):
             return None
-        text = (
-            f"It stopped looking: no range sensor was read on the last {gone:.0f} in and {turned:.0f} deg "
-            f"of its path. {self._end()}."
-        )
-        return self._made(
-            Kind.UNREAD, text, belief_text(seen.beliefs[0]), self._goals(), sure=Sureness.LIKELY
-        )
+        path = f"the last {gone:.0f} in and {turned:.0f} deg of its path"
+        text = f"It stopped looking: no range sensor was read on {path}. {self._end()}."
+        evidence = belief_text(seen.beliefs[0]), self._goals()
+        return self._made(Kind.UNREAD, text, *evidence, sure=Sureness.LIKELY)
 
     def ended(self) -> Cause | None:
         """The program ended, and nothing else explains it."""
@@ -384,13 +337,10 @@ class EndingCauses:
             return None
         there, turn = row.done.pose, abs(wrapped(row.done.pose.heading - row.before.heading))
         way = math.hypot(there.x - row.before.x, there.y - row.before.y)
-        after = "No belief was right after that" if self._seen.beliefs[0] is not None else (
-            "The program could notice it only by its sensors"
-        )  # fmt: skip
-        text = (
-            f"A person moved the robot at {row.elapsed:.1f} s, by {way:.0f} in and {turn:.0f} deg. {after}."
-        )
-        return self._by_hand(row, text)
+        after = "No belief was right after that"
+        if self._seen.beliefs[0] is None:
+            after = "The program could notice it only by its sensors"
+        return self._by_hand(row, "robot", f"by {way:.0f} in and {turn:.0f} deg. {after}.")
 
     def block_moved(self) -> Cause | None:
         """A person moved the block, and it was not taken."""
@@ -398,10 +348,7 @@ class EndingCauses:
         if row is None:
             return None
         to = place_text(*row.done.action.arguments[:2])
-        text = (
-            f"A person moved the block at {row.elapsed:.1f} s, to {to}. The robot did not take it after that."
-        )
-        return self._by_hand(row, text)
+        return self._by_hand(row, "block", f"to {to}. The robot did not take it after that.")
 
     def searched(self) -> Cause | None:
         """A person moved the block, and the robot went on without it for long."""
@@ -410,31 +357,7 @@ class EndingCauses:
             return None
         return self.block_moved()
 
-    def _by_hand(self, row: ActionRow, text: str) -> Cause:
-        made = self._made(Kind.MOVED, text, elapsed=row.elapsed, line=row.line, sure=Sureness.LIKELY)
-        return replace(made, place=(row.before.x, row.before.y))
-
-    def _made(
-        self,
-        kind: Kind,
-        text: str,
-        *evidence: str,
-        elapsed: float | None = None,
-        line: int | None = None,
-        place: tuple[float, float] | None = None,
-        sure: Sureness = Sureness.CERTAIN,
-        culprits: tuple[str, ...] = (),
-    ) -> Cause:
-        """A cause at the run's end, or at a moment before."""
-        seen = self._seen
-        pose = seen.pose
-        return Cause(
-            kind,
-            text,
-            without_blanks(*evidence),
-            seen.elapsed if elapsed is None else elapsed,
-            seen.line if line is None else line,
-            (pose.x, pose.y) if place is None else place,
-            sure=sure,
-            culprits=culprits,
-        )
+    def _by_hand(self, row: ActionRow, moved: str, text: str) -> Cause:
+        text = f"A person moved the {moved} at {row.elapsed:.1f} s, {text}"
+        place = (row.before.x, row.before.y)
+        return self._made(Kind.MOVED, text, at=row, place=place, sure=Sureness.LIKELY)

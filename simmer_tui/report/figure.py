@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
+from itertools import groupby
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from simmer_tui.run.attempt import Task
 from simmer_tui.run.paths import PathSegment
 from simmer_tui.run.run_history import SAME_PLACE
 from simmer_tui.sim.angles import rotation
+from simmer_tui.sim.block import Block
 from simmer_tui.sim.footprint import Footprint
 from simmer_tui.sim.maze import Maze
 from simmer_tui.sim.pose import Pose
@@ -75,19 +77,9 @@ class MazeFrame:
         side = CELL_SIZE * self.scale
         for order, (x, y) in enumerate(cells):
             left, top = self.at(x - CELL_SIZE / 2, y + CELL_SIZE / 2)
-            parts.append(
-                svg.element(
-                    "rect",
-                    x=left,
-                    y=top,
-                    width=side,
-                    height=side,
-                    fill=fill,
-                    fill_opacity=0.85,
-                    stroke=line,
-                    stroke_dasharray="2 3",
-                )
-            )
+            square = {"x": left, "y": top, "width": side, "height": side}
+            look = {"fill": fill, "fill_opacity": 0.85, "stroke": line, "stroke_dasharray": "2 3"}
+            parts.append(svg.element("rect", **square, **look))
             if not order:
                 parts.append(svg.text(left + 4, top + 13, name, 11.0, fill=line, font_weight="bold"))
         return "".join(parts)
@@ -97,44 +89,27 @@ class MazeFrame:
         if task is None or task.zone is None:
             return ""
         loading = [(cell.x, cell.y) for cell in cells_of(self.maze, BLOCK)]
-        drop = [(task.zone.x, task.zone.y)]
-        return self.zone(loading, "LOADING ZONE", LOADING, LOADING_LINE) + self.zone(
-            drop, "DROP ZONE", DROP, DROP_LINE
-        )
+        drawn = self.zone(loading, "LOADING ZONE", LOADING, LOADING_LINE)
+        return drawn + self.zone([(task.zone.x, task.zone.y)], "DROP ZONE", DROP, DROP_LINE)
 
     def live(self) -> str:
         """An empty group, drawn in inches of the global frame: a player puts into it what moves."""
         return svg.element("g", class_="live", transform=self.transform)
 
     def _squares(self, grid: Sequence[Sequence[bool]], size: float, fill: str) -> str:
-        """Without seams between rows."""
-        boxes = "".join(self._runs(grid, size, fill))
-        return svg.element("g", boxes, shape_rendering="crispEdges") if boxes else ""
-
-    def _runs(self, grid: Sequence[Sequence[bool]], size: float, fill: str) -> list[str]:
         """Squares of a grid of `size` inches, the first row on top; neighbours in a row as one box: no
         seams, and less to write."""
-        boxes = []
+        boxes = ""
         side = size * self.scale
         for row, cells in enumerate(grid):
-            begin = 0
-            while begin < len(cells):
-                end = begin
-                while end < len(cells) and cells[end] == cells[begin]:
-                    end += 1
-                if cells[begin]:
-                    boxes.append(
-                        svg.element(
-                            "rect",
-                            x=self.left + begin * side,
-                            y=TOP + row * side,
-                            width=(end - begin) * side,
-                            height=side,
-                            fill=fill,
-                        )
-                    )
-                begin = end
-        return boxes
+            for is_filled, run in groupby(range(len(cells)), cells.__getitem__):
+                columns = list(run)
+                if is_filled:
+                    corner = {"x": self.left + columns[0] * side, "y": TOP + row * side}
+                    width = len(columns) * side
+                    boxes += svg.element("rect", **corner, width=width, height=side, fill=fill)
+        # Without seams between rows, too.
+        return svg.element("g", boxes, shape_rendering="crispEdges") if boxes else ""
 
     def axes(self) -> str:
         """Inches along the left and below."""
@@ -183,14 +158,11 @@ class _MazeFigure:
         self.end = max((piece.end for piece in self.pieces), default=0.0)
 
     def draw(self) -> Figure:
-        way = (
-            self._block(),
-            self._path(),
-            self._jumps(),
-            self._beliefs(),
+        start, end = (
             self._robot(self.run.header.pose, "#ffffff", "start"),
             self._robot(self.run.pose, svg.BODY, "end"),
         )
+        way = (self._block(), self._path(), self._jumps(), self._beliefs(), start, end)
         frame = self.frame
         parts = (
             frame.floor(),
@@ -214,15 +186,13 @@ class _MazeFigure:
         drawn = ""
         if not self.spec.block_size:
             return drawn
-        half = self.spec.block_size / 2
-        square = np.array(((half, half), (-half, half), (-half, -half), (half, -half)))
         begin, end = self.run.header.block, self.run.reducer.at().block
         # A hundredth of an inch is below a point in the picture.
         if math.hypot(begin.x - end.x, begin.y - end.y) > 0.01:
-            corners = square @ rotation(begin.heading).T + (begin.x, begin.y)
-            drawn = self._polygon(corners, fill="none", stroke=svg.BLOCK_LINE, stroke_dasharray="3 2")
-        corners = square @ rotation(end.heading).T + (end.x, end.y)
-        return drawn + self._polygon(corners, fill=svg.BLOCK, stroke=svg.BLOCK_LINE)
+            look = {"fill": "none", "stroke": svg.BLOCK_LINE, "stroke_dasharray": "3 2"}
+            corners = Block(begin.x, begin.y, self.spec.block_size, begin.heading).corners()
+            drawn = self._polygon(corners, **look)
+        return drawn + self._polygon(end.corners(), fill=svg.BLOCK, stroke=svg.BLOCK_LINE)
 
     def _path(self) -> str:
         """The movements, those of one shade together."""
@@ -231,19 +201,11 @@ class _MazeFigure:
             fraction = (piece.begin + piece.end) / 2 / self.end if self.end else order / len(self.pieces)
             line = svg.points(self._at(x, y) for x, y in piece.points)
             by_shade[round(fraction * svg.SHADES)].append(f"<polyline points='{line}'/>")
-        shades = "".join(
-            svg.element(
-                "g",
-                "".join(lines),
-                fill="none",
-                stroke=svg.shade(step / svg.SHADES),
-                stroke_width=2.4,
-                stroke_linecap="round",
-                stroke_linejoin="round",
-            )
-            for step, lines in sorted(by_shade.items())
-        )
-        return svg.element("g", shades, class_="ramp fixed")
+        drawn, ends = "", {"stroke_linecap": "round", "stroke_linejoin": "round"}
+        for step, lines in sorted(by_shade.items()):
+            look = {"fill": "none", "stroke": svg.shade(step / svg.SHADES), "stroke_width": 2.4, **ends}
+            drawn += svg.element("g", "".join(lines), **look)
+        return svg.element("g", drawn, class_="ramp fixed")
 
     def _jumps(self) -> str:
         """Lines along which a person moved the robot."""
@@ -258,9 +220,8 @@ class _MazeFigure:
         if not trace:
             return ""
         line = svg.points(self._at(point.believed.x, point.believed.y) for point in trace)
-        drawn = svg.element(
-            "polyline", points=line, fill="none", stroke=svg.BELIEF, stroke_width=1.1, stroke_dasharray="4 3"
-        )
+        look = {"fill": "none", "stroke": svg.BELIEF, "stroke_width": 1.1, "stroke_dasharray": "4 3"}
+        drawn = svg.element("polyline", points=line, **look)
         window = svg.element("clipPath", self.frame.outline(), id="maze")
         return window + svg.element("g", drawn, clip_path="url(#maze)")
 
@@ -268,12 +229,7 @@ class _MazeFigure:
         x, y = self._at(pose.x, pose.y)
         nose = np.array((Footprint.of(self.spec.robot).front, 0.0)) @ rotation(pose.heading).T
         tip = self._at(pose.x + float(nose[0]), pose.y + float(nose[1]))
-        style: dict[str, object] = {
-            "fill": fill,
-            "fill_opacity": 0.75,
-            "stroke": svg.ROBOT,
-            "stroke_width": 1.6,
-        }
+        style = {"fill": fill, "fill_opacity": 0.75, "stroke": svg.ROBOT, "stroke_width": 1.6}
         if self.spec.robot.radius is not None:
             body = svg.element("circle", "", cx=x, cy=y, r=self.spec.robot.radius * self.frame.scale, **style)
         else:
@@ -312,16 +268,13 @@ class _MazeFigure:
         """The scale of time, and what the marks mean."""
         y = self.frame.bottom + AXIS + 8
         bar, steps = 260.0, 52
-        parts = [
-            svg.element(
-                "rect", x=LEFT + i * bar / steps, y=y, width=bar / steps + 0.4, height=9.0,
-                fill=svg.shade(i / (steps - 1)),
-            )
-            for i in range(steps)
-        ]  # fmt: skip
-        parts = [svg.element("g", "".join(parts), class_="ramp fixed")]
-        parts.append(svg.text(LEFT, y + 21, "0 s", fill=svg.FAINT))
-        parts.append(svg.text(LEFT + bar, y + 21, f"{self.end:.1f} s", text_anchor="end", fill=svg.FAINT))
+        drawn, size = "", {"width": bar / steps + 0.4, "height": 9.0}
+        for step in range(steps):
+            x, fill = LEFT + step * bar / steps, svg.shade(step / (steps - 1))
+            drawn += svg.element("rect", x=x, y=y, **size, fill=fill)
+        drawn = svg.element("g", drawn, class_="ramp fixed")
+        drawn += svg.text(LEFT, y + 21, "0 s", fill=svg.FAINT)
+        drawn += svg.text(LEFT + bar, y + 21, f"{self.end:.1f} s", text_anchor="end", fill=svg.FAINT)
         marks = [("path, coloured by time", svg.dash(svg.shade(0.3)))]
         if self.run.totals.contacts:
             marks.append(("contact, numbered in order", svg.cross(svg.CONTACT)))
@@ -329,8 +282,7 @@ class _MazeFigure:
             marks.append(("believed position", svg.dash(svg.BELIEF, 1.2, stroke_dasharray="4 3")))
         if self.run.paths.jumps.items:
             marks.append(("put elsewhere", svg.dash(svg.FAINT, 1.0, stroke_dasharray="1 4")))
-        parts.append(svg.legend(LEFT + bar + 26, y + 5, marks))
-        return "".join(parts)
+        return drawn + svg.legend(LEFT + bar + 26, y + 5, marks)
 
 
 def _extent(piece: PathSegment) -> float:
@@ -340,10 +292,8 @@ def _extent(piece: PathSegment) -> float:
 
 def _label(x: float, y: float, words: str, fill: str, anchor: str = "middle") -> str:
     """A word that stays readable on anything."""
-    return svg.text(
-        x, y, words, 11.0, fill=fill, text_anchor=anchor, font_weight="bold",
-        paint_order="stroke", stroke="#ffffff", stroke_width=3.0,
-    )  # fmt: skip
+    behind = {"paint_order": "stroke", "stroke": "#ffffff", "stroke_width": 3.0}
+    return svg.text(x, y, words, 11.0, fill=fill, text_anchor=anchor, font_weight="bold", **behind)
 
 
 def _ranges(orders: list[int]) -> str:

@@ -12,6 +12,7 @@ from enum import StrEnum
 
 from simmer_tui.document.formats import COUNT, number
 from simmer_tui.document.model import DataColumn, DataTable
+from simmer_tui.phrases import counted
 
 ERROR = 0.01
 """Probability that a run without a fault has any finding."""
@@ -70,6 +71,46 @@ class Claim:
 
     probability: float
     finding: Finding | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class DeviceUnderTest:
+    """A sensor or drive under test: its code, and the set that it is compared with. `rows` is the noun for
+    the evidence, `against` ends its sentences where they name that set."""
+
+    code: str
+    basis: Basis
+    rows: str
+    against: str = ""
+
+    def claim(
+        self,
+        probability: float,
+        kind: FindingKind,
+        value: float,
+        what: str,
+        count: int,
+        *,
+        interval: tuple[float, float] | None = None,
+        bounds: str = "",
+        rests_on: str = "",
+        unit: str = "",
+        other: str | None = None,
+    ) -> Claim:
+        """A claim with a finding, whose sentence says `what` the device does.
+
+        Args:
+            interval: Bounds of the value; by default it is exact.
+            bounds: The interval in words; by default as `interval_text` says it.
+            rests_on: The evidence in words; by default its number of rows.
+        """
+        low, high = (value, value) if interval is None else interval
+        rests_on = rests_on or counted(count, self.rows)
+        if interval is not None:
+            rests_on = f"{bounds or interval_text(low, high, value)}, {rests_on}"
+        text = f"{self.code} {what} ({rests_on}){self.against}"
+        finding = Finding(self.code, kind, value, low, high, unit, count, self.basis, text, other)
+        return Claim(probability, finding)
 
 
 def kept(tests: Iterable[Claim]) -> tuple[Finding, ...]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import math
+from collections.abc import Iterator
 
 from simmer_tui.phrases import WEDGED_TEXT, contact_ending, counted, pose_text, times_text
 from simmer_tui.report.beliefs import belief_sentences
@@ -15,44 +15,51 @@ _READINGS = 6
 
 def findings(run: RunStatistics) -> list[str]:
     """Sentences that a person should read first, the most telling first."""
-    found = [
-        *(f"{each.text}." for each in run.findings),
-        *_taken_over(run),
-        *_end(run),
-        *_contacts(run),
-        *_wedged(run),
-        *belief_sentences(run.history, ended_badly=run.cause is not None),
-        *_refusals(run),
-        *_faults(run),
-        *_people(run),
-    ]
-    if not run.totals.commands:
-        found.append("No command was logged.")
-    elif not run.totals.contacts and not run.history.refusals.first.given and run.cause is None:
-        found.append("No contact with a wall and no refused command.")
-    return found
+    return list(_sentences(run))
 
 
-def _taken_over(run: RunStatistics) -> list[str]:
-    origin = run.header.taken_over
-    return [] if origin is None else [f"Taken over {origin}: until then the two runs are the same."]
+def _sentences(run: RunStatistics) -> Iterator[str]:
+    history, totals, origin = run.history, run.totals, run.header.taken_over
+    wedged, refusals, faults = history.wedged.first, history.refusals.first, history.faults.first
+    yield from (f"{each.text}." for each in run.findings)
+    if origin is not None:
+        yield f"Taken over {origin}: until then the two runs are the same."
+    yield from _end(run)
+    if totals.contacts:
+        yield _contacts(run)
+    if wedged.given:
+        since, place = wedged.items[0].elapsed, pose_text(wedged.items[0].pose)
+        yield f"From {since:.1f} s on it was {WEDGED_TEXT}. It stood at {place}."
+    yield from belief_sentences(history, ended_badly=run.cause is not None)
+    if refusals.given:
+        refused, first = counted(totals.commands, "command"), refusals.items[0]
+        why = f"'{first.outcome.command.shown}' (line {first.line}): {escape(first.outcome.reason, 200)}"
+        yield f"{refusals.given} of {refused} did nothing. The first: {why}."
+    if faults.given:
+        line, text = faults.items[0].line, escape(faults.items[0].text, 200)
+        yield f"{counted(faults.given, 'fault')}. The first (line {line}): {text}."
+    if totals.actions:
+        listed = ", ".join(f"{name} {count}x" for name, count in totals.actions.most_common(8))
+        yield f"Actions by a person: {listed}."
+    if not totals.commands:
+        yield "No command was logged."
+    elif not totals.contacts and not refusals.given and run.cause is None:
+        yield "No contact with a wall and no refused command."
 
 
-def _end(run: RunStatistics) -> list[str]:
+def _end(run: RunStatistics) -> Iterator[str]:
+    """The end at a wall, if it was there."""
     contacts = run.history.contacts.items
     stuck = run.history.stuck(run.history.elapsed)
     if stuck is not None:
         where = pose_text(run.pose)
-        return [f"Stuck at the end: from {stuck.since:.1f} s on, {stuck.text}. The robot stayed at {where}."]
-    touch = contacts[-1] if contacts else None
-    if touch is not None and touch.stopped and touch.line == run.totals.last_command_line:
-        return [f"The run ends at a wall: {touch.shown} (line {touch.line}) was its last command."]
-    return []
+        yield f"Stuck at the end: from {stuck.since:.1f} s on, {stuck.text}. The robot stayed at {where}."
+    elif contacts and contacts[-1].stopped and contacts[-1].line == run.totals.last_command_line:
+        shown, line = contacts[-1].shown, contacts[-1].line
+        yield f"The run ends at a wall: {shown} (line {line}) was its last command."
 
 
-def _contacts(run: RunStatistics) -> list[str]:
-    if not run.totals.contacts:
-        return []
+def _contacts(run: RunStatistics) -> str:
     first = run.history.repeated.first.items[0].touch
     if run.totals.legs:
         told = f"The robot touched a wall {times_text(run.totals.contacts)}"
@@ -62,15 +69,7 @@ def _contacts(run: RunStatistics) -> list[str]:
         went_on = run.totals.contacts - run.totals.contacts_that_ended
         told = f"{share} touched a wall, and {went_on} went on" if went_on else f"{share} ended at a wall"
         unread = "No sensor was read since the movement before it."
-    return [f"{told}. The first: {_touch(first)} {_before(first) or unread}"]
-
-
-def _wedged(run: RunStatistics) -> list[str]:
-    wedged = run.history.wedged.first
-    if not wedged.given:
-        return []
-    first = wedged.items[0]
-    return [f"From {first.elapsed:.1f} s on it was {WEDGED_TEXT}. It stood at {pose_text(first.pose)}."]
+    return f"{told}. The first: {_touch(first)} {_before(first) or unread}"
 
 
 def _touch(touch: ContactRow) -> str:
@@ -83,36 +82,6 @@ def _before(touch: ContactRow) -> str:
     """The program's readings when it gave the command; empty if there were none."""
     if not touch.seen:
         return ""
-    shown = [f"{escape(each.text.strip(), 20)} {_value(each.reading.value)}" for each in touch.seen]
+    shown = [f"{escape(each.text.strip(), 20)} {each.reading.value:.1f}" for each in touch.seen]
     more = f" and {len(shown) - _READINGS} more" if len(shown) > _READINGS else ""
     return f"Readings before it: {', '.join(shown[:_READINGS])}{more}."
-
-
-def _refusals(run: RunStatistics) -> list[str]:
-    refusals = run.history.refusals.first
-    if not refusals.given:
-        return []
-    first = refusals.items[0]
-    return [
-        f"{refusals.given} of {counted(run.totals.commands, 'command')} did nothing. The first: "
-        f"'{first.outcome.command.shown}' (line {first.line}): {escape(first.outcome.reason, 200)}."
-    ]
-
-
-def _faults(run: RunStatistics) -> list[str]:
-    faults = run.history.faults.first
-    if not faults.given:
-        return []
-    first = faults.items[0]
-    return [f"{counted(faults.given, 'fault')}. The first (line {first.line}): {escape(first.text, 200)}."]
-
-
-def _people(run: RunStatistics) -> list[str]:
-    if not run.totals.actions:
-        return []
-    listed = ", ".join(f"{name} {count}x" for name, count in run.totals.actions.most_common(8))
-    return [f"Actions by a person: {listed}."]
-
-
-def _value(value: float) -> str:
-    return f"{value:.1f}" if math.isfinite(value) else str(value)

@@ -31,7 +31,7 @@ from simmer_tui.report.findings import findings
 from simmer_tui.report.player import player_script, player_style, shortened
 from simmer_tui.report.run_statistics import RunStatistics
 from simmer_tui.report.traces import traces
-from simmer_tui.report.verdict import Outcome, Verdict
+from simmer_tui.report.verdict import Outcome, Verdict, goals_met
 from simmer_tui.run.attempt import Attempt, Task
 from simmer_tui.sim.command import escape
 
@@ -112,14 +112,8 @@ def _figures(run: RunStatistics, attempt: Attempt, *, crashed: bool) -> KeyFigur
     if task is None or crashed:
         told = (str(attempt.commands), counted(attempt.commands, "command").partition(" ")[2])
         return KeyFigures(((f"{seconds:.1f} s", "simulated"), told, contacts))
-    met = f"{len(_goals_met(run))} of {len(Goal)}"
+    met = f"{len(goals_met(run.history))} of {len(Goal)}"
     return KeyFigures(((met, "goals met"), (f"{seconds:.1f} s", f"of {task.time_limit:g} s"), contacts))
-
-
-def _goals_met(run: RunStatistics) -> dict[Goal, float]:
-    """Goals met since the run last began anew, with the mission's time of each, seconds."""
-    rows = (row for row in run.history.missions.items if row.order > run.history.began)
-    return {row.event.subject: row.event.time for row in rows if isinstance(row.event.subject, Goal)}
 
 
 def _picture(run: RunStatistics) -> Iterator[DocumentPart]:
@@ -136,8 +130,7 @@ def _picture(run: RunStatistics) -> Iterator[DocumentPart]:
 def _cards(run: RunStatistics, attempt: Attempt, log: str) -> Iterator[DocumentPart]:
     """Cards: the reasons, the next steps and the goals. `log` is empty where the reader has none."""
     verdict = run.verdict
-    second = "" if verdict.second_cause is None else f"Second cause: {verdict.second_cause.text}"
-    yield Bullets("Why", [each for each in (*verdict.notes, *verdict.evidence, second) if each], kind="card")
+    yield Bullets("Why", verdict.reasons, kind="card")
     file = shlex.quote(log)
     steps: list[tuple[Prose, ...] | str] = [verdict.advice] if verdict.advice else []
     if log:
@@ -150,15 +143,13 @@ def _cards(run: RunStatistics, attempt: Attempt, log: str) -> Iterator[DocumentP
 
 
 def _goals(run: RunStatistics, task: Task, attempt: Attempt) -> Iterator[tuple[Prose, ...]]:
-    met = _goals_met(run)
+    met = goals_met(run.history)
     for goal in Goal:
         where = ""
         if goal is Goal.DELIVERED and task.zone is not None:
             where = f" to {task.zone.x:g}, {task.zone.y:g}"
-        if goal in met:
-            yield _goal(f"{goal.value}{where}", met=True), f" {met[goal]:.1f} s"
-        else:
-            yield (_goal(f"{goal.value}{where}", met=False),)
+        chip = _goal(f"{goal.value}{where}", met=goal in met)
+        yield (chip, f" {met[goal]:.1f} s") if goal in met else (chip,)
     if task.contacts is not None:
         contacts = _goal(contacts_text(attempt.contacts), met=attempt.contacts <= task.contacts)
         yield contacts, f", {task.contacts} allowed"

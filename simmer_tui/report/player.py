@@ -21,6 +21,7 @@ from simmer_tui.run.facts import deviation
 from simmer_tui.run.paths import BeliefCloud
 from simmer_tui.run.scan_traces import ScanTrace, range_step
 from simmer_tui.run.table import Newest, TimedItem
+from simmer_tui.sim.block import Block
 from simmer_tui.sim.command import printable
 from simmer_tui.sim.footprint import Footprint
 from simmer_tui.sim.pose import Pose
@@ -184,19 +185,13 @@ class RecordingEncoder:
         return {
             "beliefs": [_belief(each) for each in self._new("beliefs", recording.beliefs)],
             "blocks": [
-                [
-                    _ms(each.elapsed),
-                    int(each.held),
-                    *_place(Pose(each.block.x, each.block.y, each.block.heading)),
-                ]
+                [_ms(each.elapsed), int(each.held), *_place(each.block)]
                 for each in self._new("blocks", recording.blocks, since=0.0)
             ],
             "scans": [
                 [
                     self._places[each.code],
-                    _ms(each.elapsed),
-                    _ms(each.begin),
-                    _ms(each.span),
+                    *map(_ms, (each.elapsed, each.begin, each.span)),
                     round(each.first * _HEADING),
                     _shown(each.turn),
                     each.ranges,
@@ -255,7 +250,7 @@ def _grid(grid: GridBelief, heat: SmallMap | None) -> list[Any]:
     return [*_rounded(grid.bounds), int(grid.has_headings), *_rounded(numbers), *shown]
 
 
-def _place(pose: Pose) -> list[int]:
+def _place(pose: Pose | Block) -> list[int]:
     return [round(pose.x * _PLACE), round(pose.y * _PLACE), round(pose.heading * _HEADING)]
 
 

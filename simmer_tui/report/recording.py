@@ -14,7 +14,7 @@ from enum import StrEnum
 from functools import cached_property
 from itertools import islice, pairwise
 from operator import itemgetter
-from typing import Any, Protocol
+from typing import Any, NamedTuple
 
 from msgspec import Struct, structs
 
@@ -24,7 +24,7 @@ from simmer_tui.run.history_rows import ActionRow, ContactRow, MissionRow, Refus
 from simmer_tui.run.paths import MOVEMENTS, BeliefCloud, Jump, MovementPath, PathRecord
 from simmer_tui.run.run_history import RunHistory
 from simmer_tui.run.scan_traces import ScanTrace
-from simmer_tui.run.table import Newest, TimedItem
+from simmer_tui.run.table import Newest, Timed, TimedItem
 from simmer_tui.sim.block import Block
 from simmer_tui.sim.command import escape
 from simmer_tui.sim.gripper import in_global_frame
@@ -70,8 +70,7 @@ class Mark:
     point: tuple[float, float] | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class Keyframe:
+class Keyframe(NamedTuple):
     """Pose of the robot at a moment; between two of them it went evenly. Of two at the same moment
     the second counts from there on."""
 
@@ -95,16 +94,6 @@ class PlayerCommand(Struct, frozen=True):
 
     elapsed: float
     text: str
-
-
-class Ordered(Protocol):
-    """A row of a history."""
-
-    @property
-    def order(self) -> int: ...
-
-    @property
-    def elapsed(self) -> float: ...
 
 
 class _Move:
@@ -310,12 +299,11 @@ class _Marked:
         return [mark for _, mark in sorted(found, key=itemgetter(0)) if mark is not None]
 
     def _contact(self, row: ContactRow) -> Mark:
-        return _mark(
-            row, MarkKind.CONTACT, f"{row.shown}: {contact_text(row.contact, self._spec)}", row.point
-        )
+        text = f"{row.shown}: {contact_text(row.contact, self._spec)}"
+        return _mark(row, MarkKind.CONTACT, text, row.point)
 
 
-def _mark(row: Ordered, kind: MarkKind, text: str, point: tuple[float, float] | None = None) -> Mark:
+def _mark(row: Timed, kind: MarkKind, text: str, point: tuple[float, float] | None = None) -> Mark:
     return Mark(row.elapsed, kind, escape(text, 300), point)
 
 
@@ -342,8 +330,8 @@ def _mission(row: MissionRow) -> Mark | None:
 # -- keyframes of a movement -------------------------------------------------------------------------
 
 
-def way(trajectory: Trajectory | Leg, until: float) -> list[tuple[float, Pose]]:
-    """Simulated times and poses between which a movement goes evenly, to within a hundredth of an inch
+def way(trajectory: Trajectory | Leg, until: float) -> list[Keyframe]:
+    """Poses at simulated times between which a movement goes evenly, to within a hundredth of an inch
     and a tenth of a degree, from its beginning till a time.
 
     A movement goes on evenly, or smoothly, between the ends of its segments and where it met
@@ -359,36 +347,32 @@ def way(trajectory: Trajectory | Leg, until: float) -> list[tuple[float, Pose]]:
         met = None if trajectory.contact is None else trajectory.contact.time
         breaks.update(each for each in (trajectory.held_at, met) if each is not None)
     times = sorted(each for each in breaks if begin <= each <= until) or [begin]
-    frames: list[tuple[float, Pose]] = []
+    frames: list[Keyframe] = []
     for a, b in pairwise(times):
-        frames.append((a, trajectory.pose_at(a)))
+        frames.append(Keyframe(a, trajectory.pose_at(a)))
         # At a break the pose may jump, and `pose_at` gives that after it.
-        before = max(b - _INSTANT, a)
-        end = (b, trajectory.pose_at(before))
+        end = Keyframe(b, trajectory.pose_at(max(b - _INSTANT, a)))
         if b - a > _LEAST:
             frames += _refined(trajectory, frames[-1], end)
         frames.append(end)
-    frames.append((times[-1], trajectory.pose_at(times[-1])))
+    frames.append(Keyframe(times[-1], trajectory.pose_at(times[-1])))
     return _thinned(frames)
 
 
-def _refined(
-    trajectory: Trajectory | Leg, begin: tuple[float, Pose], end: tuple[float, Pose]
-) -> Iterable[tuple[float, Pose]]:
+def _refined(trajectory: Trajectory | Leg, begin: Keyframe, end: Keyframe) -> Iterable[Keyframe]:
     """Keyframes needed between two moments, in order."""
-    (a, _), (b, _) = begin, end
-    middle = (a + b) / 2
-    frame = middle, trajectory.pose_at(middle)
+    middle = (begin.elapsed + end.elapsed) / 2
+    frame = Keyframe(middle, trajectory.pose_at(middle))
     # Halving ends at `_LEAST`: a jump would be halved for ever.
-    if b - a <= _LEAST or _is_even(begin, frame, end):
+    if end.elapsed - begin.elapsed <= _LEAST or _is_even(begin, frame, end):
         return []
     return [*_refined(trajectory, begin, frame), frame, *_refined(trajectory, frame, end)]
 
 
-def _thinned(frames: list[tuple[float, Pose]]) -> list[tuple[float, Pose]]:
+def _thinned(frames: list[Keyframe]) -> list[Keyframe]:
     """Without those that lie evenly between their neighbours."""
     kept = [frames[0]]
-    skipped: tuple[float, Pose] | None = None
+    skipped: Keyframe | None = None
     corridor = _Corridor(frames[0])
     for frame in frames[1:]:
         if skipped is not None and not corridor.holds(frame):
@@ -407,12 +391,12 @@ class _Corridor:
     takes the square of their number.
     """
 
-    def __init__(self, begin: tuple[float, Pose]) -> None:
+    def __init__(self, begin: Keyframe) -> None:
         self._begin = begin
         self._speeds = [math.inf] * len(_DIRECTIONS)
         self._turns = -math.inf, math.inf
 
-    def add(self, frame: tuple[float, Pose]) -> None:
+    def add(self, frame: Keyframe) -> None:
         span, x, y, turn = self._to(frame)
         if span > 0.0:
             self._speeds = [
@@ -424,7 +408,7 @@ class _Corridor:
         elif math.hypot(x, y) > _OFF or abs(turn) > _TURNED:
             self._turns = math.inf, -math.inf  # a jump at the keyframe's own moment: no movement passes it
 
-    def holds(self, end: tuple[float, Pose]) -> bool:
+    def holds(self, end: Keyframe) -> bool:
         """True if an even movement to `end` passes all frames added."""
         span, x, y, turn = self._to(end)
         least, most = self._turns
@@ -434,15 +418,14 @@ class _Corridor:
             (x * ux + y * uy) / span <= most for most, (ux, uy) in zip(self._speeds, _DIRECTIONS, strict=True)
         )
 
-    def _to(self, frame: tuple[float, Pose]) -> tuple[float, float, float, float]:
+    def _to(self, frame: Keyframe) -> tuple[float, float, float, float]:
         """Time and changes of x, y and heading from the keyframe to a frame."""
         (begin, a), (end, b) = self._begin, frame
         return end - begin, b.x - a.x, b.y - a.y, b.heading - a.heading
 
 
-def _is_even(begin: tuple[float, Pose], middle: tuple[float, Pose], end: tuple[float, Pose]) -> bool:
-    there = _between(Keyframe(*begin), Keyframe(*end), middle[0])
-    pose = middle[1]
+def _is_even(begin: Keyframe, middle: Keyframe, end: Keyframe) -> bool:
+    there, pose = _between(begin, end, middle.elapsed), middle.pose
     off = math.hypot(there.x - pose.x, there.y - pose.y)
     return off <= _OFF and abs(there.heading - pose.heading) <= _TURNED
 

@@ -17,16 +17,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from simmer_tui.report.belief_audit import SURE
-from simmer_tui.report.disagreement import Disagreement
+from simmer_tui.report.disagreement import Disagreement, moment
 from simmer_tui.report.finding import FEWEST, FindingKind
 from simmer_tui.report.robust_fit import Z_95, binomial_tail, mad_scale
+from simmer_tui.report.sensor_sample import poses_of, sensors_read, world_without_block
 from simmer_tui.run.attempt import Attempt
 from simmer_tui.run.table import Columns
 from simmer_tui.sim.angles import FloatArray
-from simmer_tui.sim.block import Block
-from simmer_tui.sim.maze import Maze
 from simmer_tui.sim.sensors import ObservingSensor, modelled_sensor
-from simmer_tui.sim.sensors.base import World
 
 # Judged: half a cell; more is no offset any more, but another wall.
 _OFFSETS = tuple(sign * inches for inches in range(1, 7) for sign in (1.0, -1.0))
@@ -84,23 +82,26 @@ class ReplyAudit:
         beliefs = attempt.within(history.beliefs, since)
         beliefs = beliefs[~(beliefs["spread"] > SURE)][-_BELIEFS:]
         self._beliefs = beliefs
-        self._poses = np.column_stack([beliefs[name] for name in ("x", "y", "heading")]).astype(np.float64)
-        self._world = World(Maze(history.spec.maze), Block(0.0, 0.0, 0.0))
         # The first belief rests on what came before it.
         self._moved = attempt.within(history.movements, attempt.placed)["order"]
         readings = attempt.within(history.readings, attempt.placed)
         size = history.spec.block_size
         self._seen: dict[str, _Seen] = {}
-        for number, code in enumerate(history.sensor_codes):
-            sensor = modelled_sensor(next(each for each in history.spec.sensors if each.code == code))
-            if not isinstance(sensor, ObservingSensor) or not sensor.spec.kind.is_range or not len(beliefs):
+        for number, spec in sensors_read(history):
+            sensor = modelled_sensor(spec)
+            if not isinstance(sensor, ObservingSensor) or not spec.kind.is_range or not len(beliefs):
                 continue
             # Where the block is, the program need not know.
             if not sensor.sees_block(size):
                 seen = self._of(readings[readings["sensor"] == number], sensor)
                 if (seen.belief >= 0).any():
-                    self._seen[code] = seen
-        self._implied = {code: self._at_beliefs(each.sensor) for code, each in self._seen.items()}
+                    self._seen[spec.code] = seen
+        poses, world = poses_of(beliefs), world_without_block(history.spec)
+        self._implied: dict[str, FloatArray] = {}
+        """Readings that each belief implies, (beliefs,); infinite beyond the sensor's range."""
+        for code, each in self._seen.items():
+            expected = each.sensor.expected(world, poses, 0.0)
+            self._implied[code] = np.where(expected > each.sensor.spec.max_range, np.inf, expected)
         self._base = {
             code: each.explained(each.values, self._of_beliefs(code, each))
             for code, each in self._seen.items()
@@ -147,13 +148,8 @@ class ReplyAudit:
         belief = np.where(here & (place < len(self._beliefs)), known, -1)
         return _Seen(sensor, belief, rows["value"].astype(np.float64), np.nan_to_num(told["spread"]))
 
-    def _at_beliefs(self, sensor: ObservingSensor) -> FloatArray:
-        """Readings that each belief implies, (beliefs,); infinite beyond the sensor's range."""
-        expected = sensor.expected(self._world, self._poses, 0.0)
-        return np.where(expected > sensor.spec.max_range, np.inf, expected)
-
     def _of_beliefs(self, code: str, seen: _Seen) -> FloatArray:
-        """The same for each reading of another sensor."""
+        """Readings of a sensor that beliefs imply, for each reading of another."""
         return np.where(seen.belief >= 0, self._implied[code][seen.belief], np.nan)
 
     def _differences(self, change: _Change) -> dict[str, FloatArray]:
@@ -216,9 +212,8 @@ class ReplyAudit:
         count, of = int(np.nansum(hits)), int(np.isfinite(hits).sum())
         first = self._beliefs[int(beliefs[hits == 1].min())]
         text = f"the program used {self._as_taken(change)} ({count} of {of} readings)"
-        elapsed, line = float(first["elapsed"]), int(first["line"])
         # What it leaves unexplained, at least a hundredth: one is as good as none.
-        return Disagreement(change.of, text, count, probability, max(1.0 - share, 0.01), elapsed, line)
+        return Disagreement(change.of, text, count, probability, max(1.0 - share, 0.01), *moment(first))
 
     def _as_taken(self, change: _Change) -> str:
         replies = f"the replies of {', '.join(change.of)}"

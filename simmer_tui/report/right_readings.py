@@ -1,16 +1,22 @@
-"""Range readings that were right in the log: a program that got them as they were could have known better."""
+"""Range readings that were right in the log, and places that they cannot tell apart.
+
+A program that got right readings as they were could have known better, unless two places look alike.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 
 from simmer_tui.report.robust_fit import Flags
+from simmer_tui.report.sensor_sample import world_without_block
 from simmer_tui.run.attempt import Attempt, Collision
-from simmer_tui.run.facts import COVERED, SLIGHT
-from simmer_tui.run.history_rows import GripRow
+from simmer_tui.run.facts import COVERED, SLIGHT, wrapped
+from simmer_tui.run.history_rows import BeliefRow, GripRow
 from simmer_tui.run.table import Columns
+from simmer_tui.sim.angles import FloatArray
 from simmer_tui.sim.sensors import ObservingSensor, modelled_sensor
 from simmer_tui.sim.sensors.yes_or_no import LoadSensor
 from simmer_tui.sim.specs import CELL_SIZE, SensorSpec
@@ -24,6 +30,15 @@ _LONG = 80
 _ALONG, _ACROSS = CELL_SIZE / 2, 1.0
 """Distances, inches along a wall and across it, within which a ray that ended there showed a place touched:
 beside it the wall of the next cell begins, and short ranges are off by less. Judged."""
+
+# Of a normal distribution 99.7 % lie within three standard deviations.
+_SIGMAS = 3.0
+_TELLING = 1.0
+"""Difference of two readings, inches, that tells no cell from another. Judged: a twelfth of a cell."""
+_AGREEING = 2
+"""Sensors that must agree: one alone sees the same in most corridors."""
+_STEP = 1.0
+"""Inches between the places tried in the believed cell."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,8 +70,7 @@ def shown_place(attempt: Attempt, met: Collision) -> ShownPlace | None:
     rows = attempt.within(attempt.history.readings, attempt.placed)
     rows = rows[(rows["order"] < met.row.order) & (rows["gone"] >= met.row.gone_before - CELL_SIZE)]
     found: list[ShownPlace] = []
-    for sensor in _ranges(attempt):
-        mine = _of(attempt, rows, sensor)
+    for sensor, mine in _by_range(attempt, rows):
         mine = mine[_right(mine, sensor) & np.isfinite(mine["value"])]
         if not len(mine):
             continue
@@ -84,7 +98,7 @@ def looked_at_each_movement(attempt: Attempt, met: Collision) -> bool:
     first = max(movements.place_of(met.row.order) - count, 0)
     rows = attempt.within(attempt.history.readings, attempt.placed)
     rows = rows[(rows["order"] > movements[first].order) & (rows["order"] < met.row.order)]
-    return sum(len(_of(attempt, rows, sensor)) for sensor in _ranges(attempt)) >= max(count, 1)
+    return sum(len(mine) for _, mine in _by_range(attempt, rows)) >= max(count, 1)
 
 
 def looked_for_block(attempt: Attempt, done: GripRow) -> bool:
@@ -97,8 +111,8 @@ def looked_for_block(attempt: Attempt, done: GripRow) -> bool:
     rows = attempt.within(attempt.history.readings, attempt.placed)
     rows = rows[(rows["order"] < done.order) & (rows["gone"] >= gone - CELL_SIZE)]
     right = [
-        _right(_of(attempt, rows, sensor), sensor)
-        for sensor in _ranges(attempt)
+        _right(mine, sensor)
+        for sensor, mine in _by_range(attempt, rows)
         if isinstance(made := modelled_sensor(sensor), ObservingSensor) and made.sees_block(size)
     ]
     return sum(map(len, right)) > 0 and all(each.all() for each in right)
@@ -115,10 +129,9 @@ def told_held(attempt: Attempt, done: GripRow) -> tuple[str, int] | None:
         return None
     rows = attempt.within(attempt.history.readings, taken[-1])
     rows = rows[rows["order"] < done.order]
-    for sensor in attempt.spec.sensors:
-        if sensor.kind.name != LoadSensor.name or sensor.code not in attempt.history.sensor_codes:
-            continue
-        values = _of(attempt, rows, sensor)["value"]
+    loads = [each for each in attempt.spec.sensors if each.kind.name == LoadSensor.name]
+    for sensor, mine in _read(attempt, rows, loads):
+        values = mine["value"]
         held = int((values > 0.0).sum())
         # One answer may be wrong, most of them are not.
         if 2 * held > len(values):
@@ -129,22 +142,21 @@ def told_held(attempt: Attempt, done: GripRow) -> tuple[str, int] | None:
 def _mostly_right(attempt: Attempt, since: int, fewest: int) -> bool:
     rows = attempt.within(attempt.history.readings, since)
     right = total = 0
-    for sensor in _ranges(attempt):
-        mine = _of(attempt, rows, sensor)
+    for sensor, mine in _by_range(attempt, rows):
         total += len(mine)
         right += int(_right(mine, sensor).sum())
     return total >= fewest and 2 * right > total
 
 
-def _ranges(attempt: Attempt) -> list[SensorSpec]:
-    """The range sensors that were read."""
+def _read(attempt: Attempt, rows: Columns, sensors: Iterable[SensorSpec]) -> list[tuple[SensorSpec, Columns]]:
+    """Those of some sensors that were read, each with its rows."""
     codes = attempt.history.sensor_codes
-    return [each for each in attempt.spec.sensors if each.kind.is_range and each.code in codes]
+    return [(each, rows[rows["sensor"] == codes.index(each.code)]) for each in sensors if each.code in codes]
 
 
-def _of(attempt: Attempt, rows: Columns, sensor: SensorSpec) -> Columns:
-    mine: Columns = rows[rows["sensor"] == attempt.history.sensor_codes.index(sensor.code)]
-    return mine
+def _by_range(attempt: Attempt, rows: Columns) -> list[tuple[SensorSpec, Columns]]:
+    """The range sensors that were read, each with its rows."""
+    return _read(attempt, rows, (each for each in attempt.spec.sensors if each.kind.is_range))
 
 
 def _right(rows: Columns, sensor: SensorSpec) -> Flags:
@@ -152,3 +164,41 @@ def _right(rows: Columns, sensor: SensorSpec) -> Flags:
     true = np.where(np.isfinite(rows["true"]), np.abs(rows["true"]), 0.0)
     usual = sensor.error * true + sensor.absolute_error
     return np.asarray(np.abs(rows["error"]) <= np.maximum(SLIGHT, COVERED * usual))
+
+
+# -- places that look alike ------------------------------------------------------------------------
+
+
+def looks_alike(seen: Attempt, belief: BeliefRow) -> bool:
+    """True if every range sensor that was read would read the same, within its noise, at one place of the
+    cell that a grid held for the likeliest as it does where the robot was."""
+    read = set(seen.history.sensor_codes)
+    sensors = [
+        modelled_sensor(each) for each in seen.spec.sensors if each.code in read and each.kind.is_range
+    ]
+    if len(sensors) < _AGREEING:
+        return False
+    world = world_without_block(seen.spec)
+    true = np.array([[belief.true_x, belief.true_y, belief.true_heading]])
+    poses = _around(belief)
+    alike = np.ones(len(poses), dtype=np.bool_)
+    for sensor in sensors:
+        if not isinstance(sensor, ObservingSensor):
+            continue
+        here, there = sensor.true_values(world, true)[0], sensor.true_values(world, poses)
+        noise = _SIGMAS * (sensor.spec.error * here + sensor.spec.absolute_error)
+        # Nothing in range on both sides is alike too; infinity less infinity is no number.
+        with np.errstate(invalid="ignore"):
+            alike &= (here == there) | (np.abs(here - there) <= max(_TELLING, noise))
+    return bool(alike.any())
+
+
+def _around(belief: BeliefRow) -> FloatArray:
+    """Poses in the believed cell, (n, 3). The heading is as far from one of the maze's directions as the true
+    one; a grid without headings allows for all four."""
+    reach = min(belief.allowed, CELL_SIZE / 2)
+    steps = np.arange(-reach, reach + _STEP / 2, _STEP)
+    beside = wrapped((belief.true_heading - belief.heading) * 4.0) / 4.0
+    turns = [0.0] if belief.tells_heading else [0.0, 90.0, 180.0, 270.0]
+    x, y, turn = np.meshgrid(belief.x + steps, belief.y + steps, belief.heading + beside + np.array(turns))
+    return np.column_stack((x.ravel(), y.ravel(), turn.ravel()))

@@ -36,10 +36,9 @@ class RobustFit:
     count: int
     declared: bool = False
 
-    def probability(self, place: int, offset: float = 0.0) -> float:
-        """Probability of a coefficient at least as far from `offset`, if it were that."""
-        error = float(self.errors[place])
-        away = abs(float(self.values[place]) - offset)
+    def probability(self, place: int) -> float:
+        """Probability of a coefficient at least as far from 0, if it were 0."""
+        error, away = float(self.errors[place]), abs(float(self.values[place]))
         if error == 0.0:
             return 1.0 if away == 0.0 else 0.0
         return two_sided(away / error, math.inf if self.declared else self.count - len(self.values))

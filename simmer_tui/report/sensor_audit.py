@@ -11,15 +11,7 @@ import math
 
 import numpy as np
 
-from simmer_tui.report.finding import (
-    FEWEST,
-    LEAST_SHARE,
-    Basis,
-    Claim,
-    Finding,
-    FindingKind,
-    interval_text,
-)
+from simmer_tui.report.finding import FEWEST, LEAST_SHARE, Basis, Claim, DeviceUnderTest, FindingKind
 from simmer_tui.report.robust_fit import (
     LEAST_NOISE,
     MAD_ERROR,
@@ -44,8 +36,8 @@ _BETTER = 1.1
 
 def sensor_tests(sample: SensorSample, basis: Basis) -> list[Claim]:
     """Tests of one sensor by its readings."""
-    fewest = FEWEST[basis]
-    tests = [_missed(sample, basis)] if sample.looked >= fewest else []
+    fewest, device = FEWEST[basis], DeviceUnderTest(sample.spec.code, basis, "reading")
+    tests = [_missed(device, sample)] if sample.looked >= fewest else []
     if len(sample.values) < fewest:
         return tests
     changed = other_quantity(sample, basis)
@@ -53,9 +45,9 @@ def sensor_tests(sample: SensorSample, basis: Basis) -> list[Claim]:
     if changed.finding is not None:
         return tests
     if sample.least == 0.5 and sample.spec.is_yes_or_no:
-        return [*tests, _wrong(sample, basis)]
+        return [*tests, _wrong(device, sample)]
     inside = sample.inside()
-    return [*tests, *_fitted(inside, basis)] if len(inside.values) >= fewest else tests
+    return [*tests, *_fitted(device, inside)] if len(inside.values) >= fewest else tests
 
 
 # -- another quantity --------------------------------------------------------------------------------
@@ -64,7 +56,7 @@ def sensor_tests(sample: SensorSample, basis: Basis) -> list[Claim]:
 def other_quantity(sample: SensorSample, basis: Basis) -> Claim:
     """The claim of the fault among the sample's alternatives that explains it best: that it is stuck, turned,
     swapped or late."""
-    best: tuple[float, Finding] | None = None
+    best: tuple[float, Alternative, int] | None = None
     least = 1.0
     for each in sample.alternatives:
         hits, count, explained = _held_against(sample, each)
@@ -72,8 +64,18 @@ def other_quantity(sample: SensorSample, basis: Basis) -> Claim:
         probability = min(binomial_tail(hits, count, sample.chance) * len(sample.alternatives), 1.0)
         least = min(least, probability)
         if count >= FEWEST[basis] and explained >= _EXPLAINED and (best is None or explained > best[0]):
-            best = explained, _change_finding(sample, each, count, basis)
-    return Claim(least, None if best is None else best[1])
+            best = explained, each, count
+    if best is None:
+        return Claim(least)
+    (_, fault, count), spec = best, sample.spec
+    # A counting sensor that is stuck adds nothing.
+    value = 0.0 if fault.kind is FindingKind.STUCK and spec.kind.counts else fault.value
+    unit = {FindingKind.STUCK: spec.unit, FindingKind.LATE: "readings"}.get(fault.kind, "")
+    device, what = (
+        DeviceUnderTest(spec.code, basis, "reading"),
+        change_text(spec, fault.kind, value, fault.other),
+    )
+    return device.claim(least, fault.kind, value, what, count, unit=unit, other=fault.other)
 
 
 def _held_against(sample: SensorSample, other: Alternative) -> tuple[int, int, float]:
@@ -90,14 +92,6 @@ def _held_against(sample: SensorSample, other: Alternative) -> tuple[int, int, f
         return 0, 0, 0.0
     near = otherwise <= doubt
     return int((otherwise < off)[apart].sum()), count, float(min(near[known].mean(), near[apart].mean()))
-
-
-def _change_finding(sample: SensorSample, fault: Alternative, count: int, basis: Basis) -> Finding:
-    spec = sample.spec
-    value = 0.0 if fault.kind is FindingKind.STUCK and spec.kind.counts else fault.value
-    unit = {FindingKind.STUCK: spec.unit, FindingKind.LATE: "readings"}.get(fault.kind, "")
-    text = f"{spec.code} {change_text(spec, fault.kind, value, fault.other)} ({count} readings)"
-    return Finding(spec.code, fault.kind, value, value, value, unit, count, basis, text, fault.other)
 
 
 def change_text(spec: SensorSpec, kind: FindingKind, value: float, other: str | None = None) -> str:
@@ -121,35 +115,34 @@ def change_text(spec: SensorSpec, kind: FindingKind, value: float, other: str | 
 # -- shares ------------------------------------------------------------------------------------------
 
 
-def _missed(sample: SensorSample, basis: Basis) -> Claim:
+def _missed(device: DeviceUnderTest, sample: SensorSample) -> Claim:
     """Readings of nothing where something was in range."""
     declared = max(sample.spec.dropout, _MISSED)
-    return _share(sample, sample.missed, sample.looked, declared, FindingKind.MISSED, "misses", basis)
+    return _share(device, sample.missed, sample.looked, declared, FindingKind.MISSED, "misses")
 
 
-def _wrong(sample: SensorSample, basis: Basis) -> Claim:
+def _wrong(device: DeviceUnderTest, sample: SensorSample) -> Claim:
     """Wrong answers of a sensor that says yes or no."""
     wrong = int((sample.values != sample.expected).sum())
-    return _share(sample, wrong, len(sample.values), sample.chance, FindingKind.NOISE, "is wrong in", basis)
+    return _share(device, wrong, len(sample.values), sample.chance, FindingKind.NOISE, "is wrong in")
 
 
 def _share(
-    sample: SensorSample, hits: int, count: int, declared: float, kind: FindingKind, verb: str, basis: Basis
+    device: DeviceUnderTest, hits: int, count: int, declared: float, kind: FindingKind, verb: str
 ) -> Claim:
     probability, share = binomial_tail(hits, count, declared), hits / count
     if share - declared < LEAST_SHARE:
         return Claim(probability)
     half = Z_95 * math.sqrt(share * (1.0 - share) / count)
     low, high = max(share - half, 0.0), min(share + half, 1.0)
-    of = f"{low:.0%} to {high:.0%}, {count} readings"
-    text = f"{sample.spec.code} {verb} {share:.0%} of its readings ({of})".replace("%", " %")
-    return Claim(probability, Finding(sample.spec.code, kind, share, low, high, "", count, basis, text))
+    what, bounds = f"{verb} {100 * share:.0f} % of its readings", f"{100 * low:.0f} % to {100 * high:.0f} %"
+    return device.claim(probability, kind, share, what, count, interval=(low, high), bounds=bounds)
 
 
 # -- offset, gain, drift, noise ----------------------------------------------------------------------
 
 
-def _fitted(sample: SensorSample, basis: Basis) -> list[Claim]:
+def _fitted(device: DeviceUnderTest, sample: SensorSample) -> list[Claim]:
     """The simplest of these that explains the residuals: nothing, one figure, two; and what noise is left."""
     residuals = sample.off(sample.expected)
     counts = sample.spec.kind.counts
@@ -159,23 +152,24 @@ def _fitted(sample: SensorSample, basis: Basis) -> list[Claim]:
             sample.seconds if counts else np.ones(len(residuals))
         ),
     }
+    singles, double = [(kind,) for kind in columns], tuple(columns)
     fits = {
         kinds: robust_fit(np.column_stack([columns[each] for each in kinds]), residuals, sample.spread)
-        for kinds in ((), *((kind,) for kind in columns), tuple(columns))
-        if kinds
+        for kinds in (*singles, double)
     }
-    single = min((kinds for kinds in fits if len(kinds) == 1), key=lambda kinds: fits[kinds].rough)
-    double = tuple(columns)
+    single = min(singles, key=lambda kinds: fits[kinds].rough)
     kinds = single if fits[single].rough <= _BETTER * fits[double].rough else double
     fit = fits[kinds]
-    tests = [_figure(sample, kind, fit, place, basis) for place, kind in enumerate(kinds)]
+    tests = [_figure(device, sample, kind, fit, place) for place, kind in enumerate(kinds)]
     if counts and sample.first is not None:
-        tests.append(_first_offset(sample, *sample.first, basis))
+        tests.append(_first_offset(device, sample, *sample.first))
     left = residuals - np.column_stack([columns[each] for each in kinds]) @ fit.values
-    return [*tests, _noise(sample, left, basis)]
+    return [*tests, _noise(device, sample, left)]
 
 
-def _figure(sample: SensorSample, kind: FindingKind, fit: RobustFit, place: int, basis: Basis) -> Claim:
+def _figure(
+    device: DeviceUnderTest, sample: SensorSample, kind: FindingKind, fit: RobustFit, place: int
+) -> Claim:
     spec = sample.spec
     value, probability = float(fit.values[place]), fit.probability(place)
     low, high = fit.interval(place)
@@ -198,24 +192,23 @@ def _figure(sample: SensorSample, kind: FindingKind, fit: RobustFit, place: int,
         what += f" {_too(value, sample)}" if kind is FindingKind.OFFSET else ""
     if small:
         return Claim(probability)
-    text = f"{spec.code} {what} ({interval_text(low, high, value)}, {fit.count} readings)"
-    return Claim(probability, Finding(spec.code, kind, value, low, high, unit, fit.count, basis, text))
+    return device.claim(probability, kind, value, what, fit.count, interval=(low, high), unit=unit)
 
 
-def _first_offset(sample: SensorSample, error: float, spread: float, basis: Basis) -> Claim:
+def _first_offset(device: DeviceUnderTest, sample: SensorSample, error: float, spread: float) -> Claim:
     """The offset of a counting sensor: later readings have what went wrong on the way in them."""
     spec, probability = sample.spec, two_sided(error / spread)
     if abs(error) < sample.least:
         return Claim(probability)
     low, high = error - Z_95 * spread, error + Z_95 * spread
-    text = f"{spec.code} began {abs(error):.1f} {spec.unit} {_too(error, sample)}"
-    text += f" ({interval_text(low, high, error)}, first reading)"
-    return Claim(
-        probability, Finding(spec.code, FindingKind.OFFSET, error, low, high, spec.unit, 1, basis, text)
+    what, rests_on = f"began {abs(error):.1f} {spec.unit} {_too(error, sample)}", "first reading"
+    interval, unit = (low, high), spec.unit
+    return device.claim(
+        probability, FindingKind.OFFSET, error, what, 1, interval=interval, rests_on=rests_on, unit=unit
     )
 
 
-def _noise(sample: SensorSample, residuals: FloatArray, basis: Basis) -> Claim:
+def _noise(device: DeviceUnderTest, sample: SensorSample, residuals: FloatArray) -> Claim:
     """Residuals that scatter by more than the set says."""
     spec, count = sample.spec, len(residuals)
     ratio = mad_scale(residuals / sample.spread)
@@ -227,11 +220,9 @@ def _noise(sample: SensorSample, residuals: FloatArray, basis: Basis) -> Claim:
         return Claim(probability)
     half = Z_95 * error * ratio * declared
     low, high = max(scatter - half, 0.0), scatter + half
-    of = f"{interval_text(low, high, scatter)}, {count} readings"
-    text = f"{spec.code} scatters by {scatter:.1f} {spec.unit}, not by {declared:.1f} ({of})"
-    return Claim(
-        probability,
-        Finding(spec.code, FindingKind.NOISE, scatter, low, high, spec.unit, count, basis, text),
+    what = f"scatters by {scatter:.1f} {spec.unit}, not by {declared:.1f}"
+    return device.claim(
+        probability, FindingKind.NOISE, scatter, what, count, interval=(low, high), unit=spec.unit
     )
 
 

@@ -21,7 +21,7 @@ from simmer_tui.sim.block import Block
 from simmer_tui.sim.maze import Maze
 from simmer_tui.sim.sensors import CountingSensor, ObservingSensor, Sensor, modelled_sensor
 from simmer_tui.sim.sensors.base import World
-from simmer_tui.sim.specs import SensorSpec
+from simmer_tui.sim.specs import SensorSpec, SimulationSpec
 
 MOST = 4000
 """Readings of one sensor that are compared, evenly chosen: its interval is then a sixtieth of its noise."""
@@ -96,6 +96,22 @@ class SensorSample:
         return self.sensor.wrapped(self.values - expected)
 
 
+def sensors_read(history: RunHistory) -> Iterator[tuple[int, SensorSpec]]:
+    """The sensors that a run read, each with its number in the history's readings."""
+    specs = {each.code: each for each in history.spec.sensors}
+    return ((number, specs[code]) for number, code in enumerate(history.sensor_codes) if code in specs)
+
+
+def poses_of(rows: Columns) -> FloatArray:
+    """The poses of some rows, (n, 3)."""
+    return np.column_stack([rows[name] for name in ("x", "y", "heading")]).astype(np.float64)
+
+
+def world_without_block(spec: SimulationSpec) -> World:
+    """The maze as a program must take it that does not know where the block is."""
+    return World(Maze(spec.maze), Block(0.0, 0.0, 0.0), False)
+
+
 def sample_of(
     history: RunHistory, rows: Columns, spec: SensorSpec, others: Iterable[SensorSpec] = ()
 ) -> SensorSample | None:
@@ -147,13 +163,8 @@ def _observed(
         missed=int((within & ~there).sum()),
         looked=int(within.sum()),
     )
-    made = [
-        *stuck(sample),
-        *_late(expected, usable),
-        *turned(sample, base[usable]),
-        *_swapped(history, rows[usable], sample, alike),
-    ]
-    return sample.against(made)
+    others = *_late(expected, usable), *turned(sample, base[usable])
+    return sample.against((*stuck(sample), *others, *_swapped(history, rows[usable], sample, alike)))
 
 
 def _answered(
@@ -176,13 +187,8 @@ def _answered(
         np.full(int(usable.sum()), 0.01),
         chance=min(max(_WRONG, 1.5 * declared), 0.5),
     )
-    made = [
-        *stuck(sample),
-        *_late(expected, usable),
-        Alternative(FindingKind.SIGN, 1.0 - sample.expected, -1.0),
-        *_swapped(history, rows[usable], sample, alike),
-    ]
-    return sample.against(made)
+    others = *_late(expected, usable), Alternative(FindingKind.SIGN, 1.0 - sample.expected, -1.0)
+    return sample.against((*stuck(sample), *others, *_swapped(history, rows[usable], sample, alike)))
 
 
 def _true(history: RunHistory, rows: Columns, spec: SensorSpec) -> FloatArray:
@@ -362,7 +368,7 @@ def _alike(spec: SensorSpec, others: Iterable[SensorSpec]) -> Iterator[Sensor]:
 def _seen_by(history: RunHistory, rows: Columns, sensor: ObservingSensor) -> FloatArray:
     """True values of a sensor where other readings were taken, (n,); NaN where a held block may be seen."""
     maze = Maze(history.spec.maze)
-    poses = np.column_stack([rows[name] for name in ("x", "y", "heading")]).astype(np.float64)
+    poses = poses_of(rows)
     true = np.full(len(rows), np.nan)
     blocks = list(history.blocks.items)
     since = np.searchsorted([each.order for each in blocks], rows["order"], "right") - 1

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 from simmer_tui.document import svg
@@ -20,16 +19,19 @@ BELIEF = "belief"
 """Name of the strip of the belief; the others are named by the codes of their sensors."""
 
 
+_Points = tuple[tuple[float, float], ...]
+"""Pairs of (x, value)."""
+
+
 @dataclass(frozen=True, slots=True)
 class Strip:
-    """One line over time: what it is `of`, pairs of (x, value), and what it is held against, if
-    anything."""
+    """One line over time: what it is `of`, its values, and what they are compared with, if anything."""
 
     of: str
     title: str
     unit: str
-    values: tuple[tuple[float, float], ...]
-    against: tuple[tuple[float, float], ...] = ()
+    values: _Points
+    against: _Points = ()
     color: str = _READ
 
 
@@ -41,17 +43,14 @@ def traces(run: RunStatistics) -> Figure | None:
         return None
     longest = max((x for strip in strips for x, _ in strip.values), default=0.0)
     end = max(run.history.elapsed if timed else longest, 1e-9)
-    parts = []
-    y = _TOP
-    parts.append(_key(bool(run.totals.contacts) and timed))
+    drawn, height = _key(bool(run.totals.contacts) and timed), _TOP - _GAP
     for strip in strips:
-        parts.append(svg.shifted(0.0, y, _draw(strip, end)))
-        y += _STRIP + _GAP
-    height = y - _GAP
+        drawn += svg.shifted(0.0, height + _GAP, _draw(strip, end))
+        height += _GAP + _STRIP
     if timed:
-        parts.append(_contact_lines(run, end, height))
-    parts.append(_axis(end, height, "s" if timed else "readings"))
-    return Figure("Sensors", WIDTH, height + _AXIS, "".join(parts), "strips")
+        drawn += _contact_lines(run, end, height)
+    drawn += _axis(end, height, "s" if timed else "readings")
+    return Figure("Sensors", WIDTH, height + _AXIS, drawn, "strips")
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,28 +107,19 @@ def _draw(strip: Strip, end: float) -> str:
     # A constant line is drawn in the middle, and nothing divides by 0.
     if high - low < 1e-9:
         low, high = low - 1.0, high + 1.0
-    frame = svg.element(
-        "rect", x=_LEFT, y=0.0, width=WIDTH - _LEFT - _RIGHT, height=_STRIP, fill="#fafafa", stroke="#dddddd"
-    )
+    box = {"x": _LEFT, "y": 0.0, "width": WIDTH - _LEFT - _RIGHT, "height": _STRIP}
+    frame = svg.element("rect", **box, fill="#fafafa", stroke="#dddddd")
     scale = svg.text(_LEFT - 5, 9, _short(high), 9.5, text_anchor="end", fill=svg.FAINT)
     scale += svg.text(_LEFT - 5, _STRIP, _short(low), 9.5, text_anchor="end", fill=svg.FAINT)
     name = svg.text(4, _STRIP / 2, strip.title, 11.0, font_weight="bold")
     unit = svg.text(WIDTH - _RIGHT + 5, _STRIP / 2 + 4, strip.unit, 10.0, fill=svg.FAINT)
-    lines = ""
-    if strip.against:
-        lines += _line(strip.against, end, low, high, _TRUE, 2.4)
+    lines = _line(strip.against, end, low, high, _TRUE, 2.4) if strip.against else ""
     lines += _line(strip.values, end, low, high, strip.color, 1.0, dots=True)
     return frame + scale + name + unit + lines
 
 
 def _line(
-    values: Sequence[tuple[float, float]],
-    end: float,
-    low: float,
-    high: float,
-    color: str,
-    width: float,
-    dots: bool = False,
+    values: _Points, end: float, low: float, high: float, color: str, width: float, *, dots: bool = False
 ) -> str:
     """A line through the values, broken where one is not finite; such ones are ticks at the top."""
     stretches: list[list[tuple[float, float]]] = [[]]
@@ -161,11 +151,8 @@ def _contact_lines(run: RunStatistics, end: float, height: float) -> str:
         if until > begin:
             bands.append(svg.element("rect", x=begin, y=_TOP, width=until - begin, height=height - _TOP))
     drawn = svg.element("g", "".join(bands), fill=svg.CONTACT, fill_opacity=0.08) if bands else ""
-    if lines:
-        drawn += svg.element(
-            "path", d="".join(lines), stroke=svg.CONTACT, stroke_width=1.0, stroke_opacity=0.6
-        )
-    return drawn
+    look = {"stroke": svg.CONTACT, "stroke_width": 1.0, "stroke_opacity": 0.6}
+    return drawn + (svg.element("path", d="".join(lines), **look) if lines else "")
 
 
 def _axis(end: float, height: float, unit: str) -> str:

@@ -17,7 +17,7 @@ from simmer_tui.report.cause_search import causes_of
 from simmer_tui.report.causes import Cause, Kind, Sureness
 from simmer_tui.report.finding import Finding
 from simmer_tui.run.attempt import Attempt, Task
-from simmer_tui.run.history_rows import MissionRow, NoticeRow, ProgramRow
+from simmer_tui.run.history_rows import NoticeRow, ProgramRow
 from simmer_tui.run.run_history import RunHistory
 from simmer_tui.sim.command import escape
 
@@ -62,11 +62,15 @@ class Verdict:
     """End of the program, if the simulator started it."""
 
     @property
+    def reasons(self) -> list[str]:
+        """Sentences that speak for it."""
+        second = "" if self.second_cause is None else f"Second cause: {self.second_cause.text}"
+        return [each for each in (*self.notes, *self.evidence, second) if each]
+
+    @property
     def lines(self) -> list[str]:
         """All of it but the program's output: the sentence first, then what speaks for it."""
-        second = "" if self.second_cause is None else f"Second cause: {self.second_cause.text}"
-        told = (self.text, *self.notes, *self.evidence, second, self.advice)
-        return [each for each in told if each]
+        return [each for each in (self.text, *self.reasons, self.advice) if each]
 
     def plain(self) -> dict[str, object]:
         """The verdict for programs."""
@@ -148,6 +152,12 @@ def findings_of(history: RunHistory, task: Task | None) -> tuple[Finding, ...]:
     return audit(history, None if over is None else over.order)
 
 
+def goals_met(history: RunHistory) -> dict[Goal, float]:
+    """Goals met since the run last began anew, in order, with the mission's time of each, seconds."""
+    rows = (row for row in history.missions.items if row.order > history.began)
+    return {row.event.subject: row.event.time for row in rows if isinstance(row.event.subject, Goal)}
+
+
 class _Judge:
     """The way to one verdict."""
 
@@ -160,31 +170,33 @@ class _Judge:
         self._is_mission = task is not None and history.missions.first.given > 0
         self._attempt = Attempt(history, task if self._is_mission else None)
         self._cut_off = cut_off
-        self._program = self._last_program()
+        self._ended, over = self._last_program(), self._attempt.over
+        self._program = program = None if self._ended is None else self._ended.event
+        by_itself = program is not None and program.crashed and not program.stopped
+        self._crash = program if by_itself else None
+        self._is_after_mission = bool(over and self._ended and self._ended.order > over.order)
+        """True if the program ended only after its mission."""
         self._left = self._last_departure()
+        self._goal = next(reversed(goals_met(history)), None)
 
     def verdict(self) -> Verdict:
         outcome, over = self._outcome(), self._attempt.over
         cause, second = (*self._causes(outcome), None, None)[:2]
         if cause is not None and cause.kind is Kind.CRASHED and outcome is Outcome.FAILED:
             outcome = Outcome.CRASHED
-        row: MissionRow | ProgramRow | NoticeRow | None = over or self._program or self._left
-        elapsed = self._history.elapsed if row is None else row.elapsed
-        line = self._history.line if row is None else row.line
-        if cause is not None:
-            elapsed, line = cause.elapsed, cause.line
+        moment = cause or over or self._ended or self._left or self._history
         return Verdict(
             outcome=outcome,
             text=self._text(outcome, cause),
-            elapsed=elapsed,
-            line=line,
-            goal=self._goal(),
+            elapsed=moment.elapsed,
+            line=moment.line,
+            goal=self._goal,
             cause=cause,
             second_cause=second,
             evidence=() if cause is None else cause.evidence,
             advice=self._advice(cause),
             notes=tuple(self._notes()),
-            program=None if self._program is None else self._program.event,
+            program=self._program,
         )
 
     # -- facts -----------------------------------------------------------------------------------
@@ -206,39 +218,22 @@ class _Judge:
         gone = last is not None and last.notice.kind is NoticeKind.LEFT and last.order > history.began
         return last if gone else None
 
-    def _goal(self) -> Goal | None:
-        met = [
-            row.event.subject
-            for row in self._history.missions.items
-            if row.order > self._history.began and isinstance(row.event.subject, Goal)
-        ]
-        return met[-1] if met else None
-
-    def _crashed(self) -> bool:
-        """True if the program crashed by itself."""
-        return self._program is not None and self._program.event.crashed and not self._program.event.stopped
-
-    def _is_after_mission(self) -> bool:
-        """True if the program ended only after its mission."""
-        over = self._attempt.over
-        return over is not None and self._program is not None and self._program.order > over.order
-
     def _outcome(self) -> Outcome:
         over = self._attempt.over
         if over is not None:
             if over.event.subject is Result.SUCCESS:
                 return Outcome.SUCCEEDED
             # The referee ends the mission because the program has ended: the crash came first.
-            crash_first = self._crashed() and not self._is_after_mission()
+            crash_first = self._crash is not None and not self._is_after_mission
             return Outcome.CRASHED if crash_first else Outcome.FAILED
-        if self._crashed():
+        if self._crash is not None:
             return Outcome.CRASHED
         if self._cut_off:
             return Outcome.FAILED
         if self._program is None:
             return Outcome.STILL_GOING if self._left is None else Outcome.ENDED
         # A program that sent nothing has shown nothing, whatever its exit code.
-        silent = not self._program.event.stopped and self._attempt.is_silent
+        silent = not self._program.stopped and self._attempt.is_silent
         return Outcome.FAILED if silent else Outcome.ENDED
 
     def _causes(self, outcome: Outcome) -> list[Cause]:
@@ -247,26 +242,24 @@ class _Judge:
         if not self._is_mission and not outcome.is_failure:
             return []
         # What the program did after its mission's end did not decide it.
-        event = None if self._program is None or self._is_after_mission() else self._program.event
+        event = None if self._is_after_mission else self._program
         found = findings_of(self._history, self._attempt.task) if self._findings is None else self._findings
         return causes_of(self._attempt, event, cut_off=self._cut_off, findings=found)
 
     # -- words -----------------------------------------------------------------------------------
 
     def _text(self, outcome: Outcome, cause: Cause | None) -> str:
-        attempt, goal = self._attempt, self._goal()
+        attempt, goal = self._attempt, self._goal
         over = attempt.over
         seconds = attempt.elapsed - attempt.begun if over is None else over.event.time
         when = f"after {seconds:.1f} s"
         reached = f" (last goal: {goal.value})" if goal is not None else ""
         if outcome is Outcome.SUCCEEDED:
             return f"Succeeded {when}, with {contacts_text(attempt.contacts)}."
-        if outcome is Outcome.CRASHED and self._crashed():
-            assert self._program is not None, "only a program crashes"
-            text = program_end_text(self._program.event)
-            if not self._program.event.started:
-                return f"{capitalized(text)}."
-            return f"Crashed {when}{reached}: {crash_text(self._program.event)}."
+        if outcome is Outcome.CRASHED and self._crash is not None:
+            if not self._crash.started:
+                return f"{capitalized(program_end_text(self._crash))}."
+            return f"Crashed {when}{reached}: {crash_text(self._crash)}."
         if cause is not None:
             likely = "probably because" if cause.sure is Sureness.LIKELY else "because"
             return f"{outcome.value.capitalize()} {when}{reached}, {likely} {_within(cause.text)}"
@@ -280,24 +273,22 @@ class _Judge:
     def _advice(self, cause: Cause | None) -> str:
         if cause is None:
             return ""
-        program = None if self._program is None else self._program.event
+        program = self._program
         if program is None or not program.exit_code or cause.kind not in _OF_THE_PROGRAM:
             return f"Fix first: {cause.kind.advice}."
         if not program.started:
             return "Fix first: the command after --run. Try it alone in a terminal."
-        if self._attempt.is_silent and self._not_led():
+        not_led = any(row.text.startswith(NOT_LED) for row in self._history.faults.items)
+        if self._attempt.is_silent and not_led:
             return "Fix first: how the program is started; it was not led to the robot's serial port."
         if program.crashed:
             return f"Fix first: {escape(program.place, _LONGEST_TEXT) or cause.kind.advice}."
         return f"Fix first: why the program ends with exit code {program.exit_code}."
 
-    def _not_led(self) -> bool:
-        return any(row.text.startswith(NOT_LED) for row in self._history.faults.items)
-
     def _end(self) -> str:
         """Words for the end of the program or of its connection; empty without one."""
         if self._program is not None:
-            return program_end_text(self._program.event)
+            return program_end_text(self._program)
         if self._left is None:
             return ""
         return escape(self._left.text, _LONGEST_TEXT)
@@ -326,9 +317,8 @@ class _Judge:
         return f"{done}, nothing went wrong"
 
     def _notes(self) -> Iterable[str]:
-        if self._is_after_mission() and self._crashed():
-            assert self._program is not None, "it came after the mission"
-            yield f"After that the program crashed: {crash_text(self._program.event)}."
+        if self._is_after_mission and self._crash is not None:
+            yield f"After that the program crashed: {crash_text(self._crash)}."
 
 
 _OF_THE_PROGRAM = (Kind.CRASHED, Kind.NOTHING_SENT)

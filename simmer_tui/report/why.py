@@ -19,7 +19,8 @@ from simmer_tui.run.facts import BESIDE, FacingSensor, LastReading, facing_senso
 from simmer_tui.run.state import State
 from simmer_tui.sim.command import escape, parse_value
 from simmer_tui.sim.path import Contact
-from simmer_tui.sim.specs import Axes, SimulationSpec
+from simmer_tui.sim.specs import Axes, DriveKind, SimulationSpec
+from simmer_tui.sim.trajectory import Trajectory
 
 # Judged: a third of a right angle; a sensor that looks so far aside may well see something else.
 _ASIDE = 30.0
@@ -47,13 +48,15 @@ def why(state: State, spec: SimulationSpec) -> tuple[WhyFact, ...]:
     if ended.grip is not None:
         grip = WhyFact("gripper", grip_ending(ended.grip))
         return (grip, WhyFact("ended", _stop_text(ended), is_bad=True)) if ended.stopped_by else (grip,)
-    asked = _asked(ended)
-    told = [] if asked is None else [WhyFact("asked", asked)]
+    kind, value = ended.trajectory.kind, parse_value(ended.command.argument)
+    told, errors = [], ""
+    if kind is not None and isinstance(value, float):
+        told = [WhyFact("asked", asked_text(kind, value))]
+        errors = _errors(state, ended.trajectory, kind, value)
     contact = ended.contact
     if contact is not None and contact.ended and not ended.stopped_by:
         return (*told, *_contact_facts(state, ended, contact, spec))
     told.append(WhyFact("went", movement_text(ended)))
-    errors = _errors(state, ended)
     if errors and not ended.stopped_by:
         told.append(WhyFact("errors", errors))
     if contact is not None:
@@ -83,23 +86,11 @@ def _stop_text(ended: MovementEnded) -> str:
     return f"stopped by {escape(ended.stopped_by, 80)} at {ended.time:.2f} s"
 
 
-def _asked(ended: MovementEnded) -> str | None:
-    """The movement that the command asked for; None if it is not known."""
-    trajectory, value = ended.trajectory, parse_value(ended.command.argument)
-    if trajectory.kind is None or not isinstance(value, float):
-        return None
-    return asked_text(trajectory.kind, value)
-
-
-def _errors(state: State, ended: MovementEnded) -> str:
+def _errors(state: State, trajectory: Trajectory, kind: DriveKind, value: float) -> str:
     """Parts of the error along the movement: by the drive's bias, and by chance. Empty if there is none.
 
     total = asked + value * bias + chance, on the axis of the movement (sim/motion.py).
     """
-    trajectory, value = ended.trajectory, parse_value(ended.command.argument)
-    kind = trajectory.kind
-    if kind is None or not isinstance(value, float):
-        return ""
     # The gain is what the drive makes of a command, not an error.
     value *= next((drive.gain for drive in state.spec.drives if drive.kind is kind), 1.0)
     bias, totals, direction = state.bias.get(kind, Axes()), trajectory.totals, kind.direction
