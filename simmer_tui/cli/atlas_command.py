@@ -18,8 +18,8 @@ from simmer_tui.cli.command_line import (
     OneLineParser,
     add_setting_options,
     add_trust_option,
-    command,
     overrides_from,
+    subcommand,
 )
 from simmer_tui.config.loader import load
 from simmer_tui.config.sets import find_set
@@ -38,12 +38,7 @@ _MANY = 2_000_000
 """Poses that are not computed unasked: for six sensors they take 10 s of processor and 0.2 GB."""
 
 
-def _parser() -> OneLineParser:
-    parser = OneLineParser(
-        prog="simmer-tui atlas",
-        description="Compute the readings expected of every range sensor at every pose of a grid, for "
-        "histogram filters (docs/atlas.md). Poses where the robot does not fit are marked.",
-    )
+def _options(parser: OneLineParser) -> None:
     parser.add_argument("out", metavar="OUT", type=Path, help="the file to write: .npz, .mat, .csv or .h")
     parser.add_argument(
         "--config",
@@ -65,12 +60,12 @@ def _parser() -> OneLineParser:
     parser.add_argument("--yes", action="store_true", help=f"compute more than {_MANY:,} poses")
     add_trust_option(parser)
     add_setting_options(parser)
-    return parser
 
 
-@command(_parser)
+@subcommand("atlas", _options)
 def run_atlas(options: argparse.Namespace) -> int:
-    """`simmer-tui atlas OUT`: compute and write expected readings. Returns the exit code."""
+    """Compute the readings expected of every range sensor at every pose of a grid, for histogram filters
+    (docs/atlas.md). Poses where the robot does not fit are marked."""
     out: Path = options.out
     form = _format_for(out, options.format)
     simulator = Simulator(load(find_set(options.config), overrides_from(options)).simulation)

@@ -21,9 +21,9 @@ from simmer_tui.cli.command_line import (
     add_large_option,
     add_trust_option,
     allow_large,
-    command,
     configuration_of,
     print_answer,
+    subcommand,
 )
 from simmer_tui.config.device_trust import DeviceUse
 from simmer_tui.config.loader import Override, load
@@ -41,13 +41,7 @@ _NOTES = 5
 """Notes on what was left out of logs that are shown."""
 
 
-def _parser() -> OneLineParser:
-    parser = OneLineParser(
-        prog="simmer-tui calibrate",
-        description="Estimate biases, gains, angles, errors and delays of a real robot from its run logs "
-        "(simmer-tui --serial PORT --log FILE), and write them as a configuration set.",
-        epilog="docs/calibrate.md says what to drive, and what each log shows.",
-    )
+def _options(parser: OneLineParser) -> None:
     parser.add_argument("logs", metavar="LOG", nargs="*", type=Path, help="run logs of one robot")
     add_large_option(parser)
     what = parser.add_mutually_exclusive_group(required=True)
@@ -82,13 +76,12 @@ def _parser() -> OneLineParser:
     )
     guided.add_argument("--serial", metavar="PORT", help="the robot's serial port or URL")
     guided.add_argument("--config", metavar="SET", help="the set that describes the robot so far")
-    return parser
 
 
-@command(_parser)
+@subcommand("calibrate", _options, epilog="docs/calibrate.md says what to drive, and what each log shows.")
 def run_calibrate(options: argparse.Namespace) -> int:
-    """`simmer-tui calibrate LOG... --out DIR`: learn a robot from logs of it. Returns the exit code: with
-    `--check` 1 if a part has changed."""
+    """Estimate biases, gains, angles, errors and delays of a real robot from its run logs (simmer-tui
+    --serial PORT --log FILE), and write them as a configuration set."""
     _check_options(options)
     allow_large(options)
     if options.seed < 0:

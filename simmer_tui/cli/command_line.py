@@ -139,13 +139,6 @@ def asking_nobody() -> AbstractContextManager[None]:
     return _trusting(DeviceTrust(TRUST.get().everything))
 
 
-def command(
-    parser: Callable[[], OneLineParser],
-) -> Callable[[Callable[[argparse.Namespace], int]], CliCommand]:
-    """Make a command of a function of the options that `parser` reads."""
-    return lambda function: CliCommand(parser, function)
-
-
 def subcommand(
     name: str, add_options: Callable[[OneLineParser], None] | None = None, **settings: Any
 ) -> Callable[[Callable[[argparse.Namespace], int]], CliCommand]:

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from simmer_tui.cli.command_line import ExitCode, OneLineParser, add_json_option, command, print_answer
+from simmer_tui.cli.command_line import ExitCode, OneLineParser, add_json_option, print_answer, subcommand
 from simmer_tui.cli.trials_options import count, new_folder, newest_folder, rate, say, typed_path
 from simmer_tui.config.settings import CLOCKS
 from simmer_tui.document.as_data import csv_text
@@ -33,14 +33,7 @@ _PREFIX = "grade_"
 _SEED_BITS = 128
 
 
-def _parser() -> OneLineParser:
-    parser = OneLineParser(
-        prog="simmer-tui grade",
-        usage="simmer-tui grade COURSE [options]",
-        description="Grade the programs of a course. All get the same missions from a secret seed. Each runs "
-        "in its own sandbox, with as few runs as a sequential test needs to decide. COURSE is a teams.toml, "
-        "or a folder with one folder a team.",
-    )
+def _options(parser: OneLineParser) -> None:
     parser.add_argument("target", metavar="COURSE", nargs="?", type=Path, help="teams.toml, or a folder")
     parser.add_argument("--course", metavar="FILE", type=Path, help="a course.toml with the requirements")
     parser.add_argument(
@@ -92,13 +85,13 @@ def _parser() -> OneLineParser:
         help="codes in place of names on the pages (kept for --resume and --regrade)",
     )
     add_json_option(parser)
-    return parser
 
 
-@command(_parser)
+@subcommand("grade", _options, usage="simmer-tui grade COURSE [options]")
 def run_grade(options: argparse.Namespace) -> int:
-    """Grade a course, or go on with it. Returns the exit code: 0 if every team has passed, 1 if not,
-    3 if the Dask cluster was lost, 130 after Ctrl-C."""
+    """Grade the programs of a course. All get the same missions from a secret seed. Each runs in its own
+    sandbox, with as few runs as a sequential test needs to decide. COURSE is a teams.toml, or a folder with
+    one folder a team."""
     folder = _resumed(options) if options.resume or options.regrade else _begun(options)
     if options.dask is None:
         check_isolation(folder)

@@ -20,7 +20,6 @@ from simmer_tui.cli.command_line import (
     OneLineParser,
     add_setting_options,
     add_trust_option,
-    command,
     has_terminal,
     overrides_from,
 )
@@ -129,7 +128,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         # Switched off in `__main__` while modules are imported.
         gc.enable()
         return command_named(arguments[0])(arguments[1:])
-    return _run(arguments)
+    return CliCommand(build_parser, _run)(arguments)
 
 
 def command_named(name: str) -> CliCommand:
@@ -141,7 +140,6 @@ def command_named(name: str) -> CliCommand:
     return chosen
 
 
-@command(build_parser)
 def _run(options: argparse.Namespace) -> int:
     """A run, with the screen or without."""
     from simmer_tui.cli.run_life import RunLife, say

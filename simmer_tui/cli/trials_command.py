@@ -17,15 +17,15 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.progress import TimeRemainingColumn as RemainingColumn
 
-from simmer_tui.cli.command_line import ExitCode, command, overrides_from, print_answer
+from simmer_tui.cli.command_line import ExitCode, overrides_from, print_answer, subcommand
 from simmer_tui.cli.trials_options import (
     DEFAULT_RUNS,
     DEFAULT_TIME_LIMIT,
     PREFIX,
+    add_trials_options,
     new_folder,
     newest_folder,
     say,
-    trials_parser,
     typed_path,
 )
 from simmer_tui.config.loader import Configuration, load
@@ -60,11 +60,11 @@ from simmer_tui.trials.trials_page import trials_page
 from simmer_tui.trials.trials_summary import runs_table, trials_document
 
 
-@command(trials_parser)
+@subcommand("trials", add_trials_options, usage='simmer-tui trials --run "CMD ..." [options]')
 def run_trials(options: argparse.Namespace) -> int:
-    """Run, or go on with, a set of trials and print the answer. Returns the exit code: 1 if the
-    success rate is below `--require` (or has not passed with `--sure`), 3 if the Dask cluster was lost,
-    130 after Ctrl-C."""
+    """Run a program many times, each time with its own simulator, ports, seed, start, block and drop zone,
+    and show how often it succeeds and where it fails. With a mission.toml in the configuration set, success
+    is to do the mission; without one it is exit code 0."""
     _check_sure(options)
     folder = _resumed(options) if options.resume else _begun(options)
     test = None if options.sure is None else _test(options, folder.plan.runs)

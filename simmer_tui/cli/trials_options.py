@@ -67,15 +67,8 @@ rate = _number_between(0.0, 1.0, "a success rate from 0 to 1")
 confidence = _number_between(0.501, 0.9999, "a probability from 0.501 to 0.9999")
 
 
-def trials_parser() -> OneLineParser:
-    """The options of the command."""
-    parser = OneLineParser(
-        prog="simmer-tui trials",
-        usage='simmer-tui trials --run "CMD ..." [options]',
-        description="Run a program many times, each time with its own simulator, ports, seed, start, block "
-        "and drop zone, and show how often it succeeds and where it fails. With a mission.toml in the "
-        "configuration set, success is to do the mission; without one it is exit code 0.",
-    )
+def add_trials_options(parser: OneLineParser) -> None:
+    """Add the options of the command."""
     group = parser.add_argument_group("trials")
     group.add_argument(
         "--run",
@@ -172,7 +165,6 @@ def trials_parser() -> OneLineParser:
     add_trust_option(parser)
     add_setting_options(parser)
     parser.common_settings = ("seed", "realistic")
-    return parser
 
 
 def count(text: str) -> int:
