@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 import shapely
 from msgspec import Struct
-from msgspec.structs import replace
+from msgspec.structs import astuple, replace
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
@@ -55,23 +55,16 @@ class Edges(Struct, frozen=True, dict=True):
 
     def select(self, chosen: NDArray[np.bool_]) -> "Edges":
         """The edges a mask (n,) picks."""
-        return Edges(
-            self.normal[chosen],
-            self.offset[chosen],
-            self.tangent[chosen],
-            self.low[chosen],
-            self.high[chosen],
-        )
+        return Edges(*(each[chosen] for each in astuple(self)))
+
+    def beside(self, distance: float) -> "Edges":
+        """The edges moved by a distance to either side."""
+        offsets = np.concatenate((self.offset + distance, self.offset - distance))
+        return replace(Edges.join(self, self), offset=offsets)
 
     @staticmethod
     def join(first: "Edges", second: "Edges") -> "Edges":
-        return Edges(
-            np.concatenate((first.normal, second.normal)),
-            np.concatenate((first.offset, second.offset)),
-            np.concatenate((first.tangent, second.tangent)),
-            np.concatenate((first.low, second.low)),
-            np.concatenate((first.high, second.high)),
-        )
+        return Edges(*map(np.concatenate, zip(astuple(first), astuple(second), strict=True)))
 
 
 class Part(Struct, frozen=True):
