@@ -12,7 +12,15 @@ from collections.abc import Iterator, Mapping
 
 from msgspec import Struct
 
-from simmer_tui.dialect.dialect_rules import TYPE, DialectRules, MessageRule, MoveStep, RunStep, StopStep
+from simmer_tui.dialect.dialect_rules import (
+    TYPE,
+    DialectRules,
+    MessageRule,
+    MoveStep,
+    RunStep,
+    StopStep,
+    expressions_of,
+)
 from simmer_tui.dialect.expressions import FieldValue
 from simmer_tui.dialect.frames import Deframer, Frame, FrameKind
 from simmer_tui.dialect.patterns import Pattern
@@ -96,20 +104,14 @@ class InverseRules:
         wanted = self._direction(code, value)
         if wanted is None:
             return self._why_no(code)
-        for rule in self._rules.rules:
-            for turned in self._messages(rule, state):
-                found = self._does(rule, turned, state)
-                if found is not None and _along(found, wanted) == math.inf:
-                    return turned
+        messages = [each for rule in self._rules.rules for each in self._messages(rule, state)]
+        ways = [_along(self._does(each.rule, each, state), wanted) for each in messages]
+        if math.inf in ways:
+            return messages[ways.index(math.inf)]
         driven = self.drive(code, value, state)
         if isinstance(driven, Turned):
             return driven
-        for rule in self._rules.rules:
-            for turned in self._messages(rule, state):
-                found = self._does(rule, turned, state)
-                if found is not None and _along(found, wanted) > 0:
-                    return turned
-        return driven
+        return next((each for each, way in zip(messages, ways, strict=True) if way > 0), driven)
 
     def read(self, code: str, state: Mapping[str, FieldValue]) -> Turned | str:
         """The message that is answered with a reading of a sensor, or the reason there is none."""
@@ -178,7 +180,8 @@ class InverseRules:
     ) -> Turned | None:
         """The message of a rule that goes so far, with the number found that it needs."""
         kinds = pattern.kinds if pattern is not None else _packed_kinds(rule)
-        numbers = [name for name, kind in kinds.items() if kind in _NUMBERS and self._uses(rule, name)]
+        used = frozenset[str]().union(*(each.names for each in expressions_of(rule.steps[0])))
+        numbers = [name for name, kind in kinds.items() if kind in _NUMBERS and name in used]
         if len(numbers) > 1:
             return None
         if not numbers:
@@ -188,8 +191,8 @@ class InverseRules:
             name = numbers[0]
 
             def going(n: float) -> float:
-                found = self._evaluated(rule, self._values(rule, pattern, choices, {name: n}), state)
-                return _along(found, wanted) if found is not None else math.nan
+                values = self._values(rule, pattern, choices, {name: n})
+                return _along(self._evaluated(rule, values, state), wanted)
 
             line = straight_line(going)
             if line is None:
@@ -207,14 +210,6 @@ class InverseRules:
         if found is None or not abs(_along(found, wanted) - distance) <= slack:
             return None
         return Turned(turned.data, turned.text, rule, number, found.seconds)
-
-    def _uses(self, rule: MessageRule, name: str) -> bool:
-        step = rule.steps[0]
-        if isinstance(step, MoveStep):
-            return any(name in each.names for each in step.command.expressions)
-        assert isinstance(step, RunStep), "asked of movements"
-        every = [*step.drive.expressions, *([step.seconds] if step.seconds is not None else [])]
-        return any(name in each.names for each in every)
 
     def _does(self, rule: MessageRule, turned: Turned, state: Mapping[str, FieldValue]) -> _Found | None:
         """The movement that a message makes."""
@@ -339,8 +334,10 @@ class InverseRules:
         return None
 
 
-def _along(found: _Found, wanted: Velocity | str) -> float:
-    """Length of a movement in a direction; NaN if it goes elsewhere."""
+def _along(found: _Found | None, wanted: Velocity | str) -> float:
+    """Length of a movement in a direction; NaN if it goes elsewhere, or there is none."""
+    if found is None:
+        return math.nan
     if isinstance(wanted, str) or isinstance(found.direction, str):
         return found.distance if found.direction == wanted else math.nan
     aligned = sum(a * b for a, b in zip(found.direction, wanted, strict=True))

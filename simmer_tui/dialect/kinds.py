@@ -29,6 +29,8 @@ class Known(Struct, frozen=True):
 
 
 NUMBER, TEXT, LIST, ANY = (Known(each) for each in ValueKind)
+_KINDS: Mapping[type, ValueKind] = {str: ValueKind.TEXT, tuple: ValueKind.LIST}
+"""Kinds of values by type; all others are numbers."""
 _RESULTS = {"scan": ValueKind.LIST, "named": ValueKind.TEXT, "pick": ValueKind.ANY}
 """Kinds of functions; all others give numbers."""
 _NUMBERS_ONLY = ("min", "max", "abs", "round", "int", "ray", "scan")
@@ -37,13 +39,7 @@ _ONE_VALUE = "calculate with one value of it, as in scan(0, 30, 12)[2]*cm"
 
 def kind_of(value: FieldValue) -> ValueKind:
     """The kind of a value."""
-    return (
-        ValueKind.TEXT
-        if isinstance(value, str)
-        else ValueKind.LIST
-        if isinstance(value, tuple)
-        else ValueKind.NUMBER
-    )
+    return _KINDS.get(type(value), ValueKind.NUMBER)
 
 
 def field_mistakes(field: Field, names: Mapping[str, Known]) -> Iterator[str]:
@@ -125,11 +121,9 @@ class _Reader:
         return ValueKind.NUMBER
 
     def _compared(self, parts: list[ast.expr], compared: list[ast.cmpop]) -> None:
+        any_kind = all(isinstance(each, ast.Eq | ast.NotEq) for each in compared)
         for part in parts:
-            if all(isinstance(each, ast.Eq | ast.NotEq) for each in compared):
-                self.kind(part)
-            else:
-                self._number(part)
+            self.kind(part) if any_kind else self._number(part)
 
     def _called(self, name: str, arguments: list[ast.expr]) -> ValueKind:
         if name == "pick":
