@@ -13,7 +13,7 @@ from simmer_tui.sim.angles import FloatArray
 from simmer_tui.sim.arcs import Twist
 from simmer_tui.sim.block import Block
 from simmer_tui.sim.command import Command, parse_command, parse_value
-from simmer_tui.sim.continuous import ContinuousMotion, MotionListener, Surroundings
+from simmer_tui.sim.continuous import ContinuousMotion, MotionListener
 from simmer_tui.sim.distance_errors import DistanceErrors
 from simmer_tui.sim.footprint import Footprint
 from simmer_tui.sim.gripper import Gripper
@@ -24,21 +24,10 @@ from simmer_tui.sim.obstacles import Obstacles, block_problem, robot_problem
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.recent_motion import BlockPlace, RecentMotion
 from simmer_tui.sim.records import TOO_MANY_WAIT, CommandResult, Grip, Reading, Status, VelocityChange
-from simmer_tui.sim.sensors import (
-    CountingSensor,
-    Faults,
-    Lidar,
-    Now,
-    ObservingSensor,
-    Pings,
-    RangeSensor,
-    Sensor,
-    Turning,
-    View,
-    World,
-    has_faults,
-    sensor_of,
-)
+from simmer_tui.sim.sensors.base import CountingSensor, ObservingSensor, Sensor, View, World, sensor_of
+from simmer_tui.sim.sensors.faults import Faults, Pings, has_faults
+from simmer_tui.sim.sensors.lidar import Lidar, Now, Turning
+from simmer_tui.sim.sensors.range_sensors import RangeSensor
 from simmer_tui.sim.specs import Axes, DriveKind, DriveSpec, GripperSpec, SensorSpec, SimulationSpec
 from simmer_tui.sim.trajectory import Trajectory
 from simmer_tui.sim.velocity_commands import WAIT, VelocityControl, VelocityRequest, parse_wait
@@ -77,10 +66,7 @@ class Simulator:
         working = self._sensors.values()
         self._ranging = {each.spec.code: each for each in working if isinstance(each, RangeSensor)}
         self._counting = [each for each in working if isinstance(each, CountingSensor)]
-        lidars = [each for each in working if isinstance(each, Lidar)]
-        # The last complete revolution began at most two turns ago.
-        self._recent = RecentMotion(max((2.0 / each.spec.scan_rate for each in lidars), default=0.0))
-        self._turning = {each.spec.code: Turning(each, self.maze, self._recent) for each in lidars}
+        self._lidars = [each for each in working if isinstance(each, Lidar)]
         self._seen: dict[str, tuple[Pose, tuple[float, View | None]]] = {}
         """The last view of each observing sensor, with the pose it was seen from."""
         self._noise = True
@@ -114,22 +100,23 @@ class Simulator:
         self.distance = 0.0
         """Inches driven in finished movements."""
         self._streams = noise.Streams(seed)
+        # The last complete revolution began at most two turns ago.
+        self._recent = RecentMotion(max((2.0 / each.spec.scan_rate for each in self._lidars), default=0.0))
+        self._turning = {each.spec.code: Turning(each, self.maze, self._recent) for each in self._lidars}
         pings = Pings()
         self._faults = {
             code: Faults(sensor, self._streams[noise.fault_stream(sensor.spec.id)], pings)
             for code, sensor in self._sensors.items()
             if has_faults(sensor) and code not in self._turning
         }
-        for turning in self._turning.values():
-            turning.forget()
-        self._recent.forget()
         self._planner = Planner(spec.num_segments, spec.contact, self._streams, spec.clearance)
         self.bias: Mapping[DriveKind, Axes] = {drive.kind: drive.bias for drive in spec.drives}
         """The drive bias in force, by kind of movement."""
         if spec.randbias:
             self.bias = noise.RandomBias(seed, spec.strength)
         self._counted = {sensor.spec.id: 0.0 for sensor in self._counting}
-        self._continuous = self._standing_robot()
+        errors = DistanceErrors(spec.num_segments, self._streams, self._counting)
+        self._continuous = ContinuousMotion(spec, lambda: self.bias, errors, self._checker, self)
         self._gripper = Gripper(self.footprint, self.walls)
         self._pose = Pose(float(spec.bot_center[0]), float(spec.bot_center[1]), float(spec.bot_rot))
         self._set_block(self._checked_block(spec.block_center))
@@ -138,10 +125,8 @@ class Simulator:
     @property
     def pose(self) -> Pose:
         """The robot's present pose."""
-        if self.trajectory is not None:
-            return self.trajectory.pose_at(self.time)
-        leg = self._continuous.leg
-        return self._pose if leg is None else leg.pose_at(self.time)
+        under_way = self.trajectory or self._continuous.leg
+        return self._pose if under_way is None else under_way.pose_at(self.time)
 
     @property
     def noise(self) -> bool:
@@ -175,10 +160,8 @@ class Simulator:
 
     def distance_at(self, time: float) -> float:
         """Inches driven so far, the movement under way included."""
-        if self.trajectory is not None:
-            return self.distance + self.trajectory.travelled(time)
-        leg = self._continuous.leg
-        return self.distance if leg is None else self.distance + leg.travelled(time)
+        under_way = self.trajectory or self._continuous.leg
+        return self.distance if under_way is None else self.distance + under_way.travelled(time)
 
     @property
     def moving(self) -> bool:
@@ -360,7 +343,7 @@ class Simulator:
             turning.forget()
 
     def move_block(self, x: float, y: float) -> None:
-        """Put the block somewhere. A movement under way is checked anew against it, without new
+        """Put the block somewhere. A movement under way is checked again against it, without new
         random draws. Raises PlacementError inside a wall, if it is solid inside the robot, while
         it is held, and if there is none."""
         if not self.spec.block_size:
@@ -510,20 +493,6 @@ class Simulator:
 
     # -- continuous motion ---------------------------------------------------------------------
 
-    def _standing_robot(self) -> ContinuousMotion:
-        """The motion of a robot that has not been told a velocity yet."""
-        spec = self.spec
-        return ContinuousMotion(
-            drives=spec.drives,
-            bias=lambda: self.bias,
-            errors=DistanceErrors(spec.num_segments, self._streams, self._counting),
-            surroundings=self._surroundings,
-            rule=spec.contact,
-            control_period=spec.control_period,
-            wall_friction=spec.wall_friction,
-            listener=self,
-        )
-
     def begin_pass(self, commands: Sequence[Command]) -> None:
         """Commands are about to come at one moment, in instant motion. While the robot drives, a program's
         loop takes time: it goes on by `loop_time` if one of the codes has come since it last moved."""
@@ -593,17 +562,14 @@ class Simulator:
         if self.listener is not None:
             self.listener.velocity_expired(time)
 
-    def _surroundings(self, pose: Pose) -> Surroundings:
-        return Surroundings(
-            self.body, self._obstacles_at(pose), math.hypot(self.maze.width, self.maze.height)
-        )
+    def _checker(self, pose: Pose) -> CollisionChecker:
+        return CollisionChecker(self.body, self._obstacles_at(pose), self.maze)
 
     def _plan(self, drive: DriveSpec, value: float, pose: Pose) -> None:
         bias = self.bias.get(drive.kind, Axes())
         trajectory = self._planner.plan(drive, bias, value, pose, self.time, self._noise)
         trajectory = self._planner.counted(trajectory, self._counting, self._noise)
-        checker = CollisionChecker(self.body, self._obstacles_at(pose), self.maze)
-        self.trajectory = self._planner.checked(trajectory, checker)
+        self.trajectory = self._planner.checked(trajectory, self._checker(pose))
 
     def _grip(self, spec: GripperSpec, close: bool, pose: Pose) -> Grip:
         """The jaws act at once; the robot then stands still for as long as they take."""

@@ -16,7 +16,7 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from simmer_tui.sim import columns
-from simmer_tui.sim.angles import FloatArray, cos_sin, cos_sin_array
+from simmer_tui.sim.angles import FloatArray, cos_sin_array
 from simmer_tui.sim.block import Block
 from simmer_tui.sim.columns import CsvColumn
 from simmer_tui.sim.command import parse_value
@@ -245,7 +245,7 @@ class Turning:
         """The rays of that revolution that have been read by themselves; None stands for all of it."""
 
     def forget(self) -> None:
-        """The run begins anew, or the robot has been put elsewhere."""
+        """The robot has been put elsewhere."""
         self._scan = None
         self._read.clear()
 
@@ -300,7 +300,6 @@ class Turning:
 
     def _view(self, scan: LidarScan, ray: int) -> RangeScan:
         spec = self.lidar.spec
-        x, y, heading = scan.poses[ray].tolist()
-        cos, sin = cos_sin(heading)
-        place = (x + cos * spec.x - sin * spec.y, y + sin * spec.x + cos * spec.y)
-        return RangeScan(place, (float(scan.bearings[ray]) + heading,), (float(scan.true[ray]),))
+        pose = Pose(*scan.poses[ray].tolist())
+        bearing, true = float(scan.bearings[ray]) + pose.heading, float(scan.true[ray])
+        return RangeScan(pose.place(spec.x, spec.y), (bearing,), (true,))
