@@ -119,29 +119,26 @@ class _Task(Struct, eq=False):
     """That of the run under way."""
 
 
-class _TaskScope:
+class _TaskScope(Struct):
     """The names of an expression."""
 
-    def __init__(
-        self, device: "DialectDevice", values: Mapping[str, FieldValue], touched: bool = False
-    ) -> None:
-        self._device = device
-        self._values = values
-        self._touched = touched
+    device: "DialectDevice"
+    values: Mapping[str, FieldValue]
+    touched: bool = False
 
     def value(self, name: str) -> FieldValue:
-        if name in self._values:
-            return self._values[name]
+        if name in self.values:
+            return self.values[name]
         if name == "contact":
-            return int(self._touched)
+            return int(self.touched)
         if name == "time":
-            return self._device.host.now
-        return self._device.state[name]
+            return self.device.host.now
+        return self.device.state[name]
 
     def call(self, function: str, arguments: Sequence[FieldValue]) -> FieldValue:
         if function == "named":
-            return self._device.named(listed_codes(arguments[0]), self._values)
-        return self._device.sense(function, arguments, self._values)
+            return self.device.named(listed_codes(arguments[0]), self.values)
+        return self.device.sense(function, arguments, self.values)
 
 
 class DialectDevice:
@@ -285,34 +282,25 @@ class DialectDevice:
     # -- messages ----------------------------------------------------------------------------------
 
     def _message(self, frame: Frame) -> None:
-        found = self._find(frame)
+        text = frame.text
+        found = self._rules.found(
+            frame,
+            lambda values: _TaskScope(self, {"text": text, **values}),
+            lambda rule, error: self._faults.note(f"{rule.place}: if: {error}"),
+        )
         if found is None:
             self.unknown += 1
-            text = frame.text
             hint = nearest(text, self._rules)
             self.host.done(frame.data, UNKNOWN_MESSAGE + hint)
             self._faults.note(f"'{escape(text)}' is no message of the dialect{hint}", alike=("?", text))
             self._send(self._rules.unknown, {"text": text}, ": reply")
             return
         rule, values = found
+        values.setdefault("text", text)
         task = _Task(rule, values, len(frame.data), iter(rule.steps))
         self.host.done(frame.data, rule.shown)
         self._heard(rule, values)
         self._admit(task)
-
-    def _find(self, frame: Frame) -> tuple[MessageRule, Mapping[str, FieldValue]] | None:
-        """The first rule for a message, with its values."""
-        for rule in self._rules.rules:
-            values = rule.values(frame)
-            if values is None:
-                continue
-            values.setdefault("text", frame.text)
-            try:
-                if rule.condition is None or rule.condition.value(_TaskScope(self, values)):
-                    return rule, values
-            except ExpressionError as error:
-                self._faults.note(f"{rule.place}: if: {error}")
-        return None
 
     def _admit(self, task: _Task) -> None:
         """Begin a message, or have it wait, as its `busy` says."""
@@ -397,6 +385,7 @@ class DialectDevice:
 
     def _next_step(self, task: _Task) -> None:
         """Do the next step; after the last one the message is done."""
+        task.velocity = None
         while not task.over:
             step = next(task.steps, None)
             if step is None:
@@ -434,6 +423,7 @@ class DialectDevice:
         return True
 
     def _pause(self, task: _Task, seconds: float) -> bool:
+        """Do the next step after some seconds. True if it follows at once."""
         if not seconds > 0:
             return True
         task.timer = self.host.call_later(seconds, lambda: self._next_step(task))
@@ -452,12 +442,7 @@ class DialectDevice:
         if seconds is None:
             return True
         task.velocity = velocity
-        task.timer = self.host.call_later(seconds, lambda: self._run_over(task))
-        return False
-
-    def _run_over(self, task: _Task) -> None:
-        task.velocity = None
-        self._next_step(task)
+        return self._pause(task, seconds)
 
     def _velocity(self, step: RunStep, scope: _TaskScope) -> tuple[float, float, float]:
         """The velocity of a run. Raises ExpressionError."""
