@@ -415,7 +415,10 @@ class DialectDevice:
             elif isinstance(step, RunStep):
                 return self._run(task, step, scope)
             else:
-                self._move(task, step.command.text(scope, "inf"))
+                command = step.command.text(scope, "inf")
+                # The engine ends a velocity before a movement.
+                self._runs = False
+                self.host.move(command, lambda movement: self._moved(task, movement))
                 return False
         except ExpressionError as error:
             self._give_up(task, f"{task.rule.place}: do: {error}")
@@ -452,11 +455,6 @@ class DialectDevice:
             raise ExpressionError(f"'{escape(drive)}' is no drive; there are {', '.join(self._rules.speeds)}")
         sign = -1.0 if drive.startswith("-") else 1.0
         return (sign * speed[0], sign * speed[1], sign * speed[2])
-
-    def _move(self, task: _Task, command: str) -> None:
-        # The engine ends a velocity before a movement.
-        self._runs = False
-        self.host.move(command, lambda movement: self._moved(task, movement))
 
     def _moved(self, task: _Task, movement: MoveEnd) -> None:
         if task.over:

@@ -6,7 +6,7 @@ from enum import StrEnum
 
 from msgspec import Struct
 
-from simmer_tui.dialect.expressions import CONSTANTS, Expression, FieldValue
+from simmer_tui.dialect.expressions import CONSTANTS, Expression, FieldValue, RealNumber
 from simmer_tui.dialect.templates import Field
 
 
@@ -140,19 +140,20 @@ class _Reader:
     def _picked(self, arguments: list[ast.expr]) -> None:
         index, *values = arguments
         self._number(index)
-        for each in self._values(index):
-            if isinstance(each, int | float) and not 0 <= each < len(values):
+        for each in self._numbers(index):
+            if not 0 <= each < len(values):
                 self.mistakes.append(f"pick({each:g}, ...) has {len(values)} values, counted from 0")
 
-    def _values(self, node: ast.expr) -> tuple[FieldValue, ...]:
-        """The values that a part may have, as far as they are certain."""
+    def _numbers(self, node: ast.expr) -> tuple[RealNumber, ...]:
+        """The numbers that a part may be, as far as they are certain."""
         match node:
             case ast.Constant(value=int() | float() as number):
                 return (number,)
             case ast.UnaryOp(op=ast.USub(), operand=ast.Constant(value=int() | float() as number)):
                 return (-number,)
             case ast.Name(id=name):
-                return self._names.get(name, ANY).values
+                values = self._names.get(name, ANY).values
+                return tuple(each for each in values if isinstance(each, int | float))
             case ast.BinOp(op=ast.Mod(), right=ast.Constant(value=int() as number)) if number > 0:
                 return (number - 1,)
         return ()
@@ -164,8 +165,8 @@ class _Reader:
             self.mistakes.append(f"{ast.unparse(sequence)} is a number, and no list")
         of_scan = isinstance(sequence, ast.Call) and ast.unparse(sequence.func) == "scan"
         length = self._length(sequence)
-        for each in self._values(index):
-            if isinstance(each, int | float) and length is not None and not 0 <= each < length:
+        for each in self._numbers(index):
+            if length is not None and not 0 <= each < length:
                 self.mistakes.append(
                     f"the list has {length} values, counted from 0; there is none at {each:g}"
                 )
@@ -180,7 +181,7 @@ class _Reader:
             case ast.Name(id=name):
                 return self._names.get(name, ANY).length
             case ast.Call(func=ast.Name(id="scan"), args=[_, _, count]):
-                counts = [each for each in self._values(count) if isinstance(each, int | float)]
+                counts = self._numbers(count)
                 return int(counts[0]) if counts else None
             case ast.BinOp(left=left, right=right):  # value by value
                 return self._length(left) or self._length(right)

@@ -95,17 +95,26 @@ def _contact_within(
         at = begin + segment
         longest = float(shares[segment]) if straight else share
         events = np.unique(np.concatenate(([0.0], fractions[legs == leg], [1.0]))) * longest
-        if at == after.segment and straight:
-            events = _still_to_come(events, after.translated)
-        elif at == after.segment:
-            events = _turned_on(events, after.turned)
-        # Between two events nothing changes, so the middle stands for all of it.
-        for free, following in pairwise(events.tolist()):
-            for fraction in ((free + following) / 2, following):
-                beyond = path.pose(at, 1.0, fraction) if straight else path.pose(at, fraction, 0.0)
-                if obstacles.overlap(body, beyond):
-                    stop = PathPosition(at, 1.0, free) if straight else PathPosition(at, free, 0.0)
-                    return Met(stop, beyond)
+        if at == after.segment:
+            events = (
+                _still_to_come(events, after.translated) if straight else _turned_on(events, after.turned)
+            )
+        met = _first_overlap(body, obstacles, path, at, events, straight=bool(straight))
+        if met is not None:
+            return met
+    return None
+
+
+def _first_overlap(
+    body: Footprint, obstacles: Obstacles, path: Path, at: int, events: FloatArray, *, straight: bool
+) -> Met | None:
+    """The first of a leg's events after which the robot overlaps an obstacle. Between two of them nothing
+    changes, so the middle stands for all of it."""
+    for free, following in pairwise(events.tolist()):
+        for fraction in ((free + following) / 2, following):
+            beyond = path.pose(at, 1.0, fraction) if straight else path.pose(at, fraction, 0.0)
+            if obstacles.overlap(body, beyond):
+                return Met(PathPosition(at, 1.0, free) if straight else PathPosition(at, free, 0.0), beyond)
     return None
 
 

@@ -133,16 +133,20 @@ def recorded_class(kind: RecordedKind) -> type[RecordedSensor]:
             raise ValueError(f"a column of the kind {kind.name} has a name that is no line of text")
         if not _is_field(column.field):
             raise ValueError(f"the column {column.header!r} of the kind {kind.name} fills what is no field")
-    known = {each.name for each in fields(SensorSpec)}
-    own = {column.field: column for column in kind.columns if column.field not in known}
-    spec_type: type[Struct] = SensorSpec
-    if own:
-        more = [(name, Any, 0.0 if each.default is None else each.default) for name, each in own.items()]
-        spec_type = defstruct("RecordedSpec", more, bases=(SensorSpec,), frozen=True, kw_only=True)
-    columns: tuple[CsvColumn, ...] = _PLACED if kind.any_columns else tuple(_columns(kind.columns))
     values = {each: getattr(kind, each) for each in (*_SAME, "any_columns")}
-    values |= {"columns": columns, "spec_type": spec_type, "__doc__": f"{kind.meaning}, described only."}
+    values["columns"] = _PLACED if kind.any_columns else tuple(_columns(kind.columns))
+    values |= {"spec_type": _spec_type(kind.columns), "__doc__": f"{kind.meaning}, described only."}
     return type(kind.title, (RecordedSensor,), values)
+
+
+def _spec_type(columns: Iterable[RecordedColumn]) -> type[Struct]:
+    """A class of rows that has a field for each of these columns."""
+    known = {each.name for each in fields(SensorSpec)}
+    own = {column.field: column for column in columns if column.field not in known}
+    if not own:
+        return SensorSpec
+    more = [(name, Any, 0.0 if each.default is None else each.default) for name, each in own.items()]
+    return defstruct("RecordedSpec", more, bases=(SensorSpec,), frozen=True, kw_only=True)
 
 
 def _columns(columns: Iterable[RecordedColumn]) -> Iterable[CsvColumn]:
