@@ -55,7 +55,7 @@ class Edges(Struct, frozen=True, dict=True):
 
     def select(self, chosen: NDArray[np.bool_]) -> "Edges":
         """The edges a mask (n,) picks."""
-        return Edges(*(each[chosen] for each in astuple(self)))
+        return Edges(*[each[chosen] for each in astuple(self)])
 
     def beside(self, distance: float) -> "Edges":
         """The edges moved by a distance to either side."""

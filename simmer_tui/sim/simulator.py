@@ -219,8 +219,9 @@ class Simulator:
         self.begin_pass((command,))
         self.wait_for_scan(command)
         outcome = self.begin(command)
-        takes = outcome.status is Status.ACCEPTED or outcome.duration > 0.0
-        return self.finish(outcome) if takes else outcome
+        reading = outcome.reading
+        takes = outcome.status is Status.ACCEPTED if reading is None else reading.took > 0.0
+        return self.finish(outcome) if takes or outcome.waits else outcome
 
     def begin(self, command: Command | str) -> CommandResult:
         """Read a sensor, or plan a movement and set it going at the present simulated time.
@@ -260,7 +261,8 @@ class Simulator:
         return self._taken(command, before, Status.ACCEPTED)
 
     def _begin_reading(self, sensor: Sensor, command: Command, before: Pose) -> CommandResult:
-        turning = self._turning.get(command.code)
+        # Few robots have a lidar, and this runs for each reading.
+        turning = self._turning.get(command.code) if self._turning else None
         try:
             reading = self._read(sensor, before) if turning is None else self._scanned(turning, command)
         except DeviceError as error:
@@ -443,12 +445,12 @@ class Simulator:
     def _read(self, sensor: Sensor, pose: Pose) -> Reading:
         true, view = self._observe(sensor, pose)
         spec = sensor.spec
-        random = self._streams[spec.id] if self._noise else None
-        faults = self._faults.get(spec.code)
-        if random is None or faults is None:
-            value = sensor.reading(true, random, self.time)
+        if not self._noise:
+            value = sensor.reading(true, None, self.time)
+        elif (faults := self._faults.get(spec.code)) is not None:
+            value = faults.reading(true, self._streams[spec.id], self.time)
         else:
-            value = faults.reading(true, random, self.time)
+            value = sensor.reading(true, self._streams[spec.id], self.time)
         return Reading(spec, value, true, view, spec.read_time)
 
     def wait_for_scan(self, command: Command) -> None:
