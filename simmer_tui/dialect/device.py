@@ -6,6 +6,8 @@ from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Protocol
 
+from msgspec import Struct
+
 from simmer_tui.dialect.dialect_rules import (
     TYPE,
     AnyReply,
@@ -21,9 +23,9 @@ from simmer_tui.dialect.dialect_rules import (
     expressions_of,
 )
 from simmer_tui.dialect.expressions import (
-    LONGEST_TEXT,
     Expression,
     FieldValue,
+    bounded_text,
     finite,
     listed_codes,
     scan_bearings,
@@ -51,7 +53,6 @@ class Timer(Protocol):
 
     def cancel(self) -> None:
         """Do not make it."""
-        ...
 
 
 class MoveEnd(Protocol):
@@ -60,17 +61,14 @@ class MoveEnd(Protocol):
     @property
     def refused(self) -> str:
         """The reason it was not begun; empty if it was."""
-        ...
 
     @property
     def touched(self) -> bool:
         """True if it met an obstacle."""
-        ...
 
     @property
     def stopped(self) -> bool:
         """True if something else has ended it."""
-        ...
 
 
 class DeviceHost(Protocol):
@@ -83,77 +81,64 @@ class DeviceHost(Protocol):
 
     def read(self, codes: Sequence[str], done: Callable[[Mapping[str, FieldValue]], None]) -> None:
         """Read sensors at this moment; `done` is called when their Read Times are over."""
-        ...
 
     def move(self, command: str, done: Callable[[MoveEnd], None]) -> None:
         """Do a movement of known length."""
-        ...
 
     def drive(self, velocity: tuple[float, float, float] | None, seconds: float | None) -> str:
         """Drive at a velocity (in/s, in/s, deg/s) for a time, or until told otherwise. Returns the reason it
         is refused, or nothing."""
-        ...
 
     def halt(self, by: str = "") -> None:
         """End all motion; `by` is who does, if no message does."""
-        ...
 
     def send(self, data: bytes, *, droppable: bool = False) -> None:
         """Send bytes to the program. What is `droppable` is left out if too much waits."""
-        ...
 
     def done(self, message: bytes, meaning: str) -> None:
         """Tell which message has come, and what it does."""
-        ...
 
     def tell(self, text: str) -> None:
         """Tell of a fault of the program, or of the rules."""
-        ...
 
     def mention(self, text: str) -> None:
         """Tell of something that is no fault of either."""
-        ...
 
 
-class _Task:
-    """A message that is being done: its values, and the steps that are left."""
+class _Task(Struct, eq=False):
+    """A message of `size` bytes that is being done: its values, and the steps that are left."""
 
-    def __init__(self, rule: MessageRule, values: Mapping[str, FieldValue], size: int) -> None:
-        self.rule = rule
-        self.values = values
-        self.size = size
-        self.steps: Iterator[Step] = iter(rule.steps)
-        self.touched = False
-        self.over = False
-        self.step: Step | None = None
-        self.timer: Timer | None = None
-        self.velocity: tuple[float, float, float] | None = None
-        """That of the run under way."""
+    rule: MessageRule
+    values: Mapping[str, FieldValue]
+    size: int
+    steps: Iterator[Step]
+    touched: bool = False
+    over: bool = False
+    timer: Timer | None = None
+    velocity: tuple[float, float, float] | None = None
+    """That of the run under way."""
 
 
-class _TaskScope:
+class _TaskScope(Struct):
     """The names of an expression."""
 
-    def __init__(
-        self, device: "DialectDevice", values: Mapping[str, FieldValue], touched: bool = False
-    ) -> None:
-        self._device = device
-        self._values = values
-        self._touched = touched
+    device: "DialectDevice"
+    values: Mapping[str, FieldValue]
+    touched: bool = False
 
     def value(self, name: str) -> FieldValue:
-        if name in self._values:
-            return self._values[name]
+        if name in self.values:
+            return self.values[name]
         if name == "contact":
-            return int(self._touched)
+            return int(self.touched)
         if name == "time":
-            return self._device.host.now
-        return self._device.state[name]
+            return self.device.host.now
+        return self.device.state[name]
 
     def call(self, function: str, arguments: Sequence[FieldValue]) -> FieldValue:
         if function == "named":
-            return self._device.named(listed_codes(arguments[0]), self._values)
-        return self._device.sense(function, arguments, self._values)
+            return self.device.named(listed_codes(arguments[0]), self.values)
+        return self.device.sense(function, arguments, self.values)
 
 
 class DialectDevice:
@@ -297,41 +282,33 @@ class DialectDevice:
     # -- messages ----------------------------------------------------------------------------------
 
     def _message(self, frame: Frame) -> None:
-        found = self._find(frame)
+        text = frame.text
+        found = self._rules.found(
+            frame,
+            lambda values: _TaskScope(self, {"text": text, **values}),
+            lambda rule, error: self._faults.note(f"{rule.place}: if: {error}"),
+        )
         if found is None:
             self.unknown += 1
-            text = frame.text
             hint = nearest(text, self._rules)
             self.host.done(frame.data, UNKNOWN_MESSAGE + hint)
             self._faults.note(f"'{escape(text)}' is no message of the dialect{hint}", alike=("?", text))
-            self._send(self._rules.unknown, {"text": text})
+            self._send(self._rules.unknown, {"text": text}, ": reply")
             return
-        task = _Task(*found, len(frame.data))
-        self.host.done(frame.data, task.rule.shown)
-        self._heard(task.rule, task.values)
+        rule, values = found
+        values.setdefault("text", text)
+        task = _Task(rule, values, len(frame.data), iter(rule.steps))
+        self.host.done(frame.data, rule.shown)
+        self._heard(rule, values)
         self._admit(task)
-
-    def _find(self, frame: Frame) -> tuple[MessageRule, Mapping[str, FieldValue]] | None:
-        """The first rule for a message, with its values."""
-        for rule in self._rules.rules:
-            values = rule.values(frame)
-            if values is None:
-                continue
-            values.setdefault("text", frame.text)
-            try:
-                if rule.condition is None or rule.condition.value(_TaskScope(self, values)):
-                    return rule, values
-            except ExpressionError as error:
-                self._faults.note(f"{rule.place}: if: {error}")
-        return None
 
     def _admit(self, task: _Task) -> None:
         """Begin a message, or have it wait, as its `busy` says."""
         rule, robot = task.rule, self._rules.robot
+        usual = robot.reads
         if rule.moves:
-            policy = rule.busy or (Busy.NOW if rule.stops else robot.busy)
-        else:
-            policy = rule.busy or robot.reads
+            usual = Busy.NOW if rule.stops else robot.busy
+        policy = rule.busy or usual
         if not self._is_blocked(rule, policy):
             self._begin(task)
         elif policy is Busy.DROP:
@@ -385,10 +362,12 @@ class DialectDevice:
                 self._moving = task
         else:
             self._asked = task
+        rule, takes = task.rule, 0.0
         try:
-            takes = task.rule.takes.number(self._scope(task)) if task.rule.takes is not None else 0.0
+            if rule.takes is not None:
+                takes = rule.takes.number(_TaskScope(self, task.values, task.touched))
         except ExpressionError as error:
-            self._fail(task, "takes", error)
+            self._give_up(task, f"{rule.place}: takes: {error}")
             return
         if takes > 0:
             task.timer = self.host.call_later(takes, lambda: self._answer(task))
@@ -398,17 +377,17 @@ class DialectDevice:
     def _answer(self, task: _Task) -> None:
         if task.over:
             return
-        rule = task.rule
-        if rule.moves:
-            self._send(rule.reply, task.values, rule)
+        if task.rule.moves:
+            self._reply(task, task.rule.reply)
             self._next_step(task)
-            return
-        self._send(rule.reply, task.values, rule, lambda: self._next_step(task))
+        else:
+            self._reply(task, task.rule.reply, then=lambda: self._next_step(task))
 
     def _next_step(self, task: _Task) -> None:
         """Do the next step; after the last one the message is done."""
+        task.velocity = None
         while not task.over:
-            step = task.step = next(task.steps, None)
+            step = next(task.steps, None)
             if step is None:
                 self._finish(task)
                 return
@@ -436,14 +415,18 @@ class DialectDevice:
             elif isinstance(step, RunStep):
                 return self._run(task, step, scope)
             else:
-                self._move(task, step.command.text(scope, "inf"))
+                command = step.command.text(scope, "inf")
+                # The engine ends a velocity before a movement.
+                self._runs = False
+                self.host.move(command, lambda movement: self._moved(task, movement))
                 return False
         except ExpressionError as error:
-            self._fail(task, "do", error)
+            self._give_up(task, f"{task.rule.place}: do: {error}")
             return False
         return True
 
     def _pause(self, task: _Task, seconds: float) -> bool:
+        """Do the next step after some seconds. True if it follows at once."""
         if not seconds > 0:
             return True
         task.timer = self.host.call_later(seconds, lambda: self._next_step(task))
@@ -456,18 +439,13 @@ class DialectDevice:
             return True
         refused = self.host.drive(velocity, seconds)
         if refused:
-            self._refuse(task, refused)
+            self._give_up(task, f"'{task.rule.shown}' at {task.rule.place}: {refused}")
             return False
         self._runs = seconds is None
         if seconds is None:
             return True
         task.velocity = velocity
-        task.timer = self.host.call_later(seconds, lambda: self._run_over(task))
-        return False
-
-    def _run_over(self, task: _Task) -> None:
-        task.velocity = None
-        self._next_step(task)
+        return self._pause(task, seconds)
 
     def _velocity(self, step: RunStep, scope: _TaskScope) -> tuple[float, float, float]:
         """The velocity of a run. Raises ExpressionError."""
@@ -478,17 +456,12 @@ class DialectDevice:
         sign = -1.0 if drive.startswith("-") else 1.0
         return (sign * speed[0], sign * speed[1], sign * speed[2])
 
-    def _move(self, task: _Task, command: str) -> None:
-        # The engine ends a velocity before a movement.
-        self._runs = False
-        self.host.move(command, lambda movement: self._moved(task, movement))
-
     def _moved(self, task: _Task, movement: MoveEnd) -> None:
         if task.over:
             return
         task.touched = task.touched or movement.touched
         if movement.refused:
-            self._refuse(task, movement.refused)
+            self._give_up(task, f"'{task.rule.shown}' at {task.rule.place}: {movement.refused}")
         elif movement.stopped:  # by people, or the end of the run
             self._waiting.clear()
             self._break_off(task)
@@ -500,21 +473,17 @@ class DialectDevice:
 
     def _finish(self, task: _Task) -> None:
         self._end(task)
-        self._send(task.rule.done, task.values, task.rule, touched=task.touched)
+        self._reply(task, task.rule.done)
         self._go_on()
 
     def _break_off(self, task: _Task) -> None:
         """Something else has ended a message."""
         self._end(task)
-        self._send(task.rule.stopped, task.values, task.rule, touched=task.touched)
+        self._reply(task, task.rule.stopped)
 
-    def _refuse(self, task: _Task, why: str) -> None:
-        self._faults.note(f"'{task.rule.shown}' at {task.rule.place}: {why}")
-        self._end(task)
-        self._go_on()
-
-    def _fail(self, task: _Task, key: str, error: ExpressionError) -> None:
-        self._faults.note(f"{task.rule.place}: {key}: {error}")
+    def _give_up(self, task: _Task, fault: str) -> None:
+        """A message cannot be done."""
+        self._faults.note(fault)
         self._end(task)
         self._go_on()
 
@@ -529,10 +498,9 @@ class DialectDevice:
 
     def _go_on(self) -> None:
         """Begin what waits."""
-        if self._asked is None and self._questions:
-            ready = self._rules.robot.reads is Busy.NOW or self._moving is None
-            if ready:
-                self._begin(self._questions.popleft())
+        ready = self._rules.robot.reads is Busy.NOW or self._moving is None
+        if ready and self._asked is None and self._questions:
+            self._begin(self._questions.popleft())
         if self._moving is None and self._waiting:
             self._begin(self._waiting.popleft())
 
@@ -547,38 +515,37 @@ class DialectDevice:
 
     # -- replies -----------------------------------------------------------------------------------
 
-    def _scope(self, task: _Task) -> _TaskScope:
-        return _TaskScope(self, task.values, task.touched)
+    def _reply(
+        self, task: _Task, replies: Sequence[AnyReply], then: Callable[[], None] = lambda: None
+    ) -> None:
+        self._send(replies, task.values, f"{task.rule.place}: reply", touched=task.touched, then=then)
 
     def _send(
         self,
         replies: Sequence[AnyReply],
         values: Mapping[str, FieldValue],
-        rule: MessageRule | None = None,
-        then: Callable[[], None] = lambda: None,
+        place: str,
         *,
         touched: bool = False,
+        droppable: bool = False,
+        then: Callable[[], None] = lambda: None,
     ) -> None:
-        """Send replies, then call `then`: at once, or when their sensors have been read."""
+        """Send replies, then call `then`: at once, or when their sensors have been read. `place` is that in
+        the file."""
         codes = self._sensors_in([each for reply in replies for each in reply.expressions], values)
 
         def made(readings: Mapping[str, FieldValue]) -> None:
-            self._write(replies, {**values, **readings}, rule.place if rule is not None else "", touched)
+            try:
+                for data in self._bounded(replies, {**values, **readings}, touched):
+                    self.host.send(data, droppable=droppable)
+            except ExpressionError as error:
+                self._faults.note(f"{place}: {error}")
             then()
 
         if codes:
             self.host.read(codes, made)
         else:
             made({})
-
-    def _write(
-        self, replies: Sequence[AnyReply], values: Mapping[str, FieldValue], place: str, touched: bool
-    ) -> None:
-        try:
-            for data in self._bounded(replies, values, touched):
-                self.host.send(data)
-        except ExpressionError as error:
-            self._faults.note(f"{place}: reply: {error}")
 
     def _sensors_in(
         self, expressions: Sequence[Expression], values: Mapping[str, FieldValue]
@@ -614,10 +581,7 @@ class DialectDevice:
             value = readings.get(code) if code in self._rules.codes else None
             is_number = isinstance(value, int | float) and math.isfinite(value)
             items.append(f"{code}:{value:.2f}" if is_number else f"{code}:{self._rules.missing}")
-        text = ",".join(items)
-        if len(text) > LONGEST_TEXT:
-            raise ExpressionError(f"texts go up to {LONGEST_TEXT} characters")
-        return text
+        return bounded_text(",".join(items))
 
     def _bounded(
         self, replies: Sequence[AnyReply], values: Mapping[str, FieldValue], touched: bool
@@ -669,16 +633,4 @@ class DialectDevice:
         except ExpressionError as error:
             self._faults.note(f"{stream.place}: if: {error}")
             return
-        codes = self._sensors_in([each for reply in stream.send for each in reply.expressions], values)
-
-        def made(readings: Mapping[str, FieldValue]) -> None:
-            try:
-                for data in self._bounded(stream.send, {**values, **readings}, touched=False):
-                    self.host.send(data, droppable=True)
-            except ExpressionError as error:
-                self._faults.note(f"{stream.place}: send: {error}")
-
-        if codes:
-            self.host.read(codes, made)
-        else:
-            made({})
+        self._send(stream.send, values, f"{stream.place}: send", droppable=True)

@@ -1,14 +1,17 @@
 """The rules of a dialect.toml: which message does what, and is answered how."""
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+import re
+import struct
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from enum import StrEnum
 
 from msgspec import Struct, field
 
-from simmer_tui.dialect.expressions import Expression, FieldValue
+from simmer_tui.dialect.expressions import Expression, FieldValue, Scope
 from simmer_tui.dialect.frames import Frame, Framing
 from simmer_tui.dialect.patterns import Pattern
-from simmer_tui.dialect.templates import BinaryReply, TextReply, sensors_in
+from simmer_tui.dialect.templates import BinaryReply, TextReply
+from simmer_tui.errors import ExpressionError
 from simmer_tui.sim.specs import SensorSpec
 
 AnyReply = TextReply | BinaryReply
@@ -144,8 +147,6 @@ class MessageRule(Struct, frozen=True, kw_only=True):
 
 
 def _unpacked(shape: str, names: tuple[str, ...], content: bytes) -> dict[str, FieldValue] | None:
-    import struct
-
     if struct.calcsize(shape) != len(content):
         return None
     values = struct.unpack(shape, content)
@@ -228,6 +229,28 @@ class DialectRules(Struct, frozen=True, kw_only=True):
             for name in sorted(wanted & (expression.sensing | expression.names)):
                 yield place, name
 
+    def found(
+        self,
+        frame: Frame,
+        scope: Callable[[Mapping[str, FieldValue]], Scope],
+        failed: Callable[[MessageRule, ExpressionError], None] = lambda rule, error: None,
+    ) -> tuple[MessageRule, dict[str, FieldValue]] | None:
+        """The first rule for a message, with its values.
+
+        Args:
+            frame: The message.
+            scope: Makes the names that a condition may use from the values.
+            failed: Called for a rule whose condition cannot be evaluated; it is passed over.
+        """
+        for rule in self.rules:
+            values = rule.values(frame)
+            try:
+                if values is not None and (rule.condition is None or rule.condition.value(scope(values))):
+                    return rule, values
+            except ExpressionError as error:
+                failed(rule, error)
+        return None
+
     @property
     def single(self) -> frozenset[str]:
         """The codes of the sensors whose reading is one number."""
@@ -235,7 +258,10 @@ class DialectRules(Struct, frozen=True, kw_only=True):
 
     def sensors_in(self, expressions: Sequence[Expression]) -> tuple[str, ...]:
         """The sensors that expressions read, in the order in which they are written, each once."""
-        found = dict.fromkeys(sensors_in(expressions, self.codes))
+        found: dict[str, None] = {}
+        for each in expressions:
+            words = re.findall(r"[A-Za-z_]\w*", each.source)
+            found |= dict.fromkeys(word for word in words if word in each.names and word in self.codes)
         for each in expressions:
             for function in (*sorted(each.sensing), *each.names):
                 found |= dict.fromkeys(self.behind.get(function, ()))

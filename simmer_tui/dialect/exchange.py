@@ -10,7 +10,7 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from simmer_tui.dialect.device import DialectDevice, MoveEnd
-from simmer_tui.dialect.dialect_rules import AnyReply, DialectRules, MessageRule
+from simmer_tui.dialect.dialect_rules import DialectRules, MessageRule
 from simmer_tui.dialect.expressions import FieldValue
 from simmer_tui.dialect.readings import MessageScope
 from simmer_tui.dialect.reply_reader import SILENCE, Due, Heard, ReplyReader
@@ -113,11 +113,12 @@ class _PlannedHost:
 
 
 class _Asked(Struct, frozen=True):
-    """A message: its line, when it was sent, and the delay of its answer by the dialect."""
+    """A message: its line, when it was sent, the delay of its answer by the dialect, and its values."""
 
     line: int
     time: float
     takes: float
+    values: Mapping[str, FieldValue]
 
 
 class Comparison:
@@ -136,8 +137,7 @@ class Comparison:
         self._found: set[OtherAnswer] = set()
         self._line = 0
         self._asked: dict[int, _Asked] = {}
-        """By the identity of the message's values, which `_kept` keeps."""
-        self._kept: list[Mapping[str, FieldValue]] = []
+        """By the identity of the message's values."""
         self._delays: dict[str, list[tuple[float, float, int]]] = {}
         heard = replace(rules, streams=(), robot=replace(rules.robot, boot=0.0, greeting=""), unknown=())
         self._host = _PlannedHost(rules, self._note)
@@ -170,13 +170,12 @@ class Comparison:
         if rule.stops:
             return
         takes = 0.0
-        if rule.takes is not None:
-            try:
+        try:
+            if rule.takes is not None:
                 takes = rule.takes.number(MessageScope(self._device.state, values))
-            except ExpressionError:
-                takes = math.nan
-        self._kept.append(values)
-        self._asked[id(values)] = _Asked(self._line, self._host.now, takes)
+        except ExpressionError:
+            takes = math.nan
+        self._asked[id(values)] = _Asked(self._line, self._host.now, takes, values)
         self._reader.asked(rule, values)
 
     def _take(self, replies: Sequence[Heard]) -> None:
@@ -224,8 +223,8 @@ class Comparison:
 
 def _said(due: Due) -> str:
     """The dialect's answer."""
-    return escape("; ".join(map(_shown, due.templates)), 60)
-
-
-def _shown(reply: AnyReply) -> str:
-    return reply.source if isinstance(reply, TextReply) else f"a frame of type {reply.type}"
+    shown = (
+        reply.source if isinstance(reply, TextReply) else f"a frame of type {reply.type}"
+        for reply in due.templates
+    )
+    return escape("; ".join(shown), 60)

@@ -7,7 +7,7 @@ import ast
 import math
 import operator
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import Protocol
+from typing import Any, Protocol
 
 from simmer_tui.errors import ExpressionError
 
@@ -39,11 +39,9 @@ class Scope(Protocol):
 
     def value(self, name: str) -> FieldValue:
         """The value of a name."""
-        ...
 
     def call(self, function: str, arguments: Sequence[FieldValue]) -> FieldValue:
         """The result of one of `SENSING`."""
-        ...
 
 
 def _number(value: FieldValue) -> RealNumber:
@@ -53,9 +51,9 @@ def _number(value: FieldValue) -> RealNumber:
 
 
 def _shown(value: FieldValue) -> str:
-    return (
-        f"'{value[:40]}'" if isinstance(value, str) else "a list" if isinstance(value, tuple) else str(value)
-    )
+    if isinstance(value, tuple):
+        return "a list"
+    return f"'{value[:40]}'" if isinstance(value, str) else str(value)
 
 
 def _bounded(value: RealNumber) -> RealNumber:
@@ -70,16 +68,15 @@ def _power(base: RealNumber, exponent: RealNumber) -> RealNumber:
     return math.nan if isinstance(result, complex) else result
 
 
-def _add(left: FieldValue, right: FieldValue) -> FieldValue:
-    if isinstance(left, str) and isinstance(right, str):
-        if len(left) + len(right) > LONGEST_TEXT:
-            raise ExpressionError(f"texts go up to {LONGEST_TEXT} characters")
-        return left + right
-    return _bounded(_number(left) + _number(right))
+def bounded_text(text: str) -> str:
+    """The text. Raises ExpressionError if it is longer than `LONGEST_TEXT`."""
+    if len(text) > LONGEST_TEXT:
+        raise ExpressionError(f"texts go up to {LONGEST_TEXT} characters")
+    return text
 
 
-_Arithmetic = Callable[[RealNumber, RealNumber], RealNumber]
-_OPERATORS: Mapping[type[ast.operator], _Arithmetic] = {
+_OPERATORS: Mapping[type[ast.operator], Callable[[RealNumber, RealNumber], RealNumber]] = {
+    ast.Add: operator.add,
     ast.Sub: operator.sub,
     ast.Mult: operator.mul,
     ast.Div: operator.truediv,
@@ -132,23 +129,14 @@ FUNCTIONS: Mapping[str, tuple[Callable[..., FieldValue], int, int]] = {
     "len": (_length, 1, 1),
 }
 """Functions by name, with the least and the greatest count of their arguments."""
-SENSING: Mapping[str, tuple[int, int, str]] = {
-    "ray": (1, 1, "ray(bearing)"),
-    "scan": (3, 3, "scan(first, step, count)"),
-    "named": (1, 1, "named(codes)"),
-}
-"""Functions that ask the robot, with the least and the greatest count of their arguments, and their form."""
-
-
+# Measured: a ray takes 0.09 ms, and a scan of 360 rays 0.35 ms.
+SENSING: Mapping[str, tuple[int, int]] = {"ray": (1, 1), "scan": (3, 4), "named": (1, 4)}
+"""Functions that ask the robot, with the count of their arguments and their cost, in rays."""
+_MOST_SENSING = 4
 # One a degree. Lidars of the public teams have 360 to 1,450 rays a turn, in frames of few: more take longer
 # than an expression may.
 MOST_RAYS = 360
 """Rays of one scan."""
-# Measured: a ray takes 0.09 ms, and a scan of 360 rays 0.35 ms.
-_SENSING_COST: Mapping[str, int] = {"ray": 1, "scan": 4, "named": 4}
-_MOST_SENSING = 4
-
-
 # Calculated one by one in 0.1 us each: half of what an expression may take. A sensor has 2,000 rays at most.
 MOST_CALCULATED = 8000
 """Values of lists that one evaluation may calculate with."""
@@ -197,7 +185,7 @@ class Expression:
         for node in ast.walk(self.tree):
             _check(node)
         called = _called(self.tree)
-        if sum(_SENSING_COST[name] for name in called) > _MOST_SENSING:
+        if sum(SENSING[name][1] for name in called) > _MOST_SENSING:
             raise ValueError(f"asks the robot {len(called)} times; one scan() or four ray() are allowed")
         self.names = frozenset(_names(self.tree))
         """The names it uses, those of functions and constants apart."""
@@ -242,22 +230,20 @@ def _check(node: ast.AST) -> None:
                 raise ValueError(f"{value!r} is neither a number nor a text in quotes")
             if isinstance(value, int) and abs(value) > _EXACT:
                 raise ValueError(f"{str(value)[:20]}... is too large; whole numbers go up to 2**53")
-        case ast.BinOp(op=made):
-            if type(made) is not ast.Add and type(made) not in _OPERATORS:
-                raise ValueError("uses an operator that is not known; there are + - * / // % **")
-        case ast.UnaryOp(op=ast.USub() | ast.UAdd() | ast.Not()):
-            pass
-        case ast.Compare(ops=compared):
-            if any(type(each) not in _COMPARISONS for each in compared):
-                raise ValueError("uses a comparison that is not known; there are == != < <= > >=")
+        case ast.BinOp(op=made) if type(made) not in _OPERATORS:
+            raise ValueError("uses an operator that is not known; there are + - * / // % **")
+        case ast.Compare(ops=compared) if not _COMPARISONS.keys() >= set(map(type, compared)):
+            raise ValueError("uses a comparison that is not known; there are == != < <= > >=")
         case ast.Subscript(slice=ast.Slice()):
             raise ValueError("takes a part of a list; only one value can be taken, such as sc[3]")
-        case ast.Name() | ast.IfExp() | ast.BoolOp() | ast.Subscript():
-            pass
-        case ast.operator() | ast.unaryop() | ast.boolop() | ast.cmpop() | ast.expr_context():
-            pass
-        case _:
-            raise ValueError(f"uses {type(node).__name__.lower()}, which expressions do not have")
+        case ast.Call() | ast.UnaryOp(op=ast.Invert()):
+            raise _unknown(node)
+        case _ if type(node) not in _VALUES and not isinstance(node, _BESIDE):
+            raise _unknown(node)
+
+
+def _unknown(node: ast.AST) -> ValueError:
+    return ValueError(f"uses {type(node).__name__.lower()}, which expressions do not have")
 
 
 def _arguments_of(function: str) -> tuple[int, int]:
@@ -265,7 +251,7 @@ def _arguments_of(function: str) -> tuple[int, int]:
     if function in FUNCTIONS:
         return FUNCTIONS[function][1:]
     if function in SENSING:
-        return SENSING[function][:2]
+        return SENSING[function][0], SENSING[function][0]
     raise ValueError(f"{function}() is not known; there are {', '.join([*FUNCTIONS, *SENSING])}")
 
 
@@ -277,35 +263,17 @@ def _names(tree: ast.AST) -> Iterator[str]:
 
 
 def _value(node: ast.expr, scope: _Bounded) -> FieldValue:
-    match node:
-        case ast.Constant(value=int() | float() | str() as constant):
-            return constant
-        case ast.Name(id=name):
-            factor = CONSTANTS.get(name)
-            return scope.value(name) if factor is None else factor
-        case ast.BinOp(left=left, op=made, right=right):
-            return _calculated(_value(left, scope), type(made), _value(right, scope), scope)
-        case ast.UnaryOp(op=sign, operand=operand):
-            value = _value(operand, scope)
-            if isinstance(sign, ast.Not):
-                return int(not value)
-            return -_number(value) if isinstance(sign, ast.USub) else _number(value)
-        case ast.BoolOp(op=joint, values=parts):
-            return _joined(isinstance(joint, ast.And), parts, scope)
-        case ast.Compare(left=left, ops=compared, comparators=others):
-            return _compared(_value(left, scope), compared, others, scope)
-        case ast.IfExp(test=test, body=body, orelse=orelse):
-            return _value(body if _value(test, scope) else orelse, scope)
-        case ast.Call(func=ast.Name(id=name), args=arguments):
-            values = [_value(each, scope) for each in arguments]
-            return FUNCTIONS[name][0](*values) if name in FUNCTIONS else scope.call(name, values)
-        case ast.Subscript(value=sequence, slice=index):
-            return _item(_value(sequence, scope), _number(_value(index, scope)))
-    raise ExpressionError("has a part that is not known")  # `_check` lets none through
+    return _VALUES[type(node)](node, scope)
 
 
-def _calculated(left: FieldValue, made: type[ast.operator], right: FieldValue, scope: _Bounded) -> FieldValue:
+def _named(node: ast.Name, scope: _Bounded) -> FieldValue:
+    factor = CONSTANTS.get(node.id)
+    return scope.value(node.id) if factor is None else factor
+
+
+def _calculated(node: ast.BinOp, scope: _Bounded) -> FieldValue:
     """A list and a number are calculated value by value, all else as it is."""
+    left, made, right = _value(node.left, scope), type(node.op), _value(node.right, scope)
     if isinstance(left, tuple) and isinstance(right, int | float):
         return tuple(_combined(each, made, right) for each in scope.take(left))
     if isinstance(right, tuple) and isinstance(left, int | float):
@@ -314,8 +282,8 @@ def _calculated(left: FieldValue, made: type[ast.operator], right: FieldValue, s
 
 
 def _combined(left: FieldValue, made: type[ast.operator], right: FieldValue) -> FieldValue:
-    if made is ast.Add:
-        return _add(left, right)
+    if isinstance(left, str) and isinstance(right, str) and made is ast.Add:
+        return bounded_text(left + right)
     try:
         return _bounded(_OPERATORS[made](_number(left), _number(right)))
     except ZeroDivisionError:
@@ -324,32 +292,66 @@ def _combined(left: FieldValue, made: type[ast.operator], right: FieldValue) -> 
         return math.inf
 
 
-def _joined(every: bool, parts: Sequence[ast.expr], scope: _Bounded) -> FieldValue:
-    """`and` (with `every`) or `or`, as in Python: the value that decides."""
+def _signed(node: ast.UnaryOp, scope: _Bounded) -> FieldValue:
+    value = _value(node.operand, scope)
+    if isinstance(node.op, ast.Not):
+        return int(not value)
+    return -_number(value) if isinstance(node.op, ast.USub) else _number(value)
+
+
+def _joined(node: ast.BoolOp, scope: _Bounded) -> FieldValue:
+    """`and` or `or`, as in Python: the value that decides."""
+    every = isinstance(node.op, ast.And)
     value: FieldValue = 0
-    for part in parts:
+    for part in node.values:
         value = _value(part, scope)
         if bool(value) is not every:
             break
     return value
 
 
-def _compared(
-    left: FieldValue, made: Sequence[ast.cmpop], others: Sequence[ast.expr], scope: _Bounded
-) -> FieldValue:
-    for each, other in zip(made, others, strict=True):
+def _compared(node: ast.Compare, scope: _Bounded) -> FieldValue:
+    left = _value(node.left, scope)
+    for made, other in zip(node.ops, node.comparators, strict=True):
         right = _value(other, scope)
-        if not _COMPARISONS[type(each)](left, right):
+        if not _COMPARISONS[type(made)](left, right):
             return 0
         left = right
     return 1
 
 
-def _item(sequence: FieldValue, index: RealNumber) -> FieldValue:
+def _chosen(node: ast.IfExp, scope: _Bounded) -> FieldValue:
+    return _value(node.body if _value(node.test, scope) else node.orelse, scope)
+
+
+def _result(node: ast.Call, scope: _Bounded) -> FieldValue:
+    assert isinstance(node.func, ast.Name), "checked"
+    name, values = node.func.id, [_value(each, scope) for each in node.args]
+    return FUNCTIONS[name][0](*values) if name in FUNCTIONS else scope.call(name, values)
+
+
+def _item(node: ast.Subscript, scope: _Bounded) -> FieldValue:
+    sequence, index = _value(node.value, scope), _number(_value(node.slice, scope))
     if isinstance(sequence, int | float):
         raise ExpressionError(f"{_shown(sequence)} is not a list")
     # A message may name any place, and its sender waits for an answer: it gets a missing number.
     return sequence[int(index)] if 0 <= index < len(sequence) else math.nan
+
+
+_VALUES: Mapping[type[ast.AST], Callable[[Any, _Bounded], FieldValue]] = {
+    ast.Constant: lambda node, scope: node.value,
+    ast.Name: _named,
+    ast.BinOp: _calculated,
+    ast.UnaryOp: _signed,
+    ast.BoolOp: _joined,
+    ast.Compare: _compared,
+    ast.IfExp: _chosen,
+    ast.Call: _result,
+    ast.Subscript: _item,
+}
+"""The parts that have a value, and what computes it."""
+_BESIDE = (ast.operator, ast.unaryop, ast.boolop, ast.cmpop, ast.expr_context)
+"""Parts that only say what is done with others."""
 
 
 def listed_codes(value: FieldValue) -> tuple[str, ...]:

@@ -34,7 +34,7 @@ class FaultNotices:
             self._tell(text)
 
     def end(self) -> None:
-        """Tell how often the faults came that came again, and begin anew."""
+        """Tell how often the faults came that came again, and forget them."""
         for key, count in self._counts.items():
             if count > 1:
                 self._tell(f"{count} times in all: {self._texts[key]}")

@@ -3,8 +3,11 @@
 import struct
 from collections.abc import Iterator, Mapping
 from enum import StrEnum
+from itertools import groupby
 
 from msgspec import Struct, field
+
+_WITHOUT_END = "a message without its end"
 
 
 class FrameKind(StrEnum):
@@ -102,20 +105,20 @@ class Deframer:
 
     def silence(self) -> list[Frame | Noise]:
         """Nothing has come for `silence` seconds: a line is complete, anything else is dropped."""
-        data = self._take(len(self._held))
-        self._skipping = False
-        if not data:
-            return []
+        data = self._rest()
         if self._framing.kind is FrameKind.LINE:
             content = data.strip()
             return [Frame(data, content)] if content else []
-        return [Noise(data, "a message without its end")]
+        return [Noise(data, _WITHOUT_END)] if data else []
 
     def end(self) -> list[Noise]:
         """The stream is over: what is left was never complete."""
-        data = self._take(len(self._held))
+        data = self._rest()
+        return [Noise(data, _WITHOUT_END)] if data.strip() else []
+
+    def _rest(self) -> bytes:
         self._skipping = False
-        return [Noise(data, "a message without its end")] if data.strip() else []
+        return self._take(len(self._held))
 
     def _take(self, count: int) -> bytes:
         taken = bytes(self._held[:count])
@@ -206,19 +209,8 @@ def _too_long(longest: int) -> str:
 
 def _joined(parts: Iterator[Frame | Noise]) -> Iterator[Frame | Noise]:
     """The same with noise that follows noise for the same reason joined to one burst."""
-    burst: Noise | None = None
-    for part in parts:
-        if isinstance(part, Noise):
-            if burst is not None and burst.why == part.why:
-                burst = Noise(burst.data + part.data, part.why)
-                continue
-            if burst is not None:
-                yield burst
-            burst = part
-            continue
-        if burst is not None:
-            yield burst
-            burst = None
-        yield part
-    if burst is not None:
-        yield burst
+    for why, same in groupby(parts, lambda part: part.why if isinstance(part, Noise) else None):
+        if why is None:
+            yield from same
+        else:
+            yield Noise(b"".join(part.data for part in same), why)

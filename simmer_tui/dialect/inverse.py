@@ -11,8 +11,17 @@ import struct
 from collections.abc import Iterator, Mapping
 
 from msgspec import Struct
+from msgspec.structs import replace
 
-from simmer_tui.dialect.dialect_rules import TYPE, DialectRules, MessageRule, MoveStep, RunStep, StopStep
+from simmer_tui.dialect.dialect_rules import (
+    TYPE,
+    DialectRules,
+    MessageRule,
+    MoveStep,
+    RunStep,
+    StopStep,
+    expressions_of,
+)
 from simmer_tui.dialect.expressions import FieldValue
 from simmer_tui.dialect.frames import Deframer, Frame, FrameKind
 from simmer_tui.dialect.patterns import Pattern
@@ -96,20 +105,14 @@ class InverseRules:
         wanted = self._direction(code, value)
         if wanted is None:
             return self._why_no(code)
-        for rule in self._rules.rules:
-            for turned in self._messages(rule, state):
-                found = self._does(rule, turned, state)
-                if found is not None and _along(found, wanted) == math.inf:
-                    return turned
+        messages = [each for rule in self._rules.rules for each in self._messages(rule, state)]
+        ways = [_along(self._does(each, state), wanted) for each in messages]
+        if math.inf in ways:
+            return messages[ways.index(math.inf)]
         driven = self.drive(code, value, state)
         if isinstance(driven, Turned):
             return driven
-        for rule in self._rules.rules:
-            for turned in self._messages(rule, state):
-                found = self._does(rule, turned, state)
-                if found is not None and _along(found, wanted) > 0:
-                    return turned
-        return driven
+        return next((each for each, way in zip(messages, ways, strict=True) if way > 0), driven)
 
     def read(self, code: str, state: Mapping[str, FieldValue]) -> Turned | str:
         """The message that is answered with a reading of a sensor, or the reason there is none."""
@@ -160,67 +163,45 @@ class InverseRules:
         if wanted is None:
             return
         for rule in self._rules.rules:
-            if len(rule.steps) != 1 or not isinstance(rule.steps[0], MoveStep | RunStep):
-                continue
-            for pattern, choices in self._grids(rule):
-                turned = self._solved(rule, pattern, choices, wanted, abs(value), state)
-                if turned is not None:
-                    yield turned
+            if len(rule.steps) == 1 and isinstance(rule.steps[0], MoveStep | RunStep):
+                solved = (self._solved(form, wanted, abs(value), state) for form in _forms(rule))
+                yield from (turned for turned in solved if turned is not None)
 
     def _solved(
-        self,
-        rule: MessageRule,
-        pattern: Pattern | None,
-        choices: Mapping[str, str],
-        wanted: Velocity | str,
-        distance: float,
-        state: Mapping[str, FieldValue],
+        self, form: "_Form", wanted: Velocity | str, distance: float, state: Mapping[str, FieldValue]
     ) -> Turned | None:
-        """The message of a rule that goes so far, with the number found that it needs."""
-        kinds = pattern.kinds if pattern is not None else _packed_kinds(rule)
-        numbers = [name for name, kind in kinds.items() if kind in _NUMBERS and self._uses(rule, name)]
+        """The message that goes so far, with the number found that it needs."""
+        numbers = form.numbers
         if len(numbers) > 1:
             return None
-        if not numbers:
-            turned = self._message(rule, pattern, choices, state)
-            number, slack = math.nan, SAME
-        else:
-            name = numbers[0]
+        number, slack, texts = math.nan, SAME, {}
+        if numbers:
+            ((name, kind),) = numbers.items()
 
             def going(n: float) -> float:
-                found = self._evaluated(rule, self._values(rule, pattern, choices, {name: n}), state)
-                return _along(found, wanted) if found is not None else math.nan
+                return _along(self._evaluated(form.rule, form.values({name: n}), state), wanted)
 
             line = straight_line(going)
             if line is None:
                 return None
             number = (distance - line[1]) / line[0]
-            text = _written(number, kinds[name])
+            text = _written(number, kind)
             if text is None:
                 return None
+            texts[name] = text
             # A whole number is as near as the robot's own language allows.
-            slack = abs(line[0]) * (0.5 if kinds[name] in ("int", "digit") else 10.0**-_DECIMALS) + SAME
-            turned = self._message(rule, pattern, {**choices, name: text}, state)
-        if turned is None:
+            slack = abs(line[0]) * (0.5 if kind in ("int", "digit") else 10.0**-_DECIMALS) + SAME
+        turned = self._message(form, texts, state)
+        found = self._does(turned, state) if turned is not None else None
+        if turned is None or found is None or not abs(_along(found, wanted) - distance) <= slack:
             return None
-        found = self._does(rule, turned, state)
-        if found is None or not abs(_along(found, wanted) - distance) <= slack:
-            return None
-        return Turned(turned.data, turned.text, rule, number, found.seconds)
+        return replace(turned, number=number, seconds=found.seconds)
 
-    def _uses(self, rule: MessageRule, name: str) -> bool:
-        step = rule.steps[0]
-        if isinstance(step, MoveStep):
-            return any(name in each.names for each in step.command.expressions)
-        assert isinstance(step, RunStep), "asked of movements"
-        every = [*step.drive.expressions, *([step.seconds] if step.seconds is not None else [])]
-        return any(name in each.names for each in every)
-
-    def _does(self, rule: MessageRule, turned: Turned, state: Mapping[str, FieldValue]) -> _Found | None:
+    def _does(self, turned: Turned, state: Mapping[str, FieldValue]) -> _Found | None:
         """The movement that a message makes."""
-        frame = self._frame(rule, turned.data)
-        values = rule.values(frame) if frame is not None else None
-        return self._evaluated(rule, values, state) if values is not None else None
+        frame = self._frame(turned.data)
+        values = turned.rule.values(frame) if frame is not None else None
+        return self._evaluated(turned.rule, values, state) if values is not None else None
 
     def _evaluated(
         self, rule: MessageRule, values: Mapping[str, FieldValue], state: Mapping[str, FieldValue]
@@ -251,65 +232,30 @@ class InverseRules:
 
     # -- messages ------------------------------------------------------------------------------------
 
-    def _grids(self, rule: MessageRule) -> Iterator[tuple[Pattern | None, Mapping[str, str]]]:
-        """The patterns of a rule, each with all combinations of the words of its choices."""
-        if rule.unpack:
-            yield None, {}
-            return
-        for pattern in rule.patterns:
-            words = [[(name, word) for word in words] for name, words in pattern.choices.items()]
-            for combination in itertools.islice(itertools.product(*words), MOST_CHOICES):
-                yield pattern, dict(combination)
-
     def _messages(self, rule: MessageRule, state: Mapping[str, FieldValue]) -> Iterator[Turned]:
         """The messages of a rule that need no number."""
+        forms = _forms(rule)
         if rule.type is not None and not rule.patterns and not rule.unpack:
-            yield from filter(None, [self._message(rule, None, {}, state)])
-        for pattern, choices in self._grids(rule):
-            turned = self._message(rule, pattern, choices, state)
-            if turned is not None:
-                yield turned
-
-    def _values(
-        self,
-        rule: MessageRule,
-        pattern: Pattern | None,
-        choices: Mapping[str, str],
-        numbers: Mapping[str, float],
-    ) -> dict[str, FieldValue]:
-        """The values of a message with these words and numbers, defaults for the rest."""
-        values: dict[str, FieldValue] = dict.fromkeys(rule.names, 0)
-        if pattern is not None:
-            example = pattern.match(pattern.example) or {}
-            values |= {name: example[name] for name in pattern.defaults if name in example}
-            values |= {name: pattern.choices[name][word] for name, word in choices.items()}
-        return {**values, **numbers}
+            forms = iter((_Form(rule),))
+        made = (self._message(form, {}, state) for form in forms)
+        yield from (turned for turned in made if turned is not None)
 
     def _message(
-        self,
-        rule: MessageRule,
-        pattern: Pattern | None,
-        texts: Mapping[str, str],
-        state: Mapping[str, FieldValue],
+        self, form: "_Form", numbers: Mapping[str, str], state: Mapping[str, FieldValue]
     ) -> Turned | None:
-        """The message with these texts; None if one is missing, or an earlier rule takes it."""
+        """The message with these numbers; None if one is missing, or an earlier rule takes it."""
         try:
-            text = pattern.filled(texts) if pattern is not None else ""
-            content = text.encode()
-            if rule.unpack:
-                kinds = _packed_kinds(rule)
-                given = {name: float(texts.get(name, "0")) for name in rule.names}
-                packed = (n if kinds[name] == "number" else round(n) for name, n in given.items())
-                content, text = struct.pack(rule.unpack, *packed), f"{rule.shown} = {[*given.values()]}"
-            elif pattern is None:
-                text = rule.shown
-            data = self._framed(rule, content)
+            content, text = form.content(numbers)
+            data = self._framed(form.rule, content)
         except (KeyError, ValueError, struct.error):
             return None
-        frame = self._frame(rule, data)
-        if frame is None or self._rule_of(frame, state) is not rule:
+        frame = self._frame(data)
+        if frame is None:
             return None
-        return Turned(data, text, rule)
+        found = self._rules.found(frame, lambda values: MessageScope(state, values))
+        if found is None or found[0] is not form.rule:
+            return None
+        return Turned(data, text, form.rule)
 
     def _framed(self, rule: MessageRule, content: bytes) -> bytes:
         framing = self._rules.framing
@@ -319,28 +265,74 @@ class InverseRules:
             return framing.open + content + framing.close
         return content if framing.kind is FrameKind.BYTE else content + framing.end
 
-    def _frame(self, rule: MessageRule, data: bytes) -> Frame | None:
+    def _frame(self, data: bytes) -> Frame | None:
         """Meaning of a message to the robot; None if that is not one whole message."""
         frames = Deframer(self._rules.framing, self._rules.types, TYPE).receive(data)
         only = frames[0] if len(frames) == 1 else None
         return only if isinstance(only, Frame) and only.data == data else None
 
-    def _rule_of(self, frame: Frame, state: Mapping[str, FieldValue]) -> MessageRule | None:
-        """The first rule for a message, as the robot finds it."""
-        for rule in self._rules.rules:
-            values = rule.values(frame)
-            if values is None:
-                continue
-            try:
-                if rule.condition is None or rule.condition.value(MessageScope(state, values)):
-                    return rule
-            except ExpressionError:
-                continue
-        return None
+
+class _Form(Struct, frozen=True):
+    """Messages of a rule that differ in numbers alone: one of its patterns with the words of its choices, or
+    its packed values."""
+
+    rule: MessageRule
+    pattern: Pattern | None = None
+    choices: Mapping[str, str] = {}
+
+    @property
+    def kinds(self) -> Mapping[str, str]:
+        """The kinds of its values."""
+        if self.pattern is not None:
+            return self.pattern.kinds
+        packed = zip(self.rule.names, pack_codes(self.rule.unpack), strict=True)
+        return {name: "number" if code in "fde" else "int" for name, code in packed}
+
+    @property
+    def numbers(self) -> dict[str, str]:
+        """The kinds of the numbers on which the first step depends."""
+        used = frozenset[str]().union(*(each.names for each in expressions_of(self.rule.steps[0])))
+        return {name: kind for name, kind in self.kinds.items() if kind in _NUMBERS and name in used}
+
+    def values(self, numbers: Mapping[str, float]) -> dict[str, FieldValue]:
+        """The values of a message with these numbers, defaults for the rest."""
+        values: dict[str, FieldValue] = dict.fromkeys(self.rule.names, 0)
+        pattern = self.pattern
+        if pattern is not None:
+            example = pattern.match(pattern.example) or {}
+            values |= {name: example[name] for name in pattern.defaults if name in example}
+            values |= {name: pattern.choices[name][word] for name, word in self.choices.items()}
+        return {**values, **numbers}
+
+    def content(self, numbers: Mapping[str, str]) -> tuple[bytes, str]:
+        """The content of a message with these numbers, and the message for people. Raises KeyError,
+        ValueError or struct.error if there is none."""
+        rule, kinds = self.rule, self.kinds
+        if rule.unpack:
+            given = {name: float(numbers.get(name, "0")) for name in rule.names}
+            packed = (n if kinds[name] == "number" else round(n) for name, n in given.items())
+            return struct.pack(rule.unpack, *packed), f"{rule.shown} = {[*given.values()]}"
+        if self.pattern is None:
+            return b"", rule.shown
+        text = self.pattern.filled({**self.choices, **numbers})
+        return text.encode(), text
 
 
-def _along(found: _Found, wanted: Velocity | str) -> float:
-    """Length of a movement in a direction; NaN if it goes elsewhere."""
+def _forms(rule: MessageRule) -> Iterator[_Form]:
+    """The patterns of a rule, each with all combinations of the words of its choices."""
+    if rule.unpack:
+        yield _Form(rule)
+        return
+    for pattern in rule.patterns:
+        words = [[(name, word) for word in words] for name, words in pattern.choices.items()]
+        for combination in itertools.islice(itertools.product(*words), MOST_CHOICES):
+            yield _Form(rule, pattern, dict(combination))
+
+
+def _along(found: _Found | None, wanted: Velocity | str) -> float:
+    """Length of a movement in a direction; NaN if it goes elsewhere, or there is none."""
+    if found is None:
+        return math.nan
     if isinstance(wanted, str) or isinstance(found.direction, str):
         return found.distance if found.direction == wanted else math.nan
     aligned = sum(a * b for a, b in zip(found.direction, wanted, strict=True))
@@ -359,9 +351,3 @@ def _written(number: float, kind: str) -> str | None:
     if kind == "digit":
         return str(round(number)) if 0 <= round(number) <= 9 else None
     return str(round(number))
-
-
-def _packed_kinds(rule: MessageRule) -> dict[str, str]:
-    """The kinds of the values in a binary message."""
-    codes = pack_codes(rule.unpack)
-    return {name: "number" if code in "fde" else "int" for name, code in zip(rule.names, codes, strict=True)}

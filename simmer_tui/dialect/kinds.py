@@ -6,7 +6,7 @@ from enum import StrEnum
 
 from msgspec import Struct
 
-from simmer_tui.dialect.expressions import CONSTANTS, Expression, FieldValue
+from simmer_tui.dialect.expressions import CONSTANTS, Expression, FieldValue, RealNumber
 from simmer_tui.dialect.templates import Field
 
 
@@ -29,6 +29,8 @@ class Known(Struct, frozen=True):
 
 
 NUMBER, TEXT, LIST, ANY = (Known(each) for each in ValueKind)
+_KINDS: Mapping[type, ValueKind] = {str: ValueKind.TEXT, tuple: ValueKind.LIST}
+"""Kinds of values by type; all others are numbers."""
 _RESULTS = {"scan": ValueKind.LIST, "named": ValueKind.TEXT, "pick": ValueKind.ANY}
 """Kinds of functions; all others give numbers."""
 _NUMBERS_ONLY = ("min", "max", "abs", "round", "int", "ray", "scan")
@@ -37,13 +39,7 @@ _ONE_VALUE = "calculate with one value of it, as in scan(0, 30, 12)[2]*cm"
 
 def kind_of(value: FieldValue) -> ValueKind:
     """The kind of a value."""
-    return (
-        ValueKind.TEXT
-        if isinstance(value, str)
-        else ValueKind.LIST
-        if isinstance(value, tuple)
-        else ValueKind.NUMBER
-    )
+    return _KINDS.get(type(value), ValueKind.NUMBER)
 
 
 def field_mistakes(field: Field, names: Mapping[str, Known]) -> Iterator[str]:
@@ -125,11 +121,9 @@ class _Reader:
         return ValueKind.NUMBER
 
     def _compared(self, parts: list[ast.expr], compared: list[ast.cmpop]) -> None:
+        any_kind = all(isinstance(each, ast.Eq | ast.NotEq) for each in compared)
         for part in parts:
-            if all(isinstance(each, ast.Eq | ast.NotEq) for each in compared):
-                self.kind(part)
-            else:
-                self._number(part)
+            self.kind(part) if any_kind else self._number(part)
 
     def _called(self, name: str, arguments: list[ast.expr]) -> ValueKind:
         if name == "pick":
@@ -146,19 +140,20 @@ class _Reader:
     def _picked(self, arguments: list[ast.expr]) -> None:
         index, *values = arguments
         self._number(index)
-        for each in self._values(index):
-            if isinstance(each, int | float) and not 0 <= each < len(values):
+        for each in self._numbers(index):
+            if not 0 <= each < len(values):
                 self.mistakes.append(f"pick({each:g}, ...) has {len(values)} values, counted from 0")
 
-    def _values(self, node: ast.expr) -> tuple[FieldValue, ...]:
-        """The values that a part may have, as far as they are certain."""
+    def _numbers(self, node: ast.expr) -> tuple[RealNumber, ...]:
+        """The numbers that a part may be, as far as they are certain."""
         match node:
             case ast.Constant(value=int() | float() as number):
                 return (number,)
             case ast.UnaryOp(op=ast.USub(), operand=ast.Constant(value=int() | float() as number)):
                 return (-number,)
             case ast.Name(id=name):
-                return self._names.get(name, ANY).values
+                values = self._names.get(name, ANY).values
+                return tuple(each for each in values if isinstance(each, int | float))
             case ast.BinOp(op=ast.Mod(), right=ast.Constant(value=int() as number)) if number > 0:
                 return (number - 1,)
         return ()
@@ -170,8 +165,8 @@ class _Reader:
             self.mistakes.append(f"{ast.unparse(sequence)} is a number, and no list")
         of_scan = isinstance(sequence, ast.Call) and ast.unparse(sequence.func) == "scan"
         length = self._length(sequence)
-        for each in self._values(index):
-            if isinstance(each, int | float) and length is not None and not 0 <= each < length:
+        for each in self._numbers(index):
+            if length is not None and not 0 <= each < length:
                 self.mistakes.append(
                     f"the list has {length} values, counted from 0; there is none at {each:g}"
                 )
@@ -186,7 +181,7 @@ class _Reader:
             case ast.Name(id=name):
                 return self._names.get(name, ANY).length
             case ast.Call(func=ast.Name(id="scan"), args=[_, _, count]):
-                counts = [each for each in self._values(count) if isinstance(each, int | float)]
+                counts = self._numbers(count)
                 return int(counts[0]) if counts else None
             case ast.BinOp(left=left, right=right):  # value by value
                 return self._length(left) or self._length(right)

@@ -4,16 +4,8 @@ import math
 import struct
 from collections.abc import Iterator, Sequence
 
-from simmer_tui.dialect.dialect_rules import (
-    AnyReply,
-    AssignStep,
-    DialectRules,
-    MessageRule,
-    MoveStep,
-    PauseStep,
-    RunStep,
-    Step,
-)
+from simmer_tui.dialect import dialect_rules
+from simmer_tui.dialect.dialect_rules import AnyReply, DialectRules, MessageRule, Step
 from simmer_tui.dialect.expressions import MOST_RAYS, Expression, FieldValue, listed_codes
 from simmer_tui.dialect.patterns import Pattern
 from simmer_tui.dialect.templates import BinaryReply
@@ -41,13 +33,16 @@ def nearest(text: str, rules: DialectRules) -> str:
 
 def does(step: Step) -> str:
     """A step as it is written."""
-    if isinstance(step, MoveStep):
-        return step.command.source
-    if isinstance(step, RunStep):
-        return f"run {step.drive.source}" + (f" for {step.seconds.source} s" if step.seconds else "")
-    if isinstance(step, PauseStep):
-        return f"pause {step.seconds.source}"
-    return f"{step.name} = {step.expression.source}" if isinstance(step, AssignStep) else "stop"
+    match step:
+        case dialect_rules.MoveStep(command=command):
+            return command.source
+        case dialect_rules.RunStep(drive=drive, seconds=seconds):
+            return f"run {drive.source}" + (f" for {seconds.source} s" if seconds else "")
+        case dialect_rules.PauseStep(seconds=seconds):
+            return f"pause {seconds.source}"
+        case dialect_rules.AssignStep(name=name, expression=expression):
+            return f"{name} = {expression.source}"
+    return "stop"
 
 
 class _Example:
@@ -57,8 +52,7 @@ class _Example:
         self._values: dict[str, FieldValue] = {"time": 12.3, "contact": 0, "tick": 0, "k": 0, "text": "text"}
         self._values |= dict.fromkeys(rules.codes, 12.3) | dict.fromkeys(rules.yes_or_no, 1)
         self._values |= {code: (12.3,) * spec.rays for code, spec in rules.lidars.items()}
-        self._values |= rules.state
-        self._values |= values
+        self._values |= {**rules.state, **values}
 
     def value(self, name: str) -> FieldValue:
         return self._values.get(name, math.nan)
@@ -92,11 +86,7 @@ def _replies(rule: MessageRule, rules: DialectRules) -> str:
     values: dict[str, FieldValue] = dict.fromkeys(rule.names, 7)
     if rule.patterns:
         values |= rule.patterns[0].match(rule.patterns[0].example) or {}
-    parts = (
-        ("", rule.reply),
-        ("at its end ", rule.done),
-        ("if stopped ", rule.stopped),
-    )
+    parts = (("", rule.reply), ("at its end ", rule.done), ("if stopped ", rule.stopped))
     return "; ".join(word + _example(each, rules, values) for word, each in parts if each)
 
 

@@ -46,11 +46,12 @@ class Pattern:
         self.source = source
         if not source:
             raise ValueError("is empty; write the message as it is sent")
-        self._kinds: dict[str, str] = {}
-        self._choices: dict[str, dict[str, FieldValue]] = {}
-        self._written: dict[str, str] = {}
-        """Defaults as they are written."""
-        self._defaults: dict[str, FieldValue] = {}
+        self.kinds: dict[str, str] = {}
+        """The kind of each field, `choice` for one of a few words."""
+        self.choices: dict[str, dict[str, FieldValue]] = {}
+        """The words of each choice, and what they stand for."""
+        self.defaults: dict[str, str] = {}
+        """The defaults of fields, as they are written."""
         made, example, end = "", "", 0
         for field in _FIELD.finditer(source):
             plain = source[end : field.start()]
@@ -65,12 +66,12 @@ class Pattern:
             raise ValueError(f"'{source}' has a {brace} without its {other}")
         self.example = example + rest
         """A message that matches."""
-        if list(self._kinds.values()).count("text") > 1:
+        if list(self.kinds.values()).count("text") > 1:
             raise ValueError("has two fields of text; where the first one ends would not be clear")
         # A text before a blank does not end with one: else a run of blanks were gone through again and again.
         made = (made + _literal(rest)).replace(r".*)\s++", r"(?:.*(?<!\s))?)\s++")
         self._pattern = re.compile(made, re.DOTALL)
-        self.names = frozenset(self._kinds)
+        self.names = frozenset(self.kinds)
         """The names of its fields."""
 
     def _field(self, inside: str) -> tuple[str, str]:
@@ -79,7 +80,7 @@ class Pattern:
         if name is None:
             raise ValueError(f"{{{inside}}}: a field begins with a name, such as {{n}} or {{n:int}}")
         rest = inside[name.end() :]
-        if name[0] in self._kinds:
+        if name[0] in self.kinds:
             raise ValueError(f"has the field {{{name[0]}}} twice")
         if rest.startswith(":") and "|" in rest:
             return self._choice(name[0], rest[1:])
@@ -89,46 +90,30 @@ class Pattern:
             known = ", ".join(_FIELDS)
             raise ValueError(f"{{{inside}}}: '{kind}' is no kind of field; there are {known}"
                              f"{did_you_mean(kind, _FIELDS)}")  # fmt: skip
-        self._kinds[name[0]] = kind
+        self.kinds[name[0]] = kind
         pattern = f"(?P<{name[0]}>{_FIELDS[kind]})"
         if not has_default:
             return pattern, _EXAMPLES[kind]
         if re.fullmatch(_FIELDS[kind], default) is None:
             raise ValueError(f"{{{inside}}}: the default '{default}' is no {kind}")
-        self._defaults[name[0]] = _converted(kind, default)
-        self._written[name[0]] = default
+        self.defaults[name[0]] = default
         return f"(?:{pattern})?+", default
 
     def _choice(self, name: str, choices: str) -> tuple[str, str]:
-        self._kinds[name] = "choice"
+        self.kinds[name] = "choice"
         words: dict[str, FieldValue] = {}
         for choice in choices.split("|"):
             word, stands, value = choice.partition("=")
             if not word or word in words:
                 raise ValueError(f"{{{name}:{choices}}}: each word is given once, as in {{{name}:f=0|d=1}}")
             words[word] = _plain(value) if stands else word
-        self._choices[name] = words
+        self.choices[name] = words
         longest_first = sorted(words, key=len, reverse=True)
         return f"(?P<{name}>(?>{'|'.join(map(re.escape, longest_first))}))", next(iter(words))
 
-    @property
-    def kinds(self) -> Mapping[str, str]:
-        """The kind of each field, `choice` for one of a few words."""
-        return self._kinds
-
-    @property
-    def choices(self) -> Mapping[str, Mapping[str, FieldValue]]:
-        """The words of each choice, and what they stand for."""
-        return self._choices
-
-    @property
-    def defaults(self) -> Mapping[str, str]:
-        """The defaults of fields, as they are written."""
-        return self._written
-
     def filled(self, texts: Mapping[str, str]) -> str:
         """The message with a text for each field; one that is not named has its default."""
-        texts = {**self._written, **texts}
+        texts = {**self.defaults, **texts}
         return _FIELD.sub(lambda field: texts[re.split("[:=]", field[1])[0]], self.source)
 
     def match(self, message: str) -> dict[str, FieldValue] | None:
@@ -137,12 +122,12 @@ class Pattern:
         if found is None:
             return None
         values: dict[str, FieldValue] = {}
-        for name, kind in self._kinds.items():
+        for name, kind in self.kinds.items():
             text = found[name]
             if text is None:
-                values[name] = self._defaults[name]
+                values[name] = _converted(kind, self.defaults[name])
             elif kind == "choice":
-                values[name] = self._choices[name][text]
+                values[name] = self.choices[name][text]
             elif kind in ("number", "int") and len(text) > _LONGEST_NUMBER:
                 return None
             else:

@@ -3,9 +3,9 @@
 import math
 from collections.abc import Callable, Mapping, Sequence
 
-from simmer_tui.dialect.dialect_rules import AnyReply, MessageRule
+from simmer_tui.dialect.dialect_rules import MessageRule
 from simmer_tui.dialect.expressions import Expression, FieldValue
-from simmer_tui.dialect.templates import BinaryReply, Field, TextReply
+from simmer_tui.dialect.templates import BinaryReply
 from simmer_tui.errors import ExpressionError
 
 # Two sides of one equation in floating point, some operations apart.
@@ -17,12 +17,12 @@ class MessageScope:
     """The names of an expression that reads no sensor: values of a message, and of the state."""
 
     def __init__(self, state: Mapping[str, FieldValue], values: Mapping[str, FieldValue]) -> None:
-        self._names = {"contact": 0, "time": 0.0, **state, **values}
+        self.names = {"contact": 0, "time": 0.0, **state, **values}
 
     def value(self, name: str) -> FieldValue:
-        if name not in self._names:
+        if name not in self.names:
             raise ExpressionError(f"'{name}' is not known before it is read")
-        return self._names[name]
+        return self.names[name]
 
     def call(self, function: str, arguments: Sequence[FieldValue]) -> FieldValue:
         raise ExpressionError(f"{function}() asks the robot")
@@ -43,18 +43,6 @@ def straight_line(function: Callable[[float], float]) -> tuple[float, float] | N
     return (a, b) if all(abs(got - wanted) <= SAME * scale for got, wanted in probes) else None
 
 
-def reply_fields(reply: AnyReply) -> tuple[Field, ...]:
-    """The fields of a text reply."""
-    return (
-        tuple(part for part in reply.parts if isinstance(part, Field)) if isinstance(reply, TextReply) else ()
-    )
-
-
-def packed_values(reply: AnyReply) -> tuple[Expression, ...]:
-    """The values that a binary reply packs."""
-    return reply.values if isinstance(reply, BinaryReply) else ()
-
-
 def readable(rule: MessageRule, codes: frozenset[str], state: Mapping[str, FieldValue]) -> frozenset[str]:
     """The sensors whose readings can be told from the reply of a rule."""
     values: dict[str, FieldValue] = dict.fromkeys(rule.names, 0)
@@ -62,26 +50,12 @@ def readable(rule: MessageRule, codes: frozenset[str], state: Mapping[str, Field
         values |= rule.patterns[0].match(rule.patterns[0].example) or {}
     found = set()
     for reply in rule.reply:
-        for expression in (*(each.expression for each in reply_fields(reply)), *packed_values(reply)):
+        # A binary reply's text is not read.
+        for expression in reply.values if isinstance(reply, BinaryReply) else reply.expressions:
             code, line = read_by(expression, codes, MessageScope(state, values))
             if line is not None:
                 found.add(code)
     return frozenset(found)
-
-
-class _WithReading:
-    """The names of an expression with one reading among them."""
-
-    def __init__(self, scope: MessageScope, code: str) -> None:
-        self._scope = scope
-        self._code = code
-        self.reading = 0.0
-
-    def value(self, name: str) -> FieldValue:
-        return self.reading if name == self._code else self._scope.value(name)
-
-    def call(self, function: str, arguments: Sequence[FieldValue]) -> FieldValue:
-        return self._scope.call(function, arguments)
 
 
 def read_by(
@@ -92,10 +66,10 @@ def read_by(
     if len(sensors) != 1:
         return "", None
     (code,) = sensors
-    names = _WithReading(scope, code)
+    with_reading = MessageScope(scope.names, {})
 
     def at(reading: float) -> float:
-        names.reading = reading
-        return expression.number(names)
+        with_reading.names[code] = reading
+        return expression.number(with_reading)
 
     return code, straight_line(at)

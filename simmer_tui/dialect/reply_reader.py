@@ -3,6 +3,7 @@
 A reply is looked for among those that are due: of messages that were sent, in their order, and of streams.
 """
 
+import itertools
 import math
 import re
 import struct
@@ -74,28 +75,20 @@ class ReplyReader:
         self._rules = rules
         self._state = state
         self._end = rules.reply_end.encode()
-        self._due: list[Due] = []
+        self.due: list[Due] = []
+        """The replies that are due, `done` and `stopped` both of a movement."""
         self._numbers = rules.single.union(
             ("time", "contact", "tick", "k"),
             (name for name, value in rules.state.items() if isinstance(value, int | float)),
         )
         """Names that are always numbers."""
         self._streams = [
-            Due(
-                MessageRule(number=0),
-                "stream",
-                [*each.send],
-                {},
-                [self._pattern(every) for every in each.send],
-            )
-            for each in rules.streams
+            self._made_due(MessageRule(number=0), "stream", each.send, {}) for each in rules.streams
         ]
         self._buffer = bytearray()
-        replies = [
-            *(reply for rule in rules.rules for reply in (*rule.reply, *rule.done, *rule.stopped)),
-            *(reply for stream in rules.streams for reply in stream.send),
-        ]
-        is_binary = any(isinstance(each, BinaryReply) for each in replies)
+        answers = [each for rule in rules.rules for each in (rule.reply, rule.done, rule.stopped)]
+        sent = itertools.chain(*answers, *(each.send for each in rules.streams))
+        is_binary = any(isinstance(each, BinaryReply) for each in sent)
         self._deframer = Deframer(rules.framing) if is_binary else None
 
     @property
@@ -103,28 +96,27 @@ class ReplyReader:
         """True if bytes have come whose end has not."""
         return bool(self._buffer) or (self._deframer is not None and self._deframer.unfinished)
 
-    @property
-    def due(self) -> Sequence[Due]:
-        """The replies that are due, `done` and `stopped` both of a movement."""
-        return tuple(self._due)
-
     def asked(self, rule: MessageRule, values: Mapping[str, FieldValue]) -> None:
         """A message has been sent: its replies are due."""
         for part, replies in (("reply", rule.reply), ("done", rule.done), ("stopped", rule.stopped)):
             if replies:
-                patterns = [self._pattern(each) for each in replies]
-                self._due.append(Due(rule, part, [*replies], values, patterns))
-        del self._due[:-MOST_DUE]
+                self.due.append(self._made_due(rule, part, replies, values))
+        del self.due[:-MOST_DUE]
+
+    def _made_due(
+        self, rule: MessageRule, part: str, replies: Sequence[AnyReply], values: Mapping[str, FieldValue]
+    ) -> Due:
+        return Due(rule, part, [*replies], values, [self._pattern(each) for each in replies])
 
     def forget(self, rule: MessageRule) -> None:
         """The replies of a message are not waited for any more."""
-        self._due = [each for each in self._due if each.rule is not rule]
+        self.due = [each for each in self.due if each.rule is not rule]
 
     def receive(self, data: bytes) -> list[Heard]:
         """The replies that these bytes complete."""
         if self._deframer is not None:
-            return [self._frame(part) if isinstance(part, Frame) else Heard(part.data)
-                    for part in self._deframer.receive(data)]  # fmt: skip
+            parts = self._deframer.receive(data)
+            return [self._frame(part) if isinstance(part, Frame) else Heard(part.data) for part in parts]
         self._buffer += data
         return list(self._lines(at_end=False))
 
@@ -153,12 +145,12 @@ class ReplyReader:
     def _first(self, *, at_end: bool) -> Heard | None:
         """The reply at the beginning of what has come, if it is one that is due."""
         window = bytes(self._buffer[:LONGEST])
-        for due in (*self._due, *self._streams):
+        for due in (*self.due, *self._streams):
             match = due.patterns[0].match(window) if due.patterns else None
-            # A number at the very end may go on: 12. and then 5.
-            if match is None or (match.end() == len(window) and not at_end and not self._is_closed(due)):
+            if match is None or not match.end():
                 continue
-            if not match.end():
+            # A number at the very end may go on: 12. and then 5.
+            if match.end() == len(window) and not at_end and not self._is_closed(due):
                 continue
             template = due.templates[0]
             readings = self._readings(template, match, due.values)
@@ -188,10 +180,10 @@ class ReplyReader:
             return
         gone = [due]
         if due.part in ("done", "stopped"):  # the one instead of the other
-            at = self._due.index(due)
-            near = self._due[at + 1 : at + 2] if due.part == "done" else self._due[at - 1 : at] if at else []
+            at = self.due.index(due)
+            near = self.due[at + 1 : at + 2] if due.part == "done" else self.due[at - 1 : at] if at else []
             gone += [each for each in near if each.rule is due.rule and each.part in ("done", "stopped")]
-        self._due = [each for each in self._due if each not in gone]
+        self.due = [each for each in self.due if each not in gone]
 
     def _pattern(self, reply: AnyReply) -> re.Pattern[bytes]:
         """The bytes of a text reply, a group for each field."""
@@ -236,7 +228,7 @@ class ReplyReader:
 
     def _frame(self, frame: Frame) -> Heard:
         kind = frame.head.get(TYPE)
-        for due in (*self._due, *self._streams):
+        for due in (*self.due, *self._streams):
             template = due.templates[0] if due.templates else None
             if not isinstance(template, BinaryReply) or template.type not in (None, kind):
                 continue

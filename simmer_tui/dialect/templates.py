@@ -3,7 +3,7 @@
 import math
 import re
 import struct
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
 from msgspec import Struct
 
@@ -37,17 +37,13 @@ class Field(Struct, frozen=True):
 
     def text(self, scope: Scope, missing: str) -> str:
         """The field as text. A value that is not finite is `missing`. Raises ExpressionError."""
-        value = self.expression.value(scope)
-        if self.joint is not None:
-            values = value if isinstance(value, tuple) else (value,)
-            # One text that grows: all of them beside each other would be several times as large.
-            text = self._one(values[0], missing) if values else ""
-            for each in values[1:]:
-                text += self.joint + self._one(each, missing)
-                _check_length(text)
-        else:
-            text = self._one(value, missing)
-        _check_length(text)
+        value, text, joint = self.expression.value(scope), "", ""
+        # One text that grows: all of them beside each other would be several times as large.
+        for each in value if self.joint is not None and isinstance(value, tuple) else (value,):
+            text += joint + self._one(each, missing)
+            if len(text) > LONGEST_FIELD:
+                raise ExpressionError(f"fields go up to {LONGEST_FIELD} characters")
+            joint = self.joint or ""
         return text
 
     def _one(self, value: FieldValue, missing: str) -> str:
@@ -58,11 +54,6 @@ class Field(Struct, frozen=True):
         if not math.isfinite(value):
             return missing
         return format(_fitting(value, self.format), self.format)
-
-
-def _check_length(text: str) -> None:
-    if len(text) > LONGEST_FIELD:
-        raise ExpressionError(f"fields go up to {LONGEST_FIELD} characters")
 
 
 def _fitting(value: RealNumber, wanted: str) -> RealNumber | str:
@@ -178,14 +169,8 @@ def parsed_reply(source: str) -> tuple[TextReply, list[str]]:
 
 def _end_of_field(source: str, begin: int) -> int:
     """The place of the brace that closes a field; those in quotes do not count."""
-    quote = ""
-    for at in range(begin + 1, len(source)):
-        character = source[at]
-        if quote:
-            quote = "" if character == quote else quote
-        elif character in "'\"":
-            quote = character
-        elif character == "}":
+    for at, character in _unquoted(source, begin + 1):
+        if character == "}":
             return at
     raise ValueError(
         f"'{source[begin : begin + 30]}' has a {{ without its }}; a brace itself is written twice"
@@ -209,19 +194,25 @@ def _field(inside: str) -> Field:
 
 def _parted(text: str, mark: str) -> tuple[str, str | None]:
     """A text before a mark, and after it; brackets and quotes keep what is in them together."""
-    depth, quote = 0, ""
-    for at, character in enumerate(text):
+    depth = 0
+    for at, character in _unquoted(text):
+        depth += (character in "([") - (character in ")]")
+        if character == mark and not depth:
+            return text[:at], text[at + 1 :]
+    return text, None
+
+
+def _unquoted(text: str, begin: int = 0) -> Iterator[tuple[int, str]]:
+    """The characters of a text that stand in no quotes, from a place on, each with its place."""
+    quote = ""
+    for at in range(begin, len(text)):
+        character = text[at]
         if quote:
             quote = "" if character == quote else quote
         elif character in "'\"":
             quote = character
-        elif character in "([":
-            depth += 1
-        elif character in ")]":
-            depth -= 1
-        elif character == mark and not depth:
-            return text[:at], text[at + 1 :]
-    return text, None
+        else:
+            yield at, character
 
 
 def check_pack(pack: str, count: int) -> None:
@@ -235,13 +226,3 @@ def check_pack(pack: str, count: int) -> None:
     wanted = len(tuple(pack_codes(pack)))
     if wanted != count:
         raise ValueError(f"'{pack}' has {wanted} values, and {count} are named")
-
-
-def sensors_in(expressions: Sequence[Expression], names: frozenset[str]) -> tuple[str, ...]:
-    """The names of `names` that expressions use, in the order in which they are written, each once."""
-    found: dict[str, None] = {}
-    for each in expressions:
-        for name in re.findall(r"[A-Za-z_]\w*", each.source):
-            if name in each.names and name in names:
-                found[name] = None
-    return tuple(found)

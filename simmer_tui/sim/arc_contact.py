@@ -63,9 +63,7 @@ def _events(footprint: Footprint, obstacles: Obstacles, arc: Arc, last: float) -
     velocity = np.array(arc.velocity)
     found: list[FloatArray] = []
     if footprint.radius:
-        apart = Edges.join(faces, faces)
-        offsets = np.concatenate((faces.offset + footprint.radius, faces.offset - footprint.radius))
-        beside = Edges(apart.normal, offsets, apart.tangent, apart.low, apart.high)
+        beside = faces.beside(footprint.radius)
         found.append(_line_crossings(start[None, :], velocity[None, :], w, beside, last))
         found.append(_disc_at_corners(start - corners, velocity, w, footprint.radius, last))
     if len(footprint.vertices):

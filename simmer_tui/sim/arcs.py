@@ -73,6 +73,11 @@ class Arc(Struct, frozen=True, dict=True):
         velocity = (cos * twist.x - sin * twist.y, sin * twist.x + cos * twist.y)
         return cls(start, velocity, twist.r, duration)
 
+    @classmethod
+    def standing(cls, pose: Pose) -> "Arc":
+        """The motion of a robot that stands for as long as it may."""
+        return cls(pose, (0.0, 0.0), 0.0, math.inf)
+
     @property
     def own_velocity(self) -> tuple[float, float]:
         """The centre's velocity ahead and to the left of the robot, in/s; with a spin that at the start."""

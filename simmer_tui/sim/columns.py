@@ -36,12 +36,9 @@ def _column(header: str, rule: Rule[Any], course: CourseRule, help_text: str, **
     """A column whose unit stands in its header, as does the field unless it is given."""
     found = _UNIT.search(header)
     field = header.partition(" (")[0].lower().replace(" ", "_").replace("-", "_")
-    usual: dict[str, Any] = {
-        "name": header,
-        "field": field,
-        "course": course,
-        "unit": found[1] if found else "",
-    }
+    usual: dict[str, Any] = {"name": header, "field": field, "course": course}
+    if found:
+        usual["unit"] = found[1]
     return CsvColumn(rule, help_text, **(usual | others))
 
 

@@ -7,14 +7,14 @@ changes, so one look in between tells free from overlapping; a motion that only 
 """
 
 import math
+from collections.abc import Iterator
 from itertools import pairwise
 
 import numpy as np
 from msgspec import Struct
-from msgspec.structs import replace
 from numpy.typing import NDArray
 
-from simmer_tui.sim.angles import FloatArray
+from simmer_tui.sim.angles import BoolArray, FloatArray
 from simmer_tui.sim.footprint import Edges, Footprint
 from simmer_tui.sim.obstacles import Obstacles
 from simmer_tui.sim.path import START, Path, PathPosition, distances
@@ -28,6 +28,12 @@ _CHUNK = 128
 _TURN = 2.0 * math.pi
 # Rounding of a cosine, by far: what is just beyond a sweep is sorted out by its angle.
 _SLACK = 1e-9
+_Near = tuple[Edges, FloatArray]
+"""Faces and corners within reach, as `Obstacles.near` has them."""
+_Directions = tuple[FloatArray, FloatArray]
+"""Cosines and sines of k headings, (k,) each."""
+_Events = tuple[NDArray[np.intp], FloatArray]
+"""Numbers of segments, and fractions of their legs after which something may begin to overlap, (n,) each."""
 
 
 class Met(Struct, frozen=True):
@@ -52,64 +58,63 @@ def first_contact(
     gone = np.flatnonzero(lengths[after.segment :] > size)
     last = after.segment + int(gone[0]) + 1 if len(gone) else path.segments
     for begin in range(after.segment, last, _CHUNK):
-        end = min(begin + _CHUNK, last)
-        met = _contact_within(footprint, obstacles, path, (begin, end), lengths, size, after)
+        # A leg longer than the maze ends at a wall; cutting it keeps the arithmetic precise.
+        shares = np.minimum(1.0, size / np.maximum(lengths[begin : min(begin + _CHUNK, last)], TOUCHING))
+        met = _contact_within(footprint, obstacles, path, begin, shares, after)
         if met is not None:
             return met
     return None
 
 
 def _contact_within(
-    footprint: Footprint,
-    obstacles: Obstacles,
-    path: Path,
-    chunk: tuple[int, int],
-    lengths: FloatArray,
-    size: float,
-    after: PathPosition,
+    body: Footprint, obstacles: Obstacles, path: Path, begin: int, shares: FloatArray, after: PathPosition
 ) -> Met | None:
-    begin, end = chunk
+    """The first contact in the segments from `begin` on; `shares` (k,) is what to look at of their straight
+    legs."""
+    end = begin + len(shares)
     points = path.points[begin : end + 1]
-    # A leg longer than the maze ends at a wall; cutting it keeps the arithmetic precise.
-    within = np.minimum(1.0, size / np.maximum(lengths[begin:end], TOUCHING))
-    moves = np.diff(points, axis=0) * within[:, None]
+    centres, moves = points[:-1], np.diff(points, axis=0) * shares[:, None]
     # Only what is within reach of the legs' ends can be met: of a large maze most faces drop out here.
-    margin = footprint.reach + TOUCHING
-    corners = np.concatenate((points[:-1], points[:-1] + moves))
-    faces, face_ends = obstacles.near(corners.min(axis=0) - margin, corners.max(axis=0) + margin)
-    if not len(faces.offset) and not len(face_ends):
+    margin = body.reach + TOUCHING
+    ends = np.concatenate((centres, centres + moves))
+    near = obstacles.near(ends.min(axis=0) - margin, ends.max(axis=0) + margin)
+    if not len(near[0].offset) and not len(near[1]):
         return None
     cos, sin = (each[begin : end + 1] for each in path.directions)
-    order, fractions = _straight_events(footprint, faces, face_ends, points[:-1], moves, cos[1:], sin[1:])
-    orders, fractions_of_leg = [order], [fractions]
-    if path.turn and len(footprint.vertices):
-        swept = math.radians(path.turn * _turn_fraction(path.turn))
-        order, fractions = _turning_events(
-            footprint, faces, face_ends, points[:-1], swept, cos[:-1], sin[:-1]
-        )
-        orders.append(order)
-        fractions_of_leg.append(fractions)
-    all_orders, all_fractions = np.concatenate(orders), np.concatenate(fractions_of_leg)
-    for leg in np.unique(all_orders):
+    straight_events = _straight_events(body, near, centres, moves, (cos[1:], sin[1:]))
+    found = [(2 * segments + 1, fractions) for segments, fractions in straight_events]
+    # A full circle is all there is to look at of a turn.
+    share = min(1.0, 360.0 / abs(path.turn)) if path.turn else 1.0
+    if path.turn and len(body.vertices):
+        swept = math.radians(path.turn * share)
+        turning_events = _turning_events(body, near, centres, swept, (cos[:-1], sin[:-1]))
+        found += [(2 * segments, fractions) for segments, fractions in turning_events]
+    legs, fractions = (np.concatenate(each) for each in zip(*found, strict=True))
+    for leg in np.unique(legs):
         segment, straight = divmod(int(leg), 2)
         at = begin + segment
-        longest = float(within[segment]) if straight else _turn_fraction(path.turn)
-        events = np.unique(np.concatenate(([0.0], all_fractions[all_orders == leg], [1.0]))) * longest
+        longest = float(shares[segment]) if straight else share
+        events = np.unique(np.concatenate(([0.0], fractions[legs == leg], [1.0]))) * longest
         if at == after.segment:
             events = (
                 _still_to_come(events, after.translated) if straight else _turned_on(events, after.turned)
             )
+        met = _first_overlap(body, obstacles, path, at, events, straight=bool(straight))
+        if met is not None:
+            return met
+    return None
 
-        def pose(fraction: float, at: int = at, straight: int = straight) -> Pose:
-            return path.pose(at, 1.0, fraction) if straight else path.pose(at, fraction, 0.0)
 
-        # Between two events nothing changes, so the middle stands for all of it.
-        for free, following in pairwise(events.tolist()):
-            for beyond in (pose((free + following) / 2), pose(following)):
-                if obstacles.overlap(footprint, beyond):
-                    return Met(
-                        PathPosition(at, 1.0, free) if straight else PathPosition(at, free, 0.0), beyond
-                    )
+def _first_overlap(
+    body: Footprint, obstacles: Obstacles, path: Path, at: int, events: FloatArray, *, straight: bool
+) -> Met | None:
+    """The first of a leg's events after which the robot overlaps an obstacle. Between two of them nothing
+    changes, so the middle stands for all of it."""
+    for free, following in pairwise(events.tolist()):
+        for fraction in ((free + following) / 2, following):
+            beyond = path.pose(at, 1.0, fraction) if straight else path.pose(at, fraction, 0.0)
+            if obstacles.overlap(body, beyond):
+                return Met(PathPosition(at, 1.0, free) if straight else PathPosition(at, free, 0.0), beyond)
     return None
 
 
@@ -129,82 +134,44 @@ def _turned_on(events: FloatArray, done: float) -> FloatArray:
     return np.concatenate(([done], np.unique(again[(again > done) & (again < end)]), [end]))
 
 
-def _turn_fraction(turn: float) -> float:
-    """The fraction of a segment's turn that needs looking at: a full circle is all there is."""
-    return min(1.0, 360.0 / abs(turn))
-
-
 def _straight_events(
-    footprint: Footprint,
-    faces: Edges,
-    corners: FloatArray,
-    centres: FloatArray,
-    moves: FloatArray,
-    cos: FloatArray,
-    sin: FloatArray,
-) -> tuple[NDArray[np.intp], FloatArray]:
-    """Events on the straight legs: (leg order, fraction of the leg), both (n,)."""
-    events: list[tuple[NDArray[np.intp], FloatArray]] = []
+    footprint: Footprint, near: _Near, centres: FloatArray, moves: FloatArray, headings: _Directions
+) -> Iterator[_Events]:
+    """Events on the straight legs."""
+    faces, corners = near
     if footprint.radius:
-        sides = np.concatenate((faces.offset + footprint.radius, faces.offset - footprint.radius))
-        beside = replace(Edges.join(faces, faces), offset=sides)
-        events.append(_crossings(centres[:, None, :], moves, beside))
-        events.append(_rounded_corners(centres, moves, corners, footprint.radius))
+        yield _crossings(centres[:, None, :], moves, faces.beside(footprint.radius))
+        yield from _rounded_corners(centres, moves, corners, footprint.radius)
     if len(footprint.vertices):
-        vertices = _turned(footprint.vertices, cos, sin) + centres[:, None, :]
-        events.append(_crossings(vertices, moves, faces))
+        cos, sin = headings
+        yield _crossings(_turned(footprint.vertices, cos, sin) + centres[:, None, :], moves, faces)
         # Seen from the robot the corners move, the other way round.
-        apart = _turned_each(corners[None, :, :] - centres[:, None, :], cos, -sin)
-        away = _turned_each(-moves[:, None, :], cos, -sin)[:, 0, :]
-        events.append(_crossings(apart, away, footprint.edges))
-    return _joined(events, straight=1)
+        apart = _turned(corners - centres[:, None, :], cos, -sin)
+        away = _turned(-moves[:, None, :], cos, -sin)[:, 0, :]
+        yield _crossings(apart, away, footprint.edges)
 
 
 def _turning_events(
-    footprint: Footprint,
-    faces: Edges,
-    corners: FloatArray,
-    centres: FloatArray,
-    swept: float,
-    cos: FloatArray,
-    sin: FloatArray,
-) -> tuple[NDArray[np.intp], FloatArray]:
-    """Events on the turning legs: (leg order, fraction of the turn looked at), both (n,)."""
-    vertices = _turned(footprint.vertices, cos, sin)
-    across, tangents_apart = faces.places(centres)
-    walls_apart = faces.offset - across
-    events = [_sweeps(vertices, swept, faces, walls_apart, tangents_apart)]
-    apart = _turned_each(corners[None, :, :] - centres[:, None, :], cos, -sin)
-    edges = footprint.edges
-    events.append(_sweeps(apart, -swept, edges, edges.offset[None, :], np.zeros((1, len(edges.offset)))))
-    return _joined(events, straight=0)
-
-
-def _joined(
-    events: list[tuple[NDArray[np.intp], FloatArray]], straight: int
-) -> tuple[NDArray[np.intp], FloatArray]:
-    legs = np.concatenate([leg for leg, _ in events])
-    return legs * 2 + straight, np.concatenate([fraction for _, fraction in events])
+    footprint: Footprint, near: _Near, centres: FloatArray, swept: float, headings: _Directions
+) -> Iterator[_Events]:
+    """Events on the turning legs: fractions of the turn that is looked at, `swept` radians."""
+    (faces, corners), (cos, sin), edges = near, headings, footprint.edges
+    across, along = faces.places(centres)
+    yield from _sweeps(_turned(footprint.vertices, cos, sin), swept, faces, faces.offset - across, along)
+    apart = _turned(corners - centres[:, None, :], cos, -sin)
+    yield from _sweeps(apart, -swept, edges, edges.offset[None, :], np.zeros((1, len(edges.offset))))
 
 
 def _turned(points: FloatArray, cos: FloatArray, sin: FloatArray) -> FloatArray:
-    """(v, 2) points turned by each of k angles: (k, v, 2)."""
-    return _turned_each(np.broadcast_to(points, (len(cos), *points.shape)), cos, sin)
-
-
-def _turned_each(points: FloatArray, cos: FloatArray, sin: FloatArray) -> FloatArray:
-    """(k, v, 2) points, each of the k groups turned by its own angle."""
+    """(v, 2) points turned by each of k angles, or each of (k, v, 2) by the angle of its group: (k, v, 2)."""
     x, y = points[..., 0], points[..., 1]
     cos, sin = cos[:, None], sin[:, None]
     return np.stack((cos * x - sin * y, sin * x + cos * y), axis=-1)
 
 
-def _crossings(points: FloatArray, moves: FloatArray, edges: Edges) -> tuple[NDArray[np.intp], FloatArray]:
-    """When points (k, v, 2), each group moving by its row of `moves` (k, 2), meet edges.
-
-    Returns the group and the fraction of the move, both (n,). A point that touches an edge at the
-    start is met at 0, whatever its direction.
-    """
+def _crossings(points: FloatArray, moves: FloatArray, edges: Edges) -> _Events:
+    """When points (k, v, 2), each group moving by its row of `moves` (k, 2), meet edges. A point that touches
+    an edge at the start is met at 0, whatever its direction."""
     (across, along), (speed, speed_along) = edges.places(points), edges.places(moves[:, None, :])
     gap = across - edges.offset
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
@@ -212,13 +179,12 @@ def _crossings(points: FloatArray, moves: FloatArray, edges: Edges) -> tuple[NDA
         along = along + fraction * speed_along
     met = (fraction >= 0.0) & (fraction <= 1.0)
     met &= (along >= edges.low - TOUCHING) & (along <= edges.high + TOUCHING)
-    group = np.nonzero(met)[0]
-    return group, fraction[met]
+    return np.nonzero(met)[0], fraction[met]
 
 
 def _rounded_corners(
     centres: FloatArray, moves: FloatArray, corners: FloatArray, radius: float
-) -> tuple[NDArray[np.intp], FloatArray]:
+) -> Iterator[_Events]:
     """When a disc at `centres` (k, 2), moving by `moves` (k, 2), meets corners (c, 2)."""
     # |apart + t move|^2 = radius^2, a quadratic equation in t, solved with half its linear coefficient.
     apart = centres[:, None, :] - corners[None, :, :]
@@ -229,30 +195,24 @@ def _rounded_corners(
     constant = (distance - radius) * (distance + radius)
     root = np.sqrt(np.maximum(half_linear**2 - square * constant, 0.0))
     real = half_linear**2 >= square * constant
-    groups, fractions = [], []
     for sign in (-1.0, 1.0):
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             fraction = (-half_linear + sign * root) / square
         met = real & (fraction >= 0.0) & (fraction <= 1.0)
-        groups.append(np.nonzero(met)[0])
-        fractions.append(fraction[met])
-    touching = np.abs(distance - radius) <= TOUCHING
-    groups.append(np.nonzero(touching)[0])
-    fractions.append(np.zeros(len(groups[-1])))
-    return np.concatenate(groups), np.concatenate(fractions)
+        yield np.nonzero(met)[0], fraction[met]
+    yield _at_once(np.abs(distance - radius) <= TOUCHING)
 
 
 def _sweeps(
     points: FloatArray, swept: float, edges: Edges, apart: FloatArray, shift: FloatArray
-) -> tuple[NDArray[np.intp], FloatArray]:
+) -> Iterator[_Events]:
     """When points (k, v, 2), given from the centre of rotation, turn by `swept` radians about it
     and meet edges whose lines are `apart` (k or 1, e) from the centre along their normals; a
     point's place along edge e is `tangent . p + shift`.
 
     A point at distance rho meets the line where its place along the normal is `apart`, so that along
     the tangent it is h or -h with h = sqrt(rho^2 - apart^2). How far it has to turn for that is one
-    arctangent, taken by the standard library: numpy's own differs between processors. Returns group
-    and fraction of the sweep, both (n,).
+    arctangent, taken by the standard library: numpy's own differs between processors.
     """
     radius = distances(points[..., 0], points[..., 1])[:, :, None]
     ahead, along = edges.places(points)
@@ -264,7 +224,6 @@ def _sweeps(
     half = np.sqrt(np.maximum((radius - line) * (radius + line), 0.0))
     sense, angle = math.copysign(1.0, swept), abs(swept)
     least = (math.cos(angle) - _SLACK if angle < math.pi else -math.inf) * radius * radius
-    groups, fractions = [], []
     for side in (-half, half):
         cross, dot = along * line - ahead * side, along * side + ahead * line
         met = reachable & (side >= low) & (side <= high) & (dot >= least)
@@ -275,9 +234,11 @@ def _sweeps(
         # A turn of next to nothing meets nothing.
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             fraction = np.array(turned) / angle
-        groups.append(found[0][fraction <= 1.0])
-        fractions.append(fraction[fraction <= 1.0])
-    touching = (np.abs(ahead - line) <= TOUCHING) & (along >= low) & (along <= high)
-    groups.append(np.nonzero(touching)[0])
-    fractions.append(np.zeros(len(groups[-1])))
-    return np.concatenate(groups), np.concatenate(fractions)
+        yield found[0][fraction <= 1.0], fraction[fraction <= 1.0]
+    yield _at_once((np.abs(ahead - line) <= TOUCHING) & (along >= low) & (along <= high))
+
+
+def _at_once(touching: BoolArray) -> _Events:
+    """Events at the very beginning, of points that touch something there; groups are the first axis."""
+    groups = np.nonzero(touching)[0]
+    return groups, np.zeros(len(groups))

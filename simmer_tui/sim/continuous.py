@@ -10,7 +10,7 @@ of the stretch, and the first move that is not blocked happens (`wall_moves.py`)
 """
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from typing import Protocol
 
 from msgspec import Struct
@@ -20,13 +20,12 @@ from simmer_tui.sim.arc_contact import ArcContact, first_arc_contact
 from simmer_tui.sim.arcs import LARGEST_TURN, STILL, Arc, Twist
 from simmer_tui.sim.contact import TOUCHING
 from simmer_tui.sim.distance_errors import Component, DistanceErrors, TrueVelocity, components
-from simmer_tui.sim.footprint import Footprint
 from simmer_tui.sim.legs import Leg
-from simmer_tui.sim.motion import AT_ONCE
+from simmer_tui.sim.motion import AT_ONCE, CollisionChecker
 from simmer_tui.sim.obstacles import Obstacles
 from simmer_tui.sim.path import Contact
 from simmer_tui.sim.pose import Pose
-from simmer_tui.sim.specs import Axes, ContactRule, DriveKind, DriveSpec
+from simmer_tui.sim.specs import Axes, ContactRule, DriveKind, SimulationSpec
 from simmer_tui.sim.velocity_plan import VelocityPlan, VelocityTarget
 from simmer_tui.sim.wall_moves import wall_moves
 
@@ -40,23 +39,12 @@ class MotionListener(Protocol):
 
     def leg_begun(self, leg: Leg) -> None:
         """A leg begins, and goes on to its end unless something comes between."""
-        ...
 
     def leg_ended(self, leg: Leg) -> None:
         """A leg is over, and this is how it went."""
-        ...
 
     def velocity_expired(self, time: float) -> None:
         """The time of a velocity is over, before its last leg."""
-        ...
-
-
-class Surroundings(Struct, frozen=True):
-    """The body that can run into something, what it can run into, and the maze's diagonal, inches."""
-
-    body: Footprint
-    obstacles: Obstacles
-    size: float
 
 
 class _WallState(Struct):
@@ -76,7 +64,7 @@ class _WallState(Struct):
     """Time of the last contact that was told."""
 
     def renew(self) -> None:
-        """Something has changed: all choices are made anew."""
+        """Something has changed: all choices are made again."""
         self.dropped, self.dropped_until = False, math.inf
         self.hold_until, self.stopped = -math.inf, False
 
@@ -90,14 +78,14 @@ class _FreePlace(Struct):
     y: float = 0.0
     clearance: float = 0.0
 
-    def has_room(self, arc: Arc, around: Surroundings) -> bool:
+    def has_room(self, arc: Arc, around: CollisionChecker) -> bool:
         """True if a robot on an arc cannot reach an obstacle."""
         if self.obstacles is not around.obstacles:
             return False
         x, y = arc.start.x - self.x, arc.start.y - self.y
-        return math.sqrt(x * x + y * y) + arc.length + around.body.reach + TOUCHING < self.clearance
+        return math.sqrt(x * x + y * y) + arc.length + around.footprint.reach + TOUCHING < self.clearance
 
-    def look(self, arc: Arc, around: Surroundings) -> None:
+    def look(self, arc: Arc, around: CollisionChecker) -> None:
         """Remember the place where an arc begins."""
         self.obstacles, self.x, self.y = around.obstacles, arc.start.x, arc.start.y
         self.clearance = around.obstacles.clearance(self.x, self.y)
@@ -108,25 +96,21 @@ class ContinuousMotion:
 
     def __init__(
         self,
-        *,
-        drives: Iterable[DriveSpec],
+        spec: SimulationSpec,
         bias: Callable[[], Mapping[DriveKind, Axes]],
         errors: DistanceErrors,
-        surroundings: Callable[[Pose], Surroundings],
-        rule: ContactRule,
-        control_period: float,
-        wall_friction: float,
+        checker: Callable[[Pose], CollisionChecker],
         listener: MotionListener,
     ) -> None:
-        self._drives = {drive.kind: drive for drive in drives if drive.enabled}
+        self._drives = {drive.kind: drive for drive in spec.drives if drive.enabled}
         self._bias = bias
         self._errors = errors
-        self._surroundings = surroundings
-        self._rule = rule
-        self._period = control_period
-        self._friction = wall_friction
+        self._checker = checker
+        self._rule = spec.contact
+        self._period = spec.control_period
+        self._friction = spec.wall_friction
         self._listener = listener
-        self._plan = VelocityPlan(control_period)
+        self._plan = VelocityPlan(spec.control_period)
         self.leg: Leg | None = None
         """The leg under way, None while the robot is not told to move."""
         self._parts: tuple[Component, ...] = ()
@@ -174,7 +158,7 @@ class ContinuousMotion:
         self.leg, self._expires = None, math.inf
 
     def look_again(self, time: float, pose: Pose, *, noise: bool) -> None:
-        """Lay the rest of the leg under way anew: at a simulated time the surroundings of the robot, or its
+        """Lay the rest of the leg under way again: at a simulated time the surroundings of the robot, or its
         errors, have changed."""
         if self.leg is not None:
             self._cut(time)
@@ -206,7 +190,7 @@ class ContinuousMotion:
         self._lay(time, pose)
 
     def _change(self, time: float) -> None:
-        """The velocity in force changes: choices at a wall are made anew."""
+        """The velocity in force changes: choices at a wall are made again."""
         if self._plan.due <= time:
             self._plan.change(time)
             self._wall.renew()
@@ -242,32 +226,26 @@ class ContinuousMotion:
         self._stretch_ends = self._stretches(time)
         true = TrueVelocity(twist, self._parts, self._errors, self._bias(), noise=self._noise)
         until = min(self._plan.due, min((at for _, at in self._stretch_ends), default=math.inf))
-        around = self._surroundings(pose)
+        around = self._checker(pose)
         here = _Here(time, pose, until, around, true)
         if not twist.moves:
-            self._begin(here, _Way(_standing(pose)), until, true.counts(0.0))
+            self._begin(here, _Way(Arc.standing(pose)), until)
             return
         if not (self._wall.dropped or self._wall.stopped):
             way = self._clear(Arc.of(pose, true.whole, 0.0), until - time, around)
             if not way.blocked:
-                self._begin(here, way, until, true.counts())
+                self._begin(here, way, until)
                 return
             self._touch(here, way)
         way, end = self._pressed(here)
-        counts = true.counts(pressed_turn=way.arc.rate + way.arc.spin)
-        self._begin(here, way, end, counts, pressed=True)
+        self._begin(here, way, end, pressed=True)
 
-    def _begin(
-        self,
-        here: "_Here",
-        way: "_Way",
-        until: float,
-        counts: Mapping[str, float],
-        *,
-        pressed: bool = False,
-    ) -> None:
+    def _begin(self, here: "_Here", way: "_Way", until: float, *, pressed: bool = False) -> None:
         """The leg under way is this one; what lasts as long as it may ends at `until` exactly."""
         arc, time = way.arc, here.time
+        # Only the turn of a robot that goes as its wheels turn has all its errors.
+        free = self._plan.twist.moves and not pressed
+        counts = here.true.counts(None if free else arc.rate + arc.spin)
         whole = arc.duration >= until - time
         arc = replace(arc, duration=until - time) if whole else arc
         end = until if whole else time + arc.duration
@@ -285,7 +263,7 @@ class ContinuousMotion:
         if time - wall.pressed_last <= SAME_CONTACT or wall.contact_at == time:
             return None
         wall.contact_at = time
-        touch = around.obstacles.touch(around.body, pose, met.beyond)
+        touch = around.obstacles.touch(around.footprint, pose, met.beyond)
         own = self._clear(Arc.of(pose, here.true.own, 0.0), self._period, around)
         # A leg is one segment, which its contact ends.
         return Contact(
@@ -316,23 +294,23 @@ class ContinuousMotion:
             # What is left of it is less than the time of hours can tell: it is over.
             self._errors.go_on((part,), 0.0, (part.drive.kind,))
 
-    def _clear(self, arc: Arc, seconds: float, around: Surroundings) -> "_Way":
+    def _clear(self, arc: Arc, seconds: float, around: CollisionChecker) -> "_Way":
         """An arc for as many seconds at most, cut off at its first contact."""
         x, y = arc.velocity
         speed, rate = math.sqrt(x * x + y * y), abs(arc.rate)
         # Infinite only for a robot that stands still or a disc that turns.
         most = min(LARGEST_TURN / rate if rate else math.inf, around.size / speed if speed else math.inf)
         arc = replace(arc, duration=min(seconds, most))
-        if arc.duration == math.inf or not (speed or len(around.body.vertices)):
+        if arc.duration == math.inf or not (speed or len(around.footprint.vertices)):
             return _Way(arc)
         if self._free.has_room(arc, around):
             return _Way(arc)
-        met = first_arc_contact(around.body, around.obstacles, arc)
+        met = first_arc_contact(around.footprint, around.obstacles, arc)
         if met is None:
             self._free.look(arc, around)
             return _Way(arc)
         after = arc.seconds_at(met.h)
-        moved = after * (speed + math.radians(rate) * around.body.reach)
+        moved = after * (speed + math.radians(rate) * around.footprint.reach)
         return _Way(replace(arc, duration=after if moved > AT_ONCE else 0.0), met)
 
     def _touch(self, here: "_Here", way: "_Way") -> None:
@@ -360,19 +338,19 @@ class ContinuousMotion:
         """The way of a robot that is pressed, and the time to which it may last."""
         wall, time, pose, around = self._wall, here.time, here.pose, here.around
         if wall.stopped:
-            return _Way(_standing(pose)), here.until
+            return _Way(Arc.standing(pose)), here.until
         until = min(here.until, wall.dropped_until)
         # A contact has ended a choice before its time: until then it stands, so that choices are few.
         if time < wall.hold_until:
-            return _Way(_standing(pose)), min(until, wall.hold_until)
+            return _Way(Arc.standing(pose)), min(until, wall.hold_until)
         hold_until = time + self._period
-        for move in wall_moves(around.body, around.obstacles, pose, here.true.own, self._friction):
+        for move in wall_moves(around.footprint, around.obstacles, pose, here.true.own, self._friction):
             end = min(until, hold_until) if move.brief else until
             way = self._clear(move.arc(pose, 0.0), end - time, around)
             if not way.blocked:
                 wall.hold_until = -math.inf if way.met is None else hold_until
                 return way, end
-        return _Way(_standing(pose)), until
+        return _Way(Arc.standing(pose)), until
 
 
 class _Here(Struct, frozen=True):
@@ -381,7 +359,7 @@ class _Here(Struct, frozen=True):
     time: float
     pose: Pose
     until: float
-    around: Surroundings
+    around: CollisionChecker
     true: TrueVelocity
 
 
@@ -395,8 +373,3 @@ class _Way(Struct, frozen=True):
     def blocked(self) -> bool:
         """True if it leads nowhere."""
         return self.met is not None and not self.arc.duration
-
-
-def _standing(pose: Pose) -> Arc:
-    """The motion of a robot that stands for as long as it may."""
-    return Arc(pose, (0.0, 0.0), 0.0, math.inf)

@@ -19,6 +19,7 @@ from collections.abc import Iterable, Mapping
 
 import numpy as np
 from msgspec import Struct
+from msgspec.structs import astuple
 
 from simmer_tui.sim.arcs import Twist
 from simmer_tui.sim.noise import distance_stream
@@ -55,34 +56,31 @@ def components(twist: Twist, drives: Mapping[DriveKind, DriveSpec]) -> tuple[Com
     return tuple(parts)
 
 
-class _Stretch:
+class _Stretch(Struct):
     """The present stretch of one kind of movement."""
 
-    def __init__(self) -> None:
-        self.driven = 0.0
-        """Inches or degrees driven of it."""
-        self.rates = _NO_DRAWS
-        """Error rates r_j of x, y and turning."""
-        self.first = True
-        """True until the first stretch has been drawn."""
-        self.drawn = False
-        """True if its draws have been made."""
-        self.counting: dict[str, tuple[float, float]] = {}
-        """Draws of odometers (turning, rolling) and gyros (twice the same), by sensor ID."""
+    driven: float = 0.0
+    """Inches or degrees driven of it."""
+    rates: tuple[float, float, float] = _NO_DRAWS
+    """Error rates r_j of x, y and turning."""
+    first: bool = True
+    """True until the first stretch has been drawn."""
+    drawn: bool = False
+    """True if its draws have been made."""
+    counting: dict[str, tuple[float, float]] = {}
+    """Draws of odometers (turning, rolling) and gyros (twice the same), by sensor ID."""
 
 
 class DistanceErrors:
     """The errors of a robot's velocity, drawn stretch by stretch from streams of their own."""
 
     def __init__(
-        self,
-        segments: int,
-        streams: "Mapping[str, np.random.Generator]",
-        sensors: Iterable[CountingSensor],
+        self, segments: int, streams: "Mapping[str, np.random.Generator]", sensors: Iterable[CountingSensor]
     ) -> None:
         """`segments` stretches make a cell or a quarter turn."""
         self._streams = streams
-        self._sensors = tuple(sensors)
+        self.sensors = tuple(sensors)
+        """The odometers and gyros that count the motion."""
         self._stretches: dict[DriveKind, _Stretch] = {}
         self._lengths = {True: REFERENCE_TURN / segments, False: CELL_SIZE / segments}
         self._phi = math.exp(-1.0 / segments)
@@ -101,14 +99,12 @@ class DistanceErrors:
         kind = part.drive.kind
         drawn = self._streams[distance_stream("drive", kind)].standard_normal(3).tolist()
         if stretch.first:
-            rates = tuple(drawn)
+            rates = drawn
         else:
             fresh = math.sqrt(1.0 - self._phi * self._phi)
-            rates = tuple(
-                self._phi * old + fresh * new for old, new in zip(stretch.rates, drawn, strict=True)
-            )
+            rates = [self._phi * old + fresh * new for old, new in zip(stretch.rates, drawn, strict=True)]
         stretch.rates = (rates[0], rates[1], rates[2])
-        for sensor in self._sensors:
+        for sensor in self.sensors:
             stream = self._streams[distance_stream(sensor.spec.id, kind)]
             draws = stream.standard_normal(2 if sensor.slips else 1).tolist()
             stretch.counting[sensor.spec.id] = (draws[0], draws[-1])
@@ -138,11 +134,6 @@ class DistanceErrors:
     def draws(self, kind: DriveKind, sensor: CountingSensor) -> tuple[float, float]:
         """The draws of a sensor for the turning and the rolling of the present stretch."""
         return self._stretches[kind].counting[sensor.spec.id]
-
-    @property
-    def sensors(self) -> tuple[CountingSensor, ...]:
-        """The odometers and gyros that count the motion."""
-        return self._sensors
 
 
 class TrueVelocity:
@@ -175,9 +166,7 @@ class TrueVelocity:
         rates = self._errors.rates(drive.kind) if self._noise else _NO_DRAWS
         x, y, r = (
             speed * (b + (1.0 + b) * error * rate)
-            for b, error, rate in zip(
-                (bias.x, bias.y, bias.r), (drive.error.x, drive.error.y, drive.error.r), rates, strict=True
-            )
+            for b, error, rate in zip(astuple(bias), astuple(drive.error), rates, strict=True)
         )
         own = drive.kind.direction
         return Twist(x + speed * abs(own.x), y + speed * abs(own.y), r + speed * abs(own.r))

@@ -6,13 +6,21 @@ from functools import cached_property
 import numpy as np
 import shapely
 from msgspec import Struct
-from msgspec.structs import replace
+from msgspec.structs import astuple, replace
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
 from simmer_tui.sim.angles import FloatArray, cos_sin, turned
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.specs import RobotSpec
+
+
+def _dot(vectors: FloatArray, others: FloatArray) -> FloatArray:
+    """Products of (n, 2) vectors with others, one by one: (n,)."""
+    # Written out, here and below: matrix products and numpy's hypot round differently from one
+    # processor to the next, and the same commands must give the same bits everywhere.
+    products: FloatArray = vectors[:, 0] * others[:, 0] + vectors[:, 1] * others[:, 1]
+    return products
 
 
 class Edges(Struct, frozen=True, dict=True):
@@ -29,17 +37,9 @@ class Edges(Struct, frozen=True, dict=True):
     def between(cls, start: FloatArray, end: FloatArray) -> "Edges":
         """The edges from `start` to `end`, both (n, 2)."""
         along = end - start
-        # Written out, here and below: matrix products and numpy's hypot round differently from one
-        # processor to the next, and the same commands must give the same bits everywhere.
-        tangent = along / np.sqrt(along[:, 0] * along[:, 0] + along[:, 1] * along[:, 1])[:, None]
+        tangent = along / np.sqrt(_dot(along, along))[:, None]
         normal = np.column_stack((-tangent[:, 1], tangent[:, 0]))
-        return cls(
-            normal,
-            normal[:, 0] * start[:, 0] + normal[:, 1] * start[:, 1],
-            tangent,
-            tangent[:, 0] * start[:, 0] + tangent[:, 1] * start[:, 1],
-            tangent[:, 0] * end[:, 0] + tangent[:, 1] * end[:, 1],
-        )
+        return cls(normal, _dot(normal, start), tangent, _dot(tangent, start), _dot(tangent, end))
 
     @cached_property
     def _axes(self) -> tuple[FloatArray, FloatArray]:
@@ -55,23 +55,16 @@ class Edges(Struct, frozen=True, dict=True):
 
     def select(self, chosen: NDArray[np.bool_]) -> "Edges":
         """The edges a mask (n,) picks."""
-        return Edges(
-            self.normal[chosen],
-            self.offset[chosen],
-            self.tangent[chosen],
-            self.low[chosen],
-            self.high[chosen],
-        )
+        return Edges(*[each[chosen] for each in astuple(self)])
+
+    def beside(self, distance: float) -> "Edges":
+        """The edges moved by a distance to either side."""
+        offsets = np.concatenate((self.offset + distance, self.offset - distance))
+        return replace(Edges.join(self, self), offset=offsets)
 
     @staticmethod
     def join(first: "Edges", second: "Edges") -> "Edges":
-        return Edges(
-            np.concatenate((first.normal, second.normal)),
-            np.concatenate((first.offset, second.offset)),
-            np.concatenate((first.tangent, second.tangent)),
-            np.concatenate((first.low, second.low)),
-            np.concatenate((first.high, second.high)),
-        )
+        return Edges(*map(np.concatenate, zip(astuple(first), astuple(second), strict=True)))
 
 
 class Part(Struct, frozen=True):
@@ -112,7 +105,7 @@ class Footprint(Struct, frozen=True, dict=True):
     @cached_property
     def reach(self) -> float:
         """Greatest distance of any point of the footprint from the robot's centre, inches."""
-        squares = self.vertices[:, 0] * self.vertices[:, 0] + self.vertices[:, 1] * self.vertices[:, 1]
+        squares = _dot(self.vertices, self.vertices)
         return max(self.radius, math.sqrt(float(squares.max(initial=0.0))))
 
     @cached_property

@@ -31,36 +31,33 @@ class Gripper:
         """Close or open the jaws. They take the block only as they close: closed ones must open
         first."""
         block = self.block(lying, pose)
-        missed = None
+        missed = missed_by(spec, self._footprint, pose, block) if close and block.size else None
         if not close:
             self.held, self.body = None, self._footprint
         # Closed jaws that are told to close again do not reach for anything.
-        elif not self.closed and can_take(spec, self._footprint, pose, block):
+        elif not self.closed and missed == (0.0, 0.0):
             held = in_robot_frame(block, pose)
             body = Footprint(self._footprint.radius, (*self._footprint.polygons, held.corners()), True)
             # It could overlap one by rounding only: no block lies in a wall.
             if not self._walls.overlap(body, pose):
                 self.held, self.body = held, body
-        if close and self.held is None and block.size:
-            missed = missed_by(spec, self._footprint, pose, block)
         self.closed = close
-        return Grip(time, close, self.held is not None, Pose(block.x, block.y, block.heading), missed)
+        lies = Pose(block.x, block.y, block.heading)
+        return Grip(time, close, self.held is not None, lies, missed if self.held is None else None)
 
 
 def can_take(spec: GripperSpec, footprint: Footprint, pose: Pose, block: Block) -> bool:
-    """True if the block's centre is in the gripper's window, its edges included.
-
-    The window lies across the robot's +X axis and reaches from the footprint's front, the greatest X
-    of any of its points, `reach` inches ahead.
-    """
-    if not block.size:
-        return False
-    return missed_by(spec, footprint, pose, block) == (0.0, 0.0)
+    """True if the block's centre is in the gripper's window."""
+    return bool(block.size) and missed_by(spec, footprint, pose, block) == (0.0, 0.0)
 
 
 def missed_by(spec: GripperSpec, footprint: Footprint, pose: Pose, block: Block) -> tuple[float, float]:
     """Distances of the block's centre from the window, inches, in the robot's frame: ahead (beyond the
-    window; negative: too near), and to the left (negative: to the right). 0 within it."""
+    window; negative: too near), and to the left (negative: to the right). 0 within it, its edges included.
+
+    The window lies across the robot's +X axis and reaches from the footprint's front, the greatest X
+    of any of its points, `reach` inches ahead.
+    """
     centre, front, half = in_robot_frame(block, pose), footprint.front, spec.width / 2
     return _outside(centre.x, front, front + spec.reach), _outside(centre.y, -half, half)
 

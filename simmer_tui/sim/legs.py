@@ -3,11 +3,9 @@
 import math
 from collections.abc import Mapping
 
-import numpy as np
 from msgspec import Struct
 from msgspec.structs import replace
 
-from simmer_tui.sim.angles import FloatArray
 from simmer_tui.sim.arcs import Arc, Twist
 from simmer_tui.sim.path import Contact, Path
 from simmer_tui.sim.pose import Pose
@@ -49,9 +47,9 @@ class Leg(Struct, frozen=True):
 
     def pose_at(self, time: float) -> Pose:
         """The robot's pose at a simulated time."""
-        return (
-            self.last_pose if time >= self.end_time else self.arc.pose_after(max(time - self.start_time, 0.0))
-        )
+        if time >= self.end_time:
+            return self.last_pose
+        return self.arc.pose_after(max(time - self.start_time, 0.0))
 
     def travelled(self, time: float) -> float:
         """Inches that the robot's centre has gone by a simulated time."""
@@ -63,12 +61,8 @@ class Leg(Struct, frozen=True):
         """The pose at a simulated time, and the length of the way to there, inches."""
         return self.pose_at(time), self.travelled(time)
 
-    def trail(self, time: float) -> FloatArray:
-        """The robot's centres from the start to where it is at a simulated time, (k, 2)."""
-        return np.array(self.centres(time))
-
     def centres(self, time: float) -> list[tuple[float, float]]:
-        """`trail` as plain numbers."""
+        """The robot's centres from the start to where it is at a simulated time."""
         until = max(min(time, self.end_time) - self.start_time, 0.0)
         last = self.pose_at(time)
         first = (self.arc.start.x, self.arc.start.y)

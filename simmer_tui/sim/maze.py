@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,12 +11,16 @@ from numpy.typing import NDArray
 from simmer_tui.sim.angles import FloatArray
 from simmer_tui.sim.specs import CELL_SIZE, TILE_SIZE, TILES_PER_CELL, WALL, MazeSpec
 
+Rays = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
+"""Many rays: X and Y of their origins (inches), and of their directions as unit vectors, (n,) each."""
+
 FLOOR_SEED = 5489
 """Seed of the course's floor pattern: MATLAB's default state of the Mersenne twister."""
 ON_WALL = 1e-6
 """A sensor this close to a wall, inches, is on it."""
 # Beyond this distance from the lines between cells, inches, only a point's own cell matters.
 _FROM_LINE = 2e-6
+_TO_LINE = CELL_SIZE - _FROM_LINE
 # Twice `ON_WALL`, so that rounding on the way to the cell's number cannot skip the careful look.
 _FROM_MIDDLE = CELL_SIZE / 2 - _FROM_LINE
 # Rays that are cast at once: some ten arrays of 64 KB stay in a processor's cache.
@@ -32,6 +37,12 @@ def generated_floor(rows: int, columns: int) -> NDArray[np.uint8]:
     # The old generator of NumPy is the same Mersenne twister, and draws the same doubles, as MATLAB's.
     draws = np.random.RandomState(FLOOR_SEED).random_sample(shape[0] * shape[1])
     return np.floor(2 * draws).astype(np.uint8).reshape(shape, order="F")
+
+
+def chosen_rays(rays: Rays, chosen: slice | NDArray[Any]) -> Rays:
+    """Some of many rays: those of a slice, a mask, or numbers."""
+    x, y, dx, dy = rays
+    return x[chosen], y[chosen], dx[chosen], dy[chosen]
 
 
 class Maze:
@@ -69,10 +80,7 @@ class Maze:
         # Most points are far from any line between cells and need one look.
         column, row = int(x / CELL_SIZE), int(y / CELL_SIZE)
         from_left, from_bottom = x - column * CELL_SIZE, y - row * CELL_SIZE
-        if (
-            _FROM_LINE < from_left < CELL_SIZE - _FROM_LINE
-            and _FROM_LINE < from_bottom < CELL_SIZE - _FROM_LINE
-        ):
+        if _FROM_LINE < from_left < _TO_LINE and _FROM_LINE < from_bottom < _TO_LINE:
             return bool(self._cells[(row + 1) * self._stride + column + 1])
         # Near a line the cells on both sides count, near a crossing all four.
         left, right = int((x - ON_WALL) // CELL_SIZE) + 1, int((x + ON_WALL) // CELL_SIZE) + 1
@@ -165,9 +173,8 @@ class Maze:
         column, row = np.floor(x / CELL_SIZE), np.floor(y / CELL_SIZE)
         walls = self._flat[((row + 1.0) * self._stride + column + 1.0).astype(np.intp)]
         from_left, from_bottom = x - column * CELL_SIZE, y - row * CELL_SIZE
-        near = (np.abs(from_left - CELL_SIZE / 2) > _FROM_MIDDLE) | (
-            np.abs(from_bottom - CELL_SIZE / 2) > _FROM_MIDDLE
-        )
+        near = np.abs(from_left - CELL_SIZE / 2) > _FROM_MIDDLE
+        near |= np.abs(from_bottom - CELL_SIZE / 2) > _FROM_MIDDLE
         for index in np.flatnonzero(near & inside).tolist():
             walls[index] = self.is_wall(float(x[index]), float(y[index]))
         walls |= ~inside
@@ -193,40 +200,31 @@ class Maze:
         for begin in range(0, len(x), _CHUNK):
             # A chunk's arrays stay in the cache.
             part = slice(begin, begin + _CHUNK)
-            rays = (x[part], y[part], dx[part], dy[part])
+            rays = chosen_rays((x, y, dx, dy), part)
             on_wall = self.are_walls(x[part], y[part])
             if on_wall.any():
                 free = np.flatnonzero(~on_wall)
-                distances[begin + free] = self.cast_free(*(each[free] for each in rays))
+                distances[begin + free] = self.cast_free(chosen_rays(rays, free))
             else:
-                distances[part] = self.cast_free(*rays)
+                distances[part] = self.cast_free(rays)
         return distances
 
-    def cast_free(self, x: FloatArray, y: FloatArray, dx: FloatArray, dy: FloatArray) -> FloatArray:
+    def cast_free(self, rays: Rays) -> FloatArray:
         """`cast_many` for origins that are known to be on no wall."""
-        column = np.floor(x / CELL_SIZE)
-        row = np.floor(y / CELL_SIZE)
-        distances = self._march_many(x, y, dx, dy, column, row)
+        x, y, dx, dy = rays
+        column, row = np.floor(x / CELL_SIZE), np.floor(y / CELL_SIZE)
+        distances = self._march_many(rays, column, row)
         upright = (dx == 0.0) & (x == column * CELL_SIZE)
         level = (dy == 0.0) & (y == row * CELL_SIZE)
         for along, left, down in ((upright, 1, 0), (level, 0, 1)):
             if along.any():
-                other_side = self._march_many(
-                    x[along], y[along], dx[along], dy[along], column[along] - left, row[along] - down
-                )
+                beside = chosen_rays(rays, along)
+                other_side = self._march_many(beside, column[along] - left, row[along] - down)
                 distances[along] = np.minimum(distances[along], other_side)
         return distances
 
-    def _march_many(
-        self,
-        x: FloatArray,
-        y: FloatArray,
-        dx: FloatArray,
-        dy: FloatArray,
-        column: FloatArray,
-        row: FloatArray,
-    ) -> FloatArray:
-        walls = self._flat
+    def _march_many(self, rays: Rays, column: FloatArray, row: FloatArray) -> FloatArray:
+        (x, y, dx, dy), walls = rays, self._flat
         distances = np.empty(len(x))
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             # A direction of 0 divides by 0 on purpose: such a ray never gets to the next line, at infinity.
@@ -269,10 +267,8 @@ class Maze:
         cosines = np.where(off_x < off_y, across, along)
         for index in np.flatnonzero(np.maximum(off_x, off_y) < ON_WALL / CELL_SIZE).tolist():
             # Where lines cross, the cells beside the one that the ray comes from tell the faces.
-            column, row = (
-                int(lines_x[index]) + int(dx[index] < 0.0),
-                int(lines_y[index]) + int(dy[index] < 0.0),
-            )
+            column = int(lines_x[index]) + int(dx[index] < 0.0)
+            row = int(lines_y[index]) + int(dy[index] < 0.0)
             upright = self.walls[row, column + (1 if dx[index] > 0.0 else -1)]
             level = self.walls[row + (1 if dy[index] > 0.0 else -1), column]
             if upright == level or not (across[index] and along[index]):

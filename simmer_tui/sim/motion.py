@@ -7,9 +7,9 @@ from collections.abc import Iterable, Mapping
 
 import numpy as np
 from msgspec import Struct
-from msgspec.structs import replace
+from msgspec.structs import astuple, replace
 
-from simmer_tui.sim.angles import FloatArray, cos_sin
+from simmer_tui.sim.angles import FloatArray
 from simmer_tui.sim.contact import Met, first_contact
 from simmer_tui.sim.footprint import Footprint
 from simmer_tui.sim.maze import Maze
@@ -33,11 +33,14 @@ class CollisionChecker(Struct, frozen=True):
     obstacles: Obstacles
     maze: Maze
 
+    @property
+    def size(self) -> float:
+        """The maze's diagonal, inches: no free straight way is longer, so that nothing beyond is searched."""
+        return math.hypot(self.maze.width, self.maze.height)
+
     def first(self, path: Path, after: PathPosition = START) -> Met | None:
         """The first contact of a path after a place on it."""
-        # No free straight way is longer than the diagonal: what lies beyond need not be searched.
-        size = math.hypot(self.maze.width, self.maze.height)
-        return first_contact(self.footprint, self.obstacles, path, size, after)
+        return first_contact(self.footprint, self.obstacles, path, self.size, after)
 
     def blocked_at_once(self, rest: Path) -> bool:
         """True if a straight rest of a movement leads nowhere."""
@@ -72,24 +75,16 @@ class Planner:
         """
         # Always three draws, also for axes without error: a changed set keeps the draws of the others.
         draws = self._streams[DRIVE_STREAM].standard_normal(3) if noise else np.zeros(3)
-        direction = drive.kind.direction
-        asked = value * np.array((direction.x, direction.y, direction.r))
-        biases = np.array((bias.x, bias.y, bias.r))
-        errors = np.array((drive.error.x, drive.error.y, drive.error.r))
+        asked = value * np.array(astuple(drive.kind.direction))
+        biases, errors = np.array(astuple(bias)), np.array(astuple(drive.error))
         total = asked.sum()
         x, y, r = (asked + total * biases + total * (1.0 + biases) * errors * draws).tolist()
         profile = profile_of(drive, abs(value))
         duration = abs(value) / drive.speed if profile is None else profile.duration
-        return replace(
-            _laid(start, drive.kind, Axes(x, y, r), self.segments, time, duration), profile=profile
-        )
+        laid = _laid(start, drive.kind, Axes(x, y, r), self.segments, time, duration)
+        return replace(laid, profile=profile)
 
-    def counted(
-        self,
-        trajectory: Trajectory,
-        sensors: Iterable[CountingSensor],
-        noise: bool,
-    ) -> Trajectory:
+    def counted(self, trajectory: Trajectory, sensors: Iterable[CountingSensor], noise: bool) -> Trajectory:
         """The same with what odometers and gyros will count, their errors drawn here."""
         wheels: dict[str, FloatArray] = {}
         turns: dict[str, FloatArray] = {}
@@ -115,7 +110,7 @@ class Planner:
 
     def checked_again(self, trajectory: Trajectory, time: float, checker: CollisionChecker) -> Trajectory:
         """The same after an obstacle has appeared or gone at a simulated time: the rest of the way
-        is checked anew, without new draws. A movement that has ended stays ended, and errors that
+        is checked again, without new draws. A movement that has ended stays ended, and errors that
         were dropped stay dropped."""
         held_at, contact = trajectory.held_at, trajectory.contact
         if held_at is not None and held_at <= time:
@@ -141,21 +136,17 @@ class Planner:
         return path.before(stop, self._clearance, checker.footprint.reach, after)
 
     def _met(
-        self,
-        trajectory: Trajectory,
-        met: Met | None,
-        checker: CollisionChecker,
-        after: PathPosition = START,
+        self, trajectory: Trajectory, met: Met | None, checker: CollisionChecker, after: PathPosition = START
     ) -> Trajectory:
         """The movement, ended or changed by the first contact on its path if there is one. What lies
         before `after` is past."""
         if met is None:
             return replace(trajectory, contact=None, rest=None, rest_stop=None)
         path, reached = trajectory.path, met.stop
-        touch = checker.obstacles.touch(
-            checker.footprint, path.pose(reached.segment, reached.turned, reached.translated), met.beyond
-        )
-        commanded = _on_commanded_leg(trajectory, reached)
+        met_at = path.pose(reached.segment, reached.turned, reached.translated)
+        touch = checker.obstacles.touch(checker.footprint, met_at, met.beyond)
+        # The part of a segment that the command asked for: a rotation's turn, a translation's translation.
+        commanded = (reached.turned < 1.0) == trajectory.turning
         # Asked where it would touch: from further back the rest always leads somewhere.
         beyond = rest_of(trajectory, reached)
         at_once = beyond is None or (commanded and (trajectory.turning or checker.blocked_at_once(beyond)))
@@ -182,9 +173,7 @@ class Planner:
             held_block=touch.held_block,
             cell=touch.cell,
         )
-        if ends_here:
-            rest = None
-        return replace(trajectory, contact=contact, rest=rest, rest_stop=rest_stop)
+        return replace(trajectory, contact=contact, rest=None if ends_here else rest, rest_stop=rest_stop)
 
 
 def rebuilt(
@@ -206,9 +195,8 @@ def rebuilt(
     `cut` the simulated time at which it was cut short, `profile` its drive's. What odometers and
     gyros counted is left out.
     """
-    path = Path.laid_one_by_one(
-        start, totals.x / segments, totals.y / segments, totals.r / segments, segments
-    )
+    x, y, turn = totals.x / segments, totals.y / segments, totals.r / segments
+    path = Path.laid_one_by_one(start, x, y, turn, segments)
     plan = Trajectory(path, kind, totals, start_time, duration, contact, cut=cut, profile=profile)
     if contact is None or (contact.ended and stop is None):
         return plan
@@ -238,8 +226,7 @@ def rest_of(trajectory: Trajectory, stop: PathPosition) -> Path | None:
     share = (path.segments - stop.segment - stop.translated) / path.segments
     sideways = trajectory.kind is not None and trajectory.kind.direction.y != 0.0
     x, y = (0.0, totals.y * share) if sideways else (totals.x * share, 0.0)
-    cos, sin = cos_sin(path.start)
-    end = (pose.x + cos * x - sin * y, pose.y + sin * x + cos * y)
+    end = Pose(pose.x, pose.y, path.start).place(x, y)
     return Path(pose.heading, 0.0, ((pose.x, pose.y), end))
 
 
@@ -256,9 +243,3 @@ def _laid(
     """A movement in free space."""
     path = Path.laid(start, totals.x / segments, totals.y / segments, totals.r / segments, segments)
     return Trajectory(path, kind, totals, time, duration)
-
-
-def _on_commanded_leg(trajectory: Trajectory, stop: PathPosition) -> bool:
-    """True if a place on the path is in the part of its segment that the command asked for: the turn
-    of a rotation, the translation of a translation."""
-    return (stop.turned < 1.0) == trajectory.turning

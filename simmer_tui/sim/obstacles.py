@@ -152,13 +152,9 @@ class Obstacles(Struct, frozen=True, dict=True):
 
     def nearest_point(self, footprint: Footprint, pose: Pose) -> tuple[float, float]:
         """The point of an obstacle that is nearest to the robot, inches, global."""
-        nearest, distance = (0.0, 0.0), math.inf
-        for part in footprint.shapes(pose):
-            index = int(self.tree.nearest(part.geometry))
-            gap = float(shapely.distance(part.geometry, self.tree.geometries[index])) - part.margin
-            if gap < distance:
-                nearest, distance = self._point(part, index), gap
-        return nearest
+        parts = footprint.shapes(pose)
+        pairs = [(part, int(self.tree.nearest(part.geometry))) for part in parts]
+        return self._point(*self._nearest_pair(pairs))
 
     def _overlapped(self, part: Part) -> NDArray[np.intp]:
         """Which of the tree's geometries a part overlaps."""
@@ -242,10 +238,9 @@ def robot_problem(maze: Maze, obstacles: Obstacles, footprint: Footprint, pose: 
     """Why the robot cannot stand at a pose, or an empty string."""
     if not all(math.isfinite(value) for value in (pose.x, pose.y, pose.heading)):
         return "x, y and heading must be finite numbers"
-    if not (0 <= pose.x <= maze.width and 0 <= pose.y <= maze.height):
-        return f"({pose.x:g}, {pose.y:g}) lies outside the maze, {_extent(maze)}"
-    if not obstacles.overlap(footprint, pose):
-        return ""
+    outside = _outside(maze, pose.x, pose.y)
+    if outside or not obstacles.overlap(footprint, pose):
+        return outside
     x, y = obstacles.nearest_point(footprint, pose)
     return (
         f"the robot at ({pose.x:g}, {pose.y:g}) heading {pose.heading:g} overlaps a wall or solid block near "
@@ -260,10 +255,9 @@ def block_problem(maze: Maze, obstacles: Obstacles, block: Block) -> str:
         return ""
     if not (math.isfinite(block.x) and math.isfinite(block.y)):
         return "x and y must be finite numbers"
-    if not (0 <= block.x <= maze.width and 0 <= block.y <= maze.height):
-        return f"({block.x:g}, {block.y:g}) lies outside the maze, {_extent(maze)}"
-    if not obstacles.overlap(Footprint(polygons=(block.corners(),)), Pose(0.0, 0.0, 0.0)):
-        return ""
+    outside = _outside(maze, block.x, block.y)
+    if outside or not obstacles.overlap(Footprint(polygons=(block.corners(),)), Pose(0.0, 0.0, 0.0)):
+        return outside
     return f"the block of {block.size:g} in at ({block.x:g}, {block.y:g}) overlaps a wall"
 
 
@@ -273,21 +267,20 @@ def placement_problems(spec: SimulationSpec) -> list[tuple[str, str]]:
     maze = Maze(spec.maze)
     walls = Obstacles.of_maze(maze.walls)
     block = Block(*spec.block_center, spec.block_size)
-    problems = []
     # The block first: where it is wrong itself, it cannot be what the robot overlaps.
     wrong_block = block_problem(maze, walls, block)
-    if wrong_block:
-        problems.append(("block_center", wrong_block))
     obstacles = walls.with_block(block) if spec.block_solid and block.size and not wrong_block else walls
     pose = Pose(*spec.bot_center, spec.bot_rot)
     wrong_pose = robot_problem(maze, obstacles, Footprint.of(spec.robot), pose)
-    if wrong_pose:
-        problems.append(("bot_center", wrong_pose))
-    return problems
+    found = (("block_center", wrong_block), ("bot_center", wrong_pose))
+    return [(name, problem) for name, problem in found if problem]
 
 
-def _extent(maze: Maze) -> str:
-    return f"which reaches from (0, 0) to ({maze.width:g}, {maze.height:g})"
+def _outside(maze: Maze, x: float, y: float) -> str:
+    if 0 <= x <= maze.width and 0 <= y <= maze.height:
+        return ""
+    extent = f"which reaches from (0, 0) to ({maze.width:g}, {maze.height:g})"
+    return f"({x:g}, {y:g}) lies outside the maze, {extent}"
 
 
 def _free_places(maze: Maze, footprint: Footprint) -> str:

@@ -5,7 +5,6 @@ Pieces of motion are kept as long as such a sensor may ask for them. Between two
 and before the first one it stood there always.
 """
 
-import math
 from collections import deque
 from collections.abc import Iterator
 
@@ -60,7 +59,7 @@ class RecentMotion:
 
     def block_is(self, place: BlockPlace) -> None:
         """The block is somewhere from now on: it has been put there, taken or let go."""
-        # What was before the run began, or begins anew, counts no more.
+        # What was before the run began counts no more.
         if not self._span or place.since <= 0.0:
             self._blocks.clear()
         self._blocks.append(place)
@@ -76,7 +75,7 @@ class RecentMotion:
             return np.tile((now.x, now.y, now.heading), (len(times), 1))
         # A piece counts from after the moment of its command on.
         begins = np.searchsorted(times, [piece.start_time for piece in pieces], side="right").tolist()
-        arcs: list[tuple[TimedArc, int]] = [(_standing(pieces[0].before), begins[0])]
+        arcs = [(TimedArc(Arc.standing(pieces[0].before), 0.0), begins[0])]
         movements = []
         for piece, begin, end in zip(pieces, begins, [*begins[1:], len(times)], strict=True):
             if begin == end:
@@ -86,10 +85,10 @@ class RecentMotion:
                 if times[end - 1] >= piece.end_time:
                     within = begin + int(np.searchsorted(times[begin:end], piece.end_time))
                 arcs.append((TimedArc(piece.arc, piece.start_time), within - begin))
-                arcs.append((_standing(piece.last_pose), end - within))
+                arcs.append((TimedArc(Arc.standing(piece.last_pose), 0.0), end - within))
             else:
                 movements.append((piece, begin, end))
-                arcs.append((_standing(piece.before), end - begin))
+                arcs.append((TimedArc(Arc.standing(piece.before), 0.0), end - begin))
         poses = poses_along(arcs, times)
         for movement, begin, end in movements:
             poses[begin:end] = movement.poses_at(times[begin:end])
@@ -105,7 +104,3 @@ class RecentMotion:
         for place, begin, end in zip(self._blocks, starts, [*starts[1:], len(times)], strict=True):
             if begin < end:
                 yield slice(begin, end), place
-
-
-def _standing(pose: Pose) -> TimedArc:
-    return TimedArc(Arc(pose, (0.0, 0.0), 0.0, math.inf), 0.0)

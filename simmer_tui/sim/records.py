@@ -9,21 +9,9 @@ from numpy.typing import NDArray
 from simmer_tui.sim.arcs import Twist
 from simmer_tui.sim.command import Command
 from simmer_tui.sim.path import Contact
-from simmer_tui.sim.pose import Pose
+from simmer_tui.sim.pose import Pose as Pose
 from simmer_tui.sim.specs import SensorSpec
 from simmer_tui.sim.trajectory import Trajectory
-
-__all__ = [
-    "CommandResult",
-    "Contact",
-    "FloorPatch",
-    "Grip",
-    "LidarScan",
-    "Pose",
-    "RangeScan",
-    "Reading",
-    "Status",
-]
 
 
 class RangeScan(Struct, frozen=True):

@@ -253,9 +253,7 @@ class FlagRule(Rule[bool], frozen=True):
 
     metavar: ClassVar[str] = "{true,false}"
 
-    @property
-    def schema(self) -> dict[str, Any]:
-        return {"type": "boolean"}
+    schema: ClassVar[dict[str, Any]] = {"type": "boolean"}
 
     def _parsed(self, text: str) -> object:
         return {"true": True, "false": False}.get(text.strip().lower(), text)
@@ -366,9 +364,7 @@ class NamesRule(Rule[tuple[str, ...]], frozen=True):
 
     metavar: ClassVar[str] = "NAME,..."
 
-    @property
-    def schema(self) -> dict[str, Any]:
-        return {"type": "array", "items": {"type": "string"}}
+    schema: ClassVar[dict[str, Any]] = {"type": "array", "items": {"type": "string"}}
 
     def _parsed(self, text: str) -> object:
         return text.split(",")
@@ -459,9 +455,7 @@ class CodeRule(Rule[str], frozen=True):
 
     metavar: ClassVar[str] = "CC"
 
-    @property
-    def schema(self) -> dict[str, Any]:
-        return {"type": "string", "pattern": "^[!-~]{2}$"}
+    schema: ClassVar[dict[str, Any]] = {"type": "string", "pattern": "^[!-~]{2}$"}
 
     def _accepted(self, value: object) -> Any:
         return value if isinstance(value, str) and re.fullmatch("[!-~]{2}", value) else _REFUSED

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from msgspec.structs import replace
@@ -12,7 +13,7 @@ from simmer_tui.sim.angles import FloatArray
 from simmer_tui.sim.arcs import Twist
 from simmer_tui.sim.block import Block
 from simmer_tui.sim.command import Command, parse_command, parse_value
-from simmer_tui.sim.continuous import ContinuousMotion, MotionListener, Surroundings
+from simmer_tui.sim.continuous import ContinuousMotion, MotionListener
 from simmer_tui.sim.distance_errors import DistanceErrors
 from simmer_tui.sim.footprint import Footprint
 from simmer_tui.sim.gripper import Gripper
@@ -23,21 +24,10 @@ from simmer_tui.sim.obstacles import Obstacles, block_problem, robot_problem
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.recent_motion import BlockPlace, RecentMotion
 from simmer_tui.sim.records import TOO_MANY_WAIT, CommandResult, Grip, Reading, Status, VelocityChange
-from simmer_tui.sim.sensors import (
-    CountingSensor,
-    Faults,
-    Lidar,
-    Now,
-    ObservingSensor,
-    Pings,
-    RangeSensor,
-    Sensor,
-    Turning,
-    View,
-    World,
-    has_faults,
-    sensor_of,
-)
+from simmer_tui.sim.sensors.base import CountingSensor, ObservingSensor, Sensor, View, World, sensor_of
+from simmer_tui.sim.sensors.faults import Faults, Pings, has_faults
+from simmer_tui.sim.sensors.lidar import Lidar, Now, Turning
+from simmer_tui.sim.sensors.range_sensors import RangeSensor
 from simmer_tui.sim.specs import Axes, DriveKind, DriveSpec, GripperSpec, SensorSpec, SimulationSpec
 from simmer_tui.sim.trajectory import Trajectory
 from simmer_tui.sim.velocity_commands import WAIT, VelocityControl, VelocityRequest, parse_wait
@@ -45,6 +35,8 @@ from simmer_tui.sim.velocity_commands import WAIT, VelocityControl, VelocityRequ
 # 16 miles, beyond any maze by far; at 1e6 in a coordinate still has nine decimals.
 LARGEST_VALUE = 1e6
 """Greatest movement one command may ask for, inches or degrees (times Gain)."""
+_STILL_MOVING = "the robot is still moving"
+"""The reason of a movement that is refused while another is under way."""
 
 
 class Simulator:
@@ -74,33 +66,30 @@ class Simulator:
         working = self._sensors.values()
         self._ranging = {each.spec.code: each for each in working if isinstance(each, RangeSensor)}
         self._counting = [each for each in working if isinstance(each, CountingSensor)]
-        lidars = [each for each in working if isinstance(each, Lidar)]
-        # The last complete revolution began at most two turns ago.
-        self._recent = RecentMotion(max((2.0 / each.spec.scan_rate for each in lidars), default=0.0))
-        self._turning = {each.spec.code: Turning(each, self.maze, self._recent) for each in lidars}
+        self._lidars = [each for each in working if isinstance(each, Lidar)]
         self._seen: dict[str, tuple[Pose, tuple[float, View | None]]] = {}
         """The last view of each observing sensor, with the pose it was seen from."""
         self._noise = True
         self.listener: MotionListener | None = None
         """Told of continuous motion after the simulator itself."""
-        self._trajectory: Trajectory | None = None
+        self.trajectory: Trajectory | None = None
+        """The movement under way, if there is one."""
         self._last: Trajectory | None = None
-        self.seed = seed
-        self.time = 0.0
-        """Simulated time, seconds."""
-        self._streams = noise.Streams(seed)
-        self._continuous = self._standing_robot()
-        self.reset()
+        self._begin_run(seed)
 
     # -- the state, all of it readable -------------------------------------------------------
 
     def reset(self, seed: int | None = None) -> None:
         """Everything as at the start, with the same seed or a new one."""
         self.stop()
-        if seed is not None:
-            self.seed = seed
+        self._begin_run(self.seed if seed is None else seed)
+
+    def _begin_run(self, seed: int) -> None:
+        """The start of a run with nothing in motion."""
         spec = self.spec
+        self.seed = seed
         self.time = 0.0
+        """Simulated time, seconds."""
         self._asked: set[str] = set()
         """Codes that have come since simulated time last moved, at `_asked_at`."""
         self._asked_at = 0.0
@@ -110,24 +99,24 @@ class Simulator:
         """Number of finished movements that met an obstacle, whether that ended them or not."""
         self.distance = 0.0
         """Inches driven in finished movements."""
-        self._streams = noise.Streams(self.seed)
+        self._streams = noise.Streams(seed)
+        # The last complete revolution began at most two turns ago.
+        self._recent = RecentMotion(max((2.0 / each.spec.scan_rate for each in self._lidars), default=0.0))
+        self._turning = {each.spec.code: Turning(each, self.maze, self._recent) for each in self._lidars}
         pings = Pings()
         self._faults = {
             code: Faults(sensor, self._streams[noise.fault_stream(sensor.spec.id)], pings)
             for code, sensor in self._sensors.items()
             if has_faults(sensor) and code not in self._turning
         }
-        for turning in self._turning.values():
-            turning.forget()
-        self._recent.forget()
         self._planner = Planner(spec.num_segments, spec.contact, self._streams, spec.clearance)
-        self._bias: Mapping[DriveKind, Axes] = (
-            noise.RandomBias(self.seed, spec.strength)
-            if spec.randbias
-            else {drive.kind: drive.bias for drive in spec.drives}
-        )
+        self.bias: Mapping[DriveKind, Axes] = {drive.kind: drive.bias for drive in spec.drives}
+        """The drive bias in force, by kind of movement."""
+        if spec.randbias:
+            self.bias = noise.RandomBias(seed, spec.strength)
         self._counted = {sensor.spec.id: 0.0 for sensor in self._counting}
-        self._continuous = self._standing_robot()
+        errors = DistanceErrors(spec.num_segments, self._streams, self._counting)
+        self._continuous = ContinuousMotion(spec, lambda: self.bias, errors, self._checker, self)
         self._gripper = Gripper(self.footprint, self.walls)
         self._pose = Pose(float(spec.bot_center[0]), float(spec.bot_center[1]), float(spec.bot_rot))
         self._set_block(self._checked_block(spec.block_center))
@@ -136,10 +125,8 @@ class Simulator:
     @property
     def pose(self) -> Pose:
         """The robot's present pose."""
-        if self._trajectory is not None:
-            return self._trajectory.pose_at(self.time)
-        leg = self._continuous.leg
-        return self._pose if leg is None else leg.pose_at(self.time)
+        under_way = self.trajectory or self._continuous.leg
+        return self._pose if under_way is None else under_way.pose_at(self.time)
 
     @property
     def noise(self) -> bool:
@@ -167,26 +154,19 @@ class Simulator:
         return self._continuous.commanded
 
     @property
-    def trajectory(self) -> Trajectory | None:
-        """The movement under way, if there is one."""
-        return self._trajectory
-
-    @property
     def last_trajectory(self) -> Trajectory | None:
         """The movement under way, or else the last one that ended."""
-        return self._trajectory or self._last
+        return self.trajectory or self._last
 
     def distance_at(self, time: float) -> float:
         """Inches driven so far, the movement under way included."""
-        if self._trajectory is not None:
-            return self.distance + self._trajectory.travelled(time)
-        leg = self._continuous.leg
-        return self.distance if leg is None else self.distance + leg.travelled(time)
+        under_way = self.trajectory or self._continuous.leg
+        return self.distance if under_way is None else self.distance + under_way.travelled(time)
 
     @property
     def moving(self) -> bool:
         """True if a drive command is under way (also while a wall holds the robot)."""
-        return self._trajectory is not None
+        return self.trajectory is not None
 
     @property
     def world(self) -> World:
@@ -207,11 +187,6 @@ class Simulator:
     def body(self) -> Footprint:
         """The body that can run into a wall: the robot's footprint, and the block while it is held."""
         return self._gripper.body
-
-    @property
-    def bias(self) -> Mapping[DriveKind, Axes]:
-        """The drive bias in force, by kind of movement."""
-        return self._bias
 
     def is_drive(self, command: Command) -> bool:
         """True if a command's code is that of an enabled drive, or of the gripper."""
@@ -262,11 +237,9 @@ class Simulator:
         # Stopping comes before all checks: it must work whatever the robot is doing.
         if command.stops:
             self.stop()
-            return CommandResult(
-                self.commands, self.time, command, Status.STOPPED, math.inf, before, self.pose
-            )
+            return replace(self._taken(command, before, Status.STOPPED), pose=self.pose)
         if command.problem:
-            return self._refused(command, before, Status.REFUSED, command.problem)
+            return self._refused(command, before, command.problem)
         sensor = self._sensors.get(command.code)
         if sensor is not None and sensor.spec.enabled:
             return self._begin_reading(sensor, command, before)
@@ -274,31 +247,29 @@ class Simulator:
         if drive is None and (command.code == WAIT or command.code in self._velocities):
             return self._begin_continuous(command, before)
         if drive is None or not drive.enabled:
-            return self._refused(command, before, Status.UNKNOWN, self._unknown(command.code))
+            return self._refused(command, before, self._unknown(command.code), Status.UNKNOWN)
         value = _amount(drive, command.argument)
         if isinstance(value, str):
-            return self._refused(command, before, Status.REFUSED, value)
-        if self._trajectory is not None:
-            return self._refused(command, before, Status.BUSY, "the robot is still moving")
+            return self._refused(command, before, value)
+        if self.trajectory is not None:
+            return self._refused(command, before, _STILL_MOVING, Status.BUSY)
         # A movement of known length ends a velocity before it begins.
         self._continuous.halt(self.time)
-        grip = None
         if isinstance(drive, GripperSpec):
-            grip = self._grip(drive, value == 1.0, before)
-        else:
-            self._plan(drive, value, before)
-        return CommandResult(
-            self.commands, self.time, command, Status.ACCEPTED, math.inf, before, before, grip=grip
-        )
+            return self._taken(command, before, Status.ACCEPTED, grip=self._grip(drive, value == 1.0, before))
+        self._plan(drive, value, before)
+        return self._taken(command, before, Status.ACCEPTED)
 
     def _begin_reading(self, sensor: Sensor, command: Command, before: Pose) -> CommandResult:
+        # Few robots have a lidar, and this runs for each reading.
+        turning = self._turning.get(command.code) if self._turning else None
         try:
-            reading = self._read(sensor, before) if not self._turning else self._read_any(sensor, command)
+            reading = self._read(sensor, before) if turning is None else self._scanned(turning, command)
         except DeviceError as error:
             # The run goes on: a program may ask others, or again.
-            return self._refused(command, before, Status.UNANSWERED, str(error))
+            return self._refused(command, before, str(error), Status.UNANSWERED)
         if isinstance(reading, str):
-            return self._refused(command, before, Status.REFUSED, reading)
+            return self._refused(command, before, reading)
         return CommandResult(
             self.commands, self.time, command, Status.READING, reading.value, before, before, "", reading
         )
@@ -306,20 +277,17 @@ class Simulator:
     def refuse(self, command: Command) -> CommandResult:
         """The outcome of a command that is not looked at, since too many wait: `BUSY`."""
         self.commands += 1
-        return self._refused(command, self.pose, Status.BUSY, TOO_MANY_WAIT)
+        return self._refused(command, self.pose, TOO_MANY_WAIT, Status.BUSY)
 
     def finish(self, outcome: CommandResult) -> CommandResult:
         """The outcome of a whole command from the one that began it. Simulated time goes on to the
         end of the movement, unless it is over already, or by what the reading takes."""
-        if outcome.reading is not None:
-            self.advance(outcome.time + outcome.reading.took)
+        if outcome.reading is not None or outcome.waits:
+            self.advance(outcome.time + outcome.duration)
             return replace(outcome, time=self.time, pose=self.pose, taken=outcome.time)
-        if outcome.waits:
-            self.advance(outcome.time + outcome.waits)
-            return replace(outcome, time=self.time, pose=self.pose, taken=outcome.time)
-        trajectory = self._trajectory or self._last
+        trajectory = self.trajectory or self._last
         assert trajectory is not None, "no movement has begun"
-        if self._trajectory is not None:
+        if self.trajectory is not None:
             self.advance(trajectory.end_time)
         end = trajectory.end_time
         return replace(
@@ -338,7 +306,7 @@ class Simulator:
         if self._continuous.leg is not None:
             while self._continuous.due <= self.time:
                 self._continuous.step()
-        trajectory = self._trajectory
+        trajectory = self.trajectory
         if trajectory is None or self.time < trajectory.end_time:
             return
         end = trajectory.end_time
@@ -347,16 +315,16 @@ class Simulator:
         self.contacts += trajectory.contact is not None
         for sensor in self._counting:
             self._counted[sensor.spec.id] = self._count(sensor, end)
-        self._trajectory, self._last = None, trajectory
+        self.trajectory, self._last = None, trajectory
         self._recent.went(trajectory)
 
     def stop(self) -> bool:
         """End the motion under way now. Returns True if there was one."""
         drove = self._continuous.commanded.moves
         self._continuous.halt(self.time)
-        if self._trajectory is None:
+        if self.trajectory is None:
             return drove
-        self._trajectory = self._trajectory.stopped(self.time)
+        self.trajectory = self.trajectory.stopped(self.time)
         self.advance(self.time)
         return True
 
@@ -377,7 +345,7 @@ class Simulator:
             turning.forget()
 
     def move_block(self, x: float, y: float) -> None:
-        """Put the block somewhere. A movement under way is checked anew against it, without new
+        """Put the block somewhere. A movement under way is checked again against it, without new
         random draws. Raises PlacementError inside a wall, if it is solid inside the robot, while
         it is held, and if there is none."""
         if not self.spec.block_size:
@@ -392,14 +360,14 @@ class Simulator:
                 raise PlacementError(f"the block at ({x:g}, {y:g}) would overlap the robot")
         self._set_block(block)
         # What was drawn stays: moving the block must not change the errors of a run.
-        if self._trajectory is not None and self.spec.block_solid:
+        if self.trajectory is not None and self.spec.block_solid:
             checker = CollisionChecker(self.footprint, self._obstacles, self.maze)
-            self._trajectory = self._planner.checked_again(self._trajectory, self.time, checker)
+            self.trajectory = self._planner.checked_again(self.trajectory, self.time, checker)
         self._drive_on()
 
     def set_bias(self, bias: dict[DriveKind, Axes]) -> None:
         """Replace the drive bias, for some or all kinds of movement."""
-        self._bias = {**self.bias, **bias}
+        self.bias = {**self.bias, **bias}
         self._drive_on()
 
     # -- truth, for programs that learn or localize --------------------------------------------
@@ -456,7 +424,10 @@ class Simulator:
             raise ValueError(f"true_ranges needs finite (n, 3) poses, not {poses.shape}")
         chosen = self.ranging_codes() if codes is None else list(codes)
         world = self.world
-        columns = [self._ranger(code).ranges(world, poses) for code in chosen]
+        unknown = next((code for code in chosen if code not in self._ranging), None)
+        if unknown is not None:
+            raise UnknownSensorError(unknown, self._ranging, "range sensor")
+        columns = [self._ranging[code].ranges(world, poses) for code in chosen]
         return np.column_stack(columns) if columns else np.empty((len(poses), 0))
 
     def ranging_codes(self) -> list[str]:
@@ -470,12 +441,6 @@ class Simulator:
             return self._sensors[code]
         except KeyError:
             raise UnknownSensorError(code, self._sensors) from None
-
-    def _ranger(self, code: str) -> RangeSensor:
-        try:
-            return self._ranging[code]
-        except KeyError:
-            raise UnknownSensorError(code, self._ranging, "range sensor") from None
 
     def _read(self, sensor: Sensor, pose: Pose) -> Reading:
         true, view = self._observe(sensor, pose)
@@ -498,16 +463,13 @@ class Simulator:
         if not isinstance(ray, str):
             self.advance(turning.waits_until(self.time, ray))
 
-    def _read_any(self, sensor: Sensor, command: Command) -> Reading | str:
-        """A reading of a sensor of a robot with a lidar, or why a command to it is refused."""
-        turning = self._turning.get(command.code)
-        if turning is None:
-            return self._read(sensor, self.pose)
+    def _scanned(self, turning: Turning, command: Command) -> Reading | str:
+        """A reading of a lidar, or why a command to it is refused."""
         ray = turning.ray(command.argument)
         if isinstance(ray, str):
             return ray
-        now = Now(self.time, self.pose, self._trajectory or self._continuous.leg)
-        return turning.reading(ray, now, self._streams[sensor.spec.id] if self._noise else None)
+        now = Now(self.time, self.pose, self.trajectory or self._continuous.leg)
+        return turning.reading(ray, now, self._streams[turning.lidar.spec.id] if self._noise else None)
 
     def _observe(self, sensor: Sensor, pose: Pose) -> tuple[float, View | None]:
         code = sensor.spec.code
@@ -524,28 +486,14 @@ class Simulator:
 
     def _count(self, sensor: CountingSensor, time: float) -> float:
         counted = self._counted[sensor.spec.id]
-        if self._trajectory is not None:
-            return counted + sensor.counted(self._trajectory, time)
+        if self.trajectory is not None:
+            return counted + sensor.counted(self.trajectory, time)
         leg = self._continuous.leg
         if leg is None:
             return counted
         return counted + leg.counts[sensor.spec.id] * (min(time, leg.end_time) - leg.start_time)
 
     # -- continuous motion ---------------------------------------------------------------------
-
-    def _standing_robot(self) -> ContinuousMotion:
-        """The motion of a robot that has not been told a velocity yet."""
-        spec = self.spec
-        return ContinuousMotion(
-            drives=spec.drives,
-            bias=lambda: self.bias,
-            errors=DistanceErrors(spec.num_segments, self._streams, self._counting),
-            surroundings=self._surroundings,
-            rule=spec.contact,
-            control_period=spec.control_period,
-            wall_friction=spec.wall_friction,
-            listener=self,
-        )
 
     def begin_pass(self, commands: Sequence[Command]) -> None:
         """Commands are about to come at one moment, in instant motion. While the robot drives, a program's
@@ -567,22 +515,17 @@ class Simulator:
         if command.code == WAIT:
             seconds = parse_wait(command.argument)
             if isinstance(seconds, str):
-                return self._refused(command, pose, Status.REFUSED, seconds)
-            return CommandResult(
-                self.commands, self.time, command, Status.DONE, math.inf, pose, pose, waits=seconds
-            )
+                return self._refused(command, pose, seconds)
+            return self._taken(command, pose, Status.DONE, waits=seconds)
         velocity = self._velocities[command.code]
         if not velocity.enabled:
-            return self._refused(command, pose, Status.UNKNOWN, self._unknown(command.code))
+            return self._refused(command, pose, self._unknown(command.code), Status.UNKNOWN)
         request = self._control.parse(velocity, command.argument, self.velocity)
         if isinstance(request, str):
-            return self._refused(command, pose, Status.REFUSED, request)
-        if self._trajectory is not None:
-            return self._refused(command, pose, Status.BUSY, "the robot is still moving")
-        change = self._take_velocity(request, pose)
-        return CommandResult(
-            self.commands, self.time, command, Status.DONE, math.inf, pose, pose, velocity=change
-        )
+            return self._refused(command, pose, request)
+        if self.trajectory is not None:
+            return self._refused(command, pose, _STILL_MOVING, Status.BUSY)
+        return self._taken(command, pose, Status.DONE, velocity=self._take_velocity(request, pose))
 
     def _take_velocity(self, request: VelocityRequest, pose: Pose) -> VelocityChange:
         timeout = self.spec.velocity_timeout or math.inf
@@ -621,24 +564,21 @@ class Simulator:
         if self.listener is not None:
             self.listener.velocity_expired(time)
 
-    def _surroundings(self, pose: Pose) -> Surroundings:
-        return Surroundings(
-            self.body, self._obstacles_at(pose), math.hypot(self.maze.width, self.maze.height)
-        )
+    def _checker(self, pose: Pose) -> CollisionChecker:
+        return CollisionChecker(self.body, self._obstacles_at(pose), self.maze)
 
     def _plan(self, drive: DriveSpec, value: float, pose: Pose) -> None:
         bias = self.bias.get(drive.kind, Axes())
         trajectory = self._planner.plan(drive, bias, value, pose, self.time, self._noise)
         trajectory = self._planner.counted(trajectory, self._counting, self._noise)
-        checker = CollisionChecker(self.body, self._obstacles_at(pose), self.maze)
-        self._trajectory = self._planner.checked(trajectory, checker)
+        self.trajectory = self._planner.checked(trajectory, self._checker(pose))
 
     def _grip(self, spec: GripperSpec, close: bool, pose: Pose) -> Grip:
         """The jaws act at once; the robot then stands still for as long as they take."""
         grip = self._gripper.move(spec, close, self._world.block, pose, self.time)
         block = grip.block
         self._set_block(Block(block.x, block.y, self.spec.block_size, block.heading))
-        self._trajectory = self._planner.standing(pose, self.time, 1.0 / spec.speed, self._counting)
+        self.trajectory = self._planner.standing(pose, self.time, 1.0 / spec.speed, self._counting)
         return grip
 
     def _world_at(self, pose: Pose) -> World:
@@ -652,7 +592,13 @@ class Simulator:
         solid = self.spec.gripper is not None and self._obstacles is not self.walls
         return self.walls if solid and self._obstacles.overlap(self.body, pose) else self._obstacles
 
-    def _refused(self, command: Command, pose: Pose, status: Status, reason: str) -> CommandResult:
+    def _taken(self, command: Command, pose: Pose, status: Status, **more: Any) -> CommandResult:
+        """The result of a command whose reply is infinity."""
+        return CommandResult(self.commands, self.time, command, status, math.inf, pose, pose, **more)
+
+    def _refused(
+        self, command: Command, pose: Pose, reason: str, status: Status = Status.REFUSED
+    ) -> CommandResult:
         return CommandResult(self.commands, self.time, command, status, math.nan, pose, pose, reason)
 
     def _unknown(self, code: str) -> str:

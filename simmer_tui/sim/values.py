@@ -63,17 +63,13 @@ S = TypeVar("S", bound=Struct)
 
 def with_values(spec: S, values: Mapping[str, Any]) -> S:
     """A struct with other values, by field; `error.x` is the field x of its field error."""
-    inner: dict[str, dict[str, Any]] = {}
+    changed: dict[str, Any] = {}
     for name, value in values.items():
-        field, _, rest = name.partition(".")
-        inner.setdefault(field, {})[rest] = value
-    return replace(
-        spec,
-        **{
-            name: each[""] if "" in each else replace(getattr(spec, name), **each)
-            for name, each in inner.items()
-        },
-    )
+        field, _, inner = name.partition(".")
+        if inner:
+            value = replace(changed.get(field, getattr(spec, field)), **{inner: value})
+        changed[field] = value
+    return replace(spec, **changed)
 
 
 def described(defaults: object) -> tuple[Value, ...]:

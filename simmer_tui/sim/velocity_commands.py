@@ -12,6 +12,7 @@ import re
 from collections.abc import Mapping, Sequence
 
 from msgspec import Struct
+from msgspec.structs import replace
 
 from simmer_tui.sim.arcs import Twist
 from simmer_tui.sim.command import parse_value
@@ -156,11 +157,5 @@ def _numbers(argument: str | None) -> list[float] | str:
 
 
 def _changed(commanded: Twist, kind: VelocityKind, values: Sequence[float]) -> Twist:
-    if kind is VelocityKind.ALL:
-        return Twist(*values)
-    (value,) = values
-    if kind is VelocityKind.X:
-        return Twist(value, commanded.y, commanded.r)
-    if kind is VelocityKind.Y:
-        return Twist(commanded.x, value, commanded.r)
-    return Twist(commanded.x, commanded.y, value)
+    names = {VelocityKind.X: "x", VelocityKind.Y: "y", VelocityKind.R: "r"}
+    return replace(commanded, **dict(zip(names.get(kind, "xyr"), values, strict=True)))

@@ -10,6 +10,7 @@ from collections import deque
 from collections.abc import Iterable
 
 from msgspec import Struct
+from msgspec.structs import astuple
 
 from simmer_tui.sim.arcs import STILL, Twist
 from simmer_tui.sim.specs import DriveSpec
@@ -48,11 +49,8 @@ class _Ramp(Struct, frozen=True):
     def mean(self, since: float, until: float) -> Twist:
         """Mean velocity between two times after `begin`."""
         share = (since + until) / 2.0 / self.seconds
-        return Twist(
-            self.before.x + share * (self.after.x - self.before.x),
-            self.before.y + share * (self.after.y - self.before.y),
-            self.before.r + share * (self.after.r - self.before.r),
-        )
+        axes = zip(astuple(self.before), astuple(self.after), strict=True)
+        return Twist(*(before + share * (after - before) for before, after in axes))
 
 
 class VelocityPlan:
@@ -124,10 +122,5 @@ class VelocityPlan:
 
 def _ramp_seconds(before: Twist, target: VelocityTarget) -> float:
     """Time that the slowest component needs."""
-    after, rate = target.twist, target.acceleration
-    changes = (
-        (after.x - before.x, rate.x),
-        (after.y - before.y, rate.y),
-        (after.r - before.r, rate.r),
-    )
-    return max(abs(change) / limit if limit else 0.0 for change, limit in changes)
+    axes = zip(astuple(before), astuple(target.twist), astuple(target.acceleration), strict=True)
+    return max(abs(after - old) / limit if limit else 0.0 for old, after, limit in axes)

@@ -26,7 +26,7 @@ _NEAR = 2.0 * TOUCHING
 
 class WallMove(Struct, frozen=True):
     """A move at a wall: global velocity (in/s), turning rate of its way and turning on the spot beside it
-    (deg/s). `brief` ones hold for a control period only, then the choice is made anew."""
+    (deg/s). `brief` ones hold for a control period only, then the choice is made again."""
 
     velocity: tuple[float, float]
     rate: float

@@ -10,7 +10,6 @@ from collections.abc import Mapping
 from types import MappingProxyType
 
 from simmer_tui.sim.sensors.base import CountingSensor as CountingSensor
-from simmer_tui.sim.sensors.base import Linearisation as Linearisation
 from simmer_tui.sim.sensors.base import ObservingSensor as ObservingSensor
 from simmer_tui.sim.sensors.base import Prior as Prior
 from simmer_tui.sim.sensors.base import Sensor as Sensor
@@ -22,19 +21,14 @@ from simmer_tui.sim.sensors.base import parameter_value as parameter_value
 from simmer_tui.sim.sensors.base import sensor_of as sensor_of
 from simmer_tui.sim.sensors.base import with_parameters as with_parameters
 from simmer_tui.sim.sensors.faults import Faults as Faults
-from simmer_tui.sim.sensors.faults import Pings as Pings
-from simmer_tui.sim.sensors.faults import has_faults as has_faults
 from simmer_tui.sim.sensors.lidar import Lidar as Lidar
 from simmer_tui.sim.sensors.lidar import LidarSpec as LidarSpec
-from simmer_tui.sim.sensors.lidar import Now as Now
-from simmer_tui.sim.sensors.lidar import Turning as Turning
 from simmer_tui.sim.sensors.own_motion import Compass as Compass
 from simmer_tui.sim.sensors.own_motion import Gyro as Gyro
 from simmer_tui.sim.sensors.own_motion import Odometer as Odometer
 from simmer_tui.sim.sensors.range_sensors import RangeSensor as RangeSensor
 from simmer_tui.sim.sensors.range_sensors import TimeOfFlight as TimeOfFlight
 from simmer_tui.sim.sensors.range_sensors import Ultrasonic as Ultrasonic
-from simmer_tui.sim.sensors.yes_or_no import TEST_POINTS as TEST_POINTS
 from simmer_tui.sim.sensors.yes_or_no import LineSensor as LineSensor
 from simmer_tui.sim.sensors.yes_or_no import LoadSensor as LoadSensor
 from simmer_tui.sim.specs import SensorKind

@@ -24,7 +24,7 @@ from msgspec.structs import replace
 
 from simmer_tui.sim.angles import FloatArray, cos_sin, cos_sin_array
 from simmer_tui.sim.block import Block
-from simmer_tui.sim.maze import Maze
+from simmer_tui.sim.maze import Maze, Rays
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.records import FloorPatch, RangeScan
 from simmer_tui.sim.specs import SensorKind, SensorSpec
@@ -52,37 +52,27 @@ class World(Struct, frozen=True):
                     distances[index] = distance
         return distances
 
-    def fans(
-        self, x: FloatArray, y: FloatArray, dx: FloatArray, dy: FloatArray, block_from: float
-    ) -> FloatArray:
-        """The same for many places at once, all arrays (n,): (n,) distances, 0 from a wall."""
-        distances = self.maze.cast_many(x, y, dx, dy)
+    def fans(self, rays: Rays, block_from: float) -> FloatArray:
+        """The same for many places at once: (n,) distances, 0 from a wall."""
+        distances = self.maze.cast_many(*rays)
         if block_from < math.inf:
-            to_block = self.block.cast_many(x, y, dx, dy)
+            to_block = self.block.cast_many(*rays)
             return np.where((to_block >= block_from) & (to_block < distances), to_block, distances)
         return distances
 
     def rays(self, origins: FloatArray, bearings: FloatArray, block_from: float) -> FloatArray:
         """The same for (n, 2) origins and (n,) bearings in degrees."""
         x, y = np.ascontiguousarray(origins.T)
-        return self.fans(x, y, *cos_sin_array(bearings), block_from)
+        return self.fans((x, y, *cos_sin_array(bearings)), block_from)
 
-    def incidence(
-        self,
-        x: FloatArray,
-        y: FloatArray,
-        dx: FloatArray,
-        dy: FloatArray,
-        distances: FloatArray,
-        block_from: float,
-    ) -> FloatArray:
+    def incidence(self, rays: Rays, distances: FloatArray, block_from: float) -> FloatArray:
         """Cosines of the angles between rays and the normals of the faces they end on, (n,), for rays
         and their `distances` as `fans` has them. At a corner the less oblique face counts."""
-        cosines = self.maze.incidence(x, y, dx, dy, distances)
+        cosines = self.maze.incidence(*rays, distances)
         if block_from < math.inf:
-            to_block = self.block.cast_many(x, y, dx, dy)
+            to_block = self.block.cast_many(*rays)
             on_block = (to_block >= block_from) & (to_block == distances)
-            cosines = np.where(on_block, self.block.incidence(x, y, dx, dy, to_block), cosines)
+            cosines = np.where(on_block, self.block.incidence(*rays, to_block), cosines)
         return cosines
 
 

@@ -16,11 +16,11 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from simmer_tui.sim import columns
-from simmer_tui.sim.angles import FloatArray, cos_sin, cos_sin_array
+from simmer_tui.sim.angles import FloatArray, cos_sin_array
 from simmer_tui.sim.block import Block
 from simmer_tui.sim.columns import CsvColumn
 from simmer_tui.sim.command import parse_value
-from simmer_tui.sim.maze import Maze
+from simmer_tui.sim.maze import Maze, Rays, chosen_rays
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.recent_motion import BlockPlace, Piece, RecentMotion
 from simmer_tui.sim.records import LidarScan, RangeScan, Reading
@@ -133,9 +133,9 @@ class Lidar(RangeSensor):
         dx, dy = cos_sin_array(poses[:, 2] + self.turned_by)
         found = np.empty(len(poses))
         for part, place in blocks:
-            rays = (x[part], y[part], dx[part], dy[part])
+            rays = chosen_rays((x, y, dx, dy), part)
             for some, world in self._worlds(maze, poses[part], place):
-                found[part][some] = self._cast(world, *(each[some] for each in rays))
+                found[part][some] = self._cast(world, chosen_rays(rays, some))
         return found
 
     def _worlds(self, maze: Maze, poses: FloatArray, place: BlockPlace) -> Iterator[tuple[slice, World]]:
@@ -148,19 +148,18 @@ class Lidar(RangeSensor):
         for ray, pose in enumerate(poses.tolist()):
             yield slice(ray, ray + 1), World(maze, place.at(Pose(*pose)), held=True)
 
-    def _cast(self, world: World, x: FloatArray, y: FloatArray, dx: FloatArray, dy: FloatArray) -> FloatArray:
+    def _cast(self, world: World, rays: Rays) -> FloatArray:
         """`World.fans` for origins that are near each other, without the echoes that a face does not send."""
+        x, y, _, _ = rays
         block_from = self.block_from(world.block.size)
         low, high = (float(x.min()), float(y.min())), (float(x.max()), float(y.max()))
         if world.maze.has_walls(low, high):
-            distances = world.fans(x, y, dx, dy, block_from)
+            distances = world.fans(rays, block_from)
         else:
-            distances = world.maze.cast_free(x, y, dx, dy)
+            distances = world.maze.cast_free(rays)
             if block_from < math.inf:
-                _meet(world.block, (x, y, dx, dy), distances, block_from)
-        if self.least_cosine:
-            return self.echoes(world, x, y, dx, dy, distances, block_from)
-        return distances
+                _meet(world.block, rays, distances, block_from)
+        return self.echoes(world, rays, distances, block_from) if self.least_cosine else distances
 
     def ranges_said(
         self, true: FloatArray, moments: FloatArray, random: np.random.Generator | None
@@ -204,12 +203,7 @@ class Lidar(RangeSensor):
         return super().error(true, math.inf if missed else reply)
 
 
-def _meet(
-    block: Block,
-    rays: tuple[FloatArray, FloatArray, FloatArray, FloatArray],
-    distances: FloatArray,
-    block_from: float,
-) -> None:
+def _meet(block: Block, rays: Rays, distances: FloatArray, block_from: float) -> None:
     """Shorten the distances of those rays that meet the block from some distance on."""
     x, y, dx, dy = rays
     to_x, to_y = block.x - x, block.y - y
@@ -219,7 +213,7 @@ def _meet(
     near = np.flatnonzero((np.abs(aside) <= reach) & (distances >= ahead - reach) & (ahead >= -reach))
     if not len(near):
         return
-    to_block = block.cast_many(x[near], y[near], dx[near], dy[near])
+    to_block = block.cast_many(*chosen_rays(rays, near))
     nearer = (to_block >= block_from) & (to_block < distances[near])
     distances[near[nearer]] = to_block[nearer]
 
@@ -251,7 +245,7 @@ class Turning:
         """The rays of that revolution that have been read by themselves; None stands for all of it."""
 
     def forget(self) -> None:
-        """The run begins anew, or the robot has been put elsewhere."""
+        """The robot has been put elsewhere."""
         self._scan = None
         self._read.clear()
 
@@ -306,7 +300,6 @@ class Turning:
 
     def _view(self, scan: LidarScan, ray: int) -> RangeScan:
         spec = self.lidar.spec
-        x, y, heading = scan.poses[ray].tolist()
-        cos, sin = cos_sin(heading)
-        place = (x + cos * spec.x - sin * spec.y, y + sin * spec.x + cos * spec.y)
-        return RangeScan(place, (float(scan.bearings[ray]) + heading,), (float(scan.true[ray]),))
+        pose = Pose(*scan.poses[ray].tolist())
+        bearing, true = float(scan.bearings[ray]) + pose.heading, float(scan.true[ray])
+        return RangeScan(pose.place(spec.x, spec.y), (bearing,), (true,))

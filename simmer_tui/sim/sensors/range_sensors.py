@@ -11,6 +11,7 @@ from msgspec.structs import replace
 from simmer_tui.sim import columns
 from simmer_tui.sim.angles import FloatArray, cos_sin, cos_sin_array
 from simmer_tui.sim.columns import CsvColumn
+from simmer_tui.sim.maze import Rays
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.records import RangeScan
 from simmer_tui.sim.sensors.base import OFFSET, ObservingSensor, Prior, Sort, World
@@ -99,8 +100,8 @@ class RangeSensor(ObservingSensor):
         distances = world.fan(x, y, directions, block_from)
         if self.least_cosine:
             dx, dy = np.array(directions).T
-            origin = np.full(len(dx), x), np.full(len(dx), y)
-            distances = self.echoes(world, *origin, dx, dy, np.array(distances), block_from).tolist()
+            rays = np.full(len(dx), x), np.full(len(dx), y), dx, dy
+            distances = self.echoes(world, rays, np.array(distances), block_from).tolist()
         return self.combined(distances), RangeScan((x, y), bearings, tuple(distances))
 
     def ranges(self, world: World, poses: FloatArray) -> FloatArray:
@@ -118,9 +119,9 @@ class RangeSensor(ObservingSensor):
             *(np.repeat(x[free], count), np.repeat(y[free], count)),
             *((cos * a - sin * b).ravel(), (sin * a + cos * b).ravel()),
         )
-        fans = world.fans(*rays, block_from)
+        fans = world.fans(rays, block_from)
         if self.least_cosine:
-            fans = self.echoes(world, *rays, fans, block_from)
+            fans = self.echoes(world, rays, fans, block_from)
         ranges[free] = self.combined_many(fans.reshape(-1, count))
         return ranges
 
@@ -155,18 +156,9 @@ class RangeSensor(ObservingSensor):
             return 0.0
         return above / self._slope if self._slope else math.inf
 
-    def echoes(
-        self,
-        world: World,
-        x: FloatArray,
-        y: FloatArray,
-        dx: FloatArray,
-        dy: FloatArray,
-        distances: FloatArray,
-        block_from: float,
-    ) -> FloatArray:
+    def echoes(self, world: World, rays: Rays, distances: FloatArray, block_from: float) -> FloatArray:
         """The distances of rays, infinite where one meets a face too obliquely to send an echo back."""
-        cosines = world.incidence(x, y, dx, dy, distances, block_from)
+        cosines = world.incidence(rays, distances, block_from)
         return np.where(cosines >= self.least_cosine, distances, math.inf)
 
     def anywhere(self, fraction: float) -> float:

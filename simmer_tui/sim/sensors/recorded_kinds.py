@@ -29,6 +29,8 @@ _GIVEN = ("kind", "number", "code", "enabled")
 """Fields of a row that come from its ID, code and switch, never from a column."""
 
 
+_SAME = ("name", "meaning", "unit", "is_range", "is_yes_or_no", "counts")
+"""Attributes that a kind and its description share."""
 _PLACED = (X, Y, Z, ROTATION, ERROR)
 """The columns that a kind is shown with whose columns are not known."""
 
@@ -70,16 +72,9 @@ class RecordedSensor(Sensor):
 def described(kind: type[SensorKind]) -> RecordedKind:
     """The description of a kind."""
     blank = kind.spec_type(kind=kind, number=1, code="?")
-    return RecordedKind(
-        name=kind.name,
-        title=kind.__name__,
-        meaning=kind.meaning,
-        unit=kind.unit,
-        is_range=kind.is_range,
-        is_yes_or_no=kind.is_yes_or_no,
-        counts=kind.counts,
-        columns=tuple(_recorded(column, blank) for column in kind.columns),
-    )
+    columns = tuple(_recorded(column, blank) for column in kind.columns)
+    same = {each: getattr(kind, each) for each in _SAME}
+    return RecordedKind(title=kind.__name__, columns=columns, **same)
 
 
 def is_label(text: object) -> bool:
@@ -138,26 +133,20 @@ def recorded_class(kind: RecordedKind) -> type[RecordedSensor]:
             raise ValueError(f"a column of the kind {kind.name} has a name that is no line of text")
         if not _is_field(column.field):
             raise ValueError(f"the column {column.header!r} of the kind {kind.name} fills what is no field")
-    known = {each.name for each in fields(SensorSpec)}
-    own = {column.field: column for column in kind.columns if column.field not in known}
-    spec_type: type[Struct] = SensorSpec
-    if own:
-        more = [(name, Any, 0.0 if each.default is None else each.default) for name, each in own.items()]
-        spec_type = defstruct("RecordedSpec", more, bases=(SensorSpec,), frozen=True, kw_only=True)
-    columns: tuple[CsvColumn, ...] = _PLACED if kind.any_columns else tuple(_columns(kind.columns))
-    values = {
-        "name": kind.name,
-        "meaning": kind.meaning,
-        "unit": kind.unit,
-        "is_range": kind.is_range,
-        "is_yes_or_no": kind.is_yes_or_no,
-        "counts": kind.counts,
-        "any_columns": kind.any_columns,
-        "columns": columns,
-        "spec_type": spec_type,
-        "__doc__": f"{kind.meaning}, described only.",
-    }
+    values = {each: getattr(kind, each) for each in (*_SAME, "any_columns")}
+    values["columns"] = _PLACED if kind.any_columns else tuple(_columns(kind.columns))
+    values |= {"spec_type": _spec_type(kind.columns), "__doc__": f"{kind.meaning}, described only."}
     return type(kind.title, (RecordedSensor,), values)
+
+
+def _spec_type(columns: Iterable[RecordedColumn]) -> type[Struct]:
+    """A class of rows that has a field for each of these columns."""
+    known = {each.name for each in fields(SensorSpec)}
+    own = {column.field: column for column in columns if column.field not in known}
+    if not own:
+        return SensorSpec
+    more = [(name, Any, 0.0 if each.default is None else each.default) for name, each in own.items()]
+    return defstruct("RecordedSpec", more, bases=(SensorSpec,), frozen=True, kw_only=True)
 
 
 def _columns(columns: Iterable[RecordedColumn]) -> Iterable[CsvColumn]:
