@@ -222,15 +222,16 @@ class Reducer:
         self._movement = None
         self._moved = self.number
         self._time = max(self._time, ended.time)
-        pose, went = trajectory.arrival(ended.time)
-        self._arrive(pose, went, ended.contact, held=False)
+        went = trajectory.travelled(ended.time)
+        self._arrive(ended.pose, went, ended.contact, held=False)
         self.seen = self._read
         # A grip does not move the robot, so readings before it still hold.
         if ended.grip is None:
             self._read = {}
         if self.history is not None:
-            self.history.add_movement(ended, pose, went, self.seen)
-            self._note_wedged(self.history)
+            self.history.add_movement(ended, went, self.seen)
+            if self.wedged:
+                self.history.wedged.add(self.history.contacts.items[-1])
 
     def _begin_leg(self, trajectory: Trajectory) -> None:
         """A movement's trail begins, in place of one that is none: a turn or a grip before it."""
@@ -256,10 +257,6 @@ class Reducer:
             now, pose=pose, distance=now.distance + went, contacts=contacts, contact_points=points
         )
 
-    def _note_wedged(self, history: RunHistory) -> None:
-        if self.wedged:
-            history.wedged.add(history.contacts.items[-1])
-
     def _take_leg(self, begun: LegBegun) -> None:
         leg = self._leg = begun.leg
         last = self._legs[-1] if self._legs else None
@@ -270,6 +267,7 @@ class Reducer:
             last.go_on(leg)
         self._moved = self.number
         self._time = max(self._time, leg.start_time)
+        self._commands = max(self._commands, begun.number)
         if self.history is not None:
             self.history.add_leg_plan(begun)
 
@@ -291,7 +289,8 @@ class Reducer:
         self.seen, self._read = lately, dict(lately)
         if self.history is not None:
             self.history.add_leg(ended, self.seen)
-            self._note_wedged(self.history)
+            if self.wedged:
+                self.history.wedged.add(self.history.contacts.items[-1])
 
     def _take_velocity_end(self, ended: VelocityEnded) -> None:
         self.velocity = None

@@ -206,7 +206,7 @@ def rebuilt(
     `cut` the simulated time at which it was cut short, `profile` its drive's. What odometers and
     gyros counted is left out.
     """
-    path = Path.laid_one_by_one(
+    path = Path.laid_when_asked(
         start, totals.x / segments, totals.y / segments, totals.r / segments, segments
     )
     plan = Trajectory(path, kind, totals, start_time, duration, contact, cut=cut, profile=profile)

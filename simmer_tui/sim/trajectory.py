@@ -210,6 +210,24 @@ class Trajectory(Struct, frozen=True):
         """Length of the way the robot's centre has gone, inches."""
         return self._length_to(*self.place(time))
 
+    def moved(self, time: float) -> tuple[float, float, float]:
+        """Real motion by a simulated time, in the robot's frame: degrees turned, inches ahead and to the
+        left. Each segment brings the same."""
+        path, at = self.place(time)
+        turned = path.start + path.turn * (at.segment + at.turned) - self.path.start
+        # Without a drive nothing was commanded: the path's points are all there is.
+        if self.kind is None:
+            return (turned, *path.along(at))
+        x, y = self.move
+        contact = self.contact
+        # Wheels turn as commanded until a contact; from there on only what the robot slid counts.
+        if path is self.path or contact is None:
+            gone = at.segment + at.translated
+            return turned, gone * x, gone * y
+        before = contact.segment + contact.translated
+        ahead, aside = path.along(at)
+        return turned, before * x + ahead, before * y + aside
+
     def arrival(self, time: float) -> tuple[Pose, float]:
         """The pose at a simulated time, and the length of the way to there."""
         path, at = self.place(time)
