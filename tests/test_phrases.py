@@ -73,7 +73,7 @@ def test_the_distance_of_a_movement_is_that_of_the_totals(noisy_spec: Simulation
     result = Simulator(noisy_spec, seed=seed).execute("d1-30")
     assert result.trajectory is not None
     movement = MovementEnded(1, result.time, result.command, result.trajectory, result.pose)
-    went = movement.trajectory.arrival(movement.time)[1]
+    went = movement.trajectory.travelled(movement.time)
     assert movement_text(movement) == f"forward {went:.1f} in"
 
 

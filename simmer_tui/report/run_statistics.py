@@ -84,9 +84,11 @@ class RunStatistics:
         if isinstance(logged, BrokenLine):
             self.broken.add(logged)
             return
-        self.real_seconds = max(self.real_seconds, logged.real_time - self.header.real_time)
-        event = logged.event
-        self._analysis.apply(event, logged.line, logged.real_time)
+        event, real_time = logged.event, logged.real_time
+        # Without max(): a log has millions of events.
+        if real_time - self.header.real_time > self.real_seconds:
+            self.real_seconds = real_time - self.header.real_time
+        self._analysis.apply(event, logged.line, real_time)
         if isinstance(event, CommandResult) and event.reading is not None and event.reading.scan is not None:
             self.bent.add(event.reading, self.reducer.block_place)
 

@@ -125,11 +125,10 @@ class PathRecord:
         arrival: float,
     ) -> None:
         """The robot has moved till a simulated time, to `pose`, where it arrived at another."""
-        before = trajectory.before
         begin = trajectory.start_time
         self.under_way = None
         self.stand(zero + begin)
-        here, there = self._cell(before.x, before.y), self._cell(pose.x, pose.y)
+        here, there = self._standing_in, self._cell(pose.x, pose.y)
         # Centres of a path are the expensive part: computed only if drawn or needed for the time by cell.
         drawn = self.segments.wanted()
         points = trajectory.centres(until) if drawn or here != there else []

@@ -13,8 +13,8 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from msgspec.structs import asdict, replace
@@ -84,23 +84,6 @@ CONTACT_POINTS = 1000
 _LastReading = tuple[CommandResult, Reading, deque[float], int, Block, Block | None]
 
 
-_TAKES = {
-    CommandResult: "_take_result",
-    MovementPlanned: "_take_plan",
-    MovementEnded: "_take_end",
-    LegBegun: "_take_leg",
-    LegEnded: "_take_leg_end",
-    VelocityEnded: "_take_velocity_end",
-    ActionDone: "_take_action",
-    Belief: "_take_belief",
-    TwinReading: "_take_twin",
-    Notice: "_take_notice",
-    MissionEvent: "_take_mission",
-    ProgramEnded: "_take_program_end",
-    WireMessage: "_take_wire",
-}
-
-
 class Reducer:
     """Takes events in order; `at` gives the state at a moment from the last one on."""
 
@@ -148,7 +131,7 @@ class Reducer:
         self.number += 1
         if self.history is not None:
             self.history.begin(line, real_time)
-        getattr(self, _TAKES[type(event)])(event)
+        self._TAKES[type(event)](self, event)
 
     def _take_belief(self, belief: Belief) -> None:
         self._belief = _with_cells(belief, self._belief)
@@ -222,14 +205,14 @@ class Reducer:
         self._movement = None
         self._moved = self.number
         self._time = max(self._time, ended.time)
-        went = trajectory.travelled(ended.time)
+        went, motion = trajectory.travel(ended.time)
         self._arrive(ended.pose, went, ended.contact, held=False)
         self.seen = self._read
         # A grip does not move the robot, so readings before it still hold.
         if ended.grip is None:
             self._read = {}
         if self.history is not None:
-            self.history.add_movement(ended, went, self.seen)
+            self.history.add_movement(ended, went, motion, self.seen)
             if self.wedged:
                 self.history.wedged.add(self.history.contacts.items[-1])
 
@@ -398,6 +381,22 @@ class Reducer:
     def _mission_end(self, time: float) -> MissionSums:
         run = self._checkpoint(time, self.pose_at(time))
         return MissionSums(time, run.distance, run.commands, run.contacts, run.spent)
+
+    _TAKES: ClassVar[Mapping[type, Callable[[Reducer, Any], None]]] = {
+        CommandResult: _take_result,
+        MovementPlanned: _take_plan,
+        MovementEnded: _take_end,
+        LegBegun: _take_leg,
+        LegEnded: _take_leg_end,
+        VelocityEnded: _take_velocity_end,
+        ActionDone: _take_action,
+        Belief: _take_belief,
+        TwinReading: _take_twin,
+        Notice: _take_notice,
+        MissionEvent: _take_mission,
+        ProgramEnded: _take_program_end,
+        WireMessage: _take_wire,
+    }
 
     # -- the state -----------------------------------------------------------------------------
 

@@ -253,7 +253,9 @@ class RunHistory:
         self.order = 0
         """The running number of the newest event."""
         self.line = 0
-        self.real_time = self._first = math.nan
+        self.real_time = math.nan
+        self._first: float | None = None
+        """Real time of the first event, seconds."""
         self._totals = Totals()
         self._trail = MessageTrail()
         self._names = {each.code: each.id for each in spec.sensors}
@@ -378,7 +380,7 @@ class RunHistory:
         self.line = line or self.line
         now = real_time if self._now is None else self._now()
         # Times are kept relative to the first: single precision has no room for seconds since 1970.
-        if math.isnan(self._first):
+        if self._first is None:
             self._first = now
         self.real_time = now - self._first
 
@@ -386,11 +388,11 @@ class RunHistory:
         elapsed = self.clock.advance(result.time)
         if self._trail.text:
             self._trail.begun(result.number, result.time)
-        command = result.command
+        command, number = result.command, result.number
         # Compared with each status, text by text: most results are readings.
         refused = result.reading is None and result.status in REFUSALS
         self.commands.append(
-            self.order, self.line, elapsed, self.real_time, min(result.number, _LARGEST),
+            self.order, self.line, elapsed, self.real_time, number if number < _LARGEST else _LARGEST,
             self._codes[STOPS if command.stops else command.code], self._sources[command.source], refused,
             result.link,
         )  # fmt: skip
@@ -406,7 +408,9 @@ class RunHistory:
         taken = result.time if result.taken is None else result.taken
         error = self._truth.error(reading, under_way, result.time)
         # A reading cannot have been taken after it was answered, whatever a damaged log says.
-        taken = min(self.clock.before + taken, elapsed)
+        taken += self.clock.before
+        if taken > elapsed:
+            taken = elapsed
         self.readings.append(
             self.order, self.line, elapsed, taken,
             self._sensors[code], reading.value, reading.true, math.nan if error is None else error,
@@ -430,13 +434,24 @@ class RunHistory:
         if self.paths is not None:
             self.paths.plan(self.clock.before, begun.command, begun.leg)
 
-    def add_movement(self, ended: MovementEnded, went: float, seen: Mapping[str, CommandResult]) -> None:
-        """A movement has ended after so many inches; `seen` is by code what was read since the movement
-        before."""
+    def add_movement(
+        self,
+        ended: MovementEnded,
+        went: float,
+        motion: tuple[float, float, float],
+        seen: Mapping[str, CommandResult],
+    ) -> None:
+        """A movement has ended.
+
+        Args:
+            ended: The movement.
+            went: Length of its way, inches.
+            motion: Degrees turned, inches ahead and to the left.
+            seen: By code what was read since the movement before.
+        """
         elapsed, zero = self.clock.advance(ended.time), self.clock.before
         trajectory, pose, contact = ended.trajectory, ended.pose, ended.contact
-        motion = trajectory.moved(ended.time)
-        turned = motion[0]
+        turned, number = motion[0], ended.number
         begin, grips = trajectory.start_time, ended.grip is not None
         held = contact is not None and contact.ended
         arrival = max(min(contact.time, ended.time), begin) if held and contact is not None else ended.time
@@ -456,7 +471,7 @@ class RunHistory:
                 asked, totals = value, trajectory.totals
         self.movements.append(
             self.order, self.line, zero + begin, zero + arrival, elapsed, self.real_time,
-            min(ended.number, _LARGEST),
+            number if number < _LARGEST else _LARGEST,
             self._codes[ended.command.code], grips, ended.answers, contact is not None, held, False, went,
             self._gone, self._turned, asked, totals.x, totals.y, totals.r, pose.x, pose.y, pose.heading,
         )  # fmt: skip
