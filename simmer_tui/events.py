@@ -27,35 +27,9 @@ from simmer_tui.sim.command import Command
 from simmer_tui.sim.legs import Leg
 from simmer_tui.sim.path import Contact
 from simmer_tui.sim.pose import Pose
-from simmer_tui.sim.records import CommandResult, Grip
+from simmer_tui.sim.records import CommandResult as CommandResult  # the event of every command
+from simmer_tui.sim.records import Grip
 from simmer_tui.sim.trajectory import Trajectory
-
-__all__ = [
-    "Action",
-    "ActionDone",
-    "ActionName",
-    "Belief",
-    "CommandResult",
-    "Event",
-    "EventHandler",
-    "Goal",
-    "LegBegun",
-    "LegEnded",
-    "MissionEnd",
-    "MissionEvent",
-    "MovementEnded",
-    "MovementPlanned",
-    "Notice",
-    "NoticeKind",
-    "OutputLine",
-    "ProgramEnded",
-    "Result",
-    "TwinReading",
-    "VelocityEnd",
-    "VelocityEnded",
-    "Watcher",
-    "Watchers",
-]
 
 
 class NoticeKind(StrEnum):

@@ -141,11 +141,12 @@ class LogReader(Closing):
         return enumerate(self._stream, 2)
 
     def __iter__(self) -> Iterator[Logged | BrokenLine]:
-        for block in self.blocks():
+        # Line by line: reading can begin again after any, and nothing that was read ahead is lost.
+        for block in self.blocks(1):
             yield from block
 
-    def blocks(self) -> Iterator[list[Logged | BrokenLine]]:
-        """The events, some lines at a time."""
+    def blocks(self, events: int = _BLOCK) -> Iterator[list[Logged | BrokenLine]]:
+        """The events of some lines at a time, about so many."""
         stream, start, decode = self._stream, self.header.real_time, self._decoder.events
         block: list[Logged | BrokenLine] = []
         begin = stream.position
@@ -160,7 +161,7 @@ class LogReader(Closing):
                         block.append(Logged(number, real_time, event))  # noqa: PERF401
                 except RunLogError as error:
                     block.append(BrokenLine(number, str(error)))
-            if len(block) >= _BLOCK or stream.position - begin > _BLOCK_BYTES:
+            if len(block) >= events or stream.position - begin > _BLOCK_BYTES:
                 yield block
                 block, begin = [], stream.position
         yield block
