@@ -475,9 +475,8 @@ class Engine:
         went = self.simulator.last_trajectory
         assert went is not None, "what was finished has moved"
         by = stopped_by if went.cut is not None else ""
-        self.tell(
-            MovementEnded(outcome.number, outcome.time, outcome.command, went, by, answers, outcome.grip)
-        )
+        number, time, command, pose = outcome.number, outcome.time, outcome.command, outcome.pose
+        self.tell(MovementEnded(number, time, command, went, pose, by, answers, outcome.grip))
 
     @property
     def _under_way(self) -> _Movement:

@@ -27,35 +27,9 @@ from simmer_tui.sim.command import Command
 from simmer_tui.sim.legs import Leg
 from simmer_tui.sim.path import Contact
 from simmer_tui.sim.pose import Pose
-from simmer_tui.sim.records import CommandResult, Grip
+from simmer_tui.sim.records import CommandResult as CommandResult  # the event of every command
+from simmer_tui.sim.records import Grip
 from simmer_tui.sim.trajectory import Trajectory
-
-__all__ = [
-    "Action",
-    "ActionDone",
-    "ActionName",
-    "Belief",
-    "CommandResult",
-    "Event",
-    "EventHandler",
-    "Goal",
-    "LegBegun",
-    "LegEnded",
-    "MissionEnd",
-    "MissionEvent",
-    "MovementEnded",
-    "MovementPlanned",
-    "Notice",
-    "NoticeKind",
-    "OutputLine",
-    "ProgramEnded",
-    "Result",
-    "TwinReading",
-    "VelocityEnd",
-    "VelocityEnded",
-    "Watcher",
-    "Watchers",
-]
 
 
 class NoticeKind(StrEnum):
@@ -271,15 +245,16 @@ class MovementPlanned(Struct, frozen=True):
 class MovementEnded(Struct, frozen=True):
     """A movement is over, and this is how it really went.
 
-    `time` is the simulated time of its end. `stopped_by` says who ended it early, and is empty if
-    nobody did: it took its time, held by a wall or not. `answers` tells that the movement's end is
-    its answer too: the `CommandResult` that follows says nothing new.
+    `time` is the simulated time of its end, and `pose` the pose then. `stopped_by` says who ended it early,
+    and is empty if nobody did: it took its time, held by a wall or not. `answers` tells that the movement's
+    end is its answer too: the `CommandResult` that follows says nothing new.
     """
 
     number: int
     time: float
     command: Command
     trajectory: Trajectory
+    pose: Pose
     stopped_by: str = ""
     answers: bool = False
     grip: Grip | None = None
@@ -288,11 +263,6 @@ class MovementEnded(Struct, frozen=True):
     def before(self) -> Pose:
         """Pose at its beginning."""
         return self.trajectory.before
-
-    @property
-    def pose(self) -> Pose:
-        """Pose at its end."""
-        return self.trajectory.pose_at(self.time)
 
     @property
     def contact(self) -> Contact | None:
@@ -336,7 +306,8 @@ class LegEnded(Struct, frozen=True):
 
     def as_movement(self) -> MovementEnded:
         """The same as the end of a movement of one segment."""
-        return MovementEnded(self.number, self.time, self.command, self.leg.as_movement())
+        movement = self.leg.as_movement()
+        return MovementEnded(self.number, self.time, self.command, movement, movement.pose_at(self.time))
 
 
 class VelocityEnd(StrEnum):

@@ -156,7 +156,7 @@ def movement_text(ended: MovementEnded) -> str:
     trajectory = ended.trajectory
     begin = trajectory.pose_at(trajectory.start_time)
     # Along the path, as all totals are: in a curve it is longer than what is left of it ahead.
-    end, went = trajectory.arrival(ended.time)
+    end, went = ended.pose, trajectory.travelled(ended.time)
     kind = trajectory.kind
     if kind is None:
         return "stood still"

@@ -185,7 +185,8 @@ class TakeOver:
         trajectory = simulator.last_trajectory
         assert trajectory is not None, "a movement was under way"
         end = min(trajectory.end_time, simulator.time)
-        return MovementEnded(planned.number, end, planned.command, trajectory, BY, grip=planned.grip)
+        pose = trajectory.pose_at(end)
+        return MovementEnded(planned.number, end, planned.command, trajectory, pose, BY, grip=planned.grip)
 
 
 class _Teller(EventHandler[None]):

@@ -305,7 +305,7 @@ def test_a_timed_mission_judges_movements_when_they_are_over(exact_set: Configur
     referee.check(1.0)
     assert referee.state().contacts == 0
     simulator.advance(30)
-    tell(MovementEnded(1, way.end_time, command, way))
+    tell(MovementEnded(1, way.end_time, command, way, way.pose_at(way.end_time)))
     state = referee.state()
     assert (state.contacts, len(state.contact_points)) == (1, 1)
     referee.check(60.1)

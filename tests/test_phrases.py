@@ -35,7 +35,7 @@ def ended(spec: SimulationSpec, *commands: str) -> MovementEnded:
     for text in commands:
         result = simulator.execute(text)
     assert result.trajectory is not None
-    return MovementEnded(1, result.time, result.command, result.trajectory)
+    return MovementEnded(1, result.time, result.command, result.trajectory, result.pose)
 
 
 def test_a_contact_is_worded_alike_in_every_line(course_spec: SimulationSpec) -> None:
@@ -72,8 +72,8 @@ def test_the_distance_of_a_movement_is_that_of_the_totals(noisy_spec: Simulation
     """In a curve the path is longer than what is left of it ahead; one run names one number."""
     result = Simulator(noisy_spec, seed=seed).execute("d1-30")
     assert result.trajectory is not None
-    movement = MovementEnded(1, result.time, result.command, result.trajectory)
-    went = movement.trajectory.arrival(movement.time)[1]
+    movement = MovementEnded(1, result.time, result.command, result.trajectory, result.pose)
+    went = movement.trajectory.travelled(movement.time)
     assert movement_text(movement) == f"forward {went:.1f} in"
 
 

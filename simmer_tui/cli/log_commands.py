@@ -37,15 +37,11 @@ from simmer_tui.report.animation import shots, write_gif
 from simmer_tui.report.content import maze_picture, report_document, svg_picture
 from simmer_tui.report.page import report_page
 from simmer_tui.report.run_statistics import CommandTable, RunStatistics
-from simmer_tui.runlog.log_records import BrokenLine
 from simmer_tui.runlog.reader import Logged, LogReader
 from simmer_tui.runlog.rerun import Rerun
 from simmer_tui.sim.command import escape
 from simmer_tui.version import __version__
 
-_BLOCK, _BLOCK_BYTES = 64, 1 << 18
-"""Events, and bytes of a log, that are read before any event is taken in. One at a time takes a tenth
-longer: reading and taking in push each other's code out of the processor's cache."""
 # Judged: often enough for the eye, seldom enough to cost nothing.
 _PROGRESS_EVERY = 500
 
@@ -118,24 +114,12 @@ def build_report(
 
 def _steps(log: LogReader, run: RunStatistics, table: CommandTable | None) -> Iterator[int]:
     """Take in the log, and tell now and then how far it has been read."""
-    for block in _blocks(log):
+    for block in log.blocks():
         for logged in block:
             run.add(logged)
             if table is not None and isinstance(logged, Logged):
                 table.add(logged, run.elapsed)
         yield log.position
-
-
-def _blocks(log: LogReader) -> Iterator[list[Logged | BrokenLine]]:
-    """Events of the log, a block at a time."""
-    block: list[Logged | BrokenLine] = []
-    begin = log.position
-    for logged in log:
-        block.append(logged)
-        if len(block) == _BLOCK or log.position - begin > _BLOCK_BYTES:
-            yield block
-            block, begin = [], log.position
-    yield block
 
 
 def _export_options(parser: OneLineParser) -> None:

@@ -22,8 +22,6 @@ LOCAL_FOLDER = "config"
 """The folder of the working directory that is used when none is named."""
 
 
-# They do not change while the program runs, and trials ask for them after each run.
-@cache
 def bundled_folder() -> Path:
     """The folder of the default set: inside the installed package, or beside it in a checkout."""
     package = Path(__file__).resolve().parent.parent
@@ -32,10 +30,15 @@ def bundled_folder() -> Path:
     return installed if installed.is_dir() else package.parent / "config"
 
 
-@cache
 def bundled_sets() -> Mapping[str, Path]:
     """The sets that come with the program, by name."""
-    folder = bundled_folder()
+    return _sets_in(bundled_folder())
+
+
+# They do not change while the program runs, and trials ask for them after each run.
+@cache
+def _sets_in(folder: Path) -> Mapping[str, Path]:
+    """A folder's own set and those in its folders, by name."""
     others = sorted(path.parent for path in folder.glob(f"*/{maze_csv.FILE}"))
     return {DEFAULT: folder, **{path.name: path for path in others}}
 

@@ -14,7 +14,6 @@ from simmer_tui.events import (
     EventHandler,
     LegBegun,
     LegEnded,
-    MissionEvent,
     MovementEnded,
     MovementPlanned,
     TwinReading,
@@ -26,13 +25,11 @@ from simmer_tui.run.run_history import RunHistory
 
 
 class MissionGate(EventHandler[bool]):
-    """Gives True for each event that belongs to the analysis, and counts the others."""
+    """Takes the events after a mission's end: gives True for each that belongs to the analysis, and counts
+    the others."""
 
-    def __init__(self) -> None:
-        self.over = False
-        """True while the mission has ended and the run has not begun anew."""
-        self._last = 0
-        """Number of the last command that had begun when the mission ended: its answer comes later."""
+    def __init__(self, reducer: Reducer) -> None:
+        self._reducer = reducer
         self._leg_belongs = True
         """False while a leg is under way that began after the end."""
         self.commands = self.contacts = 0
@@ -62,36 +59,30 @@ class MissionGate(EventHandler[bool]):
 
     def on_leg_begun(self, event: LegBegun) -> bool:
         # A velocity set before the end may go on after it: its number does not tell.
-        self._leg_belongs = not self.over and self._command(event.number)
-        return self._leg_belongs
+        self._leg_belongs = False
+        return False
 
     def on_leg_ended(self, event: LegEnded) -> bool:
         self.contacts += not self._leg_belongs and event.contact is not None
         return self._leg_belongs
 
     def on_velocity_ended(self, event: VelocityEnded) -> bool:
-        return not self.over
+        return False
 
     def on_belief(self, event: Belief) -> bool:
-        return not self.over
+        return False
 
     def on_twin(self, event: TwinReading) -> bool:
-        return not self.over
+        return False
 
     def on_action(self, event: ActionDone) -> bool:
-        if event.restarts:
-            self.over, self._last = False, 0
-        return not self.over
-
-    def on_mission(self, event: MissionEvent) -> bool:
-        self.over = self.over or event.over
-        return True
+        self._leg_belongs |= event.restarts
+        return event.restarts
 
     def _command(self, number: int, *, answered: bool = False) -> bool:
-        if not self.over:
-            self._last = max(self._last, number)
-            return True
-        belongs = number <= self._last
+        end = self._reducer.mission.end
+        # The answer to a command that had begun when the mission ended comes later.
+        belongs = end is not None and number <= end.commands
         self.commands += answered and not belongs
         return belongs
 
@@ -106,14 +97,14 @@ class Analysis:
         self._reducer = reducer
         self._history = history
         self._goes_on = goes_on
-        self._gate = MissionGate()
+        self._gate = MissionGate(reducer)
         self._uncounted_until = 0.0
         """Elapsed simulated seconds at the last event that does not count."""
 
     def apply(self, event: Event, line: int = 0, real_time: float = math.nan) -> None:
         """Take note of an event, as a reducer does."""
-        was_over = self._gate.over
-        if not self._gate.handle(event):
+        is_over = self._history.is_over
+        if is_over and not self._gate.handle(event):
             # Of all events only notices have no time, and they count.
             time: float = getattr(event, "time", 0.0)
             self._uncounted_until = max(self._uncounted_until, self._history.clock.before + time)
@@ -123,7 +114,7 @@ class Analysis:
                 self._reducer.history = self._history
             return
         # A run that begins anew does so after what came before, counted or not.
-        if was_over and not self._gate.over:
+        if is_over and isinstance(event, ActionDone):
             self._history.clock.skip(self.elapsed)
         self._reducer.apply(event, line, real_time)
 

@@ -84,10 +84,13 @@ class RunStatistics:
         if isinstance(logged, BrokenLine):
             self.broken.add(logged)
             return
-        self.real_seconds = max(self.real_seconds, logged.real_time - self.header.real_time)
-        self._analysis.apply(logged.event, logged.line, logged.real_time)
-        if isinstance(logged.event, CommandResult) and logged.event.reading is not None:
-            self.bent.add(logged.event.reading, self.reducer.block_place)
+        event, real_time = logged.event, logged.real_time
+        # Without max(): a log has millions of events.
+        if real_time - self.header.real_time > self.real_seconds:
+            self.real_seconds = real_time - self.header.real_time
+        self._analysis.apply(event, logged.line, real_time)
+        if isinstance(event, CommandResult) and event.reading is not None and event.reading.scan is not None:
+            self.bent.add(event.reading, self.reducer.block_place)
 
     @property
     def elapsed(self) -> float:

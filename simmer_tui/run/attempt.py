@@ -4,6 +4,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import TypeVar
 
 import numpy as np
 
@@ -18,13 +19,14 @@ from simmer_tui.run.history_rows import (
     BlockPose,
     ContactRow,
     GripRow,
+    LoggedRow,
     MissionRow,
     MovementRow,
     RefusalRow,
 )
 from simmer_tui.run.progress import Loop, Stretch, loop_at_end, without_progress
 from simmer_tui.run.run_history import RunHistory
-from simmer_tui.run.table import Columns, RowT, RowTable
+from simmer_tui.run.table import Columns, Newest, RowT, RowTable
 from simmer_tui.sim.block import Block
 from simmer_tui.sim.footprint import Footprint
 from simmer_tui.sim.gripper import can_take, in_global_frame
@@ -33,6 +35,8 @@ from simmer_tui.sim.path import Contact
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.sensors.yes_or_no import LoadSensor
 from simmer_tui.sim.specs import CELL_SIZE, Axes, DriveKind
+
+LoggedRowT = TypeVar("LoggedRowT", bound=LoggedRow)
 
 # A cell: what a program did further back it has seen by its sensors since.
 LAID_AGAIN = CELL_SIZE
@@ -155,6 +159,10 @@ class Attempt:
             self._within[key] = table.columns(begin, end)
         return self._within[key]
 
+    def _rows(self, kept: Newest[LoggedRowT]) -> list[LoggedRowT]:
+        """The rows of a kind since the run last began anew until its end, newest last."""
+        return [row for row in kept.items if self._began < row.order <= self._until]
+
     # -- how it ended ----------------------------------------------------------------------------
 
     @property
@@ -190,7 +198,7 @@ class Attempt:
     @property
     def refusals(self) -> list[RefusalRow]:
         """Commands that did nothing, newest last."""
-        return [row for row in self.history.refusals.items if self._began < row.order <= self._until]
+        return self._rows(self.history.refusals)
 
     @cached_property
     def commands(self) -> int:
@@ -208,9 +216,7 @@ class Attempt:
     @cached_property
     def contacts(self) -> int:
         """Number of contacts since the run last began anew."""
-        table = self.history.movements
-        rows = table.columns(table.place_of(self._began + 1), table.place_of(self._until + 1))
-        return int(rows["contact"].sum())
+        return int(self.within(self.history.movements)["contact"].sum())
 
     # -- beliefs and contacts --------------------------------------------------------------------
 
@@ -238,7 +244,7 @@ class Attempt:
     def collision(self) -> Collision | None:
         """The last contact."""
         history = self.history
-        rows = [row for row in history.contacts.items if self._began < row.order <= self._until]
+        rows = self._rows(history.contacts)
         if not rows:
             return None
         order = rows[-1].order
@@ -345,9 +351,8 @@ class Attempt:
         first = self.history.commands.place_of(self._began + 1)
         rows = [
             row
-            for row in self.history.actions.items
-            if self._began < row.order <= self._until
-            and row.done.action.name is name
+            for row in self._rows(self.history.actions)
+            if row.done.action.name is name
             and not row.done.refused
             and self.history.commands.place_of(row.order) > first
         ]
@@ -388,7 +393,7 @@ class Attempt:
 
     @cached_property
     def _grips(self) -> list[GripRow]:
-        return [row for row in self.history.grips.items if self._began < row.order <= self._until]
+        return self._rows(self.history.grips)
 
     @cached_property
     def _block(self) -> BlockPose:
@@ -442,9 +447,8 @@ class Attempt:
         lying = self._block
         if lying.held or not lying.block.size:
             return []
-        begin = history.movements.place_of(max(self._lies_since, self._placed, self._began) + 1)
-        end = history.movements.place_of(self._until + 1)
-        rows = history.movements.columns(begin, end)
+        since = max(self._lies_since, self._placed, self._began)
+        rows, begin = self.within(history.movements, since), history.movements.place_of(since + 1)
         footprint = Footprint.of(self.spec.robot)
         near = footprint.front + gripper.reach + gripper.width
         places = np.flatnonzero(np.hypot(rows["x"] - lying.block.x, rows["y"] - lying.block.y) <= near)
@@ -494,9 +498,7 @@ class Attempt:
         history = self.history
         goals = [row.order for row in history.missions.items if isinstance(row.event.subject, Goal)]
         since = max([self._placed, *(order for order in goals if order <= self._until)])
-        movements = history.movements
-        begin, end = movements.place_of(since + 1), movements.place_of(self._until + 1)
-        rows = movements.columns(begin, end)
+        rows = self.within(history.movements, since)
         return without_progress(rows, history.are_legs(rows), *self._place)
 
     @cached_property
@@ -514,8 +516,7 @@ class Attempt:
         order, since = (last.order, last.elapsed) if moved and last is not None else (
             max(self._placed, self._began), self._place[1]
         )  # fmt: skip
-        begin, end = history.readings.place_of(order + 1), history.readings.place_of(self._until + 1)
-        numbers, counts = np.unique(history.readings.columns(begin, end)["sensor"], return_counts=True)
+        numbers, counts = np.unique(self.within(history.readings, order)["sensor"], return_counts=True)
         if not len(numbers):
             return None
         code = history.sensor_codes[numbers[counts.argmax()]]
@@ -526,19 +527,15 @@ class Attempt:
         """True if the robot went away by more than a cell after the block had been between its open jaws."""
         if not self.graspable:
             return False
-        table, lying = self.history.movements, self._block.block
-        first = table.place_of(self.graspable[0].order + 1)
-        rows = table.columns(first, table.place_of(self._until + 1))
+        rows, lying = self.within(self.history.movements, self.graspable[0].order), self._block.block
         return bool((np.hypot(rows["x"] - lying.x, rows["y"] - lying.y) > CELL_SIZE).any())
 
     @cached_property
     def spent(self) -> Spent:
         """Simulated time by what it was spent on."""
         history = self.history
-        commands, readings, movements = (
-            table.columns(table.place_of(self._began + 1), table.place_of(self._until + 1))
-            for table in (history.commands, history.readings, history.movements)
-        )
+        commands, readings = self.within(history.commands), self.within(history.readings)
+        movements = self.within(history.movements)
         spent = Spent(float((movements["elapsed"] - movements["begin"]).sum()))
         spent.link = float(commands["link"].sum())
         sensors = {each.code: each for each in self.spec.sensors}

@@ -168,6 +168,14 @@ class BeliefRow(NamedTuple):
 # -- objects, of which the newest and the first are kept -----------------------------------------------
 
 
+class LoggedRow(Struct, frozen=True):
+    """A row with its event, its line and its time."""
+
+    order: int
+    line: int
+    elapsed: float
+
+
 class SeenReading(Struct, frozen=True):
     """A reading before a contact, without its view, and the text of its command."""
 
@@ -175,14 +183,11 @@ class SeenReading(Struct, frozen=True):
     reading: Reading
 
 
-class ContactRow(Struct, frozen=True):
+class ContactRow(LoggedRow, frozen=True):
     """A movement that touched something: `elapsed` is when, `went` (inches) and `turned` (degrees) tell how
     far it had come at its end, `gone_before` and `turned_before` what the robot had gone and turned in all
     before it. `seen` is by sensor code what was read since the movement before."""
 
-    order: int
-    line: int
-    elapsed: float
     ended: MovementEnded
     contact: Contact
     pose: Pose
@@ -232,21 +237,15 @@ class RepeatedContact(Struct):
         return self.touch.elapsed
 
 
-class RefusalRow(Struct, frozen=True):
+class RefusalRow(LoggedRow, frozen=True):
     """A command that did nothing, and its result."""
 
-    order: int
-    line: int
-    elapsed: float
     outcome: CommandResult
 
 
-class ActionRow(Struct, frozen=True):
+class ActionRow(LoggedRow, frozen=True):
     """An action of a person, and the pose before it; `action.pose` is that after it."""
 
-    order: int
-    line: int
-    elapsed: float
     done: ActionDone
     before: Pose
 
@@ -261,12 +260,9 @@ class ActionRow(Struct, frozen=True):
         return self.done.action.name.places and not self.done.refused
 
 
-class GripRow(Struct, frozen=True):
+class GripRow(LoggedRow, frozen=True):
     """A grip; `had` is True if the robot held the block before."""
 
-    order: int
-    line: int
-    elapsed: float
     grip: Grip
     had: bool
 
@@ -288,12 +284,9 @@ class BiasRow(Struct, frozen=True):
     bias: Mapping[DriveKind, Axes]
 
 
-class NoticeRow(Struct, frozen=True):
+class NoticeRow(LoggedRow, frozen=True):
     """Something beside the commands."""
 
-    order: int
-    line: int
-    elapsed: float
     notice: Notice
 
     @property
@@ -302,12 +295,9 @@ class NoticeRow(Struct, frozen=True):
         return self.notice.text
 
 
-class MissionRow(Struct, frozen=True):
+class MissionRow(LoggedRow, frozen=True):
     """A mission's beginning or end, or a goal met."""
 
-    order: int
-    line: int
-    elapsed: float
     event: MissionEvent
 
     @property
@@ -316,10 +306,7 @@ class MissionRow(Struct, frozen=True):
         return self.event.text
 
 
-class ProgramRow(Struct, frozen=True):
+class ProgramRow(LoggedRow, frozen=True):
     """End of the program that drove the robot."""
 
-    order: int
-    line: int
-    elapsed: float
     event: ProgramEnded

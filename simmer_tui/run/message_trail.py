@@ -19,20 +19,21 @@ class MessageTrail:
     does not find the command `vv-0;6;0;0.9` that it became."""
 
     def __init__(self) -> None:
-        self._text, self._time = "", -math.inf
+        self.text, self._time = "", -math.inf
+        """The newest message that is no reply; empty before the first and after an unknown one."""
         self._by_number: dict[int, str] = {}
 
     def heard(self, message: WireMessage) -> None:
         """A message has come, or a reply."""
         if not message.reply:
             is_known = not message.meaning.startswith(UNKNOWN_MESSAGE)
-            self._text, self._time = message.data.strip() if is_known else "", message.time
+            self.text, self._time = message.data.strip() if is_known else "", message.time
 
     def begun(self, number: int, time: float) -> None:
         """The command with this number begins. One that does so later than its message came, as the second
         step of several, is left without one."""
-        if self._text and abs(time - self._time) < _SAME_MOMENT:
-            self._by_number[number] = escape(self._text, 40)
+        if self.text and abs(time - self._time) < _SAME_MOMENT:
+            self._by_number[number] = escape(self.text, 40)
             if len(self._by_number) > _KEPT:
                 del self._by_number[next(iter(self._by_number))]
 

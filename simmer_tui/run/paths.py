@@ -20,9 +20,8 @@ from simmer_tui.belief_grid import SmallMap, small_map
 from simmer_tui.events import ActionDone, Belief
 from simmer_tui.run.scan_traces import ScanTrace, scan_trace
 from simmer_tui.run.table import LISTED, First, Newest, Thinned
-from simmer_tui.sim.angles import cos_sin
+from simmer_tui.sim.command import Command
 from simmer_tui.sim.legs import Leg
-from simmer_tui.sim.path import Path, PathPosition
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.records import LidarScan, Reading
 from simmer_tui.sim.sensors import CountingSensor, modelled_sensor
@@ -108,22 +107,28 @@ class PathRecord:
         self._maze = maze
         self._columns, self._rows = maze.columns, maze.rows
         self._stood_since = 0.0
-        self._standing = pose
+        self._standing_in = self._cell(pose.x, pose.y)
 
     # -- what happens ----------------------------------------------------------------------------
 
-    def plan(self, zero: float, shown: str, trajectory: Trajectory | Leg) -> None:
-        self.under_way = MovementPath(zero, shown, trajectory, trajectory.end_time)
+    def plan(self, zero: float, command: Command, trajectory: Trajectory | Leg) -> None:
+        if self._recorded:
+            self.under_way = MovementPath(zero, command.shown, trajectory, trajectory.end_time)
 
     def move(
-        self, zero: float, shown: str, trajectory: Trajectory | Leg, until: float, pose: Pose, arrival: float
+        self,
+        zero: float,
+        command: Command,
+        trajectory: Trajectory | Leg,
+        until: float,
+        pose: Pose,
+        arrival: float,
     ) -> None:
         """The robot has moved till a simulated time, to `pose`, where it arrived at another."""
-        before = trajectory.before
         begin = trajectory.start_time
         self.under_way = None
         self.stand(zero + begin)
-        here, there = self._cell(before.x, before.y), self._cell(pose.x, pose.y)
+        here, there = self._standing_in, self._cell(pose.x, pose.y)
         # Centres of a path are the expensive part: computed only if drawn or needed for the time by cell.
         drawn = self.segments.wanted()
         points = trajectory.centres(until) if drawn or here != there else []
@@ -134,8 +139,8 @@ class PathRecord:
         if drawn:
             self.segments.keep((PathSegment(zero + begin, zero + until, _simplified(points)),))
         if self._recorded:
-            self.moves.add(MovementPath(zero, shown, trajectory, until))
-        self._standing = pose
+            self.moves.add(MovementPath(zero, command.shown, trajectory, until))
+        self._standing_in = there
         self._stood_since = zero + arrival
 
     def jump(self, elapsed: float, done: ActionDone, before: Pose) -> None:
@@ -147,12 +152,12 @@ class PathRecord:
             for code in self._scanned:
                 self.scans.add(ScanTrace(elapsed, code))
             self._scanned.clear()
-        self._standing = done.pose
+        self._standing_in = self._cell(done.pose.x, done.pose.y)
 
     def stand(self, until: float) -> None:
         """The robot stood where it was till then."""
         if until > self._stood_since:
-            self.cells[self._cell(self._standing.x, self._standing.y)] += until - self._stood_since
+            self.cells[self._standing_in] += until - self._stood_since
             self._stood_since = until
 
     def scan(self, zero: float, elapsed: float, taken: float, reading: Reading) -> None:
@@ -259,9 +264,8 @@ class Truth:
         self.known = True
         self._counted = dict.fromkeys(self._counted, 0.0)
 
-    def move(self, trajectory: Trajectory | Leg, until: float) -> None:
-        """The robot made a movement till a simulated time."""
-        turned, ahead, aside = _moved(trajectory, until)
+    def move(self, turned: float, ahead: float, aside: float) -> None:
+        """The robot has moved: degrees turned, inches ahead and to the left in its own frame."""
         for code, counter in self._counters.items():
             self._counted[code] += counter.counted_on(turned, ahead, aside)
 
@@ -273,49 +277,11 @@ class Truth:
         sensor = self._sensors.get(code)
         if sensor is None:
             return None
-        counter = self._counters.get(code)
-        if counter is None:
+        if code not in self._counters:
             return sensor.error(reading.true, reading.value)
         if not self.known:
             return None
         true = self._counted[code]
         if under_way is not None:
-            true += counter.counted_on(*_moved(under_way, time))
-        return counter.error(true, reading.value)
-
-
-def _moved(trajectory: Trajectory | Leg, until: float) -> tuple[float, float, float]:
-    """Real way till a simulated time: degrees turned, inches ahead and to the left."""
-    return trajectory.moved(until) if isinstance(trajectory, Leg) else _way(trajectory, until)
-
-
-def _way(trajectory: Trajectory, until: float) -> tuple[float, float, float]:
-    """Real way of a movement till a simulated time, in the robot's frame: degrees turned,
-    inches ahead and to the left. Each segment brings the same."""
-    path, at = trajectory.place(until)
-    turned = path.start + path.turn * (at.segment + at.turned) - trajectory.path.start
-    # Without a drive nothing was commanded: the path's points are all there is.
-    if trajectory.kind is None:
-        return (turned, *_along(path, at))
-    x, y = trajectory.move
-    contact = trajectory.contact
-    # Wheels turn as commanded until a contact; from there on only what the robot slid counts.
-    if path is trajectory.path or contact is None:
-        gone = at.segment + at.translated
-        return turned, gone * x, gone * y
-    before = contact.segment + contact.translated
-    ahead, aside = _along(path, at)
-    return turned, before * x + ahead, before * y + aside
-
-
-def _along(path: Path, at: PathPosition) -> tuple[float, float]:
-    """Distance ahead and to the left along a path till a place on it, from its points."""
-    ahead = aside = 0.0
-    places = path.places
-    for segment in range(at.segment + 1):
-        (x, y), (next_x, next_y) = places[segment], places[segment + 1]
-        part = 1.0 if segment < at.segment else at.translated
-        cos, sin = cos_sin(path.start + path.turn * (segment + 1))
-        ahead += part * ((next_x - x) * cos + (next_y - y) * sin)
-        aside += part * ((next_y - y) * cos - (next_x - x) * sin)
-    return ahead, aside
+            true += self._counters[code].counted_on(*under_way.moved(time))
+        return sensor.error(true, reading.value)

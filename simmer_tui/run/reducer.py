@@ -13,8 +13,8 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from msgspec.structs import asdict, replace
@@ -84,23 +84,6 @@ CONTACT_POINTS = 1000
 _LastReading = tuple[CommandResult, Reading, deque[float], int, Block, Block | None]
 
 
-_TAKES = {
-    CommandResult: "_take_result",
-    MovementPlanned: "_take_plan",
-    MovementEnded: "_take_end",
-    LegBegun: "_take_leg",
-    LegEnded: "_take_leg_end",
-    VelocityEnded: "_take_velocity_end",
-    ActionDone: "_take_action",
-    Belief: "_take_belief",
-    TwinReading: "_take_twin",
-    Notice: "_take_notice",
-    MissionEvent: "_take_mission",
-    ProgramEnded: "_take_program_end",
-    WireMessage: "_take_wire",
-}
-
-
 class Reducer:
     """Takes events in order; `at` gives the state at a moment from the last one on."""
 
@@ -148,7 +131,7 @@ class Reducer:
         self.number += 1
         if self.history is not None:
             self.history.begin(line, real_time)
-        getattr(self, _TAKES[type(event)])(event)
+        self._TAKES[type(event)](self, event)
 
     def _take_belief(self, belief: Belief) -> None:
         self._belief = _with_cells(belief, self._belief)
@@ -222,15 +205,16 @@ class Reducer:
         self._movement = None
         self._moved = self.number
         self._time = max(self._time, ended.time)
-        pose, went = trajectory.arrival(ended.time)
-        self._arrive(pose, went, ended.contact, held=False)
+        went, motion = trajectory.travel(ended.time)
+        self._arrive(ended.pose, went, ended.contact, held=False)
         self.seen = self._read
         # A grip does not move the robot, so readings before it still hold.
         if ended.grip is None:
             self._read = {}
         if self.history is not None:
-            self.history.add_movement(ended, pose, went, self.seen)
-            self._note_wedged(self.history)
+            self.history.add_movement(ended, went, motion, self.seen)
+            if self.wedged:
+                self.history.wedged.add(self.history.contacts.items[-1])
 
     def _begin_leg(self, trajectory: Trajectory) -> None:
         """A movement's trail begins, in place of one that is none: a turn or a grip before it."""
@@ -256,10 +240,6 @@ class Reducer:
             now, pose=pose, distance=now.distance + went, contacts=contacts, contact_points=points
         )
 
-    def _note_wedged(self, history: RunHistory) -> None:
-        if self.wedged:
-            history.wedged.add(history.contacts.items[-1])
-
     def _take_leg(self, begun: LegBegun) -> None:
         leg = self._leg = begun.leg
         last = self._legs[-1] if self._legs else None
@@ -270,6 +250,7 @@ class Reducer:
             last.go_on(leg)
         self._moved = self.number
         self._time = max(self._time, leg.start_time)
+        self._commands = max(self._commands, begun.number)
         if self.history is not None:
             self.history.add_leg_plan(begun)
 
@@ -291,7 +272,8 @@ class Reducer:
         self.seen, self._read = lately, dict(lately)
         if self.history is not None:
             self.history.add_leg(ended, self.seen)
-            self._note_wedged(self.history)
+            if self.wedged:
+                self.history.wedged.add(self.history.contacts.items[-1])
 
     def _take_velocity_end(self, ended: VelocityEnded) -> None:
         self.velocity = None
@@ -399,6 +381,22 @@ class Reducer:
     def _mission_end(self, time: float) -> MissionSums:
         run = self._checkpoint(time, self.pose_at(time))
         return MissionSums(time, run.distance, run.commands, run.contacts, run.spent)
+
+    _TAKES: ClassVar[Mapping[type, Callable[[Reducer, Any], None]]] = {
+        CommandResult: _take_result,
+        MovementPlanned: _take_plan,
+        MovementEnded: _take_end,
+        LegBegun: _take_leg,
+        LegEnded: _take_leg_end,
+        VelocityEnded: _take_velocity_end,
+        ActionDone: _take_action,
+        Belief: _take_belief,
+        TwinReading: _take_twin,
+        Notice: _take_notice,
+        MissionEvent: _take_mission,
+        ProgramEnded: _take_program_end,
+        WireMessage: _take_wire,
+    }
 
     # -- the state -----------------------------------------------------------------------------
 

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import math
 from collections import Counter, deque
-from collections.abc import Callable, Mapping
-from functools import cached_property
+from collections.abc import Callable, Container, Mapping
+from functools import cached_property, lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -59,7 +59,7 @@ from simmer_tui.run.state import Checkpoint
 from simmer_tui.run.table import Columns, Errors, Newest, RowTable, Thinned
 from simmer_tui.sim.angles import BoolArray
 from simmer_tui.sim.block import Block
-from simmer_tui.sim.command import Command, parse_value
+from simmer_tui.sim.command import parse_value
 from simmer_tui.sim.gripper import in_robot_frame
 from simmer_tui.sim.legs import Leg
 from simmer_tui.sim.pose import Pose
@@ -97,6 +97,8 @@ STOPS = "stop"
 """The row of commands that stop the robot, whatever their dialect calls them."""
 # The largest number of a command that a row holds: a damaged log may say any.
 _LARGEST = 2**31 - 1
+# A program uses some hundred values; one that never repeats itself must not fill the memory.
+_value = lru_cache(maxsize=4096)(parse_value)
 _NOTHING_ASKED = (math.nan, Axes(math.nan, math.nan, math.nan))
 # Sources that are told apart: addresses come from outside, and there may be any number.
 _SOURCES = 20
@@ -156,24 +158,24 @@ class CodeTotals(Struct):
     contacts: int = 0
 
 
-class _Names:
-    """Numbers for names, in the order in which they came."""
+class _Names(dict[str, int]):
+    """Indices of names, in the order in which they came. Text from outside must not fill the list: names that
+    are not `known`, and those beyond `most`, share `OTHER_CODES`."""
 
-    def __init__(self, most: int = 1 << 16) -> None:
+    def __init__(self, known: Container[str] | None = None, most: int = 1 << 16) -> None:
+        super().__init__()
         self.names: list[str] = []
-        self._numbers: dict[str, int] = {}
+        self._known = known
+        # 16-bit indices have no room for more names.
         self._most = most
 
-    def number(self, name: str) -> int:
-        found = self._numbers.get(name)
-        # 16-bit indices have no room for more names.
-        if found is None:
-            if len(self.names) >= self._most:
-                name = OTHER_CODES
-            found = self._numbers.setdefault(name, len(self.names))
-            if found == len(self.names):
-                self.names.append(name)
-        return found
+    def __missing__(self, name: str) -> int:
+        if len(self.names) >= self._most or not (self._known is None or name in self._known):
+            name = OTHER_CODES
+        index = self.setdefault(name, len(self.names))
+        if index == len(self.names):
+            self.names.append(name)
+        return index
 
 
 class Totals:
@@ -251,11 +253,18 @@ class RunHistory:
         self.order = 0
         """The running number of the newest event."""
         self.line = 0
-        self.real_time = self._first = math.nan
+        self.real_time = math.nan
+        self._first: float | None = None
+        """Real time of the first event, seconds."""
         self._totals = Totals()
         self._trail = MessageTrail()
-        self._codes, self._sensors = _Names(), _Names()
-        self._sources = _Names(_SOURCES)
+        self._names = {each.code: each.id for each in spec.sensors}
+        self._velocities = frozenset(each.code for each in spec.velocities)
+        grippers = [] if spec.gripper is None else [spec.gripper.code]
+        drives = (each.code for each in spec.drives)
+        known = frozenset((*self._names, *drives, *grippers, *self._velocities, WAIT, STOPS))
+        self._codes, self._sensors = _Names(known), _Names()
+        self._sources = _Names(most=_SOURCES)
         self.code_names, self.source_names = self._codes.names, self._sources.names
         self.sensor_codes = self._sensors.names
         self.readings = RowTable(ReadingRow, kept, self._sum_readings)
@@ -281,7 +290,8 @@ class RunHistory:
         """The newest movements with their order, until a mission ends; none from before a placement."""
         self.newest_legs: deque[tuple[int, LegEnded]] = deque(maxlen=KEPT_LEGS)
         """The newest legs of continuous motion, likewise."""
-        self._is_over = False
+        self.is_over = False
+        """True while a mission has ended and the run has not begun anew."""
         self.episodes = BeliefEpisodes()
         self.wedged: Newest[ContactRow] = Newest(1)
         """Contacts of a robot that kept meeting something in one place."""
@@ -290,12 +300,6 @@ class RunHistory:
         self.placed = 0
         """The order of the last action that put the robot elsewhere."""
         self._truth = Truth(spec.sensors, counters_known)
-        self._names = {each.code: each.id for each in spec.sensors}
-        self._known = {*self._names, *(each.code for each in spec.drives)}
-        if spec.gripper is not None:
-            self._known.add(spec.gripper.code)
-        self._velocities = frozenset(each.code for each in spec.velocities)
-        self._known.update((WAIT, *self._velocities))
         self._gone = self._turned = 0.0
         self._holding = beginning.holding
         self._blocked = False
@@ -376,28 +380,26 @@ class RunHistory:
         self.line = line or self.line
         now = real_time if self._now is None else self._now()
         # Times are kept relative to the first: single precision has no room for seconds since 1970.
-        if math.isnan(self._first):
+        if self._first is None:
             self._first = now
         self.real_time = now - self._first
 
     def add_result(self, result: CommandResult, under_way: Trajectory | Leg | None) -> None:
         elapsed = self.clock.advance(result.time)
-        self._trail.begun(result.number, result.time)
-        command = result.command
-        refused = result.status in REFUSALS
+        if self._trail.text:
+            self._trail.begun(result.number, result.time)
+        command, number = result.command, result.number
+        # Compared with each status, text by text: most results are readings.
+        refused = result.reading is None and result.status in REFUSALS
         self.commands.append(
-            self.order, self.line, elapsed, self.real_time, min(result.number, _LARGEST),
-            self._code(command), self._sources.number(command.source), refused, result.link,
+            self.order, self.line, elapsed, self.real_time, number if number < _LARGEST else _LARGEST,
+            self._codes[STOPS if command.stops else command.code], self._sources[command.source], refused,
+            result.link,
         )  # fmt: skip
         if result.reading is not None:
             self._add_reading(result, result.reading, elapsed, under_way)
         elif refused:
             self.refusals.add(RefusalRow(self.order, self.line, elapsed, result))
-
-    def _code(self, command: Command) -> int:
-        # Text from outside must not fill the list of names: unknown codes share one.
-        code = command.code if command.code in self._known else OTHER_CODES
-        return self._codes.number(STOPS if command.stops else code)
 
     def _add_reading(
         self, result: CommandResult, reading: Reading, elapsed: float, under_way: Trajectory | Leg | None
@@ -406,10 +408,12 @@ class RunHistory:
         taken = result.time if result.taken is None else result.taken
         error = self._truth.error(reading, under_way, result.time)
         # A reading cannot have been taken after it was answered, whatever a damaged log says.
-        taken = min(self.clock.before + taken, elapsed)
+        taken += self.clock.before
+        if taken > elapsed:
+            taken = elapsed
         self.readings.append(
             self.order, self.line, elapsed, taken,
-            self._sensors.number(code), reading.value, reading.true, math.nan if error is None else error,
+            self._sensors[code], reading.value, reading.true, math.nan if error is None else error,
             reading.took, self._gone, self._turned, pose.x, pose.y, pose.heading,
         )  # fmt: skip
         if self.paths is not None and reading.scan is not None:
@@ -417,25 +421,37 @@ class RunHistory:
 
     def add_plan(self, planned: MovementPlanned) -> None:
         elapsed = self.clock.advance(planned.time)
-        self._trail.begun(planned.number, planned.time)
+        if self._trail.text:
+            self._trail.begun(planned.number, planned.time)
         if planned.grip is not None:
             self.grips.add(GripRow(self.order, self.line, elapsed, planned.grip, self._holding))
         if self.paths is not None:
-            self.paths.plan(self.clock.before, planned.command.shown, planned.trajectory)
+            self.paths.plan(self.clock.before, planned.command, planned.trajectory)
 
     def add_leg_plan(self, begun: LegBegun) -> None:
         """A leg of a continuous motion begins."""
         self.clock.advance(begun.time)
         if self.paths is not None:
-            self.paths.plan(self.clock.before, begun.command.shown, begun.leg)
+            self.paths.plan(self.clock.before, begun.command, begun.leg)
 
     def add_movement(
-        self, ended: MovementEnded, pose: Pose, went: float, seen: Mapping[str, CommandResult]
+        self,
+        ended: MovementEnded,
+        went: float,
+        motion: tuple[float, float, float],
+        seen: Mapping[str, CommandResult],
     ) -> None:
-        """A movement has ended; `seen` is by code what was read since the movement before."""
+        """A movement has ended.
+
+        Args:
+            ended: The movement.
+            went: Length of its way, inches.
+            motion: Degrees turned, inches ahead and to the left.
+            seen: By code what was read since the movement before.
+        """
         elapsed, zero = self.clock.advance(ended.time), self.clock.before
-        trajectory, before, contact = ended.trajectory, ended.before, ended.contact
-        turned = pose.heading - before.heading
+        trajectory, pose, contact = ended.trajectory, ended.pose, ended.contact
+        turned, number = motion[0], ended.number
         begin, grips = trajectory.start_time, ended.grip is not None
         held = contact is not None and contact.ended
         arrival = max(min(contact.time, ended.time), begin) if held and contact is not None else ended.time
@@ -444,23 +460,23 @@ class RunHistory:
         self._blocked = held or (grips and self._blocked)
         self._gone += went
         self._turned += abs(turned)
-        self._truth.move(trajectory, ended.time)
-        if not self._is_over:
+        self._truth.move(*motion)
+        if not self.is_over:
             self.newest.append((self.order, ended))
         asked, totals = _NOTHING_ASKED
         if trajectory.kind is not None and trajectory.cut is None:
-            value = parse_value(ended.command.argument)
+            value = _value(ended.command.argument)
             # An edited log may say that a command without a number moved the robot.
             if isinstance(value, float):
                 asked, totals = value, trajectory.totals
         self.movements.append(
             self.order, self.line, zero + begin, zero + arrival, elapsed, self.real_time,
-            min(ended.number, _LARGEST),
-            self._code(ended.command), grips, ended.answers, contact is not None, held, False, went,
+            number if number < _LARGEST else _LARGEST,
+            self._codes[ended.command.code], grips, ended.answers, contact is not None, held, False, went,
             self._gone, self._turned, asked, totals.x, totals.y, totals.r, pose.x, pose.y, pose.heading,
         )  # fmt: skip
         if self.paths is not None:
-            self.paths.move(zero, ended.command.shown, trajectory, ended.time, pose, arrival)
+            self.paths.move(zero, ended.command, trajectory, ended.time, pose, arrival)
 
     def add_leg(self, ended: LegEnded, seen: Mapping[str, CommandResult]) -> None:
         """A leg of a continuous motion has ended; `seen` is by code what was read during it."""
@@ -475,19 +491,19 @@ class RunHistory:
         self._blocked = held or (leg.pressed and self._blocked)
         self._gone += went
         self._turned += abs(turned)
-        self._truth.move(leg, leg.end_time)
-        if not self._is_over:
+        self._truth.move(*leg.moved(leg.end_time))
+        if not self.is_over:
             self.newest.append((self.order, movement))
             self.newest_legs.append((self.order, ended))
         nothing = math.nan
         self.movements.append(
             self.order, self.line, zero + leg.start_time, elapsed, elapsed, self.real_time,
-            min(ended.number, _LARGEST), self._code(ended.command), False, False,
+            min(ended.number, _LARGEST), self._codes[ended.command.code], False, False,
             contact is not None, held, leg.pressed, went, self._gone, self._turned,
             nothing, nothing, nothing, nothing, pose.x, pose.y, pose.heading,
         )  # fmt: skip
         if self.paths is not None:
-            self.paths.move(zero, ended.command.shown, leg, leg.end_time, pose, elapsed)
+            self.paths.move(zero, ended.command, leg, leg.end_time, pose, elapsed)
 
     def add_velocity_end(self, ended: VelocityEnded) -> None:
         """A velocity has ended without a command that set another."""
@@ -541,10 +557,10 @@ class RunHistory:
         if not row.places:
             return
         if name.restarts:
-            self._is_over = False
+            self.is_over = False
             self.began = self.order
             self._truth.restart()
-        if not self._is_over:
+        if not self.is_over:
             self.newest.clear()
             self.newest_legs.clear()
         self.placed = self.order
@@ -597,7 +613,7 @@ class RunHistory:
         counts[key] += 1
 
     def add_mission(self, event: MissionEvent) -> None:
-        self._is_over |= event.over
+        self.is_over |= event.over
         self.missions.add(MissionRow(self.order, self.line, self.clock.advance(event.time), event))
 
     def add_program_end(self, event: ProgramEnded) -> None:

@@ -17,16 +17,6 @@ from simmer_tui.sim.records import Reading
 from simmer_tui.sim.simulator import Simulator
 from simmer_tui.sim.specs import Axes, DriveKind, SimulationSpec
 
-__all__ = [
-    "Checkpoint",
-    "MissionProgress",
-    "MissionSums",
-    "SensorRow",
-    "State",
-    "TimeSpent",
-    "checkpoint_of",
-]
-
 _NO_TRAIL: FloatArray = np.empty((0, 2))
 
 

@@ -220,8 +220,9 @@ class RowTable(Sequence[RowT]):
     def append(self, *values: float) -> None:
         """Add a row, its fields in order."""
         # A bytearray grows in place: an append costs the packing and little else.
-        self._open += self._pack(*values)
-        if len(self._open) == self._full:
+        rows = self._open
+        rows += self._pack(*values)
+        if len(rows) == self._full:
             # Summed up before it is closed: dropped rows must be in the sums already.
             self.settle()
             self._chunks.append(bytes(self._open))

@@ -133,7 +133,7 @@ class LogDecoder:
 
         Raises RunLogError for a record that does not fit the configuration or the records before it.
         """
-        ended = self._leg_over(record)
+        ended = () if self._leg is None else self._leg_over(self._leg, record)
         return ended + self._decoders[type(record)](record)
 
     def resume(self, record: CheckpointRecord) -> Checkpoint:
@@ -172,10 +172,12 @@ class LogDecoder:
         planned = self._planned
         if planned is not None and (planned.trajectory.start_time, planned.number) < (time, number):
             return planned.trajectory.pose_at(time)
-        under_way = [] if self._leg is None else [self._leg.leg]
-        for leg in (*under_way, *reversed(self._legs)):
-            if leg.start_time <= time < leg.end_time or (leg.end_time == time and leg.last_pose == self.pose):
-                return leg.pose_at(time)
+        if self._leg is not None or self._legs:
+            under_way = [] if self._leg is None else [self._leg.leg]
+            for leg in (*under_way, *reversed(self._legs)):
+                at_end = leg.end_time == time and leg.last_pose == self.pose
+                if at_end or leg.start_time <= time < leg.end_time:
+                    return leg.pose_at(time)
         pose = self.pose
         # From the latest back: an answer is at most a few movements late.
         for ended, before in reversed(self._ended):
@@ -309,11 +311,8 @@ class LogDecoder:
         if far or turns or not inside:
             raise RunLogError(f"the leg of {escape(record.command)!r} leads out of the maze")
 
-    def _leg_over(self, record: AnyRecord) -> tuple[Event, ...]:
+    def _leg_over(self, begun: LegBegun, record: AnyRecord) -> tuple[Event, ...]:
         """The end of the leg under way, if its time is over before a record."""
-        begun = self._leg
-        if begun is None:
-            return ()
         leg = begun.leg
         if isinstance(record, LegCutRecord):
             if record.t < leg.start_time:
@@ -338,10 +337,10 @@ class LogDecoder:
         grip = None if record.grip is None else self._grip(record.t, record.grip, self.pose)
         trajectory = self._trajectory(command, record, self.pose, record.t, record.total, record.end)
         planned = MovementPlanned(record.n, record.t, command, trajectory, grip)
-        ended = MovementEnded(
-            record.n, record.end, command, trajectory, record.stopped_by, record.answers, grip
-        )
         before, self.pose, self._planned = self.pose, Pose(*record.pose), None
+        ended = MovementEnded(
+            record.n, record.end, command, trajectory, self.pose, record.stopped_by, record.answers, grip
+        )
         self._ended.append((ended, before))
         self._scans.went(trajectory)
         return (planned, ended, self._done(ended, before)) if record.answers else (planned, ended)
@@ -369,24 +368,18 @@ class LogDecoder:
         trajectory = self._trajectory(
             planned.command, record, self._begun, plan.start_time, total, record.t, plan.duration
         )
-        ended = MovementEnded(
-            record.n, record.t, planned.command, trajectory, record.stopped_by, record.answers, planned.grip
-        )
         self._planned, self.pose = None, Pose(*record.pose)
+        about = record.stopped_by, record.answers, planned.grip
+        ended = MovementEnded(record.n, record.t, planned.command, trajectory, self.pose, *about)
         self._ended.append((ended, self._begun))
         self._scans.went(trajectory)
         return (ended, self._done(ended, self._begun)) if record.answers else (ended,)
 
     def _done(self, ended: MovementEnded, before: Pose) -> CommandResult:
-        is_last = not self._ended or self._ended[-1][0] is ended
-        # The latest movement's pose stands in its record; earlier ones' follow from their trajectories.
-        pose = self.pose if is_last else ended.pose
-        return CommandResult(
-            *(ended.number, ended.time, ended.command, Status.DONE, math.inf, before, pose),
-            trajectory=ended.trajectory,
-            grip=ended.grip,
-            taken=ended.trajectory.start_time,
-        )
+        number, time, command, trajectory = ended.number, ended.time, ended.command, ended.trajectory
+        # Positional, as in `_reading`.
+        arguments = (number, time, command, Status.DONE, math.inf, before, ended.pose, "", None, trajectory)
+        return CommandResult(*arguments, ended.grip, trajectory.start_time)
 
     def _trajectory(
         self,
@@ -436,7 +429,7 @@ class LogDecoder:
         if segment >= count:
             raise RunLogError(f"the movement has no segment {segment}")
         x, y, turn = (each / count for each in total)
-        met = Path.laid_one_by_one(start, x, y, turn, count).pose(segment, turned, translated)
+        met = Path.laid_when_asked(start, x, y, turn, count).pose(segment, turned, translated)
         same = {name: getattr(fields, name) for name in SHARED_WITH_CONTACT}
         return Contact(met, segment=segment, turned=turned, translated=translated, time=fields.t, **same)
 

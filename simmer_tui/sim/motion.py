@@ -196,7 +196,7 @@ def rebuilt(
     gyros counted is left out.
     """
     x, y, turn = totals.x / segments, totals.y / segments, totals.r / segments
-    path = Path.laid_one_by_one(start, x, y, turn, segments)
+    path = Path.laid_when_asked(start, x, y, turn, segments)
     plan = Trajectory(path, kind, totals, start_time, duration, contact, cut=cut, profile=profile)
     if contact is None or (contact.ended and stop is None):
         return plan

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 from functools import cached_property
+from typing import overload
 
 import numpy as np
 from msgspec import Struct
@@ -21,6 +22,52 @@ class PathPosition(Struct, frozen=True, order=True):
 
 
 START = PathPosition(0, 0.0, 0.0)
+
+
+class _LaidPlaces(Sequence[tuple[float, float]]):
+    """The places of a path whose segments all turn and go alike. They are computed once, when one after the
+    first is asked for."""
+
+    __slots__ = ("_asked", "_places", "_segments")
+
+    def __init__(self, start: Pose, x: float, y: float, turn: float, segments: int) -> None:
+        self._asked = start, x, y, turn
+        self._segments = segments
+        self._places: list[tuple[float, float]] | None = None
+
+    def __len__(self) -> int:
+        return self._segments + 1
+
+    @overload
+    def __getitem__(self, index: int) -> tuple[float, float]: ...
+
+    @overload
+    def __getitem__(self, index: slice) -> list[tuple[float, float]]: ...
+
+    def __getitem__(self, index: int | slice) -> tuple[float, float] | list[tuple[float, float]]:
+        if index == 0:
+            start = self._asked[0]
+            return start.x, start.y
+        if self._places is None:
+            self._places = self._laid()
+        return self._places[index]
+
+    def __eq__(self, other: object) -> bool:
+        return list(self) == other
+
+    __hash__ = None  # type: ignore[assignment]
+
+    def _laid(self) -> list[tuple[float, float]]:
+        # One direction after the other: for the few segments of most paths twice as fast as arrays.
+        start, x, y, turn = self._asked
+        places = [(start.x, start.y)]
+        far_x = far_y = 0.0
+        for segment in range(1, self._segments + 1):
+            cos, sin = cos_sin(start.heading + turn * segment)
+            far_x += cos * x - sin * y
+            far_y += sin * x + cos * y
+            places.append((start.x + far_x, start.y + far_y))
+        return places
 
 
 class Path(Struct, frozen=True, dict=True):
@@ -44,17 +91,10 @@ class Path(Struct, frozen=True, dict=True):
         return path
 
     @classmethod
-    def laid_one_by_one(cls, start: Pose, x: float, y: float, turn: float, segments: int) -> "Path":
-        """`laid`, the same numbers bit for bit, without the directions of all segments: twice as fast
-        for the few segments that paths usually have, where only the places are wanted."""
-        places = [(start.x, start.y)]
-        far_x = far_y = 0.0
-        for segment in range(1, segments + 1):
-            cos, sin = cos_sin(start.heading + turn * segment)
-            far_x += cos * x - sin * y
-            far_y += sin * x + cos * y
-            places.append((start.x + far_x, start.y + far_y))
-        return cls(start.heading, turn, places)
+    def laid_when_asked(cls, start: Pose, x: float, y: float, turn: float, segments: int) -> "Path":
+        """`laid`, the same numbers bit for bit, but its places are computed when one is asked for: a log has
+        millions of paths, and of most of them nobody asks for more than the first."""
+        return cls(start.heading, turn, _LaidPlaces(start, x, y, turn, segments))
 
     @property
     def segments(self) -> int:
@@ -98,6 +138,18 @@ class Path(Struct, frozen=True, dict=True):
         """Length of the way to a place, inches."""
         lengths = self.lengths()
         return math.fsum(lengths[: stop.segment]) + stop.translated * lengths[stop.segment]
+
+    def along(self, at: PathPosition) -> tuple[float, float]:
+        """Distance ahead and to the left till a place, inches, from the places."""
+        ahead = aside = 0.0
+        places = self.places
+        for segment in range(at.segment + 1):
+            (x, y), (next_x, next_y) = places[segment], places[segment + 1]
+            part = 1.0 if segment < at.segment else at.translated
+            cos, sin = cos_sin(self.start + self.turn * (segment + 1))
+            ahead += part * ((next_x - x) * cos + (next_y - y) * sin)
+            aside += part * ((next_y - y) * cos - (next_x - x) * sin)
+        return ahead, aside
 
     def before(
         self, stop: PathPosition, distance: float, reach: float, after: PathPosition = START

@@ -119,7 +119,8 @@ class Trajectory(Struct, frozen=True):
     @property
     def move(self) -> tuple[float, float]:
         """Each segment's translation in the robot's frame, inches."""
-        return self.totals.x / self.path.segments, self.totals.y / self.path.segments
+        segments = self.path.segments
+        return self.totals.x / segments, self.totals.y / segments
 
     @property
     def end_time(self) -> float:
@@ -210,10 +211,15 @@ class Trajectory(Struct, frozen=True):
         """Length of the way the robot's centre has gone, inches."""
         return self._length_to(*self.place(time))
 
-    def arrival(self, time: float) -> tuple[Pose, float]:
-        """The pose at a simulated time, and the length of the way to there."""
+    def moved(self, time: float) -> tuple[float, float, float]:
+        """Real motion by a simulated time, in the robot's frame: degrees turned, inches ahead and to the
+        left. Each segment brings the same."""
+        return self._moved_to(*self.place(time))
+
+    def travel(self, time: float) -> tuple[float, tuple[float, float, float]]:
+        """`travelled` and `moved` at once."""
         path, at = self.place(time)
-        return path.pose(at.segment, at.turned, at.translated), self._length_to(path, at)
+        return self._length_to(path, at), self._moved_to(path, at)
 
     def trail(self, time: float) -> FloatArray:
         """The robot's centres from the start to where it is at a simulated time, (k, 2)."""
@@ -258,6 +264,21 @@ class Trajectory(Struct, frozen=True):
             return self.path.length_to(at)
         x, y = self.move
         return (at.segment + at.translated) * math.sqrt(x * x + y * y)
+
+    def _moved_to(self, path: Path, at: PathPosition) -> tuple[float, float, float]:
+        turned = path.start + path.turn * (at.segment + at.turned) - self.path.start
+        # Without a drive nothing was commanded: the path's points are all there is.
+        if self.kind is None:
+            return (turned, *path.along(at))
+        x, y = self.move
+        contact = self.contact
+        # Wheels turn as commanded until a contact; from there on only what the robot slid counts.
+        if path is self.path or contact is None:
+            gone = at.segment + at.translated
+            return turned, gone * x, gone * y
+        before = contact.segment + contact.translated
+        ahead, aside = path.along(at)
+        return turned, before * x + ahead, before * y + aside
 
     # -- segments done, as a number from 0 to n ------------------------------------------------
 

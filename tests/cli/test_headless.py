@@ -583,7 +583,8 @@ def test_only_what_needs_telling_has_a_line(course_spec: SimulationSpec) -> None
     bumped = simulator.execute("d1-100")
     assert bumped.trajectory is not None
     assert EventLines().handle(bumped) == ""
-    assert EventLines().handle(MovementEnded(4, bumped.time, bumped.command, bumped.trajectory)) == (
+    ended = MovementEnded(4, bumped.time, bumped.command, bumped.trajectory, bumped.pose)
+    assert EventLines().handle(ended) == (
         "contact: d1-100 was stopped at (45.0, 42.0) heading 0.0 deg by the wall at (48.0, 42.0)"
     )
     assert EventLines().handle(Notice(NoticeKind.FAULT, "out of paper")) == "out of paper"

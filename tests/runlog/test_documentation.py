@@ -82,7 +82,8 @@ def other_log(path: Path, configuration: Any, motion: str) -> None:
         simulator.stop()
         ended = simulator.finish(begun)
         assert simulator.last_trajectory is not None
-        log(MovementEnded(ended.number, ended.time, ended.command, simulator.last_trajectory, "xx from x"))
+        number, time, command, went = ended.number, ended.time, ended.command, simulator.last_trajectory
+        log(MovementEnded(number, time, command, went, ended.pose, "xx from x"))
         stop = structs.replace(parse_command("xx", "packets"), stops=True)
         log(structs.replace(simulator.begin(stop), taken=-1.0, link=0.1))
         reading = simulator.begin("u1")

@@ -25,6 +25,6 @@ def test_points_are_the_same_bit_for_bit(
     x: float, y: float, heading: float, dx: float, dy: float, turn: float, segments: int
 ) -> None:
     start = Pose(x, y, heading)
-    at_once, one_by_one = (lay(start, dx, dy, turn, segments) for lay in (Path.laid, Path.laid_one_by_one))
+    at_once, one_by_one = (lay(start, dx, dy, turn, segments) for lay in (Path.laid, Path.laid_when_asked))
     assert np.array_equal(at_once.points, one_by_one.points)
     assert (at_once.start, at_once.turn) == (one_by_one.start, one_by_one.turn)
