@@ -5,7 +5,7 @@
 Round trips over TCP with a log and without take turns in the same run, so that machines can be
 compared by the ratio. The long log is made of the lines of a real run, their times and numbers
 changed; it is opened as `replay` does, in a process of its own to see its memory. Goal: a report of a
-million commands takes at most 10 s of an idle core.
+million commands takes at most 9 s of an idle core.
 
 With --against, `report --json` of a failed mission with beliefs, of 100,000 commands, takes turns with that
 of another checkout in DIR (`git worktree add DIR 592ca20`: before sensors and drives were held against the
