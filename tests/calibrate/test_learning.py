@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
+import io
 import json
 import math
+import os
 import re
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -26,12 +30,41 @@ from simmer_tui.sim.noise import random_bias
 from simmer_tui.sim.specs import DriveKind
 from tests.calibrate.conftest import CODES, Logged, drive
 
+KEPT = Path(__file__).with_name("kept_answer.json")
+
 
 @pytest.fixture(scope="module")
 def written(logged: Logged, tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = tmp_path_factory.mktemp("calibrated") / "my-robot"
-    assert main(["calibrate", str(logged.path), "--out", str(out)]) == 0
+    answer = io.StringIO()
+    with contextlib.redirect_stdout(answer):
+        assert main(["calibrate", str(logged.path), "--out", str(out), "--json"]) == 0
+    (out.parent / "answer.json").write_text(answer.getvalue(), "utf-8")
     return out
+
+
+def test_estimates_are_those_that_were_kept(written: Path) -> None:
+    """Whoever changes a number of the model does so on purpose and keeps the new answer: KEEP=1 pytest."""
+    answer = written.parent / "answer.json"
+    if os.environ.get("KEEP"):
+        KEPT.write_text(answer.read_text("utf-8"), "utf-8")
+    assert_same(json.loads(answer.read_text("utf-8")), json.loads(KEPT.read_text("utf-8")), "answer")
+
+
+def assert_same(found: Any, kept: Any, place: str) -> None:
+    """Numbers to a hundred-thousandth: linear algebra differs in the last bits between machines."""
+    if isinstance(kept, dict):
+        assert list(found) == list(kept), place
+        for name in kept:
+            assert_same(found[name], kept[name], f"{place}.{name}")
+    elif isinstance(kept, list):
+        assert len(found) == len(kept), place
+        for number, (one, other) in enumerate(zip(found, kept, strict=True)):
+            assert_same(one, other, f"{place}[{number}]")
+    elif isinstance(kept, float):
+        assert found == pytest.approx(kept, rel=1e-5, abs=1e-7), place
+    else:
+        assert found == kept, place
 
 
 def test_a_log_gives_the_commands_and_the_real_answers(logged: Logged) -> None:
