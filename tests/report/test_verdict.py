@@ -122,12 +122,14 @@ def test_the_report_begins_with_the_verdict(mission_run: Any, capsys: Any) -> No
     assert run_report([str(mission_run.path)]) == 0
     assert " ".join(capsys.readouterr().out.split()).startswith(text)
     assert run_report([str(mission_run.path), "--json"]) == 0
-    told = json.loads(capsys.readouterr().out)["verdict"]
+    answer = json.loads(capsys.readouterr().out)
+    told = answer["verdict"]
     assert (told["text"], told["outcome"], told["goal"]) == (text, "crashed", None)
     assert told["cause"]["kind"] == "program crashed"
     assert told["cause"]["sure"] == "certain"
     assert told["program"]["exit_code"] == 1
-    assert told["program"]["stderr"] == [{"time_s": 8.5, "text": "KeyError: 'u9'"}]
+    assert answer["output"] == [{"time_s": 8.5, "stream": "stderr", "output": "KeyError: 'u9'"}]
+    assert "output" not in answer["text"]
 
 
 def test_output_that_would_steer_a_terminal_is_escaped(mission_run: Any, capsys: Any) -> None:
