@@ -155,6 +155,18 @@ def test_what_comes_after_the_mission_is_counted_apart(mission_run: Any) -> None
     assert before.notes == []
 
 
+def test_a_program_that_goes_on_after_the_mission_takes_none_of_its_time(mission_run: Any) -> None:
+    mission_run.send("u1", "d1-1")
+    mission_run.engine.tell(MissionEvent(mission_run.simulator.time, Result.SUCCESS, "mission: success"))
+    before = build_report(mission_run.path)
+    mission_run.send("u1", "d1-60")
+    mission_run.engine.tell(ProgramEnded(mission_run.simulator.time, 1, error="E"))
+    after = build_report(mission_run.path)
+    assert after.history.elapsed == before.history.elapsed < after.elapsed
+    assert after.paths.cells == before.paths.cells
+    assert after.history.programs.items[-1].elapsed == after.elapsed
+
+
 def test_continuous_motion_after_the_mission_is_counted_apart(mission_run: Any) -> None:
     mission_run.send("vv-1;0;0", "wt-1", "vv-0;0;0", "d1-1")
     mission_run.engine.tell(SUCCESS)
