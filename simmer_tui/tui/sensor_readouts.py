@@ -240,7 +240,7 @@ class _SensorTable:
             return self._no_echo(sensor, begin, role)
         shown = _value_text(value, sensor).rjust(6 if self.full else 5)
         line: StyledLine = (*begin, (shown, _near_role(sensor, value, role)))
-        if self.full or not self._is_gauged(sensor):
+        if self.full or not (self._is_gauged(sensor) or self.view.truth):
             unit = "" if sensor.is_yes_or_no else sensor.unit
             line = (*line, (f" {unit}".ljust(3), "dim"))
         return (*line, *self._rest(sensor, row, self.width - length(line)))
@@ -254,7 +254,8 @@ class _SensorTable:
         true = self.true_values.get(sensor.code)
         if not self.full:
             line: StyledLine = (*begin, (self.view.dash.rjust(5), "dim"))
-            return line if true is None else (*line, (f" {true:.1f}"[: self.width - length(line)], "good"))
+            room = self.width - length(line)
+            return line if true is None else (*line, (_true_text(true, sensor, room), "good"))
         line = (*begin, (f"   {self.view.dash}   ", "dim"))
         if self.view.truth and true is not None:
             return (*line, (f"true {_value_text(true, sensor)}", "good"))
@@ -316,7 +317,8 @@ class _SensorTable:
             difference = (f" {twin.robot - twin.simulated:+.1f}", apart)
             return (simulated, difference) if room >= _TWIN_ROOM else (simulated,)
         if self.view.truth and true is not None:
-            return ((f" {_value_text(true, sensor)}".rjust(min(room, 8)), "good"),)
+            text = _true_text(true, sensor, room)
+            return ((text.rjust(min(room, 8)), "good"),)
         if not self._is_gauged(sensor):
             name = kind_name(sensor.kind)
             turned = f" {heading_sign(value, plain=plain)}" if sensor.kind.is_heading else ""
@@ -381,6 +383,14 @@ def _value_text(value: float, sensor: SensorSpec) -> str:
         return f"{value:g}"
     text = f"{value:.1f}"
     return text if len(text) <= 5 else f"{value:.0f}"
+
+
+def _true_text(true: float, sensor: SensorSpec, room: int) -> str:
+    """A true value behind a reading, without its tenths where there is no room for them."""
+    text = f" {_value_text(true, sensor)}"
+    if len(text) > room and math.isfinite(true):
+        text = f" {true:.0f}"
+    return text if len(text) <= room else ""
 
 
 def heading_sign(value: float, *, plain: bool) -> str:
