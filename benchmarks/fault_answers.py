@@ -76,10 +76,8 @@ class Answer:
         said = "\n".join((cause["text"], *report["verdict"]["evidence"])).lower()
         if self.words and not any(word.lower() in said for word in self.words):
             return False
-        program = report["verdict"]["program"]
-        return not self.printed or (
-            program is not None and any(self.printed in line["text"] for line in program["stderr"])
-        )
+        printed = (line["output"] for line in report["output"] if line["stream"] == "stderr")
+        return not self.printed or any(self.printed in line for line in printed)
 
 
 def says(

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 
 from simmer_tui.events import MovementEnded, ProgramEnded
-from simmer_tui.sim.angles import half_turn
+from simmer_tui.sim.angles import eighth_of_turn, half_turn
 from simmer_tui.sim.arcs import Twist
 from simmer_tui.sim.command import escape
 from simmer_tui.sim.path import Contact
@@ -29,7 +29,7 @@ _DIRECTIONS = {
     DriveKind.UP: ("left", "right"),
     DriveKind.DOWN: ("right", "left"),
 }
-# Sides of the robot, counter-clockwise in steps of 45 degrees.
+# Counter-clockwise in steps of 45 degrees.
 _SIDES = ("ahead", "ahead left", "left", "behind left", "behind", "behind right", "right", "ahead right")
 
 
@@ -145,7 +145,12 @@ def side_text(contact: Contact) -> str:
     """Side of the robot that a contact is on: `ahead left`."""
     x, y = contact.point
     bearing = math.degrees(math.atan2(y - contact.pose.y, x - contact.pose.x)) - contact.pose.heading
-    return _SIDES[round(bearing / 45) % 8]
+    return side_name(bearing)
+
+
+def side_name(bearing: float) -> str:
+    """Side of the robot in a direction, degrees from its front: `ahead left`."""
+    return _SIDES[eighth_of_turn(bearing)]
 
 
 # -- movements and their ends ----------------------------------------------------------------------

@@ -30,7 +30,11 @@ def report(
     first: dict[str, Any] | None, second: dict[str, Any] | None = None, findings: tuple[str, ...] = ()
 ) -> dict[str, Any]:
     verdict = {"outcome": "failed", "cause": first, "second_cause": second, "evidence": [], "program": None}
-    return {"verdict": verdict, "findings": [{"of": code, "kind": "offset"} for code in findings]}
+    return {
+        "verdict": verdict,
+        "findings": [{"of": code, "kind": "offset"} for code in findings],
+        "output": [],
+    }
 
 
 @pytest.mark.parametrize(
@@ -61,7 +65,7 @@ def test_a_crash_is_right_with_its_exception_and_what_was_printed() -> None:
     case = program_key_error(random.Random(1))
     said = report(cause("program crashed", text="the program crashed: KeyError: 'heading'"))
     assert grade(said, case) == PARTLY
-    said["verdict"]["program"] = {"stderr": [{"time_s": 1.0, "text": 'File "mine.py", line 3, in main'}]}
+    said["output"] = [{"time_s": 1.0, "stream": "stderr", "output": 'File "mine.py", line 3, in main'}]
     assert grade(said, case) == RIGHT
 
 

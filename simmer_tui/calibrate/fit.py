@@ -38,6 +38,7 @@ from simmer_tui.calibrate.posterior import (
 )
 from simmer_tui.calibrate.rows import FIXED, PER_STOP, Model
 from simmer_tui.errors import CalibrationError
+from simmer_tui.report.robust_fit import Z_95
 from simmer_tui.sim.angles import BoolArray, FloatArray
 
 PARTICLES = (300, 1500, 4000)
@@ -85,8 +86,6 @@ _TRUSTED = 2
 """Rounds before a large residual may mark a movement as slipped: the noise scales are still off before."""
 _LEAST_OUTLIERS = 0.02
 """Share of outliers at which estimation begins, at the least: with 0 no reading could ever become one."""
-_TWO_SIDED = 1.96
-"""Standard deviations to either end of a 95 % interval."""
 _APPROXIMATED = 2.0
 """Factor on the intervals of errors of drives that moved by velocities."""
 # What the model leaves out there: counters set back to a stop, errors of two drives at once. With it 90 % of
@@ -355,7 +354,7 @@ def _result(model: Model, state: Iterate, random: np.random.Generator) -> Fit:
     present = np.array([each.present for each in space.parameters])
     present_scales = np.array([max(each.present, LEAST_SCALE) for each in space.noise_scales])
     # However little a log says of a small noise scale, it may say that it is smaller than the set's.
-    smaller = state.noise_scales * np.exp(_TWO_SIDED * noise_scale_errors) < present_scales
+    smaller = state.noise_scales * np.exp(Z_95 * noise_scale_errors) < present_scales
     noise_scales_identified = (noise_scale_errors < IDENTIFIED * log_spreads) | smaller
     # What is not identified stays as the set has it, and the rest is estimated given that.
     if not (identified.all() and noise_scales_identified.all()):
@@ -379,8 +378,8 @@ def _result(model: Model, state: Iterate, random: np.random.Generator) -> Fit:
     spreads = np.maximum(spreads, _robust_spreads(model, rows, posterior))
     spreads = with_mounting(space, state.parameters, spreads, identified)
     check = check_model(model, state, rows, posterior)
-    spreads = spreads + check.shifts / _TWO_SIDED
-    noise_scale_errors = noise_scale_errors + check.log_shifts / _TWO_SIDED
+    spreads = spreads + check.shifts / Z_95
+    noise_scale_errors = noise_scale_errors + check.log_shifts / Z_95
     noise_scale_errors = noise_scale_errors * np.where(model.is_of_continuous_drive, _APPROXIMATED, 1.0)
     held_spreads = np.where(identified, prior_spreads, FIXED)
     data = posterior.information - np.diag(1.0 / held_spreads**2)

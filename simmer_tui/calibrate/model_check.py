@@ -26,6 +26,7 @@ from simmer_tui.calibrate.geometry import on_axes
 from simmer_tui.calibrate.parameters import AXES, ParameterSpace, main_axis
 from simmer_tui.calibrate.posterior import PROCESS, Iterate, Posterior, Rows
 from simmer_tui.calibrate.rows import Model
+from simmer_tui.report.robust_fit import Z_95
 from simmer_tui.sim.angles import BoolArray, FloatArray
 from simmer_tui.sim.sensors import Sort
 
@@ -46,7 +47,6 @@ takes no account of standard errors: of 40 robots of the model six kinds of sens
 a factor of 1.3 or more, the largest 1.41, and none so many readings that it failed."""
 _FEW_SCORES = 30
 """Predictions of a kind of sensor below which they test nothing: three of them are to be further off."""
-_TWO_SIDED = float(ndtri(0.975))
 _NORMAL_SCORE = float(ndtri((1.0 + _HOLDS) / 2))
 EVERY_DRIVE = "all drives"
 
@@ -139,7 +139,7 @@ def check_model(model: Model, state: Iterate, rows: Rows, posterior: Posterior) 
     for (number, probability), value, error in zip(
         chosen, values.tolist(), np.sqrt(np.diag(covariance)).tolist(), strict=True
     ):
-        term, half = terms[number], _TWO_SIDED * error
+        term, half = terms[number], Z_95 * error
         ends = (value - half, value + half)
         misfits.append(Misfit(term.kind, term.owner, value, *ends, term.unit, probability))
     explained = columns[:, kept] @ values
@@ -297,7 +297,7 @@ def with_mounting(
     if not spread:
         return errors
     # Of few sensors the spread itself is little known: Student's quantile in place of the normal one.
-    spread *= float(stdtrit(freedom, 0.975)) / _TWO_SIDED
+    spread *= float(stdtrit(freedom, 0.975)) / Z_95
     offsets = {each.index for each in space.parameters if each.sort is Sort.OFFSET}
     widened = errors.copy()
     for number, each in enumerate(space.parameters):

@@ -19,6 +19,7 @@ import numpy as np
 from msgspec.structs import replace
 
 from simmer_tui.calibrate.measured_run import MeasuredRun
+from simmer_tui.report.robust_fit import Z_95
 from simmer_tui.sim.angles import FloatArray
 from simmer_tui.sim.sensors import (
     Prior,
@@ -44,8 +45,6 @@ _BIAS_PRIOR = (0.15, 0.15, 0.8)
 _TURN_BIAS_PRIOR = (0.02, 0.02, 0.1)
 # Centre of a drive's error where the set has 0: about those of the bundled drives.
 _USUAL_ERROR, _USUAL_TURN_ERROR = 0.02, 0.003
-_TWO_SIDED = 1.959964
-"""Standard deviations to either end of a 95 % interval: the normal distribution's 0.975 quantile."""
 _ERROR_PRIOR = 1.2
 """Prior standard deviation of the logarithm of a drive's error: a factor of 3 either way."""
 
@@ -90,9 +89,9 @@ class Parameter:
         Even about a parameter, by factors about a noise scale, whose spread is that of its logarithm.
         """
         if self.sort is Sort.NOISE:
-            factor = math.exp(min(_TWO_SIDED * spread, 50.0))  # e^50 is as good as infinite: no overflow
+            factor = math.exp(min(Z_95 * spread, 50.0))  # e^50 is as good as infinite: no overflow
             return value / factor, value * factor
-        return value - _TWO_SIDED * spread, value + _TWO_SIDED * spread
+        return value - Z_95 * spread, value + Z_95 * spread
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from simmer_tui.calibrate.model_check import FALSE_MISFIT_RATE, Misfit
 from simmer_tui.calibrate.posterior import COUNTER, OBSERVATION, PROCESS, RANGE, Rows
 from simmer_tui.calibrate.prediction import HeldBack
 from simmer_tui.document import svg
-from simmer_tui.document.formats import COUNT, WORDS, Format, number
+from simmer_tui.document.formats import COUNT, UNIT, WORDS, Format, number
 from simmer_tui.document.model import (
     DataColumn,
     DataTable,
@@ -47,7 +47,7 @@ MISFITS = DataTable(
         DataColumn("part"),
         DataColumn("kind"),
         *_ESTIMATE,
-        DataColumn("unit", hidden=True),
+        DataColumn("unit", UNIT, hidden=True),
         DataColumn("probability", number(".1g"), "p"),
         DataColumn("text", heading="observation", wraps=True),
     ),
@@ -58,7 +58,7 @@ PARAMETERS = DataTable(
     (
         DataColumn("part"),
         DataColumn("parameter", heading="parameter"),
-        DataColumn("unit", hidden=True),
+        DataColumn("unit", UNIT, hidden=True),
         DataColumn("was", number(".4g")),
         *_ESTIMATE,
         DataColumn("is", _FIGURE),
@@ -75,7 +75,9 @@ UNIDENTIFIED = DataTable(
         DataColumn("text", heading="why", wraps=True),
     ),
 )
-RESIDUALS = DataTable("residuals", "Residuals", (DataColumn("part"), DataColumn("unit"), *_BEFORE_AFTER))
+RESIDUALS = DataTable(
+    "residuals", "Residuals", (DataColumn("part"), DataColumn("unit", UNIT), *_BEFORE_AFTER)
+)
 HELD_BACK = DataTable(
     "held_back",
     "Predictions of held-back readings",
@@ -83,7 +85,7 @@ HELD_BACK = DataTable(
         DataColumn("readings_of"),
         DataColumn("ahead", COUNT),
         *_BEFORE_AFTER,
-        DataColumn("unit"),
+        DataColumn("unit", UNIT),
         DataColumn("times_better", number(".1f")),
         DataColumn("readings", COUNT),
     ),

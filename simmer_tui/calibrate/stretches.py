@@ -24,7 +24,6 @@ from simmer_tui.sim.arcs import Arc, Twist
 from simmer_tui.sim.distance_errors import REFERENCE_TURN, components
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.sensors import CountingSensor, Sensor, modelled_sensor
-from simmer_tui.sim.sensors.own_motion import Compass
 from simmer_tui.sim.specs import CELL_SIZE, DriveKind, DriveSpec, SensorSpec
 
 LEAST_DISTANCE, LEAST_TURN = 3.0, 20.0
@@ -126,7 +125,7 @@ class VelocityStretch:
         near = self._travelled <= _NEAR and self._turn <= _NEAR_TURN
         if isinstance(kind, CountingSensor) and near:
             return value - sensor.gain * float(kind.lever @ self._asked)
-        if isinstance(kind, Compass) and near:
+        if kind is not None and sensor.kind.is_heading and near:
             return value - sensor.gain * float(self._asked[2])
         return value if self._travelled <= _THERE and self._turn <= _THERE_TURN else None
 

@@ -7,8 +7,7 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
-from rich.console import Console
-from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
+from rich.progress import TaskProgressColumn, TimeRemainingColumn
 
 from simmer_tui.atlas.array_files import csv_bytes, mat_bytes, npz_bytes
 from simmer_tui.atlas.c_header import MEGA_FLASH, header_bytes, table_bytes
@@ -21,6 +20,7 @@ from simmer_tui.cli.command_line import (
     overrides_from,
     subcommand,
 )
+from simmer_tui.cli.progress_bar import progress_bar
 from simmer_tui.config.loader import load
 from simmer_tui.config.sets import find_set
 from simmer_tui.errors import AtlasError
@@ -116,8 +116,6 @@ def _describe(atlas: Atlas, simulator: Simulator) -> None:
 
 def _computed(simulator: Simulator, grid: PoseGrid, codes: tuple[str, ...]) -> Atlas:
     """The atlas, with a bar on a terminal (standard error) that goes away at the end."""
-    console = Console(stderr=True)
-    columns = (TextColumn("atlas", markup=False), BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
+    with progress_bar("atlas", TaskProgressColumn(), TimeRemainingColumn()) as progress:
         task = progress.add_task("atlas", total=grid.rows)
         return compute_atlas(simulator, grid, codes, lambda rows: progress.update(task, completed=rows))

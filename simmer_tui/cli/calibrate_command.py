@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
+from rich.progress import TaskProgressColumn
 
 from simmer_tui.cli.command_line import (
     ExitCode,
@@ -25,6 +25,7 @@ from simmer_tui.cli.command_line import (
     print_answer,
     subcommand,
 )
+from simmer_tui.cli.progress_bar import progress_bar
 from simmer_tui.config.device_trust import DeviceUse
 from simmer_tui.config.loader import Override, load
 from simmer_tui.config.sets import find_set
@@ -223,8 +224,6 @@ def _check(run: MeasuredRun, name: str, *, as_json: bool) -> int:
 @contextmanager
 def _shown() -> Generator[Callable[[str, float], None], None, None]:
     """A bar on standard error, where that is a terminal, for work that tells how far it is."""
-    console = Console(stderr=True)
-    columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn())
-    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
+    with progress_bar("{task.description}", TaskProgressColumn()) as bar:
         task = bar.add_task("reading", total=1.0)
         yield lambda what, share: bar.update(task, description=what, completed=share)

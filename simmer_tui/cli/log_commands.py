@@ -8,15 +8,7 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack
 from pathlib import Path
 
-from rich.console import Console
-from rich.progress import (
-    BarColumn,
-    DownloadColumn,
-    Progress,
-    TaskProgressColumn,
-    TextColumn,
-    TimeRemainingColumn,
-)
+from rich.progress import DownloadColumn, TaskProgressColumn, TimeRemainingColumn
 
 from simmer_tui.cli.command_line import (
     ExitCode,
@@ -30,6 +22,7 @@ from simmer_tui.cli.command_line import (
     print_json,
     subcommand,
 )
+from simmer_tui.cli.progress_bar import progress_bar
 from simmer_tui.document.model import Bullets, DataColumn, DataTable, Document
 from simmer_tui.errors import ExportError, RunLogError
 from simmer_tui.phrases import counted
@@ -256,10 +249,8 @@ def _run_through(positions: Iterable[int], size: int, what: str) -> None:
 
     On a terminal (standard error) a bar shows how far it is and goes away at the end.
     """
-    console = Console(stderr=True)
-    text = TextColumn(what, markup=False)
-    columns = (text, BarColumn(), TaskProgressColumn(), DownloadColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
+    columns = TaskProgressColumn(), DownloadColumn(), TimeRemainingColumn()
+    with progress_bar("{task.description}", *columns) as progress:
         task = progress.add_task(what, total=size)
         for step, position in enumerate(positions):
             if step % _PROGRESS_EVERY == 0:

@@ -13,11 +13,11 @@ from pathlib import Path
 from typing import Any
 
 from msgspec import structs
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.progress import MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.progress import TimeRemainingColumn as RemainingColumn
 
 from simmer_tui.cli.command_line import ExitCode, overrides_from, print_answer, subcommand
+from simmer_tui.cli.progress_bar import progress_bar
 from simmer_tui.cli.trials_options import (
     DEFAULT_RUNS,
     DEFAULT_TIME_LIMIT,
@@ -277,17 +277,9 @@ def _explain(folder: TrialFolder, options: argparse.Namespace) -> tuple[ExitCode
 
 
 def _progress() -> Progress:
-    console = Console(stderr=True)
-    return Progress(
-        TextColumn("trials"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TextColumn("{task.fields[rate]}"),
-        TimeElapsedColumn(),
-        RemainingColumn(),
-        console=console,
-        disable=not console.is_terminal,
-    )
+    rate = TextColumn("{task.fields[rate]}")
+    columns = (MofNCompleteColumn(), rate, TimeElapsedColumn(), RemainingColumn())
+    return progress_bar("trials", *columns, stays=True)
 
 
 # -- the answer ------------------------------------------------------------------------------------

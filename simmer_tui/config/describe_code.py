@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterator
 
+from simmer_tui.sim.angles import eighth_of_turn
 from simmer_tui.sim.columns import FIELD_OF_VIEW, CsvColumn
 from simmer_tui.sim.command import escape
 from simmer_tui.sim.rules import did_you_mean
@@ -39,9 +40,8 @@ def describe_code(spec: SimulationSpec, code: str) -> list[str]:
 def side_of(angle: float) -> str:
     """The side of an angle (degrees, counter-clockwise from the front) in words; with `about` unless it is in
     the middle of an eighth of a turn."""
-    eighth = round(angle / 45.0)
-    exact = abs(angle / 45.0 - eighth) * 45.0 < _NEAR
-    return f"{'' if exact else 'about '}{_SIDES[eighth % 8]}"
+    exact = abs(math.remainder(angle, 45.0)) < _NEAR
+    return f"{'' if exact else 'about '}{_SIDES[eighth_of_turn(angle)]}"
 
 
 def _turned(angle: float) -> str:

@@ -4,6 +4,7 @@ import math
 from collections.abc import Iterable, Sequence
 from textwrap import dedent
 
+from simmer_tui.sim.angles import eighth_of_turn
 from simmer_tui.sim.specs import RobotSpec, SensorSpec, SimulationSpec
 
 # Size of the drawing of one sensor, characters.
@@ -114,7 +115,7 @@ def _picture(spec: SimulationSpec, arrows: str) -> list[str]:
     # What looks ahead comes last, so that its arrow stands where a wheel sits in the same place.
     for sensor in sorted(sensors, key=lambda sensor: sensor.kind.is_range):
         if _has_direction(sensor):
-            grid.put(sensor.x, sensor.y, arrows[round(sensor.rotation / 45.0) % 8])
+            grid.put(sensor.x, sensor.y, arrows[eighth_of_turn(sensor.rotation)])
     for place, codes in _by_place(sensors).items():
         x, y, rotation = place
         away = 0.0 if rotation is None else _LABEL_AWAY

@@ -12,7 +12,7 @@ from simmer_tui.config.set_warnings import set_warnings
 from simmer_tui.config.settings import Setting, all_settings, value_of
 from simmer_tui.dialect.inverse import InverseRules
 from simmer_tui.dialect.messages import dictionary
-from simmer_tui.document.formats import PLACE, POSE, TEXT
+from simmer_tui.document.formats import PLACE, POSE, TEXT, UNIT
 from simmer_tui.document.model import DataColumn, DataTable, Document
 from simmer_tui.errors import Problem
 from simmer_tui.sim import columns
@@ -23,25 +23,26 @@ from simmer_tui.sim.sensors import KINDS
 from simmer_tui.sim.specs import CELL_SIZE, SensorSpec
 from simmer_tui.sim.values import Value
 
-_UNITS = {"deg/sqrt s": "deg_per_sqrt_s"}
 # Values of these are in the unit of the reading, or of the drive, which has a column of its own.
 _PER_TIME = {"drift": "drift_per_s", "speed": "speed_per_s", "acceleration": "acceleration_per_s2"}
+
+_FORMATS = {"unit": UNIT, **dict.fromkeys(("start", "block", "drop_zone"), PLACE)}
 
 
 def _key(name: str, unit: str) -> str:
     name = _PER_TIME.get(name, name).replace(".", "_")
-    return f"{name}_{_UNITS.get(unit, unit)}" if unit else name
+    unit = unit.replace("/", "_per_").replace(" ", "_").lower()
+    return f"{name}_{unit}" if unit else name
 
 
 def _columns(names: str, values: Iterable[Value] = ()) -> tuple[DataColumn, ...]:
     """Columns of these names, and of the values of a part by their fields."""
     return (
-        *(DataColumn(name, PLACE if name in _PLACES else TEXT) for name in names.split()),
+        *(DataColumn(name, _FORMATS.get(name, TEXT)) for name in names.split()),
         *(DataColumn(_key(value.field, value.unit)) for value in values),
     )
 
 
-_PLACES = ("start", "block", "drop_zone")
 _SENSOR_VALUES = tuple(
     {column.field: column for kind in KINDS.values() for column in (*columns.BASE, *kind.columns)}.values()
 )

@@ -57,7 +57,7 @@ def document_value(document: Document) -> dict[str, object]:
                 text[part.key] = words(part.text)
             case VerdictBox():
                 text[part.key] = part.text
-            case Bullets() if part.key:
+            case Bullets() if part.key and part.kind != "output":
                 text[part.key] = [words(entry) for entry in part.entries]
             case NestedValue():
                 answer[part.key] = part.value

@@ -111,6 +111,8 @@ LENGTH = number(".1f")
 WORDS = Format(str, (), lambda value: ())
 """Text for people only; other columns have it for programs."""
 TEXT = Format(str)
+UNIT = Format(str, split=lambda unit: (unit or None,))
+"""Unit of the numbers beside it, null for none: of a count or a share."""
 COUNT = number("d")
 COUNT_OR_BLANK = Format(lambda value: str(value or ""), numeric=True)
 """A count whose 0 need not be read."""

@@ -16,6 +16,7 @@ from simmer_tui.document.formats import (
     PLACE,
     POSE,
     SHARE,
+    UNIT,
     WORDS,
     Format,
     number,
@@ -134,7 +135,7 @@ SENSORS = DataTable(
     (
         DataColumn("sensor"),
         DataColumn("readings", COUNT, "count"),
-        DataColumn("unit"),
+        DataColumn("unit", UNIT),
         DataColumn("wrong", hidden=True),
         DataColumn("mean", hidden=True),
         DataColumn("shown", replace(WORDS, numeric=True), "mean"),
@@ -149,7 +150,7 @@ BELIEF = DataTable(
     "Belief",
     (
         DataColumn("of", heading="off by"),
-        DataColumn("unit", heading=""),
+        DataColumn("unit", UNIT, heading=""),
         DataColumn("mean", number(".2f")),
         DataColumn("std", number(".2f")),
         DataColumn("worst", number(".2f")),
@@ -164,6 +165,12 @@ CELLS = DataTable(
         DataColumn("time_s", number(".1f")),
         _SHARE,
     ),
+)
+OUTPUT = DataTable(
+    "output",
+    "The program's last output",
+    (DataColumn("time_s"), DataColumn("stream"), DataColumn("output")),
+    hidden=True,
 )
 
 TABLES = (
@@ -180,6 +187,7 @@ TABLES = (
     BELIEF,
     EPISODES,
     CELLS,
+    OUTPUT,
 )
 """All tables of a report."""
 
@@ -215,6 +223,7 @@ def _verdict(verdict: Verdict) -> list[DocumentPart]:
         Paragraph(verdict.text, "verdict", "strong"),
         Bullets("Why", verdict.lines[1:], "why"),
         NestedValue("verdict", verdict.plain()),
+        _output_table(verdict),
     ]
 
 
@@ -223,7 +232,14 @@ def output(verdict: Verdict) -> Bullets:
     program = verdict.program
     said = () if program is None else (*program.stderr, *(() if program.crashed else program.stdout))
     lines = [f"{line.time:.1f} s  {escape(line.text, 200)}" for line in said]
-    return Bullets("The program's last output", lines, "output")
+    return Bullets(OUTPUT.title, lines, OUTPUT.key, "output")
+
+
+def _output_table(verdict: Verdict) -> DataTable:
+    """All that is known of the program's output."""
+    program = verdict.program
+    streams = () if program is None else (("stderr", program.stderr), ("stdout", program.stdout))
+    return OUTPUT.filled([(line.time, name, line.text) for name, lines in streams for line in lines])
 
 
 def svg_picture(run: RunStatistics, name: str) -> str:

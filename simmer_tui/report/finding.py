@@ -10,7 +10,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from enum import StrEnum
 
-from simmer_tui.document.formats import COUNT, number
+from simmer_tui.document.formats import COUNT, UNIT, number
 from simmer_tui.document.model import DataColumn, DataTable
 from simmer_tui.phrases import counted
 
@@ -144,7 +144,7 @@ FINDINGS = DataTable(
         DataColumn("value", _FIGURE),
         DataColumn("low", _FIGURE, "from"),
         DataColumn("high", _FIGURE, "to"),
-        DataColumn("unit"),
+        DataColumn("unit", UNIT),
         DataColumn("count", COUNT),
         DataColumn("basis", heading="against"),
         DataColumn("with"),

@@ -18,7 +18,6 @@ from simmer_tui.run.history_rows import BeliefRow, GripRow
 from simmer_tui.run.table import Columns
 from simmer_tui.sim.angles import FloatArray
 from simmer_tui.sim.sensors import ObservingSensor, modelled_sensor
-from simmer_tui.sim.sensors.yes_or_no import LoadSensor
 from simmer_tui.sim.specs import CELL_SIZE, SensorSpec
 
 # Judged: two looks around by four sensors. Who had fewer may just not have caught up.
@@ -129,8 +128,7 @@ def told_held(attempt: Attempt, done: GripRow) -> tuple[str, int] | None:
         return None
     rows = attempt.within(attempt.history.readings, taken[-1])
     rows = rows[rows["order"] < done.order]
-    loads = [each for each in attempt.spec.sensors if each.kind.name == LoadSensor.name]
-    for sensor, mine in _read(attempt, rows, loads):
+    for sensor, mine in _read(attempt, rows, attempt.load_sensors):
         values = mine["value"]
         held = int((values > 0.0).sum())
         # One answer may be wrong, most of them are not.

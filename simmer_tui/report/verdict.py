@@ -73,7 +73,7 @@ class Verdict:
         return [each for each in (self.text, *self.reasons, self.advice) if each]
 
     def plain(self) -> dict[str, object]:
-        """The verdict for programs."""
+        """The verdict for programs, without the program's output, whose times depend on the machine."""
         return {
             "outcome": self.outcome.value,
             "goal": None if self.goal is None else self.goal.value,
@@ -83,17 +83,10 @@ class Verdict:
             "cause": _plain_cause(self.cause),
             "second_cause": _plain_cause(self.second_cause),
             "evidence": list(self.evidence),
-            "next": self.advice,
+            "next": self.advice or None,
             "notes": list(self.notes),
             "program": _plain_program(self.program),
         }
-
-    def settled(self) -> dict[str, object]:
-        """The verdict for programs without the program's output, whose times depend on the machine."""
-        program = _plain_program(self.program)
-        if program is not None:
-            del program["stderr"], program["stdout"]
-        return self.plain() | {"program": program}
 
 
 def _plain_cause(cause: Cause | None) -> dict[str, object] | None:
@@ -113,18 +106,12 @@ def _plain_cause(cause: Cause | None) -> dict[str, object] | None:
 def _plain_program(program: ProgramEnded | None) -> dict[str, object] | None:
     if program is None:
         return None
-    stderr, stdout = (
-        [{"time_s": line.time, "text": line.text} for line in lines]
-        for lines in (program.stderr, program.stdout)
-    )
     return {
         "exit_code": program.exit_code,
         "signal": program.signal or None,
         "stopped": program.stopped,
         "error": program.error or None,
         "place": program.place or None,
-        "stderr": stderr,
-        "stdout": stdout,
     }
 
 

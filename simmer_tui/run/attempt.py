@@ -33,8 +33,7 @@ from simmer_tui.sim.gripper import can_take, in_global_frame
 from simmer_tui.sim.legs import Leg
 from simmer_tui.sim.path import Contact
 from simmer_tui.sim.pose import Pose
-from simmer_tui.sim.sensors.yes_or_no import LoadSensor
-from simmer_tui.sim.specs import CELL_SIZE, Axes, DriveKind
+from simmer_tui.sim.specs import CELL_SIZE, Axes, DriveKind, SensorSpec
 
 LoggedRowT = TypeVar("LoggedRowT", bound=LoggedRow)
 
@@ -461,10 +460,15 @@ class Attempt:
         return self._block.held
 
     @property
+    def load_sensors(self) -> list[SensorSpec]:
+        """Sensors that say that the gripper holds something; those of a team's own devices are left out."""
+        return [each for each in self.spec.sensors if each.kind.feels_block and not each.kind.is_opaque]
+
+    @property
     def asked_after_grip(self) -> bool:
         """True if a load sensor was read while the block was between the open jaws: the program took itself
         to have closed them."""
-        load = {each.code for each in self.spec.sensors if each.kind.name == LoadSensor.name}
+        load = {each.code for each in self.load_sensors}
         readings, movements = self.history.readings, self.history.movements
         for row in self.graspable:
             place = movements.place_of(row.order + 1)

@@ -20,6 +20,12 @@ def half_turn(degrees: float) -> float:
     return 180.0 if turned == -180.0 else turned
 
 
+def eighth_of_turn(degrees: float) -> int:
+    """The eighth of a turn that an angle is nearest to, 0 to 7: tables of eight directions begin at 0 degrees
+    and go counter-clockwise."""
+    return round(degrees / 45.0) % 8
+
+
 def cos_sin(degrees: float) -> tuple[float, float]:
     """Cosine and sine of an angle in degrees; a robot facing a wall squarely has no rounding."""
     # fmod is exact, so that whole turns change no bit of the result.

@@ -29,7 +29,7 @@ class CsvColumn(Value, frozen=True, kw_only=True):
 
 
 # Other brackets of a header, as in `Percent Error (0-1)` and `Drift (per s)`, hold no unit of the value.
-_UNIT = re.compile(r"\((in|deg|s|deg/sqrt s)\)$")
+_UNIT = re.compile(r"\((in|deg|s|Hz|deg/sqrt s)\)$")
 
 
 def _column(header: str, rule: Rule[Any], course: CourseRule, help_text: str, **others: Any) -> CsvColumn:

@@ -108,6 +108,12 @@ class SensorKind:
     """True if a reading is many numbers: the ranges of a whole revolution."""
     counts: ClassVar[bool] = False
     """True if it counts: movements add to its value."""
+    is_heading: ClassVar[bool] = False
+    """True if it gives the robot's heading, degrees, with errors."""
+    feels_block: ClassVar[bool] = False
+    """True if it says that the gripper holds something."""
+    feels_floor: ClassVar[bool] = False
+    """True if its reading depends on the colour of the floor."""
     stands_for: ClassVar[tuple[str, ...]] = ()
     """The functions of a dialect's expressions that such a sensor is needed for: ray, scan, contact."""
     devices: ClassVar[tuple[str, ...]] = ()

@@ -165,7 +165,7 @@ class TrialRun:
             last_output=words,
             cause="" if cause is None else cause.kind.value,
             why="" if cause is None else cause.text,
-            verdict=verdict.settled(),
+            verdict=verdict.plain(),
             clock=_clock(server),
             clock_note="" if server.clock is None else escape(server.clock.unfit, 200),
             findings=plain_findings(findings),

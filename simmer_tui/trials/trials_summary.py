@@ -13,6 +13,7 @@ from simmer_tui.document.formats import (
     LENGTH,
     POSE,
     SHARE,
+    UNIT,
     Format,
     estimate,
     number,
@@ -79,7 +80,7 @@ DISTRIBUTION = DataTable(
     "distributions",
     "Distributions",
     (
-        *map(DataColumn, ("of", "unit")),
+        *(DataColumn("of"), DataColumn("unit", UNIT)),
         DataColumn("least", _VALUE),
         DataColumn("quarter", _VALUE, "1/4"),
         DataColumn("median", _VALUE),
@@ -177,10 +178,10 @@ def runs_table(folder: TrialFolder) -> DataTable:
         point = plan.points[plan.point(each.number)] if varied else {}
         rows.append(
             (
-                *(each.number, each.seed, each.maze, each.success, each.ending.value, each.reason),
+                *(each.number, each.seed, each.maze or None, each.success, each.ending.value, each.reason),
                 *(each.cause, each.why, each.exit_code, each.time, each.distance, each.commands),
                 *(each.contacts, each.start, each.end, each.block, each.drop_zone),
-                *(each.reached, each.taken, each.delivered, each.last_output),
+                *(each.reached, each.taken, each.delivered, each.last_output or None),
                 each.clock or None,
                 f"{RUNS}/{folder.log(each.number).name}",
                 *(point.get(name) for name in varied),

@@ -217,11 +217,12 @@ class Panes:
     def panel_rows(self, height: int, *, page: bool) -> list[tuple[str, int]]:
         """Name and rows of each panel beside the maze, on a screen of so many rows; on a `page` of their own
         they have all of it."""
-        robot, run = (kind.rows for kind in PANELS)
+        rows = {kind.name: kind.rows for kind in PANELS}
         if self.has_mission:
-            run = _MISSION_ROWS
-            robot = robot if page else _BRIEF_ROBOT if height < _TALL else _TALL_ROBOT
-        return [(PANELS[0].name, robot), (PANELS[1].name, run)]
+            rows["run"] = _MISSION_ROWS
+            if not page:
+                rows["robot"] = _BRIEF_ROBOT if height < _TALL else _TALL_ROBOT
+        return list(rows.items())
 
     @property
     def answer_rows(self) -> int:

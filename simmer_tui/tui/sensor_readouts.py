@@ -8,11 +8,12 @@ from itertools import chain
 from msgspec import Struct, field
 
 from simmer_tui.events import TwinReading
+from simmer_tui.phrases import side_name
 from simmer_tui.run.reducer import HISTORY
 from simmer_tui.run.state import SensorRow
+from simmer_tui.sim.angles import eighth_of_turn
 from simmer_tui.sim.records import LidarScan
 from simmer_tui.sim.scan_rays import extremes
-from simmer_tui.sim.sensors import Compass
 from simmer_tui.sim.specs import SensorKind, SensorSpec
 from simmer_tui.snapshot import Snapshot
 from simmer_tui.tui.gauges import gauge, scale_end, span_text, sparkline
@@ -33,16 +34,6 @@ _BEFORE_BAR = 14
 _TWIN_ROOM = 14
 _POINTS = ("E", "NE", "N", "NW", "W", "SW", "S", "SE")
 _WAYS = ("F", "FL", "L", "BL", "B", "BR", "R", "FR")
-_WAY_WORDS = (
-    "ahead",
-    "ahead left",
-    "to the left",
-    "behind left",
-    "behind",
-    "behind right",
-    "to the right",
-    "ahead right",
-)
 # Four maze cells: ranges in the bundled mazes are seldom longer, and a scale that stays is read at a glance.
 RANGE_SCALE = 48.0
 """Least end of the gauges of ranges, inches."""
@@ -107,14 +98,14 @@ def way(sensor: SensorSpec, *, plain: bool) -> str:
 
 def bearing_sign(bearing: float, *, plain: bool) -> str:
     """Direction from the robot's front, degrees, the front being up: an arrow, or letters such as `FL`."""
-    eighths = round(bearing / 45)
-    # Two eighths on: the robot's front is up here, and to the right in the table.
-    return _WAYS[eighths % 8] if plain else ARROWS[(eighths + 2) % 8]
+    # A quarter on: the robot's front is up here, and to the right in the table.
+    return _WAYS[eighth_of_turn(bearing)] if plain else ARROWS[eighth_of_turn(bearing + 90.0)]
 
 
 def bearing_words(bearing: float, *, plain: bool) -> str:
     """The same in words, with the arrow where there is one: `behind left ↙`."""
-    words = _WAY_WORDS[round(bearing / 45) % 8]
+    side = side_name(bearing)
+    words = f"to the {side}" if side in ("left", "right") else side
     return words if plain else f"{words} {bearing_sign(bearing, plain=False)}"
 
 
@@ -249,7 +240,7 @@ class _SensorTable:
             return self._no_echo(sensor, begin, role)
         shown = _value_text(value, sensor).rjust(6 if self.full else 5)
         line: StyledLine = (*begin, (shown, _near_role(sensor, value, role)))
-        if self.full or not self._is_gauged(sensor):
+        if self.full or not (self._is_gauged(sensor) or self.view.truth):
             unit = "" if sensor.is_yes_or_no else sensor.unit
             line = (*line, (f" {unit}".ljust(3), "dim"))
         return (*line, *self._rest(sensor, row, self.width - length(line)))
@@ -263,7 +254,8 @@ class _SensorTable:
         true = self.true_values.get(sensor.code)
         if not self.full:
             line: StyledLine = (*begin, (self.view.dash.rjust(5), "dim"))
-            return line if true is None else (*line, (f" {true:.1f}"[: self.width - length(line)], "good"))
+            room = self.width - length(line)
+            return line if true is None else (*line, (_true_text(true, sensor, room), "good"))
         line = (*begin, (f"   {self.view.dash}   ", "dim"))
         if self.view.truth and true is not None:
             return (*line, (f"true {_value_text(true, sensor)}", "good"))
@@ -325,10 +317,11 @@ class _SensorTable:
             difference = (f" {twin.robot - twin.simulated:+.1f}", apart)
             return (simulated, difference) if room >= _TWIN_ROOM else (simulated,)
         if self.view.truth and true is not None:
-            return ((f" {_value_text(true, sensor)}".rjust(min(room, 8)), "good"),)
+            text = _true_text(true, sensor, room)
+            return ((text.rjust(min(room, 8)), "good"),)
         if not self._is_gauged(sensor):
             name = kind_name(sensor.kind)
-            turned = f" {heading_sign(value, plain=plain)}" if sensor.kind.name == Compass.name else ""
+            turned = f" {heading_sign(value, plain=plain)}" if sensor.kind.is_heading else ""
             return ((f" {name}", "dim"), (turned, "value")) if room > len(name) + len(turned) else ()
         role = _near_role(sensor, value, "newest" if row.number == self.newest else "mark")
         end = self._end(sensor)
@@ -392,11 +385,19 @@ def _value_text(value: float, sensor: SensorSpec) -> str:
     return text if len(text) <= 5 else f"{value:.0f}"
 
 
+def _true_text(true: float, sensor: SensorSpec, room: int) -> str:
+    """A true value behind a reading, without its tenths where there is no room for them."""
+    text = f" {_value_text(true, sensor)}"
+    if len(text) > room and math.isfinite(true):
+        text = f" {true:.0f}"
+    return text if len(text) <= room else ""
+
+
 def heading_sign(value: float, *, plain: bool) -> str:
     """Arrow, or point of the compass, for a heading in degrees counter-clockwise; empty for NaN."""
     if not math.isfinite(value):
         return ""
-    return (_POINTS if plain else ARROWS)[round(value / 45) % 8]
+    return (_POINTS if plain else ARROWS)[eighth_of_turn(value)]
 
 
 def _ranges(codes: Sequence[str], *, plain: bool) -> list[str]:

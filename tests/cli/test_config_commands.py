@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import io
+import json
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -195,3 +196,16 @@ def test_summary_of_the_largest_maze_without_sensors_is_one_character_a_cell(
     text = summarize(load(folder))
     assert f"\n|{' ' * 99}→|\n+" in text
     assert "Sensors\n  none\n" in text
+
+
+@pytest.mark.parametrize("name", ["default", "mission", "lidar"])
+def test_keys_of_the_json_of_a_set_are_names_and_blank_units_are_null(
+    name: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run_check([name, "--json"]) == 0
+    answer = json.loads(capsys.readouterr().out)
+    rows = [row for part in answer.values() for row in (part if isinstance(part, list) else [part])]
+    assert [key for row in rows for key in row if not key.isidentifier()] == []
+    assert answer["settings"]["wheels_top_speed_in_per_s"] == 12.0
+    assert {row["unit"] for row in answer["sensors"]} <= {"in", "deg", None}
+    assert all((row["scan_rate_hz"] is None) == (row["kind"] != "lidar") for row in answer["sensors"])

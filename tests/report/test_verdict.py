@@ -122,12 +122,14 @@ def test_the_report_begins_with_the_verdict(mission_run: Any, capsys: Any) -> No
     assert run_report([str(mission_run.path)]) == 0
     assert " ".join(capsys.readouterr().out.split()).startswith(text)
     assert run_report([str(mission_run.path), "--json"]) == 0
-    told = json.loads(capsys.readouterr().out)["verdict"]
+    answer = json.loads(capsys.readouterr().out)
+    told = answer["verdict"]
     assert (told["text"], told["outcome"], told["goal"]) == (text, "crashed", None)
     assert told["cause"]["kind"] == "program crashed"
     assert told["cause"]["sure"] == "certain"
     assert told["program"]["exit_code"] == 1
-    assert told["program"]["stderr"] == [{"time_s": 8.5, "text": "KeyError: 'u9'"}]
+    assert answer["output"] == [{"time_s": 8.5, "stream": "stderr", "output": "KeyError: 'u9'"}]
+    assert "output" not in answer["text"]
 
 
 def test_output_that_would_steer_a_terminal_is_escaped(mission_run: Any, capsys: Any) -> None:
@@ -151,6 +153,18 @@ def test_what_comes_after_the_mission_is_counted_apart(mission_run: Any) -> None
     [note] = after.notes
     assert note == "after the mission's end: 3 commands and 2 contacts, not counted here"
     assert before.notes == []
+
+
+def test_a_program_that_goes_on_after_the_mission_takes_none_of_its_time(mission_run: Any) -> None:
+    mission_run.send("u1", "d1-1")
+    mission_run.engine.tell(MissionEvent(mission_run.simulator.time, Result.SUCCESS, "mission: success"))
+    before = build_report(mission_run.path)
+    mission_run.send("u1", "d1-60")
+    mission_run.engine.tell(ProgramEnded(mission_run.simulator.time, 1, error="E"))
+    after = build_report(mission_run.path)
+    assert after.history.elapsed == before.history.elapsed < after.elapsed
+    assert after.paths.cells == before.paths.cells
+    assert after.history.programs.items[-1].elapsed == after.elapsed
 
 
 def test_continuous_motion_after_the_mission_is_counted_apart(mission_run: Any) -> None:

@@ -23,6 +23,7 @@ from simmer_tui.sim import (
     Simulator,
 )
 from simmer_tui.sim.sensors import (
+    KINDS,
     Compass,
     LineSensor,
     RangeSensor,
@@ -389,3 +390,12 @@ def test_a_flat_face_is_met_at_the_same_angle_where_two_cells_join(
 @pytest.mark.parametrize("cells", [((0, 1), (1, 1)), ((1, 0), (1, 1)), ((1, 1), (0, 1)), ((1, 1), (1, 0))])
 def test_a_crossing_is_wall_if_one_of_its_four_cells_is(cells: tuple[tuple[int, int], ...]) -> None:
     assert Maze(MazeSpec(cells)).is_wall(12.0, 12.0)
+
+
+def test_kinds_say_what_analyses_ask_of_them() -> None:
+    said = {
+        name: (kind.is_heading, kind.feels_block, kind.feels_floor)
+        for name, kind in KINDS.items()
+        if kind.is_heading or kind.feels_block or kind.feels_floor
+    }
+    assert said == {"comp": (True, False, False), "load": (False, True, False), "ir": (False, False, True)}

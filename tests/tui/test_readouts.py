@@ -339,6 +339,15 @@ def test_true_values_stand_beside_readings(run: Run) -> None:
     assert lines[2].split()[:4] == ["u2", "↖", "–", "true"]
 
 
+def test_a_true_value_in_a_narrow_panel_is_never_cut(run: Run) -> None:
+    run.engine.perform(Action(ActionName.NOISE, (0.0,)))
+    run.give("u1", "u2", "u3", "c1", "g1", "d1-3", "o3", "i1", "l1")
+    lines = {line.split()[0]: line.split() for line in run.sensors(13, truth=True)}
+    assert lines["u1"] == ["u1", "↑", "35.5", "32"]
+    assert lines["c1"] == ["c1", "↑", "0.0", "0.0"]
+    assert not any("deg" in piece for line in lines.values() for piece in line)
+
+
 def test_the_arrow_has_the_front_up(course_spec: SimulationSpec) -> None:
     by_code = {sensor.code: sensor for sensor in course_spec.sensors}
     assert [way(by_code[code], plain=False) for code in ("u1", "u2", "u3", "u4", "g1")] == [*"↑↖↓↗", ""]

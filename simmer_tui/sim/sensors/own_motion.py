@@ -96,6 +96,7 @@ class Compass(ObservingSensor):
     name = "comp"
     meaning = "compass heading"
     unit = "deg"
+    is_heading = True
     devices = ("Compass",)
     columns = (
         *(columns.ROTATION, columns.ERROR, *columns.ELECTRONICS),

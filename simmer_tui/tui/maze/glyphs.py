@@ -10,7 +10,7 @@ from msgspec import Struct, field
 from msgspec.structs import replace
 from numpy.typing import NDArray
 
-from simmer_tui.sim.angles import FloatArray
+from simmer_tui.sim.angles import FloatArray, eighth_of_turn
 from simmer_tui.tui.maze.palette import DEFAULT, Role
 from simmer_tui.tui.terminal import ColorDepth, GlyphMode
 
@@ -142,7 +142,7 @@ class Signs(Struct, frozen=True):
 
 def heading_arrow(signs: Signs, heading: float) -> str:
     """Arrow nearest to a heading (degrees, counter-clockwise from the right)."""
-    return signs.arrows[round(heading / 45) % 8]
+    return signs.arrows[eighth_of_turn(heading)]
 
 
 def side_arrow(signs: Signs, column: int, row: int) -> str:

@@ -16,7 +16,7 @@ from simmer_tui.sim.angles import FloatArray
 from simmer_tui.sim.maze import Maze
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.scan_rays import ScanRays, rays_of
-from simmer_tui.sim.sensors import LineSensor, ObservingSensor, View, World, modelled_sensor
+from simmer_tui.sim.sensors import ObservingSensor, View, World, modelled_sensor
 from simmer_tui.sim.specs import BLOCK, CELL_SIZE, TILES_PER_CELL, MazeSpec, RobotSpec, SimulationSpec
 from simmer_tui.snapshot import Snapshot
 from simmer_tui.tui.maze.heat import HeatMark
@@ -253,5 +253,5 @@ def _view(row: SensorRow, maze: Maze) -> SensorView | None:
 
 def _line_age(state: State) -> float | None:
     """Simulated seconds since a line sensor was read; None for never."""
-    read = [row.time for row in state.sensors.values() if issubclass(row.reading.sensor.kind, LineSensor)]
+    read = [row.time for row in state.sensors.values() if row.reading.sensor.kind.feels_floor]
     return state.time - max(read) if read else None
