@@ -122,7 +122,7 @@ class EventFeed(EventHandler[None]):
         self._steered = -math.inf
         """Simulated time at which the velocity changed last."""
         self.is_judged = False
-        """True from the line of a verdict until a program connects or the run begins anew."""
+        """True from the line of a verdict until a program connects or the run restarts."""
         self.total = 0
         """Entries so far, those that have given way included."""
 

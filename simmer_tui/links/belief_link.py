@@ -204,11 +204,11 @@ class _Believer(Peer):
         self._seen = 0
         """Bytes of the buffer known to hold no line end."""
         self._complained = False
-        self.heard = self._loop.time()
-        """When something came last, at first when it connected."""
+        self.last_received = self._loop.time()
+        """Time of the last received bytes, at first of the connection, by the loop's clock."""
 
     def data_received(self, data: bytes) -> None:
-        self.heard = self._loop.time()
+        self.last_received = self._loop.time()
         self._buffer += data
         self._take_lines()
 
@@ -299,7 +299,7 @@ class BeliefLink:
         self._read_all()  # some of those accepted in this turn may have sent a belief and closed already
         present = [believer for believer in self._believers if not believer.has_left()]
         if len(present) >= MOST_WAITING:
-            silent = min(present, key=lambda believer: believer.heard)
+            silent = min(present, key=lambda believer: believer.last_received)
             text = f"belief connection {silent.peer} closed: {MOST_WAITING} at once are the most"
             self.engine.tell_fault(text)
             silent.abort()

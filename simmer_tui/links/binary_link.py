@@ -187,7 +187,7 @@ class BinaryLink:
         self.doctor = ConnectionDoctor(context.engine, context.listeners, context.processes)
         self._newcomers: dict[socket.socket, _Newcomer] = {}
         self._sent_away = -math.inf
-        """When a program was sent away last, by the loop's clock."""
+        """Time of the last refusal of a program, by the loop's clock."""
         self._waiting_replies: list[ReplyConnection] = []
         self._loop = asyncio.get_running_loop()
         self._turned_away = TurnedAwayNotices(context.engine)

@@ -1,4 +1,4 @@
-"""The port of the program's clock: processes of the program report their waits, and are told when to continue.
+"""The port of the program's clock: processes of the program report their waits, and learn when to continue.
 
 The protocol is lines of text, with times in nanoseconds. A process sends
 

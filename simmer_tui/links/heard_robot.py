@@ -102,7 +102,7 @@ class HeardRobot(RealRobot):
         """A movement of the twin has ended, or was refused."""
 
     def _note_reply(self, heard: Heard) -> None:
-        """A reply of the robot has come, and its readings are told."""
+        """Called after a reply of the robot whose readings have been told."""
 
     def _advance(self) -> None:
         """Continue: the robot may be ready for a waiting command."""

@@ -65,8 +65,8 @@ class _Sender(Peer):
         """True if replies go back on this connection: its client reads them here."""
         self.spoken = False
         """True if anything has come."""
-        self.heard = self._loop.time()
-        """When something came last, at first when it connected."""
+        self.last_received = self._loop.time()
+        """Time of the last received bytes, at first of the connection, by the loop's clock."""
         self._watch = LoopTimer(self._look_after, self._loop)
         self._watch.set_in(SILENT_AFTER)
 
@@ -74,7 +74,7 @@ class _Sender(Peer):
     def receiving(self) -> bool:
         """True if a request is just coming in, or is expected at once."""
         # A new connection is about to send: clients connect for one message.
-        idle = self._loop.time() - self.heard
+        idle = self._loop.time() - self.last_received
         return self._reader.unfinished and idle < LONGEST_WAIT if self.spoken else idle < EMPTY_DELAY
 
     @property
@@ -85,7 +85,7 @@ class _Sender(Peer):
     def data_received(self, data: bytes) -> None:
         if not self.spoken:
             self._link.doctor.packet_came(data)
-        self.heard, self.spoken = self._loop.time(), True
+        self.last_received, self.spoken = self._loop.time(), True
         self._submit(self._reader.receive(data))
         self._silence.cancel()
         idle_timeout = self._reader.idle_timeout
@@ -189,7 +189,7 @@ class _Sender(Peer):
 
     def _look_after(self) -> None:
         """Report a silent connection, and close one that stays silent."""
-        idle = self._loop.time() - self.heard
+        idle = self._loop.time() - self.last_received
         if not self.spoken and idle < IDLE_LIMIT / 2:
             self._link.engine.tell_fault(f"client {self.peer} has connected and sent nothing yet")
         if idle >= IDLE_LIMIT and self._open_requests == 0:
@@ -274,7 +274,7 @@ class PacketLink:
     def _make_room(self) -> None:
         """Close the connection that has been silent longest; never one with unread bytes."""
         # The one silent longest: most likely its program has forgotten it.
-        for sender in sorted(self.senders, key=lambda sender: sender.heard):
+        for sender in sorted(self.senders, key=lambda sender: sender.last_received):
             if sender.silent:
                 text = f"client {sender.peer} closed: {MOST_CONNECTIONS} connections at once are the most"
                 self.engine.tell_fault(text)

@@ -2,7 +2,7 @@
 them.
 
 A process whose parent has ended goes to the nearest ancestor that asked for it (PR_SET_CHILD_SUBREAPER,
-prctl(2)), or else to the first process of the system. Some processes clear their environment, begin a session
+prctl(2)), otherwise to the system's first process. Some processes clear their environment, begin a session
 of their own and lose their parent. They are still known: they are children of this process that it did not
 start. This works only in a process that runs one program at a time, and nothing else.
 """

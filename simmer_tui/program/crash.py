@@ -60,9 +60,9 @@ def crash_of(code: int, stderr: Sequence[str], stdout: Sequence[str]) -> Crash |
         stdout: Last lines of its standard output, where errors are looked for if there are none on the other.
     """
     for lines in (stderr, stdout):
-        told = [line.rstrip() for line in lines]
+        stripped = [line.rstrip() for line in lines]
         for find in _LANGUAGES if code else (_thread,):
-            found = find(told)
+            found = find(stripped)
             if found is not None:
                 return Crash(found.error[:_LONGEST].strip(), found.place)
     return _signalled(code) or _shell(code, stderr)
@@ -87,9 +87,9 @@ def _shell(code: int, stderr: Sequence[str]) -> Crash | None:
     """A command that a shell did not find, or could not run, in the shell's own words."""
     if code not in (NOT_FOUND, _NOT_RUN):
         return None
-    told = [line.strip() for line in stderr if line.strip()]
+    printed = [line.strip() for line in stderr if line.strip()]
     default = "command not found" if code == NOT_FOUND else "the command cannot be run"
-    return Crash(f"{NOT_STARTED}{told[-1] if told else default}"[:_LONGEST])
+    return Crash(f"{NOT_STARTED}{printed[-1] if printed else default}"[:_LONGEST])
 
 
 def _name(path: str) -> str:
@@ -324,10 +324,10 @@ _MATLAB = re.compile(r"^(?:\{?(?:\[.)?)?Error (in|using) (\S+?)(?:>\S+)? \(line 
 
 
 def _octave(lines: Sequence[str]) -> Crash | None:
-    told = [(place, found[1]) for place, line in enumerate(lines) if (found := _OCTAVE.match(line))]
-    if not told:
+    errors = [(place, found[1]) for place, line in enumerate(lines) if (found := _OCTAVE.match(line))]
+    if not errors:
         return None
-    place, error = told[-1]
+    place, error = errors[-1]
     if found := _OCTAVE_PARSE.match(error):
         why = _first_said(lines[place + 1 :])
         return Crash(f"parse error: {why}" if why else "parse error", f"{_name(found[2])}:{found[1]}")
