@@ -12,6 +12,7 @@ from simmer_tui.sim.command import escape
 _LINES = 12
 """Lines of the file that are shown."""
 _WIDE = 100
+"""Characters of such a line that are shown."""
 
 
 def ask_on_terminal(file: DeviceFile, directory: Path) -> bool:
