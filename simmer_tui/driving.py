@@ -29,7 +29,7 @@ from simmer_tui.sim.simulator import Simulator
 # Far less than the 100 ms between two frames of the screen, and than the latency a stop may have.
 SLICE = 0.002
 """Seconds of processor time that a wait uses before the event loop has a turn."""
-# Judged: people notice within about a second that a robot does not move as its program says.
+# People notice within about a second that a robot does not move as its program says.
 _SILENT = 1.0
 """Real seconds of silence with a moving robot after which a program gets advice about simulated time."""
 

@@ -43,7 +43,6 @@ EVENTS = 2000
 """Entries kept in the list of events."""
 KEPT_READINGS = 40
 """Readings of one folded entry that are kept to be unfolded: the latest."""
-"""Of readings folded into one entry, how many are kept to be unfolded."""
 # Judged: time to look up and read two lines.
 ADVICE = 15.0
 """Seconds (real) for which advice on a program's connection is shown although the program continues."""

@@ -184,8 +184,8 @@ def _check_against(path: Path, configuration: Configuration, *, as_json: bool) -
         print_json(Document("Set", [ok, DIFFERENCES.filled(rows)]))
     else:
         sys.stdout.writelines(f"{escape(path.name, 100)}:{line}: {text}\n" for line, text in rows)
-        told = counted(len(rows), "difference") if rows else "the dialect answers as the robot did"
-        sys.stdout.write(f"{counted(comparison.messages, 'message')} of the dialect; {told}\n")
+        found = counted(len(rows), "difference") if rows else "the dialect answers as the robot did"
+        sys.stdout.write(f"{counted(comparison.messages, 'message')} of the dialect; {found}\n")
     return ExitCode.NO if rows else ExitCode.DONE
 
 

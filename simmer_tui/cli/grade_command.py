@@ -212,13 +212,13 @@ def _run_all(folder: GradeFolder, options: argparse.Namespace) -> tuple[ExitCode
             stack.enter_context(folder.store.locked())
             status = stack.enter_context(console.status("")) if console.is_terminal else None
 
-            def told(result: TrialResult) -> None:
+            def show(result: TrialResult) -> None:
                 if status is not None:
                     left = sum(folder.is_open(entry) for entry in folder.entries)
                     runs = sum(len(entry.results) for entry in folder.entries)
                     status.update(f"{runs} runs done, {left} teams undecided")
 
-            grade(folder, source, told)
+            grade(folder, source, show)
         except KeyboardInterrupt:
             return ExitCode.INTERRUPTED, "interrupted"
         except ClusterError as error:

@@ -124,8 +124,8 @@ class EventLines(EventHandler[str]):
 
     def on_velocity_ended(self, event: VelocityEnded) -> str:
         # The program's own request, or a person's action, needs no line.
-        told = event.reason in (VelocityEnd.TIMEOUT, VelocityEnd.LEFT)
-        return f"velocity ended: {event.reason.value}" if told else ""
+        is_shown = event.reason in (VelocityEnd.TIMEOUT, VelocityEnd.LEFT)
+        return f"velocity ended: {event.reason.value}" if is_shown else ""
 
     def on_result(self, event: CommandResult) -> str:
         self._trail.begun(event.number, event.time)

@@ -28,7 +28,7 @@ from simmer_tui.sim.command import escape, parse_command
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.records import REFUSALS, CommandResult
 
-# Judged: a program asks right after a refusal; few other commands are refused in between.
+# A program asks right after a refusal; few other commands are refused in between.
 MOST_KEPT = 64
 """Refused commands whose reasons are kept, the newest."""
 

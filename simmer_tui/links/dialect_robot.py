@@ -28,7 +28,7 @@ from simmer_tui.sim.command import Command, escape, parse_value
 from simmer_tui.sim.records import CommandResult, Status
 from simmer_tui.sim.velocity_commands import WAIT, parse_wait
 
-# Judged: a person who releases a key expects the robot to stop. It is half a step of a robot at 6 in/s.
+# A person who releases a key expects the robot to stop. It is half a step of a robot at 6 in/s.
 KEY_SILENCE = 0.25
 """Seconds after the last key until the robot is sent its stop."""
 # Less than a person notices.

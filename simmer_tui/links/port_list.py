@@ -14,7 +14,7 @@ from simmer_tui import platform_has
 from simmer_tui.sim.command import escape
 
 WRITE_TIMEOUT = 2.0
-"""Judged: seconds after which a port that takes no bytes counts as lost."""
+"""Seconds after which a port that takes no bytes counts as lost."""
 
 _ARDUINO = frozenset({0x2341, 0x2A03})
 _USB_SERIAL = {

@@ -131,7 +131,7 @@ def _explained(error: OSError, host: str, request: PortRequest) -> str:
 
 # -- accepting --------------------------------------------------------------------------------------
 
-# Judged. The listening socket stays readable: without a pause the loop would run at full load until a
+# The listening socket stays readable: without a pause the loop would run at full load until a
 # descriptor is free.
 ACCEPT_PAUSE = 1.0
 """Seconds before connections are accepted again after the system ran out of descriptors."""

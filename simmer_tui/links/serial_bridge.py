@@ -42,7 +42,7 @@ STOP_PATIENCE = 0.25
 # Judged: greetings come in pieces, and are reported as one line.
 REPORT_DELAY = 1.0
 """Seconds for which discarded bytes are counted before they are reported."""
-# Judged: real robots start and stop slowly, and need longer than the planned time.
+# Real robots start and stop slowly, and need longer than the planned time.
 MARGIN = 1.0
 """Seconds after its planned end until a movement without an answer no longer delays others."""
 _NO_VELOCITY = "velocities are not sent to this robot: if it knows them, set velocity = true in [serial]"

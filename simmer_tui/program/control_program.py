@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from simmer_tui.program.job_process import JobProcess
 
 _LAST_LINES = 1.0
-"""Judged: seconds that a child of an ended program may keep its output open. A longer time would delay every
+"""Seconds that a child of an ended program may keep its output open. A longer time would delay every
 run that leaves a daemon behind."""
 
 
@@ -144,7 +144,7 @@ def _started(
 
 
 _LAST_WAIT = 0.5
-"""Judged: seconds to wait for a killed program's end. Another user's program cannot be killed."""
+"""Seconds to wait for a killed program's end. Another user's program cannot be killed."""
 
 
 class Keeper:

@@ -32,7 +32,7 @@ _SEARCHED = 1000
 # Wider than any terminal (judged); a thousand of them are a megabyte.
 _LONGEST_LINE = 1000
 """Bytes kept of a line."""
-_LONGEST_TOLD = 65536
+_LONGEST_PART = 65536
 """Bytes of a line without an end after which it is passed on as a line."""
 _AT_ONCE = 65536
 """Bytes read at once: a pipe of Linux holds as many."""
@@ -173,9 +173,9 @@ class _Stream(Struct):
         *whole, self.rest = (self.rest + data).split(b"\n")
         for line in whole:
             yield from (
-                line[begin : begin + _LONGEST_TOLD] for begin in range(0, len(line) or 1, _LONGEST_TOLD)
+                line[begin : begin + _LONGEST_PART] for begin in range(0, len(line) or 1, _LONGEST_PART)
             )
-        if len(self.rest) >= _LONGEST_TOLD or (self.rest and not data):
+        if len(self.rest) >= _LONGEST_PART or (self.rest and not data):
             yield self.rest
             self.rest = b""
 
@@ -283,7 +283,7 @@ def reading(output: ProgramOutput, stdout: int, stderr: int, on_line: Callable[[
     return OutputReader(streams)
 
 
-# Judged: a reader of our output may stop for a moment. A pager stops for long, and is not waited for.
+# A reader of our output may stop for a moment. A pager stops for long, and is not waited for.
 _SETTLING = 0.2
 """Seconds (real) to wait at most until output so far has been read."""
 

@@ -204,16 +204,16 @@ def why_answer(facts: Sequence[WhyFact], snapshot: Snapshot) -> AnswerCard:
     lines: tuple[StyledLine, ...] = tuple(
         ((f"{fact.label:<8}", "label"), (fact.text, "danger" if fact.is_bad else "value")) for fact in facts
     )
-    told = ", ".join(fact.text if fact.label == "errors" else f"{fact.label} {fact.text}" for fact in facts)
-    brief: StyledLine = ((f"why {ended.command.shown}  ", "title"), (told, "value"), ("   Esc closes", "dim"))
+    text = ", ".join(fact.text if fact.label == "errors" else f"{fact.label} {fact.text}" for fact in facts)
+    brief: StyledLine = ((f"why {ended.command.shown}  ", "title"), (text, "value"), ("   Esc closes", "dim"))
     return AnswerCard(f"why {ended.command.shown}", "Esc closes", lines, (brief,))
 
 
 def program_output(program: ProgramEnded) -> str:
     """The last lines of both outputs of a program that has ended."""
     lines: list[str] = []
-    for name, told in (("standard error", program.stderr), ("standard output", program.stdout)):
-        lines += [f"Last lines of {name}", *(f"  {printable(line.text)}" for line in told), ""]
+    for name, printed in (("standard error", program.stderr), ("standard output", program.stdout)):
+        lines += [f"Last lines of {name}", *(f"  {printable(line.text)}" for line in printed), ""]
     return "\n".join(lines)
 
 

@@ -158,11 +158,12 @@ class _Wording(EventHandler[EventWords]):
     def on_result(self, event: CommandResult) -> EventWords:
         command, reason = event.command, event.reason
 
-        def told() -> StyledLine:
+        def pieces() -> StyledLine:
             reply = reply_text(event)
             return ((reply, "danger"), (f"  {reason}", "warning")) if reason else ((reply, "value"),)
 
-        return EventWords(command.source, command.shown, told, f"{command.shown}: {reason}" if reason else "")
+        complaint = f"{command.shown}: {reason}" if reason else ""
+        return EventWords(command.source, command.shown, pieces, complaint)
 
     def on_velocity_ended(self, event: events.VelocityEnded) -> EventWords:
         # The sender itself asked for an end at that time.
@@ -178,13 +179,13 @@ class _Wording(EventHandler[EventWords]):
         return EventWords(event.action.source, f"{name}{arguments}", lambda: done, complaint)
 
     def on_belief(self, event: Belief) -> EventWords:
-        def told() -> StyledLine:
+        def pieces() -> StyledLine:
             believed, off = pose_text(event.pose), f"{off_text(event)}{spread_text(event)}"
             off += "" if event.grid is None else f", {truth_text(event.grid)}"
             note = f"  {escape(event.note, _LONGEST_NOTE)}" if event.note else ""
             return (f"{believed}, off {off}", "belief"), (note, "plain")
 
-        return EventWords("belief", "belief", told)
+        return EventWords("belief", "belief", pieces)
 
     def on_twin(self, event: events.TwinReading) -> EventWords:
         text = f"robot {number_text(event.robot)}, simulated {number_text(event.simulated)}"
@@ -275,22 +276,22 @@ def last_event_line(entries: Sequence[LogEntry]) -> StyledLine:
     """The last event in one line, and the number of readings since; empty without any event."""
     if not entries:
         return ()
-    told, newest = [entry for entry in entries if not entry.folds], entries[-1]
-    if not told:
+    events_alone, newest = [entry for entry in entries if not entry.folds], entries[-1]
+    if not events_alone:
         return entry_line(newest)
     since = f"   then {folded_text(newest)}" if newest.folds else ""
-    return (*entry_line(_outweighing(told)), (since, "dim"))
+    return (*entry_line(_outweighing(events_alone)), (since, "dim"))
 
 
-def _outweighing(told: Sequence[LogEntry]) -> LogEntry:
+def _outweighing(entries: Sequence[LogEntry]) -> LogEntry:
     """The last entry, or the end of a mission if only its program's departure came after it."""
-    for entry in reversed(told):
+    for entry in reversed(entries):
         words = words_of(entry)
         if words.ends_mission:
             return entry
         if not words.is_departure:
             break
-    return told[-1]
+    return entries[-1]
 
 
 def complaint_of(entries: Sequence[LogEntry], since: int = 0) -> str | None:

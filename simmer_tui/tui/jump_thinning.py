@@ -1,6 +1,6 @@
 """Pictures of a robot that jumps from place to place."""
 
-# Instant movements have no frames between, and each picture is a new one. Judged: 8 of 15 are enough to see
+# Instant movements have no frames between, and each picture is a new one. 8 of 15 are enough to see
 # where the robot goes, in half the bytes.
 _SHOWN = 8
 _OF = 15

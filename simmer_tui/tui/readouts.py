@@ -259,8 +259,8 @@ def program_lines(snapshot: Snapshot, entries: Sequence[LogEntry], room: Room) -
     program = None if verdict is None else verdict.program
     if program is not None and program.exit_code and program.stderr:
         head = heading("program", "last lines of its errors", room.width, plain=room.plain)
-        told = [(("  ", "plain"), (printable(line.text), "value")) for line in program.stderr]
-        return [head, *told[-(room.rows - 1) :]]
+        errors = [(("  ", "plain"), (printable(line.text), "value")) for line in program.stderr]
+        return [head, *errors[-(room.rows - 1) :]]
     head = heading("program", "last lines of what it prints", room.width, plain=room.plain)
     printed: list[StyledLine] = []
     for entry in reversed(entries):

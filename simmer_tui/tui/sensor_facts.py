@@ -55,8 +55,8 @@ def sensor_facts(
 def _scan_facts(row: SensorRow, scan: LidarScan, *, plain: bool) -> list[StyledLine]:
     """The time of a scan, and its most important points."""
     sensor, found = row.reading.sensor, extremes(scan)
-    told = f" at {clock(row.time)}, revolution {scan.revolution:,}"
-    read = (*fact_line("read", counted(len(scan.ranges), "point"), "newest"), (told, "value"))
+    taken = f" at {clock(row.time)}, revolution {scan.revolution:,}"
+    read = (*fact_line("read", counted(len(scan.ranges), "point"), "newest"), (taken, "value"))
     if found.nearest is None or found.farthest is None:
         return [read, fact_line("nearest", "no echo all around")]
     (near, at), (far, beyond) = found.nearest, found.farthest

@@ -232,10 +232,10 @@ class PageServer:
         if has_passed or self._loop.time() - self._sent >= _HEARTBEAT:
             self._publish({})
 
-    def _publish(self, told: dict[str, Any]) -> None:
+    def _publish(self, fields: dict[str, Any]) -> None:
         """Send the news to all viewers: encoded once."""
         self._sent = self._loop.time()
-        frame = self._frames.next(told)
+        frame = self._frames.next(fields)
         for viewer in self._viewers:
             viewer.owe(frame)
 

@@ -214,15 +214,15 @@ class RunFrames:
 
     # -- frames ----------------------------------------------------------------------------------
 
-    def next(self, told: dict[str, Any]) -> bytes:
-        """The news, and the fields in `told`, for viewers that have received everything before."""
+    def next(self, fields: dict[str, Any]) -> bytes:
+        """The news, with further `fields`, for viewers that have received everything before."""
         self._elapsed = self._recording.update()
         if self._is_anew:  # the run so far was lost: they get the new one whole
-            return self._encoded_whole(told)
+            return self._encoded_whole(fields)
         if self._has_judged:
-            told |= self._judgement()
+            fields |= self._judgement()
             self._has_judged = False
-        frame = framed(msgspec.json.encode(told | {"news": self._recording.news()}))
+        frame = framed(msgspec.json.encode(fields | {"news": self._recording.news()}))
         self._keep(frame)
         return frame
 
@@ -248,7 +248,7 @@ class RunFrames:
             if sum(map(len, self._tail)) > max(_TAIL, len(self._base) // 2):
                 self.forget()
 
-    def _encoded_whole(self, told: dict[str, Any]) -> bytes:
+    def _encoded_whole(self, fields: dict[str, Any]) -> bytes:
         engine, spec = self._server.engine, self._server.configuration.simulation
         if engine.timed:
             pace, lag = engine.time_scale, _TIMED_LAG
@@ -261,7 +261,7 @@ class RunFrames:
             "live": {"pace": pace, "lag": lag},
             **recorded_robot(spec),
         }
-        made = {"run": run, "news": self._recording.whole(), **self._judgement(), **told}
+        made = {"run": run, "news": self._recording.whole(), **self._judgement(), **fields}
         self._base, self._tail = framed(msgspec.json.encode(made)), []
         self._is_anew = self._has_judged = False
         return self._base

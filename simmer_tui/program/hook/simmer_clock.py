@@ -26,7 +26,7 @@ LOOK = 5_000
 # The polling rate of a loop on a slow microcontroller.
 EMPTY_POLL = 2e-4
 """Seconds that a poll takes if there is no reply."""
-# Judged: a person reads a question and types an answer.
+# A person reads a question and types an answer.
 INPUT = 5.0
 """Seconds that `input()` takes."""
 # 1 January 2026, UTC: any fixed date will do.
