@@ -253,7 +253,7 @@ class BackendSession:
         """The one in use, last, behind those that may still have an answer to give."""
         self._pending: deque[_Pending] = deque()
         self._handing_out = False
-        """True if the next turn of the event loop goes on to give answers."""
+        """True if the next turn of the event loop continues to give answers."""
 
     def submit(self, message: Message, answered: Answered) -> None:
         """Queue a message; `answered` may be called before this returns."""

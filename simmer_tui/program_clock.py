@@ -51,11 +51,11 @@ class ProgramClock:
         self.now = 0.0
         """The time; of the real clock, once the program has turned out to be out of reach."""
         self.reached = False
-        """True once a process of the program has said that it lives by this clock."""
+        """True once a process of the program has connected to this clock."""
         self.quiet: set[int] = set()
         """The descriptors of sockets that bring no replies: those by which processes say what they do."""
         self.frozen = False
-        """True once time is to stand still: the mission has failed, and the program is about to be ended."""
+        """True once time must not move: the mission has failed, and the program is about to be ended."""
         # On several processors bytes of one connection may arrive after later bytes of another.
         self.received = self.written = 0
         """Counts of bytes that came from the program, and that were sent to it."""

@@ -166,7 +166,7 @@ class Server:
         self._simulated = SimulatorBackend(self.engine)
         self._backend = BackendSwitch(self._simulated)
         self.robot: RealRobot | None = None
-        """The way to the real robot, if clients drive one. Other threads only read its properties."""
+        """The connection to the real robot, if clients drive one. Other threads only read its properties."""
         self._robot_link = robot_link or _serial_link
         # A daemon: a driver that hangs must not keep the process alive.
         self._thread = threading.Thread(target=self._run, name="robot", daemon=True)

@@ -132,7 +132,7 @@ def _begun(options: argparse.Namespace) -> GradeFolder:
 
 
 def _usual_place(course: Course) -> Path:
-    """The working directory, or the nearest folder above it that may have a grading."""
+    """A new folder here, or in the nearest folder above that is outside the teams' folders."""
     name = new_folder(_PREFIX)
     place = Path()
     while place.resolve() != Path(place.resolve().anchor) and any(

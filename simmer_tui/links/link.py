@@ -73,7 +73,7 @@ def open_links(context: LinkContext) -> Iterator[Link]:
 def port_requests(server: ServerSettings) -> list[tuple[Dialect, list[PortRequest]]]:
     """The ports to take for each dialect served.
 
-    If one of a dialect's first ports may have any number, so may all ports without a number of their own.
+    If the first port of a dialect with typed commands is set to 0, all ports at their defaults are any too.
     """
     served = dialects.served(server.listeners)
     # Tests and CI use --port 0: the other ports, at their defaults, would still collide.
