@@ -12,10 +12,10 @@ from simmer_tui.sim.simulator import Simulator
 
 
 def apply(simulator: Simulator, action: Action) -> str:
-    """Do to the simulator what an action does; says what was done.
+    """Apply an action to the simulator. Returns the sentence that describes the result.
 
-    Actions on the engine alone (`pause`, `resume`, `speed`) change nothing here. Raises
-    PlacementError for a place inside a wall, SimmerError for wrong arguments.
+    Actions on the engine alone (`pause`, `resume`, `speed`) change nothing here. Raises PlacementError for a
+    place inside a wall, SimmerError for wrong arguments.
     """
     # Checked here, not in the parsers: actions come from keys, the console and logs alike.
     takes, function = _EFFECTS[action.name]

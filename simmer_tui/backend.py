@@ -1,7 +1,8 @@
-"""The robot that carries out clients' commands: simulated or real, and switched while they stay connected.
+"""The robot that carries out clients' commands: simulated or real. It can be switched while they stay
+connected.
 
-A link hands each message of its client, bytes and commands both, to a `BackendSession` and gets the answer
-back. It never learns which robot gave it.
+A link passes each message of its client, bytes and commands, to a `BackendSession` and gets the answer back.
+The link does not know which robot answered.
 """
 
 from __future__ import annotations
@@ -24,15 +25,16 @@ from simmer_tui.sim.records import CommandResult
 # Judged: far more than a program sends ahead, and little memory.
 MOST_COMMANDS, MOST_BYTES = 1000, 64 * 1024
 """Commands of a sender that may wait for their answer, and bytes of them. Further ones are busy."""
-# Some megabytes: a sender that far ahead of its replies will never read them.
+# Some megabytes of memory: a sender that far ahead of its replies will never read them.
 MOST_REFUSED = 16 * 1024
-"""Messages of a sender answered busy whose replies wait for their turn; beyond it its connection ends."""
-# A millisecond's worth.
+"""Messages of a sender that are answered busy while earlier answers are pending. With more, its connection
+ends."""
+# About a millisecond of processor time.
 _SLICE = 100
-"""Refusals handed to a sender in one turn of the event loop."""
+"""Busy answers given to a sender in one turn of the event loop."""
 # Judged: one line a second, however fast a program sends.
 _AGAIN = 1.0
-"""Seconds before the same sender is complained of again."""
+"""Seconds between two notices about the same sender."""
 
 
 class Message(Struct, frozen=True):
@@ -45,8 +47,8 @@ class Message(Struct, frozen=True):
 
 
 Answered = Callable[[Sequence[CommandResult], bytes | None], None]
-"""Takes the results, one a command, and the bytes to pass on unchanged as the reply; without
-such bytes (None) the link writes the results in its own dialect."""
+"""Takes the results, one a command, and the bytes to pass on unchanged as the reply. Without bytes (None) the
+link writes the results in its own dialect."""
 
 
 class Backend(Protocol):
@@ -56,8 +58,8 @@ class Backend(Protocol):
         """Queue a message; `answered` may be called before this returns."""
 
     def urgent_part(self, message: Message) -> Message | None:
-        """The part of a message that is done even for a sender with too many waiting: its stops; None if
-        it has none, or if there is nothing to stop."""
+        """The stops of a message, which are done even for a sender with too many waiting. None if it has
+        none, or if there is nothing to stop."""
 
     def refuse(self, command: Command) -> CommandResult:
         """Answer a command of a sender with too many waiting: busy, at once."""
@@ -68,15 +70,15 @@ class Backend(Protocol):
         return
 
     def cut_waits(self, session: BackendSession) -> None:
-        """Nobody is there any more to read a session's answers: it waits no longer for time to pass. A real
-        robot goes on by itself: its program's waits are left alone."""
+        """End the waits of a session whose answers nobody will read. A real robot's time cannot be moved:
+        there its program's waits stay."""
         return
 
     def forget(self, session: BackendSession) -> None:
         """Drop everything of a session that has not been answered yet."""
 
     def close(self) -> None:
-        """Give the robot back. Messages that were submitted are still answered."""
+        """Release the robot. Messages that were submitted are still answered."""
 
 
 class SimulatorBackend(Backend):
@@ -94,7 +96,7 @@ class SimulatorBackend(Backend):
             )
             self._sessions[session] = sender
         commands = message.commands
-        # Nearly every message is one command: it is answered without a list and a count.
+        # Nearly every message is one command: it needs neither a list nor a count.
         if len(commands) == 1:
             sender.submit(commands[0], lambda result: answered((result,), None))
             return
@@ -127,7 +129,7 @@ class SimulatorBackend(Backend):
             sender.close()
 
     def close(self) -> None:
-        """Drives that wait are not begun any more, but answered."""
+        """Drives that wait do not begin, but are answered."""
         self._engine.forget_drives()
 
 
@@ -145,7 +147,7 @@ class ByteRobot(Protocol):
 
 
 class BackendSwitch:
-    """The robot that clients drive at the moment; it may be replaced while they are connected."""
+    """The robot that clients drive now; it can be replaced while they are connected."""
 
     def __init__(self, backend: Backend) -> None:
         self.backend = backend
@@ -157,13 +159,13 @@ class BackendSwitch:
     def open_session(
         self, *, answer_at_end: bool = True, lane: str = "", budget: CommandBudget | None = None
     ) -> BackendSession:
-        """A new client. `answer_at_end`, `lane`: see `engine.Session` and `Engine.session`. What it has
-        waiting counts in its `budget`; people have none."""
+        """A new client. `answer_at_end`, `lane`: see `engine.Session` and `Engine.session`. Its waiting
+        commands count in its `budget`; people have none."""
         return BackendSession(self, answer_at_end, lane, budget)
 
     def use(self, backend: Backend) -> None:
-        """From here on messages go to `backend`. The one before is closed: it must answer what it
-        has been asked."""
+        """Send later messages to `backend`. The previous one is closed: it answers the messages that it
+        already has."""
         before, self.backend = self.backend, backend
         before.close()
 
@@ -172,11 +174,11 @@ class BackendSwitch:
 
 
 class CommandBudget:
-    """The commands of one sender that wait for their answer: a sender is a connection, or all connections
+    """The commands of one sender that wait for their answer. A sender is a connection, or all connections
     from an address."""
 
     def __init__(self, sender: str, tell: Callable[[Notice], None]) -> None:
-        """`tell` is given the complaints about `sender`. Needs a running event loop."""
+        """`tell` is called with notices about `sender`. Needs a running event loop."""
         self._sender = sender
         self._tell = tell
         self._loop = asyncio.get_running_loop()
@@ -192,7 +194,7 @@ class CommandBudget:
 
     @property
     def is_used(self) -> bool:
-        """True if anything waits."""
+        """True if any message waits."""
         return self._commands > 0 or self.refused > 0
 
     @property
@@ -201,17 +203,17 @@ class CommandBudget:
         return self.refused > MOST_REFUSED
 
     def take(self, message: Message) -> None:
-        """A message begins to wait."""
+        """Count a message that begins to wait."""
         self._commands += len(message.commands)
         self._bytes += len(message.data)
 
     def give_back(self, message: Message) -> None:
-        """A message waits no more."""
+        """Stop counting a message."""
         self._commands -= len(message.commands)
         self._bytes -= len(message.data)
 
     def complain(self) -> None:
-        """Say that a message is answered busy."""
+        """Report that a message is answered busy."""
         now = self._loop.time()
         if now >= self._again:
             self._again = now + _AGAIN
@@ -221,7 +223,7 @@ class CommandBudget:
 
 
 class _Pending(Struct, eq=False):
-    """A message, and its answer once that is there. `counted` is the part of it that counts as waiting."""
+    """A message, and its answer once there is one. `counted` is the part of it that counts as waiting."""
 
     answered: Answered
     counted: Message | None = None
@@ -234,8 +236,8 @@ class _Pending(Struct, eq=False):
 class BackendSession:
     """One client's messages and their answers.
 
-    Messages are passed on at once, a stop above all. Answers are given in the order of the messages:
-    after a switch the backend before may still have some to give.
+    Messages are passed on at once, stops before all others. Answers are given in the order of the messages.
+    After a switch the previous backend may still have answers to give.
     """
 
     def __init__(
@@ -251,13 +253,13 @@ class BackendSession:
         """The one in use, last, behind those that may still have an answer to give."""
         self._pending: deque[_Pending] = deque()
         self._handing_out = False
-        """True if the next turn of the event loop goes on to give answers."""
+        """True if the next turn of the event loop continues to give answers."""
 
     def submit(self, message: Message, answered: Answered) -> None:
         """Queue a message; `answered` may be called before this returns."""
         backend = self._switch.backend
         if backend is not self._backends[-1]:
-            if not self._pending:  # those before have nothing more to give
+            if not self._pending:  # the previous backends have no answers left to give
                 self.close()
                 self._backends.clear()
             self._backends.append(backend)
@@ -267,18 +269,18 @@ class BackendSession:
         pending = _Pending(answered)
         self._pending.append(pending)
         backend.submit(message, self, partial(self._answered, pending))
-        # Most are answered by now, and never wait. An answer may also have closed the session.
+        # Most are answered by now, and are never counted. An answer may also have closed the session.
         if pending.results is None and self._pending:
             self._count(pending, message)
 
     def _count(self, pending: _Pending, message: Message) -> None:
-        """A message begins to wait."""
+        """Count a message that begins to wait."""
         if self._budget is not None:
             self._budget.take(message)
             pending.counted = message
 
     def _submit_urgent(self, message: Message, answered: Answered, budget: CommandBudget) -> None:
-        """Pass on what of a message cannot wait, and answer the rest busy, in its turn."""
+        """Pass on the stops of a message, and answer the rest busy, in its turn."""
         budget.complain()
         backend = self._switch.backend
         urgent = backend.urgent_part(message)
@@ -300,7 +302,7 @@ class BackendSession:
             backend.submit(urgent, self, merge)
 
     def _settle(self, pending: _Pending) -> None:
-        """A message waits no more: its sender has room for another."""
+        """Stop counting a message: its sender may have another one waiting."""
         if self._budget is not None and pending.counted is not None:
             self._budget.give_back(pending.counted)
             pending.counted = None
@@ -310,7 +312,7 @@ class BackendSession:
         self._backends[-1].trail(data, self)
 
     def cut_waits(self) -> None:
-        """Nobody is there any more to read the answers."""
+        """End the waits of this client: nobody will read its answers."""
         self._backends[-1].cut_waits(self)
 
     def close(self) -> None:
@@ -331,7 +333,7 @@ class BackendSession:
             self._hand_out()
 
     def _hand_out(self) -> None:
-        """Give the answers whose turn has come; after a slice of refusals the loop has its turn."""
+        """Give the answers whose turn has come. After a slice of refusals the event loop has a turn."""
         self._handing_out = False
         left = _SLICE
         while self._pending and (first := self._pending[0]).results is not None:
@@ -339,7 +341,7 @@ class BackendSession:
                 if not left:
                     try:
                         loop = asyncio.get_running_loop()
-                    except RuntimeError:  # the run has ended: nobody is held up any more
+                    except RuntimeError:  # the run has ended: there is no loop to share
                         left = len(self._pending)
                     else:
                         self._handing_out = True

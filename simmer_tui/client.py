@@ -30,7 +30,8 @@ from collections.abc import Iterable, Iterator, Sequence
 from types import TracebackType
 from typing import Any, Literal, NamedTuple, SupportsFloat, SupportsIndex, Union, overload
 
-# int, float, numpy scalars, Decimal, Fraction. Python 3.8 and 3.9 know no | of types at run time.
+# Accepts int, float, numpy scalars, Decimal, Fraction. Union, because Python 3.8 and 3.9 have no | of types
+# at run time.
 Number = Union[SupportsFloat, SupportsIndex]
 
 # The defaults of config/settings.py: this file imports nothing, so that it can be copied.
@@ -39,17 +40,17 @@ DEFAULT_PORT, DEFAULT_REPLY_PORT = 9000, 9001
 DEFAULT_PACKET_PORT, DEFAULT_PACKET_REPLY_PORT = 61200, 61201
 DEFAULT_BELIEF_PORT = 9002
 
-# Limits and waits. Times are judged: short beside a round trip of a real robot, long beside one here.
-_LONGEST_COMMAND = 255  # bytes; the simulator takes no more than 256 with the newline
-_INTERRUPT_INTERVAL = 0.5  # s; on Windows, Ctrl-C is seen only between two waits
+# Judged: times that are short beside a round trip of a real robot, and long beside one to the simulator.
+_LONGEST_COMMAND = 255  # bytes; the simulator takes at most 256 with the newline
+_INTERRUPT_INTERVAL = 0.5  # s; on Windows, Ctrl-C is noticed only between two waits
 _REPLY_CONNECT_TIMEOUT = 3.0  # s
-_BELIEF_TIMEOUT = 0.2  # s; nobody may wait for what is only drawn
-_QUESTION_TIMEOUT = 1.0  # s; a simulator before this question was there never answers, and is asked only once
-_MOST_RANGES = 4000  # of a scan; a number above that is no count
+_BELIEF_TIMEOUT = 0.2  # s; a program must not wait for what is only drawn
+_QUESTION_TIMEOUT = 1.0  # s; older simulators never answer this question, and are asked only once
+_MOST_RANGES = 4000  # ranges of a scan; a larger number is no count
 _MOST_STATES, _MOST_ROWS, _MOST_HEADINGS = 65536, 1000, 360  # of a grid; the simulator takes no more
-_EMPTY_READ_WAIT = 0.005  # s, between two reads while a reply is not there yet
+_EMPTY_READ_WAIT = 0.005  # s, between two reads while there is no reply yet
 _BUSY_WAIT = 0.02  # s, between two tries while the robot still moves
-_TIMEOUTS = (TimeoutError, socket.timeout)  # one and the same only since Python 3.10
+_TIMEOUTS = (TimeoutError, socket.timeout)  # the same class only since Python 3.10
 
 
 class RobotError(Exception):
@@ -84,8 +85,8 @@ class InvalidInputError(RobotError, ValueError):
 class Movement(NamedTuple):
     """The reply to a drive: the command as it was sent, and the number that came back.
 
-    The simulator answers Infinity when the movement has ended. It does so too when a wall has ended it
-    early: no dialect has a word for that, so ask a sensor. A real robot may answer with a number of its own.
+    The simulator answers Infinity when the movement has ended, and also when a wall has ended it early. No
+    dialect has a reply for that, so read a sensor. A real robot may answer with a number of its own.
     """
 
     command: str
@@ -98,26 +99,27 @@ class Movement(NamedTuple):
 
 
 class Robot:
-    """A connection to one robot; opened when it is made, closed by `with` or `close()`.
+    """A connection to one robot; opened by the constructor, closed by `with` or `close()`.
 
     Args:
-        host: where the simulator runs; else SIMMER_HOST, else 127.0.0.1.
-        port: its command port; else SIMMER_PORT, else 9000.
-        reply_port: its reply port; else SIMMER_REPLY_PORT, else 9001 if the command port is 9000.
-            0, or a port where nobody listens: replies come back on the command connection.
-        timeout: seconds to wait for a reply (with timed motion it comes when the movement has
-            ended); may be changed later.
+        host: the simulator's host; by default SIMMER_HOST, otherwise 127.0.0.1.
+        port: its command port; by default SIMMER_PORT, otherwise 9000.
+        reply_port: its reply port; by default SIMMER_REPLY_PORT, otherwise 9001 if the command port is 9000.
+            With 0, or a port where nobody listens, replies come back on the command connection.
+        timeout: seconds to wait for a reply; may be changed later. With timed motion a reply comes when the
+            movement has ended.
         protocol: "binary", or "packets": bracketed text, one connection a message, the dialect of
-            simmer-python. Its ports are SIMMER_PACKET_PORT, SIMMER_PACKET_REPLY_PORT, else 61200, 61201.
+            simmer-python. Its ports are SIMMER_PACKET_PORT and SIMMER_PACKET_REPLY_PORT, otherwise 61200
+            and 61201.
         reply_format, byte_order: how the simulator writes numbers (binary only); its settings have
             the same names and defaults.
-        belief_port: where `believe` sends to, and where the reason of a refused command is asked for; else
-            SIMMER_BELIEF_PORT, else 9002.
-        token: the word that the simulator's --token demands; else SIMMER_TOKEN, else none.
+        belief_port: port for beliefs, and for questions why a command was refused; by default
+            SIMMER_BELIEF_PORT, otherwise 9002.
+        token: the access token, if the simulator has one; by default SIMMER_TOKEN, otherwise none.
 
     Raises:
         RobotUnreachableError: nothing listens there.
-        InvalidInputError: an argument or environment variable makes no sense.
+        InvalidInputError: an argument or environment variable is not valid.
     """
 
     def __init__(
@@ -154,7 +156,7 @@ class Robot:
             self._link = _PacketLink(dial, port, reply_port, self.timeout, reasons)
         else:
             port = _port("port", port, "SIMMER_PORT", DEFAULT_PORT)
-            # Beside another command port, 9001 may well belong to somebody else's simulator.
+            # With another command port, port 9001 may belong to another simulator.
             usual = DEFAULT_REPLY_PORT if port == DEFAULT_PORT else 0
             reply_port = _port("reply_port", reply_port, "SIMMER_REPLY_PORT", usual, lowest=0)
             # Big-endian doubles by default: what MATLAB's tcpip objects read.
@@ -172,8 +174,9 @@ class Robot:
     def read(self, code: str, other: str, /, *more: str) -> tuple[float, ...]: ...
 
     def read(self, code: str, *more: str) -> float | tuple[float, ...]:
-        """A reading of the sensor with this code, in the sensor's unit (inches, degrees); of several
-        codes the readings in their order, in one round trip. A lidar gives many numbers: see `scan`.
+        """A reading of the sensor with this code, in the sensor's unit (inches, degrees).
+
+        Several codes give their readings in order, in one round trip. For a lidar use `scan`.
 
         Raises:
             UnknownCodeError: there is no such sensor, or it is disabled.
@@ -192,8 +195,10 @@ class Robot:
         return tuple(values) if more else values[0]
 
     def scan(self, code: str) -> list[float]:
-        """All ranges of the last whole turn of the lidar with this code, inches, ray by ray; infinite where a
-        ray met nothing in reach. One ray alone is `send("sc-90")`, the one nearest to a bearing.
+        """All ranges of the last whole turn of the lidar with this code, inches, ray by ray.
+
+        A range is infinite where a ray met nothing in reach. `send("sc-90")` reads one ray, the one nearest
+        to a bearing.
 
         Raises:
             UnknownCodeError: there is no such sensor, or it is disabled.
@@ -204,10 +209,10 @@ class Robot:
             return self._link.scan(command, self.timeout)
 
     def drive(self, code: str, value: Number) -> Movement:
-        """Move by `value` inches or degrees with the drive `code`, and return what the robot said of it;
-        that is when the movement has ended.
+        """Move by `value` inches or degrees with the drive `code`. Returns the robot's reply.
 
-        A wall may have ended it early: the robot does not say so (see `Movement`).
+        Returns when the movement has ended. A wall may have ended it early, which the reply does not show
+        (see `Movement`).
 
         Raises:
             UnknownCodeError: no enabled drive has the code.
@@ -230,8 +235,9 @@ class Robot:
             return self._link.exchange([command], self.timeout)[0]
 
     def sleep(self, seconds: Number) -> None:
-        """Let `seconds` of the robot's time pass, while it goes on as it was told; the simulator's time is
-        not this program's, so that `time.sleep` moves a driving robot hardly at all.
+        """Let `seconds` of the robot's time pass, while it continues to drive.
+
+        The simulator's time is not this program's: during `time.sleep` a driving robot hardly moves.
 
         Raises:
             CommandRefusedError: the simulator has no command to wait, or the robot is a real one that
@@ -246,8 +252,9 @@ class Robot:
             raise CommandRefusedError(f"the robot refused {command!r}: {why}. Use time.sleep({number}) there")
 
     def maze(self) -> tuple[tuple[int, ...], ...]:
-        """The maze: rows of cells of 12 x 12 in, the first row on top; 0 wall, 1 empty, 2 robot start,
-        3 block. Asked for as `configuration` is.
+        """The maze: rows of cells of 12 x 12 in, the first row on top.
+
+        0 is a wall, 1 empty, 2 the robot's start, 3 the block. It is part of `configuration`.
 
         Raises:
             RobotError: as `configuration`.
@@ -258,23 +265,23 @@ class Robot:
     def configuration(self) -> Any:
         """The whole set (`simmer_tui.config.loader.Configuration`): maze, robot, sensors, drives.
 
-        It is not asked of the robot, which knows none, but read by the installed package: the set, profiles
-        and maze that the simulator names to a program it runs (SIMMER_CONFIG, SIMMER_DRIVE_PROFILE,
-        SIMMER_SENSOR_PROFILE, SIMMER_MAZE), else `config` in the working directory, else the default set.
+        The installed package reads it from files; the robot is not asked. The simulator names set, profiles
+        and maze to a program that it runs (SIMMER_CONFIG, SIMMER_DRIVE_PROFILE, SIMMER_SENSOR_PROFILE,
+        SIMMER_MAZE). Otherwise it is `config` in the working directory, or the default set.
 
         Raises:
             RobotError: SimMeR-TUI is not installed where this program runs, or the set has mistakes.
         """
         try:
-            # Imported by name, when asked for: a copy of this file works without the package.
-            told = importlib.import_module("simmer_tui.notebook").told
+            # Imported by name, and only here: a copy of this file works without the package.
+            read_set = importlib.import_module("simmer_tui.notebook").told
         except ImportError as error:
             raise RobotError(
                 f"maze and robot are read by SimMeR-TUI, which this Python does not have ({error}): "
                 "pip install 'simmer-tui @ git+https://github.com/simmer-tui/simmer-tui'"
             ) from error
         try:
-            return told(os.environ)
+            return read_set(os.environ)
         except importlib.import_module("simmer_tui.errors").ConfigurationError as error:
             raise RobotError(f"the configuration set has mistakes: {error}") from error
 
@@ -292,8 +299,7 @@ class Robot:
     ) -> None:
         """Show where the program believes the robot to be, beside where it is, in the simulator's app.
 
-        It never touches the commands and never waits: where nobody listens, or nobody reads, nothing
-        happens.
+        It never affects the commands and never waits. If nobody listens, or nobody reads, it does nothing.
 
         Args:
             x, y, heading: global frame, inches and degrees. With a grid they may be left out: then they are
@@ -356,17 +362,15 @@ class Robot:
 
     @contextlib.contextmanager
     def _exchange(self, command: str) -> Iterator[None]:
-        """Guard one exchange: what breaks off in its middle ends the connection.
-
-        Otherwise a late reply would be taken for the answer to the next command.
-        """
+        """Guard one exchange: an interrupted one ends the connection. Otherwise a late reply would be taken
+        for the answer to the next command."""
         if self._ended:
             raise RobotClosedError(self._ended)
         try:
             yield
-        except (CommandRefusedError, InvalidInputError):  # nothing is owed
+        except (CommandRefusedError, InvalidInputError):  # no reply is pending
             raise
-        except BaseException as error:  # KeyboardInterrupt too leaves a reply on its way
+        except BaseException as error:  # after KeyboardInterrupt, too, a reply is still to come
             why = str(error) or type(error).__name__
             self._end(f"this connection was closed after {command!r} was cut short ({why}): open a new Robot")
             raise
@@ -379,18 +383,19 @@ class Robot:
 
 
 class _Dial:
-    """Opens the connections, all alike: no byte waits for others, and the token goes first."""
+    """Opens all connections with the same options: no delay of small messages, and the token first."""
 
     def __init__(self, host: str, token: str) -> None:
         self.host = host
         self._token = token
 
     def connect(self, port: int, timeout: float) -> socket.socket:
-        # For a name as text Python loads its codec of international names, 1 ms of a program's 25.
+        # For a name as text Python loads its codec of international names: 1 ms of the 25 ms of a short
+        # program.
         host: Any = self.host.encode() if self.host.isascii() else self.host
         connection = socket.create_connection((host, port), timeout)
         try:
-            # Small messages, each answered: Nagle's algorithm would hold them back.
+            # Small messages, each answered: Nagle's algorithm would delay them.
             connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
             if self._token:
                 connection.sendall(self._token.encode("utf-8") + b"\n")
@@ -400,7 +405,7 @@ class _Dial:
         return connection
 
     def expect(self, port: int, timeout: float, start: str) -> socket.socket:
-        """A connection without which there is no robot."""
+        """A connection that the robot cannot be used without. Raises RobotUnreachableError."""
         try:
             return self.connect(port, timeout)
         except OSError as error:
@@ -412,7 +417,7 @@ class _Dial:
 
 
 class _BinaryLink:
-    """Commands as lines, replies as eight (or four) bytes, over connections that stay."""
+    """Commands as lines, replies of eight (or four) bytes, over permanent connections."""
 
     def __init__(
         self,
@@ -428,7 +433,7 @@ class _BinaryLink:
         self._selector = selectors.DefaultSelector()
         self._commands = dial.expect(port, timeout, "simmer-tui")
         self._replies = self._commands
-        # Of the exchange under way: what was sent, its time limit and end, and what has come of its reply.
+        # The exchange under way: the commands sent, its time limit and end, and the bytes received so far.
         self._shown, self._timeout, self._deadline, self._came = "", timeout, 0.0, b""
         self.reply_port = 0
         if reply_port:
@@ -455,8 +460,8 @@ class _BinaryLink:
         return ranges[1:]
 
     def _reply(self, commands: Sequence[str], timeout: float, *, scan: bool = False) -> bytes:
-        """The bytes that come back for commands sent in one go: of one that asks for a scan its count and its
-        numbers, of others a number each."""
+        """The reply bytes for commands sent in one go: a number for each. With `scan`, the count and numbers
+        of a scan."""
         self._shown, self._timeout, self._came = " ".join(commands), timeout, b""
         self._deadline = time.monotonic() + timeout
         try:
@@ -465,7 +470,7 @@ class _BinaryLink:
             if scan:
                 return self._counted()
             size = len(commands) * self._number.size
-            # One byte more than is due: what is too long is no number, or a scan's.
+            # One byte more than expected shows a reply that is too long: another format, or a scan.
             reply = self._receive(size, spare=1)
             if len(reply) > size or self._begins_scan(commands, reply):
                 raise self._surplus(commands)
@@ -481,7 +486,7 @@ class _BinaryLink:
         reply = self._receive(size, spare=(1 + _MOST_RANGES) * size)
         [count] = self._number.unpack_from(reply)
         if not math.isnan(count):
-            # A whole number may be another sensor's reading: then nothing follows, whoever waits.
+            # A whole number may be another sensor's reading; then nothing follows, however long we wait.
             if len(reply) == size and (not _is_count(count) or self._reasons.gives_scan(code) is False):
                 raise _no_lidar(code, f"{count:g}")
             if _is_count(count):
@@ -492,21 +497,21 @@ class _BinaryLink:
         return reply
 
     def _begins_scan(self, commands: Sequence[str], reply: bytes) -> bool:
-        """True if a lidar with few rays is among the commands: its scan fits in the room for the others'
-        numbers, which are still to come."""
+        """True if a lidar with few rays is among the commands. Its scan fits into the bytes expected for all
+        commands, whose other numbers are still to come."""
         numbers = [float(number) for (number,) in self._number.iter_unpack(reply)]
         return any(
             len(command) == 2
             and _is_count(number)
             and place + number < len(commands)
-            # Counters and sensors of yes or no give whole numbers too.
+            # Counters and yes-or-no sensors give whole numbers too.
             and self._reasons.gives_scan(command)
             for place, (command, number) in enumerate(zip(commands, numbers))
         )
 
     def _surplus(self, commands: Sequence[str]) -> RobotError:
-        """More comes than a number a command. If that is a scan, all of it is read, and the connection goes
-        on."""
+        """The error for a reply longer than one number a command. A scan is read to its end, so that the
+        connection stays usable."""
         scans = [each for each in commands if len(each) == 2 and self._reasons.gives_scan(each)]
         if not scans:
             return _too_much(self._shown)
@@ -524,7 +529,7 @@ class _BinaryLink:
         [reply] = self.exchange([command], timeout)
         if math.isnan(reply):
             raise self._reasons.why(command).error(code, f"the robot refused {command!r}")
-        # A real robot answers a drive with a number of its own: only what the simulator says counts.
+        # A real robot answers a drive with a number of its own: the kind of the code decides.
         if math.isfinite(reply) and self._reasons.is_sensor(code):
             raise _sensor_driven(code, f"{reply:g}")
         return Movement(command, reply)
@@ -535,7 +540,7 @@ class _BinaryLink:
         self._commands.close()
 
     def _receive(self, size: int, spare: int = 0) -> bytes:
-        """The first `size` bytes of a reply, with what has come of it already, and at most `spare` more."""
+        """The first `size` bytes of a reply, including those already received, and at most `spare` more."""
         while len(self._came) < size:
             remaining = self._deadline - time.monotonic()
             came = len(self._came)
@@ -575,7 +580,7 @@ class _PacketLink:
         self._reasons = reasons
         self._port = port
         self.reply_port = reply_port
-        # Replies that an earlier program left behind would be taken for ours: read them away.
+        # Replies to an earlier program would be taken for ours: they are read and dropped.
         start = "simmer-tui --config simmer-python"
         with dial.expect(reply_port, timeout, start) as leftovers:
             leftovers.settimeout(min(timeout, 1.0))
@@ -613,7 +618,7 @@ class _PacketLink:
         [answer] = self._ask([code], time.monotonic() + timeout, timeout)
         if answer in ("Not Found", "False"):
             why = self._reasons.why(code)
-            # A sensor that says yes or no says False, too.
+            # A yes-or-no sensor says False, too.
             if answer == "Not Found" or why.scan or why.kind != "sensor":
                 raise _not_scanned(why, code)
         try:
@@ -631,7 +636,7 @@ class _PacketLink:
         return Movement(f"{code}:{number}", math.inf)
 
     def close(self) -> None:
-        """Nothing is open between two messages."""
+        """Do nothing: no connection is open between two messages."""
 
     def _until_accepted(self, code: str, number: str, timeout: float, *, ask: bool = False) -> None:
         command = self.checked(f"{code}:{number}")
@@ -641,7 +646,7 @@ class _PacketLink:
                 raise UnknownCodeError(f"the robot knows no drive {code!r} (or it is disabled)")
             if answer != "False":
                 raise _sensor_driven(code, answer)
-            if ask:  # once: the robot is still moving, as a rule, and it is asked again and again
+            if ask:  # asked once: as a rule the robot is still moving, and the command is sent many times
                 ask = False
                 why = self._reasons.why(command)
                 if why.reason and not why.busy:
@@ -676,7 +681,7 @@ class _PacketLink:
         raise RobotTimeoutError(late)
 
     def _read(self, deadline: float) -> str:
-        """One whole message, or nothing if none is waiting."""
+        """One whole message, or an empty text if none is waiting."""
         message = b""
         with self._connection(self.reply_port, deadline) as receiver:
             # A reply may come in several segments; its bracket ends it.
@@ -692,10 +697,11 @@ class _PacketLink:
 
     @staticmethod
     def _find(message: str, commands: Sequence[str]) -> list[str] | None:
-        """The newest item of each command, in their order; older ones are what nobody has read in time."""
+        """The newest item of each command, in their order. Older items are replies that an earlier program
+        did not read."""
         items = message.strip("[]").split(",")
         answers: list[str] = []
-        # From the newest back: what stands before it are replies that an earlier program did not read.
+        # From the end: the items before are replies that an earlier program did not read.
         for command in reversed(commands):
             while items and items[-1][:3] != f"{command[:2]}:":
                 items.pop()
@@ -710,7 +716,7 @@ class _PacketLink:
 
 class _Why(NamedTuple):
     """The simulator's answer about a refused command: the reason, and the kind of the code ("sensor",
-    "drive", "unknown"); both empty if nobody says it. `scan` is true for the code of a lidar."""
+    "drive", "unknown"). Both are empty without an answer. `scan` is true for the code of a lidar."""
 
     reason: str = ""
     kind: str = ""
@@ -776,8 +782,8 @@ def _is_count(number: float) -> bool:
 class _Reasons:
     """Asks the simulator why it refused a command: a line on the belief port, answered by a line.
 
-    Asked only after a refusal, or after a reply that the command should not have. Simulators
-    that do not answer are asked no more.
+    Asked only after a refusal, or after an unexpected reply. A simulator that does not answer is not asked
+    again.
     """
 
     def __init__(self, dial: _Dial, belief_port: int, port: int) -> None:
@@ -785,7 +791,7 @@ class _Reasons:
         self._belief_port = belief_port
         self._port = port
         self._given_up = False
-        self._kinds: dict[str, str] = {}  # a real robot answers each drive with a number: asked once a code
+        self._kinds: dict[str, str] = {}  # asked once a code: a real robot answers each drive with a number
         self._scans: dict[str, bool | None] = {}
 
     def why(self, command: str) -> _Why:
@@ -793,7 +799,7 @@ class _Reasons:
         if self._given_up:
             return _Why()
         answer = self._answer(command)
-        # Nobody answers, or the simulator there is another one than that which was driven.
+        # Nobody answers, or it is another simulator than the one that was driven.
         if not isinstance(answer, dict) or self._port not in _listed(answer.get("ports")):
             self._given_up = True
             return _Why()
@@ -834,7 +840,8 @@ def _listed(value: object) -> list[Any]:
 
 
 class _BeliefLine:
-    """Newline-delimited JSON to whoever draws it; opened at the first belief, given up at the first fault."""
+    """Sends beliefs as newline-delimited JSON. The connection is opened at the first belief and given up at
+    the first fault."""
 
     def __init__(self, dial: _Dial, port: int) -> None:
         self._dial = dial
@@ -849,10 +856,10 @@ class _BeliefLine:
         try:
             if self._connection is None:
                 self._connection = self._dial.connect(self._port, _BELIEF_TIMEOUT)
-                # A full buffer must not hold up the program: the belief is left out instead.
+                # A full buffer must not delay the program: the belief is left out instead.
                 self._connection.setblocking(False)
             self._flush(self._connection)
-            if not self._unsent:  # else the reader is behind: this belief is left out, lines stay whole
+            if not self._unsent:  # otherwise the reader is behind: this belief is left out, lines stay whole
                 self._unsent = json.dumps(belief, separators=(",", ":")).encode("ascii") + b"\n"
                 self._flush(self._connection)
         except OSError:
@@ -860,7 +867,7 @@ class _BeliefLine:
             self.close()
 
     def close(self) -> None:
-        # For good: a simulator without a screen would cost a connection attempt with each belief.
+        # For good: without a simulator that reads, each belief would cost a connection attempt.
         self._given_up = True
         if self._connection is not None:
             with contextlib.suppress(OSError):
@@ -884,7 +891,7 @@ def _one_of(name: str, value: object, allowed: tuple[str, ...]) -> None:
 
 
 def _port(name: str, given: int | None, variable: str, default: int, lowest: int = 1) -> int:
-    """The port given, else the environment's, else the default."""
+    """The port given, otherwise the environment's, otherwise the default."""
     text = os.environ.get(variable, "").strip()
     shown: object = given
     if given is not None:
@@ -900,7 +907,7 @@ def _port(name: str, given: int | None, variable: str, default: int, lowest: int
 
 
 def _token(given: str | None) -> str:
-    """The token given, else the environment's, else none."""
+    """The token given, otherwise the environment's, otherwise none."""
     token = os.environ.get("SIMMER_TOKEN", "").strip() if given is None else given
     if not isinstance(token, str) or not token.isprintable():
         raise InvalidInputError("the token must be a line of text, as the simulator's --token has it")
@@ -908,7 +915,7 @@ def _token(given: str | None) -> str:
 
 
 def _finite(name: str, value: Number) -> float:
-    """A finite number as a float, whatever kind of number it was."""
+    """The number as a finite float. Raises InvalidInputError."""
     try:
         # float() takes text and booleans; in a program they are mistakes.
         if isinstance(value, (str, bytes, bytearray, bool)):
@@ -967,7 +974,8 @@ def _rows(particles: Iterable[Iterable[float]]) -> list[list[float]]:
 
 
 def _packed_grid(grid: Any, bounds: Iterable[Number] | None, first: Number | None) -> dict[str, object]:
-    """A grid as the simulator takes it: single precision in base64, a quarter of what a list takes."""
+    """A grid in the format of the belief port: single precision in base64, a quarter of the bytes of a
+    list."""
     shape = getattr(grid, "shape", None)
     # numpy is not imported for this: a grid may be nested lists.
     sizes, data = _of_lists(grid) if shape is None else _of_array(grid, tuple(shape))
@@ -1011,14 +1019,14 @@ def _of_lists(grid: Any) -> tuple[tuple[int, int, int], bytes]:
     if is_deep:
         shape = (*shape, _alike("cell", lists))
     sizes = _grid_sizes(shape)
-    if any(map(math.isnan, numbers)):  # min and max would pass it by
+    if any(map(math.isnan, numbers)):  # min and max would not notice NaN
         raise InvalidInputError("grid holds a number that is not finite")
     most = _largest(min(numbers), max(numbers))
     return sizes, struct.pack(f"<{len(numbers)}f", *[number / most for number in numbers])
 
 
 def _alike(what: str, lists: list[list[Any]]) -> int:
-    """Length that all of some lists have."""
+    """The length that all of some lists have."""
     for number, one in enumerate(lists, 1):
         if len(one) != len(lists[0]):
             raise InvalidInputError(f"{what} {number} of grid has {len(one)} numbers, not {len(lists[0])}")

@@ -1,4 +1,4 @@
-"""Continuous motion of one robot for many senders: whose velocity it is, and those who wait.
+"""Continuous motion of one robot for many senders: whose velocity is in force, and who waits.
 
 All methods run in the robot's event loop.
 """
@@ -26,17 +26,17 @@ from simmer_tui.sim.legs import Leg
 from simmer_tui.sim.records import CommandResult
 from simmer_tui.sim.simulator import Simulator
 
-# Far less than the 100 ms between two frames of the screen, and than a stop may take.
+# Far less than the 100 ms between two frames of the screen, and than the latency a stop may have.
 SLICE = 0.002
-"""Seconds of processor time of a wait between two turns of the event loop."""
-# People take a second to notice that a robot does not do what its program says.
+"""Seconds of processor time that a wait uses before the event loop has a turn."""
+# People notice within about a second that a robot does not move as its program says.
 _SILENT = 1.0
-"""Real seconds of silence while the robot drives after which a program gets advice about simulated time."""
+"""Real seconds of silence with a moving robot after which a program gets advice about simulated time."""
 
 
 @dataclass(slots=True, eq=False)
 class _Wait:
-    """A sender that waits until a simulated time, and what to do then."""
+    """A session that waits until a simulated time, and the function to call then."""
 
     until: float
     session: Session
@@ -44,7 +44,7 @@ class _Wait:
 
 
 class Driving:
-    """Tells of a simulator's continuous motion, and lets simulated time pass for those who wait."""
+    """Tells the events of continuous motion, and advances simulated time for sessions that wait."""
 
     def __init__(self, simulator: Simulator, tell: Callable[[Event], None]) -> None:
         self._simulator = simulator
@@ -70,22 +70,22 @@ class Driving:
         simulator.listener = self
 
     def start(self, loop: asyncio.AbstractEventLoop) -> None:
-        """Waits take turns with everything else of a loop from here on."""
+        """Use a loop from here on: waits then share it with everything else."""
         self._loop = self._silence.loop = loop
 
     # -- what the simulator says -------------------------------------------------------------------
 
     def leg_begun(self, leg: Leg) -> None:
-        """A leg begins."""
+        """Tell that a leg begins."""
         self._moved_by = self._latest
         self._tell(LegBegun(*self._moved_by, leg))
 
     def leg_ended(self, leg: Leg) -> None:
-        """A leg is over."""
+        """Tell that a leg is over."""
         self._tell(LegEnded(*self._moved_by, leg))
 
     def velocity_expired(self, time: float) -> None:
-        """The time of a velocity is over."""
+        """Tell that the time of a velocity is over."""
         self._tell(VelocityEnded(time, self._end))
 
     # -- commands ------------------------------------------------------------------------------------
@@ -96,9 +96,9 @@ class Driving:
         return self._simulator.leg is not None
 
     def begin(self, command: Command, session: Session | None) -> CommandResult:
-        """Begin a command: the velocity that it sets is its session's."""
+        """Begin a command. A velocity that it sets belongs to the session's driver."""
         simulator, before = self._simulator, self._latest
-        # Most commands have nothing to do with it, and this runs for each.
+        # A short cut, since this runs for each command and most have nothing to do with velocities.
         if simulator.leg is None and not simulator.is_velocity(command):
             return simulator.begin(command)
         drove = simulator.velocity.moves
@@ -115,20 +115,21 @@ class Driving:
         return outcome
 
     def ended(self, reason: VelocityEnd, source: str, drove: bool) -> None:
-        """Tell that a velocity has ended by what came between, if the robot `drove` before it."""
+        """Tell that a velocity was ended by a stop, a person or a movement, if the robot `drove` before
+        it."""
         if drove and not self._simulator.velocity.moves:
             self.driver = None
             self._tell(VelocityEnded(self._simulator.time, reason, source))
 
     def forget(self, session: Session) -> None:
-        """A sender has left: it waits no longer."""
+        """End the waits of a session that has left."""
         cut = [wait for wait in self._waits if wait.session is session]
         self._waits = [wait for wait in self._waits if wait.session is not session]
         for wait in cut:
             wait.over()
 
     def left(self, driver: Hashable) -> None:
-        """Whoever drives has left: its velocity ends with it."""
+        """End the velocity of a driver that has left."""
         self._warned.discard(driver)
         if self.driver != driver:
             return
@@ -141,16 +142,16 @@ class Driving:
 
     @property
     def waits(self) -> bool:
-        """True if somebody waits."""
+        """True if any session waits."""
         return bool(self._waits)
 
     @property
     def first_over(self) -> float:
-        """Simulated time at which the first of those who wait has waited, infinite if nobody does."""
+        """Simulated time at which the first wait is over; infinite if no session waits."""
         return min((wait.until for wait in self._waits), default=math.inf)
 
     def wait(self, session: Session, until: float, over: Callable[[], None]) -> None:
-        """Have something done when simulated time has come to a moment, or the wait is cut."""
+        """Call `over` when simulated time is `until`, or the wait is cut."""
         self._waits.append(_Wait(until, session, over))
 
     def settle(self) -> None:
@@ -168,14 +169,14 @@ class Driving:
             wait.over()
 
     def pass_time(self) -> None:
-        """Let simulated time go on for those who wait, in slices of processor time."""
+        """Advance simulated time for the waits, in slices of processor time."""
         if self._slicing:
             return
         self._slicing = True
         begun = time.perf_counter()
         while self._waits and not self.paused:
             until = self.first_over
-            # A hair beyond the limit: it is a limit for what comes later, not for what comes with it.
+            # The next float after the limit: what happens at the limit itself still counts.
             beyond = math.nextafter(self.limit, math.inf)
             passes = self._simulator.time < beyond <= until
             until = beyond if passes else until
@@ -190,13 +191,14 @@ class Driving:
             self._loop.call_soon(self.pass_time)
 
     def pause(self, paused: bool) -> None:
-        """Let simulated time stand still for those who wait in instant motion, or go on."""
+        """Stop simulated time for waits in instant motion, or continue."""
         self.paused = paused
         if self._waits and not paused:
             self.pass_time()
 
     def catch_up(self, target: float) -> bool:
-        """Bring simulated time to a moment. False if that takes more than a slice: it is behind then."""
+        """Advance simulated time to `target`. False if that takes more than a slice: time has not reached it
+        then."""
         begun = time.perf_counter()
         while self._simulator.next_event <= target:
             self._simulator.advance(self._simulator.next_event)
@@ -208,7 +210,8 @@ class Driving:
     # -- silence ---------------------------------------------------------------------------------------
 
     def answered(self, session: Session) -> None:
-        """The owner of a velocity has its answer: from here on it is up to it, in instant motion."""
+        """Start the silence timer after an answer to the owner of a velocity: in instant motion only it can
+        continue."""
         driver = self.driver
         if driver is None:
             return

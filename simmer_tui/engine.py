@@ -1,7 +1,7 @@
-"""One robot behind one queue: every command passes here, in order, and every watcher gets its events.
+"""One robot with one queue: the engine runs all commands in order and passes all events to all watchers.
 
-All methods but the constructor run in the robot's event loop. The engine knows neither how
-commands arrive (a `Session` each) nor who watches. What it tells is in `events.py`.
+All methods but the constructor run in the robot's event loop. The engine knows neither how commands arrive (a
+`Session` each) nor who watches. Its events are in `events.py`.
 """
 
 from __future__ import annotations
@@ -38,13 +38,13 @@ from simmer_tui.sim.records import CommandResult, Status
 from simmer_tui.sim.simulator import Simulator
 from simmer_tui.sim.trajectory import Trajectory
 
-# Keys and console sit at the screen: only what programs send travels to the robot over a link.
+# Keys and console sit at the screen: only programs send their commands over the link.
 PEOPLE = frozenset(("console", "keys"))
 """Command sources that bypass the simulated link."""
 
 
 class _Movement(Struct, frozen=True):
-    """A timed movement under way as planned, and the command that is answered when it ends."""
+    """A timed movement under way, with its trajectory, and the command that is answered when it ends."""
 
     outcome: CommandResult
     trajectory: Trajectory
@@ -54,10 +54,10 @@ class _Movement(Struct, frozen=True):
 class Engine:
     """Runs the commands of all sessions on one simulator.
 
-    With `timed` motion simulated time follows the loop's clock times `time_scale`; otherwise each
-    movement is over at once. `step_time` is a pause, seconds, before every answer. `link` is what
-    lies between programs and the robot. What reading a sensor and the link take, simulated time moves
-    on by, or in timed motion it passes before the answer.
+    With `timed` motion simulated time follows the loop's clock times `time_scale`; otherwise each movement is
+    over at once. `step_time` is a pause, seconds, before every answer. `link` is the latency between programs
+    and the robot. The time of a sensor's reading and of the link is added to simulated time; in timed motion
+    it passes before the answer.
     """
 
     def __init__(
@@ -74,7 +74,7 @@ class Engine:
         self.time_scale = time_scale
         self.step_time = step_time
         self._link = link
-        # One queue for all that is due later: events at the same simulated time keep their order.
+        # One queue for all later calls: those at the same simulated time keep their order.
         self._timers = TimerQueue()
         self._alarm = LoopTimer(self._settle)
         self.before_drive: Callable[[], None] | None = None
@@ -102,27 +102,29 @@ class Engine:
     def session(
         self, *, answer_at_end: bool = True, lane: str = "", driver: Hashable | None = None
     ) -> Session:
-        """A new sender of commands. Lanes take turns, and within a lane its sessions do. One with a name
-        is for any number of sessions, and bounded by time as well. `driver` is whose velocities it sets,
-        by default its own."""
+        """A new sender of commands.
+
+        Lanes take turns, and so do the sessions of a lane. A lane with a name is for any number of sessions;
+        its turn is limited in time as well. `driver` owns the velocities that the session sets, by default
+        the session itself.
+        """
         its_lane = self._scheduler.lane(lane)
         return Session(its_lane, self._submitted, self._session_closed, answer_at_end, driver)
 
     def _session_closed(self, session: Session) -> None:
-        """A sender has left."""
         self.cut_waits(session)
         if session.driver is session:
             self.driver_left(session)
 
     def cut_waits(self, session: Session) -> None:
-        """A sender has gone: it waits no longer for time to pass."""
+        """End the waits of a sender that has gone."""
         session.has_gone = True
         if self.driving.waits:
             self.now()
             self.driving.forget(session)
 
     def driver_left(self, driver: Hashable) -> None:
-        """Whoever drives has left: its velocity ends."""
+        """End the velocity of a driver that has left."""
         if self.simulator.velocity.moves:
             self.now()
         self.driving.left(driver)
@@ -144,22 +146,24 @@ class Engine:
         self._watchers.tell(event)
 
     def tell_fault(self, text: str) -> None:
-        """Tell what has gone wrong."""
+        """Report a fault to the watchers."""
         self.tell(Notice(NoticeKind.FAULT, text))
 
     # -- pace --------------------------------------------------------------------------------
 
     def paced(self, loop: asyncio.AbstractEventLoop, pace: float) -> PlaybackThrottle:
-        """Have movements that are over at once shown, and answered, at a pace (simulated seconds a
-        second, 0 as fast as possible), with `loop` to be started in. Those who are to see it so
-        become watchers of what is returned. Timed motion takes its time by itself."""
+        """Show and answer instant movements at a pace. Returns the throttle; those who watch at the pace
+        become its watchers.
+
+        `pace` is simulated seconds a second, 0 as fast as possible. `loop` is the event loop that `start` is
+        called with later. Timed motion is not slowed down.
+        """
         self.throttle = PlaybackThrottle(loop, 0.0 if self.timed else pace, self.tell_fault)
         self.watch(self.throttle.watch)
         return self.throttle
 
     def shown_time(self) -> float:
-        """The simulated time of what those see who watch at the pace: the present, or a moment of the
-        movement they are being shown."""
+        """Simulated time that is shown at the pace: the present, or a moment of the movement shown now."""
         shown = self.throttle.time() if self.throttle is not None else None
         return self.now() if shown is None else shown
 
@@ -174,44 +178,45 @@ class Engine:
 
     def now(self) -> float:
         """Bring the simulator to the present and return simulated time."""
-        # While paused, or with instant motion, simulated time moves only by what commands take.
+        # While paused, or with instant motion, only commands move simulated time.
         if self._passes and self._loop is not None:
             present = (self._loop.time() - self._origin) * self.time_scale
             if not self.driving.catch_up(present):
-                # Computing takes longer than it lasts: simulated time falls behind rather than all else.
+                # Computing takes longer than the simulated time itself: the simulation falls behind, commands
+                # are still answered.
                 self._origin = self._loop.time() - self.simulator.time / self.time_scale
         return self.simulator.time
 
     @property
     def present(self) -> float:
-        """Simulated time now, without bringing the simulator there. Any thread may ask."""
+        """Simulated time now; the simulator itself is not advanced. Any thread may ask."""
         if self._passes and self._loop is not None:
             return max((self._loop.time() - self._origin) * self.time_scale, self.simulator.time)
         return self.simulator.time
 
     def _set_clock(self) -> None:
         if self._loop is not None:
-            # The clock is set anew after each pause and change of speed, so that simulated time never jumps.
+            # Set again after each pause and change of speed, so that simulated time never jumps.
             self._origin = self._loop.time() - self.simulator.time / self.time_scale
             self._set_timer()
             self._set_alarm()
 
     def call_at(self, time: float, call: Callable[[], None]) -> None:
-        """Have something done at a simulated time; a pause holds it up as well."""
+        """Call a function at a simulated time; a pause delays it as well."""
         self._timers.add(time, call)
         self._set_alarm()
 
     def _set_alarm(self) -> None:
-        """Wake up when something is due next."""
+        """Set the timer to the next call that is due."""
         self._alarm.cancel()
         due = self._timers.due
-        # In instant motion time waits for commands.
+        # Instant motion has no clock: time passes by commands only.
         due = min(due, self.simulator.next_event) if self.timed else due
         if due < math.inf and not self.paused:
             self._alarm.set_at(self._origin + due / self.time_scale, due)
 
     def _settle(self, until: float) -> None:
-        """Do what is due by a simulated time."""
+        """Make the calls that are due by a simulated time."""
         self.now()
         # The loop's clock may round to just before the event that the timer was set for.
         if until < math.inf and (self.driving.waits or self.simulator.next_event <= until):
@@ -224,11 +229,11 @@ class Engine:
     # -- a replayed prefix ----------------------------------------------------------------------
 
     def draw_link(self, ways: int) -> float:
-        """Draw the delay of messages of the replayed prefix; gives their sum, simulated seconds."""
+        """Draw the delays of `ways` messages of the replayed prefix. Returns their sum, simulated seconds."""
         return sum(self._link.way() for _ in range(ways)) if self._link is not None else 0.0
 
     def restart_link(self) -> None:
-        """Draw delays as after a reset in the replayed prefix."""
+        """Restart the random stream of delays, as at a reset in the replayed prefix."""
         if self._link is not None:
             self._link.restart(self.simulator.seed)
 
@@ -246,7 +251,7 @@ class Engine:
 
     def perform(self, action: Action) -> ActionDone:
         """Perform a person's action between two commands. Watchers get the event, even if it is refused."""
-        # The present comes first: an action happens after all that was due before it.
+        # The present first: an action happens after all that was due before it.
         self.now()
         self._catch_up()
         if self._timers.due < math.inf:  # a run that restarts has nothing left to come
@@ -268,13 +273,13 @@ class Engine:
         return done
 
     def drop(self, client: str) -> None:
-        """Tell that a client has been dropped that does not read its replies, and stop the robot: there may
-        be a stop among what it sent and nobody will read."""
+        """Report that a client that does not read its replies has been dropped, and stop the robot. Its
+        unread commands may have a stop among them."""
         self.tell_fault(f"client {client} dropped: it does not read its replies")
         self.perform(Action(ActionName.STOP, source=f"client {client}"))
 
     def _follow(self, action: Action) -> None:
-        """The engine's own part of an action."""
+        """Apply the part of an action that concerns the engine itself."""
         if action.name is ActionName.SPEED:
             self.time_scale = action.arguments[0]
         elif action.name.restarts:
@@ -288,8 +293,8 @@ class Engine:
         if self._movement is not None and not self.simulator.moving:
             self._movement_over(stopped_by=f"{action.name} from {action.source}")
         elif self._movement is not None and self.simulator.trajectory is not self._movement.trajectory:
-            self._replan(self._movement)  # the block is in its way now, or no more
-        # The action may have changed the speed, the time or the pause, and with each of them the timers.
+            self._replan(self._movement)  # the block has come into its path, or has left it
+        # The action may have changed the speed, the time or the pause. All timers depend on these.
         self._set_clock()
         if action.name.restarts:  # answers of the run before come before the new run
             self._settle(math.inf)
@@ -302,7 +307,7 @@ class Engine:
         self.tell(MovementPlanned(outcome.number, self.simulator.time, outcome.command, trajectory))
 
     def step(self) -> None:
-        """While paused, finish the movement under way or let the next command through, whole."""
+        """While paused, finish the movement under way, or do the whole of the next command."""
         if not self.paused:
             return
         if self._movement is not None:
@@ -323,14 +328,14 @@ class Engine:
     def _submitted(
         self, session: Session, command: Command, answer: Answer, moment: Sequence[Command]
     ) -> None:
-        """A session has been given a command: it waits for its turn, unless it stops."""
+        """Queue a command of a session; a stop is done before its turn."""
         stop = None
-        # A stop is done before its turn: behind a queue of drives it would come too late.
+        # Done before its turn: behind a queue of drives a stop would come too late.
         if not command.stops:
             self.halted = self.halted and not self._sets_going(command)
         elif not self.halted:
             stop = self._take_stop(session, command)
-        # Else there is nothing to stop, and it may wait for its turn: they come by the thousand.
+        # Otherwise there is nothing to stop, and the command waits for its turn: stops come by the thousand.
         session.queue.append(Queued(session, command, answer, self.halts, stop, moment=moment))
         self._scheduler.wake(session)
 
@@ -341,13 +346,14 @@ class Engine:
             self._answer_stop(replace(queued, stop=stop), stop)
         elif not self._passes:
             command = self._meant_now(queued)
-            # People look on: a program's loop is what takes time.
+            # Only for programs: the time that a pass of a program's loop takes is simulated, a person's is
+            # not.
             if queued.moment and command.source not in PEOPLE:
                 self.simulator.begin_pass(queued.moment)
             outcome = self._execute(command, queued.there, session=queued.session)
             if outcome.waits:
                 self._answer(queued, outcome)
-            else:  # nearly every command: a call less than by way of `_answer`
+            else:  # Nearly every command: it saves the call of `_answer`.
                 self._complete(queued, outcome)
         else:
             self._settle_due()
@@ -359,12 +365,13 @@ class Engine:
                 self._do_timed(queued)
 
     def _do_timed(self, queued: Queued) -> None:
-        """Do a command that has come over the link, in real time."""
+        """Do a command that has arrived over the link, in real time."""
         session, command = queued.session, self._meant_now(queued)
         waits = session.answer_at_end and self.simulator.is_drive(command)
         if waits and self._movement is not None and queued.halts == self.halts:
-            # In front again: the order of a sender's commands never changes.
-            session.queue.appendleft(queued)  # another's movement: wait for its end
+            # In front again: the order of a sender's commands never changes. It waits for the end of
+            # another's movement.
+            session.queue.appendleft(queued)
             self._hold(session)
             return
         outcome = self._begin(command, session)
@@ -375,8 +382,8 @@ class Engine:
             self._answer_in_time(queued, outcome, self._way(command))
 
     def _meant_now(self, queued: Queued) -> Command:
-        """A command as it is to be done now: a drive that was meant for before a stop stops itself, unless
-        it finds the robot busy with what was begun since."""
+        """The command to do now. A drive from before a stop becomes a stop, unless a later movement is under
+        way."""
         command = queued.command
         # A drive from before a stop was meant for a robot that still moved. It is answered as a stop,
         # so that its sender gets a reply and the robot stays where it is.
@@ -388,36 +395,36 @@ class Engine:
         return command
 
     def _sets_going(self, command: Command) -> bool:
-        """True if a command has the robot move: a drive, or a velocity."""
+        """True if a command is a drive or a velocity."""
         return self.simulator.is_drive(command) or self.simulator.is_velocity(command)
 
     @property
     def _passes(self) -> bool:
-        """True while time passes by the clock."""
+        """True while simulated time follows the clock."""
         return self.timed and not self.paused
 
     def _go_on_at(self, time: float, session: Session, step: Callable[..., None], *arguments: object) -> None:
-        """Have a session wait until a simulated time, and take its next step then."""
+        """Have a session wait until a simulated time, and call `step` then."""
         session.waiting = True
         self.call_at(time, lambda: self._resume(session, step, *arguments))
 
     def _resume(self, session: Session, step: Callable[..., None], *arguments: object) -> None:
-        """A session's wait is over: take the next step, and let it go on."""
+        """End a session's wait: call `step`, then continue with its commands."""
         session.waiting = False
         step(*arguments)
         self._scheduler.wake(session)
 
     def _settle_due(self) -> None:
-        """Time has come to the present: what is due by now, and a movement that is over, come first."""
+        """Advance to the present: first the calls that are due, then the end of a movement that is over."""
         self.now()
         if self._timers.due <= self.simulator.time:
             self._settle(self.simulator.time)
         if self._movement is not None and not self.simulator.moving:
-            self._movement_over()  # the timer only has not been called yet
+            self._movement_over()  # its timer has not been called yet
 
     def _way(self, command: Command) -> float:
-        """Time of a command, or of its answer, on the link, simulated seconds."""
-        # Delays are drawn for programs alone, so that keys pressed meanwhile change no run of the same seed.
+        """Delay of a command, or of its answer, on the link, simulated seconds."""
+        # Drawn for programs only: a key that is pressed meanwhile changes no later delay of the same seed.
         return self._link.way() if self._link is not None and command.source not in PEOPLE else 0.0
 
     def _execute(
@@ -428,15 +435,18 @@ class Engine:
         answers: bool = True,
         session: Session | None = None,
     ) -> CommandResult:
-        """Do a whole command at once. `there` is what it has taken on the link already; else simulated
-        time moves on by that. What nobody `answers` comes over no link."""
+        """Do a whole command at once.
+
+        `there` is the delay that it had on the link already; None draws one and adds it to simulated time.
+        Without `answers` there is no link and no delay.
+        """
         simulator = self.simulator
-        # The delay there is drawn before that back: logs are rerun with the same draws in the same order.
+        # The delay of the command is drawn before that of the answer: reruns of logs draw in the same order.
         if there is None:
             there = self._way(command) if answers else 0.0
             if there:
                 simulator.advance(simulator.time + there)
-        # In timed motion a turn takes its time by itself.
+        # In timed motion the clock brings the turn of the lidar to its end.
         if not self.timed:
             simulator.wait_for_scan(command)
         outcome = self.driving.begin(command, session)
@@ -455,7 +465,7 @@ class Engine:
         return outcome
 
     def _begin(self, command: Command, session: Session | None = None) -> CommandResult:
-        """Begin a command in real time; a movement or a velocity then goes on by itself."""
+        """Begin a command in real time; a movement or a velocity then continues by itself."""
         outcome = self.driving.begin(command, session)
         if outcome.velocity is not None:
             self._set_alarm()
@@ -471,7 +481,7 @@ class Engine:
         return planned
 
     def _tell_ended(self, outcome: CommandResult, stopped_by: str = "", *, answers: bool) -> None:
-        """Tell that a movement has ended; with `answers` it is the answer as well."""
+        """Tell that a movement has ended; with `answers` the event is the answer as well."""
         went = self.simulator.last_trajectory
         assert went is not None, "what was finished has moved"
         by = stopped_by if went.cut is not None else ""
@@ -484,7 +494,7 @@ class Engine:
         return self._movement
 
     def _take_stop(self, session: Session, command: Command) -> Stop:
-        """A command that stops has been given: it is done when it has come over the link."""
+        """Take a command that stops. It is done as soon as it has passed the link."""
         stop, there = Stop(), self._way(command)
         if there and self._passes:
             self.call_at(self.now() + there, lambda: self._stop_arrives(session, command, stop, there))
@@ -497,7 +507,7 @@ class Engine:
     def _stop_arrives(self, session: Session, command: Command, stop: Stop, there: float) -> None:
         if not session.open:
             return
-        # Its turn may have come while it was on its way; only then does the session wait for it.
+        # If its turn came while it was on the link, the session waits for it.
         waits = session.waiting and bool(session.queue) and session.queue[0].stop is stop
         self._do_stop(command, stop, there)
         if waits:
@@ -510,7 +520,7 @@ class Engine:
         stop.back = back if self._passes else 0.0
 
     def _answer_stop(self, queued: Queued, stop: Stop) -> None:
-        """The turn of a command that stops has come: its answer goes back over the link."""
+        """Send the answer of a stop whose turn has come back over the link."""
         session, outcome = queued.session, stop.outcome
         if outcome is None:
             session.waiting = True
@@ -521,8 +531,11 @@ class Engine:
             self._reply(queued, outcome)
 
     def halt(self, command: Command, link: float = 0.0, back: float = 0.0) -> CommandResult:
-        """End all motion now, whatever is queued; drives that wait for their turn do not begin. `link`
-        is what command and answer take on the link; simulated time moves on by `back` of it."""
+        """End all motion now; drives that wait for their turn do not begin.
+
+        `link` is the delay of command and answer together, simulated seconds. `back` is the part of it that
+        is added to simulated time here.
+        """
         self.now()
         self._catch_up()
         with self._scheduler.holding():  # nothing begins before watchers have the event
@@ -540,18 +553,18 @@ class Engine:
     def refuse(self, command: Command) -> CommandResult:
         """Answer a command of a sender with too many waiting: busy, at once."""
         self.now()
-        # A refused stop stopped nothing: a rerun of the log must not take it for one that did.
+        # A refused stop stopped nothing: without this a rerun of the log would stop the robot.
         outcome = self.simulator.refuse(replace(command, stops=False))
         self.tell(outcome)
         return outcome
 
     def forget_drives(self) -> None:
-        """Drives that have come and wait for their turn do not begin."""
-        # Counted, not removed from their queues: a stop costs the same with a thousand waiting drives.
+        """Make drives that wait for their turn not begin."""
+        # A counter, and the drives stay in their queues: a stop costs the same however many drives wait.
         self.halts += 1
 
     def stop_motion(self, by: str) -> None:
-        """End the movement under way now, if there is one; `by` says who wants it."""
+        """End the movement under way now, if there is one; `by` names who stopped it."""
         drove = self.simulator.velocity.moves
         self.simulator.stop()
         self.driving.ended(VelocityEnd.STOP, by, drove)
@@ -564,7 +577,7 @@ class Engine:
         self._held.append(session)
 
     def _answer_in_time(self, queued: Queued, outcome: CommandResult, back: float) -> None:
-        """Answer in real time: when a reading has been made, and the answer has come back over the link."""
+        """Answer in real time: after the time of the reading and the answer's delay on the link."""
         took = outcome.reading.took if outcome.reading is not None else 0.0
         self._answer(queued, outcome, (queued.there or 0.0) + back, back, took)
 
@@ -576,8 +589,11 @@ class Engine:
         back: float = 0.0,
         took: float = 0.0,
     ) -> None:
-        """Answer a command when its wait is over, or cut short, or else after a reading that `took` time. The
-        `link` takes so much there and `back`. What simulated time has passed by already is 0."""
+        """Answer a command when its wait is over or cut, or after a reading that `took` time.
+
+        `link` is the delay of command and answer on the link, `back` that of the answer. Both, and `took`,
+        are 0 for time that has passed already. All in simulated seconds.
+        """
         session = queued.session
         if not (outcome.waits or link or took):
             self._complete(queued, outcome)
@@ -585,15 +601,15 @@ class Engine:
         taken = outcome.time if outcome.taken is None else outcome.taken
         if not outcome.waits:
             due = outcome.time + took + back
-            told = structs.replace(outcome, time=due, taken=taken, link=link)
-            self._go_on_at(due, session, self._complete_late, queued, told)
+            late = structs.replace(outcome, time=due, taken=taken, link=link)
+            self._go_on_at(due, session, self._complete_late, queued, late)
             return
         session.waiting = True
 
         def over() -> None:
             time, pose, on_link = self.simulator.time, self.simulator.pose, link + outcome.link
-            told = structs.replace(outcome, time=time, pose=pose, taken=taken, link=on_link)
-            self._resume(session, self._complete, queued, told)
+            waited = structs.replace(outcome, time=time, pose=pose, taken=taken, link=on_link)
+            self._resume(session, self._complete, queued, waited)
 
         until = outcome.time + (0.0 if session.has_gone else outcome.waits + back)
         self.driving.wait(session, until, over)
@@ -603,14 +619,14 @@ class Engine:
             self.driving.pass_time()
 
     def _complete_late(self, queued: Queued, outcome: CommandResult) -> None:
-        """Tell a result whose time has come, with the pose of that time; a movement's has its own."""
-        # A reading arrives later than it was taken: the pose beside it is that of its own time.
+        """Tell a result whose time has come. A reading gets the pose at that time; a movement has its own."""
+        # A reading arrives later than it was taken: the pose beside it is that of the event's time.
         if outcome.status not in (Status.DONE, Status.ACCEPTED):
             outcome = structs.replace(outcome, pose=self._pose_when(outcome.time))
         self._complete(queued, outcome)
 
     def _pose_when(self, time: float) -> Pose:
-        """The pose at a simulated time a moment ago."""
+        """The pose at a simulated time shortly before now."""
         leg = self.simulator.leg
         if leg is not None and leg.start_time <= time:
             return leg.pose_at(time)
@@ -627,8 +643,8 @@ class Engine:
             self.driving.answered(queued.session)
 
     def _reply(self, queued: Queued, outcome: CommandResult) -> None:
-        """Answer a sender, after the pause that settings ask for."""
-        # `step_time` is real time: it is there for people who watch, and changes no simulated time.
+        """Answer a sender, after the pause `step_time`."""
+        # `step_time` is real time: it is for people who watch, and changes no simulated time.
         if self.step_time and self._loop is not None:
             session = queued.session
             session.waiting = True
@@ -637,7 +653,8 @@ class Engine:
             self._hand_over(queued, outcome)
 
     def _hand_over(self, queued: Queued, outcome: CommandResult) -> None:
-        """Give an answer: that of a movement when it has been shown, and what follows after it."""
+        """Give an answer to its session. A movement's answer waits until it has been shown, and so do later
+        ones."""
         throttle = self.throttle
         if throttle is None or not throttle.busy:
             queued.session.give(queued.answer, outcome)
@@ -654,15 +671,15 @@ class Engine:
         throttle.later(session.late_until, lambda: session.give(answer, outcome, was_late=True))
 
     def _catch_up(self) -> None:
-        """Someone intervenes: what is shown is the present again, so that it is seen at once."""
+        """Show the present at once: somebody intervenes, and must see the result."""
         if self.throttle is not None:
             self.throttle.catch_up()
 
     def mirror(self, command: Command) -> CommandResult:
-        """Do at once the command that a real robot was sent. Watchers get the movement, but not
-        the answer: the asker knows more.
+        """Do at once the command that a real robot was sent.
 
-        A movement that is still under way here is over for the real robot: it is finished first.
+        Watchers get the movement, but not the result: the caller tells it with the real robot's answer. A
+        simulated movement that is still under way is finished first: the real robot has ended it.
         """
         self.now()
         # The real robot takes one command at a time: it has ended the movement before.
@@ -674,13 +691,13 @@ class Engine:
         return self.simulator.finish(outcome) if outcome.waits else outcome
 
     def peek(self, command: Command) -> CommandResult:
-        """Have a sensor read, or a command refused, without an answer: the asker tells it. Unlike `mirror`
-        it leaves a movement alone."""
+        """Begin a command that reads a sensor or is refused, without telling its result; the caller does.
+        Unlike `mirror` it does not change a movement under way."""
         self.now()
         return self.driving.begin(command, None)
 
     def finish_movement(self) -> None:
-        """The real robot has ended the movement that is still under way here: go on from its end."""
+        """Finish the simulated movement at once: the real robot has ended its own."""
         self.now()
         if self._movement is not None:
             self._movement_over()
@@ -689,7 +706,7 @@ class Engine:
     # -- timed movements ---------------------------------------------------------------------
 
     def _set_timer(self) -> None:
-        """Have the movement under way end on time; while paused it does not end."""
+        """Set the timer for the end of the movement under way; none while paused."""
         self._end.cancel()
         trajectory = self.simulator.trajectory
         if self._movement is not None and trajectory is not None and not self.paused:
@@ -703,7 +720,7 @@ class Engine:
         back = self._way(outcome.command) if queued is not None else 0.0
         answers = queued is not None and not (queued.there or back)
         self._tell_ended(outcome, stopped_by, answers=answers)
-        # All held sessions are freed before the first is woken: it may begin the next movement at once.
+        # All held sessions are freed before the first one continues: it may begin the next movement at once.
         held, self._held = self._held, []
         for each in held:
             each.waiting = False

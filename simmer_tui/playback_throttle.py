@@ -1,10 +1,9 @@
-"""Movements shown at a pace one can watch, while the simulation is always done at once.
+"""Movements shown at a pace that people can watch, while the simulation is always done at once.
 
-With instant motion the simulator, and with it every watcher of the engine, is as far as the commands
-that have come, with a screen and without. What a screen watches is behind: a movement's end, and all
-that is told after it, waits until its way has passed at the pace. So does the movement's answer, and
-with it those of its sender that follow. Nothing else waits, and nothing is reordered: the pace changes
-only when a thing is said, never what.
+With instant motion the simulator and the engine's watchers have processed all commands that have come, with a
+screen and without. A screen's watchers are behind. The end of a movement, and all events after it, wait until
+the movement has been shown at the pace. So does its answer, and later answers of the same sender. Nothing
+else waits, and the order stays: the pace changes when an event is shown, never its content.
 """
 
 from __future__ import annotations
@@ -22,24 +21,24 @@ from simmer_tui.events import Event, EventHandler, LegEnded, MovementEnded, Watc
 from simmer_tui.sim.legs import Leg
 from simmer_tui.sim.trajectory import Trajectory
 
-# Clients wait for their answers meanwhile: longer would run into their time limits.
+# Clients wait for their answers meanwhile: longer would reach their time limits.
 LONGEST = 2.0
-"""Seconds a movement is shown at most, alone; those that were sent ahead have to share them."""
-# Judged: more than anybody can follow, and bounded memory.
+"""Seconds a movement is shown at most; movements that were sent ahead share them."""
+# Judged: more than anybody can follow, and little memory.
 MOST_LATE = 2000
-"""Events and answers kept for later: a flood of more is not to be watched, and is shown at once."""
+"""Events and answers kept for later. With more, all are shown at once."""
 # Powers of two, so that doubling and halving by key meets both.
 SLOWEST, FASTEST = 0.125, 1024.0
 """Least and greatest pace, simulated seconds a second. 0 is as fast as possible."""
 
 
 def checked_pace(pace: float) -> float:
-    """A pace within its bounds; 0 stands for as fast as possible."""
+    """The pace within its bounds; 0 stays 0, as fast as possible."""
     return min(max(pace, SLOWEST), FASTEST) if pace else 0.0
 
 
 class _Way(Struct, frozen=True):
-    """A movement as it is shown: from and until when, by the loop's clock."""
+    """A movement as it is shown: its begin and end by the loop's clock."""
 
     trajectory: Trajectory | Leg
     begin: float
@@ -53,7 +52,7 @@ class _Way(Struct, frozen=True):
 
 
 class PlaybackThrottle(EventHandler[None]):
-    """Passes events on to those who watch at a pace, and answers to those who wait for a movement.
+    """Delays events for those who watch at a pace, and answers for those who wait for a movement.
 
     All methods run in the robot's event loop; `busy` may be read by any thread.
     """
@@ -64,8 +63,8 @@ class PlaybackThrottle(EventHandler[None]):
         pace: float = 0.0,
         fault: Callable[[str], None] = lambda text: None,
     ) -> None:
-        """`pace` is simulated seconds a second, 0 as fast as possible. `fault` is told of watchers
-        that failed."""
+        """`pace` is simulated seconds a second, 0 as fast as possible. `fault` is called with a text for each
+        watcher that failed."""
         self.pace = checked_pace(pace)
         """Holds from the next movement on; any thread may change it."""
         self.watchers = Watchers(fault)
@@ -85,16 +84,16 @@ class PlaybackThrottle(EventHandler[None]):
 
     @property
     def until(self) -> float:
-        """When all that has happened so far will have been shown, by the loop's clock."""
+        """Time by the loop's clock at which everything so far will have been shown."""
         return self._until
 
     def time(self) -> float | None:
-        """The simulated time of the movement shown now; None if what is shown is the present."""
+        """The simulated time of the movement shown now; None if the present is shown."""
         self._go_on()
         return self._ways[0].time(self._loop.time()) if self._ways else None
 
     def watch(self, event: Event) -> None:
-        """Take what has happened, for those who watch at the pace."""
+        """Take an event for those who watch at the pace."""
         if self.pace:
             self.handle(event)
         if self._late:
@@ -103,7 +102,7 @@ class PlaybackThrottle(EventHandler[None]):
             self.watchers.tell(event)
 
     def later(self, moment: float, call: Callable[[], None]) -> None:
-        """Have something done at a moment of the loop's clock, after what is due before it."""
+        """Call a function at a moment of the loop's clock, after earlier calls."""
         heapq.heappush(self._late, (moment, next(self._order), call))
         if len(self._late) > MOST_LATE:
             self.catch_up()
@@ -124,7 +123,7 @@ class PlaybackThrottle(EventHandler[None]):
     # -- within --------------------------------------------------------------------------------
 
     def _begin_way(self, trajectory: Trajectory | Leg, pace: float) -> None:
-        """Have later events wait for this movement's way."""
+        """Delay later events until this movement has been shown."""
         length = trajectory.end_time - trajectory.start_time
         seconds = min(length / pace, LONGEST / (1 + len(self._ways)))
         if seconds <= 0.0:
@@ -138,7 +137,7 @@ class PlaybackThrottle(EventHandler[None]):
         self._ways.popleft()
 
     def _go_on(self, now: float | None = None) -> None:
-        """Do what is due."""
+        """Make the calls that are due."""
         if now is None:
             now = self._loop.time()
         while self._late and self._late[0][0] <= now:

@@ -1,7 +1,7 @@
 """The program's clock: an event loop whose time moves only while the program waits.
 
 Computing costs no simulated time, and a run is the same every time, however busy the machine is.
-`ProgramClock` knows what the program does, `ProgramClockLoop` is the loop that lives by it.
+`ProgramClock` knows what the program does; `ProgramClockLoop` is the event loop that follows it.
 """
 
 from __future__ import annotations
@@ -14,11 +14,12 @@ from collections.abc import Callable
 
 from msgspec import Struct
 
-# Two events of one moment are one: the loop's own clock has this resolution, and times are summed up.
+# Times closer than this are equal: the loop's own clock has this resolution, and sums of times have rounding
+# errors.
 _HAIR = 1e-9
-# Loopback takes microseconds, and some milliseconds on a machine with ten times more to do than it can.
+# Judged: loopback takes microseconds, and some milliseconds on a machine with ten times the load it can take.
 IN_FLIGHT = 0.2
-"""Longest real time that bytes may be on their way, seconds."""
+"""Longest real time for bytes to arrive, seconds."""
 
 
 _Ready = list[tuple[selectors.SelectorKey, int]]
@@ -26,10 +27,10 @@ _Ready = list[tuple[selectors.SelectorKey, int]]
 
 
 class ProgramWait(Struct, eq=False):
-    """A process of the program: `wake` lets it go on, and is given the time.
+    """A process of the program. `wake` lets it continue, and is given the time.
 
-    It waits `until` a time, or computes. One that `listens` waits for a reply too. One that is `away` waits
-    for another process, which takes no time by itself.
+    It waits until the time `until`, or computes (None). With `listens` it waits for a reply too. With `away`
+    it waits for another process, which takes no time by itself.
     """
 
     wake: Callable[[float], None]
@@ -41,21 +42,21 @@ class ProgramWait(Struct, eq=False):
 
 
 class ProgramClock:
-    """The time of a program, in seconds from 0, and what each of its processes waits for.
+    """The time of a program, in seconds from 0, and the wait of each of its processes.
 
-    Not of any thread but the loop's.
+    Only for the loop's thread.
     """
 
     def __init__(self) -> None:
         self.now = 0.0
         """The time; of the real clock, once the program has turned out to be out of reach."""
         self.reached = False
-        """True once a process of the program has said that it lives by this clock."""
+        """True once a process of the program has connected to this clock."""
         self.quiet: set[int] = set()
         """The descriptors of sockets that bring no replies: those by which processes say what they do."""
         self.frozen = False
-        """True once time is to stand still: the mission has failed, and the program is about to be ended."""
-        # On a machine with several processors bytes of one connection may come after later ones of another.
+        """True once time must not move: the mission has failed, and the program is about to be ended."""
+        # On several processors bytes of one connection may arrive after later bytes of another.
         self.received = self.written = 0
         """Counts of bytes that came from the program, and that were sent to it."""
         self.unfit = ""
@@ -71,16 +72,16 @@ class ProgramClock:
     # -- what the program says ---------------------------------------------------------------------
 
     def join(self, process: ProgramWait) -> None:
-        """A process begins. It computes."""
+        """Add a process. It computes at first."""
         self.reached = True
         self._processes[process] = None
 
     def leave(self, process: ProgramWait) -> None:
-        """A process has ended."""
+        """Remove a process that has ended."""
         self._processes.pop(process, None)
 
     def wait(self, process: ProgramWait, until: float, *, listens: bool, sent: int) -> None:
-        """A process that has sent so many bytes waits until a time, or for a reply."""
+        """Take note that a process waits until a time, or for a reply, and how many bytes it has sent."""
         process.until, process.listens = max(until, self.now), listens
         self._sent += sent - process.sent
         process.sent = sent
@@ -89,11 +90,11 @@ class ProgramClock:
 
     @property
     def is_real(self) -> bool:
-        """True if the real clock is in force: no program is known to live by this one."""
+        """True if the real clock is in force: no process of the program uses this one."""
         return self._real_since is not None
 
     def use_real_clock(self) -> None:
-        """Go by the real clock from here on."""
+        """Use the real clock from now on."""
         if self._real_since is None:
             self._real_since = time.monotonic() - self.now
 
@@ -105,20 +106,24 @@ class ProgramClock:
 
     @property
     def is_behind(self) -> bool:
-        """True if something that the program has sent has not come yet."""
+        """True if bytes that the program has sent have not arrived yet."""
         return self._sent > self.received
 
     def give_up_missing(self) -> None:
-        """Drops bytes that have not come by now: they were sent to a connection that is closed."""
+        """Stop waiting for bytes that have not arrived by now: they were sent to a connection that is
+        closed."""
         self._sent = self.received
 
     def note(self) -> None:
-        """Something has happened that may have brought a reply."""
+        """Take note of an event that may have brought a reply."""
         self._news = True
 
     def go_on(self, timer: float) -> bool:
-        """All is done for now. Move time to `timer`, when the loop has something to do next, or let the
-        program go on. False if there is nothing to do but wait for the program."""
+        """Move time to `timer`, the loop's next timer, or let the program continue. False if only the program
+        can continue.
+
+        Called when the loop has nothing else to do.
+        """
         waiting = self._waiting()
         if self.frozen or not waiting:
             return False
@@ -126,7 +131,7 @@ class ProgramClock:
         listening = [each for each in waiting if each.listens]
         if self._news and listening:
             self._news = False
-            # All of them look: for which of them the reply is, only they know.
+            # All of them wake: only they know whose reply it is.
             self._wake(listening)
             return False
         until = min(_end_of(each) for each in waiting)
@@ -142,12 +147,12 @@ class ProgramClock:
         return False
 
     def _waiting(self) -> list[ProgramWait]:
-        """The processes that do not wait for another one; none as long as one of them computes."""
+        """The processes that do not wait for another one; none while one of them computes."""
         present = [each for each in self._processes if not each.away]
         return [] if any(each.until is None for each in present) else present
 
     def _settle_output(self) -> None:
-        """Have all that was printed by now get this time; give it up where that takes too long."""
+        """Have everything printed so far get this time. The attempt that takes too long is the last."""
         if self.settle_output is not None and not self.settle_output():
             self.settle_output = None
 
@@ -163,7 +168,7 @@ def _end_of(process: ProgramWait) -> float:
 
 
 class ProgramClockLoop(asyncio.SelectorEventLoop):
-    """An event loop that lives by a `ProgramClock`."""
+    """An event loop whose time is that of a `ProgramClock`."""
 
     def __init__(self, clock: ProgramClock) -> None:
         self.clock = clock
@@ -172,9 +177,9 @@ class ProgramClockLoop(asyncio.SelectorEventLoop):
         super().__init__(self._waits)
 
     def _next_timer(self) -> float:
-        """The time of the next timer, to the last bit."""
-        # A private part of asyncio. What `select` is given is the difference to now: its rounding depends on
-        # when it was asked for, and with it would the run.
+        """The exact time of the next timer."""
+        # A private part of asyncio. `select` gets the difference to now: its rounding depends on the moment
+        # of the call, and so would the run.
         return self._scheduled[0].when()
 
     def time(self) -> float:
@@ -182,20 +187,20 @@ class ProgramClockLoop(asyncio.SelectorEventLoop):
         return self.clock.time()
 
     async def real_pause(self, seconds: float) -> None:
-        """Wait by the real clock, for what other processes take."""
+        """Wait by the real clock, for work of other processes."""
         over = self.create_future()
         self._waits.real_timers.append((time.monotonic() + seconds, over))
         await over
 
 
 def clock_of(loop: asyncio.AbstractEventLoop) -> ProgramClock | None:
-    """The program's clock, if a loop lives by it."""
+    """The program's clock, if the loop has one."""
     return loop.clock if isinstance(loop, ProgramClockLoop) else None
 
 
 class _ProgramSelector(selectors.DefaultSelector):
-    """Waits for sockets as the system's selector does, and moves the program's time instead of waiting for
-    the loop's timers."""
+    """Waits for sockets as the system's selector does. It moves the program's time instead of waiting for the
+    loop's timers."""
 
     def __init__(self, clock: ProgramClock, next_timer: Callable[[], float]) -> None:
         super().__init__()
@@ -209,7 +214,7 @@ class _ProgramSelector(selectors.DefaultSelector):
         clock = self._clock
         if clock.is_real:
             return self._wait(timeout)
-        # What the program has sent before it began to wait is here already: all of it comes first.
+        # Everything that the program sent before it began to wait has arrived already, and is read first.
         ready = super().select(0)
         if ready or (timeout is not None and timeout <= 0):
             return self._noted(ready)
@@ -222,7 +227,7 @@ class _ProgramSelector(selectors.DefaultSelector):
         return [] if clock.go_on(timer) else self._wait(None)
 
     def _noted(self, ready: _Ready) -> _Ready:
-        """The same, after the clock has taken note of what may bring a reply."""
+        """The same descriptors, after the clock has noted whether they may bring a reply."""
         if any(key.fd not in self._clock.quiet for key, _ in ready):
             self._clock.note()
         return ready

@@ -1,4 +1,4 @@
-"""The robot's own thread: one event loop with the engine and everything that carries bytes to it."""
+"""The robot's own thread: one event loop with the engine and all links."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ from simmer_tui.sessions import LinkDelay
 from simmer_tui.sim.command import Command, escape
 from simmer_tui.sim.simulator import Simulator
 
-if TYPE_CHECKING:  # what only some runs need is imported in those
+if TYPE_CHECKING:  # Modules that only some runs need are imported in those.
     from simmer_tui.links.real_robot import RealRobot
     from simmer_tui.links.serial_link import RobotLink
     from simmer_tui.mission import MissionPlan, Referee
@@ -61,27 +61,28 @@ NOT_REACHED = (
     "the program's clock does not reach this program: it is not Python, or was started with -I, -E or -S"
 )
 OUT_OF_REACH = f"{NOT_REACHED}. The real clock is in force: use --clock real"
-# Judged: long enough for replies still to be sent, short enough for Ctrl-C to feel immediate.
+# Judged: long enough for the last replies, short enough for Ctrl-C to feel immediate.
 _ENDING = 0.7
-"""Seconds the robot's thread may take to end; nobody waits longer for it."""
-# With `_ENDING` within the 2 s that an end may take; most searches take less than 0.1 s.
+"""Seconds that the robot's thread may take to end; nobody waits longer for it."""
+# Together with `_ENDING` below 2 s, the most that the end of a run may take. Most searches take less than 0.1
+# s.
 _SEARCHING = 1.0
-"""Seconds that a search of the verdict may go on after the robot's thread."""
-# Judged: a program's last bytes are in the system already when it has ended; the limit is for one
-# whose child keeps the connection.
+"""Seconds that the verdict's search may continue after the robot's thread has ended."""
+# Judged: when a program has ended, its last bytes are in the system already. The limit is for a program whose
+# child keeps the connection.
 _DRAINING, _DRAIN_IDLE, _LOOK_AGAIN = 5.0, 1.5, 0.002
 """Seconds: the most that draining takes, the most without a command meanwhile, and between two looks."""
-# Not more often than 50 times a second, however near the limit; and again within a second, because
-# the speed may change meanwhile.
+# At most 50 checks a second, however near the limit, and at least one a second, because the speed may change
+# meanwhile.
 _SOON, _LATER = 0.02, 1.0
-"""Least and greatest time between two looks at a mission's time, seconds."""
+"""Least and greatest time between two checks of a mission's time limit, seconds."""
 
 
 class Server:
-    """A simulator that serves its ports from a daemon thread of its own.
+    """A simulator that serves its ports from a daemon thread of its own, for the screen and for headless
+    runs.
 
-    The same for the screen and for headless runs. Watchers are called in the robot's thread; from
-    other threads reach the engine through `call`.
+    Watchers are called in the robot's thread. Other threads reach the engine through `call`.
     """
 
     def __init__(
@@ -93,18 +94,18 @@ class Server:
         simulator: Simulator | None = None,
         prefix: ReplayedPrefix | None = None,
     ) -> None:
-        """Take the ports and set the robot on its start. Raises PortError.
+        """Take the ports and put the robot at its start. Raises PortError.
 
-        `take` listens on a port of a host; another one than ours hands in sockets that listen elsewhere,
-        as in the network of a sandboxed program.
+        `take` listens on a port of a host. A sandboxed program has another `take`, whose sockets listen in
+        the sandbox's network.
 
-        `robot_link` makes the way to a real robot, by default its serial port. With a `plan` the
-        run is a mission; both come from `plan_run`. With a `prefix` the robot is `simulator`, and all that
-        happened is passed to watchers before `start`.
+        `robot_link` opens the connection to a real robot, by default its serial port. With a `plan` the run
+        is a mission; configuration and plan come from `plan_run`. With a `prefix` the robot is `simulator`,
+        and the events of the prefix are passed to watchers before `start`.
         """
         settings = configuration.settings
         self.configuration = configuration
-        # Not by secrets, which takes time to import.
+        # Not with the module secrets, whose import takes time.
         self.seed = int.from_bytes(os.urandom(4)) if settings.randerror else settings.seed
         self.simulator = simulator or Simulator(configuration.simulation, self.seed)
         self.prefix = prefix
@@ -127,7 +128,7 @@ class Server:
             self._follow = self._judged.apply
             self.engine.watch(lambda event: self._follow(event))
             self.engine.watch(self.referee.watch)
-            # A mission that ends inside a wait ends it there.
+            # A mission that ends inside a wait also ends the wait.
             self.engine.driving.limit, self.engine.driving.limit_reached = plan.time_limit, self.referee.check
             self.engine.watch(MissionEnd(self.engine.driving.cut).handle)
         self.warnings: list[str] = [*set_warnings(configuration)]
@@ -142,10 +143,10 @@ class Server:
         """The pseudo-terminal that leads to the robot, if there is one."""
         self._owners = None if settings.server.any_user else OwnerLookup()
         if self._owners is not None:
-            # At once: programs connect before the robot's thread runs, and may be gone by then.
+            # At once: programs may connect and leave before the robot's thread runs.
             for sock in self._listening:
                 self._owners.hold_ends(sock)
-        # First of the warnings: it is the one that cannot wait.
+        # The first of the warnings, because it is the urgent one.
         is_local = all(ip_address(sock.getsockname()[0]).is_loopback for sock in self._listening)
         if not (is_local or self._token):
             self.warnings.insert(
@@ -153,7 +154,7 @@ class Server:
                 f"anyone who reaches {self.host} can drive the robot: demand a token with --token, or take "
                 "127.0.0.1, this machine only",
             )
-        # Not the platform's own: the links add sockets by `add_reader`, which Windows' proactor cannot.
+        # Not the platform's default: the links use `add_reader`, which Windows' proactor loop does not have.
         self.clock = ProgramClock() if motion.is_by_program else None
         """The program's clock, if that is in force."""
         self._loop = ProgramClockLoop(self.clock) if self.clock else asyncio.SelectorEventLoop()
@@ -165,7 +166,7 @@ class Server:
         self._simulated = SimulatorBackend(self.engine)
         self._backend = BackendSwitch(self._simulated)
         self.robot: RealRobot | None = None
-        """The way to the real robot, if clients drive one. Other threads only read its properties."""
+        """The connection to the real robot, if clients drive one. Other threads only read its properties."""
         self._robot_link = robot_link or _serial_link
         # A daemon: a driver that hangs must not keep the process alive.
         self._thread = threading.Thread(target=self._run, name="robot", daemon=True)
@@ -179,7 +180,7 @@ class Server:
                 for request in requests:
                     taken[request.purpose] = self._take_port(server.host, request)
             except PortError as error:
-                # Commands are what the server is for; beliefs are only drawn, and it does without them.
+                # The server needs its command ports; without the port for beliefs it does less.
                 if not dialect.warning:
                     for listener in taken.values():
                         listener.close()
@@ -205,7 +206,8 @@ class Server:
         return listener
 
     def _take_terminal(self, path: str) -> PtyDevice | None:
-        """The pseudo-terminal at a path; a set may name one that this system does not have."""
+        """The pseudo-terminal at a path. None without a path, or where this run cannot have one. Raises
+        PortError."""
         if path and not platform_has.POSIX:
             self.warnings.append(NOT_ON_WINDOWS)
             return None
@@ -232,18 +234,18 @@ class Server:
 
     @property
     def environment(self) -> dict[str, str]:
-        """The variables that tell a program on this machine where to connect, and what it may know: the set,
-        which profiles its robot has, and its mission."""
+        """The environment variables of a program on this machine: where to connect, the set, the robot's
+        profiles and the mission."""
         taken, settings, directory = self.ports, self.configuration.settings, self.configuration.directory
         variables = {"SIMMER_HOST": reachable_host(self.host)}
         for port in (*all_ports(), CLOCK):
             if port.purpose in taken:
                 variables[port.variable] = str(taken[port.purpose])
         optional = {
-            # The program is our own child; it would otherwise be turned away from our own ports.
+            # The program is our own child: it gets the token, or our own ports would refuse it.
             TOKEN: self._token,
             "SIMMER_SERIAL_NAMES": ",".join(settings.server.serial_names),
-            # Not that of a set that came from elsewhere, as in trials on other machines.
+            # Not for a set that came from elsewhere, as in trials on other machines.
             "SIMMER_CONFIG": str(directory.resolve()) if directory.is_dir() else "",
             "SIMMER_DRIVE_PROFILE": settings.drive_profile,
             "SIMMER_SENSOR_PROFILE": ",".join(settings.sensor_profile),
@@ -274,14 +276,15 @@ class Server:
         self._thread.start()
 
     def call(self, function: Callable[..., object], *arguments: Any) -> None:
-        """Have something done in the robot's thread."""
+        """Call a function in the robot's thread."""
         self._loop.call_soon_threadsafe(function, *arguments)
 
     def drain(self) -> None:
-        """Take in all that a program sent before it ended: returns when no connection is left.
+        """Receive everything that a program sent before it ended. Returns when no connection is left.
 
-        One that stays is waited for until no command has come for 1.5 seconds, for 5 seconds at most. Not for
-        the robot's thread."""
+        A connection that stays is waited for until no command has come for 1.5 seconds, and for 5 seconds at
+        most. Do not call it in the robot's thread.
+        """
         drained = asyncio.run_coroutine_threadsafe(self._drain(), self._loop)
         with contextlib.suppress(TimeoutError):
             drained.result(_DRAINING)
@@ -292,8 +295,8 @@ class Server:
         loop = self._loop
         pause = loop.real_pause if isinstance(loop, ProgramClockLoop) else asyncio.sleep
         while True:
-            await pause(_LOOK_AGAIN)  # meanwhile those who wait for it are let in
-            # A busy machine may need seconds for thousands of commands: they are done as long as they come.
+            await pause(_LOOK_AGAIN)  # meanwhile waiting connections are accepted
+            # A busy machine may need seconds for thousands of commands: the drain continues while they come.
             if self.simulator.commands != commands:
                 commands, until = self.simulator.commands, time.monotonic() + _DRAIN_IDLE
             is_over = not self._has_waiting() and not any(link.has_clients for link in self._links)
@@ -301,7 +304,7 @@ class Server:
                 return
 
     def _has_waiting(self) -> bool:
-        """True if a connection waits to be accepted, such as one behind hundreds that are turned away."""
+        """True if a connection waits to be accepted, such as one behind hundreds of refused ones."""
         with selectors.DefaultSelector() as selector:
             for sock in self._listening:
                 if sock.fileno() != -1:  # closed: the server is being stopped
@@ -309,21 +312,21 @@ class Server:
             return bool(selector.select(0))
 
     def use_robot(self, port: str) -> None:
-        """Have clients drive the real robot on a serial port from here on. Any thread may ask."""
+        """Have clients drive the real robot on a serial port from now on. Any thread may call it."""
         self.call(self._use_robot, port)
 
     @property
     def is_silent(self) -> bool:
-        """True if no command has come, and nothing went over a dialect's line."""
+        """True if no command has come, and nothing was sent over a dialect's line."""
         return not self.simulator.commands and not self.engine.exchanges
 
     def note_output(self, settle: Callable[[], bool]) -> None:
-        """Take note of how to wait until what the program has printed is read (`ProgramClock`)."""
+        """Set the function that waits until all output of the program has been read (`ProgramClock`)."""
         if self.clock is not None:
             self.clock.settle_output = settle
 
     def use_simulator(self) -> None:
-        """Have clients drive the simulated robot from here on. Any thread may ask."""
+        """Have clients drive the simulated robot from now on. Any thread may call it."""
         self.call(self._use_simulator)
 
     def _use_robot(self, port: str) -> None:
@@ -344,28 +347,31 @@ class Server:
             self.engine.tell(Notice(NoticeKind.ROBOT, "programs drive the simulated robot"))
 
     def open_session(self) -> BackendSession:
-        """A way to give commands beside the links, to whichever robot programs drive. To be used in
-        the robot's thread. Movements are answered at once."""
+        """A sender of commands beside the links, to whichever robot programs drive. Movements are answered at
+        once. Only for the robot's thread."""
         return self._backend.open_session(answer_at_end=False)
 
     def message(self, command: Command) -> Message:
-        """A command that was typed or chosen, as a program of this configuration would send it."""
+        """The message for a command of a person, as a program of this configuration would send it."""
         return typed_message(self.configuration.settings.server, command)
 
     def tell(self, event: Event) -> None:
-        """Have an event passed to all watchers."""
+        """Pass an event to all watchers. Any thread may call it."""
         self.call(self.engine.tell, event)
 
     def tell_at_once(self, event: Event) -> None:
-        """The same, and wait until they have handled it, and the events that they tell because of it."""
-        told = threading.Event()
+        """Pass an event to all watchers, and wait until they have handled it and the events that follow from
+        it."""
+        handled = threading.Event()
         self.call(self.engine.tell, event)
-        self.call(told.set)
-        told.wait(_ENDING)
+        self.call(handled.set)
+        handled.wait(_ENDING)
 
     def start_log(self, file: str) -> Path:
-        """Log the run from here on, in place of a log before; `auto` names the file by date. Returns
-        the file. Raises RunLogError. To be called before `start`, or in the robot's thread."""
+        """Log the run from now on; an earlier log is closed. `auto` names the file by date. Returns the file.
+
+        Raises RunLogError. Call it before `start`, or in the robot's thread.
+        """
         from simmer_tui.runlog.writer import AUTO, RunLog, auto_path
 
         path = auto_path() if file == AUTO else Path(file).expanduser()
@@ -377,18 +383,18 @@ class Server:
             on_stop=self._log_stopped,
             prefix=self.prefix,
         )
-        # The new log is open: should that fail, the one before goes on.
+        # The new log is open: if that had failed, the earlier one would continue.
         self.stop_log()
         self._log = log
         self.engine.watch(log)
         return path
 
     async def begin_log(self, file: str) -> Path:
-        """`start_log` in the robot's thread, asked for from another event loop."""
+        """Call `start_log` in the robot's thread, from another event loop."""
         return await self._in_robots_thread(self.start_log, file)
 
     async def _in_robots_thread(self, function: Callable[..., _T], *arguments: Any) -> _T:
-        """Result of a function that is called in the robot's thread; to be awaited in another event loop."""
+        """The result of a function that is called in the robot's thread; awaited in another event loop."""
 
         async def call() -> _T:
             return function(*arguments)
@@ -396,14 +402,14 @@ class Server:
         return await asyncio.wrap_future(asyncio.run_coroutine_threadsafe(call(), self._loop))
 
     def stop_log(self) -> None:
-        """Write no more to the log, if there is one."""
+        """Close the log, if there is one."""
         if self._log is not None:
             self.engine.unwatch(self._log)
             self._log.close()
             self._log = None
 
     def save_run(self) -> None:
-        """Save the run in the user's data folder; before `start`. Where that fails the run goes on, with a
+        """Save the run in the user's data folder; before `start`. If that fails the run continues, with a
         warning."""
         from simmer_tui.runlog.saved_runs import SavedRun
 
@@ -426,7 +432,7 @@ class Server:
         self.engine.tell_fault(why)
 
     def new_fold(self) -> Reducer:
-        """A fold that begins with the run as it stands."""
+        """A reducer that begins with the present state of the run."""
         from simmer_tui.run.reducer import Reducer
         from simmer_tui.run.state import checkpoint_of
 
@@ -434,7 +440,7 @@ class Server:
         return Reducer(checkpoint_of(self.simulator, mission=self._has_mission, time_scale=scale))
 
     def keep_history(self) -> RunHistory:
-        """Keep what happens from now on, until a mission ends; before `start`."""
+        """The history of the run from now on, until a mission ends. Call it before `start`."""
         from simmer_tui.report.mission_gate import Analysis
 
         if self.referee is None:
@@ -464,12 +470,12 @@ class Server:
 
     @cached_property
     def _shown(self) -> Reducer:
-        """The state as it is shown, which may be behind that of the simulator."""
+        """The reducer of the state that is shown, which may be behind the simulator's."""
         return self.new_fold()
 
     def keep_verdict(self, *, has_program: bool) -> None:
-        """Find the verdict when the run ends, and show it; before `record`. `has_program` tells that a
-        program is run beside."""
+        """Find the verdict when the run ends, and show it; before `record`. `has_program` is true if this
+        process runs the program."""
         from simmer_tui.report.live_verdict import LiveVerdict
         from simmer_tui.run.attempt import task_of
 
@@ -487,12 +493,13 @@ class Server:
         return None if self._verdict is None else self._verdict.verdict
 
     def expect_program(self) -> None:
-        """A program is run beside from here on: its end counts, not that of its connections. Any thread."""
+        """The run has a program of its own from now on: its end counts, not that of its connections. Any
+        thread may call it."""
         if self._verdict is not None:
             self.call(self._verdict.expect_program)
 
     def note_program(self, pid: int) -> None:
-        """The program that is run beside has been started, after `start`. Any thread may tell."""
+        """Take note of the process of the run's own program; after `start`. Any thread may call it."""
 
         def note() -> None:
             if self._processes is not None:
@@ -501,20 +508,23 @@ class Server:
         self.call(note)
 
     def record(self, pace: float = 0.0) -> None:
-        """Keep what snapshots show, before `start`. Movements are shown, and answered, at `pace`:
-        simulated seconds a second, 0 as fast as possible."""
+        """Keep the events that snapshots show; before `start`.
+
+        Movements are shown, and answered, at `pace`: simulated seconds a second, 0 as fast as possible.
+        """
         watchers = self.engine.paced(self._loop, pace).watchers
-        watchers.add(self._shown.apply)  # before those who read it
+        watchers.add(self._shown.apply)  # before the watchers that read the state
         watchers.add(self.recorder.watch)
 
     @property
     def pace(self) -> float:
-        """At how many simulated seconds a second movements are shown; 0 is as fast as possible."""
+        """Pace of the movements shown, simulated seconds a second; 0 is as fast as possible. Any thread may
+        ask."""
         throttle = self.engine.throttle
         return throttle.pace if throttle is not None else 0.0
 
     def set_pace(self, pace: float) -> None:
-        """Show movements at another pace. Any thread may ask. Timed motion has none."""
+        """Show movements at another pace. Timed motion has none. Any thread may call it."""
         throttle = self.engine.throttle
         if throttle is not None and not self.engine.timed:
             throttle.pace = checked_pace(pace)
@@ -523,12 +533,12 @@ class Server:
 
     @property
     def moving(self) -> bool:
-        """True if the robot moves, or is shown to. Any thread may ask."""
+        """True if the robot moves, or is shown moving. Any thread may ask."""
         throttle = self.engine.throttle
         return self.simulator.moving or (throttle is not None and throttle.busy)
 
     async def snapshot(self, since: int = 0, true_values: bool = False) -> Snapshot:
-        """The state now (see `Recorder.snapshot`), asked for from another event loop."""
+        """The present state (see `Recorder.snapshot`), asked for from another event loop."""
         return await self._in_robots_thread(self.recorder.snapshot, since, true_values)
 
     @property
@@ -540,7 +550,7 @@ class Server:
         """Release the ports and end the thread. May be called more than once."""
         if self._thread.is_alive():
             self.call(self._loop.stop)
-            self._thread.join(_ENDING)  # a daemon: held up by the system, it does not hold us up
+            self._thread.join(_ENDING)  # a daemon: if the system holds it up, it does not hold us up
         elif not self._loop.is_closed():
             self._close_ports()
             self._loop.close()
@@ -558,7 +568,7 @@ class Server:
         try:
             self._loop.run_forever()
         finally:
-            # Connections first, then the robot: nothing new can come while it answers what is left.
+            # Connections first, then the robot: no command can come while it gives its last answers.
             self._close_ports()
             self._backend.close()
             self._loop.run_until_complete(_settle())
@@ -598,8 +608,8 @@ class Server:
             self.engine.watch(self._watch_clock)
 
     def _watch_clock(self, event: Event) -> None:
-        """Leave the program's clock if a program connects that does not know of it; hold it when a mission
-        has failed."""
+        """Use the real clock if a program connects that does not use the program's clock. Freeze the clock
+        when a mission has failed."""
         clock = self.clock
         assert clock is not None, "watched where it is in force"
         if isinstance(event, Notice) and event.kind is NoticeKind.CONNECTED and not clock.reached:
@@ -611,7 +621,7 @@ class Server:
             clock.frozen = event.subject is not Result.SUCCESS
 
     def _check_mission(self, referee: Referee) -> None:
-        """In real time the time limit comes without a command."""
+        """Check a mission's time limit regularly: in real time it passes without a command."""
         now = self.engine.now()
         referee.check(now)
         left = (referee.plan.time_limit - now) / self.engine.time_scale
@@ -623,7 +633,7 @@ class Server:
         self.engine.tell_fault(text)
 
     def _close_ports(self) -> None:
-        """End all connections, and give back what they came by."""
+        """Close all connections, their listeners and the look-ups of processes."""
         for link in self._links:
             link.close()
         for listener in self._listeners.values():
@@ -637,7 +647,7 @@ class Server:
 
 def reachable_host(host: str) -> str:
     """The address at which programs on this machine reach ports that were taken on `host`."""
-    # "Any address" is none that a program can connect to.
+    # The address that stands for "all interfaces" cannot be connected to.
     here = {"localhost": "127.0.0.1", "0.0.0.0": "127.0.0.1", "::": "::1"}
     return here.get(host, host)
 
@@ -654,8 +664,8 @@ def _serial_link(serial: SerialSettings) -> RobotLink:
 
 
 async def _settle() -> None:
-    """Let connections that are closing send what they still hold."""
-    # Judged: a turn for the close, one for what it calls, one to spare.
+    """Let connections that are closing send their last bytes."""
+    # Judged: one turn of the loop for the close, one for its callbacks, one to spare.
     for _ in range(3):
         await asyncio.sleep(0)
     remaining = [task for task in asyncio.all_tasks() if task is not asyncio.current_task()]

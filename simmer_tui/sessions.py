@@ -1,9 +1,8 @@
 """The order of commands: senders take turns, in slices, so that a flood from one delays the others little.
 
-Beside it stand what comes between: the latency of the link to the robot, and calls that are due later.
-
-All methods but the constructors run in the robot's event loop, once that has started. What a command does,
-and when it is answered, is for the engine to say.
+The latency of the link to the robot and the timers for later calls are here too. All methods but the
+constructors run in the robot's event loop, once that has started. The engine decides what a command does and
+when it is answered.
 """
 
 from __future__ import annotations
@@ -25,35 +24,42 @@ from simmer_tui.sim.records import CommandResult
 
 # Judged: far less than the 100 ms between two frames of the screen.
 SLICE, SLICE_SECONDS = 16, 0.002
-"""Commands of a lane done in one turn of the event loop, and seconds after which a lane of many gets
-no more of them, so that a flood delays nobody else for long."""
+"""Commands of a lane done in one turn of the event loop, and its limit of time, seconds, for lanes of many
+connections. A flood of commands delays the others by no more."""
 Answer = Callable[[CommandResult], None]
 
 
 # A dataclass with slots: its fields change with every command, which costs more with a msgspec struct.
 @dataclass(slots=True, eq=False)
 class Lane:
-    """Sessions that share a turn, such as all connections of a port: many of them get no more than one."""
+    """Sessions that share a turn, such as all connections of a port. Many of them get no more turns than
+    one."""
 
     seconds: float | None
-    """After which its slice is used up, if time counts."""
+    """Seconds after which its slice is used up; None without such a limit."""
     ready: deque[Session] = field(default_factory=deque)
-    """Those with a command to be done now."""
+    """Sessions with a command to be done now."""
     left: int = SLICE
     spent: float = 0.0
 
 
 class Stop(Struct):
-    """A command that stops, which is done before its turn, only its answer waits: what it did, once
-    it has come over the link, and what its answer takes on the way back."""
+    """The result of a command that stops, once it has arrived over the link. `back` is the delay of its
+    answer, simulated seconds.
+
+    A stop is done before its turn; only its answer waits.
+    """
 
     outcome: CommandResult | None = None
     back: float = 0.0
 
 
 class Queued(Struct, frozen=True):
-    """A command of a session that waits for its turn or its answer, and how many stops had been given when it
-    came. `there` is what it took on the link, once it has come over that."""
+    """A command of a session that waits for its turn or its answer.
+
+    `halts` is the count of stops when it came. `there` is the delay that it had on the link, simulated
+    seconds; None before it has arrived.
+    """
 
     session: Session
     command: Command
@@ -62,7 +68,7 @@ class Queued(Struct, frozen=True):
     stop: Stop | None = None
     there: float | None = None
     moment: Sequence[Command] = ()
-    """The commands that came at one moment, this one the first of them; empty for the others."""
+    """All commands of a message, in the first command of it; empty in the others."""
 
 
 @dataclass(slots=True, eq=False)
@@ -73,30 +79,32 @@ class Session:
     on_submit: Callable[[Session, Command, Answer, Sequence[Command]], None]
     on_close: Callable[[Session], None]
     answer_at_end: bool = True
-    """True if a timed movement is answered when it ends, or at once as accepted."""
+    """True if a timed movement is answered when it ends; False if it is answered at once as accepted."""
     driver: Hashable | None = None
-    """Whose velocities it sets: itself, or whoever has a session a message."""
+    """Owner of the velocities that it sets: by default the session itself."""
     ready: bool = False
-    """True if it is among its lane's."""
+    """True if the session is in its lane's queue `ready`."""
     queue: deque[Queued] = field(default_factory=deque)
     waiting: bool = False
-    """An answer is still to come; the next command must wait for it."""
+    """True while an answer is pending; the next command must wait for it."""
     open: bool = True
     late: int = 0
-    """Answers that wait until a movement has been shown, the last of them until `late_until`, by
-    the loop's clock."""
+    """Answers that wait until a movement has been shown, the last of them until `late_until`, by the loop's
+    clock."""
     late_until: float = 0.0
     has_gone: bool = False
-    """True if nobody is there any more to read its answers: what came before is done, but it waits for no
-    time to pass."""
+    """True if nobody will read its answers. Its earlier commands are still done, but without waits."""
 
     def __post_init__(self) -> None:
         if self.driver is None:
             self.driver = self
 
     def submit(self, command: Command, answer: Answer, moment: Sequence[Command] | None = None) -> None:
-        """Queue a command. `answer` is called with its outcome, perhaps before this returns. Of commands
-        that came at one `moment` the first has them all, the others none; by default it came alone."""
+        """Queue a command. `answer` is called with its result, perhaps before this returns.
+
+        `moment` has all commands of one message for the first of them, and is empty for the others. By
+        default the command came alone.
+        """
         if self.open:
             self.on_submit(self, command, answer, (command,) if moment is None else moment)
 
@@ -106,14 +114,15 @@ class Session:
             self.queue.appendleft(queued)
 
     def give(self, answer: Answer, outcome: CommandResult, *, was_late: bool = False) -> None:
-        """Give an answer, unless the session is closed. `was_late`: it waited for a movement to be shown."""
+        """Give an answer, unless the session is closed. `was_late` is true if it waited for a movement to be
+        shown."""
         self.late -= was_late
         if self.open:
             answer(outcome)
 
     def close(self) -> None:
-        """Drop everything queued, and any answer that is still to come."""
-        # A movement that has begun goes on, though its program has left; a velocity would for ever, and ends.
+        """Drop all queued commands and pending answers."""
+        # A movement that has begun continues without its program; a velocity would never end, so it is ended.
         self.queue.clear()
         if self.open:
             self.open = False
@@ -121,7 +130,7 @@ class Session:
 
 
 class Scheduler:
-    """Lets sessions do their commands, one of each lane in turn. While `paused` only `steps` of them."""
+    """Does the sessions' commands, one of each lane in turn. While `paused`, only `steps` of them."""
 
     def __init__(self, do: Callable[[Queued], None]) -> None:
         self.paused = False
@@ -134,13 +143,14 @@ class Scheduler:
         self._running = False
 
     def start(self, loop: asyncio.AbstractEventLoop) -> None:
-        """Slices count from here on; before, all that is submitted is done at once."""
+        """Use an event loop from now on: slices count. Before, commands are done at once."""
         self._loop = loop
 
     def lane(self, name: str) -> Lane:
-        """The lane of a name, which is bounded by time as well. That without a name is not."""
-        # Only lanes of many connections are bounded by time: a single client cannot send its next command
-        # before its turn is over.
+        """The lane with a name; its slice is limited in time as well. Without a name, a new lane without that
+        limit."""
+        # Only lanes of many connections need the limit: a single client cannot send its next command before
+        # its turn is over.
         if name not in self._lanes:
             self._lanes[name] = Lane(SLICE_SECONDS if name else None)
         return self._lanes[name]
@@ -151,13 +161,13 @@ class Scheduler:
         return self.paused and any(session.queue for lane in self._lanes.values() for session in lane.ready)
 
     def wake(self, session: Session) -> None:
-        """A session has a command waiting: do it now unless something is in the way."""
+        """Do a session's next command now, unless something prevents it."""
         self._line_up(session)
         self.go_on()
 
     @contextlib.contextmanager
     def holding(self) -> Iterator[None]:
-        """No command is done meanwhile, only after it."""
+        """Do no command inside the `with` block, only after it."""
         running, self._running = self._running, True
         try:
             yield
@@ -167,21 +177,21 @@ class Scheduler:
 
     def go_on(self) -> None:
         """Do commands, one of each lane in turn, until none is left or all slices are used up."""
-        # Answers may submit the next command at once: the loop below takes it, not a deeper call.
+        # Answers may submit the next command at once: it is done in the loop below, without recursion.
         if self._running:
             return
         self._running = True
         try:
-            # One of each lane in turn: a lane with a thousand commands delays another by one only.
+            # One of each lane in turn: a lane with a thousand commands delays another lane by one command.
             while self._turns:
-                # The lane stays in the queue, so that the order after the pause is that before it.
+                # The lane stays in the queue, so that a pause does not change the order.
                 if self.paused and not self.steps:
                     return
                 lane = self._turns.popleft()
                 if not lane.left:
                     continue
                 session = lane.ready.popleft()
-                # It lines up again behind the others of its lane, after its command.
+                # The session goes behind the others of its lane, after its command.
                 session.ready = False
                 if session.queue:
                     if self.paused:
@@ -206,8 +216,8 @@ class Scheduler:
             self._turns.append(lane)
 
     def _do_next(self, session: Session) -> None:
-        """Do a command; after a slice of them the loop has its turn, whoever sent them."""
-        # Before the loop runs there is nobody else to be delayed, and no clock to count by.
+        """Do a command. After a slice of commands the event loop has a turn, whoever sent them."""
+        # Before the loop runs there is nobody else to delay, and no clock.
         loop, lane = self._loop, session.lane
         if loop is None:
             self._do(session.queue.popleft())
@@ -221,7 +231,7 @@ class Scheduler:
         lane.left -= 1
         if lane.left == 0 or (lane.seconds is not None and lane.spent > lane.seconds):
             lane.left = 0
-            # Sockets and timers come before the next slice: this is what keeps the server responsive.
+            # Sockets and timers come before the next slice: this keeps the server responsive.
             loop.call_soon(self._next_slice, lane)
 
     def _next_slice(self, lane: Lane) -> None:
@@ -232,13 +242,14 @@ class Scheduler:
 
 # -- later ------------------------------------------------------------------------------------------
 
-# A stream of its own: noise of sensors and drives stays the same with and without a link.
+# A stream of its own: the noise of sensors and drives is the same with and without a link.
 LINK_STREAM = "link"
-"""The name of the stream that jitter is drawn from: nothing else draws from it."""
+"""Name of the random stream that only the jitter is drawn from."""
 
 
 class LinkDelay:
-    """Latency of each message, each way, simulated seconds: a constant and a uniformly distributed jitter."""
+    """Latency of each message in each direction, simulated seconds: a constant and a uniformly distributed
+    jitter."""
 
     def __init__(self, latency: float, jitter: float, seed: int) -> None:
         self._latency = latency
@@ -246,7 +257,7 @@ class LinkDelay:
         self.restart(seed)
 
     def restart(self, seed: int) -> None:
-        """Draw as at the start of a run of this seed."""
+        """Restart the random stream, as at the start of a run with this seed."""
         self._random = noise.stream(seed, LINK_STREAM)
 
     def way(self) -> float:
@@ -259,7 +270,7 @@ class TimerQueue:
 
     def __init__(self) -> None:
         self._items: list[tuple[float, int, Callable[[], None]]] = []
-        # Calls at the same time go in the order they were added; functions cannot be compared.
+        # The count keeps calls at the same time in the order they were added; functions cannot be compared.
         self._order = itertools.count()
 
     @property
@@ -268,16 +279,16 @@ class TimerQueue:
         return self._items[0][0] if self._items else math.inf
 
     def add(self, time: float, call: Callable[[], None]) -> None:
-        """Have something done at a simulated time."""
+        """Call a function at a simulated time."""
         heapq.heappush(self._items, (time, next(self._order), call))
 
     def pop(self) -> Callable[[], None]:
-        """Take what is due next."""
+        """Remove and return the next call."""
         return heapq.heappop(self._items)[2]
 
 
 class LoopTimer:
-    """A call that an event loop makes later: once, unless it is set again or cancelled before."""
+    """A call that an event loop makes later, once; it can be set again or cancelled before."""
 
     def __init__(self, call: Callable[..., None], loop: asyncio.AbstractEventLoop | None = None) -> None:
         self.loop = loop

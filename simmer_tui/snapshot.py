@@ -40,34 +40,33 @@ from simmer_tui.sim.scan_rays import extremes
 
 # Judged: nobody scrolls further back in a live list, and the log has all of them.
 EVENTS = 2000
-"""Entries kept for the list of events."""
+"""Entries kept in the list of events."""
 KEPT_READINGS = 40
-"""Of readings folded into one entry, how many are kept to be unfolded."""
+"""Readings of one folded entry that are kept to be unfolded: the latest."""
 # Judged: time to look up and read two lines.
 ADVICE = 15.0
-"""Seconds (real) that advice on a program's connection is shown though the program goes on."""
-# Judged: who changes it more often steers, and each single change says little.
+"""Seconds (real) for which advice on a program's connection is shown although the program continues."""
+# Judged: a program that changes it more often is steering, and a single change says little.
 _STEERING = 1.0
 """Simulated seconds within which changes of the velocity are folded into one entry."""
 _BY_HAND = ("console",)
-"""Sources of commands that have a line each: who types one waits for it."""
+"""Sources whose commands have an entry each: a person who types a command waits for it."""
 _NOTHING = np.empty(0)
-"""No truth about a scan."""
-# A sensor that looks further past a contact than this, degrees, says nothing of it.
+"""The true ranges of a scan in an entry: none are kept."""
+# Degrees. A sensor that points further past a contact than this says nothing of it.
 _FAR_ASIDE = 90.0
 
 
 @dataclass(frozen=True, slots=True)
 class LogEntry:
-    """An event worth a line, or the readings between two such.
+    """An event of the list, or the readings between two such events.
 
     `number` is the running number of the (latest) event, `real_time` the time of day (seconds since the
-    epoch), `time` simulated time. Events are light enough to be kept by the thousand: without a
-    belief's particles and cells, and an outcome's path. Where readings are folded, `first` is the number of
-    the first, `readings`, `beliefs` and `velocities` count all of them, `kept` holds the latest and
-    `missing` counts those that are not kept. `nearest` is what the sensor that looks at a contact has read
-    since the movement before, if any has; `wedged` tells
-    of a robot that keeps meeting something in one place.
+    epoch), `time` simulated time. Events are kept without large parts: a belief's particles and cells, a
+    result's path. Where readings are folded, `first` is the number of the first. `readings`, `beliefs` and
+    `velocities` count all of them; `kept` holds the latest and `missing` counts the others. `nearest` is the
+    latest reading of the sensor that points at a contact, since the movement before. `wedged` is true if the
+    robot keeps touching something in one place.
     """
 
     number: int
@@ -85,12 +84,12 @@ class LogEntry:
 
     @property
     def folds(self) -> bool:
-        """True if it stands for several events."""
+        """True if the entry stands for several events."""
         return self.readings + self.beliefs + self.velocities > 0
 
 
 class _Folded:
-    """Readings since the last event worth a line of its own; all are counted, the latest kept."""
+    """Readings since the last event with an entry of its own. All are counted, the latest kept."""
 
     def __init__(self, first: int) -> None:
         self.first = self.number = first
@@ -108,10 +107,9 @@ class _Folded:
 
 
 class EventFeed(EventHandler[None]):
-    """Events as people read them: a line for what matters, readings in between folded into one.
+    """Events as people read them: an entry for each important one, readings in between folded into one.
 
-    Of a movement only the end has a line. Nothing is lost by coming too fast: what is folded is counted where
-    it happens.
+    A movement has an entry only at its end. None is lost by coming too fast: folded events are counted.
     """
 
     def __init__(self) -> None:
@@ -123,18 +121,19 @@ class EventFeed(EventHandler[None]):
         self._steered = -math.inf
         """Simulated time at which the velocity changed last."""
         self.is_judged = False
-        """True from the line of a verdict until a program connects or the run begins anew."""
+        """True from the line of a verdict until a program connects or the run restarts."""
         self.total = 0
         """Entries so far, those that have given way included."""
 
     def take(self, reducer: Reducer, real_time: float, event: Event, number: int | None = None) -> None:
-        """Take note of an event that the reducer has taken; its `number` is the reducer's by default."""
+        """Add an event that the reducer has applied. `number` is by default the reducer's."""
         self._reducer, self._real_time = reducer, real_time
         self._number = reducer.number if number is None else number
         self.handle(event)
 
     def since(self, number: int) -> tuple[LogEntry, ...]:
-        """The entries with events after number `number`, the first perhaps one that has grown since."""
+        """The entries with events after number `number`. The first may be an older entry that has grown
+        since."""
         found = []
         for entry in reversed(self._entries):
             if entry.number <= number:
@@ -143,8 +142,8 @@ class EventFeed(EventHandler[None]):
         return tuple(reversed(found))
 
     def advice_at(self, real_time: float) -> str:
-        """Advice on the connection of the program that drives now; empty once it has had its time and
-        commands are answered."""
+        """Advice on the connection of the program that drives now. Empty after its time, if commands are
+        answered."""
         is_shown = real_time - self._advised < ADVICE or self._answered <= self._advised
         return self._advice if is_shown else ""
 
@@ -160,15 +159,18 @@ class EventFeed(EventHandler[None]):
             return
         if event.status in (Status.DONE, Status.ACCEPTED):
             return
-        # Who types a command waits for its answer, so it has a line of its own.
+        # A person who types a command waits for its answer, so the command has an entry of its own.
         if event.status is Status.READING and event.command.source not in _BY_HAND:
             self._fold(event).readings += 1
         else:
             self.other(event)
 
     def _take_velocity(self, event: CommandResult, velocity: VelocityChange) -> None:
-        """A line for a velocity that changes; those of a program that steers are folded, as they come by the
-        hundred, and one that is merely sent again has none."""
+        """Add an entry for a velocity that changes.
+
+        Changes by a program that steers are folded, since they come by the hundred. A repeated velocity has
+        no entry.
+        """
         if not velocity.changed:
             return
         since, self._steered = event.time - self._steered, event.time
@@ -178,23 +180,23 @@ class EventFeed(EventHandler[None]):
             self.other(event)
 
     def on_leg_begun(self, event: LegBegun) -> None:
-        """No line: the command that set its velocity has one."""
+        """No entry: the command that set its velocity has one."""
 
     def on_leg_ended(self, event: LegEnded) -> None:
         if event.contact is not None:
             self.other(event.as_movement(), self._nearest(event.contact), wedged=self._reducer.wedged)
 
     def on_planned(self, event: MovementPlanned) -> None:
-        """No line: the movement's end has one."""
+        """No entry: the movement's end has one."""
 
     def on_ended(self, event: MovementEnded) -> None:
-        # No line shows wheels and turns, and entries are kept by the thousand.
+        # No entry shows wheels and turns, and entries are kept by the thousand.
         light = replace(event, trajectory=replace(event.trajectory, wheels={}, turns={}))
         nearest = None if event.contact is None else self._nearest(event.contact)
         self.other(light, nearest, wedged=self._reducer.wedged)
 
     def on_program_ended(self, event: ProgramEnded) -> None:
-        """No line: the verdict has one."""
+        """No entry: the verdict has one."""
 
     def on_notice(self, event: Notice) -> None:
         self.other(event)
@@ -222,7 +224,7 @@ class EventFeed(EventHandler[None]):
         self._fold(event, counted=False)
 
     def other(self, event: Event, nearest: Reading | None = None, *, wedged: bool = False) -> None:
-        """A line of its own."""
+        """Add an entry of its own for an event."""
         self._entries.append(self._entry(event, self._number, nearest, wedged=wedged))
         self.total += 1
 
@@ -246,7 +248,7 @@ class EventFeed(EventHandler[None]):
         return last
 
     def _nearest(self, contact: Contact) -> Reading | None:
-        """The last reading of the range sensor that looks at a contact, since the movement before."""
+        """The last reading of the range sensor that points at a contact, since the movement before."""
         best, least = None, _FAR_ASIDE
         for result in self._reducer.seen.values():
             reading = result.reading
@@ -259,8 +261,11 @@ class EventFeed(EventHandler[None]):
 
 
 def _light(reading: Reading) -> Reading:
-    """A reading without its geometry. Entries are kept by the thousand, each perhaps with dozens of scans of
-    some kilobytes: of a scan stays how many rays it has and the nearest echo, which all of them then say."""
+    """A reading without its geometry, since entries are kept by the thousand.
+
+    A scan has some kilobytes. Only its number of rays and its nearest echo are kept: every ray of the result
+    has that range.
+    """
     scan = reading.scan
     if scan is not None:
         near, at = extremes(scan).nearest or (math.inf, 0.0)
@@ -273,13 +278,13 @@ def _light(reading: Reading) -> Reading:
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Snapshot:
-    """A run at one moment. Nothing here changes any more; any thread may read it.
+    """A run at one moment. It never changes; any thread may read it.
 
-    `number` is that of the newest event. `entries` are the events since the number the asker knew,
-    or, if `anew`, all that are to be shown; `told` is how many there were so far. `rate` is commands
-    a second of late, `waiting` tells that a command waits for a pause to end. `true_values` holds,
-    by code, what each sensor would say now without error, when asked for. `pace` is at how many
-    simulated seconds a second movements are shown, 0 as fast as possible.
+    `number` is that of the newest event. `entries` are the events since the number that was asked for, or, if
+    `anew`, all entries to show. `told` counts all entries so far. `rate` is recent commands a second.
+    `waiting` is true if a command waits for a pause to end. `true_values` holds, by code, each sensor's value
+    without error, if asked for. `pace` is that of the movements shown, simulated seconds a second, 0 as fast
+    as possible.
     """
 
     state: State
@@ -293,13 +298,13 @@ class Snapshot:
     mission: MissionState | None = None
     pace: float = 0.0
     verdict: Verdict | None = None
-    """Outcome of the run, and its cause; None while it goes on."""
+    """Outcome of the run, and its cause; None while it continues."""
     advice: str = ""
-    """Mistake that a new program makes with its connection, or empty."""
+    """Advice on a mistake of a new program's connection, or empty."""
 
 
 class Recorder:
-    """A watcher that keeps the latest events and makes snapshots. Lives in the robot's thread."""
+    """A watcher that keeps the latest events and makes snapshots. Only for the robot's thread."""
 
     def __init__(
         self,
@@ -308,7 +313,7 @@ class Recorder:
         referee: Referee | None = None,
         verdict: LiveVerdict | None = None,
     ) -> None:
-        """`reducer` must have taken each event before this is."""
+        """`reducer` must be a watcher before this one: it applies each event first."""
         self._verdict = verdict
         self._engine = engine
         self._reducer = reducer
@@ -319,7 +324,7 @@ class Recorder:
         self._rated = (time.monotonic(), 0)
 
     def watch(self, event: Event) -> None:
-        """Take note of an event."""
+        """Add an event."""
         self._feed.take(self._reducer, self._clock(), event)
 
     @property
@@ -328,8 +333,8 @@ class Recorder:
         return self._reducer.number
 
     def snapshot(self, since: int = 0, true_values: bool = False) -> Snapshot:
-        """The state as it is to be shown now, with the events after number `since`. Call in the
-        robot's thread."""
+        """The state that is to be shown now, with the entries after number `since`. Call it in the robot's
+        thread."""
         engine = self._engine
         state = self._reducer.at(engine.shown_time())
         throttle = engine.throttle
@@ -351,7 +356,8 @@ class Recorder:
         if self._referee is None:
             return None
         throttle = self._engine.throttle
-        if throttle is not None and throttle.busy:  # the referee knows already how the movement ends
+        # the referee already knows the end of the movement, which is not shown yet
+        if throttle is not None and throttle.busy:
             return mission_state(self._referee.plan, state)
         return self._referee.state(state.time)
 

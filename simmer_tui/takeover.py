@@ -1,9 +1,8 @@
-"""A run that goes on from a moment of a logged one.
+"""A run that continues from a moment of a logged one.
 
-The log's commands are done again, each reply compared, on the robot of a new server, and all that
-happened is told there once more: to its referee, its screen, its own log. So everything stands as it
-stood then, random streams included, and whatever comes next is new. A log that does not come out the
-same is not taken over.
+The log's commands are done again, each reply compared, on the robot of a new server. All events of the prefix
+go to the new server's referee, screen and log. So the state is the logged one, random streams included, and
+everything after it is new. A log with different replies is not taken over.
 """
 
 from __future__ import annotations
@@ -44,13 +43,15 @@ from simmer_tui.server import Server, link_delay
 from simmer_tui.sim.command import escape
 
 BY = "the take-over"
-"""Source that stops a movement under way at the moment, and ends a pause."""
+"""Source of the stop that ends a movement under way at the moment, and of the resume that ends a pause."""
 
 
 @dataclass(frozen=True, slots=True)
 class Moment:
-    """A moment of a log: the last line that had come by then (1: none but the header), and when it was, in
-    simulated time as that line counts it, and in seconds from the log's beginning."""
+    """A moment of a log: its last line (1: only the header), and its time.
+
+    The time is simulated time as that line counts it, and seconds from the log's beginning.
+    """
 
     line: int
     time: float
@@ -71,17 +72,17 @@ def moment_at(index: RunLogIndex, elapsed: float) -> Moment:
 
 
 class TakeOver:
-    """A moment of a log, to go on from."""
+    """A take-over from a moment of a log."""
 
     def __init__(self, path: Path, moment: Moment, folder: Path | None = None) -> None:
-        """Device files of the run are looked for in a `folder`, by default in that of its set."""
+        """`folder` is where the run's device files are, by default the folder of its set."""
         self.path = path
         self.moment = moment
         self._folder = folder
 
     def check(self) -> None:
-        """Do all of it again, for nobody to see. Raises RunLogError, with the reason, if the log cannot be
-        taken over there."""
+        """Do the commands of the prefix once without a server. Raises RunLogError, with the reason, if the
+        log cannot be taken over there."""
         with Rerun(self.path, self._folder) as rerun:
             settings = rerun.configuration.settings
             engine = Engine(rerun.simulator, link=link_delay(settings.link, rerun.header.seed))
@@ -89,12 +90,14 @@ class TakeOver:
                 pass
 
     def serve(self) -> tuple[Server, Rerun]:
-        """A server whose robot stands at the log's beginning, for `bring`; and what brings it on. The
-        ports are the log's, or any where those are taken. Raises RunLogError, PortError."""
+        """A server whose robot is at the log's beginning, and the rerun that `bring` advances.
+
+        The ports are the log's, or any others if those are taken. Raises RunLogError, PortError.
+        """
         rerun = Rerun(self.path, self._folder)
         try:
             return self._served(rerun), rerun
-        # An interrupt too must not leave the log open.
+        # An interrupt, too, must not leave the log open.
         except BaseException:
             rerun.close()
             raise
@@ -122,7 +125,8 @@ class TakeOver:
             return server
 
     def bring(self, server: Server, rerun: Rerun) -> None:
-        """Bring a server that has not been started to the moment; whoever watches is told all of it."""
+        """Advance a server that has not been started to the moment. Its watchers get all events of the
+        prefix."""
         prefix, engine = server.prefix, server.engine
         assert prefix is not None, "the server was made with a prefix"
         reducer = server.new_fold()
@@ -138,7 +142,7 @@ class TakeOver:
         engine.tell(Notice(NoticeKind.TAKEN_OVER, text, prefix.origin.log))
 
     def _settle(self, server: Server, reducer: Reducer) -> None:
-        """Nobody is there yet, and nothing waits."""
+        """End the logged client's connection and a pause: no client is connected yet."""
         state, engine = reducer.at(), server.engine
         engine.time_scale = state.time_scale
         if state.client:
@@ -151,35 +155,39 @@ class TakeOver:
     def _relived(
         self, rerun: Rerun, engine: Engine, timed: bool, prefix: ReplayedPrefix | None = None
     ) -> Iterator[Event]:
-        """Bring the robot to the moment, line by line, and the link's random stream with it; gives what
-        each line tells. Raises RunLogError."""
+        """Advance the robot and the link's random stream to the moment, line by line. Yields the events of
+        each line.
+
+        Raises RunLogError.
+        """
         moment = self.moment
         with LogReader(self.path, rerun.configuration) as log:
             events = (each for each in log if isinstance(each, Logged))
-            told = next(events, None)
+            logged = next(events, None)
             link = _LinkFollower(engine, self.path)
             for line, said in rerun.until(moment.line, moment.time):
                 if prefix is not None:
                     prefix.time = said.t
                     prefix.real_time = max(prefix.real_time, said.real_time)
                     prefix.commands = said.n if isinstance(said, ActionRecord) else prefix.commands
-                while told is not None and told.line <= line:
-                    event = told.event
-                    told = next(events, None)
+                while logged is not None and logged.line <= line:
+                    event = logged.event
+                    logged = next(events, None)
                     if line == moment.line and _end_of(event) > moment.time + SAME_TIME:
-                        continue  # the end of what is under way then
+                        continue  # the end of a movement that is under way at the moment
                     link.line = line
                     link.handle(event)
                     yield event
             if link.under_way is not None:
                 yield self._stopped(rerun, link.under_way)
-                if link.under_way.command.source not in PEOPLE:  # what its answer takes may be drawn already
+                # the delay of its answer may be drawn already
+                if link.under_way.command.source not in PEOPLE:
                     engine.draw_link(1 if timed else 2)
             elif link.unanswered is not None and link.unanswered.command.source not in PEOPLE:
-                engine.draw_link(2)  # its answer was on its way
+                engine.draw_link(2)  # its answer was on the link
 
     def _stopped(self, rerun: Rerun, planned: MovementPlanned) -> MovementEnded:
-        """The movement under way ends here."""
+        """End the movement under way at the moment."""
         simulator = rerun.simulator
         simulator.stop()
         trajectory = simulator.last_trajectory
@@ -190,7 +198,7 @@ class TakeOver:
 
 
 class _Teller(EventHandler[None]):
-    """Tells a server's watchers what has happened; its referee says itself what it thinks of it."""
+    """Passes the logged events to a server's watchers; the referee makes its own mission events."""
 
     def __init__(self, server: Server, reducer: Reducer) -> None:
         self._server, self._reducer = server, reducer
@@ -207,7 +215,7 @@ class _Teller(EventHandler[None]):
 
 
 class _End(EventHandler[float]):
-    """The simulated time of an end or a result; minus infinity for other events."""
+    """The simulated time of a movement's end or a result; minus infinity for other events."""
 
     def other(self, event: Event) -> float:
         return -math.inf
@@ -223,7 +231,8 @@ _end_of = _End().handle
 
 
 class _LinkFollower(EventHandler[None]):
-    """Draws from the link's random stream what the run drew, and knows what is under way or unanswered."""
+    """Draws the logged run's delays from the link's random stream. It knows which movement is under way or
+    unanswered."""
 
     def __init__(self, engine: Engine, path: Path) -> None:
         self._engine, self._path = engine, path
@@ -242,10 +251,10 @@ class _LinkFollower(EventHandler[None]):
             self._engine.restart_link()
 
     def on_result(self, event: CommandResult) -> None:
-        """Raises RunLogError if the link took another time in the log."""
+        """Raises RunLogError if the link's delay was another one in the log."""
         if self.unanswered is not None and event.number >= self.unanswered.number:
             self.unanswered = None
-        # People type at the robot itself: their commands have no link to wait for.
+        # People's commands do not use the link.
         if event.command.source in PEOPLE:
             return
         took = self._engine.draw_link(2)
@@ -257,6 +266,6 @@ class _LinkFollower(EventHandler[None]):
 
 
 def _closed(configuration: Configuration) -> ServerSettings:
-    """The ports of a log, for this machine and this user only: a log does not say the word that kept
-    others out."""
+    """The log's server settings, for this machine and this user only: a log does not contain the access
+    token."""
     return replace(configuration.settings.server, host="127.0.0.1", any_user=False, token="")

@@ -1,6 +1,7 @@
-"""The composition root: options read, parts put together, one of them run, its end made an exit code.
+"""The composition root: it reads options, puts the parts together, runs one of them, and makes its end an
+exit code.
 
-Only this room imports argparse and knows exit codes (`simmer_tui.cli.command_line`); progress bars and
-the start of the screen are here too. `simmer_tui.cli.main` has the table of commands and imports each
-only when it is called for, and the screen only where one is drawn.
+Only this package imports argparse and knows exit codes (`simmer_tui.cli.command_line`). Progress bars and the
+start of the screen are here too. `simmer_tui.cli.main` has the table of commands. It imports each command
+only when that is used, and the screen only where one is drawn.
 """

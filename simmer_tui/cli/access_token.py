@@ -1,7 +1,7 @@
-"""The access token of a run, kept from other users of the machine: they can read every command line (`ps`).
+"""The access token of a run, kept from other users of the machine, who can read every command line (`ps`).
 
-A file or the environment variable SIMMER_TOKEN gives it without one. A word that stands on the command line
-all the same is overwritten there (Linux).
+A file or the environment variable SIMMER_TOKEN gives it without a command line. A token on the command line
+is overwritten there (Linux).
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ _OPTION = "--token-file"
 
 
 def add_token_of(path: Path, overrides: dict[str, Override]) -> None:
-    """Take the first line of a file for the token. Raises ConfigurationError if it is none, or if the command
+    """Use the first line of a file as the token. Raises ConfigurationError if it is none, or if the command
     line has another one."""
     if TOKEN in overrides:
         raise _refused("and --token both give the token: leave one of them out")
@@ -45,7 +45,7 @@ def _refused(what: str) -> ConfigurationError:
 
 
 def hide_from_command_line(word: str) -> None:
-    """Overwrite a word where this process's command line has it as an argument, or behind `=`."""
+    """Overwrite a text in this process's command line, where it is an argument or follows `=`."""
     if not platform_has.LINUX or not word:
         return
     # Imported here because only runs with a token need it.
@@ -55,9 +55,9 @@ def hide_from_command_line(word: str) -> None:
         fields = stat_of("self")
         arguments = Path("/proc/self/cmdline").read_bytes()
     except OSError:
-        return  # no /proc: nobody else reads it there either
+        return  # no /proc: nobody else can read the command line there either
     begin, end = int(fields[StatField.ARGUMENTS_BEGIN]), int(fields[StatField.ARGUMENTS_END])
-    if not begin or end - begin < len(arguments):  # 0: not told
+    if not begin or end - begin < len(arguments):  # 0: not reported
         return
     given, place = os.fsencode(word), begin
     for argument in arguments.split(b"\0"):

@@ -1,4 +1,4 @@
-"""Starting the terminal app: the terminal looked at, Textual imported, the server run beside it."""
+"""The start of the terminal app: it checks the terminal, imports Textual, and runs the server beside it."""
 
 from __future__ import annotations
 
@@ -16,20 +16,20 @@ from simmer_tui.events import Notice, NoticeKind, Result
 from simmer_tui.server import Server
 from simmer_tui.tui.terminal import TerminalChoice, choose
 
-# A few screens full (judged): more would only be scrolled past.
+# Judged: a few screens; more would only scroll past.
 _LINES_AHEAD = 200
-"""Lines a program may print before the robot's thread has taken them."""
-# Wider than any terminal (judged): a line without end must not fill the log.
+"""Lines that a program may print before the robot's thread has processed them."""
+# Characters. Judged: wider than any terminal; a line without end must not fill the log.
 _LONGEST_LINE = 500
 
 
 class Screen(FrontEnd):
-    """The front end on the terminal. If the app itself fails, the robot is served on without it."""
+    """The front end on the terminal. If the app itself fails, the robot is still served without it."""
 
     def __init__(self, server: Server, *, once: bool, program: str | None = None) -> None:
-        """Look at the terminal and make the app; with `once` it ends with the program, a command."""
+        """Check the terminal and make the app. With `once` it ends with the program, a command."""
         self._settings = screen = server.configuration.settings.screen
-        # Before Textual is imported, which reads it only then.
+        # Before the import of Textual, which reads the variables only then.
         choice = apply_choice(screen.color, screen.glyphs)
 
         # Imported here because a run without a screen needs none of it.
@@ -77,7 +77,7 @@ class Screen(FrontEnd):
         with delta_updates():
             code = app.run(mouse=self._settings.mouse)
         if app.fault:
-            # A program that drives the robot must not lose its run with the picture.
+            # A program that drives the robot must not lose its run with the screen.
             say(f"simmer-tui: the screen has failed: {app.fault}")
             say("the robot is served on without it; ctrl+C ends")
             server.set_pace(0.0)
@@ -95,7 +95,7 @@ class Screen(FrontEnd):
         # A mission whose program has crashed is over, as without a screen.
         if code and server.referee is not None:
             server.call(server.referee.end, f"the program has ended with exit code {code}")
-        # Without `--once` the screen stays, for a look at how it ended.
+        # Without `--once` the screen stays, so that the end can be seen.
         if self._once:
             self.finish(code)
 
@@ -111,7 +111,7 @@ _SCRIPTS = (".py", ".m", ".sh", ".jar")
 
 
 def program_name(command: str) -> str:
-    """Name of a program for people: that of its file, without its folder and its interpreter."""
+    """Name of a program for people: its file, without folder and interpreter."""
     try:
         words = shlex.split(command, posix=platform_has.POSIX)
     except ValueError:
@@ -123,7 +123,7 @@ def program_name(command: str) -> str:
 
 
 def apply_choice(color: str, glyphs: str) -> TerminalChoice:
-    """Colours and characters for this terminal, told to Textual through the environment."""
+    """Colours and characters for this terminal; Textual gets them in environment variables."""
     choice = choose(
         os.environ, sys.stdout.encoding, color=color, glyphs=glyphs, windows=not platform_has.POSIX
     )
@@ -132,8 +132,8 @@ def apply_choice(color: str, glyphs: str) -> TerminalChoice:
 
 
 def _teller(server: Server, shown: Callable[[str], str]) -> Callable[[str], None]:
-    """Passes a program's lines on as notices. One that prints without end has to wait for the
-    robot's thread, which has better to do."""
+    """A function that passes a program's lines on as notices. A program that prints without end has to wait
+    for the robot's thread."""
     room = threading.BoundedSemaphore(_LINES_AHEAD)
 
     def tell(line: str) -> None:
@@ -148,7 +148,7 @@ def _teller(server: Server, shown: Callable[[str], str]) -> Callable[[str], None
 
 
 def _forget_dead_terminal() -> None:
-    """Keep output to a terminal that has gone from changing our exit code."""
+    """Keep output to a terminal that has been closed from changing our exit code."""
     for stream in (sys.stdout, sys.stderr):
         try:
             stream.flush()

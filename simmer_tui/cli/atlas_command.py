@@ -35,7 +35,7 @@ _FORMATS: dict[str, Callable[[Atlas], bytes]] = {
     "h": header_bytes,
 }
 _MANY = 2_000_000
-"""Poses that are not computed unasked: for six sensors they take 10 s of processor and 0.2 GB."""
+"""Poses computed without a question: for six sensors they take 10 s of processor time and 0.2 GB."""
 
 
 def _options(parser: OneLineParser) -> None:
@@ -92,8 +92,11 @@ def run_atlas(options: argparse.Namespace) -> int:
 
 
 def _format_for(out: Path, named: str | None) -> str:
-    """The format that was named, or that the file's ending says. Raises AtlasError if it says none, or if no
-    file can be there: before the work, whose result would be lost."""
+    """The format that was named, or that of the file's ending.
+
+    Raises AtlasError if there is none, or if the file cannot be written. This is checked before the work,
+    whose result would be lost.
+    """
     shown = escape(str(out), 200)
     form = named or out.suffix.removeprefix(".").lower()
     if form not in _FORMATS:
@@ -105,7 +108,7 @@ def _format_for(out: Path, named: str | None) -> str:
 
 
 def _describe(atlas: Atlas, simulator: Simulator) -> None:
-    """Print the size of an atlas, and what is peculiar about its sensors."""
+    """Print the size of an atlas, and remarks on its sensors."""
     grid, codes = atlas.grid, atlas.codes
     places = f"{grid.poses:,} poses: {grid.rows} x {grid.columns} places, {counted(grid.headings, 'heading')}"
     sys.stdout.write(f"{places}; the robot fits at {int(atlas.free.sum()):,}\n")
@@ -115,7 +118,7 @@ def _describe(atlas: Atlas, simulator: Simulator) -> None:
 
 
 def _computed(simulator: Simulator, grid: PoseGrid, codes: tuple[str, ...]) -> Atlas:
-    """The atlas, with a bar on a terminal (standard error) that goes away at the end."""
+    """The atlas. A terminal (standard error) shows a progress bar meanwhile."""
     with progress_bar("atlas", TaskProgressColumn(), TimeRemainingColumn()) as progress:
         task = progress.add_task("atlas", total=grid.rows)
         return compute_atlas(simulator, grid, codes, lambda rows: progress.update(task, completed=rows))

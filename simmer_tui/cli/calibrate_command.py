@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from simmer_tui.report.finding import Finding
 
 _NOTES = 5
-"""Notes on what was left out of logs that are shown."""
+"""Notes shown on parts of logs that were left out."""
 
 
 def _options(parser: OneLineParser) -> None:
@@ -127,7 +127,7 @@ def _check_options(options: argparse.Namespace) -> None:
 
 
 def _guide(options: argparse.Namespace) -> int:
-    """A guided session, and what it tells."""
+    """Hold a guided session. Returns the exit code."""
     from simmer_tui.calibrate.guided import guided_run
     from simmer_tui.calibrate.measured_run import read_runs
     from simmer_tui.cli.guided_session import hold_session
@@ -140,8 +140,8 @@ def _guide(options: argparse.Namespace) -> int:
 
 
 def _check_free(out: Path) -> None:
-    """Raises ConfigurationError if there is something in the folder already, or it cannot be made: before
-    the work, whose result would be lost."""
+    """Check that a folder is empty and can be made. Raises ConfigurationError before the work, whose result
+    would be lost."""
     shown = escape(str(out), 200)
     if out.exists() and (not out.is_dir() or any(out.iterdir())):
         what = "is there already, and not empty; nothing is overwritten, name another folder"
@@ -198,8 +198,8 @@ def _learn(run: MeasuredRun, options: argparse.Namespace) -> int:
 
 
 def _warn(suspected: Sequence[Finding], *, anyway: bool) -> None:
-    """Say which sensors and drives are suspected. Raises CalibrationError, unless the set is wanted `anyway`:
-    it would hide the fault in its figures."""
+    """Warn of suspected sensors and drives. Raises CalibrationError, unless the set is wanted `anyway`: its
+    figures would hide the fault."""
     if not suspected:
         return
     said = "; ".join(each.text for each in suspected)
@@ -223,7 +223,7 @@ def _check(run: MeasuredRun, name: str, *, as_json: bool) -> int:
 
 @contextmanager
 def _shown() -> Generator[Callable[[str, float], None], None, None]:
-    """A bar on standard error, where that is a terminal, for work that tells how far it is."""
+    """A progress bar on standard error, if that is a terminal."""
     with progress_bar("{task.description}", TaskProgressColumn()) as bar:
         task = bar.add_task("reading", total=1.0)
         yield lambda what, share: bar.update(task, description=what, completed=share)

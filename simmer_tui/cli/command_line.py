@@ -1,4 +1,4 @@
-"""Parts that all commands share: parser, options, answers, exit codes and the errors they stand for."""
+"""Parts that all commands share: parser, options, answers, and exit codes of errors."""
 
 from __future__ import annotations
 
@@ -19,29 +19,32 @@ from simmer_tui.errors import ClusterError, ConfigurationError, ProgramError, Ru
 from simmer_tui.sim.command import escape
 from simmer_tui.sim.rules import FlagRule, did_you_mean
 
-if TYPE_CHECKING:  # a run has no documents, and is to start quickly
+if TYPE_CHECKING:  # a run has no documents, and must start quickly
     from simmer_tui.config.device_file import DeviceFile
     from simmer_tui.document.model import Document
 
 _DEST = "setting."
-"""Prefix of the attributes of setting options, so that they meet no others."""
-# Only what looks like a number: `-x` after an option stays an option of its own.
+"""Prefix of the attributes of setting options, so that they do not clash with others."""
+# Only numbers: `-x` after an option stays an option of its own.
 _NEGATIVE_VALUE = re.compile(r"-[.0-9]")
 _LONG_OPTION = re.compile(r"--[^=\s]+")
 
 
 class ExitCode(IntEnum):
-    """Exit codes of `simmer-tui`. With `--run` the program's own exit code comes first, and 128 with a
-    signal's number stands for an end by that signal, as in a shell."""
+    """Exit codes of `simmer-tui`.
+
+    With `--run` the program's own exit code has precedence. 128 and a signal's number is an end by that
+    signal, as in a shell.
+    """
 
     DONE = 0
     NO = 1
-    """Done, but the answer is no: a mission failed, a reply differs, too few trials succeeded, an
+    """Done, but with a negative answer: a mission failed, a reply differs, too few trials succeeded, an
     imported set needs editing, there is no serial port."""
     PROBLEM = 2
-    """Nothing was done: a mistake in an option, a set or a log, a port that is taken."""
+    """Nothing was done: a mistake in an option, a set or a log, or a port in use."""
     LOST = 3
-    """The Dask cluster that trials were to run on is not there, or was lost: they can be gone on with."""
+    """The Dask cluster for trials is not reachable, or was lost: the trials can be continued."""
     NOT_STARTED = 127
     """The program of `--run` cannot be started."""
     INTERRUPTED = 130
@@ -52,35 +55,33 @@ _CODES: dict[type[SimmerError], ExitCode] = {
     ProgramError: ExitCode.NOT_STARTED,
     ClusterError: ExitCode.LOST,
 }
-"""Errors with an exit code of their own; all others are problems."""
+"""Exit codes of some errors; all others are problems."""
 
 
 def report(error: SimmerError, program: str = "simmer-tui") -> int:
-    """Write an error on standard error, each problem of a configuration on a line of its own.
-    Returns the exit code for it. A closed stream is no fault."""
-    # Each problem names its own place: the name of the program before it would hide that.
+    """Write an error on standard error, each problem of a configuration on its own line. Returns its exit
+    code. A closed stream is no fault."""
+    # Each problem names its own place: the program's name before it would hide that.
     lines = error.lines() if isinstance(error, ConfigurationError) else [f"{program}: {error}"]
     try:
         sys.stderr.writelines(f"{line}\n" for line in lines)
         sys.stderr.flush()
     except (OSError, ValueError):
-        pass  # nobody reads it any more; the exit code still tells
+        pass  # nobody reads it any more; the exit code is enough
     return _CODES.get(type(error), ExitCode.PROBLEM)
 
 
 def has_terminal() -> bool:
-    """True if there is something to draw on: a terminal, or what `textual serve` puts in its place."""
-    # Textual's own variable: it then draws in packets over the standard streams.
+    """True if there is a terminal to draw on, or `textual serve` in its place."""
+    # Textual's own variable: with it Textual draws in packets over the standard streams.
     if os.environ.get("TEXTUAL_DRIVER"):
         return True
     return sys.stdin.isatty() and sys.stdout.isatty() and sys.stderr.isatty()
 
 
 class CliCommand:
-    """A command of `simmer-tui`: called with the arguments after its name, it returns the exit code.
-
-    Errors that its function raises become messages and exit codes.
-    """
+    """A command of `simmer-tui`: called with the arguments after its name, it returns the exit code. Errors
+    of its function become messages and exit codes."""
 
     def __init__(
         self, parser: Callable[[], OneLineParser], function: Callable[[argparse.Namespace], int]
@@ -103,7 +104,7 @@ class CliCommand:
 
 @contextmanager
 def _trusting(trust: DeviceTrust) -> Generator[None, None, None]:
-    """The trust in a team's own devices meanwhile: in all, or by the question."""
+    """Trust in a team's own devices inside the `with` block: in all, or by a question."""
     token = TRUST.set(trust)
     try:
         yield
@@ -124,7 +125,7 @@ def add_trust_option(parser: argparse.ArgumentParser | argparse._ArgumentGroup) 
 
 
 def add_device_options(parser: argparse.ArgumentParser | argparse._ArgumentGroup) -> None:
-    """The options of commands that run a log again, for sets with devices of their own."""
+    """The options of commands that rerun a log, for sets with devices of their own."""
     parser.add_argument(
         "--config",
         metavar="DIR",
@@ -135,7 +136,7 @@ def add_device_options(parser: argparse.ArgumentParser | argparse._ArgumentGroup
 
 
 def asking_nobody() -> AbstractContextManager[None]:
-    """No question about devices while a screen has the terminal."""
+    """Ask no question about devices inside the `with` block, while a screen has the terminal."""
     return _trusting(DeviceTrust(TRUST.get().everything))
 
 
@@ -166,7 +167,8 @@ def subcommand(
 
 @contextmanager
 def configuration_of(log: Path) -> Generator[None, None, None]:
-    """A configuration that is refused in here came out of a log: raises RunLogError, which says so."""
+    """Inside the `with` block a refused configuration is one from a log: raises RunLogError, which says
+    so."""
     try:
         yield
     except ConfigurationError as error:
@@ -177,8 +179,8 @@ def configuration_of(log: Path) -> Generator[None, None, None]:
 class OneLineParser(argparse.ArgumentParser):
     """A parser whose errors are one line on stderr and exit code 2.
 
-    It takes negative values after a space (`--bot-center -1,2`), does not guess at shortened
-    options, and suggests the option, or which of `words`, may have been meant.
+    It takes negative values after a space (`--bot-center -1,2`). It does not accept shortened options, and
+    suggests the option, or one of `words`, that may have been meant.
     """
 
     def __init__(self, *args: Any, words: Iterable[str] = (), **kwargs: Any) -> None:
@@ -209,7 +211,7 @@ class OneLineParser(argparse.ArgumentParser):
         return formatter.format_help()
 
     def format_settings(self) -> str:
-        """Help on the options of settings alone."""
+        """Help on the setting options only."""
         formatter = self._get_formatter()
         for group in self.setting_groups:
             self._add_section(formatter, group.title, group._group_actions)
@@ -244,7 +246,7 @@ class OneLineParser(argparse.ArgumentParser):
 
 
 def _join_negative_values(args: Sequence[str]) -> list[str]:
-    """`--bot-center`, `-1,2` as one argument; argparse alone takes `-1,2` for an option."""
+    """The arguments with `--bot-center`, `-1,2` joined to one; argparse alone takes `-1,2` for an option."""
     joined: list[str] = []
     for position, arg in enumerate(args):
         if arg == "--":
@@ -257,14 +259,14 @@ def _join_negative_values(args: Sequence[str]) -> list[str]:
 
 
 _ON_THE_SCREEN = ("screen", "keys", "web")
-"""Groups of settings that change nothing but a screen, or a page."""
+"""Groups of settings that change only a screen, or a page."""
 
 
 def add_setting_options(
     parser: OneLineParser, *, has_screen: bool = False, names: Sequence[str] = ()
 ) -> None:
-    """Give `parser` one option for every setting, or for those with some `names`, in groups; those of screen,
-    keys and page only for a command that `has_screen`. Values are judged by the loader."""
+    """Give `parser` one option for every setting, or for those with some `names`, in groups. Those of screen,
+    keys and page are only for a command that `has_screen`. The loader checks the values."""
     groups: dict[str, argparse._ArgumentGroup] = {}
     for item in all_settings():
         if (item.group in _ON_THE_SCREEN and not has_screen) or (names and item.name not in names):
@@ -283,14 +285,14 @@ def _add_option(group: argparse._ArgumentGroup, item: Setting) -> None:
         value = {"action": argparse.BooleanOptionalAction}
     elif item.alone:
         value |= {"nargs": "?", "const": item.alone}
-    # Absent unless given: what the set says must win over a default.
+    # Absent unless given: a value of the set must override a default.
     group.add_argument(
         item.option, dest=_DEST + item.name, default=argparse.SUPPRESS, help=help_text, **value
     )
 
 
 def default_text(item: Setting) -> str:
-    """The default as one would type it; of a flag, `on` or `off`."""
+    """The default as it is typed; of a flag, `on` or `off`."""
     if isinstance(item.default, bool):
         return "on" if item.default else "off"
     if isinstance(item.default, tuple):
@@ -299,7 +301,7 @@ def default_text(item: Setting) -> str:
 
 
 def overrides_from(namespace: argparse.Namespace) -> dict[str, Override]:
-    """The settings really given as options, by dotted name."""
+    """The settings given as options, by dotted name."""
     overrides = {}
     for item in all_settings():
         value = getattr(namespace, _DEST + item.name, None)
@@ -361,7 +363,7 @@ def add_large_option(parser: argparse.ArgumentParser) -> None:
 
 
 def allow_large(options: argparse.Namespace) -> None:
-    """Have compressed logs of any size read, if `--large` asks for it."""
+    """Allow compressed logs of any size to be read, if `--large` is given."""
     if options.large:
         from simmer_tui.runlog.reader import READS_LARGE
 
@@ -369,17 +371,17 @@ def allow_large(options: argparse.Namespace) -> None:
 
 
 def log_of(options: argparse.Namespace) -> Path:
-    """The file named, or the last run, which is then said on standard error. Raises RunLogError if
+    """The named file, or the last run, whose name is then printed on standard error. Raises RunLogError if
     there is none."""
     allow_large(options)
     if options.file is not None:
         named: Path = options.file
         return named
-    # Imported here because most commands read no log, and it brings in the simulator.
+    # Imported here because most commands read no log, and it imports the simulator.
     from simmer_tui.runlog.saved_runs import last_run
 
     path = last_run()
-    # On standard error: standard output is the answer, which scripts read.
+    # On standard error: scripts read the answer on standard output.
     sys.stderr.write(f"the last run: {escape(str(path), 200)}\n")
     sys.stderr.flush()
     return path

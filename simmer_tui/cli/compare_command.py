@@ -27,7 +27,7 @@ def _options(parser: OneLineParser) -> None:
 )
 def run_compare(options: argparse.Namespace) -> int:
     """Compare two programs, or two robots, by their trials on the same seeds: B against A."""
-    # Results are compared, and no sensor is read.
+    # Results are compared; no sensor is read.
     first, second = (TrialFolder.read(each, DeviceUse.PARSE) for each in (options.first, options.second))
     pairs = paired(first, second, other_robot=options.other_robot)
     print_answer(comparison(first, second, pairs), as_json=options.json)

@@ -68,7 +68,7 @@ def run_init(options: argparse.Namespace) -> int:
     source = bundled_folder() if options.source is None else find_set(options.source)
     mission = options.mission or options.term
     if mission and source == bundled_folder():
-        source = bundled_sets()[MISSION_SET]  # the same robot, with a gripper, and honest about time
+        source = bundled_sets()[MISSION_SET]  # the same robot, with a gripper and realistic delays
     files, name = read_files(source), set_name(source)
     if options.dialect is not None:
         files = with_dialect(files, options.dialect)
@@ -105,7 +105,7 @@ def _write(directory: Path, files: Mapping[str, bytes]) -> str:
 
 
 def _new_set(files: Mapping[str, bytes], *, mission: bool, nominal: str = "") -> dict[str, bytes]:
-    """The files of a set for people to edit, explained, that name its `nominal` one. Raises
+    """The files of a set for people to edit, with comments and the name of its `nominal` set. Raises
     ConfigurationError."""
     return explained(with_mission(files) if mission else files, nominal)
 
@@ -156,7 +156,7 @@ def run_check(options: argparse.Namespace) -> int:
 
 
 def _course_of(folder: Path) -> str:
-    """A line on the course in a folder, empty if it has none. Raises ConfigurationError."""
+    """A line about the course in a folder, empty if it has none. Raises ConfigurationError."""
     from simmer_tui.grade.course import COURSE_FILE, read_course
 
     file = folder / COURSE_FILE
@@ -168,7 +168,7 @@ def _course_of(folder: Path) -> str:
 
 
 def _check_against(path: Path, configuration: Configuration, *, as_json: bool) -> int:
-    """Messages that a dialect answers otherwise than its robot did. Returns the exit code."""
+    """Print the messages that a dialect answers otherwise than its robot did. Returns the exit code."""
     from simmer_tui.config.exchange_file import read_exchange
     from simmer_tui.dialect.exchange import Comparison
 
@@ -184,8 +184,8 @@ def _check_against(path: Path, configuration: Configuration, *, as_json: bool) -
         print_json(Document("Set", [ok, DIFFERENCES.filled(rows)]))
     else:
         sys.stdout.writelines(f"{escape(path.name, 100)}:{line}: {text}\n" for line, text in rows)
-        told = counted(len(rows), "difference") if rows else "the dialect answers as the robot did"
-        sys.stdout.write(f"{counted(comparison.messages, 'message')} of the dialect; {told}\n")
+        found = counted(len(rows), "difference") if rows else "the dialect answers as the robot did"
+        sys.stdout.write(f"{counted(comparison.messages, 'message')} of the dialect; {found}\n")
     return ExitCode.NO if rows else ExitCode.DONE
 
 
@@ -201,7 +201,7 @@ def _import_options(parser: OneLineParser) -> None:
 def run_import(options: argparse.Namespace) -> int:
     """Make a configuration set from a simmer-python config.py or a MATLAB Main.m. The file is read, never
     executed."""
-    # The exit code is 0 for a set that can be used, 1 for one that is written but must be edited first.
+    # Exit code 0: the set can be used. 1: it was written, but must be edited first.
     imported, skeletons = with_skeletons(read_path(options.file))
     files = _new_set({**set_files(imported), **skeletons}, mission=options.mission)
     sys.stdout.write(f"{_write(options.directory, files)}\n")
@@ -209,7 +209,7 @@ def run_import(options: argparse.Namespace) -> int:
         sys.stdout.write("Not imported, or changed:\n")
         sys.stdout.writelines(f"  {problem}\n" for problem in imported.left_out)
     try:
-        # Read back as a run will read it: the team learns now what is to be edited.
+        # Read back as a run will read it: the team sees now what must be edited.
         load(options.directory, devices=DeviceUse.PARSE)
     except ConfigurationError as error:
         sys.stdout.write("The set needs editing before it can be used:\n")

@@ -8,14 +8,16 @@ from pathlib import Path
 from simmer_tui.config.device_file import DeviceFile
 from simmer_tui.sim.command import escape
 
-# The imports and the head of a class: enough to see that it is what one thinks it is.
+# The imports and the head of a class: enough to recognise the file.
 _LINES = 12
 """Lines of the file that are shown."""
 _WIDE = 100
+"""Characters of such a line that are shown."""
 
 
 def ask_on_terminal(file: DeviceFile, directory: Path) -> bool:
-    """True for a yes, which has to be typed. Without a terminal for question and answer nobody is asked."""
+    """True if the user types yes. Without a terminal for question and answer it is False, without a
+    question."""
     if not (sys.stdin.isatty() and sys.stderr.isatty()):
         return False
     sys.stderr.write("\n".join(_question(file, directory)))

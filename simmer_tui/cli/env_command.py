@@ -1,4 +1,4 @@
-"""The command `env`: the variables by which a program that an IDE starts finds a running simulator."""
+"""The command `env`: the environment variables with which a program in an IDE finds a running simulator."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ from simmer_tui.config.sets import find_set
 from simmer_tui.errors import ConfigurationError, Problem
 from simmer_tui.program.hook_folder import with_hook
 
-# Loopback answers in less than a millisecond; another machine of the same network in a few.
+# Loopback answers in less than a millisecond, another machine of the same network in a few.
 _LOOK = 0.5
-"""Seconds in which a simulator must answer that runs."""
+"""Seconds within which a running simulator must answer."""
 
 
 _FORMS: dict[str, Callable[[str, str], str]] = {

@@ -23,9 +23,9 @@ def run_examples(options: argparse.Namespace) -> int:
     Files that are there already stay as they are."""
     written = copy_examples(options.directory)
     where = escape(str(options.directory), 200)
-    told = f"{counted(len(written), 'file')} written to {where}" if written else f"{where} has all of them"
+    result = f"{counted(len(written), 'file')} written to {where}" if written else f"{where} has all of them"
     sys.stdout.write(
-        f"{told}\n"
+        f"{result}\n"
         "Start simmer-tui in one terminal and a program in another:\n"
         f"  python {escape(str(options.directory / EXAMPLE), 200)}\n"
     )

@@ -132,7 +132,7 @@ def _begun(options: argparse.Namespace) -> GradeFolder:
 
 
 def _usual_place(course: Course) -> Path:
-    """Here, or above the folders in which a grading may not be."""
+    """A new folder here, or in the nearest folder above that is outside the teams' folders."""
     name = new_folder(_PREFIX)
     place = Path()
     while place.resolve() != Path(place.resolve().anchor) and any(
@@ -160,8 +160,8 @@ def _isolation(options: argparse.Namespace) -> Isolation:
 
 
 def _check_outside(path: Path, course: Course) -> None:
-    """A team's own folder is no place for the grading, for it would be handed in, nor is one in which each
-    folder is a team, for it would be one."""
+    """Refuse a folder of a team, since the grading would be submitted with it, and a folder of teams, since
+    it would count as a team."""
     for team in course.teams:
         if _is_in(path, team.folder):
             raise GradeError(
@@ -197,7 +197,7 @@ def _resumed(options: argparse.Namespace) -> GradeFolder:
 
 
 def _run_all(folder: GradeFolder, options: argparse.Namespace) -> tuple[ExitCode, str]:
-    """Do what is to be done. Returns DONE, or another code and what came in between."""
+    """Do the planned runs. Returns DONE, or another code with its reason."""
     console = Console(stderr=True)
     with contextlib.ExitStack() as stack:
         try:
@@ -212,13 +212,13 @@ def _run_all(folder: GradeFolder, options: argparse.Namespace) -> tuple[ExitCode
             stack.enter_context(folder.store.locked())
             status = stack.enter_context(console.status("")) if console.is_terminal else None
 
-            def told(result: TrialResult) -> None:
+            def show(result: TrialResult) -> None:
                 if status is not None:
                     left = sum(folder.is_open(entry) for entry in folder.entries)
                     runs = sum(len(entry.results) for entry in folder.entries)
                     status.update(f"{runs} runs done, {left} teams undecided")
 
-            grade(folder, source, told)
+            grade(folder, source, show)
         except KeyboardInterrupt:
             return ExitCode.INTERRUPTED, "interrupted"
         except ClusterError as error:
@@ -236,14 +236,14 @@ def _write(folder: GradeFolder, found: list[TeamResult], isolation: str) -> None
         files[f"{GRADESCOPE}/{each.entry.team.slug}/results.json"] = gradescope_json(folder, each)
     shown = team_results(folder, hidden=True) if folder.plan.hides_names else found
     files |= {f"{SITE}/{page}": text for page, text in site(folder, shown, isolation).items()}
-    shutil.rmtree(folder.path / SITE, ignore_errors=True)  # with other names before, maybe
+    shutil.rmtree(folder.path / SITE, ignore_errors=True)  # possibly with other names before
     for name, text in files.items():
         folder.store.write(name, text)
     say("grade", f"wrote {typed_path(folder.path)}/{GRADES}, {JUNIT}, {GRADESCOPE}/ and {SITE}/{INDEX}")
 
 
 def _isolation_line(isolation: Isolation, *, is_here: bool) -> str:
-    """Isolation of the programs and limits of a run, in words. On a cluster each worker has its own."""
+    """The sandbox of the programs and the limits of a run, in words. On a cluster each worker has its own."""
     if isolation is Isolation.NONE:
         return (
             "Programs run without a sandbox. They can read the seed, logs and results of this grading, and "

@@ -40,8 +40,11 @@ _OTHER_LINES = 6
 
 
 def hold_session(configuration: Configuration, log: Path, console: Console) -> None:
-    """Drive the robot on the set's serial port, and log that. Ends when enough is known, when the robot
-    cannot move, or at Ctrl-C, which stops the robot. Raises RunLogError if the log cannot be written."""
+    """Drive the robot on the set's serial port, and log the session.
+
+    Ends when enough is known, when the robot cannot move, or at Ctrl-C, which stops the robot. Raises
+    RunLogError if the log cannot be written.
+    """
     configuration = replace(configuration, settings=replace(configuration.settings, sim=False))
     guide = SessionPlanner(configuration, np.random.default_rng(secrets.randbits(64)))
     console.print(Text(where_to_put(guide)))
@@ -51,7 +54,7 @@ def hold_session(configuration: Configuration, log: Path, console: Console) -> N
         raise CalibrationError("--guided needs somebody who puts the robot there and presses Enter") from None
     with contextlib.suppress(KeyboardInterrupt):
         asyncio.run(_session(configuration, guide, log, console))
-    # A spin takes seven: before ten no drive but the turning one has moved twice.
+    # A spin takes seven: with fewer than ten no drive but the turning one has moved twice.
     if guide.count < 10:
         raise CalibrationError("the session ended before there was enough to estimate anything")
     if guide.stuck:
@@ -62,7 +65,7 @@ async def _session(configuration: Configuration, guide: SessionPlanner, log: Pat
     loop = asyncio.get_running_loop()
     settings = configuration.settings
     twin = Simulator(configuration.simulation, 0)
-    # By a dialect a movement takes its time: the robot need not answer it.
+    # With a dialect a movement takes its planned time: the robot need not answer it.
     dialect = configuration.dialect
     engine = Engine(twin, timed=dialect is not None and dialect.protocol is None)
     engine.start(loop)
@@ -100,7 +103,7 @@ async def _session(configuration: Configuration, guide: SessionPlanner, log: Pat
                 show("done")
             except asyncio.CancelledError:
                 bridge.stop()
-                # Time for the stop to be written before the port is closed.
+                # Time for the stop to be sent before the port is closed.
                 await asyncio.sleep(0.3)
                 raise
             finally:
@@ -108,8 +111,8 @@ async def _session(configuration: Configuration, guide: SessionPlanner, log: Pat
 
 
 def picture(guide: SessionPlanner, what: str, link: str, height: int) -> Group:
-    """The progress of the session in `height` lines of the terminal: the present step, and the intervals of
-    as many parameters as there is room for, the least known first."""
+    """The progress of the session in `height` lines: the present step, and the intervals of the parameters,
+    the least known first."""
     pose = guide.pose
     head = Text(
         f"movement {guide.count} of at most {guide.most}, now: {what}   [{link}]\n"

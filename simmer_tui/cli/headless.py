@@ -34,14 +34,14 @@ if TYPE_CHECKING:
 
 READY = "Simulator initialized... waiting for connection from client"
 _BACKLOG = 1000
-"""Lines kept for a terminal that takes none, some 100 KB."""
-# Only these are the sender's mistakes; busy and unanswered are told in other words.
+"""Lines kept for a terminal that does not read; some 100 KB."""
+# Only these are the sender's mistakes; busy and unanswered commands have other messages.
 _REFUSALS = (Status.REFUSED, Status.UNKNOWN)
 
 
 class LinePrinter:
-    """Prints from the main thread what happens in the robot's thread, so that a stopped terminal
-    never holds up the robot. What does not fit is counted."""
+    """Prints events of the robot's thread in the main thread, so that a stopped terminal never delays the
+    robot. Lines beyond its limit are counted."""
 
     def __init__(self, quiet: bool) -> None:
         self._quiet = quiet
@@ -50,11 +50,11 @@ class LinePrinter:
         self._lines_of = EventLines()
 
     def watch(self, event: Event) -> None:
-        """Take note of an event, in the robot's thread."""
+        """Take an event, in the robot's thread."""
         line = "" if self._quiet else self._lines_of.handle(event)
         if not line:
             return
-        # Counted, not kept: the robot must not wait, nor memory grow.
+        # Counted, not kept: the robot must not wait, and the memory must not grow.
         if self._lines.qsize() >= _BACKLOG:
             self._missed += 1
             return
@@ -70,7 +70,7 @@ class LinePrinter:
     def wait(self) -> int:
         """Print lines until `finish`; returns its code."""
         while True:
-            try:  # Windows does not interrupt a wait without an end
+            try:  # Windows does not interrupt a wait without a time limit
                 item = self._lines.get(timeout=None if platform_has.POSIX else 1.0)
             except queue.Empty:
                 continue
@@ -79,9 +79,8 @@ class LinePrinter:
             say(item)
 
     def print_rest(self) -> None:
-        """Print what has been told by now, and no more, whatever comes meanwhile; forget that it was to
-        `finish`."""
-        # As many as there are now: a client may go on sending for ever.
+        """Print the lines so far, and no later ones. An earlier `finish` is cancelled."""
+        # As many as there are now: a client may continue to send.
         for _ in range(self._lines.qsize()):
             item = self._lines.get_nowait()
             if isinstance(item, str):
@@ -124,9 +123,9 @@ class EventLines(EventHandler[str]):
         return self.on_ended(event.as_movement())
 
     def on_velocity_ended(self, event: VelocityEnded) -> str:
-        # What its program asked for, or a person did, needs no line.
-        told = event.reason in (VelocityEnd.TIMEOUT, VelocityEnd.LEFT)
-        return f"velocity ended: {event.reason.value}" if told else ""
+        # The program's own request, or a person's action, needs no line.
+        is_shown = event.reason in (VelocityEnd.TIMEOUT, VelocityEnd.LEFT)
+        return f"velocity ended: {event.reason.value}" if is_shown else ""
 
     def on_result(self, event: CommandResult) -> str:
         self._trail.begun(event.number, event.time)
@@ -136,13 +135,13 @@ class EventLines(EventHandler[str]):
         if event.status is Status.UNANSWERED:
             return f"{source}: no answer to '{shown}': {event.reason}"
         if event.status is Status.BUSY and not self._told_busy:
-            self._told_busy = True  # programs ask over and over: one line a movement will do
+            self._told_busy = True  # programs repeat the command: one line a movement is enough
             return f"{source}: '{shown}' not begun: {event.reason}"
         return ""
 
 
 class Headless(LinePrinter, FrontEnd):
-    """The front end without a screen: it ends with its mission, which makes the exit code."""
+    """The front end without a screen: it ends with its mission, which sets the exit code."""
 
     judges = True
 
@@ -150,7 +149,7 @@ class Headless(LinePrinter, FrontEnd):
         super().__init__(quiet)
         self._server = server
         self.wants_verdict = not quiet
-        # What a program prints on standard output is its own, for others to read.
+        # A program's standard output is for others to read.
         self._stream = sys.stderr if has_program else sys.stdout
 
     def logging(self, path: Path) -> None:
@@ -162,7 +161,7 @@ class Headless(LinePrinter, FrontEnd):
             prefix()
 
     def started(self) -> None:
-        """Say the ports, configuration and seed, and that clients may come."""
+        """Print the ports, configuration and seed: clients may connect."""
         server = self._server
         for warning in server.warnings:
             say(f"warning: {printable(warning)}")
@@ -187,7 +186,7 @@ class Headless(LinePrinter, FrontEnd):
         self.finish(code)
 
     def judged(self, verdict: Verdict) -> None:
-        """Say how the run ended: the evidence, and the verdict's sentence as the last line."""
+        """Print the end of the run: the evidence, and the verdict's sentence as the last line."""
         said, *evidence = verdict.lines
         for line in (*(f"  {each}" for each in evidence), f"verdict: {said}"):
             say(line)

@@ -19,7 +19,7 @@ def _options(parser: OneLineParser) -> None:
 
 
 def topics() -> tuple[str, ...]:
-    """All that there is help on."""
+    """All topics of the help."""
     return (*main.COMMANDS, SETTINGS)
 
 

@@ -35,7 +35,8 @@ from simmer_tui.runlog.rerun import Rerun
 from simmer_tui.sim.command import escape
 from simmer_tui.version import __version__
 
-# Judged: often enough for the eye, seldom enough to cost nothing.
+# Lines between two updates of a progress bar. Judged: often enough for the eye, rarely enough to cost
+# nothing.
 _PROGRESS_EVERY = 500
 
 RERUN = DataTable(
@@ -79,11 +80,11 @@ def run_report(options: argparse.Namespace) -> int:
 def build_report(
     path: Path, csv_path: Path | None = None, *, recorded: bool = True, nominal: str | None = None
 ) -> RunStatistics:
-    """Read a log to its end; with `csv_path` also write its commands there, with `recorded` keep what a
-    player shows. `nominal` is the set that its own is compared with.
+    """Read a log to its end.
 
-    Raises RunLogError, and ConfigurationError for a nominal set that cannot be read. Broken lines are
-    skipped and noted.
+    With `csv_path` it also writes the log's commands there; with `recorded` it keeps the data of a player.
+    `nominal` is the set that the log's set is compared with. Raises RunLogError, and ConfigurationError for a
+    nominal set that cannot be read. Broken lines are skipped and noted.
     """
     with ExitStack() as stack:
         with configuration_of(path):
@@ -92,7 +93,7 @@ def build_report(
         table = None
         if csv_path is not None:
             try:
-                # Opened before the log is read: a name that cannot be written is told at once.
+                # Opened before the log is read: a name that cannot be written is reported at once.
                 file = stack.enter_context(csv_path.open("w", encoding="utf-8", newline=""))
             except OSError as error:
                 raise _unwritable(csv_path, error) from None
@@ -106,7 +107,7 @@ def build_report(
 
 
 def _steps(log: LogReader, run: RunStatistics, table: CommandTable | None) -> Iterator[int]:
-    """Take in the log, and tell now and then how far it has been read."""
+    """Read the log, and yield the position in it from time to time."""
     for block in log.blocks():
         for logged in block:
             run.add(logged)
@@ -158,7 +159,7 @@ def run_export(options: argparse.Namespace) -> int:
 
 
 def _number(what: str, low: float, high: float) -> Callable[[str], float]:
-    """The reader of an option with a number."""
+    """A function that reads an option with a number."""
 
     def number(text: str) -> float:
         try:
@@ -205,7 +206,7 @@ def _report_rerun(rerun: Rerun, path: Path, *, as_json: bool) -> int:
         lines = [f"{shown}: {done} repeated, every reply the same{how} {made}"]
     elif not rerun.same_machine:
         lines.append("from there on the runs differ: the other machine's sines differ in their last bits")
-    # The likeliest reason for a difference.
+    # The most likely reason for a difference.
     elif header.program != __version__:
         lines.append(f"the log is from simmer-tui {escape(header.program, 20)}, this is {__version__}")
     if as_json:
@@ -218,8 +219,8 @@ def _report_rerun(rerun: Rerun, path: Path, *, as_json: bool) -> int:
 
 
 def _check_outputs(log: Path, outputs: Iterable[Path | None]) -> None:
-    """No output may be the log itself, nor another output. Raises RunLogError."""
-    # Resolved: the same file may be named in two ways.
+    """Check that no output is the log itself, or another output. Raises RunLogError."""
+    # Resolved: one file may have two names.
     given = [path.resolve() for path in (log, *outputs) if path is not None]
     for path in given:
         if given.count(path) > 1:
@@ -245,10 +246,8 @@ def _wrote(path: Path) -> str:
 
 
 def _run_through(positions: Iterable[int], size: int, what: str) -> None:
-    """Go through the steps of some work, each the number of bytes done of `size`.
-
-    On a terminal (standard error) a bar shows how far it is and goes away at the end.
-    """
+    """Run the steps of some work, each the number of bytes done of `size`. A terminal (standard error) shows
+    a progress bar meanwhile."""
     columns = TaskProgressColumn(), DownloadColumn(), TimeRemainingColumn()
     with progress_bar("{task.description}", *columns) as progress:
         task = progress.add_task(what, total=size)

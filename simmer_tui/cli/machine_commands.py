@@ -33,15 +33,15 @@ from simmer_tui.tui.sizes import SMALLEST_COLUMNS, SMALLEST_ROWS
 from simmer_tui.tui.terminal import GlyphMode, choose
 from simmer_tui.version import __version__, requirement
 
-# Those whose version changes what is seen or computed, for reports of faults.
+# Packages whose version affects the picture or the results, for bug reports.
 _LIBRARIES = ("textual", "rich", "numpy", "shapely", "pyserial", "msgspec")
 _SAMPLES = {
     GlyphMode.ASCII: "#o->",
     GlyphMode.HALF: "\N{UPPER HALF BLOCK}\N{LOWER HALF BLOCK}\N{FULL BLOCK}",
 }
 _SAMPLE = "\N{QUADRANT UPPER LEFT}\N{QUADRANT LOWER RIGHT}\N{FULL BLOCK}\N{BRAILLE PATTERN DOTS-1245}"
-"""Characters that the maze is drawn with: people see at once if they come out."""
-# The size of a VT100's screen, with which most terminal programs still open.
+"""Characters that the maze is drawn with: people see at once if they are displayed."""
+# The size of a VT100's screen, which most terminal programs still have at their start.
 _USUAL = (80, 24)
 
 CHECKS = DataTable("checks", "Checks", (DataColumn("about"), DataColumn("ok"), DataColumn("text")))
@@ -54,7 +54,7 @@ SHELLS = {
     "zsh": "simmer-tui completion zsh > ~/.zfunc/_simmer-tui  (a folder in fpath, before compinit)",
     "fish": "simmer-tui completion fish > ~/.config/fish/completions/simmer-tui.fish",
 }
-"""The shells, and how each takes the script for good."""
+"""The shells, and the command that installs the script in each."""
 _FOLDERS = {"directory", "mazes", "config", "target", "source", "first", "second"}
 """Arguments that are folders, by their name in the parsers."""
 
@@ -89,7 +89,7 @@ def run_doctor(options: argparse.Namespace) -> int:
     else:
         for about, (fine, text) in checks.items():
             sys.stdout.write(f"{'ok' if fine else '!!'}  {about:<9} {text}\n")
-    # Without a set or a port nothing starts; all else is only missed by one feature.
+    # Without a set or a port nothing starts; any other lack affects only one feature.
     return ExitCode.DONE if checks["set"][0] and checks["ports"][0] else ExitCode.NO
 
 
@@ -136,7 +136,7 @@ def _ports(server: ServerSettings) -> Check:
     taken = []
     for request in requests:
         try:
-            # Taking it is the only sure test; it is given back at once.
+            # Taking it is the only sure test; it is released at once.
             take_port(server.host, request).close()
         except PortError:
             taken.append(request.number)
@@ -157,7 +157,7 @@ def _serial() -> str:
 
 def _runs() -> Check:
     folder = saved_runs_folder()
-    # The folder is made by the first run: until then its nearest parent tells.
+    # The first run makes the folder: until then its nearest parent is checked.
     existing = next(path for path in (folder, *folder.parents) if path.exists())
     fine = os.access(existing, os.W_OK)
     return fine, f"the last ten are saved in {folder}" + ("" if fine else ", which cannot be written")
@@ -229,8 +229,8 @@ def run_completion(options: argparse.Namespace) -> int:
 
 
 def whole_parser() -> argparse.ArgumentParser:
-    """All options and all commands in one parser. It parses nothing: what completion and the reference
-    pages are made of."""
+    """All options and all commands in one parser. It parses nothing: completion and the reference pages are
+    made from it."""
     parser = main.build_parser()
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", prog="simmer-tui")
     for name, (_, text) in main.COMMANDS.items():
@@ -249,10 +249,10 @@ def whole_parser() -> argparse.ArgumentParser:
 
 
 def _name_values(parser: argparse.ArgumentParser) -> None:
-    """Tell the shell what arguments may be: names of sets and profiles, folders, files."""
+    """Name the kinds of arguments for the shell: names of sets and profiles, folders, files."""
     import shtab
 
-    # Reached by the names of parsers' attributes, since the parser holds no sort of a value.
+    # Found by the names of parsers' attributes, since a parser does not keep the kind of a value.
     choices: dict[str, Iterable[str]] = {"topic": topics()}
     choices |= dict.fromkeys(("config", "source"), sorted(bundled_sets()))
     choices |= {f"setting.{sort}_profile": profile_names(sort) for sort in (DRIVE, SENSOR, LINK)}

@@ -62,7 +62,7 @@ COMMANDS = {
     "ports": ("machine_commands:run_ports", "list the serial ports a robot may be on"),
     "help": ("help_command:run_help", "help on a command, or on all settings: help settings"),
 }
-"""By name the function in this room, imported only when it is called for, and what it does."""
+"""By name the function in this package, imported only when it is used, and its description."""
 
 
 _COMMON_SETTINGS = ("seed", "realistic", "server.port", "serial.port", "screen.pace")
@@ -133,7 +133,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def command_named(name: str) -> CliCommand:
     """The function of a command in the table."""
-    # Imported here because runs need it not.
+    # Imported here because runs do not need it.
     import pkgutil
 
     chosen: CliCommand = pkgutil.resolve_name(f"simmer_tui.cli.{COMMANDS[name][0]}")
@@ -141,14 +141,14 @@ def command_named(name: str) -> CliCommand:
 
 
 def _run(options: argparse.Namespace) -> int:
-    """A run, with the screen or without."""
+    """A run, with or without the screen. Returns the exit code."""
     from simmer_tui.cli.run_life import RunLife, say
 
     if not options.no_ui and not has_terminal():
         say("simmer-tui: there is no terminal to draw on; add --no-ui to run without the screen")
         return ExitCode.PROBLEM
     server = _server(options)
-    gc.freeze()  # what start-up has made stays; collections need not go through it again
+    gc.freeze()  # the objects of the start stay; garbage collections need not visit them again
     gc.enable()
     page = _page(server)
     front = front_end(server, options, quiet=options.quiet, once=options.once)
@@ -156,7 +156,7 @@ def _run(options: argparse.Namespace) -> int:
 
 
 def _page(server: Server) -> PageServer | None:
-    """The page that shows the run in browsers, if it is asked for. Raises ConfigurationError, PortError."""
+    """The page that shows the run in browsers, if one is wanted. Raises ConfigurationError, PortError."""
     if server.configuration.settings.web.port == OFF:
         return None
     try:
@@ -172,7 +172,7 @@ def _page(server: Server) -> PageServer | None:
 def front_end(
     server: Server, options: argparse.Namespace, *, quiet: bool = False, once: bool = False
 ) -> FrontEnd:
-    """The front end for a live run: lines with `--no-ui`, else the screen."""
+    """The front end for a live run: lines with `--no-ui`, otherwise the screen."""
     if options.no_ui:
         from simmer_tui.cli.headless import Headless
 
@@ -201,7 +201,7 @@ def _server(options: argparse.Namespace) -> Server:
 
     directory = find_mission_set(options.config)
     given = [overrides[name].option for name in OVERRIDDEN if name in overrides]
-    # Two places that say where the robot starts: one would be ignored without a word.
+    # Two places with the robot's start: one would be ignored without a word.
     if given:
         what = "has no effect in a mission: mission.toml says where robot and block start"
         raise ConfigurationError([Problem(option, what) for option in given])
@@ -210,8 +210,8 @@ def _server(options: argparse.Namespace) -> Server:
 
 
 def checked(configuration: Configuration, options: argparse.Namespace) -> Configuration:
-    """The same configuration, by the real clock if there is no program to follow and that is allowed. Raises
-    ConfigurationError."""
+    """The same configuration, with the real clock if there is no program to follow and that is allowed.
+    Raises ConfigurationError."""
     motion = configuration.settings.motion
     if not motion.is_by_program or (options.run is not None and options.no_ui):
         return configuration
@@ -223,10 +223,13 @@ def checked(configuration: Configuration, options: argparse.Namespace) -> Config
 
 
 def run() -> None:
-    """`main` as the whole program. A closed pipe at the other end of standard output is no fault, nor is a
-    console without all characters, such as one of Windows with code page 1252."""
+    """Run `main` as the whole program.
+
+    A closed pipe at the other end of standard output is no fault. Neither is a console without all
+    characters, such as one of Windows with code page 1252.
+    """
     for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, io.TextIOWrapper):  # there may be none
+        if isinstance(stream, io.TextIOWrapper):  # there may be no such stream
             stream.reconfigure(errors="backslashreplace")
     try:
         code = main()

@@ -61,7 +61,7 @@ def run_replay(options: argparse.Namespace) -> int:
     with configuration_of(path):
         run = RecordedRun(log)
     choice = apply_choice(options.color, options.glyphs)
-    # Imported here: Textual reads the environment that the choice has set.
+    # Imported here: Textual reads the environment variables that the choice has set.
     from simmer_tui.tui.replay import ReplayApp
     from simmer_tui.tui.textual_internals import delta_updates
 
@@ -83,7 +83,7 @@ def _take_over_at(path: Path, options: argparse.Namespace) -> int:
 
 
 def _go_on(chosen: TakeOver, options: argparse.Namespace) -> int:
-    """The live run; returns the exit code."""
+    """Run the live run. Returns the exit code."""
     server, rerun = chosen.serve()
     front = front_end(server, options)
     bring = partial(chosen.bring, server, rerun)

@@ -1,6 +1,6 @@
 """The life of a run, with a screen and without: its start, its program, its end and its exit code.
 
-What differs is the front end: lines on standard error (`headless.py`), or the screen (`app_start.py`).
+Only the front end differs: lines on standard error (`headless.py`), or the screen (`app_start.py`).
 """
 
 from __future__ import annotations
@@ -32,67 +32,70 @@ if TYPE_CHECKING:
 NOTHING_SENT = "nothing was sent"
 """Reason for the failure of a mission in which no command came."""
 LAST_OUTPUT = 1.0
-"""Time limit of a program whose mission is over, seconds: enough to print its last output."""
-# All within the 2 s that a signal may take; the program goes first, so that its last commands are logged.
+"""Seconds that a program may run after the end of its mission: enough to print its last output."""
+# All within the 2 s that an end by signal may take. The program ends first, so that its last commands are
+# logged.
 _PROGRAM, _SERVER, _EXIT = 0.4, 1.4, 1.8
-"""When the program, the server and the process are ended after a signal, in seconds, if the main thread
-has not come to it. It cannot while it writes to a terminal, or a pipe, that takes nothing."""
+"""Seconds after a signal at which the program, the server and the process are ended, if the main thread has
+not done it.
+
+The main thread cannot while it writes to a terminal, or a pipe, that does not read.
+"""
 
 
 class FrontEnd:
-    """Shows a run, and ends when told to. What one has no use for does nothing."""
+    """Shows a run, and ends at `finish`. Methods that a front end does not need do nothing."""
 
     judges = False
-    """True if the run ends with its mission, and the mission makes the exit code."""
+    """True if the run ends with its mission, which sets the exit code."""
     wants_verdict = False
-    """True if the verdict is to be given to `judged`."""
+    """True if `judged` needs the verdict."""
     program_output: Callable[[str], None] | None = None
-    """Takes a program's lines; without it they go where ours go."""
+    """Callback for a program's lines; without it they go to our own output."""
 
     def logging(self, path: Path) -> None:
         """The run is logged to a file."""
 
     def prepare(self, prefix: Callable[[], None] | None) -> None:
-        """Watch the server, which is to be started. A `prefix` is what happened before, to be told first."""
+        """Watch the server, which starts later. The events of a `prefix` come first."""
 
     def offer(self, run: Callable[[str], None]) -> None:
-        """`run` starts a program beside the run, which was begun without one. It raises ProgramError."""
+        """`run` starts a program beside a run that was begun without one. It raises ProgramError."""
 
     def offer_again(self, again: Callable[[], None]) -> None:
-        """`again` begins the run anew, with its program, if there was one; what it starts goes on without the
-        caller."""
+        """`again` restarts the run, with its program if there was one; it returns before their end."""
 
     def watch(self, event: Event) -> None:
-        """Take note of an event, in the robot's thread."""
+        """Take an event, in the robot's thread."""
 
     def started(self) -> None:
-        """Server and program run."""
+        """Called when server and program run."""
 
     def show_links(self, links: tuple[str, ...]) -> None:
-        """Show where browsers see the run."""
+        """Show the addresses of the page."""
 
     def show(self) -> int:
-        """Show what happens until `finish`; returns its code."""
+        """Show events until `finish`; returns its code."""
         raise NotImplementedError
 
     def finish(self, code: int) -> None:
         """End `show`. Safe in signal handlers and from any thread."""
 
     def program_ended(self, code: int) -> None:
-        """The program has ended, told in a thread of its own."""
+        """Called when the program has ended, in a thread of its own."""
 
     def show_rest(self) -> None:
-        """Show what has happened by now, and no more."""
+        """Show the events so far, and no later ones."""
 
     def judged(self, verdict: Verdict) -> None:
-        """The run is over, its server stopped; this is how it ended, and why."""
+        """Called when the run is over and its server stopped, with the verdict."""
 
     def ended(self, program_code: int | None) -> None:
-        """The run is over, its server stopped."""
+        """Called when the run is over and its server stopped."""
 
 
 class RunLife:
-    """One run: a server with a front end, and perhaps a program that drives the robot."""
+    """One run: a server with a front end, and optionally a program that drives the robot."""
 
     def __init__(
         self,
@@ -105,8 +108,9 @@ class RunLife:
         prefix: Callable[[], None] | None = None,
         page: PageServer | None = None,
     ) -> None:
-        """`command` is the program. With `once` the run ends when the client has left, or the program.
-        `log` is a file, or `auto`. A `prefix` is told before the server starts. A `page` shows it too."""
+        """`command` is the program. With `once` the run ends with the client, or the program. `log` is a
+        file, or `auto`. The events of a `prefix` come before the server starts. A `page` shows the run
+        too."""
         self._server = server
         self._front = front
         self._command = command
@@ -164,18 +168,18 @@ class RunLife:
         self._shutdown.on_signals(self._interrupted)
         if front.wants_verdict or (front.judges and self._page is not None):
             self._history = server.keep_history()
-        # A run that goes on when its client has left shows its viewers what they would see on the screen.
+        # If a run continues when its client has left, its viewers see the same as the screen.
         if front.judges and self._page is not None and self._command is None:
             server.keep_verdict(has_program=False)
         if self._page is not None:
             self._page.prepare()
         front.prepare(self._prefix)
-        # A program may send more when a client has left, and has an exit code of its own.
+        # A program may send more after a client has left, and has an exit code of its own.
         ends_with_client = self._once and self._command is None
         server.start(self._watch, (lambda: front.finish(0)) if ends_with_client else (lambda: None))
         if self._page is not None:
             self._page.start()
-        if self._command is not None:  # before anything is said: if it fails, that is the one line
+        if self._command is not None:  # before any output: if it fails, its error is the only line
             self._run_program(self._command)
         else:
             front.offer(self._run_example)
@@ -200,14 +204,14 @@ class RunLife:
         self._server.note_program(self._shutdown.program.pid)
 
     def _again(self) -> None:
-        """Begin the run anew, and its program with it. A program that still runs is ended first."""
+        """Restart the run and its program. A program that still runs is ended first."""
         threading.Thread(target=self._begin_again, name="again", daemon=True).start()
 
     def _begin_again(self) -> None:
         server, program = self._server, self._shutdown.program
         if program is not None:
             program.end()
-            self._program_over.wait()  # its end belongs to the run before
+            self._program_over.wait()  # its end belongs to the previous run
         server.call(server.engine.perform, Action(ActionName.RESET, source="keys"))
         if program is None:
             return
@@ -222,7 +226,7 @@ class RunLife:
             self._program_over.set()
 
     def _run_example(self, command: str) -> None:
-        """Start a program that a person has asked for, once. The exit code of the run is not its own."""
+        """Start a program for a person, once. Its exit code does not become the run's."""
         if self._shutdown.program is None:
             self._run_program(command)
             self._server.expect_program()
@@ -247,7 +251,7 @@ class RunLife:
         self._program_over.set()
 
     def _tell_program_end(self) -> None:
-        """Tell that the program has ended, if it has; once, after the last that it sent."""
+        """Tell once that the program has ended, after its last command."""
         code, program = self._program_code, self._shutdown.program
         with self._lock:
             if code is None or self._end_told or not self._server.running:
@@ -257,7 +261,7 @@ class RunLife:
         self._server.tell_at_once(self._output.end(code, self._server.engine.present, stopped=stopped))
 
     def _judge(self) -> None:
-        """Give front end and page the verdict on a run in which anything happened."""
+        """Give front end and page the verdict on a run with any event."""
         server, history = self._server, self._history
         if history is None or server.running or not (history.totals.commands or history.programs.items):
             return
@@ -286,7 +290,7 @@ class RunLife:
         return code
 
     def _exit_code(self, code: int) -> int:
-        """The exit code, `code` being that of the front end."""
+        """The exit code; `code` is that of the front end."""
         if self._front.judges and not self._interruptions:
             code = self._judgement(code)
         elif self._command is not None and self._program_code is not None:
@@ -297,7 +301,7 @@ class RunLife:
         """The exit code of a run that ends with its program or its mission."""
         server, referee = self._server, self._judged
         if self._command is not None:
-            # What it sent last may meet a goal.
+            # Its last commands may meet a goal.
             self._drain()
         if referee is None:
             if self._command is not None and not code and server.is_silent:
@@ -310,33 +314,33 @@ class RunLife:
             self._front.show()
         if self._interruptions:
             return code
-        # Only a run that ends by itself: somebody who pressed Ctrl-C does not wait.
+        # Only for a run that ends by itself: after Ctrl-C nobody waits.
         self._grace = LAST_OUTPUT
         return ExitCode.DONE if referee.result is Result.SUCCESS else ExitCode.NO
 
     def _drain(self) -> None:
-        """Take in what the program had sent when it ended, unless its mission is over."""
+        """Receive everything that the program sent before its end, unless its mission is over."""
         if self._judged is None or self._judged.result is Result.UNDER_WAY:
-            self._shutdown.end_program()  # what it left running has no say any more
+            self._shutdown.end_program()  # its remaining processes no longer count
             self._server.drain()
             self._tell_program_end()
         self._front.show_rest()
 
     def _give_up(self, referee: Referee, code: int) -> None:
-        """End a mission that nobody can finish any more, in the robot's thread. A program that says that
-        all is well without one command has most likely not found the port."""
+        """End a mission that nobody can finish any more, in the robot's thread. A program that ends with code
+        0 without a command has most likely not found the port."""
         if not code and self._server.is_silent:
             referee.end(NOTHING_SENT)
         elif self._command is None:
             referee.end("the client has left")
         else:
             referee.end(f"the program has ended with exit code {code}")
-        # Whatever became of the watcher that would tell of it: nobody waits for ever.
+        # Even if the watcher that would set it has failed: nobody waits forever.
         self._front.finish(code)
 
 
 def say(line: str, stream: TextIO | None = None) -> None:
-    """Print a line at once, on standard error unless told otherwise; a closed stream is no fault."""
+    """Print a line at once, by default on standard error; a closed stream is no fault."""
     try:
         print(line, file=stream or sys.stderr, flush=True)
     except (OSError, ValueError):
@@ -344,21 +348,23 @@ def say(line: str, stream: TextIO | None = None) -> None:
 
 
 class Shutdown:
-    """Ends the program beside a run, and then its server with a complete log: once, by whichever
-    thread comes first."""
+    """Ends the program beside a run, and then its server with a complete log. The first thread that calls it
+    does so, once."""
 
     def __init__(self, server: Server) -> None:
         self._server = server
-        # The main thread and the one that insists may both come to it.
+        # The main thread and the time-limit thread may both call it.
         self._lock = threading.Lock()
         self._done = False
         self.program: Program | None = None
         """The program of the run, once it has been started."""
 
     def on_signals(self, interrupted: Callable[[int], int]) -> None:
-        """From here on, the signals that ask a run to end do so. `interrupted` is called in the main
-        thread with the signal's number, sees to it that the main thread ends the run, and gives the
-        exit code. If the main thread is stuck, the run ends all the same, within 2 s."""
+        """End the run at signals from now on.
+
+        `interrupted` is called in the main thread with the signal's number. It makes the main thread end the
+        run, and returns the exit code. If the main thread is stuck, the run still ends within 2 s.
+        """
 
         def handle(number: int, frame: FrameType | None) -> None:
             code = interrupted(number)
@@ -368,8 +374,11 @@ class Shutdown:
             signal.signal(number, handle)
 
     def finish(self, grace: float = 0.0, program_over: Callable[[], None] = lambda: None) -> None:
-        """End everything, or wait until it has ended. The program may go on for `grace` seconds;
-        `program_over` is called once it has ended, before the server stops."""
+        """End everything, or wait until it has ended.
+
+        The program may run for another `grace` seconds. `program_over` is called when it has ended, before
+        the server stops.
+        """
         with self._lock:
             if self._done:
                 return
@@ -385,16 +394,16 @@ class Shutdown:
             threading.Event().wait(max(begun + when - time.monotonic(), 0.0))
             if end is not None:
                 threading.Thread(target=end, name="end", daemon=True).start()
-        os._exit(code)  # whatever a program had left running its keeper ends
+        os._exit(code)  # the keeper ends the processes that a program has left running
 
     def end_program(self) -> None:
-        """End the program, with all that it has started."""
+        """End the program with all processes that it has started."""
         if self.program is not None:
             self.program.end()
 
 
 def _end_signals() -> list[int]:
-    """The signals that ask a run to end, without those that are ignored (by nohup, say)."""
+    """The signals that end a run, without those that are ignored (by nohup, for example)."""
     names = ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK")
     known = [int(getattr(signal, name)) for name in names if hasattr(signal, name)]
     return [number for number in known if signal.getsignal(number) is not signal.SIG_IGN]

@@ -92,7 +92,7 @@ def run_trials(options: argparse.Namespace) -> int:
 
 
 def _continuation(folder: TrialFolder, options: argparse.Namespace) -> str:
-    """Command that goes on with trials that were cut off."""
+    """Command that continues trials that were interrupted."""
     why = "" if options.why is None else f" --why {options.why}"
     return f"simmer-tui trials --resume --out {typed_path(folder.path)}{why}"
 
@@ -172,12 +172,12 @@ def _check_plan(options: argparse.Namespace, plan: TrialPlan, configuration: Con
 
 
 def _kept(overrides: dict[str, Override]) -> dict[str, Any]:
-    """The options over settings.toml; the seed is kept by itself."""
+    """The options that override settings.toml; the seed is saved separately."""
     return {name: each.value for name, each in overrides.items() if name not in ("seed", "randerror")}
 
 
 def _resumed(options: argparse.Namespace) -> TrialFolder:
-    """A set of trials to go on with; what is given once more must be as it was. Raises TrialsError,
+    """A set of trials to continue; repeated options must have their first values. Raises TrialsError,
     ConfigurationError."""
     path = options.out or newest_folder(PREFIX, PLAN, Path())
     if path is None:
@@ -224,8 +224,8 @@ def _resumed(options: argparse.Namespace) -> TrialFolder:
 def _run_all(
     folder: TrialFolder, options: argparse.Namespace, test: SequentialTest | None
 ) -> tuple[ExitCode, str]:
-    """Do what is to be done, with a `test` until it has decided. Returns DONE, or another code and what
-    came in between. Raises TrialsError."""
+    """Do the planned runs, with a `test` until it has decided. Returns DONE, or another code with its reason.
+    Raises TrialsError."""
 
     def decided() -> bool:
         return test is not None and test.verdict(folder.successes_in_order) is not None
@@ -262,8 +262,8 @@ def _run_all(
 
 
 def _explain(folder: TrialFolder, options: argparse.Namespace) -> tuple[ExitCode, str]:
-    """Run failed runs again with changes. Returns DONE, or another code and what came in between. Raises
-    TrialsError, ConfigurationError."""
+    """Run failed runs again with changes. Returns DONE, or another code with its reason. Raises TrialsError,
+    ConfigurationError."""
     jobs = 1 if folder.plan.fixed_ports else options.jobs or os.cpu_count() or 1
     with contextlib.closing(Explanations(folder).explain(options.why, jobs)) as changed:
         try:
@@ -302,7 +302,7 @@ def _show(folder: TrialFolder, required: float | None, *, as_json: bool) -> None
 
 
 def _decided(test: SequentialTest, folder: TrialFolder) -> ExitCode:
-    """Say how the test has ended."""
+    """Print the result of the test. Returns its exit code."""
     verdict = test.verdict(folder.successes_in_order)
     assert verdict is not None, "all runs up to the cap are done"
     score = ESTIMATE.text(test.interval(verdict.runs, verdict.successes))
@@ -315,7 +315,7 @@ def _decided(test: SequentialTest, folder: TrialFolder) -> ExitCode:
 
 
 def _is_kept(folder: TrialFolder, wanted: float) -> bool:
-    """True if the success rate is at least `wanted`; in a sweep, at some value of each name."""
+    """True if the success rate is at least `wanted`; in a sweep, for some value of each name."""
     if folder.plan.points:
         return all(curve.kept(wanted) for curve in curves(folder))
     return rate(folder.done).value >= wanted

@@ -1,4 +1,4 @@
-"""The options of `simmer-tui trials`, and types of options that others have too."""
+"""The options of `simmer-tui trials`, and types of options that other commands share."""
 
 from __future__ import annotations
 
@@ -45,13 +45,13 @@ def typed_path(path: Path) -> str:
 
 
 def say(command: str, line: str) -> None:
-    """Tell the progress of a command on standard error, if it is still open."""
+    """Print the progress of a command on standard error, if it is still open."""
     with contextlib.suppress(OSError, ValueError):
         sys.stderr.write(f"simmer-tui {command}: {line}\n")
 
 
 def _number_between(low: float, high: float, what: str) -> Callable[[str], float]:
-    """Type of an option: a number within bounds, or an error that says `what` is allowed."""
+    """A type of option: a number within bounds. Its error says `what` is allowed."""
 
     def number(text: str) -> float:
         with contextlib.suppress(ValueError):

@@ -1,5 +1,8 @@
-"""The connections that are admitted, by the same rule on every port: those of our own user, and those with
-the token. Only Linux says whose a local connection is: on other systems the token alone counts."""
+"""Access control: the same rule on every port admits our own user's programs, and connections that send the
+token.
+
+Only Linux reports the user of a local connection. On other systems only the token counts.
+"""
 
 from __future__ import annotations
 
@@ -17,33 +20,33 @@ from simmer_tui.links.peer import CLOSING, host_of
 from simmer_tui.program_clock import clock_of
 from simmer_tui.sim.command import escape
 
-# As long as a command may be, which is what a program without a token sends first.
+# The length of the longest command: a program without a token sends a command first.
 LONGEST_TOKEN = 256
 """Bytes of a first line in which a token is looked for."""
-# Judged: a program that tries in a loop must not fill log and screen.
+# Judged: a program that retries in a loop must not fill log and screen.
 _AGAIN = 1.0
-"""Seconds before the same complaint is told again."""
+"""Seconds before the same notice is repeated."""
 
 
 class EventTeller(Protocol):
-    """Passes events on to those who watch."""
+    """Passes events to the watchers."""
 
     def tell(self, event: Event) -> None: ...
 
 
 class TurnedAwayNotices:
-    """The notices that say who was turned away: of many, one line a second."""
+    """Notices of refused connections: at most one a second for each reason."""
 
     def __init__(self, teller: EventTeller) -> None:
-        """Needs a running event loop, whose clock it goes by."""
+        """Needs a running event loop; its clock is used."""
         self._teller = teller
         self._loop = asyncio.get_running_loop()
         self._told: dict[str, float] = {}
 
     def tell(self, text: str, complaint: str = "") -> None:
-        """Say why somebody was turned away, unless the same `complaint` (by default the text) was
-        told within the last second."""
-        # Texts differ by the port of the client, so the complaint is told apart by its kind.
+        """Report a refused connection, unless the same `complaint` (by default the text) was reported within
+        the last second."""
+        # Texts contain the client's port, which changes; the complaint is the reason without it.
         complaint = complaint or text
         now = self._loop.time()
         if now >= self._told.get(complaint, now):
@@ -53,7 +56,7 @@ class TurnedAwayNotices:
 
 
 class AccessCheck:
-    """The rule for admission of connections."""
+    """The rule that admits or refuses connections."""
 
     def __init__(
         self,
@@ -63,9 +66,11 @@ class AccessCheck:
         token: str = "",
         way_in: str = "--any-user lets all users of this machine in",
     ) -> None:
-        """Without `owners` programs of other users of this machine may connect. With a `token`, each
-        connection has to send it as its first line. `way_in` tells other users what would let them in. Needs
-        a running event loop."""
+        """Without `owners` programs of other users of this machine may connect.
+
+        With a `token`, each connection has to send it as its first line. `way_in` is advice for other users
+        in the notice. Needs a running event loop.
+        """
         self.tell = TurnedAwayNotices(teller).tell
         self._way_in = way_in
         self._owners = owners
@@ -93,14 +98,15 @@ class AccessCheck:
 
     def _admits_unknown(self, owners: OwnerLookup, sock: socket.socket, there: tuple[str, int]) -> bool:
         """True if a connection of an unknown owner may stay."""
-        # On another machine, or who has the token will be asked for it.
+        # it is on another machine, or will be asked for the token
         if self._token or not ip_address(there[0]).is_loopback:
             return True
         if is_reset(sock):
             what = "it broke off"
-        elif owners.is_complete:  # it would have been told of any user's that connects as programs do
+        elif owners.is_complete:  # its user would be known if it had connected as usual programs do
             what = "it was closed"
-        # Older kernels do not tell of one that its program has closed already, as those of simmer-python do.
+        # Older kernels do not report a connection that its program has closed already, as programs with
+        # simmer-python do.
         elif self._stranger_seen:
             what = "it was closed, and other users connect as well"
         else:
@@ -120,7 +126,7 @@ class AccessCheck:
 
     def is_token(self, line: bytes) -> bool:
         """True if a first line is the token."""
-        # Compared in constant time: the time of == tells how many characters are right.
+        # Compared in constant time: the time of == shows how many characters are right.
         return hmac.compare_digest(line.removesuffix(b"\r"), self._token)
 
 
@@ -149,7 +155,7 @@ class TokenCheck:
         if not self._open:
             return
         try:
-            # Peeked at first: the bytes after the line are commands, and not ours to take.
+            # Peeked at first: the bytes after the line are commands, and must stay in the socket.
             seen = self.sock.recv(LONGEST_TOKEN, socket.MSG_PEEK)
             line, end, _ = seen.partition(b"\n")
             self._line += self.sock.recv(len(line + end)) if seen else b""
@@ -163,7 +169,7 @@ class TokenCheck:
             return
         if end:
             self._decide(self._access.is_token(self._line.removesuffix(b"\n")))
-        # The other end has closed, or has sent a whole line's worth without an end.
+        # The other end has closed, or has sent as many bytes as a line may have, without a line end.
         elif not seen or len(self._line) > LONGEST_TOKEN:
             self._decide(False)
 
@@ -184,8 +190,8 @@ class TokenCheck:
 
 
 def ourselves() -> frozenset[int]:
-    """User ids that may drive this robot: this process's user, and the administrator. None on Windows, where
-    users have no numbers."""
-    # The administrator can do everything anyway; services and containers often run as that user.
+    """User ids that may drive this robot: this process's user and the administrator. None on Windows, which
+    has no such numbers."""
+    # The administrator can do everything anyway; services and containers often run as this user.
     user = platform_has.user_id()
     return frozenset() if user is None else frozenset((0, user))

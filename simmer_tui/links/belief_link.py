@@ -1,7 +1,7 @@
 """The port where programs report the pose they believe in: newline-delimited JSON, one belief a line.
 
-A line may also be a question, which is answered on the same connection: why a command was refused, and what
-its code stands for.
+A line may also ask why a command was refused, and what its code stands for. The answer goes back on the same
+connection.
 """
 
 from __future__ import annotations
@@ -28,41 +28,42 @@ from simmer_tui.sim.command import escape, parse_command
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.records import REFUSALS, CommandResult
 
-# A program asks at once after a refusal; others may be refused in between.
+# A program asks right after a refusal; few other commands are refused in between.
 MOST_KEPT = 64
 """Refused commands whose reasons are kept, the newest."""
 
 
 class RefusalReasons(EventHandler[None]):
-    """Answers `{"why": "d1-1e9"}` with the ports of this simulator, the kind of the code, and the reason of
-    the newest refusal of that command; of a lidar's code also that its reply is a scan.
+    """Answers `{"why": "d1-1e9"}` with this simulator's ports, the kind of the code, and the reason of the
+    refusal.
 
-    Numbers on the wire have no room for it: NaN is all that says a command was refused.
+    The reason is that of the newest refusal of the command. For a lidar's code the answer also says that its
+    reply is a scan. In the protocols NaN is the only sign of a refusal.
     """
 
     def __init__(self, engine: Engine, ports: list[int]) -> None:
-        """`ports` are this simulator's: a program that asks another one by mistake knows it by them."""
+        """`ports` are this simulator's: a program that asks the wrong simulator notices it by them."""
         self._engine = engine
         self._ports = ports
         self._reasons: dict[str, str] = {}
         engine.watch(self.handle)
 
     def close(self) -> None:
-        """Remember no more."""
+        """Stop keeping refusals."""
         self._engine.unwatch(self.handle)
 
     def on_result(self, event: CommandResult) -> None:
         if event.status not in REFUSALS:
             return
         text = event.command.text.strip()
-        self._reasons.pop(text, None)  # the newest stands last
+        self._reasons.pop(text, None)  # the newest one is last
         self._reasons[text] = event.reason
         if len(self._reasons) > MOST_KEPT:
             del self._reasons[next(iter(self._reasons))]
 
     def answer(self, line: bytes) -> bytes | None:
         """The answer to a line, with its end; None if the line asks nothing."""
-        # Nearly every line is a belief, and may be long: it is not taken apart twice.
+        # Nearly every line is a belief, and may be long: it is parsed only once.
         if len(line) > 1024 or b'"why"' not in line:
             return None
         try:
@@ -94,38 +95,39 @@ class RefusalReasons(EventHandler[None]):
 LONGEST_LINE = 1024 * 1024
 """Longest line, bytes."""
 _TOO_LONG = "a line has at most 1 MB; send a grid as f32, as believe() does"
-# To read bytes costs little, to take a line apart much, even if it is short.
+# Reading bytes costs little, parsing a line much, even a short one.
 TURN, LINE = 128 * 1024, 4 * 1024
-"""Bytes read, and of lines taken apart, in a turn of the event loop, and as how many more a line counts: 32
-lines at most, or one with some 5,000 particles, which takes 3 to 8 ms."""
-# Judged: more than a large terminal has cells, so that none would be seen apart.
+"""Limits of one turn of the event loop: bytes read, including a surcharge for each parsed line, bytes.
+
+They allow 32 lines, or one line with some 5,000 particles, which takes 3 to 8 ms.
+"""
+# Judged: more than a large terminal has cells, so that more could not be told apart.
 MOST_PARTICLES = 5000
 """Particles kept of one belief, evenly picked; a screen shows no more."""
-# Finer than any filter's estimate. Screen, log and replay get the same rounded numbers, and a log of
-# particles with all their digits would be three times as large.
+# Finer than any filter's estimate. Screen, log and replay get the same rounded numbers. A log of particles
+# with all digits would be three times as large.
 DECIMALS = 2
 """Decimals of a belief, inches and degrees."""
-_LARGEST = 1e12  # beyond it adding 0.01 to a float loses digits, and run logs refuse it
+_LARGEST = 1e12  # for larger floats adding 0.01 loses digits, and run logs refuse them
 
 
 _FIELDS = ("x", "y", "heading", "spread", "particles", "grid", "note")
 
 
 def parse_belief(line: bytes, time: float, true: Pose, whole: Bounds) -> Belief:
-    """A belief from one line of JSON; `whole` are the maze's bounds. Raises ValueError that says what is
-    allowed."""
+    """A belief from one line of JSON; `whole` are the maze's bounds. The ValueError says what is allowed."""
     try:
         fields = json.loads(line)
     except (ValueError, RecursionError):
         raise ValueError("a belief is one JSON object a line") from None
     if not isinstance(fields, dict):
         raise ValueError('a belief is an object, such as {"x": 6, "y": 42, "heading": 0}')
-    # Told, not ignored: a misspelt field would silently never be drawn.
+    # An error, not ignored: a misspelt field would never be drawn, without a word.
     unknown = sorted(set(fields) - set(_FIELDS))
     if unknown:
         raise ValueError(f"'{escape(unknown[0], 20)}' is not a field; there are {', '.join(_FIELDS)}")
     grid = None if fields.get("grid") is None else _grid(fields["grid"], whole, true)
-    # What a program leaves out follows from its grid.
+    # Missing fields follow from the grid.
     derived = None if grid is None else asdict(grid.best_pose)
     pose = Pose(*(_told(fields, name, derived) for name in _FIELDS[:3]))
     spread = None if fields.get("spread") is None else abs(_number(fields["spread"], "spread"))
@@ -148,7 +150,7 @@ def _grid(value: Any, whole: Bounds, true: Pose) -> GridBelief:
 
 
 def _number(value: Any, name: str) -> float:
-    # JSON's true is an int in Python, and no coordinate.
+    # JSON's true is an int in Python, but is no coordinate.
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise ValueError(f"{name} must be a number")
     try:
@@ -167,22 +169,22 @@ def _particles(value: Any) -> tuple[tuple[float, ...], ...]:
         return ()
     if not isinstance(value, list):
         raise ValueError("particles must be a list of [x, y] or [x, y, heading]")
-    # Thinned out before they are checked: a million particles cost no more than 5,000.
+    # Thinned out before the check: a million particles cost no more than 5,000.
     rows = value[:: max(1, math.ceil(len(value) / MOST_PARTICLES))]
-    # Thousands come at once: no step of Python's own for each of them.
+    # Thousands come at once: no call of a Python function for each.
     lengths = set(map(len, rows)) if {list}.issuperset(map(type, rows)) else {0}
     if not {2, 3}.issuperset(lengths):
         raise ValueError("each particle must be [x, y] or [x, y, heading]")
     numbers = iter(_rounded(list(chain.from_iterable(rows))))
-    if len(lengths) == 1:  # nearly always
+    if len(lengths) == 1:  # nearly always true
         return tuple(zip(*[numbers] * lengths.pop(), strict=True))
     return tuple([tuple(islice(numbers, len(row))) for row in rows])
 
 
 def _rounded(values: list[Any]) -> list[float]:
-    """The numbers of particles, usually without a call for each."""
+    """The rounded numbers of particles, usually without a call for each."""
     if JSON_NUMBERS.issuperset(map(type, values)):
-        with contextlib.suppress(OverflowError):  # an integer beyond all bounds
+        with contextlib.suppress(OverflowError):  # an integer too large for a float
             numbers = np.array(values, dtype=np.float64)
             if (np.abs(numbers) <= _LARGEST).all():
                 rounded: list[float] = (np.round(numbers, DECIMALS) + 0.0).tolist()
@@ -202,11 +204,11 @@ class _Believer(Peer):
         self._seen = 0
         """Bytes of the buffer known to hold no line end."""
         self._complained = False
-        self.heard = self._loop.time()
-        """When something came last, at first when it connected."""
+        self.last_received = self._loop.time()
+        """Time of the last received bytes, at first of the connection, by the loop's clock."""
 
     def data_received(self, data: bytes) -> None:
-        self.heard = self._loop.time()
+        self.last_received = self._loop.time()
         self._buffer += data
         self._take_lines()
 
@@ -214,7 +216,7 @@ class _Believer(Peer):
         self._link.believer_lost(self)
 
     def read_all(self) -> None:
-        """Take in what has come, as far as this turn of the event loop has room for it."""
+        """Read what has come, within the budget of this turn of the event loop."""
         self._take_lines()
         while self._budget.left > 0 and self._reading and self.read():
             pass
@@ -250,7 +252,7 @@ class _Believer(Peer):
     def _take(self, line: bytes) -> None:
         answer = self._link.reasons.answer(line)
         if answer is not None:
-            if not self.write(answer):  # it asks and asks, and never reads
+            if not self.write(answer):  # it keeps asking, and never reads
                 self.abort()
             return
         engine = self._link.engine
@@ -261,7 +263,7 @@ class _Believer(Peer):
             self._complain(str(error))
 
     def _complain(self, reason: str) -> None:
-        if not self._complained:  # a program that errs does so with every line
+        if not self._complained:  # a faulty program usually repeats its fault in every line
             self._complained = True
             self._link.engine.tell_fault(f"belief not understood: {reason}")
 
@@ -269,9 +271,9 @@ class _Believer(Peer):
 class BeliefLink:
     """Serves the belief port; several programs may be connected.
 
-    What a program believed before it drives on is held against the pose of that moment, although
-    it comes by another connection: the engine has the beliefs that have come read before each
-    movement, as many as a turn of the event loop has room for.
+    A belief is compared with the pose at its moment. Beliefs and commands come on different connections, so
+    before each movement the engine has the arrived beliefs read. The budget of a turn of the event loop
+    limits them.
     """
 
     def __init__(self, context: LinkContext) -> None:
@@ -289,15 +291,15 @@ class BeliefLink:
         if len(self._believers) >= MOST_WAITING:
             self._make_room()
         self._believers[_Believer(sock, peer, self)] = None
-        # Only while somebody is connected: without beliefs a drive costs nothing more.
+        # Only while a program is connected: without beliefs a drive costs nothing more.
         self.engine.before_drive = self._read_all
 
     def _make_room(self) -> None:
-        """Close the connection that has been silent longest, unless others have left by now."""
-        self._read_all()  # of those accepted in this turn, some may have sent a belief and closed already
+        """Close the connection that has been silent longest, unless others have closed by now."""
+        self._read_all()  # some of those accepted in this turn may have sent a belief and closed already
         present = [believer for believer in self._believers if not believer.has_left()]
         if len(present) >= MOST_WAITING:
-            silent = min(present, key=lambda believer: believer.heard)
+            silent = min(present, key=lambda believer: believer.last_received)
             text = f"belief connection {silent.peer} closed: {MOST_WAITING} at once are the most"
             self.engine.tell_fault(text)
             silent.abort()
@@ -308,7 +310,7 @@ class BeliefLink:
             believer.read_all()
 
     def believer_lost(self, believer: _Believer) -> None:
-        """A connection has ended."""
+        """Remove a connection that has ended."""
         self._believers.pop(believer, None)
         if not self._believers:
             self.engine.before_drive = None

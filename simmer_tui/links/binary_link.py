@@ -23,27 +23,28 @@ from simmer_tui.sessions import LoopTimer
 from simmer_tui.sim.command import Command
 from simmer_tui.sim.records import CommandResult
 
-# A program that is started again connects before the end of the old one is seen. Judged:
-# a wait that nobody notices.
+# Judged: a wait that nobody notices. A program that is started again connects before the old one's end is
+# seen.
 PATIENCE = 0.05
-"""Seconds a newcomer waits for the client before it to leave."""
-# More than `CLOSING`, in which the client before it must be gone.
+"""Seconds that a newcomer waits for the present client to leave."""
+# More than `CLOSING`, within which the present client must be gone.
 LONGEST_WAIT = 1.5
-"""Seconds after which it is sent away even if the client before it is about to leave."""
-# 30 s of silence, then three probes 10 s apart: gone within a minute. TCP_KEEPALIVE is macOS' name.
+"""Seconds after which a newcomer is refused even if the present client is about to leave."""
+# 30 s of silence, then three probes 10 s apart: a dead peer is found within a minute. TCP_KEEPALIVE is macOS'
+# name.
 _PROBES = (("TCP_KEEPIDLE", 30), ("TCP_KEEPALIVE", 30), ("TCP_KEEPINTVL", 10), ("TCP_KEEPCNT", 3))
 
 
 @dataclass(frozen=True, slots=True)
 class _Newcomer:
-    """A connection that waits for the client before it to leave, until when at most."""
+    """A connection that waits for the present client to leave, and its time limit by the loop's clock."""
 
     peer: str
     until: float
 
 
 class ReplyConnection(Peer):
-    """A connection on the reply port. What the client sends there is ignored, after one notice."""
+    """A connection on the reply port. Bytes that the client sends there are ignored, after one notice."""
 
     def __init__(self, sock: socket.socket, peer: str, link: BinaryLink) -> None:
         super().__init__(sock, peer, link.reply_budget)
@@ -57,7 +58,7 @@ class ReplyConnection(Peer):
         self._link.reply_lost(self)
 
     def was_reset(self) -> bool:
-        """True if the other end broke it off, as one does that closes with replies unread."""
+        """True if the other end reset the connection, as a socket does that is closed with unread replies."""
         if not self._finished:  # closed, and its end not seen yet
             try:
                 self.sock.recv(1, socket.MSG_PEEK)
@@ -73,7 +74,7 @@ class Client(Peer):
 
     def __init__(self, sock: socket.socket, peer: str, link: BinaryLink) -> None:
         super().__init__(sock, peer, ReadBudget(PIECE))
-        # Else the system takes megabytes of replies before it is seen that nobody reads them.
+        # Otherwise the system takes megabytes of replies before we notice that nobody reads them.
         sock.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, UNREAD_LIMIT)
         self._link = link
         self._reader = CommandReader(grace=link.context.settings.grace)
@@ -90,7 +91,7 @@ class Client(Peer):
 
     @property
     def ending(self) -> bool:
-        """True if it has said its last and waits for replies."""
+        """True if the client has closed its side and waits for replies."""
         return self._ended
 
     @property
@@ -99,7 +100,7 @@ class Client(Peer):
         return self._waiting > 0 or self.commands > 0
 
     def data_received(self, data: bytes) -> None:
-        # A real robot may wait for the line end too: it goes on even though the command has been sent.
+        # A real robot may wait for the line end too: it is passed on even though the command has been sent.
         late_end = self._reader.late_end(data)
         if late_end:
             self._session.trail(late_end)
@@ -108,11 +109,11 @@ class Client(Peer):
         self._await_silence()
 
     def eof_received(self) -> bool:
-        # Closed for sending only: programs shut down their side and still read the replies.
+        # Closed for sending only: programs may close their side and still read the replies.
         self._ended = True
         self._timer.cancel()
         self._submit(self._reader.end())
-        # A program that was ended leaves no robot that drives on to the end of a wait.
+        # If the program was ended, its robot must not drive on to the end of a wait.
         if self._waiting and self._link.has_closed(self):
             self._session.cut_waits()
         self._close_if_done()
@@ -126,7 +127,7 @@ class Client(Peer):
         self._link.client_lost(self)
 
     def close(self) -> None:
-        """Close after what is written has gone out; commands that wait are forgotten."""
+        """Close after all written bytes have been sent; waiting commands are dropped."""
         self._timer.cancel()
         self._session.close()
         super().close()
@@ -172,8 +173,8 @@ class Client(Peer):
 class BinaryLink:
     """Serves the binary dialects on a command port and a reply port.
 
-    One client drives at a time. A second is sent away unless the first leaves within a moment.
-    Replies go to the client's connection on the reply port if it has one, else back to it.
+    One client drives at a time. A second is refused unless the first leaves within a moment. Replies go to
+    the client's connection on the reply port if it has one, otherwise back on the command connection.
     """
 
     def __init__(self, context: LinkContext) -> None:
@@ -186,7 +187,7 @@ class BinaryLink:
         self.doctor = ConnectionDoctor(context.engine, context.listeners, context.processes)
         self._newcomers: dict[socket.socket, _Newcomer] = {}
         self._sent_away = -math.inf
-        """When a program was sent away last, by the loop's clock."""
+        """Time of the last refusal of a program, by the loop's clock."""
         self._waiting_replies: list[ReplyConnection] = []
         self._loop = asyncio.get_running_loop()
         self._turned_away = TurnedAwayNotices(context.engine)
@@ -200,7 +201,7 @@ class BinaryLink:
         return self.client is not None or bool(self._newcomers)
 
     def has_closed(self, client: Client) -> bool:
-        """True if a client is known to read no answer any more."""
+        """True if a client is known to have closed, so that it reads no answer."""
         processes = self.context.processes
         return processes is not None and processes.has_closed(client.sock, client.peer)
 
@@ -240,7 +241,7 @@ class BinaryLink:
         self.engine.tell(Notice(NoticeKind.CONNECTED, f"client {peer} connected", peer))
 
     def _consider(self, sock: socket.socket) -> None:
-        """Send a newcomer away unless the client before is about to leave."""
+        """Refuse a newcomer unless the present client is about to leave."""
         newcomer, client = self._newcomers.get(sock), self.client
         if newcomer is None:
             return
@@ -272,16 +273,16 @@ class BinaryLink:
             self.doctor.alone(reply.peer)
 
     def sent_to_replies(self, peer: str) -> None:
-        """A connection on the reply port has sent something."""
+        """Report that a connection on the reply port has sent something."""
         if self.client is None or not self.client.has_sent:
             self.doctor.sent_to_reply_port(peer)
 
     def _close_stray(self, reply: ReplyConnection) -> None:
-        """A reply connection came too late for the client; the next one may want it."""
+        """Close a reply connection that came too late for the client; the next client may need the place."""
         client = self.client
         if reply in self._waiting_replies and client is not None and client.replies is not None:
             self._waiting_replies.remove(reply)
-            # Of a second program, which was sent away, it is no mistake: a notice has said so.
+            # For a second program, which was refused, it is no mistake: a notice has said so.
             second = self._newcomers or self._loop.time() - self._sent_away < ALONE
             same = host_of(reply.peer) == host_of(client.peer)
             if client.replies is client and same and not second and not self._of_others(client, [reply]):
@@ -293,17 +294,17 @@ class BinaryLink:
     # -- replies -------------------------------------------------------------------------------
 
     def reply_route(self, client: Client) -> Peer:
-        """Connection for a client's replies: decided at its first reply, when all that waits on the
-        reply port has been accepted."""
+        """The connection for a client's replies, decided at its first reply. Waiting connections on the reply
+        port are accepted first."""
         self._replies.accept_waiting()
         waiting = self._waiting_replies
-        # A connection that has closed already belonged to a client before this one.
+        # A connection that has closed already belonged to an earlier client.
         present = [reply for reply in waiting if not reply.has_left()]
         others = self._of_others(client, present)
         if others:
             text = f"connection {others[-1].peer} on the reply port is another program's"
             self._turned_away.tell(f"{text}: client {client.peer} gets its own replies", "another program's")
-        # Another program's waits on: its own client may be about to connect.
+        # Another program's connection waits: its own client may be about to connect.
         self._waiting_replies = others
         own = [reply for reply in present if reply not in others]
         for reply in waiting:
@@ -312,7 +313,7 @@ class BinaryLink:
         return own[-1] if own else client
 
     def _of_others(self, client: Client, present: list[ReplyConnection]) -> list[ReplyConnection]:
-        """Connections on the reply port that are known to be another process's than the client's."""
+        """Connections on the reply port that are known to belong to another process than the client's."""
         processes = self.context.processes
         if processes is None or not present:
             return []
@@ -321,7 +322,7 @@ class BinaryLink:
         # Nearly always the program that this process has started last.
         holders = processes.holders({of_client, *inodes.values()} - {0}, first=reversed(children()))
         ours = holders.get(of_client, set())
-        # A process that forks has both sockets in several: one that has both will do.
+        # A process that forks has both sockets in several processes: one with both is enough.
         return [reply for reply in present if ours and inodes[reply] and not ours & holders[inodes[reply]]]
 
     # -- leaving -------------------------------------------------------------------------------
@@ -358,10 +359,10 @@ class BinaryLink:
 
 
 def _probe_silent_peer(sock: socket.socket) -> None:
-    """Have the system find out within a minute that a client's machine is gone (a laptop shut, a
-    cable pulled); it would keep others from the robot for hours."""
+    """Have the system find within a minute that a client's machine is gone (a laptop closed, a cable pulled).
+    Otherwise it would block the robot for hours."""
     for name, value in _PROBES:
         option = getattr(socket, name, None)
         if option is not None:
-            with contextlib.suppress(OSError):  # known by name, unknown to an older system
+            with contextlib.suppress(OSError):  # Python has the name, but an older system does not support it
                 sock.setsockopt(socket.IPPROTO_TCP, option, value)

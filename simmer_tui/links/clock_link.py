@@ -1,11 +1,15 @@
-"""The port of the program's clock: processes of the program say when they wait, and are told when to go on.
+"""The port of the program's clock: processes of the program report their waits, and learn when to continue.
 
-Lines of text, times in nanoseconds. A process says `H` when it begins, `S UNTIL SENT` when it sleeps and has
-sent so many bytes
-to the robot, `W UNTIL SENT` when it waits for a reply (`inf` without an end), `F` when it waits for another
-process, `G` when that is over, `X TEXT` when it does what this clock cannot follow, and `E TEXT` when it ends
-because nothing will happen any more. S, W and G are
-answered with the time and the count of all bytes that were sent to programs, or with `never`.
+The protocol is lines of text, with times in nanoseconds. A process sends
+
+- `H` when it begins,
+- `S UNTIL SENT` when it sleeps and has sent `SENT` bytes to the robot,
+- `W UNTIL SENT` when it waits for a reply (`inf` without an end),
+- `F` when it waits for another process, `G` when that wait is over,
+- `X TEXT` when it does something that this clock cannot follow,
+- `E TEXT` when it ends because nothing will happen any more.
+
+S, W and G are answered with the time and the count of all bytes sent to programs, or with `never`.
 """
 
 from __future__ import annotations
@@ -20,8 +24,8 @@ from simmer_tui.program_clock import ProgramClock, ProgramWait
 from simmer_tui.sim.command import escape
 
 CLOCK = DialectPort("clock", "clock_port", 0, "")
-"""The port of the clock: any free one, told to the program that is run."""
-# `W 0.123456789012345678` and a text with a path.
+"""The port of the clock: any free one. The program gets its number in its environment."""
+# Bytes. Enough for `W 0.123456789012345678` and for a text with a path.
 _LONGEST_LINE = 2000
 
 
@@ -96,11 +100,11 @@ class ClockLink:
 
     @property
     def has_clients(self) -> bool:
-        """True if a process has not ended, or what it said last is not read yet."""
+        """True if a process has not ended, or its last line has not been read yet."""
         return bool(self._processes)
 
     def lost(self, process: _Process) -> None:
-        """A process has ended."""
+        """Remove a process that has ended."""
         self._processes.discard(process)
         self.clock.leave(process.wait)
 

@@ -1,7 +1,7 @@
-"""Mistakes of a new program with its connections, each recognised and told once a run.
+"""Mistakes of a new program with its connections: each is recognised and reported once a run.
 
-A program whose first attempt fails waits in silence, or reads nonsense: nothing on its own side says why.
-`BinaryLink` and `PacketLink` hand over what they see; what is recognised becomes a notice.
+A program whose first attempt fails waits without a message, or reads nonsense. Nothing on its own side shows
+the reason. `BinaryLink` and `PacketLink` report what they see here; a recognised mistake becomes a notice.
 """
 
 from __future__ import annotations
@@ -23,26 +23,26 @@ from simmer_tui.sessions import LoopTimer
 from simmer_tui.sim.command import Command
 from simmer_tui.sim.records import CommandResult, Status
 
-# Judged: longer than a program takes that gives up on what it cannot read, shorter than a useful run.
+# Judged: longer than a program runs that gives up on replies it cannot read, shorter than a useful run.
 SOON = 10.0
 """Seconds after its first reply within which a program that leaves has probably not understood it."""
-# Judged: programs open their two connections within milliseconds, and read a reply as soon as it is there.
+# Judged: programs open their two connections within milliseconds, and read a reply as soon as it comes.
 ALONE = 3.0
-"""Seconds a lone connection to the reply port, or an unread reply, may wait."""
+"""Seconds for which a lone connection to the reply port, or an unread reply, may wait."""
 LOOKS = (0.5, 1.0, 2.0, ALONE)
-"""Seconds after a first reply at which is looked how much of it has been read."""
-# A program that read its first replies rightly does not begin to misread later ones.
+"""Seconds after a first reply at which its unread bytes are checked."""
+# A program that has read its first replies correctly does not begin to misread later ones.
 FIRST = 5
-"""Commands of a client whose values are looked at."""
+"""Commands of a client whose values are checked."""
 
 
 class ConnectionDoctor:
-    """Tells each mistake once. All methods are called in the robot's event loop."""
+    """Reports each mistake once. All methods are called in the robot's event loop."""
 
     def __init__(
         self, engine: Engine, listeners: Mapping[str, Listener], processes: ProcessLookup | None = None
     ) -> None:
-        """Without `processes` nobody knows how much of its replies a program has read."""
+        """Without `processes` the unread bytes of a program are not known."""
         self._engine = engine
         self._processes = processes
         self._loop = asyncio.get_running_loop()
@@ -52,13 +52,13 @@ class ConnectionDoctor:
         self._others = {name: self._ports[each] for name, each in others.items() if each in self._ports}
 
     def tell(self, finding: Diagnosis | None) -> None:
-        """Tell a mistake, unless it was told before."""
+        """Report a mistake, unless it has been reported before."""
         if finding is not None and finding.name not in self._told:
             self._told.add(finding.name)
             self._engine.tell(Notice(NoticeKind.FAULT, finding.text, advice=True))
 
     def has_told(self, name: str) -> bool:
-        """True if a mistake of this name was told."""
+        """True if a mistake of this name has been reported."""
         return name in self._told
 
     def unread(self, connection: Peer) -> int | None:
@@ -81,19 +81,20 @@ class ConnectionDoctor:
     # -- the reply port ------------------------------------------------------------------------------
 
     def alone(self, peer: str) -> None:
-        """A connection to the reply port has waited, and nobody has connected to the command port."""
+        """Check a connection to the reply port that has waited without one to the command port."""
         commands, replies = self.ports_of_lines
         text = f"{peer} is connected only to the reply port {replies}"
         self.tell(Diagnosis("reply port alone", f"{text}: connect to the command port {commands} too"))
 
     def sent_to_reply_port(self, peer: str) -> None:
-        """A program that has sent nothing to the command port has sent something to the reply port."""
+        """Report that a program that has sent nothing to the command port has sent something to the reply
+        port."""
         commands, replies = self.ports_of_lines
         text = f"{peer} sends to the reply port {replies}: send commands to port {commands}"
         self.tell(Diagnosis("commands on the reply port", text))
 
     def too_late(self, peer: str) -> None:
-        """A connection to the reply port came after the client's first reply had gone elsewhere."""
+        """Report a connection to the reply port that came after the client's first reply."""
         commands, replies = self.ports_of_lines
         text = (
             f"{peer} connected to port {replies} after its first command. That reply went back on port "
@@ -104,8 +105,8 @@ class ConnectionDoctor:
     # -- what a program sends ----------------------------------------------------------------------
 
     def refused(self, result: CommandResult, port: int | None = None) -> None:
-        """A command was refused: look for a mistake that its text shows. `port` is that of lines, if the
-        command came as one."""
+        """Look for a mistake in the text of a refused command. `port` is the line port's number if the
+        command came as a line."""
         if port is not None:
             self.tell(diagnosis.wrong_protocol(result.command.text, port, self._others))
         if result.status is Status.UNKNOWN and result.command.code.endswith("0"):
@@ -114,12 +115,12 @@ class ConnectionDoctor:
             )
 
     def packet_came(self, data: bytes) -> None:
-        """The first bytes of a connection on the packet port."""
+        """Check the first bytes of a connection on the packet port."""
         port = self._ports[PACKETS.purpose]
         self.tell(diagnosis.wrong_packet(data, port, self._ports.get(COMMANDS.purpose)))
 
     def bare(self, command: Command) -> None:
-        """A command has come without a line end."""
+        """Report a command without a line end."""
         self.tell(diagnosis.joined(command.text, self._codes()))
 
 
@@ -130,7 +131,7 @@ class ClientWatch:
         self._doctor = doctor
         self._client = client
         self._size = size
-        # Big-endian doubles are what every program expects that says nothing of it.
+        # Big-endian doubles are what a program expects that sets nothing.
         self._usual = form == ReplyForm(ReplyFormat.FLOAT64, "big")
         self._form = f"{size} bytes, {form.byte_order}-endian"
         self._first = self._form
@@ -146,7 +147,8 @@ class ClientWatch:
     # -- what it sends -------------------------------------------------------------------------------
 
     def line_began(self, rest: bytes) -> None:
-        """Bytes of a line have come, or its end (no bytes): told if the rest stays away."""
+        """Bytes of a line have come, or its end (no bytes). Reported if the rest of the line does not
+        come."""
         self._line_end.cancel()
         if rest and not self._doctor.has_told("line without an end"):
             self._line_end.set_in(1.0, diagnosis.without_end(rest, self._client.peer))
@@ -154,7 +156,7 @@ class ClientWatch:
     # -- its replies -----------------------------------------------------------------------------------
 
     def answered(self, result: CommandResult, route: Peer) -> None:
-        """A command's reply goes out, on the connection `route`."""
+        """Watch whether a command's reply is read; it was sent on the connection `route`."""
         self._commands += 1
         status = result.status
         if status is Status.REFUSED or status is Status.UNKNOWN:
@@ -177,7 +179,7 @@ class ClientWatch:
             self._left_unread(f"client {self._client.peer} waits and has not read its reply: ")
 
     def left(self, *, broke_off: bool) -> None:
-        """The client has gone. One that closes with bytes unread breaks off (RFC 1122, 4.2.2.13)."""
+        """The client has closed. A connection closed with unread bytes is reset (RFC 1122, 4.2.2.13)."""
         self._line_end.cancel()
         for timer in self._timers:
             timer.cancel()
@@ -186,7 +188,7 @@ class ClientWatch:
         waited = self._loop.time() - self._first_reply
         if broke_off:
             self._left_unread(f"client {self._client.peer} left without reading its first reply: ")
-        # A program that wanted one reading leaves as soon as it has it; one that wants more bytes waits.
+        # A program that needs one reading leaves as soon as it has it; one that expects more bytes waits.
         elif not self._usual and waited >= LOOKS[0]:
             self._misread(f"client {self._client.peer} waited after its first reply and left: ")
 

@@ -1,6 +1,6 @@
-"""The course's own protocols on a serial port: bytes in, commands of the robot that is driven, replies out.
+"""The course's own protocols on a serial port: bytes in, commands of the driven robot, replies out.
 
-`[frame] kind` of a dialect.toml names them. What they mean is the same as over TCP (`protocol/`).
+`[frame] kind` of a dialect.toml names them. The messages mean the same as over TCP (`protocol/`).
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ FRAMINGS = {
     CourseProtocol.PACKETS: Framing(kind=FrameKind.BRACKET),
     CourseProtocol.BINARY9000: Framing(),
 }
-"""Bytes at which a message of each may end: the time of its bytes is reckoned by it."""
+"""Bytes at which a message may end, by protocol; the wire's delay is computed a message at a time."""
 
 
 class CourseDevice:
@@ -52,7 +52,7 @@ class CourseDevice:
         """A program has opened the port."""
         grace = self._context.settings.grace
         self._requests, self._commands = RequestReader(grace), CommandReader(grace=grace)
-        # As over TCP: a drive is answered at once in packets, else at its end.
+        # As over TCP: in packets a drive is answered at once, otherwise at its end.
         is_packets = self._protocol is CourseProtocol.PACKETS
         at_end = self._context.reply == "done" if is_packets else self._context.reply != "accepted"
         budget = CommandBudget("on the serial port", self._engine.tell)

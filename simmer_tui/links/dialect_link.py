@@ -27,22 +27,22 @@ from simmer_tui.sessions import Session
 from simmer_tui.sim.command import Command, escape, parse_command
 from simmer_tui.sim.records import REFUSALS, CommandResult, Status
 
-# A stream at 240 Hz would be most of a log, and says the same all the time.
+# A stream at 240 Hz would be most of a log, and its messages are all alike.
 LOGGED_OF_STREAM = 1000
-"""Messages of streams that are logged; later ones are counted."""
-# The usual rate of an Arduino sketch, for who says none.
+"""Messages of streams that are logged; later ones are only counted."""
+# The usual rate of Arduino sketches.
 USUAL_BAUD = 9600.0
 """Bits a second of a line whose rate is not known."""
 NO_HOOK = "it is no Python, it is frozen, or it was started with -I, -E or -S"
-"""The reasons there may be."""
+"""Reasons why a program may not use the hook."""
 WAY_OUT = (
     "Run it as plain Python, or give it a serial port with --pty PATH"
     if platform_has.POSIX
     else "Run it as plain Python, or send commands over TCP (listeners)"
 )
-"""The next step."""
+"""Advice in the notice: the next step."""
 STOP = Command("xx", "xx", stops=True)
-"""The stop that a dialect's rule or the end of a run makes."""
+"""The stop sent by a rule of the dialect, or at the end of a run."""
 
 
 class Moved:
@@ -57,13 +57,13 @@ class Moved:
 
 
 class _Later:
-    """A call at a simulated time that may be taken back."""
+    """A call at a simulated time that can be cancelled."""
 
     def __init__(self, call: Callable[[], None]) -> None:
         self._call: Callable[[], None] | None = call
 
     def cancel(self) -> None:
-        """Do not make it."""
+        """Cancel the call."""
         self._call = None
 
     def __call__(self) -> None:
@@ -72,10 +72,10 @@ class _Later:
 
 
 class SimulatedHost:
-    """The simulated robot as a dialect's device uses it."""
+    """The simulated robot as the dialect's device sees it."""
 
     def __init__(self, engine: Engine, rules: DialectRules, write: Callable[[bytes, bool], None]) -> None:
-        """`write` sends bytes, droppable ones or not."""
+        """`write` sends bytes; its second argument is true for droppable ones."""
         self._engine = engine
         self._rules = rules
         self._write = write
@@ -88,7 +88,7 @@ class SimulatedHost:
         return self._engine.session(answer_at_end=True, lane="dialect")
 
     def close(self, *, runs_on: bool) -> None:
-        """A program has left: its velocity ends with it, unless the robot `runs_on`."""
+        """End the velocity of a program that has left, unless the robot `runs_on`."""
         if not runs_on:
             self._moves.close()
             self._moves = self._new_session()
@@ -99,13 +99,13 @@ class SimulatedHost:
         return self._engine.now()
 
     def call_later(self, seconds: float, call: Callable[[], None]) -> _Later:
-        """Call something after so much simulated time."""
+        """Call a function after this much simulated time."""
         later = _Later(call)
         self._engine.call_at(self._engine.now() + seconds, later)
         return later
 
     def read(self, codes: Sequence[str], done: Callable[[Mapping[str, FieldValue]], None]) -> None:
-        """Read sensors at this moment; it takes the Read Times of all of them."""
+        """Read sensors now; the reading takes the sum of their Read Times."""
         begun = self._engine.now()
         results: dict[str, CommandResult] = {}
 
@@ -132,7 +132,7 @@ class SimulatedHost:
         self._moves.submit(parse_command(command, self.source), lambda result: done(Moved(result)))
 
     def drive(self, velocity: tuple[float, float, float] | None, seconds: float | None) -> str:
-        """Drive at a velocity, for a time or until told otherwise."""
+        """Drive at a velocity, for a time or until another command."""
         values = [*(velocity or (0.0, 0.0, 0.0)), *([] if seconds is None else [seconds])]
         text = f"{self._rules.velocity}-{';'.join(f'{each:.12g}' for each in values)}"
         refused: list[str] = []
@@ -145,7 +145,7 @@ class SimulatedHost:
         return refused[0] if refused else ""
 
     def halt(self, by: str = "") -> None:
-        """End all motion; `by` is who does, if no message does."""
+        """End all motion. `by` names the cause if there is no message."""
         simulator = self._engine.simulator
         if simulator.moving or simulator.velocity.moves:
             self._engine.halt(replace(STOP, source=by or self.source))
@@ -155,20 +155,20 @@ class SimulatedHost:
         self._write(data, droppable)
 
     def done(self, message: bytes, meaning: str) -> None:
-        """Tell which message has come, and what it does."""
+        """Report a message that has come, and its meaning."""
         self._engine.tell(WireMessage(self._engine.now(), message.decode("latin-1"), meaning=meaning))
 
     def tell(self, text: str) -> None:
-        """Tell of a fault."""
+        """Report a fault."""
         self._engine.tell_fault(f"dialect: {text}")
 
     def mention(self, text: str) -> None:
-        """Tell of something that is no fault."""
+        """Report something that is no fault."""
         self._engine.tell(Notice(NoticeKind.ROBOT, f"dialect: {text}"))
 
 
 def value_of(result: CommandResult) -> FieldValue:
-    """The number of a reading, or the list of those of a whole scan."""
+    """The number of a reading, or the list of numbers of a whole scan."""
     ranges = result.ranges
     return result.reply if ranges is None else tuple(ranges.tolist())
 
@@ -231,11 +231,11 @@ class DialectLink:
     # -- doors ---------------------------------------------------------------------------------
 
     def reached(self) -> None:
-        """A program has begun that will find the port."""
+        """Take note that a program with the hook has begun: it will find the port."""
         self._reached = True
 
     def _watch(self, event: Event) -> None:
-        """Say at its end that the program could not find the port."""
+        """Report at its end that a program could not find the port."""
         if isinstance(event, Notice) and event.text.startswith(NOT_LED):
             self._reached = True
         elif isinstance(event, ProgramEnded) and event.started and not event.stopped:
@@ -244,9 +244,9 @@ class DialectLink:
                 self.engine.tell_fault(f"{NOT_LED}: {NO_HOOK}. {WAY_OUT}")
 
     def opened(self, door: SerialDoor, name: str, baud: float | None) -> None:
-        """A program opens a port; it gets its answer."""
+        """Answer a program that opens a port."""
         names = self._context.settings.serial_names
-        # A pseudo-terminal stands where a person has put it.
+        # A person has chosen the path of a pseudo-terminal.
         if isinstance(door, HookedProgram) and names and name not in names:
             door.answer(f"could not open port '{name}': there is only {', '.join(names)}")
             return
@@ -272,7 +272,7 @@ class DialectLink:
             backend.byte_robot.joined(baud)
 
     def _refused(self, door: SerialDoor, name: str) -> str:
-        """The reason why a program may not drive, behind the name of its port; empty if it may."""
+        """The reason why a program may not drive, with the name of its port; empty if it may."""
         if self._context.clock is not None and not door.by_clock:
             return f", but {NOT_SERVED}"
         if self._driver is not None:
@@ -298,7 +298,7 @@ class DialectLink:
             self._wire.set_baud(baud)
 
     def closed(self, door: SerialDoor, unread: int) -> None:
-        """The program has closed the port, or has gone, and has left so many bytes unread."""
+        """A program has closed its port or has ended, and has left `unread` bytes unread."""
         if isinstance(door, HookedProgram):
             self._programs.discard(door)
         if door is not self._driver:
@@ -328,7 +328,7 @@ class DialectLink:
         self._context.client_left()
 
     def _reply(self, data: bytes, droppable: bool) -> None:
-        """Send bytes of the robot to the program; nobody reads those that come without one."""
+        """Send bytes of the robot to the program; without a program they are dropped."""
         program = self._driver
         if program is None or not data:
             return
@@ -350,7 +350,7 @@ class DialectLink:
             self._driver.deliver(self._loop.time(), 0.0, data)
 
     def waits(self, door: SerialDoor, place: str) -> None:
-        """A read of the program has waited for long."""
+        """A read of the program has waited for long, at `place`."""
         if door is not self._driver:
             return
         last = f"; the last message was '{escape(self._last, 60)}'" if self._last else ""

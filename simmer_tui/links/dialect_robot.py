@@ -1,7 +1,7 @@
 """A real robot that speaks the team's own language, driven by the console, keys and programs over TCP.
 
 The bytes of the program that has its port open pass unchanged (`heard_robot.py`). Commands of other senders
-go through rules that can be turned round; none is passed on as it is.
+are translated by inverse rules; none is passed on unchanged.
 """
 
 from __future__ import annotations
@@ -28,12 +28,12 @@ from simmer_tui.sim.command import Command, escape, parse_value
 from simmer_tui.sim.records import CommandResult, Status
 from simmer_tui.sim.velocity_commands import WAIT, parse_wait
 
-# A person lets go of a key and expects the robot to stand; half a step of a robot at 6 in/s.
+# A person who releases a key expects the robot to stop. It is half a step of a robot at 6 in/s.
 KEY_SILENCE = 0.25
 """Seconds after the last key until the robot is sent its stop."""
 # Less than a person notices.
 LOOK_AGAIN = 0.02
-"""Seconds until a command looks again whether the robot stands still."""
+"""Seconds until a command checks again whether the robot stands still."""
 KEYS = "keys"
 """Source of the commands that keys make."""
 NO_STOP = 'no rule of the dialect is a plain stop (do = "stop"): keys and console do not drive this robot'
@@ -41,19 +41,19 @@ _TAKEN = "a program has the robot's port open; it is stopped, and not driven, fr
 
 
 class _Request(Struct, eq=False):
-    """A command of a sender that speaks another language, and who is given its result."""
+    """A command of a sender that speaks another language, and the callback for its result."""
 
     command: Command
     answer: Callable[[CommandResult], None]
     session: BackendSession
     turned: Turned | None = None
     result: CommandResult | None = None
-    """That of the twin's movement, when it is over."""
+    """Result of the twin's movement, when it is over."""
     timer: asyncio.TimerHandle | None = None
 
 
 class DialectRobot(HeardRobot):
-    """A real robot with a dialect as a backend. Lives in the event loop it is made in."""
+    """A real robot with a dialect as a backend. Only for the event loop it is made in."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -70,7 +70,7 @@ class DialectRobot(HeardRobot):
         self._begin_listening()
 
     def close(self) -> None:
-        """Give the port back; what is not answered yet is answered in the robot's place."""
+        """Release the port; pending commands are answered in the robot's place."""
         if self._key is not None:
             self._keys_silent()
         self._end_listening()
@@ -87,7 +87,7 @@ class DialectRobot(HeardRobot):
             self._over(moving, moving.result)
 
     def _answer_readings(self, asked: Turned, readings: Mapping[str, float]) -> None:
-        """Answer all who wait for what this message was answered with."""
+        """Answer all requests that waited for this message's readings."""
         waiting = [each for each in (self._asking, *self._queue) if each is not None]
         for request in waiting:
             code = request.command.code
@@ -103,7 +103,7 @@ class DialectRobot(HeardRobot):
     # -- commands of others ----------------------------------------------------------------------------
 
     def submit(self, message: Message, session: BackendSession, answered: Answered) -> None:
-        """Have commands done by rules turned round."""
+        """Have commands done by inverse rules."""
         results: dict[int, CommandResult] = {}
         count = len(message.commands)
 
@@ -128,7 +128,7 @@ class DialectRobot(HeardRobot):
         return Message(message.data, stops, message.form) if stops else None
 
     def forget(self, session: BackendSession) -> None:
-        """A client has left: its commands are not begun any more."""
+        """Remove a client that has left: its waiting commands do not begin."""
         self._queue = deque(each for each in self._queue if each.session is not session)
 
     def _drives(self, command: Command) -> bool:
@@ -146,7 +146,7 @@ class DialectRobot(HeardRobot):
                 turned is not None and not turned.rule.steps and turned.rule.busy is Busy.NOW
             )
             if not problem and not may_begin:
-                # Nobody tells of the end of a run or a pause of the twin.
+                # No event reports the end of a run or a pause of the twin, so it is checked again later.
                 if self._moving is None and self._again.due == math.inf:
                     self._again.set_in(LOOK_AGAIN)
                 return
@@ -159,7 +159,7 @@ class DialectRobot(HeardRobot):
                 self._begin(request, turned)
 
     def _prepare(self, request: _Request) -> str:
-        """Find the message for a command. Returns the reason there is none, if so."""
+        """Find the message for a command. Returns the reason if there is none."""
         command, state = request.command, self._device.state
         simulator = self.engine.simulator
         if command.problem:
@@ -212,10 +212,10 @@ class DialectRobot(HeardRobot):
         self._send(turned, request.command.source)
 
     def _send(self, turned: Turned, source: str) -> None:
-        """Send a message of ours to the robot; the twin does what it says."""
+        """Send a message of ours to the robot; the twin does the same."""
         self._twin.source, self._twin.refused = source, False
         self._device.received(turned.data)
-        # What the twin cannot do, such as to go a million inches, is not tried with the robot.
+        # A command that the twin refuses, such as a million inches, is not sent to the robot.
         if not self._twin.refused:
             self.link.write(turned.data)
 
@@ -251,7 +251,7 @@ class DialectRobot(HeardRobot):
         self._over(request, result)
 
     def _over(self, request: _Request, result: CommandResult) -> None:
-        """A command is done: answer it."""
+        """Answer a command that is done."""
         if request.timer is not None:
             request.timer.cancel()
             request.timer = None
@@ -263,7 +263,7 @@ class DialectRobot(HeardRobot):
         self._loop.call_soon(self._advance)
 
     def _drop(self, reason: str) -> None:
-        """Answer all that wait in the robot's place."""
+        """Answer all waiting commands in the robot's place."""
         left = [each for each in (self._moving, self._asking, *self._queue) if each is not None]
         self._moving = self._asking = None
         self._queue.clear()
@@ -271,7 +271,7 @@ class DialectRobot(HeardRobot):
             self._give_up(request, reason)
 
     def _result(self, command: Command, status: Status, reply: float) -> CommandResult:
-        """A result that the twin has no part in."""
+        """A result without a part of the twin."""
         time, simulator = self.engine.now(), self.engine.simulator
         pose = simulator.pose
         return CommandResult(simulator.commands, time, command, status, reply, pose, pose)
@@ -279,7 +279,7 @@ class DialectRobot(HeardRobot):
     # -- stops and keys --------------------------------------------------------------------------------
 
     def stop(self) -> None:
-        """The stop of a person, or of a command: sent at once, ahead of what waits."""
+        """Send a person's or a command's stop at once, ahead of waiting commands."""
         self._end_key()
         turned = self._inverse.stop(self._device.state)
         if turned is None:
@@ -289,7 +289,7 @@ class DialectRobot(HeardRobot):
             text = f"the stop cannot be sent: {self.port} is closed"
             self._tell(NoticeKind.FAULT, text)
         else:
-            # Half a line of the program's would take the stop for its end.
+            # Otherwise the stop would complete half a line of the program.
             data = turned.data
             if self._device.unfinished and self.switch.program is not None:
                 data = self.rules.framing.end + data
@@ -305,10 +305,10 @@ class DialectRobot(HeardRobot):
         request.answer(result)
 
     def _press(self, request: _Request) -> None:
-        """A key that drives: the robot is stopped when no more come."""
+        """Drive by a key; the robot is stopped when no more keys come."""
         command, state = request.command, self._device.state
         driven = self._meant(command)
-        if driven is None:  # a velocity of 0: the key was let go
+        if driven is None:  # a velocity of 0: the key was released
             self._keys_silent()
             request.answer(self._result(command, Status.DONE, math.inf))
             return
@@ -328,12 +328,12 @@ class DialectRobot(HeardRobot):
         if self._key is None:
             self._key = made
             self._send(made, KEYS)
-        # In the robot's own thread: it comes also while the screen hangs.
+        # In the robot's own thread: the stop comes even if the screen hangs.
         self._key_timer.set_in(KEY_SILENCE)
         request.answer(self._result(command, Status.ACCEPTED, math.inf))
 
     def _meant(self, command: Command) -> tuple[str, float] | str | None:
-        """The drive that a key means and how far; None for a velocity of 0."""
+        """The drive that a key stands for and its distance; None for a velocity of 0."""
         if not self.engine.simulator.is_velocity(command):
             value = parse_value(command.argument)
             return value if isinstance(value, str) else (command.code, value)
@@ -351,6 +351,6 @@ class DialectRobot(HeardRobot):
         self._key_timer.cancel()
 
     def _keys_silent(self) -> None:
-        """No key has come for a while, or it was let go: the robot is stopped."""
+        """Stop the robot: no key has come for a while, or it was released."""
         if self._key is not None:
             self.stop()

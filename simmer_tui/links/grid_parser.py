@@ -1,4 +1,4 @@
-"""Grids of beliefs as they come on the belief port: three ways to write the numbers, and all their limits."""
+"""Grids of beliefs as they come on the belief port: three formats of the numbers, and all their limits."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _FIELDS = ("p", "f32", "u8", "rows", "cols", "headings", "first", "bounds")
 _PACKED = {"f32": "<f4", "u8": "u1"}
 """Types of packed numbers, little-endian."""
 JSON_NUMBERS = frozenset({int, float})
-"""The types of number in JSON, `True` being none of them."""
+"""The types of number in JSON; `True` is none of them."""
 
 
 def parse_grid(
@@ -133,12 +133,12 @@ def _listed(value: dict[str, Any]) -> Probabilities:
         raise ValueError("p must hold numbers alone")
     try:
         return np.array(cells, dtype=np.float64).reshape(shape)
-    except OverflowError:  # an integer beyond all bounds
+    except OverflowError:  # an integer too large for a float
         raise ValueError("probabilities must be finite") from None
 
 
 def _alike(lists: list[Any], name: str, of: str) -> int:
-    """Length that all of some lists have."""
+    """The length that all of some lists have."""
     if not {list}.issuperset(map(type, lists)):
         raise ValueError("p must be a list of rows, each a list of numbers")
     length = len(lists[0])

@@ -1,7 +1,7 @@
-"""A real robot that speaks the team's own language, heard beside its simulated twin.
+"""A real robot that speaks the team's own language, listened to beside its simulated twin.
 
-The bytes of a program that has the serial port open pass unchanged, both ways. The dialect only listens: the
-twin does what each message says, and readings are told from replies.
+The bytes of the program that has the serial port open pass unchanged, both ways. The dialect only listens:
+the twin does what each message says, and readings come from replies.
 """
 
 from __future__ import annotations
@@ -34,11 +34,11 @@ from simmer_tui.sim.records import REFUSALS, CommandResult
 
 # A stream at 240 Hz would fill the log and the screen.
 STREAM_READINGS = 0.1
-"""Seconds between two readings that are told of a stream."""
+"""Seconds between two readings of a stream that become events."""
 
 
 class Twin(SimulatedHost):
-    """The simulated robot as it does the same. What it reads is kept until the real reading comes."""
+    """The simulated robot, which does the same. Its readings are kept until the real ones come."""
 
     def __init__(self, engine: Engine, rules: DialectRules, moved: Callable[[CommandResult], None]) -> None:
         super().__init__(engine, rules, lambda data, droppable: None)
@@ -70,7 +70,7 @@ class HeardRobot(RealRobot):
 
     Args:
         engine: The twin.
-        link: The way to the robot.
+        link: The connection to the robot.
         settings: Those of its port; they may be replaced at any time.
         rules: Its language.
         switch: Knows the program that has the serial port open.
@@ -82,7 +82,7 @@ class HeardRobot(RealRobot):
     def __post_init__(self) -> None:
         super().__post_init__()
         rules = self.rules
-        # What the robot sends by itself comes from the real one.
+        # Messages that the robot sends by itself come from the real one only.
         heard = replace(rules, streams=(), robot=replace(rules.robot, boot=0.0, greeting=""), unknown=())
         self._twin = Twin(self.engine, heard, self._twin_moved)
         self._device = DialectDevice(heard, self._twin, self._note_message)
@@ -102,13 +102,13 @@ class HeardRobot(RealRobot):
         """A movement of the twin has ended, or was refused."""
 
     def _note_reply(self, heard: Heard) -> None:
-        """A reply of the robot has come, and its readings are told."""
+        """Called after a reply of the robot whose readings have been told."""
 
     def _advance(self) -> None:
-        """The robot may be free for what waits."""
+        """Continue: the robot may be ready for a waiting command."""
 
     def _drop(self, reason: str) -> None:
-        """Nothing that waits can be done."""
+        """Drop all waiting commands."""
 
     # -- the program that has the port open -----------------------------------------------------------
 
@@ -135,7 +135,7 @@ class HeardRobot(RealRobot):
         self._device.received(data)
 
     def left(self) -> None:
-        """The program has closed the port. What the robot does then is its own affair."""
+        """The program has closed the port. The robot is not stopped: what it does then is up to it."""
         self._device.closed()
         self._twin.close(runs_on=self.rules.robot.runs_on)
         self._advance()
@@ -166,16 +166,16 @@ class HeardRobot(RealRobot):
         self._drop(reason)
 
     def _note_message(self, rule: MessageRule, values: Mapping[str, FieldValue]) -> None:
-        """The twin begins what a message says: its replies are due."""
+        """Have the twin begin a message's command; its replies are expected from now on."""
         if not rule.stops:
             self._reader.asked(rule, values)
 
     def _hear(self, heard: Heard) -> None:
-        """A reply of the robot."""
+        """Take a reply of the robot."""
         self._streamed += heard.part == "stream"
         if heard.part != "stream" or self._streamed <= LOGGED_OF_STREAM:
             self.engine.tell(WireMessage(self.engine.now(), heard.data.decode("latin-1"), reply=True))
-        # The twin may be slower than the robot; it is not to end what the robot does next.
+        # The twin may be slower than the robot; it must not stop the robot's next movement.
         if heard.ends and self._device.doing is heard.values:
             self.engine.finish_movement()
         self._tell_readings(heard)
@@ -194,7 +194,7 @@ class HeardRobot(RealRobot):
             if result.reading is None:
                 continue
             real = replace(result, reply=value, reading=replace(result.reading, value=value, scan=None))
-            # Of a reading on the way nobody could say where it belongs: calibration takes those at stops.
+            # The pose of a reading during a movement is not known: calibration uses those at stops.
             if not (self._device.moves or self.engine.simulator.moving):
                 self.engine.tell(real)
             self.engine.tell(TwinReading(result.time, result.command, code, value, result.reply))
@@ -202,7 +202,7 @@ class HeardRobot(RealRobot):
     # -- what the twin foresees --------------------------------------------------------------------------
 
     def on_planned(self, event: MovementPlanned) -> None:
-        """Foreseen steps of the twin stand beside those of a person."""
+        """Warn of a contact that the twin foresees for a person's command."""
         if event.command.source in PEOPLE and event.trajectory.contact is not None:
             self._foresee(event.trajectory.travelled(event.trajectory.contact.time))
 

@@ -26,9 +26,9 @@ from simmer_tui.links.serial_wire import FRAME, SerialRobot
 
 _HEAD = struct.Struct(">cI")
 _TIMES = struct.Struct(">ddI")
-# pyserial writes what a program gives it whole; nobody writes a megabyte to a robot.
+# pyserial sends a program's bytes as one payload; nobody writes a megabyte to a robot.
 LONGEST_PAYLOAD = 1 << 20
-"""Bytes of a frame's payload; who sends more is dropped."""
+"""Bytes of a frame's payload; a program that sends more is disconnected."""
 
 
 class HookedProgram(Peer):
@@ -100,7 +100,7 @@ class HookedProgram(Peer):
         self.abort()
 
     def answer(self, refused: str) -> None:
-        """The port is open; or it is not, for this reason."""
+        """Answer that the port is open, or the reason why it is not."""
         self._send(b"A", struct.pack(">d", self._loop.time()) + refused.encode())
         if refused:
             self.close()

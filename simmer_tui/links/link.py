@@ -25,7 +25,7 @@ from simmer_tui.sim.command import Command
 
 
 class Link(Protocol):
-    """Something that holds ports and connections, open until closed."""
+    """An object that holds ports and connections, open until closed."""
 
     @property
     def has_clients(self) -> bool: ...
@@ -34,13 +34,13 @@ class Link(Protocol):
 
 
 class LinkContext(Struct, frozen=True):
-    """Everything a link needs. `listeners` are the taken ports of all dialects, by purpose.
+    """Everything a link needs.
 
-    `backend` is the robot that clients drive. `reply` is the setting that says when a timed drive is
-    answered. Without `access` everybody may connect, and without `processes` none behind a connection is
-    known. `client_left` is called after each client. `clock` is the program's, if that is in force. `dialect`
-    is the team's own, and `terminal` a pseudo-terminal for its programs. With a `seat` one program at a time
-    drives, over all links.
+    `listeners` are the taken ports of all dialects, by purpose. `backend` is the robot that clients drive.
+    `reply` is the setting for when a timed drive is answered. Without `access` everybody may connect. Without
+    `processes` the programs behind connections are not known. `client_left` is called after each client.
+    `clock` is the program's, if that is in force. `dialect` is the team's own, and `terminal` a
+    pseudo-terminal for its programs. With a `seat` one program at a time drives, over all links.
     """
 
     engine: Engine
@@ -57,24 +57,26 @@ class LinkContext(Struct, frozen=True):
     seat: DriverSeat | None = None
 
     def accept(self, port: DialectPort, welcome: Callable[[socket.socket, str], None]) -> Acceptor:
-        """Accept connections on a port from here on: those that may connect go to `welcome(socket, peer)`."""
+        """Accept connections on a port from now on: admitted ones go to `welcome(socket, peer)`."""
         return Acceptor(self.listeners[port.purpose], welcome, self.access)
 
 
 def open_links(context: LinkContext) -> Iterator[Link]:
     """Serve the dialects of a server whose ports are taken. Needs a running event loop."""
     for dialect in dialects.served(context.settings.listeners):
-        # A dialect whose port was in use is left out; the server has warned of it.
+        # A dialect whose port was in use is left out; the server has warned about it.
         if all(port.purpose in context.listeners for port in dialect.ports):
             # Imported by name: dialects that are not served cost no start-up time.
             yield pkgutil.resolve_name(dialect.link)(context)
 
 
 def port_requests(server: ServerSettings) -> list[tuple[Dialect, list[PortRequest]]]:
-    """The ports to take for each dialect served. Where one of their first ports may be any, so may all that
-    were not set to a number of their own."""
+    """The ports to take for each dialect served.
+
+    If the first port of a dialect with typed commands is set to 0, all ports at their defaults are any too.
+    """
     served = dialects.served(server.listeners)
-    # Tests and CI ask for --port 0: the other ports, at their defaults, would collide just as well.
+    # Tests and CI use --port 0: the other ports, at their defaults, would still collide.
     any_free = 0 in (port_number(server, each.ports[0]) for each in served if each.typed)
     defaults = {port.default for port in dialects.all_ports()}
 
@@ -92,7 +94,7 @@ def port_number(server: ServerSettings, port: DialectPort) -> int:
 
 
 def typed_message(server: ServerSettings, command: Command) -> Message:
-    """A command that was typed or chosen, as a program of this server would send it."""
+    """The message for a command of a person, as a program of this server would send it."""
     first = next(each for each in dialects.served(server.listeners) if each.typed)
     typed: Any = pkgutil.resolve_name(first.typed)
     data, form = typed(command.text.strip().encode("utf-8", "replace"), server)

@@ -1,10 +1,10 @@
-"""The user behind a local connection, as far as the system tells. Only Linux does.
+"""The user behind a local connection, as far as the system reports it. Only Linux does.
 
-Of a socket that is open Linux tells the owner. Of one that its program has closed it does so from 6.17 on,
-until the close is acknowledged, some 40 ms later; older kernels do not. Programs that send packets close at
-once, and a busy server may be later than 40 ms. So the ends of connections are held back until they are
-accepted (`OwnerLookup.hold_ends`): a filter on the listening socket drops them, and the far end, which must
-send its own again, stays. Of a socket that was reset nothing is left that could be asked about.
+Linux reports the owner of an open socket. For a socket that its program has closed, only kernels from 6.17 on
+do, and only until the close is acknowledged, some 40 ms later. Programs that send packets close at once, and
+a busy server may take longer than 40 ms. So the ends of connections are held back until they are accepted
+(`OwnerLookup.hold_ends`). A filter on the listening socket drops them; the far end stays, because it must
+send its end again. Of a reset socket nothing is left to ask about.
 """
 
 from __future__ import annotations
@@ -31,29 +31,30 @@ _REST = struct.pack("=III", 0, 0xFFFFFFFF, 0xFFFFFFFF)
 _BY_FAMILY, _NLM_F_REQUEST = 20, 1
 _SIZE = _REQUEST.size + _PORTS.size + _PLACES.size + len(_REST)
 _ANSWER = struct.Struct("=4xH10x xB2x48x4x IIII")
-"""The kind of the answer, and of `struct inet_diag_msg` state, bytes not read, bytes not acknowledged, owner
-and inode."""
+"""The fields of an answer: its kind, and from `struct inet_diag_msg` state, bytes not read, bytes not
+acknowledged, owner, inode."""
 _WITH_INFO = 2
-"""The extension of a request that asks for a `struct tcp_info`, and the kind of that in the answer."""
+"""Number of the extension `struct tcp_info` in a request, and of the attribute in the answer."""
 _ATTRIBUTE = struct.Struct("=HH")
-"""Length and kind of an attribute, behind the answer."""
+"""Length and kind of an attribute, after the answer."""
 _BYTES = struct.Struct("=120xQQ")
-"""Of `struct tcp_info` (linux/tcp.h) the bytes acknowledged, the opening counting as one, and received."""
+"""The fields of `struct tcp_info` (linux/tcp.h) for bytes acknowledged, the opening counting as one, and
+bytes received."""
 _SYN_SENT, _FIN_WAIT1, _CLOSE = 2, 4, 7
-"""States of a socket that is connecting, has sent its end, is no more (include/net/tcp_states.h)."""
+"""States of a socket that is connecting, has sent its end, or is closed (include/net/tcp_states.h)."""
 # SO_ATTACH_FILTER and SO_DETACH_FILTER of asm-generic/socket.h, which Python does not name either.
 _ATTACH_FILTER, _DETACH_FILTER = 26, 27
-# A program of four steps (linux/filter.h): load the byte of TCP's flags; if it has the first bit, FIN, the
-# packet is dropped, else all of it is kept.
+# A program of four steps (linux/filter.h): load the byte of TCP's flags. If its first bit, FIN, is set, drop
+# the packet; otherwise keep all of it.
 _STEPS = ((48, 0, 0, 13), (69, 0, 1, 1), (6, 0, 0, 0), (6, 0, 0, 1 << 18))
 _WITHOUT_ENDS = array("Q", b"".join(struct.pack("=HBBI", *step) for step in _STEPS))
-# Any but the administrator's, whose number, 0, older kernels tell of every closed socket.
+# Any user but the administrator, 0: older kernels report 0 for every closed socket.
 _SOMEBODY = 65534
-"""The user, `nobody`, that a probe belongs to."""
+"""The user `nobody`, as the owner of a probe."""
 
 
 class FarSocket(NamedTuple):
-    """The socket at the other end of a connection, as the system tells it."""
+    """The socket at the other end of a connection, as the system reports it."""
 
     uid: int
     inode: int
@@ -62,19 +63,17 @@ class FarSocket(NamedTuple):
     unacknowledged: int
     """Bytes that have not been acknowledged; the end counts as one."""
     unread: int = 0
-    """Bytes that have come and that its program has not read."""
+    """Bytes received that its program has not read."""
 
     @property
     def has_ended(self) -> bool:
-        """True if it will send no more."""
+        """True if it will send no more bytes."""
         return self.state == _FIN_WAIT1
 
 
 class OwnerLookup:
-    """Asks the system who owns the far socket of a connection, one question a connection.
-
-    Nothing is remembered: a port belongs to somebody else the next moment.
-    """
+    """Asks the system for the owner of the far socket, once for each connection. No answer is kept: the port
+    may soon belong to another program."""
 
     def __init__(self) -> None:
         self._netlink: socket.socket | None = None
@@ -86,17 +85,18 @@ class OwnerLookup:
                 )
                 self._netlink.connect((0, 0))
                 self._netlink.setblocking(False)
-            except OSError:  # a system that keeps it to itself
+            except OSError:  # a system that does not report owners
                 self.close()
 
     @property
     def is_possible(self) -> bool:
-        """True if the system tells of owners at all."""
+        """True if the system reports owners at all."""
         return self._netlink is not None
 
     @property
     def is_complete(self) -> bool:
-        """True if the owner of any local connection is told that was not reset, be it closed already."""
+        """True if the system reports the owner of every local connection, even a closed one, unless it was
+        reset."""
         return self._holds and self.tells_closed
 
     def hold_ends(self, listening: socket.socket) -> None:
@@ -107,15 +107,17 @@ class OwnerLookup:
                 self._holds = True
 
     def owner(self, sock: socket.socket, there: tuple[str, int]) -> int | None:
-        """The user id of the other end, whose address and port are `there`, or None: on another machine,
-        reset, or not told. Its end is not held back any more."""
+        """The user id of the other end, whose address and port are `there`. Its end is no longer held back.
+
+        None if it is on another machine, was reset, or is not reported.
+        """
         if self._holds:
-            # Before the question, or an end might be lost between the two; what comes now is acknowledged
-            # late enough.
+            # Before the question, or an end might be lost between the two. An end that comes now is
+            # acknowledged late enough.
             with contextlib.suppress(OSError):
                 sock.setsockopt(socket.SOL_SOCKET, _DETACH_FILTER, 0)
         far = self.ask(sock, there)
-        # Its port may be somebody else's by now if it was reset, or closed and forgotten by the system.
+        # If it was reset, or closed and forgotten by the system, its port may be somebody else's by now.
         if far is None or far.state == _SYN_SENT or is_reset(sock):
             return None
         if far.has_ended and self._holds:
@@ -125,14 +127,15 @@ class OwnerLookup:
         return 0 if far.has_ended and self.tells_closed else None
 
     def _end(self, sock: socket.socket, there: tuple[str, int], far: FarSocket) -> None:
-        """Let a connection end behind what has come: its end was dropped, and comes again only in 200 ms."""
-        # What is not acknowledged may be on its way, with the end behind it, or have come just now.
+        """Close a connection after all bytes that have come: its end was dropped, and is sent again only
+        after 200 ms."""
+        # Unacknowledged bytes may be on their way, with the end behind them, or may have come just now.
         if far.unacknowledged <= 1 or self._has_arrived(sock, there):
             with contextlib.suppress(OSError):
                 sock.shutdown(socket.SHUT_RD)
 
     def _has_arrived(self, sock: socket.socket, there: tuple[str, int]) -> bool:
-        """True if all that the other end has sent has arrived, but for its end."""
+        """True if all bytes of the other end have arrived, except for its end."""
         if sys.platform != "linux":
             return False
         answer = self._answer(sock, there, _WITH_INFO)
@@ -149,7 +152,7 @@ class OwnerLookup:
         return False
 
     def ask(self, sock: socket.socket, there: tuple[str, int]) -> FarSocket | None:
-        """The socket at the other end as the system tells it; None if it does not."""
+        """The socket at the other end; None if the system does not report it."""
         answer = self._answer(sock, there)
         if len(answer) < _ANSWER.size:
             return None
@@ -163,7 +166,7 @@ class OwnerLookup:
         try:
             here = sock.getsockname()
             before, after = _around_ports(there[0], here[0], extensions)
-            # Our end is the far end of theirs, so the addresses are given the other way round.
+            # Our end is the far end of theirs, so the addresses are swapped.
             self._netlink.send(before + _PORTS.pack(there[1], here[1]) + after)
             return self._netlink.recv(1024)
         except OSError:
@@ -171,8 +174,8 @@ class OwnerLookup:
 
     @cached_property
     def tells_closed(self) -> bool:
-        """True if the system tells whose a socket was that its program has closed."""
-        # Tried, since versions tell little: distributions change their kernels.
+        """True if the system reports the owner of a socket that its program has closed."""
+        # Tried, since version numbers say little: distributions change their kernels.
         if sys.platform != "linux":
             return False
         try:
@@ -190,7 +193,7 @@ class OwnerLookup:
         return far is not None and far.uid == (os.geteuid() or _SOMEBODY)
 
     def close(self) -> None:
-        """Ask no more."""
+        """Close the socket to the kernel."""
         if self._netlink is not None:
             self._netlink.close()
             self._netlink = None
@@ -212,7 +215,7 @@ def _around_ports(there: str, here: str, extensions: int) -> tuple[bytes, bytes]
 
 
 def is_reset(sock: socket.socket) -> bool:
-    """True if the other end has broken off: nothing that it sent can be answered on this connection."""
+    """True if the other end has reset the connection: it cannot be answered any more."""
     tcp_info = getattr(socket, "TCP_INFO", None)
     if tcp_info is None:
         return False

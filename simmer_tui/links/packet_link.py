@@ -33,10 +33,10 @@ TURN = 512
 """Bytes of requests read in a turn of the event loop: a hundred short ones take a millisecond or two."""
 # Clients wait 40 to 300 ms before they read, but have closed their sending connection by then.
 DIRECT_DELAY = 0.05
-"""Seconds after which the reply goes to a sender that has stayed, if nobody has fetched it."""
+"""Seconds after which the reply goes to a sender that has stayed connected, if nobody has fetched it."""
 # Judged: packet clients connect in order to send; one that does not may have hung.
 SILENT_AFTER = 1.0
-"""Seconds after which a connection that has sent nothing is worth a line in the log."""
+"""Seconds after which a connection that has sent nothing is reported in the log."""
 # Judged: a robot left alone for ten minutes; forgotten connections must not fill the port.
 IDLE_LIMIT = 600.0
 """Seconds after which a connection that sends nothing more is closed."""
@@ -50,7 +50,7 @@ class _Sender(Peer):
         self._link = link
         self._reader = RequestReader(link.context.settings.grace)
         self._command_budget = link.budget_of(sock, peer)
-        # simmer-python answers drives at once: "auto" means accepted here, and done in the binary dialects.
+        # simmer-python answers drives at once: "auto" means accepted here, done in the binary dialects.
         at_end = link.context.reply == "done"
         self._session = link.context.backend.open_session(
             answer_at_end=at_end, lane="packets", budget=self._command_budget
@@ -65,16 +65,16 @@ class _Sender(Peer):
         """True if replies go back on this connection: its client reads them here."""
         self.spoken = False
         """True if anything has come."""
-        self.heard = self._loop.time()
-        """When something came last, at first when it connected."""
+        self.last_received = self._loop.time()
+        """Time of the last received bytes, at first of the connection, by the loop's clock."""
         self._watch = LoopTimer(self._look_after, self._loop)
         self._watch.set_in(SILENT_AFTER)
 
     @property
     def receiving(self) -> bool:
-        """True if a request is just coming in, or must be about to."""
-        # A connection that has just been made is about to send: clients connect for one message.
-        idle = self._loop.time() - self.heard
+        """True if a request is just coming in, or is expected at once."""
+        # A new connection is about to send: clients connect for one message.
+        idle = self._loop.time() - self.last_received
         return self._reader.unfinished and idle < LONGEST_WAIT if self.spoken else idle < EMPTY_DELAY
 
     @property
@@ -85,7 +85,7 @@ class _Sender(Peer):
     def data_received(self, data: bytes) -> None:
         if not self.spoken:
             self._link.doctor.packet_came(data)
-        self.heard, self.spoken = self._loop.time(), True
+        self.last_received, self.spoken = self._loop.time(), True
         self._submit(self._reader.receive(data))
         self._silence.cancel()
         idle_timeout = self._reader.idle_timeout
@@ -93,7 +93,7 @@ class _Sender(Peer):
             self._silence.set_in(idle_timeout)
 
     def eof_received(self) -> bool:
-        """The client has said its last. If it reads here, it stays until all is answered."""
+        """Take the client's end of sending. If it reads here, it stays until all is answered."""
         self._ended = True
         self._submit(self._reader.end())
         return self.direct and self._open_requests > 0
@@ -110,7 +110,7 @@ class _Sender(Peer):
         self._close_talk_if_done()
 
     def forget(self) -> None:
-        """Ask for nothing more."""
+        """Drop its pending commands."""
         self._session.close()
 
     def _submit(self, requests: Sequence[Request]) -> None:
@@ -127,7 +127,7 @@ class _Sender(Peer):
 
     def _drop(self) -> None:
         self._link.engine.drop(self.peer)
-        # What it has waiting must not keep those from the same address busy.
+        # Its waiting commands must not block others from the same address.
         self.forget()
         self._link.note_answered(self._open_commands)
         self._open_requests = self._open_commands = 0
@@ -157,7 +157,7 @@ class _Sender(Peer):
             self._close_talk_if_done()
 
     def _expect_to_be_read(self, reply: Reply) -> None:
-        # It has closed, so that it cannot read here: its replies wait for the reply port alone.
+        # It has closed, so that it cannot read here: its replies wait for the reply port only.
         if self._ended or self.lost:
             return
         self._unfetched.append((self._loop.time() + DIRECT_DELAY, reply))
@@ -165,14 +165,14 @@ class _Sender(Peer):
             self._direct_reply.set_in(DIRECT_DELAY)
 
     def _reply_here(self) -> None:
-        """Give the client what nobody has come to the reply port for in time."""
+        """Send the client the replies that nobody has fetched on the reply port in time."""
         mailbox, unfetched = self._link.mailbox, self._unfetched
         while unfetched and not mailbox.holds(unfetched[0][1]):
             unfetched.popleft()
         if not unfetched or self._ended or self.has_left():
             return
         left = unfetched[0][0] - self._loop.time()
-        if self.has_unread():  # whether it has closed is known when that is read
+        if self.has_unread():  # its end is noticed when it is read
             left = DIRECT_DELAY
         if left > 0:
             self._direct_reply.set_in(left)
@@ -188,8 +188,8 @@ class _Sender(Peer):
                 self.close()
 
     def _look_after(self) -> None:
-        """Say of a connection that it is silent, and end one that stays so."""
-        idle = self._loop.time() - self.heard
+        """Report a silent connection, and close one that stays silent."""
+        idle = self._loop.time() - self.last_received
         if not self.spoken and idle < IDLE_LIMIT / 2:
             self._link.engine.tell_fault(f"client {self.peer} has connected and sent nothing yet")
         if idle >= IDLE_LIMIT and self._open_requests == 0:
@@ -203,14 +203,16 @@ class _Sender(Peer):
 class PacketLink:
     """Serves the connection-per-message dialects on a request port and a reply port.
 
-    Any number of clients, on many connections at once. Replies wait in a mailbox until someone
-    reads on the reply port; a client that keeps its connection on the request port and does not
-    read there gets them on that connection.
+    Any number of clients may use many connections at once. Replies wait in a mailbox until someone reads on
+    the reply port. A client that keeps its request connection open, and does not read on the reply port, gets
+    them on that connection.
     """
 
     def __init__(self, context: LinkContext) -> None:
-        """Begin to listen. Needs a running event loop. A client has left when nothing has come from its
-        address for the seconds of the setting `idle`."""
+        """Begin to listen. Needs a running event loop.
+
+        A client has left when nothing has come from its address for `idle` seconds, a setting.
+        """
         settings = context.settings
         self.context = context
         self.engine = context.engine
@@ -270,9 +272,9 @@ class PacketLink:
         self.senders.add(_Sender(sock, peer, self))
 
     def _make_room(self) -> None:
-        """Close the connection that has been silent longest; never one that has sent what is still unread."""
-        # The longest silent first: it is the likeliest to have been forgotten by its program.
-        for sender in sorted(self.senders, key=lambda sender: sender.heard):
+        """Close the connection that has been silent longest; never one with unread bytes."""
+        # The one silent longest: most likely its program has forgotten it.
+        for sender in sorted(self.senders, key=lambda sender: sender.last_received):
             if sender.silent:
                 text = f"client {sender.peer} closed: {MOST_CONNECTIONS} connections at once are the most"
                 self.engine.tell_fault(text)
@@ -287,7 +289,7 @@ class PacketLink:
         self._leave_seat()
 
     def note_request(self, sender: _Sender, request: Request) -> PacketDriver:
-        """A complete request has arrived. Gives whose velocities it sets."""
+        """Take a complete request. Returns the owner of the velocities that it sets."""
         driver = self._presence.asked(sender.peer)
         if not request.commands:
             self.engine.tell_fault(f"client {sender.peer}: an empty request, [], gets no reply")
@@ -295,16 +297,16 @@ class PacketLink:
         return driver
 
     def note_answered(self, count: int) -> None:
-        """A request of so many commands has been answered."""
+        """Take note that a request of so many commands has been answered."""
         self.unanswered -= count
         self._presence.look_after_velocity()
 
     def budget_of(self, sock: socket.socket, peer: str) -> CommandBudget:
-        """The budget of waiting commands that all connections of a user from one address share."""
-        # Where no other user is let in there is only one user.
+        """The budget of waiting commands shared by all connections of a user from one address."""
+        # If no other user is admitted there is only one user.
         sender = (host_of(peer), self._users.user(sock, peer) if self._users is not None else None)
         if sender not in self._budgets:
-            # Of those who have nothing waiting nothing need be remembered.
+            # Budgets without waiting commands need not be kept.
             self._budgets = {each: budget for each, budget in self._budgets.items() if budget.is_used}
             self._budgets[sender] = CommandBudget(sender[0], self.engine.tell)
         return self._budgets[sender]

@@ -1,5 +1,4 @@
-"""The clients of the connection-per-message dialects: the program behind each address, and how long it is
-present."""
+"""The clients of the connection-per-message dialects: the program behind each address, and its presence."""
 
 from __future__ import annotations
 
@@ -17,20 +16,20 @@ from simmer_tui.phrases import counted
 from simmer_tui.protocol.packets import Mailbox
 from simmer_tui.sessions import LoopTimer
 
-# Judged: a long computation or a coffee; who has a program stand in a debugger for longer asks again.
+# Judged: a long computation or a coffee. After a longer halt in a debugger a program asks again.
 LONGEST_KEPT = 600.0
 """Seconds after its program's last request for which a reply is kept while the program lives."""
-# Programs pause 40 to 300 ms between two messages; no other program is started in less.
+# Programs pause 40 to 300 ms between two messages, and starting another program takes longer than this.
 SAME_PROGRAM = 0.03
-"""Seconds within which the next message from an address is taken for the same program's."""
-# Judged: soon enough for a robot whose program has crashed, and no work.
+"""Seconds within which the next message from an address counts as the same program's."""
+# Judged: soon enough for a robot whose program has crashed, and cheap.
 LOOK = 0.25
-"""Seconds between two looks whether the program whose velocity it is still lives."""
+"""Seconds between two checks that the program that owns the velocity still lives."""
 
 
 @dataclass(frozen=True, slots=True)
 class PacketDriver:
-    """Whose a velocity is that came in a packet: the process's, if it is known, else the address's."""
+    """The owner of a velocity that came in a packet: the process, if it is known, otherwise the address."""
 
     address: str
     process: Process | None
@@ -38,8 +37,8 @@ class PacketDriver:
 
 @dataclass(slots=True)
 class _Client:
-    """State of an address: times of its last message and its last request, count of its requests, and the
-    process that asked, if it is known."""
+    """State of an address: times of its last message and last request, count of its requests, and the process
+    if known."""
 
     last: float
     last_request: float
@@ -77,10 +76,10 @@ class Presence:
         self._next_look = LoopTimer(self._look, self._loop)
 
     def connected(self, sock: socket.socket, peer: str) -> None:
-        """A connection has come, on either port. Its process is known only now: it may be closed the next
+        """Take a connection on either port. Its process is asked for now, since it may be closed the next
         moment."""
         client = self._clients.get(host_of(peer))
-        # In a quick exchange it is the same program's as before, and costs no look.
+        # In a quick exchange it is the same program as before, and needs no look-up.
         if self._processes is None or (client is not None and self._loop.time() - client.last < SAME_PROGRAM):
             return
         found = self._processes.holder(sock, peer, client.process if client is not None else None)
@@ -89,7 +88,7 @@ class Presence:
 
     @property
     def any(self) -> bool:
-        """True if a client is there."""
+        """True if a client is present."""
         return bool(self._clients)
 
     def disconnected(self, peer: str) -> None:
@@ -101,12 +100,15 @@ class Presence:
         client, process = self._clients.get(host_of(peer)), self._connecting.pop(peer, None)
         if client is not None:
             client.last = self._loop.time()
-            # Its program reads: many close their request before anybody can look whose it was.
+            # Its program reads: many close their request before its process can be looked up.
             client.process = process or client.process
 
     def takes(self, peer: str) -> None:
-        """A read is about to get what waits. What was asked for before its program began is another's, if
-        there is something newer: a program that only reads, as the second of two `nc`, gets all of it."""
+        """Prepare a read that is about to get the waiting replies.
+
+        Replies from before its program began are another's, and are dropped if there are newer ones. A
+        program that only reads, such as the second of two `nc`, gets all of them.
+        """
         address = host_of(peer)
         client = self._clients.get(address)
         if client is not None and client.process is not None:
@@ -115,8 +117,8 @@ class Presence:
                 self._drop(address, "the program that reads was not there yet", began)
 
     def asked(self, peer: str) -> PacketDriver:
-        """A request has come: replies that wait for another process, or from long before, are dropped. Gives
-        whose it is."""
+        """Take a request: replies that wait for another process, or from long before, are dropped. Returns
+        the request's owner."""
         address, now = host_of(peer), self._loop.time()
         process = self._connecting.pop(peer, None)
         client = self._clients.get(address)
@@ -136,18 +138,19 @@ class Presence:
             self._drop(address, "another program asks")
         elif now - client.last_request > self._idle:
             self._drop(address, f"its program asks again after {now - client.last_request:.0f} s")
-        # A message that was closed before anybody could look is the same process's while that lives.
+        # A message closed before its process could be looked up counts as the same process's while that
+        # lives.
         if process is not None or (before is not None and not before.lives):
             client.process = process
 
     def _drop(self, address: str, why: str, before: float = math.inf) -> None:
-        """Drop what waits for an address, or has waited since `before` a time, and say so."""
+        """Drop the waiting replies of an address, or those from before the time `before`, and report it."""
         dropped = self.mailbox.drop(address, before)
         if dropped:
             self._engine.tell_fault(f"{dropped} replies dropped: {why}")
 
     def look_after_velocity(self) -> None:
-        """A command has been answered: a velocity that came in a packet ends with its program."""
+        """Watch the velocity after a command's answer: one that came in a packet ends with its program."""
         if isinstance(self._engine.driving.driver, PacketDriver) and self._next_look.due == math.inf:
             self._next_look.set_in(LOOK)
 
@@ -189,6 +192,6 @@ class Presence:
     def _is_kept(self, client: _Client, address: str) -> bool:
         """True if replies wait for a process that lives."""
         process = client.process
-        if process is None and self._processes is not None:  # closed before anybody could look whose it was
+        if process is None and self._processes is not None:  # closed before its process could be looked up
             process = self._processes.of_run
         return process is not None and self.mailbox.has(address) and process.lives

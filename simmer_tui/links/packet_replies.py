@@ -16,27 +16,27 @@ from simmer_tui.program_clock import clock_of
 from simmer_tui.protocol.packets import Mailbox, Reply
 from simmer_tui.sessions import LoopTimer
 
-# 64 KiB at most: a client that floods the reply port gets a reset instead.
+# 64 KiB in all: a client that floods the reply port gets a reset instead.
 DRAINED, DRAINS = 4096, 16
-"""Bytes dropped at once of what a client sends to the reply port, and how often."""
+"""Bytes dropped at once of those that a client sends to the reply port, and how often."""
 # Judged: one line a second, however many replies are dropped.
 REPORT_DELAY = 1.0
-"""Seconds over which replies that nobody read are counted before they are reported."""
-# simmer-python's clients read in a tight loop: unbounded, they would use up a processor.
+"""Seconds for which unread replies are counted before they are reported."""
+# simmer-python's clients read in a tight loop: without a limit they would use a whole processor.
 EMPTY_DELAY = 1 / 60
-"""Seconds a read with nothing to fetch takes, which bounds how often a client can try."""
-# Judged: longer than any request takes to be answered at once, and not felt by a client that polls.
+"""Seconds that a read without a reply takes; it limits how often a client can try."""
+# Judged: longer than a request takes that is answered at once, and not noticed by a client that polls.
 LONGEST_WAIT = 0.1
-"""Longest that a read waits for a request being received or answered, and that a request which
-has stopped coming in counts as being received."""
+"""Seconds that a read waits at most for a request being received or answered. An unfinished request counts as
+being received for so long."""
 # More than `CLOSING`: a merged reply of 1000 items may exceed the system's buffers.
 UNREAD_PATIENCE = 10.0
-"""Seconds in which a client must have read the reply it came for."""
+"""Seconds within which a client must have read its reply."""
 
 
 class _Read:
-    """A connection on the reply port until it is answered, or closed without bytes: it needs no
-    transport. Only one that came while a request was under way waits for the reply."""
+    """A connection on the reply port until it is answered, or closed without bytes; it needs no transport. It
+    waits for a reply only if it came while a request was under way."""
 
     def __init__(self, sock: socket.socket, peer: str, port: ReplyPort) -> None:
         self.sock = sock
@@ -46,11 +46,11 @@ class _Read:
         self._port = port
         self._loop = asyncio.get_running_loop()
         self._came = self._loop.time()
-        self._considering = self._loop.call_soon(self._consider)  # when all that came before it is seen
+        self._considering = self._loop.call_soon(self._consider)  # when all earlier ones have been accepted
         self._timer = self._loop.call_later(EMPTY_DELAY, self._end)
 
     def cancel(self) -> None:
-        """Wait no longer."""
+        """Stop waiting."""
         self._considering.cancel()
         self._timer.cancel()
 
@@ -73,7 +73,7 @@ class _Read:
 
 
 class _Unread(Peer):
-    """A connection on the reply port that is sent more than the system takes at once."""
+    """A connection on the reply port with a reply larger than the system takes at once."""
 
     closing = UNREAD_PATIENCE
 
@@ -146,12 +146,12 @@ class ReplyPort:
         read.sock.close()
 
     def answer(self, read: _Read) -> None:
-        """Send a read everything in the mailbox and close it, unless its client has gone."""
+        """Send a read everything in the mailbox and close it, unless its client has closed."""
         read.cancel()
         del self.reads[read]
         rest = b""
         try:
-            # A read that waited and has closed was given up: its reply stays for the next one.
+            # A waiting read that has closed was given up: its reply stays for the next one.
             if not (_has_closed(read.sock) and read.waits):
                 self.presence.takes(read.peer)
                 rest = self.mailbox.take()
@@ -169,7 +169,7 @@ class ReplyPort:
             read.sock.close()
 
     def post(self, reply: Reply, peer: str = "") -> None:
-        """Put a reply for `peer` into the mailbox, or hand it to a read that is waiting for it."""
+        """Put a reply for `peer` into the mailbox, or give it to a read that waits for it."""
         dropped = self.mailbox.put(reply, host_of(peer), self._loop.time())
         if dropped:
             if not self._dropped:
@@ -177,7 +177,7 @@ class ReplyPort:
             self._dropped += dropped
         if self.reads and not self._delivering:
             self._delivering = True
-            self._loop.call_soon(self._deliver)  # after the rest of what came with it
+            self._loop.call_soon(self._deliver)  # after the other replies to the same bytes
 
     def _deliver(self) -> None:
         self._delivering = False
@@ -196,8 +196,10 @@ class ReplyPort:
 
 
 def _has_closed(sock: socket.socket) -> bool:
-    """True if the other end has closed its side; raises OSError if it broke off. Drops what it
-    sent, which would make our own end a reset."""
+    """True if the other end has closed its side. Raises OSError if it was reset.
+
+    Drops what it has sent: unread bytes would turn our own end into a reset.
+    """
     for _ in range(DRAINS):
         try:
             if not sock.recv(DRAINED):

@@ -1,8 +1,8 @@
 """Limits per peer: bytes per turn of the event loop, unread bytes, connections and seconds.
 
-Every connection of every link is a `Peer`, so that none can hold up another, or the end of the
-program: it is read a piece at a time, from a `ReadBudget` it shares with its like; one that does not
-read its replies is dropped; and one that is to end has `CLOSING` seconds to take its last replies.
+Every connection of every link is a `Peer`, so that none can delay another, or the end of the program. Bytes
+are read in pieces, from a `ReadBudget` shared with similar peers. A peer that does not read its replies is
+dropped. A peer that is to end has `CLOSING` seconds to take its last replies.
 """
 
 from __future__ import annotations
@@ -18,24 +18,24 @@ from simmer_tui.sessions import LoopTimer
 # Well below the 1024 descriptors that a process has by default, for two such ports.
 MOST_CONNECTIONS = 128
 """Connections kept on a port that serves many at once."""
-# Judged: nobody has more programs than that for one robot; more are a fault.
+# Judged: nobody has more programs for one robot; more are a fault.
 MOST_WAITING = 16
 """Connections that may wait on a port that serves one, or on a port of minor importance."""
-# 8,000 replies of eight bytes: a client so far behind has stopped reading.
+# 8,000 replies of eight bytes: a client that far behind has stopped reading.
 UNREAD_LIMIT = 64 * 1024
-"""Bytes of replies the operating system has not taken after which a peer is dropped."""
+"""Bytes of replies waiting here for the operating system; with more a peer is dropped."""
 # Some 1,000 commands of four bytes.
 PIECE = 4 * 1024
-"""Bytes taken in at once: small, so that a flood from one peer holds up nothing else."""
+"""Bytes read at once: small, so that a flood from one peer delays nothing else."""
 # Judged: a client on the same network needs milliseconds; Ctrl-C must not wait for a dead one.
 CLOSING = 1.0
-"""Seconds in which a peer that is to end must have taken its last replies."""
+"""Seconds within which an ending peer must have taken its last replies."""
 
 
 class ReadBudget:
-    """The bytes that peers, all those who share it, may still be read in this turn of the event loop.
+    """The bytes that its peers may still read together in this turn of the event loop.
 
-    What is spent comes back with the next turn. Who found nothing left then goes first, in order.
+    It is full again in the next turn. Peers that found it empty then go first, in order.
     """
 
     def __init__(self, size: int, *, counted: bool = True) -> None:
@@ -46,21 +46,21 @@ class ReadBudget:
         self._behind: dict[Callable[[], None], None] = {}
 
     def spend(self, count: int) -> None:
-        """Take so many bytes from what is left."""
+        """Take this number of bytes from the budget."""
         if self._clock is not None:
             self._clock.received += count
-        # Renewed once a turn, by the first who spends: an idle server has no timer.
+        # Renewed once a turn, by the first peer that spends: an idle server has no timer.
         if self.left == self._size:
             self._loop.call_soon(self._renew)
         self.left -= count
 
     def wait(self, go_on: Callable[[], None]) -> None:
-        """Nothing is left in this turn: call `go_on` in the next."""
+        """Call `go_on` in the next turn: the budget is empty."""
         self._behind[go_on] = None
 
     def _renew(self) -> None:
         self.left = self._size
-        # Those left over go before new bytes, or a flood from one could starve them for good.
+        # Waiting peers go before new bytes, or a flood from one could block them forever.
         behind, self._behind = self._behind, {}
         for go_on in behind:
             go_on()
@@ -74,8 +74,8 @@ def host_of(peer: str) -> str:
 class Peer:
     """One accepted connection, read and written in the event loop it is made in.
 
-    What comes goes to `data_received`; `eof_received` is called when the other end has said its last, and
-    `connection_lost`, once, when the connection is no more.
+    Received bytes go to `data_received`. `eof_received` is called when the other end has closed its side, and
+    `connection_lost` once, when the connection has ended.
     """
 
     piece = PIECE
@@ -105,19 +105,19 @@ class Peer:
     # -- callbacks -----------------------------------------------------------------------------
 
     def data_received(self, data: bytes) -> None:
-        """Bytes have come. Those nobody asked for are ignored."""
+        """Take received bytes. By default they are ignored."""
 
     def eof_received(self) -> bool:
-        """The other end will send no more. Returns whether it may still be written to."""
+        """Take the end of the other side's sending. Returns True if the connection stays open for replies."""
         return False
 
     def connection_lost(self, error: OSError | None) -> None:
-        """The connection has ended, by itself or because it was closed."""
+        """Take the end of the connection; the error is None if it was closed here."""
 
     # -- reading -------------------------------------------------------------------------------
 
     def hold(self, holding: bool) -> None:
-        """Stop reading, or go on."""
+        """Stop reading, or continue."""
         self._held = holding
         self._set_reading()
 
@@ -130,7 +130,7 @@ class Peer:
         self._reading = wanted
 
     def _readable(self) -> None:
-        # Sockets are read level-triggered: what is left is reported again in the next turn.
+        # Sockets are read level-triggered: unread bytes are reported again in the next turn.
         if self._budget.left > 0:
             self.read()
         else:
@@ -141,7 +141,7 @@ class Peer:
             self._readable()
 
     def read(self) -> bool:
-        """Read what has arrived, up to what is left of the turn. Returns whether there was anything."""
+        """Read what has arrived, within the budget of this turn. Returns True if there was anything."""
         try:
             data = self.sock.recv(min(self.piece, self._budget.left))
         except (BlockingIOError, InterruptedError):
@@ -160,15 +160,15 @@ class Peer:
         return False
 
     def has_left(self) -> bool:
-        """True if the other end has closed and nothing it sent is unread."""
+        """True if the other end has closed and all its bytes are read."""
         return self.lost or self._finished or self._next() == b""
 
     def has_unread(self) -> bool:
-        """True if something has come that is still to be read, be it an end."""
+        """True if bytes or an end have come that are still unread."""
         return self._next() is not None
 
     def _next(self) -> bytes | None:
-        """A byte of what is still to be read, or none at its end; None if nothing has come."""
+        """The next unread byte, or no bytes at the end; None if nothing has come."""
         try:
             return self.sock.recv(1, socket.MSG_PEEK)
         except BlockingIOError:
@@ -184,7 +184,7 @@ class Peer:
             return True
         if self._clock is not None:
             self._clock.written += len(data)
-        # Tried at once: a reply nearly always fits, and costs no second turn of the loop.
+        # Tried at once: a reply nearly always fits, which saves a second turn of the loop.
         if not self._unsent:
             try:
                 sent = self.sock.send(data)
@@ -216,12 +216,12 @@ class Peer:
     # -- ending --------------------------------------------------------------------------------
 
     def close(self) -> None:
-        """Close once everything written has been sent, within `closing` seconds."""
+        """Close once all written bytes have been sent, within `closing` seconds."""
         if self._closing:
             return
         self._closing = True
         self._set_reading()
-        # Replies still to be sent have `closing` seconds; what the client sends is read no more.
+        # Pending replies have `closing` seconds; received bytes are not read any more.
         if not self._unsent:
             self._finish(None)
         elif not self._finished:
@@ -251,7 +251,7 @@ class Peer:
 
 
 class TurnedAway(Peer):
-    """A connection that is not wanted: it gets a clean end, never a reset, and some time to see it."""
+    """A refused connection: it gets a clean end, not a reset, and some time to notice it."""
 
     def __init__(
         self, sock: socket.socket, name: str, budget: ReadBudget, on_over: Callable[[Peer], None]
@@ -259,7 +259,7 @@ class TurnedAway(Peer):
         super().__init__(sock, name, budget)
         self._on_over = on_over
         self._patience = self._loop.call_later(CLOSING, self.abort)
-        with contextlib.suppress(OSError):  # it has gone already
+        with contextlib.suppress(OSError):  # it has closed already
             sock.shutdown(socket.SHUT_WR)
 
     def connection_lost(self, error: OSError | None) -> None:

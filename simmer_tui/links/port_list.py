@@ -1,4 +1,4 @@
-"""Serial ports: listing them, guessing what they lead to, opening them and explaining failures."""
+"""Serial ports: listing and opening them, guessing the device behind one, and explaining failures."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ _BLUETOOTH = ("bluetooth", "bthenum", "rfcomm", "hc-05", "hc-06", "spp")
 
 @dataclass(frozen=True, slots=True)
 class SerialPort:
-    """A serial port of this machine. `mark` is what it probably leads to, or empty."""
+    """A serial port of this machine. `mark` is the device that it probably leads to, or empty."""
 
     device: str
     description: str
@@ -73,10 +73,10 @@ def _mark(info: Any) -> str:
 
 
 def open_port(name: str, baud: int) -> Any:
-    """A pyserial port, a device opened for this program alone.
+    """A pyserial port, opened for this program only.
 
-    Raises OSError, ValueError for a URL or baud rate that cannot be, and whatever else pyserial
-    lets through (termios.error on Unix); `explain` puts it into words.
+    Raises OSError, ValueError for an invalid URL or baud rate, and any other error that pyserial lets through
+    (termios.error on Unix). `explain` puts it into words.
     """
     import serial
 
@@ -89,11 +89,11 @@ def open_port(name: str, baud: int) -> Any:
 def close_port(port: Any) -> None:
     """Close a pyserial port, however broken it is."""
     sock = getattr(port, "_socket", None)
-    with contextlib.suppress(OSError):  # the device is gone, and what it held with it
+    with contextlib.suppress(OSError):  # the device is gone, and its buffers with it
         if sock is None:
             port.close()
             return
-        # pyserial would sleep, and would not close a socket whose other end has broken off.
+        # pyserial would sleep, and would not close a socket that the other end has reset.
         port.is_open = False
         sock.shutdown(socket.SHUT_RDWR)
     if sock is not None:
@@ -101,7 +101,7 @@ def close_port(port: Any) -> None:
 
 
 def explain(error: Exception, name: str, *, was_open: bool = False) -> str:
-    """Why a port could not be opened, or was lost, and what to do."""
+    """The reason why a port could not be opened, or was lost, and the next step."""
     shown, detail = escape(name), escape(str(error), 160)
     if was_open:
         if "timeout" in detail.lower():

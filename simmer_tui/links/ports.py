@@ -16,13 +16,13 @@ from simmer_tui.errors import PortError
 from simmer_tui.links.access import AccessCheck, TokenCheck
 from simmer_tui.links.peer import MOST_WAITING, PIECE, Peer, ReadBudget, TurnedAway
 
-# Judged: a port free on 127.0.0.1 is nearly always free on ::1, so two tries usually do.
+# Judged: a port free on 127.0.0.1 is nearly always free on ::1, so two tries are usually enough.
 _TRIES = 50
 
 
 class PortRequest(Struct, frozen=True):
-    """A port to take: its number (0 for any free one), what it is for, the option that sets it, and the
-    connections that the system keeps until they are accepted."""
+    """A port to take: its number (0 for any free one), purpose, option, and backlog (connections that the
+    system keeps until they are accepted)."""
 
     number: int
     purpose: str
@@ -45,9 +45,9 @@ class Listener:
 
 
 def take_port(host: str, request: PortRequest) -> Listener:
-    """Listen on a port of `host`. `127.0.0.1` and `localhost` take ::1 as well where there is one.
+    """Listen on a port of `host`. `127.0.0.1` and `localhost` take ::1 as well if there is one.
 
-    Raises PortError if the port is in use, not allowed, or the host is not one of this machine's.
+    Raises PortError if the port is in use or not allowed, or the host is not one of this machine's.
     """
     for _ in range(_TRIES if request.number == 0 else 1):
         sockets: list[socket.socket] = []
@@ -85,7 +85,7 @@ def _addresses(host: str, request: PortRequest) -> list[tuple[socket.AddressFami
 def _has_ipv6_loopback() -> bool:
     if not socket.has_ipv6:
         return False
-    # Compiled in is not enough: containers often have no ::1. Only a bind tells.
+    # Compiled in is not enough: containers often have no ::1. Only a bind shows it.
     try:
         with socket.socket(socket.AF_INET6, socket.SOCK_STREAM) as probe:
             probe.bind(("::1", 0))
@@ -101,10 +101,10 @@ def listen_on(family: socket.AddressFamily, address: str, port: int, backlog: in
         if sys.platform == "win32":  # SO_REUSEADDR would share the port there
             made.setsockopt(socket.SOL_SOCKET, socket.SO_EXCLUSIVEADDRUSE, 1)
         else:
-            # Else a restart would have to wait a minute for old connections to time out.
+            # Otherwise a restart would have to wait a minute for old connections to time out.
             made.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         if family == socket.AF_INET6:
-            # Else :: would take the IPv4 port as well, which has a socket of its own.
+            # Otherwise :: would take the IPv4 port as well, which has a socket of its own.
             made.setsockopt(socket.IPPROTO_IPV6, socket.IPV6_V6ONLY, 1)
         made.bind((address, port))
         made.listen(backlog)
@@ -131,19 +131,20 @@ def _explained(error: OSError, host: str, request: PortRequest) -> str:
 
 # -- accepting --------------------------------------------------------------------------------------
 
-# The listening socket stays readable: without a pause the loop would spin until a descriptor is free.
+# The listening socket stays readable: without a pause the loop would run at full load until a
+# descriptor is free.
 ACCEPT_PAUSE = 1.0
-"""Seconds before connections are accepted again after the system ran out of room for them."""
-# Judged: few enough for the command under way not to notice.
+"""Seconds before connections are accepted again after the system ran out of descriptors."""
+# Judged: few enough not to delay the command under way noticeably.
 ACCEPTED = 16
-"""Connections accepted in a turn of the event loop: a flood must leave others their turn."""
+"""Connections accepted in one turn of the event loop, so that a flood leaves time for others."""
 
 
 class Acceptor:
-    """Passes each connection to a port that is admitted to `welcome(socket, peer)`.
+    """Passes each admitted connection to a port to `welcome(socket, peer)`.
 
-    An own accept loop instead of asyncio's server, because a link may need to know of a
-    connection before the next byte of another is looked at (`accept_waiting`).
+    It has its own accept loop, not asyncio's server. A link may need to know of a connection before the next
+    byte of another is read (`accept_waiting`).
     """
 
     def __init__(
@@ -164,22 +165,22 @@ class Acceptor:
             self._listen(sock)
 
     def accept_waiting(self) -> None:
-        """Accept everything that waits now."""
+        """Accept all waiting connections now."""
         for sock in self._listener.sockets:
-            # All that the system can hold, so that none of those that came before is missed.
+            # As many as the system can keep, so that no earlier connection is missed.
             self._accept(sock, self._listener.backlog + 1)
         for check in tuple(self._checking):
             check.look()
 
     def turn_away(self, sock: socket.socket, peer: str) -> None:
-        """End a connection that is not wanted, cleanly; if there are too many of them, at once."""
+        """End a refused connection cleanly; if there are too many of them, at once."""
         if len(self._turned_away) < MOST_WAITING:
             self._turned_away.add(TurnedAway(sock, peer, self._budget, self._turned_away.discard))
         else:
             sock.close()
 
     def close(self) -> None:
-        """Give the port back, and end those who have not come in."""
+        """Release the port, and end connections that are not admitted yet."""
         self.pause()
         self._listener.close()
         for check in self._checking:
@@ -189,7 +190,7 @@ class Acceptor:
             peer.abort()
 
     def pause(self) -> None:
-        """Accept nothing until `resume`; the system keeps who comes waiting."""
+        """Accept nothing until `resume`; the system keeps new connections waiting."""
         for sock in self._listener.sockets:
             self._loop.remove_reader(sock)
 
@@ -210,13 +211,13 @@ class Acceptor:
                 continue
             except BlockingIOError:
                 return
-            except OSError:  # the system has no room for more now; asking on would keep it busy
+            except OSError:  # the system has no room for more now; trying again at once would keep it busy
                 self._loop.remove_reader(listening)
                 self._loop.call_later(ACCEPT_PAUSE, self._listen, listening)
                 return
             sock.setblocking(False)
-            with contextlib.suppress(OSError):  # it has gone already, which is found out soon enough
-                # Replies are a few bytes: Nagle's algorithm would hold them back.
+            with contextlib.suppress(OSError):  # it has closed already, which the read will show
+                # Replies are a few bytes: Nagle's algorithm would delay them.
                 sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
                 sock.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
             self._let_in(sock, address[:2])

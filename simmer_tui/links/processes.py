@@ -1,4 +1,5 @@
-"""The processes behind local connections. Only Linux tells; where none is known, everything goes by time."""
+"""The processes behind local connections. Only Linux reports them; elsewhere clients are told apart by
+time."""
 
 from __future__ import annotations
 
@@ -17,16 +18,16 @@ from msgspec import Struct
 from simmer_tui import platform_has
 from simmer_tui.links.owners import FarSocket, OwnerLookup
 
-# Two hundred processes are looked through in the first, and no packet waits long for it; two thousand in the
-# second, for which a client waits once. It is processor time: on a busy machine a clock runs out meanwhile.
+# The first is enough for two hundred processes, and delays no packet for long. The second is enough for two
+# thousand; a client waits for it once. It is processor time: on a busy machine real time passes meanwhile.
 LONGEST_LOOK, LONGEST_SEARCH = 0.01, 0.1
-"""Seconds of processor time after which the search for a packet's process is given up, and one for the
-processes of a client's connections."""
+"""Seconds of processor time for the search of a packet's process, and of the processes of a client's
+connections."""
 
 
 class StatField(IntEnum):
-    """Places in /proc/PID/stat, counted behind the name: the number in proc(5), less 3. Times are in clock
-    ticks; the start counts from that of the machine."""
+    """Positions in /proc/PID/stat, counted after the name: the number in proc(5), less 3. Times are in clock
+    ticks; the start is counted from that of the machine."""
 
     STATE = 0
     SESSION = 3
@@ -40,36 +41,36 @@ class StatField(IntEnum):
 
 
 def stat_of(pid: int | str) -> list[bytes]:
-    """Fields of /proc/PID/stat behind the name, see `StatField`; "self" is this process. Raises OSError.
+    """Fields of /proc/PID/stat after the name, see `StatField`; "self" is this process. Raises OSError.
 
-    `program/keeper.py` has its own, because it imports nothing of this package.
+    `program/keeper.py` has its own function, because it imports nothing of this package.
     """
     with open(f"/proc/{pid}/stat", "rb") as file:  # noqa: PTH123 - thousands of paths would take milliseconds
-        # The name may have spaces and brackets itself.
+        # The name itself may contain spaces and brackets.
         return file.read().rpartition(b") ")[2].split()
 
 
 class Process(Struct, frozen=True):
-    """A process, told from later ones of the same number by the time it was started at."""
+    """A process. Its start time tells it apart from later processes with the same number."""
 
     pid: int
     started: int
 
     @property
     def lives(self) -> bool:
-        """True until it has ended."""
+        """True until the process has ended."""
         return _process(self.pid) == self
 
     @property
     def age(self) -> float:
-        """Seconds since it was started, to a hundredth."""
+        """Seconds since its start, to a hundredth."""
         if sys.platform != "linux":  # none is known
             return math.inf
         return time.clock_gettime(time.CLOCK_BOOTTIME) - self.started / os.sysconf("SC_CLK_TCK")
 
 
 class ProcessLookup:
-    """Asks the system which process has the far socket of a connection."""
+    """Asks the system for the process that has the far socket of a connection."""
 
     def __init__(self) -> None:
         self._owners = OwnerLookup()
@@ -77,36 +78,36 @@ class ProcessLookup:
         """The program that was started beside the run, if there is one."""
 
     def note_run(self, pid: int) -> None:
-        """The program beside the run has been started."""
+        """Take note of the program that the run has started."""
         self.of_run = _process(pid)
 
     def _far(self, sock: socket.socket, peer: str) -> FarSocket | None:
-        """The socket at the other end, `address:port`, as far as the system tells."""
+        """The socket at the other end, `address:port`, as far as the system reports it."""
         return self._owners.ask(sock, _address(peer))
 
     def inode(self, sock: socket.socket, peer: str) -> int:
-        """The inode of the socket at the other end, `address:port`; 0 if it is closed already, on another
-        machine, or not told."""
+        """The inode of the socket at the other end, `address:port`. 0 if it is closed already, on another
+        machine, or not reported."""
         far = self._far(sock, peer)
         return far.inode if far is not None else 0
 
     def has_closed(self, sock: socket.socket, peer: str) -> bool:
-        """True if the system says that the other end, `address:port`, is closed, not for sending alone."""
+        """True if the system reports that the other end, `address:port`, is closed, not only for sending."""
         far = self._far(sock, peer)
         return far is not None and not far.inode
 
     def unread(self, sock: socket.socket, peer: str) -> int | None:
-        """Bytes that the program at the other end, `address:port`, has received and not read; None if it is
-        on another machine, or not told."""
+        """Bytes that the program at the other end, `address:port`, has received and not read. None if it is
+        on another machine, or not reported."""
         far = self._far(sock, peer)
         return far.unread if far is not None else None
 
     def user(self, sock: socket.socket, peer: str) -> int | None:
-        """The user id of the other end, `address:port`; None if it is on another machine, or not told."""
+        """The user id of the other end, `address:port`. None if it is on another machine, or not reported."""
         return self._owners.owner(sock, _address(peer))
 
     def holder(self, sock: socket.socket, peer: str, known: Process | None) -> Process | None:
-        """The process that has the socket at the other end, or None; `known` is looked at first."""
+        """The process that has the socket at the other end, or None; `known` is tried first."""
         inode = self.inode(sock, peer)
         if not inode:
             return None
@@ -118,8 +119,11 @@ class ProcessLookup:
     def holders(
         self, inodes: Collection[int], longest: float = LONGEST_SEARCH, first: Iterable[int] = ()
     ) -> dict[int, set[int]]:
-        """The process numbers that have each of these sockets, as far as they are found in time. It ends with
-        the first process that has all of them. Processes in `first` are looked at before all others."""
+        """The process numbers that have each of these sockets, as far as they are found in time.
+
+        It ends with the first process that has all of them. Processes in `first` are searched before all
+        others.
+        """
         found: dict[int, set[int]] = {inode: set() for inode in inodes}
         until = time.thread_time() + longest
         for pid in chain(first, _newest_first()):
@@ -131,7 +135,7 @@ class ProcessLookup:
         return found
 
     def close(self) -> None:
-        """Ask no more."""
+        """Close the look-ups."""
         self._owners.close()
 
 
@@ -141,7 +145,7 @@ def _address(peer: str) -> tuple[str, int]:
 
 
 def session_of(pid: int) -> int | None:
-    """The session of a process; None if it has ended, or the system does not tell."""
+    """The session of a process; None if it has ended, or the system does not report it."""
     try:
         return int(stat_of(pid)[StatField.SESSION])
     except OSError:
@@ -149,7 +153,7 @@ def session_of(pid: int) -> int | None:
 
 
 def children() -> list[int]:
-    """The process numbers of this process's children, of all its threads; none where there is no /proc."""
+    """The process numbers of the children of all threads of this process; empty without /proc."""
     found: list[int] = []
     with contextlib.suppress(OSError):
         for thread in os.listdir("/proc/self/task"):  # noqa: PTH208 - names will do
@@ -162,14 +166,14 @@ def children() -> list[int]:
 
 
 def _newest_first() -> Iterator[int]:
-    """The process numbers there are; none where there is no /proc. A program that has just connected was
-    nearly always started lately."""
+    """All process numbers, newest first; none without /proc. A program that has just connected was nearly
+    always started recently."""
     with contextlib.suppress(OSError):
         yield from sorted((int(name) for name in os.listdir("/proc") if name.isdigit()), reverse=True)  # noqa: PTH208 - names will do
 
 
 def _sockets_of(pid: int, inodes: Collection[int]) -> set[int]:
-    """Those of some sockets that a process has; none of a process that may not be looked into."""
+    """The given sockets that a process has; none if the process may not be read."""
     names = {f"socket:[{inode}]": inode for inode in inodes}
     held = set()
     folder = f"/proc/{pid}/fd"

@@ -23,8 +23,8 @@ NOT_ON_WINDOWS = (
     "--pty: Windows has no pseudo-terminals. A Python program is led to the robot by --run, or by what "
     "simmer-tui env prints"
 )
-"""The line that says so."""
-# TCGETS2 of Linux' asm-generic/ioctls.h, as pyserial has it: rates that have no constant of their own. Its
+"""The warning about it."""
+# TCGETS2 of Linux' asm-generic/ioctls.h, as in pyserial: it has rates without a constant of their own. Its
 # struct termios2 has four flags, the line, 19 characters, and two rates as plain numbers.
 _TCGETS2, _TERMIOS2 = 0x802C542A, struct.Struct("=IIIIB19sII")
 
@@ -34,7 +34,7 @@ class PtyDevice:
 
     descriptor: int
     name: str
-    """Of the program's end, in the system."""
+    """The system's name of the program's end."""
 
     def __init__(self, path: str) -> None:
         """Make one, and the link to it. Raises PortError."""
@@ -56,7 +56,7 @@ class PtyDevice:
         except OSError as error:
             raise PortError(f"--pty: no pseudo-terminal can be made: {error.strerror}") from None
         self.name = os.ttyname(end)
-        # Bytes as they are, also for programs that set nothing, such as cat.
+        # Bytes pass unchanged, also for programs that set nothing, such as cat.
         tty.setraw(end)
         os.close(end)
         os.set_blocking(self.descriptor, False)
@@ -64,7 +64,7 @@ class PtyDevice:
     def _link(self) -> None:
         """Set the link at the path. Raises OSError, PortError."""
         if self.path.is_symlink() and not self.path.exists():
-            self.path.unlink()  # of a run that was killed
+            self.path.unlink()  # of an earlier run that was killed
         elif self.path.is_symlink():
             raise PortError(
                 f"it leads to {self.path.readlink()} already: end the simmer-tui that made it, remove it, "
@@ -73,11 +73,12 @@ class PtyDevice:
         self.path.symlink_to(self.name)
 
     def hang_up(self) -> None:
-        """End the program that has it open: its next read or write fails. The path leads to a new one."""
+        """Disconnect the program that has it open: its next read or write fails. The path leads to a new
+        pseudo-terminal."""
         old = self.descriptor
         self._unlink()
         self._make()
-        with contextlib.suppress(OSError, PortError):  # somebody else has taken the path meanwhile
+        with contextlib.suppress(OSError, PortError):  # another program has taken the path meanwhile
             self._link()
         os.close(old)
 
@@ -88,12 +89,12 @@ class PtyDevice:
 
     def _unlink(self) -> None:
         with contextlib.suppress(OSError):
-            if str(self.path.readlink()) == self.name:  # not one that somebody else has put there
+            if str(self.path.readlink()) == self.name:  # not one that another program has put there
                 self.path.unlink()
 
     @property
     def baud(self) -> float | None:
-        """The rate that the program has set, bits a second; None if it cannot be told."""
+        """The rate that the program has set, bits a second; None if it is not known."""
         if sys.platform == "win32":
             return None
         import termios
@@ -114,7 +115,7 @@ class PtyDevice:
         return float(known) if known is not None else float(rate)
 
     def set_baud(self, rate: int) -> None:
-        """Set the rate, as if a program did."""
+        """Set the rate, as a program would."""
         if sys.platform == "win32":
             return
         import termios
@@ -125,7 +126,8 @@ class PtyDevice:
             termios.tcsetattr(self.descriptor, termios.TCSANOW, flags)
 
     def forget_unread(self) -> int:
-        """Drop what the program that has left did not read; the count of bytes, as far as it is known."""
+        """Drop the bytes that a program which has left did not read. Returns their count, as far as it is
+        known."""
         if sys.platform == "win32":
             return 0
         import fcntl
@@ -147,23 +149,21 @@ class PtyDevice:
 
 @cache
 def _rates() -> dict[int, int]:
-    """The rates that have constants, by those."""
+    """Baud rates by the values of their constants."""
     import termios
 
     names = [name for name in dir(termios) if name[0] == "B" and name[1:].isdigit()]
     return {int(getattr(termios, name)): int(name[1:]) for name in names}
 
 
-# Nobody tells of an open: without one, reading fails at once. A person notices no 20 ms.
+# No event reports an open: without one, reading fails at once. A person does not notice 20 ms.
 LOOK_AGAIN = 0.02
-"""Seconds between two looks whether a program has opened the port."""
+"""Seconds between two checks that a program has opened the port."""
 
 
 class PtyPort:
-    """The serial port at the path of a pseudo-terminal; a door of the robot while a program has it open.
-
-    It is opened, written, read and closed in the event loop, and never waited for.
-    """
+    """The serial port at the path of a pseudo-terminal: a `SerialDoor` while a program has it open. It is
+    opened, written, read and closed in the event loop, without blocking."""
 
     def __init__(self, device: PtyDevice, robot: SerialRobot) -> None:
         self._device = device
@@ -184,14 +184,14 @@ class PtyPort:
         self._look_again.set_in(0.0)
 
     def close(self) -> None:
-        """Serve it no more; the device closes by itself."""
+        """Stop serving it; the device is closed separately."""
         self._leave()
         self._look_again.cancel()
 
     # -- coming and going ------------------------------------------------------------------------
 
     def _look(self) -> None:
-        """Look whether a program has opened the port."""
+        """Check that a program has opened the port."""
         self._read()
         self._look_later()
 
@@ -210,8 +210,8 @@ class PtyPort:
             self._readable()
 
     def _read(self) -> None:
-        """Read what the program has written. On Linux reading fails while nobody has the port open; on macOS
-        there is an end instead."""
+        """Read what the program has written. On Linux a read fails while nobody has the port open; on macOS
+        it returns an end."""
         size = min(PIECE, max(self._robot.budget.left, 1))
         try:
             data = os.read(self._device.descriptor, size)
@@ -230,7 +230,7 @@ class PtyPort:
             self._robot.written(self, data)
 
     def _enter(self) -> None:
-        """A program has opened the port."""
+        """Take note that a program has opened the port."""
         if self._open:
             return
         self._open = True
@@ -239,7 +239,7 @@ class PtyPort:
         self._robot.opened(self, self.port, None)
 
     def answer(self, refused: str) -> None:
-        """The port is open; or the program at its other end is hung up on."""
+        """Answer that the port is open, or disconnect the program at its other end."""
         if not refused:
             self._note_baud()
             return
@@ -248,7 +248,7 @@ class PtyPort:
         self._look_later()
 
     def _leave(self) -> None:
-        """The program has closed the port."""
+        """Take note that the program has closed the port."""
         if not self._open:
             return
         waiting = len(self._unread) + sum(len(data) for _, _, data in self._coming) - self._passed
@@ -279,13 +279,13 @@ class PtyPort:
         if not self._open:
             return
         self._coming.append((begin, byte, data))
-        # A program that only listens says its rate by nothing else: it holds from the next reply on.
+        # A program that only listens sends nothing that shows its rate: it takes effect with the next reply.
         self._note_baud()
         if self._next.due == math.inf:
             self._pass_on()
 
     def _pass_on(self) -> None:
-        """Pass on what has arrived by now."""
+        """Pass on the bytes that have arrived by now."""
         now = self._loop.time()
         while self._coming:
             begin, byte, data = self._coming[0]
@@ -312,7 +312,7 @@ class PtyPort:
                 self._loop.add_writer(self._device.descriptor, self._flush)
         room = max(DRIVER_BUFFER - len(self._unread), 0)
         if len(data) > room:
-            # Said for the first: more of them say the same.
+            # Reported once: more of them mean the same.
             if not self._lost:
                 where = escape(self.port, 80)
                 self._robot.engine.tell_fault(
@@ -327,10 +327,10 @@ class PtyPort:
             self._loop.remove_writer(self._device.descriptor)
 
     def _send(self, data: bytes) -> int:
-        """The count of bytes that the system has taken."""
+        """Send bytes. Returns the count that the system has taken."""
         try:
             return os.write(self._device.descriptor, data)
         except (BlockingIOError, InterruptedError):
             return 0
-        except OSError:  # the program has gone, which reading tells
+        except OSError:  # the program has closed the port, which a read reports
             return len(data)

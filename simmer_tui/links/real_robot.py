@@ -1,4 +1,4 @@
-"""A real robot as a backend, by whichever language it is driven."""
+"""A real robot as a backend, in any language."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from simmer_tui.sim.records import CommandResult
 
 @dataclass(eq=False)
 class RealRobot(EventHandler[None], Backend):
-    """A real robot as a backend: its port, and what it has in common in every language.
+    """A real robot as a backend: its port, and the parts common to all languages.
 
     Args:
         engine: The twin.
-        link: The way to the robot.
+        link: The connection to the robot.
         settings: Those of its port; they may be replaced at any time.
     """
 
@@ -39,7 +39,7 @@ class RealRobot(EventHandler[None], Backend):
         self.link.start(self)
 
     def _end_listening(self) -> None:
-        """Give the port back."""
+        """Release the port."""
         self.engine.unwatch(self.handle)
         self._open = False
         self.link.close()
@@ -76,7 +76,7 @@ class RealRobot(EventHandler[None], Backend):
         return self.engine.refuse(command)
 
     def on_action(self, event: ActionDone) -> None:
-        """A person's stop is meant for the real robot."""
+        """Pass a person's stop on to the real robot."""
         if event.action.name is ActionName.STOP:
             self.stop()
 

@@ -1,4 +1,4 @@
-"""The way to a real robot: by the course's protocols, or in the team's own language."""
+"""The connection to a real robot: by the course's protocols, or in the team's own language."""
 
 from __future__ import annotations
 

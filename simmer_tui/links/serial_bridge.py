@@ -36,24 +36,24 @@ from simmer_tui.sim.records import CommandResult, LidarScan, Reading, Status, ra
 from simmer_tui.sim.simulator import Simulator
 from simmer_tui.sim.velocity_commands import WAIT, parse_wait
 
-# Robots usually do not answer a stop from a key. Judged: many times a reply's time at 9600 baud.
+# Robots usually do not answer a stop from a key. Judged: many times as long as a reply at 9600 baud.
 STOP_PATIENCE = 0.25
-"""Seconds in which a robot may reply to a stop that no program asked for."""
+"""Seconds within which a robot may reply to a stop that no program asked for."""
 # Judged: greetings come in pieces, and are reported as one line.
 REPORT_DELAY = 1.0
-"""Seconds over which discarded bytes are counted before they are reported."""
-# As long as a robot may need beyond its planned time: real ones start and stop slowly.
+"""Seconds for which discarded bytes are counted before they are reported."""
+# Real robots start and stop slowly, and need longer than the planned time.
 MARGIN = 1.0
-"""Seconds after its planned end from which a movement that is not answered keeps no other back."""
+"""Seconds after its planned end until a movement without an answer no longer delays others."""
 _NO_VELOCITY = "velocities are not sent to this robot: if it knows them, set velocity = true in [serial]"
-# A double.
+# A double, the longest format.
 _LONGEST_NUMBER = 8
 """Bytes of a number in a scan."""
 _SUFFIXES = {"none": b"", "lf": b"\n", "crlf": b"\r\n"}
 
 
 class _Exchange(Struct, eq=False):
-    """A message for the robot, whose it is, and who is given the reply (nobody: None)."""
+    """A message for the robot, its sender, and the callback for the reply (None if nobody waits for it)."""
 
     data: bytes
     commands: tuple[Command, ...]
@@ -65,23 +65,23 @@ class _Exchange(Struct, eq=False):
     """True if a movement is among its commands."""
     written: bytes = b""
     due: float = math.inf
-    """When it is given up, by the event loop's clock; set when it is sent."""
+    """Time limit of its reply by the event loop's clock; set when it is sent."""
     simulated: list[CommandResult] = field(default_factory=list)
     pause: float = 0.0
-    """Seconds until it is answered, for one that waits."""
+    """Seconds until its answer, for a message that only waits."""
 
 
 @dataclass(eq=False)
 class SerialBridge(RealRobot):
-    """A real robot as a backend. Lives in the event loop it is made in.
+    """A real robot as a backend. Only for the event loop it is made in.
 
-    A message that is not answered within `settings.timeout` seconds, or is under way when the
-    port is lost, is answered in the robot's place: with NaN, or `Not Found`. One that comes while
-    the port is closed waits as long for it to open.
+    A message without a reply within `settings.timeout` seconds is answered in the robot's place, with NaN or
+    `Not Found`. So is one under way when the port is lost. A message that comes while the port is closed
+    waits for the same time for it to open.
     """
 
     gap: float = GAP
-    """Silence, seconds, that ends a reply without another end."""
+    """Seconds of silence that end a reply without another end."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -105,7 +105,7 @@ class SerialBridge(RealRobot):
         self._begin_listening()
 
     def close(self) -> None:
-        """Give the port back; what is not answered yet is answered in the robot's place."""
+        """Release the port; pending messages are answered in the robot's place."""
         self._end_listening()
         self._due = math.inf
         for timer in (self._deadline, self._silence, self._report, self._gate):
@@ -122,13 +122,13 @@ class SerialBridge(RealRobot):
     # -- messages -------------------------------------------------------------------------------
 
     def submit(self, message: Message, session: BackendSession, answered: Answered) -> None:
-        """Send a message when its turn comes. One without bytes is not fit to be sent."""
+        """Queue a message. One without bytes is not sent to the robot."""
         exchange = _Exchange(message.data, message.commands, message.form, session, answered)
         is_drive = self.engine.simulator.is_drive
         for command in message.commands:
             exchange.moves = exchange.moves or is_drive(command)
         if _is_stop(message):
-            # The robot may have another word for a stop than the dialect, such as a single character.
+            # The robot may have another command for a stop than the dialect, such as a single character.
             exchange.is_stop = True
             if self.settings.stop != STOP:
                 exchange.data = self._stop_text(message)
@@ -140,7 +140,8 @@ class SerialBridge(RealRobot):
         self._advance()
 
     def _keep_from_robot(self, exchange: _Exchange) -> None:
-        """Answer here what a robot may not know: a sketch that looks at the first letter drives on wt-2."""
+        """Answer commands here that a robot may not know: a sketch that reads only the first letter drives at
+        wt-2."""
         commands, simulator = exchange.commands, self.engine.simulator
         if any(command.code == WAIT and not simulator.is_drive(command) for command in commands):
             exchange.data = b""
@@ -154,12 +155,12 @@ class SerialBridge(RealRobot):
             exchange.commands = tuple(replace(command, problem=_NO_VELOCITY) for command in commands)
 
     def urgent_part(self, message: Message) -> Message | None:
-        """All of a message with a stop, unless a stop was the last thing sent and is not answered yet."""
+        """All of a message with a stop. None if a stop was the last message sent and is not answered yet."""
         stopping = bool(self._under_way) and self._under_way[-1].is_stop
         return message if _is_stop(message) and (self._waiting or not stopping) else None
 
     def trail(self, data: bytes, session: BackendSession) -> None:
-        """A line end that came late: it belongs to the end of the client's last message."""
+        """Pass on a line end that came late: it ends the client's last message."""
         waiting = self._waiting[-1] if self._waiting else None
         if waiting is not None and waiting.session is session:
             waiting.data += data
@@ -167,14 +168,14 @@ class SerialBridge(RealRobot):
             self.link.write(data)
 
     def forget(self, session: BackendSession) -> None:
-        """A client has left: drop its unsent messages, except a stop."""
+        """Drop the unsent messages of a client that has left, except a stop."""
         self._waiting = deque(each for each in self._waiting if each.is_stop or each.session is not session)
         for exchange in (*self._under_way, *self._waiting, *self._paused):
             if exchange.session is session:
                 exchange.session = exchange.answered = None
 
     def stop(self) -> None:
-        """The emergency stop of a person: sent at once, or as soon as the port opens."""
+        """Send a person's emergency stop at once, or as soon as the port opens."""
         last = self._last
         form = last.form if last is not None else ReplyForm(ReplyFormat.TEXT)
         if not self._open:
@@ -183,8 +184,9 @@ class SerialBridge(RealRobot):
         self._send_stop(_Exchange(self._stop_text(last), (), form, is_stop=True))
 
     def _send_stop(self, stop: _Exchange) -> None:
-        """Send a stop ahead of what waits, which was meant for before it and is not sent any more."""
-        # They were meant for before the stop; each is answered below, so that every command has a reply.
+        """Send a stop ahead of waiting messages, which are dropped."""
+        # The messages were meant for before the stop. Each is answered below, so that every command has a
+        # reply.
         dropped, self._waiting = self._waiting, deque()
         for paused in tuple(self._paused):
             self._resume(paused)
@@ -198,12 +200,12 @@ class SerialBridge(RealRobot):
             dropped = deque(each for each in overtaken if not each.is_stop) + dropped
             stops = [*(each for each in overtaken if each.is_stop), stop]
             written = [stop.written, *(each.written for each in stops[:-1])]
-            for exchange, data in zip(stops, written, strict=True):  # one stop is as good as another
+            for exchange, data in zip(stops, written, strict=True):  # all stops are alike
                 exchange.written = data
                 self._under_way.append(exchange)
             for data in written[1:]:
                 self.link.write(data)
-            # Their replies come one after the other: the framer must not take the last for the first.
+            # Their replies come one after the other: the framer must not take the last one for the first.
             self._framer.following = len(self._under_way) - 1
         else:
             self._waiting.append(stop)
@@ -217,7 +219,7 @@ class SerialBridge(RealRobot):
         self._advance()
 
     def _advance(self) -> None:
-        """Send the message whose turn it is, unless a reply is still awaited."""
+        """Send the next message, unless a reply is still pending."""
         # One at a time: an Arduino's serial buffer has 64 bytes, and replies name no command.
         while not self._under_way and (exchange := self._next()) is not None:
             if not exchange.data:
@@ -235,13 +237,13 @@ class SerialBridge(RealRobot):
                 exchange.due = self._due_of(exchange)
                 self.link.write(exchange.written)
                 self._set_deadline()
-                if not exchange.is_stop:  # of a stop the simulated robot knows since it was asked for
+                if not exchange.is_stop:  # the twin did a stop when it was asked for
                     self._simulate(exchange)
                     self._note_movement(exchange)
                     self._allow_for_scans(exchange)
 
     def _pause(self, exchange: _Exchange) -> None:
-        """Answer a message that the robot does not get, after the time it waits."""
+        """Answer a message that is not sent to the robot, after its wait."""
         if exchange.pause:
             self._paused[exchange] = self._loop.call_later(exchange.pause, self._resume, exchange)
             return
@@ -249,9 +251,9 @@ class SerialBridge(RealRobot):
         self._finish(exchange, exchange.simulated, None)
 
     def _resume(self, exchange: _Exchange) -> None:
-        """A wait is over, or cut."""
+        """End a wait that is over, or cut."""
         alarm = self._paused.pop(exchange, None)
-        if alarm is None:  # somebody whose answer came before this one has sent a stop
+        if alarm is None:  # another sender, answered before this one, has sent a stop
             return
         alarm.cancel()
         self._simulate(exchange)
@@ -259,10 +261,13 @@ class SerialBridge(RealRobot):
         self._advance()
 
     def _next(self) -> _Exchange | None:
-        """The message whose turn it is. At most one movement is unanswered: while one may still be under
-        way, others and all that their senders sent after them wait, and polls pass."""
+        """The next message to send.
+
+        At most one movement is unanswered. While it may be under way, other movements wait, with all later
+        messages of their senders. Other messages are sent.
+        """
         left = self._moving_until - self._loop.time()
-        # What a sender sent after a wait comes after it.
+        # A sender's messages after a wait are sent after it.
         kept_back: set[BackendSession | None] = {exchange.session for exchange in self._paused}
         if left <= 0 or not self._waiting or not self._open:
             return next((each for each in self._waiting if each.session not in kept_back), None)
@@ -276,13 +281,15 @@ class SerialBridge(RealRobot):
         return None
 
     def _note_movement(self, exchange: _Exchange) -> None:
-        """A message has been sent: a movement in it takes its planned time and a margin."""
+        """Compute until when a movement that has been sent may be under way: its planned time and a
+        margin."""
         if exchange.moves:
             planned = sum(self._planned_time(each) for each in exchange.simulated)
             self._moving_until = self._loop.time() + planned + MARGIN
 
     def _allow_for_scans(self, exchange: _Exchange) -> None:
-        """A message has been sent: the many numbers of a scan take their time on the line."""
+        """Extend the time limit of a message that has been sent: the many numbers of a scan take time on the
+        line."""
         scans = [each.ranges for each in exchange.simulated if each.ranges is not None]
         if scans:
             count = sum(1 + len(ranges) for ranges in scans)
@@ -290,14 +297,14 @@ class SerialBridge(RealRobot):
             self._set_deadline()
 
     def _planned_time(self, result: CommandResult) -> float:
-        """Seconds that the robot takes for a command, as far as is known."""
-        # In timed motion the twin has only just begun, and its time may go at another speed.
+        """Seconds that the robot takes for a command, as far as known; otherwise 0."""
+        # In timed motion the twin has only just begun, and its clock may run at another speed.
         begun = result.status is Status.ACCEPTED
         trajectory = self.engine.simulator.trajectory if begun else result.trajectory
         return trajectory.duration if trajectory is not None else 0.0
 
     def _simulate(self, exchange: _Exchange) -> None:
-        """Have the simulated robot do the same."""
+        """Have the twin do the same commands."""
         if exchange.is_stop:
             self.engine.stop_motion("a stop for the robot")
         exchange.simulated = [self.engine.mirror(command) for command in exchange.commands]
@@ -356,7 +363,7 @@ class SerialBridge(RealRobot):
         self._listen_on()
 
     def _await_next(self) -> bytes | None:
-        """Expect the reply to a message sent already; returns it if it has already arrived."""
+        """Expect the reply to a message that has been sent. Returns it if it has already arrived."""
         if not self._under_way:
             return None
         self._expect(self._under_way[0], keep=True)
@@ -374,7 +381,7 @@ class SerialBridge(RealRobot):
         self._finish(exchange, outcomes, reply if self.settings.robot_reply == "same" else None)
 
     def _finish(self, exchange: _Exchange, outcomes: list[CommandResult], unchanged: bytes | None) -> None:
-        """Tell all watchers, and the client, what became of a message."""
+        """Tell all watchers, and the client, the results of a message."""
         tell = self.engine.tell
         for outcome, simulated in zip(outcomes, exchange.simulated, strict=True):
             tell(outcome)
@@ -403,14 +410,14 @@ class SerialBridge(RealRobot):
 
     def opened(self) -> None:
         """The port is open."""
-        self._moving_until = -math.inf  # nobody knows what a robot did before
+        self._moving_until = -math.inf  # the robot's earlier commands are not known
         self._framer.doubt()
         super().opened()
         self._due = math.inf
         self._advance()
 
     def lost(self, reason: str) -> None:
-        """The port has closed, or cannot be opened. What the robot was doing is not known."""
+        """The port has closed, or cannot be opened. The robot's state is not known."""
         super().lost(reason)
         if self._under_way:
             self._due = math.inf
@@ -436,12 +443,12 @@ class SerialBridge(RealRobot):
             return
         # The port has been closed for a whole time limit.
         given_up, self._waiting = self._waiting, deque()
-        self._waiting.extend(each for each in given_up if each.is_stop)  # a stop is never given up
+        self._waiting.extend(each for each in given_up if each.is_stop)  # a stop is never dropped
         for exchange in given_up:
             self._answer_in_its_place(exchange, f"{self.port} is closed")
 
     def _mistrust(self) -> None:
-        """A reply may still come, late or in halves."""
+        """Discard replies that are still to come, late or in halves."""
         # A late reply must never be taken for the answer to the next command.
         self._framer.abandon()
         self._framer.doubt()
@@ -453,7 +460,7 @@ class SerialBridge(RealRobot):
             replace(each, status=Status.UNANSWERED, reply=math.nan, reason=reason, reading=None)
             for each in known
         ]
-        # Taken out first: a reply that still comes finds nobody to be answered twice.
+        # Removed first, so that a reply that still comes does not answer it twice.
         answered, exchange.answered = exchange.answered, None
         for outcome in outcomes:
             self.engine.tell(outcome)
@@ -461,13 +468,13 @@ class SerialBridge(RealRobot):
             answered(outcomes, None)
 
     def _due_of(self, exchange: _Exchange) -> float:
-        """When a message that is sent now must have been answered."""
+        """The time limit of a message that is sent now, by the event loop's clock."""
         nobody_asks = exchange.is_stop and exchange.answered is None
         return self._loop.time() + (STOP_PATIENCE if nobody_asks else self.settings.timeout)
 
     def _set_deadline(self) -> None:
-        """Wait for the reply to what is under way, from when it was sent: stops that overtook it wait
-        no longer for that. Nothing under way: for the port to open."""
+        """Set the time limit: that of the message under way, or, without one, for the port to open. It counts
+        from when the message was sent, even if a stop has overtaken it."""
         head = self._under_way[0] if self._under_way else None
         self._due = self._loop.time() + self.settings.timeout if head is None else head.due
         self._set_timer()
@@ -479,7 +486,7 @@ class SerialBridge(RealRobot):
 
 
 def _is_stop(message: Message) -> bool:
-    # A loop, not any(): a generator costs more than the look, and this is done for each message.
+    # A loop, not any(): this runs for each message, and a generator costs more than the comparison.
     for command in message.commands:  # noqa: SIM110
         if command.stops or command.code == STOP:
             return True
@@ -490,13 +497,13 @@ def _real(simulated: CommandResult, answer: RobotAnswer, reads_sensor: bool, is_
     """The simulated robot's result with the real robot's reply."""
     reading = simulated.reading
     scan = None if reading is None or isinstance(answer, float) else _real_scan(reading, answer)
-    # Where one number stands for a scan it is the first ray's, as of the simulated one.
+    # A single number in place of a scan is the first ray's, as in the simulated robot.
     number = answer if isinstance(answer, float) else float(answer[0])
     if reading is not None:
         return replace(simulated, reply=number, reading=replace(reading, value=number, scan=scan))
     if is_stop:
         return replace(simulated, status=Status.STOPPED, reply=number, reason="")
-    # NaN is how every dialect says that a command was refused.
+    # NaN is the refusal of a command in every dialect.
     if math.isnan(number):
         return replace(simulated, status=Status.REFUSED, reply=number, reason="the robot answered NaN")
     status = Status.READING if reads_sensor else Status.DONE
@@ -504,7 +511,8 @@ def _real(simulated: CommandResult, answer: RobotAnswer, reads_sensor: bool, is_
 
 
 def _real_scan(reading: Reading, ranges: FloatArray) -> LidarScan | None:
-    """The real robot's scan in place of the twin's, whose truth belongs to it only ray by ray."""
+    """The real robot's scan in place of the twin's. The twin's true ranges are kept only if both have as many
+    rays."""
     twin = reading.scan
     if twin is None or len(twin.ranges) == len(ranges):
         return None if twin is None else replace(twin, ranges=ranges)
@@ -513,7 +521,7 @@ def _real_scan(reading: Reading, ranges: FloatArray) -> LidarScan | None:
 
 
 def _unsent(simulator: Simulator, command: Command) -> CommandResult:
-    """The outcome of a command that neither robot was given."""
+    """The result of a command that neither robot was given."""
     simulator.commands += 1
     pose = simulator.pose
     return CommandResult(simulator.commands, simulator.time, command, Status.UNANSWERED, math.nan, pose, pose)

@@ -1,8 +1,8 @@
-"""An open serial port in an event loop: watched by the loop where it has a file descriptor, else read and
-written by a thread each.
+"""An open serial port in an event loop: the loop watches it if it has a file descriptor, otherwise two
+threads read and write.
 
-A descriptor saves four changes of thread in each round trip, which are two thirds of its cost. Windows
-ports have none, nor have some kinds of URL.
+A descriptor saves four changes of thread in each round trip, two thirds of its cost. Windows ports have none,
+nor have some kinds of URL.
 """
 
 from __future__ import annotations
@@ -21,13 +21,13 @@ from simmer_tui.links import port_list
 from simmer_tui.links.peer import PIECE
 from simmer_tui.links.port_list import close_port
 
-# Judged: pyserial cannot interrupt a read on every system, so that it has to end by itself.
+# Judged: pyserial cannot interrupt a read on every system, so a read has to end by itself.
 READ_TIMEOUT = 0.1
-"""Time limit of one read by a thread, seconds: how soon such a port is closed."""
+"""Seconds that a thread's read takes at most. Closing the port waits for it."""
 # Less than the 0.7 s in which the server's thread has to end.
 CLOSE_TIMEOUT = 0.3
-"""Time limit for closing a port, seconds. The closing thread then goes on alone."""
-# A minute of a robot that sends at 9600 baud.
+"""Seconds for closing a port. After that its thread continues alone."""
+# About a minute of a robot that sends at 9600 baud.
 INBOX = 64 * 1024
 """Limit of unread bytes between a reading thread and the event loop. Bytes beyond it are lost."""
 
@@ -37,8 +37,7 @@ Failed = Callable[[Exception], None]
 
 @dataclass(eq=False)
 class SerialChannel:
-    """An open port, which is read from the beginning. All methods are for the event loop; so are the calls
-    it makes."""
+    """An open port, which is read from the start. All its methods and callbacks run in the event loop."""
 
     port: Any
     loop: asyncio.AbstractEventLoop
@@ -51,20 +50,20 @@ class SerialChannel:
         self._closing = threading.Event()
 
     def write(self, data: bytes) -> None:
-        """Send a message, after those before it."""
+        """Send a message after all earlier ones."""
         raise NotImplementedError
 
     def write_instead(self, data: bytes) -> list[bytes]:
-        """Send a message instead of those not begun yet; returns these."""
+        """Send a message instead of those that are not begun yet; returns these."""
         waiting = list(self._outbox)
         self._outbox.clear()
         self.write(data)
         return waiting
 
     def close(self) -> None:
-        """Close the port. No callback follows, and a driver that hangs is not waited for."""
+        """Close the port. No callback follows, and it does not wait for a driver that hangs."""
         self._closing.set()
-        # The close of a tty waits in the driver until all that was written has gone out.
+        # The close of a tty waits in the driver until all written bytes have been sent.
         closer = threading.Thread(target=self._close_port, name="serial close", daemon=True)
         closer.start()
         closer.join(CLOSE_TIMEOUT)
@@ -88,8 +87,8 @@ def channel_for(
 def descriptor_of(port: Any) -> int | None:
     """The file descriptor that carries a port's bytes unchanged, or None."""
     kind = type(port)
-    # A kind of URL that wraps another port (spy://) reads by itself, with the descriptor of the other.
-    # Both methods must come from the same class, else the descriptor is not what `read` reads.
+    # A kind of URL that wraps another port (spy://) reads itself, with the other's descriptor. Both methods
+    # must come from the same class, otherwise `read` does not use the descriptor.
     own = getattr(kind.read, "__module__", "") == getattr(getattr(kind, "fileno", None), "__module__", None)
     if sys.platform == "win32" or not platform_has.POSIX or not own:
         return None
@@ -120,7 +119,7 @@ class DescriptorChannel(SerialChannel):
 
     def _read(self) -> None:
         try:
-            data = os.read(self._descriptor, PIECE)  # a robot that floods holds up nothing else
+            data = os.read(self._descriptor, PIECE)  # a robot that floods must not delay anything else
         except (BlockingIOError, InterruptedError):
             return
         except OSError as error:
@@ -132,7 +131,7 @@ class DescriptorChannel(SerialChannel):
             self.failed(EOFError("the other end is closed"))
 
     def _write(self) -> None:
-        """Send what the port takes; the loop calls again when it takes more."""
+        """Write as much as the port takes; the loop calls again when it takes more."""
         try:
             while self._rest or self._outbox:
                 self._rest = self._rest or self._outbox.popleft()
@@ -140,7 +139,7 @@ class DescriptorChannel(SerialChannel):
         except (BlockingIOError, InterruptedError):
             self._set_stalled(True)
         except OSError as error:
-            # Whoever writes is not told in the middle of it. The port is of no more use until then.
+            # Not in the middle of a caller's write. The port is not used until then.
             self._set_stalled(False)
             self._outbox.clear()
             self._rest = b""
@@ -149,7 +148,7 @@ class DescriptorChannel(SerialChannel):
             self._set_stalled(False)
 
     def _set_stalled(self, stalled: bool) -> None:
-        """Wait for the port to take more, for a limited time, or wait no longer."""
+        """Wait for the port to take more bytes, for a limited time; or stop waiting."""
         if self._stalled is not None:
             self._stalled.cancel()
             self._stalled = None
@@ -184,7 +183,7 @@ class ThreadChannel(SerialChannel):
             self._changed.notify()
 
     def write_instead(self, data: bytes) -> list[bytes]:
-        with self._changed:  # a condition's lock may be taken again by the same thread, in `write`
+        with self._changed:  # a condition's lock can be taken again by the same thread, in `write`
             return super().write_instead(data)
 
     def close(self) -> None:
@@ -206,14 +205,14 @@ class ThreadChannel(SerialChannel):
                 data = self.port.read(max(1, self.port.in_waiting))
                 if data:
                     self._pass_on(data)
-        except Exception as error:  # noqa: BLE001 - pyserial lets through whatever its drivers raise
+        except Exception as error:  # noqa: BLE001 - pyserial lets through all errors of its drivers
             self._call(self._fail, error)
 
     def _pass_on(self, data: bytes) -> None:
         with self._inbox_lock:
             waiting = len(self._inbox)
             self._inbox += data[: INBOX - waiting]
-        # Called only when the inbox was empty: a flood makes no flood of calls.
+        # Called only when the inbox was empty: a flood causes no flood of calls.
         if not waiting:
             self._call(self._deliver)
         elif waiting >= INBOX:
@@ -246,10 +245,10 @@ class ThreadChannel(SerialChannel):
             more = bool(self._inbox)
         if self._closing.is_set():
             return
-        if more:  # a robot that floods holds up nothing else
+        if more:  # a robot that floods must not delay anything else
             self.loop.call_soon(self._deliver)
         self.received(data)
 
 
 def _do_nothing() -> None:
-    """For ports that cannot cancel a read or write: theirs end soon by themselves."""
+    """Do nothing, for ports that cannot cancel a read or write: theirs end soon by themselves."""

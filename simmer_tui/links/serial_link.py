@@ -1,7 +1,7 @@
-"""Bytes to and from a robot on a serial port, which may come and go.
+"""Bytes to and from a robot on a serial port, which may be connected and disconnected at any time.
 
-A port is opened in a thread, because that may take seconds, and closed and tried again with a
-growing delay whenever it fails. What goes over it can be kept in a file.
+A port is opened in a thread, because that may take seconds. Whenever it fails it is closed and opened again,
+with a growing delay. Its bytes can be recorded in a file.
 """
 
 from __future__ import annotations
@@ -28,17 +28,17 @@ class LinkListener(Protocol):
     def received(self, data: bytes) -> None: ...
 
     def lost(self, reason: str) -> None:
-        """The link failed or could not be opened and will be retried. Called once per reason."""
+        """The link failed or could not be opened, and will be retried. Called once per reason."""
 
 
 class RobotLink(Protocol):
-    """Bytes to and from a robot. Lives in one event loop; all calls, both ways, are made there."""
+    """Bytes to and from a robot. It belongs to one event loop: all methods and callbacks run there."""
 
     name: str
     """Name of the port, as the user gave it."""
 
     def start(self, listener: LinkListener) -> None:
-        """Open, and open again whenever it is lost. Call once, in a running loop."""
+        """Open the port, and open it again whenever it is lost. Call once, in a running loop."""
 
     def write(self, data: bytes) -> None:
         """Send a message. While the link is closed it is dropped."""
@@ -52,9 +52,9 @@ class RobotLink(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class BackOff:
-    """Seconds between two tries to open a port: at first, doubled each time up to the longest."""
+    """Seconds between two attempts to open a port: at first, and doubled each time up to the longest."""
 
-    # Judged: a cable pushed in is found at once, and a robot switched off costs a try in four seconds.
+    # Judged: a cable is noticed at once, and a robot that is off costs one attempt in four seconds.
     first: float = 0.25
     longest: float = 4.0
 
@@ -92,7 +92,7 @@ class SerialLink:
             self._channel = None
 
     def _try(self) -> None:
-        # A daemon: Bluetooth ports take many seconds to open, and nobody may wait for that.
+        # A daemon: Bluetooth ports take many seconds to open, and the process must not wait for them.
         threading.Thread(target=self._open, name=f"open {self.name}", daemon=True).start()
 
     def _open(self) -> None:
@@ -105,7 +105,7 @@ class SerialLink:
             reason = explain(error, self.name)
         try:
             self._loop.call_soon_threadsafe(self._tried, port, reason)
-        except RuntimeError:  # the loop has ended, so that nobody wants the port any more
+        except RuntimeError:  # the loop has ended, so that the port is not needed any more
             if port is not None:
                 close_port(port)
 
@@ -135,7 +135,7 @@ class SerialLink:
     def _try_later(self, reason: str) -> None:
         self._retry.set_in(self._delay)
         self._delay = min(2 * self._delay, self._back_off.longest)
-        # Once per reason: tries go on for as long as the robot is off.
+        # Once per reason: attempts continue for as long as the robot is off.
         if reason != self._told and self._listener is not None:
             self._told = reason
             self._listener.lost(reason)
@@ -154,7 +154,7 @@ class RecordedLink:
         self._link = link
         self.name = link.name
         self._begun = time.monotonic()
-        # Line by line: what was exchanged is there though the run ends badly.
+        # Written line by line: the record is complete even if the run is killed.
         self._file = Path(path).expanduser().open("w", encoding="utf-8", buffering=1)
         self._file.write(json.dumps({"baud": baud}) + "\n")
         self._listener: LinkListener
@@ -198,6 +198,6 @@ class RecordedLink:
         line = {"t": round(time.monotonic() - self._begun, 4), side: data.decode("latin-1")}
         try:
             self._file.write(json.dumps(line) + "\n")
-        except OSError:  # the disk is full; the robot goes on
+        except OSError:  # the disk is full; the run continues
             with contextlib.suppress(OSError):
                 self._file.close()

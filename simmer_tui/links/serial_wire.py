@@ -1,5 +1,7 @@
-"""The robot's serial port between a program and a robot that a dialect plays: the ways by which programs open
-it, what they ask of the robot, and the wire, on which bytes take their time, both ways.
+"""The robot's serial port between a program and a robot that a dialect simulates.
+
+It has the interface of ports that programs open, the robot's side of one, and the wire, which delays bytes
+both ways.
 """
 
 from __future__ import annotations
@@ -22,10 +24,10 @@ class SerialDoor(Protocol):
     port: str
     """The name of the port that it has opened."""
     by_clock: bool
-    """True if the program lives by the program's clock."""
+    """True if the program uses the program's clock."""
 
     def answer(self, refused: str) -> None:
-        """The port is open; or it is not, for this reason."""
+        """Answer that the port is open, or the reason why it is not."""
 
     def deliver(self, begin: float, byte: float, data: bytes) -> None:
         """Pass on bytes of the robot: they begin to arrive at `begin`, by the loop's clock, and each takes
@@ -39,10 +41,10 @@ class SerialRobot(Protocol):
     budget: ReadBudget
 
     def reached(self) -> None:
-        """A program has begun that will find the port."""
+        """A program with the hook has begun: it will find the port."""
 
     def opened(self, door: SerialDoor, name: str, baud: float | None) -> None:
-        """A program opens a port, at a baud rate if that is known; it gets its `answer`."""
+        """A program opens a port, at a baud rate if that is known. Its `answer` is called."""
 
     def written(self, door: SerialDoor, data: bytes) -> None:
         """The program has written bytes."""
@@ -51,27 +53,25 @@ class SerialRobot(Protocol):
         """The program has set another baud rate."""
 
     def waits(self, door: SerialDoor, place: str) -> None:
-        """A read of the program has waited for long, at this place."""
+        """A read of the program has waited for long, at the line `place`."""
 
     def closed(self, door: SerialDoor, unread: int) -> None:
-        """The program has closed the port, or has gone, and has left so many bytes unread."""
+        """The program has closed the port, or has ended, and has left so many bytes unread."""
 
 
-# What a serial driver keeps: Linux' tty layer has 4,096 bytes.
+# The size of a serial driver's buffer: Linux' tty layer has 4,096 bytes.
 DRIVER_BUFFER = 4096
-"""Bytes of replies that wait at most; of a stream, whole messages are left out then."""
+"""Bytes of replies that may wait; beyond it whole messages of a stream are dropped."""
 
-# USB serial adapters and boards hand over what has come once a frame of USB, which is 1 ms. A program
-# that reads up to a bracket and clears its buffer relies on it: at 115200 baud the line end comes with it.
+# USB serial adapters and boards pass on their bytes once a frame of USB, which is 1 ms. A program that reads
+# up to a bracket and clears its buffer relies on it: at 115200 baud the line end comes in the same frame.
 FRAME = 0.001
 """Seconds of bytes that become readable together, if the robot has written them in one piece."""
 
 
 class Wire:
-    """The time of bytes on a line of `baud` bits a second, both ways; 0 is a line without delay.
-
-    Times are simulated seconds.
-    """
+    """The delay of bytes on a line of `baud` bits a second, both ways; 0 is a line without delay. Times are
+    simulated seconds."""
 
     def __init__(self, engine: Engine, framing: Framing, baud: float) -> None:
         self._engine = engine
@@ -85,7 +85,7 @@ class Wire:
         self.set_baud(baud)
 
     def set_baud(self, baud: float) -> None:
-        """From here on bytes take so long."""
+        """Use another rate from now on."""
         self.byte = BITS_OF_A_BYTE / baud if baud > 0 else 0.0
 
     def bring(self, data: bytes, receive: Callable[[bytes], None]) -> None:
@@ -106,13 +106,13 @@ class Wire:
             receive(self._coming.popleft())
 
     def bring_rest(self, receive: Callable[[bytes], None]) -> None:
-        """The program has closed the port: what it has written arrives now."""
+        """Have all written bytes arrive now: the program has closed the port."""
         while self._coming:
             self._arrive(receive)
 
     def delay(self, count: int, *, droppable: bool = False) -> float | None:
-        """Time from now until the first of so many bytes of the robot begins, and they are sent. None if too
-        much waits for what is `droppable`."""
+        """Time until the first of `count` bytes of the robot begins; they are sent. None if too many bytes
+        wait and these are `droppable`."""
         now = self._engine.now()
         begin = max(self._out_free, now)
         if droppable and self.byte and (begin - now) / self.byte + count > DRIVER_BUFFER:

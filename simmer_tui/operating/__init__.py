@@ -1,1 +1,1 @@
-"""The part that people take in a run beside programs: the orders they type, and who carries them out."""
+"""People's part in a run beside programs: the orders they type, and the operator that carries them out."""

@@ -1,4 +1,4 @@
-"""Orders: what people may type or choose, commands to the robot and orders that start with a colon."""
+"""Orders: what people may type or choose. Commands go to the robot; orders start with a colon."""
 
 import difflib
 from collections.abc import Callable, Sequence
@@ -24,9 +24,9 @@ ConsoleCommand = Command | Action | Local
 
 
 class OrderSpec(Struct, frozen=True):
-    """One order: how it is written, what it does, and how its words are understood.
+    """One order: its syntax, its effect, and the function that reads its words.
 
-    With an `action` it is one of the robot's engine, else the app carries it out.
+    With an `action` the robot's engine carries it out, otherwise the app.
     """
 
     usage: str
@@ -64,7 +64,7 @@ def _each_number(words: Sequence[str]) -> tuple[float, ...]:
 
 
 def _numbers(order: OrderSpec, words: Sequence[str]) -> ConsoleCommand:
-    assert order.action is not None  # numbers are for the robot
+    assert order.action is not None  # a number is a command for the robot
     count = len(order.words.split())
     if len(words) != count:
         raise ConsoleCommandError(f"takes {count} numbers" if count != 1 else "takes one number")
@@ -72,7 +72,7 @@ def _numbers(order: OrderSpec, words: Sequence[str]) -> ConsoleCommand:
 
 
 def _switch(order: OrderSpec, words: Sequence[str]) -> ConsoleCommand:
-    """On or off. One of the screen changes over without a word; `:bias` shows the bias then."""
+    """On or off. Without a word an order of the screen switches over, and `:bias` shows the bias."""
     if not words and not order.needs_words:
         return Local(order.name)
     if len(words) != 1 or words[0].lower() not in ("on", "off"):
@@ -88,7 +88,7 @@ def _pace(order: OrderSpec, words: Sequence[str]) -> ConsoleCommand:
 
 
 def _velocity(order: OrderSpec, words: Sequence[str]) -> ConsoleCommand:
-    # A person's velocity has an end: nobody is to be surprised by a robot that drives on.
+    # A person's velocity has a time limit: a robot that drives on would surprise people.
     values = [*words, "1"] if len(words) == 3 else list(words)
     if len(values) != 4:
         raise ConsoleCommandError("takes three numbers VX VY OMEGA, and seconds T if not 1")
@@ -147,17 +147,16 @@ _ORDERS = (
 CONSOLE_COMMANDS = {order.name: order for order in _ORDERS}
 """All orders by name, in the order of the help."""
 BARE_WORDS = {"help": "help", "quit": "quit", "exit": "quit"}
-"""Words that are understood without a colon too, and the order each stands for."""
+"""Words that are understood without a colon too, with the order that each means."""
 
 
 def read_console_command(line: str, spec: SimulationSpec) -> ConsoleCommand:
-    """Command or order of a typed line.
+    """The command or order of a typed line.
 
-    Raises:
-        ConsoleCommandError: for an unknown order, and for a line of which only a part would be done,
-            such as `u1 u2`: a line is one command.
+    Raises ConsoleCommandError for an unknown order, and for a line with more than one command, such as `u1
+    u2`.
     """
-    # `help` and `quit` are what a newcomer types first, before knowing of the colon.
+    # Newcomers type `help` and `quit` first, before they know of the colon.
     text = line.strip()
     name, *words = text.removeprefix(":").split() or [""]
     known = BARE_WORDS.get(name.lower(), name.lower())
@@ -174,11 +173,11 @@ def read_console_command(line: str, spec: SimulationSpec) -> ConsoleCommand:
 
 
 def _one_command(command: Command, spec: SimulationSpec) -> Command:
-    """A command, if its code is followed by nothing but a separator and a value.
+    """A single command: after its code only a separator and a value may follow.
 
-    The protocol ignores what follows a sensor's code and takes any separator, so `o1o2` would read o1
-    and `d1d2` drive 2 inches: from a program it is what the program says, from a person a slip. A code
-    that there is not may be the real robot's own; what follows it is left alone.
+    The protocol ignores text after a sensor's code and takes any separator, so `o1o2` would read o1 and
+    `d1d2` drive 2 inches. A program may mean it; from a person it is a slip. An unknown code may be the real
+    robot's own; text after it is not checked.
     """
     code, argument = command.code, command.argument
     is_sensor = any(sensor.code == code for sensor in spec.sensors)
@@ -187,7 +186,7 @@ def _one_command(command: Command, spec: SimulationSpec) -> Command:
     if argument is None or not (is_sensor or is_drive):
         return command
     is_number = isinstance(parse_value(argument), float)
-    # One word that is no number is refused by the drive itself, which says what is wrong with it.
+    # The drive itself refuses one word that is no number, with a better message.
     is_one = is_number or (is_drive and len(argument.split()) <= 1)
     if command.text.strip()[2].isalnum() or not is_one:
         takes = f"{code} takes nothing after it" if is_sensor else f"{code}-V takes one number"
@@ -196,7 +195,8 @@ def _one_command(command: Command, spec: SimulationSpec) -> Command:
 
 
 def completions(line: str, spec: SimulationSpec) -> list[tuple[str, str]]:
-    """Possible completions of a line, each with its meaning: orders after a colon, else command codes."""
+    """Possible completions of a line, each with its meaning: orders after a colon, otherwise command
+    codes."""
     if line.startswith(":"):
         return _order_completions(line)
     start = line.strip()[:2]

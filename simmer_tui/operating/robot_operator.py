@@ -13,8 +13,8 @@ from simmer_tui.sim.records import CommandResult
 from simmer_tui.sim.specs import DriveKind, SimulationSpec, VelocityKind
 from simmer_tui.sim.velocity_commands import WAIT
 
-# Drive of each driving key, and the sign of its step. In drive.csv forward is +X, to the left +Y, and a turn
-# to the left is positive.
+# Drive of each driving key, and the sign of its step. In drive.csv forward is +X, left is +Y, and a turn to
+# the left is positive.
 DRIVES: dict[str, tuple[DriveKind, float]] = {
     "forward": (DriveKind.RIGHT, 1.0),
     "back": (DriveKind.LEFT, 1.0),
@@ -23,13 +23,13 @@ DRIVES: dict[str, tuple[DriveKind, float]] = {
     "sideways_left": (DriveKind.UP, 1.0),
     "sideways_right": (DriveKind.DOWN, 1.0),
 }
-# A robot with one of two opposite drives goes the other way by a negative value.
+# A robot with one of two opposite drives moves the other way by a negative value.
 _OPPOSITE = {DriveKind.UP: DriveKind.DOWN, DriveKind.LEFT: DriveKind.RIGHT}
 _OPPOSITE |= {backward: forward for forward, backward in _OPPOSITE.items()}
 
 
 class Operator:
-    """Puts a person's commands and actions into the robot's queue. Nothing waits for the robot's thread."""
+    """Puts a person's commands and actions into the robot's queue. No method waits for the robot's thread."""
 
     def __init__(self, server: Server) -> None:
         self._server = server
@@ -39,8 +39,8 @@ class Operator:
         self._block_told = False
 
     def send(self, command: Command, refused: Callable[[str], None] | None = None) -> None:
-        """Send a command, as a program would. Should the robot refuse it, `refused` is called with the
-        reason, in the robot's thread."""
+        """Send a command, as a program would. If the robot refuses it, `refused` is called with the reason,
+        in the robot's thread."""
 
         def answered(results: Sequence[CommandResult], data: bytes | None) -> None:
             for result in results:
@@ -61,14 +61,14 @@ class Operator:
         self._server.call(self._server.engine.tell, Notice(NoticeKind.HINT, text))
 
     def note_block(self, state: State) -> None:
-        """Say once, among the events, that the robot drives through a block that is not solid."""
+        """Report once that the robot drives through a block that is not solid."""
         if not self._block_told and drives_through_block(state, self._spec):
             self._block_told = True
             self.hint("drives through the block: motion.block_solid is false")
 
     def press(self, name: str, paused: bool) -> str:
-        """Do what the key of that name does: `stop`, `poll`, `reset`, `pause` or `step`. Returns what is
-        wrong, if anything is."""
+        """Do the action of a key: `stop`, `poll`, `reset`, `pause` or `step`. Returns an error text, or an
+        empty one."""
         if name == "poll":
             for sensor in self._spec.sensors:
                 if sensor.enabled:
@@ -88,8 +88,10 @@ class Operator:
         return next((each.code for each in velocities if each.kind is VelocityKind.ALL and each.enabled), "")
 
     def drive_for(self, values: str, refused: Callable[[str], None]) -> str:
-        """Drive at a velocity `VX;VY;OMEGA;T` for its time; in instant motion that time passes by a wait.
-        Returns what is wrong if the set has no such command; `refused` is called as for `send`."""
+        """Drive at a velocity `VX;VY;OMEGA;T` for its time; in instant motion a wait lets that time pass.
+
+        Returns an error text if the set has no such command. `refused` is called as for `send`.
+        """
         if not self.velocity_code:
             return "vv: this set's drive.csv has no enabled row velocity"
         for text in (f"{self.velocity_code}-{values}", f"{WAIT}-{values.rpartition(';')[2]}"):
@@ -97,14 +99,14 @@ class Operator:
         return ""
 
     def drive(self, name: str, fine: bool) -> str:
-        """Drive or turn by a key's step. Returns what is wrong if the robot cannot."""
+        """Drive or turn by a key's step. Returns an error text if the robot cannot."""
         kind, sign = DRIVES[name]
         if kind is DriveKind.ROT:
             value = self._screen.fine_turn if fine else self._screen.turn
         else:
             value = self._screen.fine_step if fine else self._screen.step
         codes = {drive.kind: drive.code for drive in self._spec.drives if drive.enabled}
-        # The left and right keys work on a robot that has one of the two drives.
+        # The left and right keys also work on a robot with only one of the two drives.
         if kind not in codes and _OPPOSITE.get(kind) in codes:
             kind, sign = _OPPOSITE[kind], -sign
         if kind not in codes:

@@ -1,7 +1,7 @@
 """A control program beside the simulator: its start, its output, and its end with all that it started.
 
-Nothing stays behind even if the simulator is killed. On Unix a small process, the keeper (`keeper.py`),
-ends what is left; on Windows a job object does.
+No process stays behind even if the simulator is killed. On Unix a small process, the keeper (`keeper.py`),
+ends the remaining ones; on Windows a job object does.
 """
 
 from simmer_tui.program.control_program import Keeper, Program, RunningProgram

@@ -1,10 +1,10 @@
-"""Processes that a program left behind without a trace: Linux gives them to this process, which ends them.
+"""Processes that a program left behind without a mark: Linux makes them children of this process, which ends
+them.
 
 A process whose parent has ended goes to the nearest ancestor that asked for it (PR_SET_CHILD_SUBREAPER,
-prctl(2)), else to the first process of the system. So one that cleared its environment, began a session of
-its own and lost its parent is still known: it is a child of this process that this process did not start.
-
-Only a process that runs one program at a time, and nothing else, can tell the two apart like this.
+prctl(2)), otherwise to the system's first process. Some processes clear their environment, begin a session
+of their own and lose their parent. They are still known: they are children of this process that it did not
+start. This works only in a process that runs one program at a time, and nothing else.
 """
 
 from __future__ import annotations
@@ -23,7 +23,8 @@ _SET_CHILD_SUBREAPER = 36
 
 
 class Adoption:
-    """Adopts what a program leaves behind, from before its start until `end`. Does nothing but on Linux."""
+    """Adopts processes that a program leaves behind, from before its start until `end`. Does nothing except
+    on Linux."""
 
     def __init__(self, mark: str) -> None:
         """`mark` is that of the program (`MARK`)."""
@@ -33,14 +34,14 @@ class Adoption:
         self._is_on = _adopt(is_on=True)
 
     def begin(self, program: int) -> None:
-        """The program has this process ID."""
-        with contextlib.suppress(OSError):  # no /proc: nothing is found there later either
+        """Take note of the program's process ID and start time."""
+        with contextlib.suppress(OSError):  # no /proc: `living` will find nothing there either
             self._program, self._since = program, int(stat_of(program)[StatField.STARTED])
 
     def nothing_left(self) -> bool:
-        """True if this process sees its keeper as its only child: all that the program started has ended.
+        """True if the keeper is the only child of this process: all that the program started has ended.
 
-        A look of some microseconds, where one through all processes takes milliseconds.
+        The check takes some microseconds; a search of all processes takes milliseconds.
         """
         try:
             return self._is_on and [_mark_of(pid) for pid in children()] == [KEEPER.encode()]
@@ -48,7 +49,7 @@ class Adoption:
             return False
 
     def living(self) -> set[int]:
-        """Adopted processes that live. Those that have ended are reaped."""
+        """Adopted processes that live. Ended ones are reaped."""
         if sys.platform == "win32":
             raise NotImplementedError  # there is no such thing on Windows
         found: dict[int, int] = {}
@@ -64,11 +65,11 @@ class Adoption:
                     continue
                 mark = _mark_of(pid)
             except OSError:
-                continue  # it has gone meanwhile, or is another user's
+                continue  # it has ended meanwhile, or is another user's
             if mark is None:
                 found[pid] = started
             elif mark not in (self._mark, KEEPER.encode()):
-                others.append(started)  # another program of ours: what came after its start may be its own
+                others.append(started)  # another program of ours: processes started after it may be its own
         if not others:
             for pid in ended:
                 with contextlib.suppress(ChildProcessError):
@@ -77,12 +78,12 @@ class Adoption:
         return {pid for pid, started in found.items() if self._program and self._since <= started < first}
 
     def end(self) -> None:
-        """Adopt no more."""
+        """Stop adopting."""
         _adopt(is_on=False)
 
 
 def _adopt(*, is_on: bool) -> bool:
-    """Begin or end to adopt; True if the system does."""
+    """Start or stop adopting; True if the system supports it."""
     if not platform_has.LINUX:
         return False
     import ctypes  # numpy has imported it already
@@ -91,7 +92,7 @@ def _adopt(*, is_on: bool) -> bool:
 
 
 def _mark_of(pid: int) -> bytes | None:
-    """Mark of the program that a process was started by, if its environment has one. Raises OSError."""
+    """Mark of the program that started a process, if its environment has one. Raises OSError."""
     variable = f"{MARK}=".encode()
     variables = Path(f"/proc/{pid}/environ").read_bytes().split(b"\0")
     return next((each[len(variable) :] for each in variables if each.startswith(variable)), None)

@@ -1,6 +1,6 @@
-"""Runs a control program beside the simulator; environment variables tell it where to connect.
+"""Runs a control program beside the simulator; environment variables name its ports.
 
-On Unix a keeper watches it: its start, and its end with all it started.
+On Unix a keeper watches the program, and ends all that it started.
 """
 
 from __future__ import annotations
@@ -26,12 +26,12 @@ if TYPE_CHECKING:
     from simmer_tui.program.job_process import JobProcess
 
 _LAST_LINES = 1.0
-"""Time that a child of an ended program may keep its output open, seconds. Longer would delay every run that
-leaves a daemon behind."""
+"""Seconds that a child of an ended program may keep its output open. A longer time would delay every
+run that leaves a daemon behind."""
 
 
 class RunningProgram:
-    """A program that has been started, and what reads its output."""
+    """A program that has been started, and the reader of its output."""
 
     def __init__(
         self,
@@ -57,12 +57,15 @@ class RunningProgram:
         self._waiter.start()
 
     def settle_output(self) -> bool:
-        """Wait until all that it has printed is kept; False if that takes too long."""
+        """Wait until all its output so far has been read; False if that takes too long."""
         return self._output.settle()
 
     def end(self, grace: float = 0.0) -> None:
-        """Make sure that it and all that it started has ended, kindly at first. It may end by itself
-        for `grace` seconds. Any thread may ask, more than once; call it in any case."""
+        """Make sure that it and all that it started has ended. Within the first `grace` seconds it may end by
+        itself.
+
+        Any thread may call it, more than once; call it in any case.
+        """
         if grace:
             self._ended.wait(grace)
         if not self._ended.is_set():
@@ -73,7 +76,7 @@ class RunningProgram:
     def _wait(self, wait: Callable[[], int], on_end: Callable[[int], None]) -> None:
         code = wait()
         self._ended.set()
-        self._output.join(self._last_lines)  # a child of the program may hold its output open for ever
+        self._output.join(self._last_lines)  # a child of the program may hold its output open forever
         on_end(code if code >= 0 else 128 - code)
 
 
@@ -92,13 +95,13 @@ class Program(RunningProgram):
         *,
         adopts: bool = False,
     ) -> None:
-        """Start `command` in `folder`, or where we are, with `environment` added to ours. Raises
-        ProgramError.
+        """Start `command` in `folder`, by default the working directory, with `environment` added to ours.
+        Raises ProgramError.
 
-        `on_end` gets the exit code in a thread of its own. With `on_line` its output is taken, a line at a
-        time, else it goes where ours goes. `output` keeps its last lines. A process that runs many programs
+        `on_end` gets the exit code in a thread of its own. With `on_line` the output is read line by line,
+        otherwise it goes to our own output. `output` keeps its last lines. A process that runs many programs
         has one `keeper` for them all. One that runs one at a time, and starts no other processes, `adopts`
-        what a program leaves behind (Linux).
+        processes that a program leaves behind (Linux).
         """
         unbuffered: dict[str, str] = {}
         if not platform_has.POSIX and on_line is None and (os.isatty(1) or os.isatty(2)):
@@ -131,7 +134,7 @@ def _started(
     has_input: bool,
     adopts: bool,
 ) -> KeptProcess | JobProcess:
-    """The command as a process with all that it will start. Raises OSError, ProgramError."""
+    """Start the command as a process that is ended with all that it starts. Raises OSError, ProgramError."""
     if not platform_has.POSIX:
         from simmer_tui.program.job_process import JobProcess
 
@@ -141,13 +144,14 @@ def _started(
 
 
 _LAST_WAIT = 0.5
-"""Seconds that a program may take to be gone after it was killed; another user's cannot be killed."""
+"""Seconds to wait for a killed program's end. Another user's program cannot be killed."""
 
 
 class Keeper:
-    """A process that ends the programs of this one if this one is killed. It starts with the first program.
+    """A process that ends this process's programs if this one is killed.
 
-    Any thread may use it. Close it at last; nothing it watches may run then.
+    It starts with the first program. Any thread may use it. Close it at the end, when no watched program
+    runs.
     """
 
     def __init__(self) -> None:
@@ -155,11 +159,11 @@ class Keeper:
         self._lock = threading.Lock()
 
     def watch(self, mark: str, pid: int = -1) -> None:
-        """A program with this mark begins; its process ID is -1 until it is known. Raises OSError."""
+        """Watch a program with this mark; its process ID is -1 until it is known. Raises OSError."""
         self._tell(f"{mark} {pid}\n")
 
     def forget(self, mark: str) -> None:
-        """All of the program has ended."""
+        """Stop watching: all processes of the program have ended."""
         if self._process is not None:
             self._tell(f"{mark}\n")
 
@@ -171,7 +175,7 @@ class Keeper:
         with self._lock:
             try:
                 self._write(line)
-            except BrokenPipeError:  # somebody killed it
+            except BrokenPipeError:  # it was killed
                 self._end()
                 self._write(line)
 
@@ -185,11 +189,11 @@ class Keeper:
                 stdout=subprocess.DEVNULL,
                 stderr=subprocess.DEVNULL,
                 cwd="/",
-                start_new_session=True,  # Ctrl-C in our terminal is not for it
+                start_new_session=True,  # Ctrl-C in our terminal must not end it
             )
             assert self._process.stdin is not None, "it is a pipe"
-            if sys.platform != "win32":  # there is no keeper there
-                os.set_blocking(self._process.stdin.fileno(), False)  # one that was stopped reads no more
+            if sys.platform != "win32":  # no keeper is running
+                os.set_blocking(self._process.stdin.fileno(), False)  # a stopped keeper reads no more
         assert self._process.stdin is not None, "it is a pipe"
         self._process.stdin.write(line.encode())
 
@@ -201,7 +205,7 @@ class Keeper:
 
 
 class KeptProcess:
-    """A program, a child of this process, that a keeper watches over."""
+    """A child of this process that a keeper watches."""
 
     def __init__(
         self,
@@ -214,17 +218,19 @@ class KeptProcess:
         has_input: bool,
         adopts: bool,
     ) -> None:
-        """Start it, in a folder or where we are; call `end` when it is over. Raises OSError. What it prints
-        goes its `route`. Its input is ours, if it `has_input`. Without a `shared` keeper it has one of its
-        own. With `adopts` this process adopts what it leaves behind."""
-        # Not by secrets, which takes time to import.
+        """Start it in a folder, by default the working directory; call `end` when it is over. Raises OSError.
+
+        Its output takes its `route`. Its input is ours if it `has_input`. Without a `shared` keeper it has
+        one of its own. With `adopts` this process adopts the processes that it leaves behind.
+        """
+        # Not with the module secrets, whose import takes time.
         self._mark = os.urandom(8).hex()
         self._adoption = Adoption(self._mark) if adopts else None
         self._lock = threading.Lock()
         self._has_ended = False
         self._owns_keeper = shared is None
         self._keeper = shared or Keeper()
-        self._keeper.watch(self._mark)  # from before its start: we may be killed at any moment
+        self._keeper.watch(self._mark)  # before its start: we may be killed at any moment
         try:
             self._process = subprocess.Popen(
                 words,
@@ -233,7 +239,7 @@ class KeptProcess:
                 stdin=None if has_input else subprocess.DEVNULL,
                 stdout=route.stdout,
                 stderr=route.stderr,
-                start_new_session=True,  # Ctrl-C in our terminal is for us, who then end the program
+                start_new_session=True,  # Ctrl-C in our terminal is for us; we then end the program
             )
         except OSError:
             self._release()
@@ -248,11 +254,12 @@ class KeptProcess:
         return self._process.pid
 
     def wait(self) -> int:
-        """Wait for the program's end; its exit code, or the negative number of the signal that ended it."""
+        """Wait for the program's end. Returns its exit code, or the negative number of the signal that ended
+        it."""
         return self._process.wait()
 
     def end(self) -> None:
-        """End the program and everything it started, by SIGTERM first. Any thread may call it, repeatedly."""
+        """End the program and everything it started, first by SIGTERM. Any thread may call it, repeatedly."""
         with self._lock:
             if self._has_ended:
                 return

@@ -1,7 +1,7 @@
-"""The error that ended a program, found in the last lines of its output: what it was, and where.
+"""The error that ended a program, found in the last lines of its output: its text, and its place.
 
-Each language writes errors in its own way; one function here knows each way. Where none fits, a signal is
-still a crash, and an exit code alone is not: programs give up with exit codes too.
+Each language prints errors in its own format, with one function here for each. If none fits, a signal is
+still a crash. An exit code alone is not: programs give up with exit codes too.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from msgspec import Struct
 
 from simmer_tui.events import NOT_STARTED
 
-# As long as the sentences of reports.
+# The length of the sentences in reports.
 _LONGEST = 200
 """Characters of an error that are kept."""
 _SIGNALS = {
@@ -32,7 +32,7 @@ _SIGNALS = {
 }
 _WINDOWS = {0xC0000005: "access violation", 0xC00000FD: "stack overflow", 0xC0000409: "aborted"}
 """Exit codes of Windows (NTSTATUS) for programs that the system has ended."""
-# Libraries, and our client, of which the user can mend nothing.
+# Libraries and our own client: code that the user cannot correct.
 _FOREIGN = re.compile(
     r"site-packages|dist-packages|<frozen |[/\\]lib[/\\]python3|\\Lib\\|[/\\]simmer_tui[/\\]|node_modules"
     r"|^node:|[/\\]rustc[/\\]"
@@ -45,14 +45,14 @@ _Frame = tuple[str, str]
 
 
 class Crash(Struct, frozen=True):
-    """An error, and the last line of the program's own code that led to it (`robot.py:12`, or empty)."""
+    """An error, and the last line of the program's own code before it (`robot.py:12`, or empty)."""
 
     error: str
     place: str = ""
 
 
 def crash_of(code: int, stderr: Sequence[str], stdout: Sequence[str]) -> Crash | None:
-    """The crash that ended a program; None if it ended as its author meant it to.
+    """The crash that ended a program; None if it ended normally.
 
     Args:
         code: Exit code; 128 and the signal's number for a program that a signal ended.
@@ -60,9 +60,9 @@ def crash_of(code: int, stderr: Sequence[str], stdout: Sequence[str]) -> Crash |
         stdout: Last lines of its standard output, where errors are looked for if there are none on the other.
     """
     for lines in (stderr, stdout):
-        told = [line.rstrip() for line in lines]
+        stripped = [line.rstrip() for line in lines]
         for find in _LANGUAGES if code else (_thread,):
-            found = find(told)
+            found = find(stripped)
             if found is not None:
                 return Crash(found.error[:_LONGEST].strip(), found.place)
     return _signalled(code) or _shell(code, stderr)
@@ -87,13 +87,12 @@ def _shell(code: int, stderr: Sequence[str]) -> Crash | None:
     """A command that a shell did not find, or could not run, in the shell's own words."""
     if code not in (NOT_FOUND, _NOT_RUN):
         return None
-    told = [line.strip() for line in stderr if line.strip()]
+    printed = [line.strip() for line in stderr if line.strip()]
     default = "command not found" if code == NOT_FOUND else "the command cannot be run"
-    return Crash(f"{NOT_STARTED}{told[-1] if told else default}"[:_LONGEST])
+    return Crash(f"{NOT_STARTED}{printed[-1] if printed else default}"[:_LONGEST])
 
 
 def _name(path: str) -> str:
-    """The name of a file, without its folder."""
     return (PureWindowsPath if "\\" in path else PurePosixPath)(path).name or path
 
 
@@ -108,12 +107,12 @@ def _places(pattern: re.Pattern[str], lines: Sequence[str]) -> list[int]:
 
 
 def _first_said(lines: Iterable[str]) -> str:
-    """The first line that is not blank; empty without one."""
+    """The first line that is not blank; empty if there is none."""
     return next((line.strip() for line in lines if line.strip()), "")
 
 
 def _last_own(frames: Sequence[_Frame]) -> str:
-    """The last of some frames, file and line, that is in the program's own code."""
+    """The last of the frames, file and line, in the program's own code."""
     own = [each for each in frames if not _FOREIGN.search(each[0])] or frames
     return f"{_name(own[-1][0])}:{own[-1][1]}" if own else ""
 
@@ -151,7 +150,7 @@ def _exception(lines: Sequence[str], *, nested: bool = False) -> Crash | None:
             continue
         elif shown and not shown.startswith((" ", "\t")):
             return Crash(shown, _last_own(frames))
-    # The head alone has come: the output was cut.
+    # Only the head has come: the output was cut.
     return Crash("Traceback", _last_own(frames)) if frames else None
 
 
@@ -166,7 +165,7 @@ def _python_without_traceback(lines: Sequence[str]) -> Crash | None:
         if _SYNTAX.match(line):
             return Crash(line, _last_own(_frames(_FRAME, lines[:place])[-1:]))
         if line.startswith(_FATAL):
-            # The most recent call stands first.
+            # The most recent call is first.
             return Crash(line.removeprefix(_FATAL), _last_own(_frames(_FRAME, lines[place:])[::-1]))
         if _CANNOT_START.search(line):
             return Crash(f"{NOT_STARTED}{_INTERPRETER.sub('', line)}")
@@ -174,7 +173,7 @@ def _python_without_traceback(lines: Sequence[str]) -> Crash | None:
 
 
 def _thread(lines: Sequence[str]) -> Crash | None:
-    """An error that ended a thread, and not the program: it has nobody left to drive the robot."""
+    """An error that ended a thread, but not the program: nothing drives the robot any more."""
     begins = _places(_THREAD, lines)
     return _python(lines[begins[-1] :]) if begins else None
 
@@ -263,7 +262,7 @@ _COMPILED: tuple[tuple[re.Pattern[str], Callable[[re.Match[str], Sequence[str]],
     (_GO_PANIC, _go_panic),
     (_ABORTED, _aborted),
 )
-"""First lines of errors, and the crash that each tells of with the lines below it."""
+"""First lines of errors, and the function that makes the crash from the line and those below it."""
 
 
 # -- Java and JavaScript -------------------------------------------------------------------------------
@@ -298,17 +297,17 @@ def _node(lines: Sequence[str]) -> Crash | None:
     errors = _places(_NODE_ERROR, lines)
     if errors:
         return _node_error(lines[errors[-1] :], heads)
-    # A value that is no Error has no stack: it stands below the line of carets.
+    # A value that is no Error has no stack: it is below the line of carets.
     thrown = _places(_CARETS, lines)
     said = next((line for line in lines[thrown[-1] + 1 :] if line), "") if thrown else ""
     return Crash(said, _last_own(heads[-1:])) if said else None
 
 
 def _node_error(lines: Sequence[str], heads: Sequence[_Frame]) -> Crash:
-    """The error in the first line, with its stack below; `heads` are the places named above it."""
+    """The error in the first line, with its stack below; `heads` are the places printed above it."""
     own = [each for each in _frames(_NODE_FRAME, lines) if not _FOREIGN.search(each[0])]
     missing = _NODE_MISSING.match(lines[0])
-    # Nobody required it: it is the program itself.
+    # Without a require stack the missing module is the program itself.
     if missing and not own and not heads:
         return Crash(f"{NOT_STARTED}Cannot find module '{missing[1]}'")
     return Crash(lines[0], _last_own((own or heads)[:1]))
@@ -325,19 +324,19 @@ _MATLAB = re.compile(r"^(?:\{?(?:\[.)?)?Error (in|using) (\S+?)(?:>\S+)? \(line 
 
 
 def _octave(lines: Sequence[str]) -> Crash | None:
-    told = [(place, found[1]) for place, line in enumerate(lines) if (found := _OCTAVE.match(line))]
-    if not told:
+    errors = [(place, found[1]) for place, line in enumerate(lines) if (found := _OCTAVE.match(line))]
+    if not errors:
         return None
-    place, error = told[-1]
+    place, error = errors[-1]
     if found := _OCTAVE_PARSE.match(error):
         why = _first_said(lines[place + 1 :])
         return Crash(f"parse error: {why}" if why else "parse error", f"{_name(found[2])}:{found[1]}")
     if _OCTAVE_MISSING.match(error):
         return Crash(f"{NOT_STARTED}{error}")
     frames = _frames(_OCTAVE_FRAME, lines[place:])
-    # The innermost function stands first; one inside another is named `outer>inner`.
+    # The innermost function is first; a nested one is printed as `outer>inner`.
     if frames:
-        # A script of another folder, or whose name is no variable's, is named by its file.
+        # A script of another folder, or with a name that is no variable's, is printed with its file.
         name = _name(frames[0][0]).partition(">")[0].removesuffix(".m")
         return Crash(_OCTAVE_NEAR.sub("", error), f"{name}.m:{frames[0][1]}")
     near = _OCTAVE_NEAR.search(error)

@@ -1,4 +1,5 @@
-"""The folder that stands first on the path of a Python program: it changes its clock and its serial port."""
+"""The folder that is first on the path of a Python program: it replaces the program's clock and serial
+port."""
 
 import os
 from collections.abc import Mapping
@@ -7,7 +8,7 @@ from pathlib import Path
 FOLDER = Path(__file__).resolve().parent / "hook"
 """The folder with our sitecustomize.py."""
 HOOKED = ("SIMMER_CLOCK_PORT", "SIMMER_DIALECT_PORT")
-"""Variables of a program that needs it."""
+"""Variables of programs that need it."""
 _PATH = "PYTHONPATH"
 
 

@@ -1,4 +1,4 @@
-"""A program in a job object (Windows), which ends everything in it when the simulator ends, however."""
+"""A program in a job object (Windows), which ends all its processes when the simulator ends, in any way."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _KILL_ON_CLOSE = 0x2000  # JOB_OBJECT_LIMIT_KILL_ON_JOB_CLOSE
 
 def _kernel() -> Any:
     """kernel32, whose last error is kept for `ctypes`."""
-    library: Any = ctypes  # only Windows' has WinDLL, and type checkers of other systems know it
+    library: Any = ctypes  # only Windows' ctypes has WinDLL, which type checkers of other systems report
     kernel = library.WinDLL("kernel32", use_last_error=True)
     kernel.CreateJobObjectW.restype = wintypes.HANDLE
     return kernel
@@ -60,7 +60,7 @@ class ExtendedLimits(ctypes.Structure):
 
 
 class JobProcess:
-    """A program in a job of its own. Has what `KeptProcess` has."""
+    """A program in a job of its own, with the methods of `KeptProcess`."""
 
     def __init__(
         self,
@@ -71,11 +71,11 @@ class JobProcess:
         *,
         has_input: bool,
     ) -> None:
-        """Start it; what it prints goes its `route`. Raises OSError, ProgramError."""
+        """Start it; its output takes its `route`. Raises OSError, ProgramError."""
         line = command_line_of(command)
         self._lock = threading.Lock()
         self._kernel = _kernel()
-        # Made before the program starts, so that nothing lies between its start and its place in the job.
+        # Made before the program starts, so that the program is in the job as soon as possible.
         self._job = self._new_job()
         try:
             self._process = subprocess.Popen(
@@ -93,11 +93,11 @@ class JobProcess:
             process: Any = self._process
             handle = wintypes.HANDLE(int(process._handle))
             if not self._kernel.AssignProcessToJobObject(self._job, handle):
-                self._close_job()  # a job around ours forbids it: the program itself is ended at least
+                self._close_job()  # a job around ours forbids it: at least the program itself is ended
 
     def _new_job(self) -> wintypes.HANDLE | None:
-        """A job that ends what is in it when its last handle is closed; None if the system gives none."""
-        # The handle is ours alone: when this process ends, Windows closes it, and the job ends.
+        """A job that ends its processes when its last handle is closed; None if the system gives none."""
+        # Only we have the handle: when this process ends, Windows closes it, and the job ends.
         number = self._kernel.CreateJobObjectW(None, None)
         if not number:
             return None
@@ -120,15 +120,15 @@ class JobProcess:
         return self._process.pid
 
     def wait(self) -> int:
-        """Wait for the program's end; its exit code."""
+        """Wait for the program's end. Returns its exit code."""
         return self._process.wait()
 
     def end(self) -> None:
-        """End the program and everything it started. Windows has no gentle way. Any thread may call it,
+        """End the program and everything it started. Windows has no SIGTERM. Any thread may call it,
         repeatedly."""
         with self._lock:
             if self._job is not None:
                 self._kernel.TerminateJobObject(self._job, 1)
                 self._close_job()
-            self._process.kill()  # where it could not be put into the job
+            self._process.kill()  # if it could not be put into the job
             self._process.wait()

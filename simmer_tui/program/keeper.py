@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
 MARK = "SIMMER_KEPT"
-"""The variable by which all that a program started is known."""
+"""The variable that marks everything that a program started."""
 KEEPER = "keeper"
 """Its value in a keeper."""
 # Enough for a program that catches SIGTERM to close its files.
@@ -36,20 +36,21 @@ PATIENCE = 1.0
 """Seconds between SIGTERM and SIGKILL."""
 # Together with `PATIENCE` below the 2 s that a run may take to end after a signal (cli/run_life.py).
 _LAST = 0.5
-"""Seconds that the killed may take to be gone: some wait for a disk."""
+"""Seconds that killed processes may take to end: some wait for a disk."""
 _SOON, _LATER = 0.002, 0.02
-"""Least and greatest time between two looks for processes, seconds. The first look comes soon because most
-programs end at once, later ones are rarer because each reads all of /proc."""
+"""Least and greatest time between two searches for processes, seconds. The first comes soon because most
+programs end at once. Later ones are rarer because each reads all of /proc."""
 _AT_ONCE = 1 << 16
 """Bytes read at once: more than most environments have."""
 _KERNEL_THREAD = 0x200000
-"""The flag of threads of the kernel (PF_KTHREAD, proc(5)): half of the entries of an idle machine's /proc."""
+"""The flag of kernel threads (PF_KTHREAD, proc(5)), half of the entries in an idle machine's /proc."""
 _LINUX = sys.platform == "linux"
 
 
 def main() -> None:
     for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
-        signal.signal(number, signal.SIG_IGN)  # whoever ends the simulator's processes may find this one too
+        # a signal for the simulator's processes may be sent to this one too
+        signal.signal(number, signal.SIG_IGN)
     running: dict[str, int] = {}
     for line in sys.stdin:
         mark, *pid = line.split()
@@ -62,8 +63,10 @@ def main() -> None:
 
 
 def end_all(mark: str, program: int, adopted: Callable[[], set[int]] = set) -> None:
-    """End everything started by the program with this mark, by SIGTERM first. More may start meanwhile.
-    `adopted` gives processes that are known to be the program's by other means."""
+    """End everything started by the program with this mark, first by SIGTERM.
+
+    More may start meanwhile. `adopted` returns processes that are known to be the program's in other ways.
+    """
     for number, patience in ((signal.SIGTERM, PATIENCE), (signal.SIGKILL, _LAST)):
         until = time.monotonic() + patience
         asked: set[int] = set()
@@ -72,7 +75,7 @@ def end_all(mark: str, program: int, adopted: Callable[[], set[int]] = set) -> N
             for pid in found - asked if number == signal.SIGTERM else found:
                 _send(pid, number)
             asked |= found
-            # After a signal, since on a busy machine one look may take longer than that.
+            # After a signal, since on a busy machine one search may take longer than the wait.
             if time.monotonic() >= until:
                 break
             time.sleep(pause)
@@ -83,12 +86,12 @@ def _send(pid: int, number: int) -> None:
     try:
         os.kill(pid, number)
     except OSError:
-        return  # it has gone by itself, or is another user's
+        return  # it has ended by itself, or is another user's
 
 
 def _started_by(mark: str, program: int, adopted: set[int]) -> set[int]:
-    """The processes with a mark, those adopted, and those below them; not this one, nor those that have ended
-    and wait to be noticed."""
+    """The processes with a mark, those adopted, and their descendants; without this one and ended ones that
+    are not reaped."""
     children: dict[int, list[int]] = {}
     found = set(adopted)
     for pid, parent, is_marked in _processes(f"{MARK}={mark}".encode(), program):
@@ -104,8 +107,10 @@ def _started_by(mark: str, program: int, adopted: set[int]) -> set[int]:
 
 
 def _processes(mark: bytes, program: int) -> list[tuple[int, int, bool]]:
-    """Every living process, its parent, and True if it has the mark or is in the program's session (elsewhere
-    than on Linux: if it is in the program's group)."""
+    """Every living process, its parent, and True if it has the mark or is in the program's session.
+
+    On other systems than Linux it is True if the process is in the program's group.
+    """
     if not _LINUX:
         with os.popen("ps -A -o pid=,ppid=,pgid=,stat=") as listing:
             rows = [line.split() for line in listing]
@@ -124,8 +129,9 @@ def _processes(mark: bytes, program: int) -> list[tuple[int, int, bool]]:
             if int(fields[6]) & _KERNEL_THREAD:
                 continue
         except (OSError, ValueError):
-            continue  # gone while we looked
-        is_marked = int(session) == program  # known also by a child that has neither mark nor parent
+            continue  # ended meanwhile
+        # known also as the parent of a child that has neither mark nor parent
+        is_marked = int(session) == program
         try:
             is_marked = is_marked or mark in _read(f"/proc/{name}/environ").split(b"\0")
         except PermissionError:
@@ -138,8 +144,8 @@ def _processes(mark: bytes, program: int) -> list[tuple[int, int, bool]]:
 
 
 def _read(path: str) -> bytes:
-    """All of a file of /proc. By bare calls: every run of a program reads two such files a process,
-    and `open` takes three times as long."""
+    """All of a file of /proc. By bare system calls: every run reads two such files for each process, and
+    `open` takes three times as long."""
     file = os.open(path, os.O_RDONLY)
     try:
         data = os.read(file, _AT_ONCE)

@@ -1,4 +1,4 @@
-"""The command of a program: its words, and what follows from its being Python."""
+"""The command of a program: its words, and the consequences of its being Python."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from simmer_tui.errors import ProgramError
 
 
 def is_python(word: str) -> bool:
-    """True if the first word of a command names Python, of any version, with a folder or without."""
+    """True if the first word of a command is Python, of any version, with a folder or without."""
     # Windows paths have both kinds of slashes.
     name = PureWindowsPath(word).name.lower().removesuffix(".exe")
     return name.rstrip("0123456789.") in ("py", "python")
 
 
 def out_of_reach(command: str, *, windows: bool = not platform_has.POSIX) -> str:
-    """The reason why our hook does not come into a program of this command; empty if none is seen."""
+    """The reason why our hook cannot be used in a program of this command; empty if none is seen."""
     try:
         words = shlex.split(command, posix=not windows)
     except ValueError:
@@ -39,7 +39,7 @@ def out_of_reach(command: str, *, windows: bool = not platform_has.POSIX) -> str
 
 
 def _options_of(words: Iterable[str]) -> Iterator[str]:
-    """The words that are options of Python itself, of all that follow it."""
+    """The words that are options of Python itself."""
     rest = iter(words)
     for word in rest:
         if not word.startswith("-") or word.startswith("--") or word in ("-", "-m", "-c"):
@@ -50,9 +50,8 @@ def _options_of(words: Iterable[str]) -> Iterator[str]:
 
 
 def words_of(command: str) -> list[str]:
-    """The command split into words as a Unix shell does. `python` falls back to our own interpreter.
-
-    Raises ProgramError."""
+    """The command split into words as a Unix shell does. `python` means our own interpreter if there is no
+    other. Raises ProgramError."""
     try:
         words = shlex.split(command)
     except ValueError as error:
@@ -65,10 +64,8 @@ def words_of(command: str) -> list[str]:
 
 
 def command_line_of(command: str) -> str:
-    """The command as Windows starts it, where each program splits its own line. `python` falls back to our
-    own interpreter.
-
-    Raises ProgramError."""
+    """The command for Windows, where each program splits its own line. `python` means our own interpreter if
+    there is no other. Raises ProgramError."""
     line = command.strip()
     if not line:
         raise _no_program()
@@ -82,23 +79,23 @@ def _no_program() -> ProgramError:
 
 
 def _is_ours(word: str) -> bool:
-    """True if the first word of a command asks for any Python, and there is none on the path but ours."""
-    # Who names a folder or a minor version wants that one, and no other.
+    """True if the first word of a command is a plain Python, and the path has none but ours."""
+    # A folder or a minor version asks for that one, and no other.
     if not is_python(word) or any(sign in word for sign in "/\\."):
         return False
-    from shutil import which  # imported by those who need it: it takes time
+    from shutil import which  # imported only when needed: it takes time
 
     return which(word) is None
 
 
 def _first_word(line: str) -> str:
-    """The program of a command line of Windows, which may have quotes round its path."""
+    """The program of a command line of Windows, which may have quotes around its path."""
     return line[1:].partition('"')[0] if line.startswith('"') else "".join(line.split(maxsplit=1)[:1])
 
 
 def console_variables(command: str, code_page: int) -> dict[str, str]:
-    """Environment with which a program writes to a pipe as it writes to a console of Windows: at once, and in
-    the console's code page. Only Python can be told so; it is empty for other commands."""
+    """Environment with which a program writes to a pipe as to a console of Windows: at once, and in the
+    console's code page. Only Python has such variables; it is empty for other commands."""
     if not is_python(_first_word(command.strip())):
         return {}
     return {"PYTHONUNBUFFERED": "1", "PYTHONIOENCODING": f"cp{code_page}:backslashreplace"}

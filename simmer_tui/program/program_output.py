@@ -1,7 +1,7 @@
 """The output of a program: passed on as it comes, its last lines kept with their times.
 
-The program notices nothing: where ours goes to a terminal, its output is one too, and what it writes comes
-out byte by byte as it was written. Nothing here waits for the robot, nor the robot for this.
+The program does not notice: if our output is a terminal, so is its own, and its bytes come out unchanged.
+Nothing here waits for the robot, nor the robot for this.
 """
 
 from __future__ import annotations
@@ -25,15 +25,15 @@ if platform_has.POSIX:
     import termios
 
 LAST_LINES = 20
-"""Lines of each stream that are kept in the log: a traceback of ten calls."""
-# Frameworks put some hundred lines between a program's own code and the end of its traceback.
+"""Lines of each stream that are kept in the log: enough for a traceback of ten calls."""
+# Frameworks put about a hundred lines between a program's own code and the end of its traceback.
 _SEARCHED = 1000
 """Last lines of each stream in which the error of a crash is looked for."""
 # Wider than any terminal (judged); a thousand of them are a megabyte.
 _LONGEST_LINE = 1000
 """Bytes kept of a line."""
-_LONGEST_TOLD = 65536
-"""Bytes of a line without an end after which it is told as a line."""
+_LONGEST_PART = 65536
+"""Bytes of a line without an end after which it is passed on as a line."""
 _AT_ONCE = 65536
 """Bytes read at once: a pipe of Linux holds as many."""
 
@@ -46,7 +46,7 @@ class OutputTail:
     """The last lines of one stream. Add bytes as they come; any thread may read."""
 
     def __init__(self, now: Callable[[], float]) -> None:
-        """`now` gives the simulated time, in any thread."""
+        """`now` returns the simulated time, in any thread."""
         self._now = now
         self._lines: deque[tuple[float, bytes]] = deque(maxlen=_SEARCHED)
         self._open = b""
@@ -54,10 +54,10 @@ class OutputTail:
         self._lock = threading.Lock()
 
     def add(self, data: bytes) -> None:
-        """Take note of bytes, of which lines may begin and end anywhere."""
+        """Add bytes; lines may begin and end anywhere in them."""
         first, *rest = data.rsplit(b"\n", _SEARCHED)
         with self._lock:
-            # What stands before the last lines of a flood is not looked at.
+            # Lines before the last ones of a flood are skipped.
             if len(rest) < _SEARCHED:
                 first = self._open + first[:_LONGEST_LINE]
             self._open = first[:_LONGEST_LINE]
@@ -82,7 +82,7 @@ class ProgramOutput:
     """Both streams of a program."""
 
     def __init__(self, now: Callable[[], float] = lambda: 0.0) -> None:
-        """`now` gives the simulated time, in any thread."""
+        """`now` returns the simulated time, in any thread."""
         self.stderr = OutputTail(now)
         self.stdout = OutputTail(now)
 
@@ -94,7 +94,7 @@ class ProgramOutput:
             moment: Simulated time, seconds.
             stopped: True if the simulator ended the program.
         """
-        # Imported when a program has ended, since its patterns take a hundredth of the start.
+        # Imported only when a program has ended: its patterns take a hundredth of the start.
         from simmer_tui.program.crash import crash_of, signal_name
 
         stderr, stdout = self.stderr.lines(), self.stdout.lines()
@@ -121,7 +121,8 @@ def not_started(reason: str, moment: float) -> ProgramEnded:
 
 
 class _Stream(Struct):
-    """One stream on its way: read from a descriptor, kept, and told or passed on to another descriptor."""
+    """One stream: read from a descriptor, kept, and given to a callback or passed on to another
+    descriptor."""
 
     source: int
     tail: OutputTail
@@ -132,7 +133,7 @@ class _Stream(Struct):
     """Held while bytes are neither in the pipe nor kept."""
 
     def pump(self) -> bool:
-        """Take what is there, waiting for it if need be; False at the end."""
+        """Read the bytes that have come, and wait if there are none; False at the end."""
         with self.lock:
             try:
                 data = os.read(self.source, _AT_ONCE)
@@ -144,19 +145,19 @@ class _Stream(Struct):
             for line in self._lines(data):
                 self.on_line(line.decode(errors="replace").rstrip())
         elif self.target is not None and data:
-            # Nobody reads any more: the program is to notice, as it would without us.
+            # Nobody reads any more: the program gets the same error as without us.
             return self._pass_on(data, self.target)
         return bool(data)
 
     def close(self) -> None:
-        """Read no more."""
+        """Close the descriptor."""
         with self.lock:
             os.close(self.source)
             self.source = -1
 
     @property
     def is_behind(self) -> bool:
-        """True if bytes wait that are not kept yet; of a terminal some may not be here yet."""
+        """True if bytes wait that are not kept yet; of a terminal some may still be on their way."""
         if sys.platform == "win32" or not platform_has.POSIX:
             return False
         with self.lock:
@@ -172,9 +173,9 @@ class _Stream(Struct):
         *whole, self.rest = (self.rest + data).split(b"\n")
         for line in whole:
             yield from (
-                line[begin : begin + _LONGEST_TOLD] for begin in range(0, len(line) or 1, _LONGEST_TOLD)
+                line[begin : begin + _LONGEST_PART] for begin in range(0, len(line) or 1, _LONGEST_PART)
             )
-        if len(self.rest) >= _LONGEST_TOLD or (self.rest and not data):
+        if len(self.rest) >= _LONGEST_PART or (self.rest and not data):
             yield self.rest
             self.rest = b""
 
@@ -184,20 +185,20 @@ class _Stream(Struct):
         while view:
             try:
                 view = view[os.write(target, view) :]
-            except BlockingIOError:  # ours does not block, because another process has set it so
+            except BlockingIOError:  # our output does not block, because another process has set it so
                 time.sleep(_SOON)
             except OSError:
                 return False
         return True
 
 
-# Judged: a terminal shows nothing more often.
+# Judged: a terminal shows no more updates than this.
 _SOON = 0.01
-"""Seconds until a descriptor that is full is tried again."""
+"""Seconds until a full descriptor is tried again."""
 
 
 class OutputRoute:
-    """The way of a program's output to us: make it, give its ends to the program, then `start`."""
+    """The connection from a program's output to us: make it, give its ends to the program, then `start`."""
 
     def __init__(
         self,
@@ -207,8 +208,11 @@ class OutputRoute:
         windows: bool = not platform_has.POSIX,
         at_once: bool = False,
     ) -> None:
-        """With `on_line` lines are told, and go nowhere else; without it they go where ours go. `at_once`
-        tells that the program writes to a pipe as soon as to a terminal. Raises OSError."""
+        """With `on_line` lines go only to this callback; without it they go to our own output. Raises
+        OSError.
+
+        `at_once` is true if the program writes to a pipe without buffering, as to a terminal.
+        """
         self._windows = windows
         self._at_once = at_once
         self.stdout: int | None = None
@@ -225,25 +229,25 @@ class OutputRoute:
             self.stderr = self._passed(output.stderr, _STDERR)
 
     def _opened(self, tail: OutputTail, target: int | None, on_line: Callable[[str], None] | None) -> int:
-        """A stream's end for the program."""
+        """Open a stream. Returns the program's end."""
         has_terminal = target is not None and not self._windows and os.isatty(target)
         ours, theirs = _terminal(target) if target is not None and has_terminal else os.pipe()
         self._streams.append(_Stream(ours, tail, target, on_line))
         return theirs
 
     def _passed(self, tail: OutputTail, target: int) -> int | None:
-        """The end for a stream that goes where our `target` goes."""
+        """The program's end of a stream that goes to our `target`."""
         try:
             os.fstat(target)
-            # There is no such terminal on Windows. A pipe in its place holds lines back, but none of standard
-            # error: C does not buffer it, and Python writes it line by line.
+            # Windows has no such terminal. A pipe delays lines, but not those of standard error: C does not
+            # buffer it, and Python writes it line by line.
             held_back = self._windows and target == _STDOUT and not self._at_once and os.isatty(target)
             return None if held_back else self._opened(tail, target, None)
-        except OSError:  # ours is closed
+        except OSError:  # our output is closed
             return None
 
     def start(self) -> None:
-        """The program has its ends: begin to read."""
+        """Begin to read: the program has its ends."""
         self._close_ends()
         # Windows cannot wait for several pipes; elsewhere one thread keeps the order of both.
         groups = [[each] for each in self._streams] if self._windows else [self._streams]
@@ -251,7 +255,7 @@ class OutputRoute:
             self._readers.append(OutputReader(streams))
 
     def abandon(self) -> None:
-        """The program has not been started."""
+        """Close everything: the program has not been started."""
         self._close_ends()
         for stream in self._streams:
             os.close(stream.source)
@@ -262,26 +266,26 @@ class OutputRoute:
             os.close(end)
 
     def join(self, seconds: float) -> None:
-        """Wait until all has been read, for so long at most."""
+        """Wait until all has been read, for `seconds` at most."""
         until = time.monotonic() + seconds
         for reader in self._readers:
             reader.join(max(until - time.monotonic(), 0.0))
 
     def settle(self) -> bool:
-        """Wait until all that the program has printed is kept; False if that takes too long."""
+        """Wait until all output so far is kept; False if that takes too long."""
         return all(reader.settle() for reader in self._readers)
 
 
 def reading(output: ProgramOutput, stdout: int, stderr: int, on_line: Callable[[str], None]) -> OutputReader:
-    """Reader of both descriptors of a program to their ends: it keeps the last lines, tells all, and
+    """A reader of both descriptors of a program until their ends: it keeps the last lines, passes all on, and
     closes them."""
     streams = [_Stream(stdout, output.stdout, None, on_line), _Stream(stderr, output.stderr, None, on_line)]
     return OutputReader(streams)
 
 
-# Who reads our output may stop for a moment; a pager stops for long, and is not waited for.
+# A reader of our output may stop for a moment. A pager stops for long, and is not waited for.
 _SETTLING = 0.2
-"""Longest real time that the reading of what was printed is waited for, seconds."""
+"""Seconds (real) to wait at most until output so far has been read."""
 
 
 class OutputReader:
@@ -293,11 +297,11 @@ class OutputReader:
         self._thread.start()
 
     def join(self, seconds: float) -> None:
-        """Wait for the ends, for so long at most."""
+        """Wait for the ends, for `seconds` at most."""
         self._thread.join(seconds)
 
     def settle(self) -> bool:
-        """Wait until all that was printed is kept; False if that takes too long."""
+        """Wait until all output so far is kept; False if that takes too long."""
         until = time.monotonic() + _SETTLING
         while any(stream.is_behind for stream in self._streams):
             if time.monotonic() > until:
@@ -318,7 +322,7 @@ def _read_all(streams: list[_Stream]) -> None:
         for stream in streams:
             selector.register(stream.source, selectors.EVENT_READ, stream)
         while selector.get_map():
-            # Standard output first: who prints and then fails has printed first.
+            # Standard output first: a program prints, and then fails.
             for key, _ in sorted(selector.select(), key=lambda ready: streams.index(ready[0].data)):
                 stream = key.data
                 if not stream.pump():
@@ -327,7 +331,7 @@ def _read_all(streams: list[_Stream]) -> None:
 
 
 def _terminal(target: int) -> tuple[int, int]:
-    """Both ends of a terminal like the one at `target`, which leaves bytes as they are: ours, and the
+    """Both ends of a terminal like the one at `target`, which leaves bytes unchanged: ours, and the
     program's. Raises OSError."""
     if sys.platform == "win32":
         raise NotImplementedError  # there is no such thing on Windows
@@ -340,7 +344,7 @@ def _terminal(target: int) -> tuple[int, int]:
 
 
 def _copy_window(target: int, ours: int) -> None:
-    """Give a program's terminal the size of the one that its output goes to."""
+    """Give a program's terminal the size of the terminal of its output."""
     if sys.platform == "win32" or not platform_has.POSIX or not (os.isatty(target) and os.isatty(ours)):
         return
     with contextlib.suppress(OSError):

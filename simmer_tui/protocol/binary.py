@@ -8,16 +8,16 @@ from simmer_tui.protocol.replies import NUMBERS, ReplyForm, ReplyFormat, pack_nu
 from simmer_tui.sim.command import Command, parse_command
 from simmer_tui.sim.records import CommandResult
 
-# Judged: a code and a number with all its digits have a tenth of that.
+# Judged: ten times as long as a code and a number with all its digits.
 LONGEST = 256
 """Longest command, bytes. A longer one is answered once and skipped up to the next newline."""
-# Programs of Sep and Oct 2020 send no newline, one command a write: 5 ms after it nothing more comes.
+# Programs of Sep and Oct 2020 send no newline, and one command a write: after 5 ms nothing more comes.
 GRACE = 0.005
 """Seconds of silence after which bytes without a newline are a command."""
 # Judged: longer than any pause in the middle of one long message.
 SKIP_GRACE = 0.25
 """Seconds of silence that end an overlong command of a client that sends no newlines."""
-# Judged: a program asks for a dozen sensors; the limit is for one that sends new numbers for ever.
+# Judged: a program asks for a dozen sensors; the limit is for one that always sends new numbers.
 KNOWN = 100
 """Most lines a reader remembers."""
 
@@ -31,7 +31,7 @@ class NumberEncoder:
         self.size = self._layout.size
 
     def encode(self, number: float) -> bytes:
-        """One reply. A number too great for a float32 becomes infinite."""
+        """One reply in binary. A number too large for a float32 becomes infinite."""
         return pack_number(self._layout, number)
 
     def reply(self, result: CommandResult) -> bytes:
@@ -48,12 +48,11 @@ def typed(text: bytes, settings: ServerSettings) -> tuple[bytes, ReplyForm]:
 
 
 class CommandReader:
-    """Cuts what one connection sends into commands. Holds no socket and no clock.
+    """Cuts the bytes of one connection into commands. It has no socket and no clock.
 
-    A connection that has sent a newline is line-framed. Before that, bytes followed by silence
-    are one command: when `idle_timeout` is not None, call `silence` once nothing has come for so many
-    seconds. `end` gives what is left when the sender closes. It never holds more than `LONGEST`
-    bytes and a newline's worth.
+    A connection that has sent a newline is line-framed. Before that, bytes followed by silence are one
+    command: call `silence` when nothing has come for `idle_timeout` seconds, unless that is None. `end`
+    returns the last command when the sender closes. It holds at most `LONGEST` bytes and a newline.
     """
 
     def __init__(self, source: str = "client", grace: float = GRACE) -> None:
@@ -73,7 +72,7 @@ class CommandReader:
 
     @property
     def idle_timeout(self) -> float | None:
-        """Seconds of silence to wait for before `silence` is due, or None."""
+        """Seconds of silence after which to call `silence`, or None."""
         if self._lines:
             return None
         if self._skipping:
@@ -82,11 +81,11 @@ class CommandReader:
 
     @property
     def unended(self) -> bytes:
-        """The bytes of a line whose end has not come, of a client that ends its lines."""
+        """The bytes of an unfinished line, of a client that ends its lines."""
         return self._buffer if self._lines else b""
 
     def late_end(self, data: bytes) -> bytes:
-        """The line end with which `data`, not received yet, completes the command before."""
+        """The line end at the start of `data`, not received yet, that completes the previous command."""
         if not self._just_taken:
             return b""
         # The longer one first, or the return would be left over.
@@ -96,7 +95,7 @@ class CommandReader:
         return data if data == b"\r" else b""
 
     def receive(self, data: bytes) -> list[Command]:
-        """Take in bytes as they come; the commands they complete."""
+        """Take bytes as they come. Returns the commands that they complete."""
         command = self._one_line(data)
         if command is not None:
             return [command]
@@ -125,7 +124,7 @@ class CommandReader:
         return commands
 
     def _one_line(self, data: bytes) -> Command | None:
-        """The command of one whole line and nothing else, as nearly always comes."""
+        """The command of one whole line and nothing else, the usual case."""
         plain = self._lines and not (self._buffer or self._skipping or self._just_taken)
         if not plain or not 0 <= data.find(b"\n") == len(data) - 1 <= LONGEST:
             return None
@@ -139,7 +138,7 @@ class CommandReader:
         return command
 
     def _kept(self, rest: bytes, commands: list[Command]) -> bytes:
-        """The bytes kept of a command whose end has not come: none of an overlong one, which is refused."""
+        """The bytes kept of an unfinished command: none of an overlong one, which is refused."""
         if self._skipping:
             return b""
         if len(rest) <= LONGEST + rest.endswith(b"\r"):
@@ -152,14 +151,14 @@ class CommandReader:
         return b""
 
     def silence(self) -> list[Command]:
-        """Nothing has come for `idle_timeout` seconds: what stands alone is a command."""
+        """The command that ends because nothing has come for `idle_timeout` seconds."""
         if self.idle_timeout is None:
             return []
         self._just_taken = True
         return self.end()
 
     def end(self) -> list[Command]:
-        """The sender has closed: what is left is a command."""
+        """The last command: the sender has closed."""
         self.sent = []
         if self._skipping:
             return self._skipped()
@@ -175,7 +174,7 @@ class CommandReader:
         return self._answered()
 
     def _answered(self) -> list[Command]:
-        """The overlong command, if it has not been handed out yet."""
+        """The overlong command, if it has not been returned yet."""
         overlong, self._overlong = self._overlong, None
         if overlong is None:
             return []

@@ -13,14 +13,14 @@ from simmer_tui.sim.command import escape, parse_value
 # Request line of RFC 9112, section 3: a browser, curl, or a health check.
 _HTTP = re.compile(r"[A-Z]{3,8} \S* ?HTTP/\d")
 _JSON = re.compile(r'\s*\{\s*"')
-# Far below any movement that is meant. Bytes taken in the wrong order give such numbers.
+# Far below any intended movement. Bytes in the wrong order give such numbers.
 _TINY = 1e-30
 # The limit of a drive's value (`simulator.LARGEST_VALUE`), beyond which nothing is driven.
 _HUGE = 1e6
 
 
 class Diagnosis(Struct, frozen=True):
-    """A mistake that was recognised. `name` tells mistakes apart: each is told once."""
+    """A mistake that was recognised. `name` identifies it: each is reported once."""
 
     name: str
     text: str
@@ -71,7 +71,7 @@ def http(port: int) -> Diagnosis:
 
 
 def code_from_zero(code: str, known: frozenset[str], disabled: frozenset[str]) -> Diagnosis | None:
-    """The mistake of a program whose codes begin at 0 where the set's begin at 1."""
+    """The mistake of a program whose codes begin at 0 while the set's begin at 1."""
     if len(code) != 2 or code[1] != "0" or code in known | disabled or f"{code[0]}1" not in known:
         return None
     return Diagnosis(
@@ -80,9 +80,9 @@ def code_from_zero(code: str, known: frozenset[str], disabled: frozenset[str]) -
 
 
 def joined(text: str, known: frozenset[str]) -> Diagnosis | None:
-    """The mistake of a program that sends commands in one go without line ends: `u1u2` reads u1 alone."""
+    """The mistake of a program that sends commands together without line ends: `u1u2` reads only u1."""
     for at in range(2, len(text) - 1):
-        # A digit before an e is a number's own: d1-1e5.
+        # A digit before an e may belong to a number: d1-1e5.
         if text[at : at + 2] in known and text[at].isalpha() and text[at] not in "eE":
             return Diagnosis(
                 "commands joined",
@@ -103,7 +103,7 @@ def without_end(rest: bytes, peer: str) -> Diagnosis:
 
 
 def is_nonsense(argument: str | None) -> bool:
-    """True if the value of a drive looks like a reply read in the wrong width or byte order."""
+    """True if the value of a drive looks like a reply read with the wrong width or byte order."""
     if argument is None:
         return False
     if argument.strip().lower().lstrip("+-") in ("nan", "inf", "infinity"):

@@ -53,9 +53,9 @@ class RequestStyle(StrEnum):
 
 
 class Request(Struct, frozen=True):
-    """The commands that came as one message. None (`[]`) asks for no reply, but for a log line.
+    """The commands of one message. An empty message (`[]`) asks for no reply, but for a log line.
 
-    `data` is the message as sent; no bytes if it is not fit to be passed on to a robot.
+    `data` is the message as sent; no bytes if it must not be passed on to a robot.
     """
 
     dialect: RequestStyle
@@ -67,11 +67,11 @@ _EMPTY = Request(RequestStyle.FRAMED)
 
 
 class RequestReader:
-    """Cuts what one connection sends into requests; holds at most `MAX_REQUEST` bytes.
+    """Cuts the bytes of one connection into requests; it holds at most `MAX_REQUEST` bytes.
 
-    Feed it with `receive`, tell it of the end of the stream with `end`, and call `silence` when
-    nothing has come for `idle_timeout` seconds. A packet whose brackets do not pair up is refused as a
-    whole: of half a packet nobody knows what it was to say.
+    Call `receive` for each piece, `end` at the end of the stream, and `silence` when nothing has come for
+    `idle_timeout` seconds. A packet whose brackets do not pair up is refused as a whole: the meaning of half
+    a packet is not known.
     """
 
     def __init__(self, grace: float = GRACE) -> None:
@@ -82,15 +82,15 @@ class RequestReader:
 
     @property
     def idle_timeout(self) -> float | None:
-        """Seconds of silence after which to call `silence`, or None while there is nothing to
-        end: a packet with an open bracket may pause as long as it likes."""
+        """Seconds of silence after which to call `silence`. None if nothing ends by silence: a packet with an
+        open bracket may pause for any time."""
         if self._open:
             return None
         return self._grace if self._discarding or self._pending.strip(_BLANK) else None
 
     @property
     def unfinished(self) -> bool:
-        """True if bytes of a request have come whose end has not."""
+        """True if bytes of an unfinished request have come."""
         return self._open or self._discarding or bool(self._pending.strip(_BLANK))
 
     def receive(self, data: bytes) -> list[Request]:
@@ -112,7 +112,7 @@ class RequestReader:
         return [] if self._open else self._end_legacy()
 
     def end(self) -> list[Request]:
-        """The request whose end had not come when the sender closed."""
+        """The unfinished request when the sender closes."""
         if not self._open:
             return self._end_legacy()
         requests: list[Request] = []
@@ -180,10 +180,10 @@ def _refusal(dialect: RequestStyle, text: bytes | bytearray, problem: str) -> Re
 
 
 def _command(piece: bytes, problem: str = "") -> Command:
-    """A command with code and value. Spaces are kept: here, unlike on a line, the place counts."""
+    """A command with code and value. Spaces are kept: unlike in a line, the position counts."""
     if len(piece) > LONGEST:
         problem = problem or f"a command has at most {LONGEST} bytes"
-    text = piece[:LONGEST].decode("latin-1")  # one character a byte, so that any byte passes
+    text = piece[:LONGEST].decode("latin-1")  # one character a byte, so that any byte is kept
     if len(text) < 2:
         problem = problem or ("a code has two characters" if text else "an empty command")
     # The third character is a separator of any kind, as in simmer-python.
@@ -199,7 +199,7 @@ MAX_WAITING = 1000
 
 # As simmer-python prints them; programs match \d+\.\d+.
 _DECIMALS = 3
-# simmer-python's words since Aug 2024, and the numbers of the forms before that, without brackets.
+# The replies of simmer-python since Aug 2024, and the numbers of the earlier formats without brackets.
 _ANSWERS = {
     Status.DONE: ("True", math.inf),
     Status.ACCEPTED: ("True", math.inf),
@@ -229,8 +229,10 @@ class Reply(Struct, frozen=True):
 def encode(
     dialect: RequestStyle, legacy_reply: ReplyFormat | str, answers: Iterable[tuple[Command, CommandResult]]
 ) -> Reply:
-    """The reply to a request in `dialect`; `legacy_reply` (`float64`, `float32` or `text`) says how
-    one without brackets is answered. Raises ValueError for another `legacy_reply`."""
+    """The reply to a request in `dialect`. Raises ValueError for an unknown `legacy_reply`.
+
+    `legacy_reply` (`float64`, `float32` or `text`) is the format for requests without brackets.
+    """
     if dialect is RequestStyle.FRAMED:
         items = (f"{_echo(command)}:{_word(command, outcome)}".encode() for command, outcome in answers)
         return Reply(ReplyFormat.FRAMED, tuple(items))
@@ -259,13 +261,13 @@ def ranges_text(ranges: NDArray[np.float64]) -> str:
 
 
 def _echo(command: Command) -> str:
-    """The code, with whatever would break the reply's own framing made a question mark."""
+    """The code, with a question mark for each character that would break the reply's framing."""
     return "".join(c if c.isascii() and c.isprintable() and c not in "[],:" else "?" for c in command.code)
 
 
 def _word(command: Command, outcome: CommandResult) -> str:
     if outcome.status is not Status.READING:
-        # A text that is no command at all has no value to be wrong: there is no such code.
+        # A text that is no command has no wrong value: its code does not exist.
         return _ANSWERS[Status.UNKNOWN if command.problem else outcome.status][0]
     if outcome.reading is not None and outcome.reading.sensor.is_yes_or_no:
         return str(outcome.reply >= 0.5)
@@ -284,16 +286,16 @@ def _legacy_item(reply_format: ReplyFormat, outcome: CommandResult) -> bytes:
 
 
 def passed_on(reply_format: ReplyFormat, data: bytes) -> Reply:
-    """A robot's own reply, whose bytes stay as they are; one in brackets is joined to others as ours are."""
+    """A robot's own reply, whose bytes stay unchanged. One in brackets is joined to others like ours."""
     if reply_format is not ReplyFormat.FRAMED:
         return Reply(reply_format, (data,))
     if data.startswith(b"[") and data.endswith(b"]"):
         return Reply(reply_format, (data[1:-1],))
-    return Reply(ReplyFormat.FLOAT64, (data,))  # as numbers are: nothing is put around or between
+    return Reply(ReplyFormat.FLOAT64, (data,))  # as for numbers: no bytes are added around or between
 
 
 class _Waiting(Struct):
-    """A reply that waits, whose it is, since when, and how many of its items were dropped to make room."""
+    """A reply that waits, its owner, its time, and the count of its items dropped to make room."""
 
     reply: Reply
     owner: str
@@ -306,9 +308,9 @@ class _Waiting(Struct):
 
 
 class Mailbox:
-    """Replies that wait to be fetched; at most `limit` items, of which the oldest go first.
+    """Replies that wait to be fetched: at most `limit` items, of which the oldest are dropped first.
 
-    Whatever waits, what one reply costs is the same: a flood fills the mailbox and keeps it full.
+    A reply costs the same whatever waits: a flood fills the mailbox and keeps it full.
     """
 
     def __init__(self, limit: int = MAX_WAITING) -> None:
@@ -322,14 +324,14 @@ class Mailbox:
         return self._count
 
     def put(self, reply: Reply, owner: str = "", now: float = 0.0) -> int:
-        """Add a reply to `owner`, which waits from `now` on. Returns how many old items were dropped to make
+        """Add a reply to `owner`, which waits from `now` on. Returns the count of old items dropped to make
         room."""
         if not reply.items:
             return 0
         # By identity: two equal readings are two replies.
         self._waiting[id(reply)] = _Waiting(reply, owner, now)
         self._count += len(reply.items)
-        # The oldest go: a program that reads again wants the newest.
+        # The oldest ones: a program that reads again needs the newest.
         surplus = dropped = max(0, self._count - self._limit)
         while surplus:
             oldest = next(iter(self._waiting.values()))
@@ -342,21 +344,21 @@ class Mailbox:
         return dropped
 
     def has(self, owner: str, since: float = -math.inf) -> bool:
-        """True if something waits for an owner that came at a time or later."""
+        """True if a reply from the time `since` or later waits for an owner."""
         return any(each.owner == owner and each.since >= since for each in self._waiting.values())
 
     def drop(self, owner: str, before: float = math.inf) -> int:
-        """Drop what has waited for an owner since `before` that time. Returns how many items that were."""
+        """Drop an owner's replies from before the time `before`. Returns the count of items."""
         theirs = [
             key for key, waiting in self._waiting.items() if waiting.owner == owner and waiting.since < before
         ]
         return sum(len(self._remove(key)) for key in theirs)
 
     def take(self) -> bytes:
-        """All that waits as one message, oldest first; no bytes if nothing does.
+        """All waiting items as one message, oldest first; no bytes if there are none.
 
-        A message has one format. Should replies of several wait (two programs at once), the
-        oldest ones of one format go now and the others with the next call.
+        A message has one format. If replies of several formats wait (two programs at once), the oldest ones
+        of one format are taken, and the others by the next call.
         """
         first = next(iter(self._waiting.values()), None)
         if first is None:
@@ -367,7 +369,7 @@ class Mailbox:
         return Reply(reply_format, tuple(item for key in keys for item in self._remove(key))).message()
 
     def holds(self, reply: Reply) -> bool:
-        """True if some of a reply still waits."""
+        """True if any item of a reply still waits."""
         return id(reply) in self._waiting
 
     def withdraw(self, replies: Sequence[Reply]) -> bytes:
@@ -381,7 +383,7 @@ class Mailbox:
         )
 
     def _remove(self, key: int) -> tuple[bytes, ...]:
-        """The items that still waited of a reply, which waits no more."""
+        """Remove a reply. Returns its items that still waited."""
         items = self._waiting.pop(key).items
         self._count -= len(items)
         return items

@@ -1,7 +1,7 @@
-"""Replies in every dialect: their form, and how a real robot's are found in the bytes that it sends.
+"""Replies in every dialect: their format, and the search for a real robot's replies in the bytes it sends.
 
-Holds no port and no clock. Robots print greetings when they boot, lose bytes and answer late, so
-a reply is looked for only while one is expected; everything else is discarded, and counted.
+It has no port and no clock. Robots print greetings when they boot, lose bytes and answer late. So a reply is
+searched for only while one is expected; all other bytes are discarded, and counted.
 """
 
 import math
@@ -28,7 +28,7 @@ NUMBERS = {
 
 
 class ReplyFormat(StrEnum):
-    """Format of a reply. All but `FRAMED` are what `legacy_reply` may say."""
+    """Format of a reply. All but `FRAMED` are possible values of `legacy_reply`."""
 
     FRAMED = "framed"
     FLOAT64 = "float64"
@@ -46,7 +46,7 @@ class ReplyEnd(StrEnum):
     QUIET = "quiet"
 
 
-# The end that robots of each dialect send; the setting `reply_end` names another.
+# The end of replies in each dialect; the setting `reply_end` names another.
 _ENDS = {
     ReplyFormat.FLOAT64: ReplyEnd.FLOAT64,
     ReplyFormat.FLOAT32: ReplyEnd.FLOAT32,
@@ -63,23 +63,23 @@ class ReplyForm(Struct, frozen=True):
 
     @property
     def end(self) -> ReplyEnd:
-        """The end of a reply of this form unless told otherwise."""
+        """The end of a reply of this form, without another setting."""
         return _ENDS[self.format]
 
 
 def pack_number(layout: struct.Struct, number: float) -> bytes:
-    """A number in binary. A number too great for a float32 becomes infinite."""
+    """A number in binary. One too large for a float32 becomes infinite."""
     try:
         return layout.pack(number)
-    # struct refuses what MATLAB's single() makes infinite.
+    # struct refuses numbers that MATLAB's single() makes infinite.
     except OverflowError:
         return layout.pack(math.copysign(math.inf, number))
 
 
 def pack_ranges(layout: struct.Struct, ranges: NDArray[np.float64]) -> bytes:
     """The reply to a lidar's code in binary: the count of the ranges, and the ranges."""
-    # struct's letters for byte order and size mean the same to numpy. As in `pack_number`, what is too
-    # great for a float32 becomes infinite.
+    # struct's letters for byte order and size mean the same to numpy. As in `pack_number`, numbers too large
+    # for a float32 become infinite.
     with np.errstate(over="ignore"):
         return np.concatenate(((len(ranges),), ranges)).astype(layout.format).tobytes()
 
@@ -87,14 +87,14 @@ def pack_ranges(layout: struct.Struct, ranges: NDArray[np.float64]) -> bytes:
 # At 9600 baud a byte takes 1 ms, and USB adapters pass bytes on every 16 ms: 50 ms is a clear end.
 GAP = 0.05
 """Seconds of silence that end a reply without another end, and a burst of bytes in doubt."""
-# A reply to 1000 commands at 16 bytes each, or three of a lidar with 2,000 rays.
+# Enough for a reply to 1000 commands at 16 bytes each, or three of a lidar with 2,000 rays.
 LIMIT = 64 * 1024
 """Most bytes kept while looking for the end of a reply."""
-# A line of the event list.
+# The width of a line of the event list.
 SAMPLE = 60
 """Most discarded bytes kept to be shown."""
 
-# A sensor may have 2,000 rays; a robot's own may be finer, and a count of more is none.
+# A sensor may have 2,000 rays. A robot's own lidar may have more; a larger number is no count.
 MOST_RANGES = 4000
 """Most numbers of a scan."""
 
@@ -104,29 +104,28 @@ _SEPARATORS = re.compile(r"[|,;\s]+")
 _ITEMS = re.compile(r"[|,\s]+")
 """Separators of items, where one may be many numbers."""
 _WORDS = {"inf": math.inf, "+inf": math.inf, "-inf": -math.inf, "infinity": math.inf}
-# "ovf" is what Arduino's print makes of a float beyond 4294967040.
+# "ovf" is printed by Arduino for a float beyond 4294967040.
 _WORDS |= {"nan": math.nan, "ovf": math.inf, "drive stop": math.inf, "not found": math.nan}
 _TRUTH = {"true": True, "false": False}
 _ANSWERS = frozenset((*_WORDS, *_TRUTH))
-"""Words that a line of numbers may hold; any other makes it a greeting."""
+"""Words that a line of numbers may contain; with any other it is a greeting."""
 _PLAIN = bytes((*b"\t\r\n", *range(0x20, 0x7F)))
 """Characters of a greeting."""
-# Four or eight printable characters read as a float are mostly outside these.
+# Four or eight printable characters read as a float are mostly outside this range.
 _LIKELY = 1e-9, 1e9
-"""Magnitudes of numbers that may come from a robot even if their bytes happen to be printable."""
+"""Magnitudes of numbers that may come from a robot even if their bytes are all printable."""
 
 
 _SIZES = {ReplyEnd.FLOAT64: 8, ReplyEnd.FLOAT32: 4}
 
 
 class ReplyFramer:
-    """Finds the reply to each command in what a robot sends; holds at most `LIMIT` bytes.
+    """Finds the reply to each command in the bytes of a robot; holds at most `LIMIT` bytes.
 
-    `expect` before a command is sent, `receive` what comes, and call `silence` when nothing has
-    come for `idle_timeout` seconds. In doubt (at the start, and after `doubt`) there may be a greeting
-    or a late reply in front of the right one, so that only the last reply of a burst counts (of
-    several that are due, as many from the last). The reply to a lidar's code is a count and so many
-    numbers; one NaN is a refusal.
+    Call `expect` before a command is sent, `receive` for bytes, and `silence` when nothing has come for
+    `idle_timeout` seconds. At the start, and after `doubt`, a greeting or a late reply may come before the
+    right one. Then only the last reply of a burst counts; if several are expected, as many from its end. The
+    reply to a lidar's code is a count and so many numbers; one NaN is a refusal.
     """
 
     def __init__(self, gap: float = GAP) -> None:
@@ -159,8 +158,10 @@ class ReplyFramer:
         scans: Sequence[bool] = (),
         byte_order: str = "little",
     ) -> None:
-        """A reply to `count` commands is due. What came before is no part of it, unless `keep`. `scans` says
-        of each command whether it asks for a scan, whose count is a number in `byte_order`."""
+        """Expect a reply to `count` commands. Earlier bytes are discarded, unless `keep`.
+
+        `scans` is true for each command that asks for a scan, whose count is a number in `byte_order`.
+        """
         if not keep:
             self.abandon()
         self._end = end
@@ -176,11 +177,11 @@ class ReplyFramer:
         self._end = None
 
     def doubt(self) -> None:
-        """Something went wrong: stray bytes may arrive before the next reply."""
+        """Take note of a fault: stray bytes may arrive before the next reply."""
         self._doubtful = True
 
     def receive(self, data: bytes) -> bytes | None:
-        """Take in bytes; the reply if they complete it. After a reply, `expect` the next."""
+        """Take bytes. Returns the reply if they complete it. After a reply, call `expect` for the next."""
         if self._end is None:
             self._discard(data)
             return None
@@ -192,7 +193,7 @@ class ReplyFramer:
         return reply
 
     def silence(self) -> bytes | None:
-        """Nothing has come for `idle_timeout` seconds; the reply if that ends it."""
+        """Take note that nothing has come for `idle_timeout` seconds. Returns the reply if that ends it."""
         return self._take(first=False) if self.idle_timeout is not None else None
 
     def take_discarded(self) -> tuple[int, bytes]:
@@ -209,7 +210,7 @@ class ReplyFramer:
         self._discard(self._buffer[:start])
         reply = self._buffer[start:stop]
         self._buffer = self._buffer[stop:]
-        # Found whole: from here on bytes and commands are in step again.
+        # A whole reply was found: from now on bytes and commands are in step again.
         self._end = None
         self._doubtful = False
         return reply
@@ -241,11 +242,11 @@ class ReplyFramer:
         return last[0] if last else None
 
     def _find_counted(self, first: bool) -> tuple[int, int] | None:
-        """Begin and end of a reply whose length is in it: at the front, or somewhere if nothing but the
-        replies that follow comes after it."""
+        """Begin and end of a reply that contains its length. It is at the front, or anywhere if only the
+        expected replies follow it."""
         if first:
             stop = self._counted_end(0)
-            # Text where a count should be, or a robot that sends none.
+            # Text in place of a count, or a robot that sends none.
             self._doubtful = stop is None
             return None if stop is None or stop > len(self._buffer) else (0, stop)
         size = self._layout.size
@@ -257,7 +258,7 @@ class ReplyFramer:
         return None
 
     def _counted_end(self, start: int) -> int | None:
-        """End of the reply that begins at a place, by the counts that have come; None if one is no count."""
+        """End of the reply that begins at `start`, by the counts that have come; None if one is no count."""
         place, size = start, self._layout.size
         for is_scan in self._scans:
             if is_scan and place + size <= len(self._buffer):
@@ -282,8 +283,8 @@ class ReplyFramer:
 
 
 def _is_text(data: bytes, size: int) -> bool:
-    """True if bytes in the place of numbers of this size are rather text: all printable, and not
-    all numbers that one would meet, in either order of the bytes."""
+    """True if bytes in place of numbers of this size are text: all printable, and not all of them likely
+    numbers in either byte order."""
     if data.translate(None, _PLAIN):
         return False
     low, high = _LIKELY
@@ -312,11 +313,11 @@ RobotAnswer = float | NDArray[np.float64]
 def read_numbers(
     reply: bytes, form: ReplyForm, sensing: Sequence[bool], scans: Sequence[bool] = ()
 ) -> tuple[RobotAnswer, ...]:
-    """The answers in a reply, one for each command; NaN for those that are missing or no number.
+    """The answers in a reply, one for each command; NaN for missing ones and for text.
 
-    `sensing` says of each command whether it reads a sensor: `True` and `False` are then 1 and 0,
-    else, as the answer to a drive, infinity and NaN. `scans` says whether it asks for a scan: the answer is
-    then its ranges, or NaN.
+    `sensing` is true for each command that reads a sensor: its `True` and `False` are 1 and 0. In the answer
+    to a drive they are infinity and NaN. `scans` is true for each command that asks for a scan: its answer is
+    the ranges, or NaN.
     """
     scans = scans or (False,) * len(sensing)
     found: list[RobotAnswer] = []
@@ -334,7 +335,7 @@ def read_numbers(
 
 
 def _counted(values: list[float], scans: Sequence[bool]) -> list[RobotAnswer]:
-    """The answers in numbers, where the first one of a scan is a count."""
+    """The answers in numbers, where the first number of a scan is its count."""
     found: list[RobotAnswer] = []
     rest = iter(values)
     for is_scan in scans:
@@ -357,7 +358,7 @@ def _items(text: str, scans: Sequence[bool]) -> list[str]:
         # Each item echoes its code, `u0:12.3`; programs and robots repeat it or leave it out.
         return [item.rpartition(":")[2].strip() for item in text.strip("[]").split(",")]
     if len(scans) == 1 and scans[0]:
-        return [text]  # alone, it may be joined by anything
+        return [text]  # a single command's ranges may be joined by any separator
     return (_ITEMS if any(scans) else _SEPARATORS).split(text)
 
 

@@ -8,7 +8,8 @@ from simmer_tui.tui.headline import RunPhase
 
 
 class AnswerHome:
-    """The one place for answers: what was asked for, the end of the run, first steps, or what goes on now."""
+    """The one place for answers: a requested one, the end of the run, first steps, or the present
+    movement."""
 
     def __init__(self) -> None:
         self.first_steps: Callable[[], AnswerCard | None] = lambda: None
@@ -26,7 +27,7 @@ class AnswerHome:
         self._asked, self._moved = answer, snapshot.state.moved
 
     def close(self) -> bool:
-        """Close what may be closed. Returns true if there was such an answer."""
+        """Close the answer, if it can be closed. Returns True if it could."""
         had = self._asked is not None or (self._has_end and not self._closed)
         self._closed = self._closed or (self._asked is None and self._has_end)
         self._asked = None
@@ -35,7 +36,7 @@ class AnswerHome:
     def answer(
         self, snapshot: Snapshot, newest: Iterable[LogEntry], phase: RunPhase, *, plain: bool
     ) -> AnswerCard:
-        """The answer of the moment; `newest` are the events, the newest first."""
+        """The answer to show now; `newest` are the events, the newest first."""
         state = snapshot.state
         if self._asked is not None and state.moved != self._moved:
             self._asked = None

@@ -1,6 +1,7 @@
-"""Answers: what a person wants to know now, for the one place that the screen has for it.
+"""Answers to what a person wants to know now, for the screen's one place for them.
 
-First steps before anything has happened, the movement under way, the end of a run, and what was asked for.
+They are first steps before anything has happened, the movement under way, the end of a run, and requested
+answers.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -26,16 +27,16 @@ from simmer_tui.tui.sensor_readouts import bearing_words
 
 _LONGEST = 400
 """Characters of an error or a cause that are shown."""
-# Two frames say where and from where; each has a line of code below it.
+# Two frames show the place and its caller; each has a line of code below it.
 _FRAMES = 2
 _OUTPUT = 4
-"""Last lines of an error output that no frames are found in."""
+"""Last lines shown of an error output without frames."""
 # A turn and the drive after it.
 _ENDED = 2
-"""Movements that are over and shown below the one under way."""
-# Three lines of 36 columns, with their indent: what it is. `:why` says all of it.
+"""Ended movements shown below the one under way."""
+# Three lines of 36 columns, with their indent, are enough for the cause itself. `:why` shows all of it.
 _CAUSE = 98
-"""Characters of a cause at the end of a run, if its first sentence is not longer."""
+"""Characters of a cause at the end of a run, unless its first sentence is longer."""
 _LONG_SENTENCE = 140
 """Characters of a sentence that are shown."""
 
@@ -43,7 +44,7 @@ _LONG_SENTENCE = 140
 class AnswerCard(Struct, frozen=True):
     """An answer: `title` and `note` are its heading, `lines` all of it, `brief` the same in three lines.
 
-    `role` is that of the title. An answer that `covers` stands on small screens in place of other lines.
+    `role` is that of the title. An answer that `covers` takes the place of other lines on small screens.
     """
 
     title: str
@@ -54,7 +55,7 @@ class AnswerCard(Struct, frozen=True):
     covers: bool = True
 
     def shown(self, room: Room) -> list[StyledLine]:
-        """Lines for a room: with a heading, or on few rows in brief."""
+        """Lines for a room: all, with a heading, or in brief if there are few rows."""
         if room.rows <= _BRIEF:
             given = self.brief or self.lines
             wide = [part for line in given for part in wrapped(((" ", "plain"), *line), room.width - 1, 2)]
@@ -64,19 +65,20 @@ class AnswerCard(Struct, frozen=True):
         return [((self.title, self.role), *head[1:]), *_fitted(rest, room, 1)]
 
     def rows(self, width: int) -> int:
-        """Rows that all of it takes, its heading included."""
+        """Rows that all of it takes, with its heading."""
         return 1 + sum(len(wrapped(line, width, 2)) for line in self.lines)
 
 
 _BRIEF = 3
-"""Most rows that have no heading."""
+"""Most rows of an answer without a heading."""
 # The narrowest screen has 80, and a margin at both sides.
 _BRIEF_COLUMNS = 78
 """Columns of such a row."""
 
 
 def _fitted(lines: Sequence[StyledLine], room: Room, taken: int = 0) -> list[StyledLine]:
-    """As many lines as there is room for. Where some are left out the last stays: it says what one can do."""
+    """As many lines as there is room for. If some are left out the last one stays, with the possible
+    actions."""
     rows = max(room.rows - taken, 1)
     if len(lines) <= rows:
         return list(lines)
@@ -124,7 +126,7 @@ def _numbered(*lines: StyledLine) -> list[StyledLine]:
 
 
 def scan_answer(snapshot: Snapshot, *, plain: bool) -> AnswerCard | None:
-    """A scan that the robot has read since it came to stand, if it was read last."""
+    """The scan that was read last, if the robot has not moved since."""
     row = standing_scan(snapshot.state)
     scan = None if row is None else row.reading.scan
     if row is None or scan is None:
@@ -145,8 +147,8 @@ def scan_answer(snapshot: Snapshot, *, plain: bool) -> AnswerCard | None:
 
 
 def now_answer(snapshot: Snapshot, newest: Iterable[LogEntry], *, plain: bool) -> AnswerCard:
-    """The movement under way, the last two that are over, and the error of the belief; `newest` are events,
-    the newest first."""
+    """The movement under way, the last two ended ones, and the belief's error. `newest` are events, the
+    newest first."""
     lines: list[StyledLine] = []
     going = movement_line(snapshot, plain=plain)
     velocity = snapshot.state.velocity
@@ -195,28 +197,28 @@ def ended_line(ended: MovementEnded) -> StyledLine:
 
 
 def why_answer(facts: Sequence[WhyFact], snapshot: Snapshot) -> AnswerCard:
-    """Reasons for the end of the last movement."""
+    """The reasons for the end of the last movement."""
     ended = snapshot.state.ended
     if ended is None or not facts:
         return AnswerCard("why", "Esc closes", (((NOTHING_MOVED, "value"),),))
     lines: tuple[StyledLine, ...] = tuple(
         ((f"{fact.label:<8}", "label"), (fact.text, "danger" if fact.is_bad else "value")) for fact in facts
     )
-    told = ", ".join(fact.text if fact.label == "errors" else f"{fact.label} {fact.text}" for fact in facts)
-    brief: StyledLine = ((f"why {ended.command.shown}  ", "title"), (told, "value"), ("   Esc closes", "dim"))
+    text = ", ".join(fact.text if fact.label == "errors" else f"{fact.label} {fact.text}" for fact in facts)
+    brief: StyledLine = ((f"why {ended.command.shown}  ", "title"), (text, "value"), ("   Esc closes", "dim"))
     return AnswerCard(f"why {ended.command.shown}", "Esc closes", lines, (brief,))
 
 
 def program_output(program: ProgramEnded) -> str:
     """The last lines of both outputs of a program that has ended."""
     lines: list[str] = []
-    for name, told in (("standard error", program.stderr), ("standard output", program.stdout)):
-        lines += [f"Last lines of {name}", *(f"  {printable(line.text)}" for line in told), ""]
+    for name, printed in (("standard error", program.stderr), ("standard output", program.stdout)):
+        lines += [f"Last lines of {name}", *(f"  {printable(line.text)}" for line in printed), ""]
     return "\n".join(lines)
 
 
 def verdict_answer(verdict: Verdict) -> AnswerCard:
-    """All that the verdict says."""
+    """The whole verdict."""
     first, *rest = verdict.lines
     role = "danger" if verdict.outcome.is_failure else "bold"
     lines: list[StyledLine] = [((printable(first), role),)]
@@ -225,7 +227,7 @@ def verdict_answer(verdict: Verdict) -> AnswerCard:
 
 
 def verdict_so_far(snapshot: Snapshot) -> Sequence[str]:
-    """The verdict, or while there is none how the run stands."""
+    """The verdict, or the state of the run while there is none."""
     if snapshot.verdict is not None:
         return snapshot.verdict.lines
     state = snapshot.state
@@ -243,7 +245,7 @@ def bias_answer(bias: Mapping[DriveKind, Axes]) -> AnswerCard:
 
 
 def note(title: str, text: str, role: str = "value") -> AnswerCard:
-    """A sentence for a person, about what they have just done."""
+    """A sentence for a person about their last action."""
     return AnswerCard(title, "Esc closes", (((printable(text), role),),))
 
 
@@ -251,10 +253,8 @@ def note(title: str, text: str, role: str = "value") -> AnswerCard:
 
 
 def end_answer(snapshot: Snapshot, *, orders: bool) -> AnswerCard | None:
-    """The end of a run: outcome, cause, the program's last lines, numbers, and what one can do now.
-
-    None while it goes on. Without `orders`, as in a replay, nothing is offered.
-    """
+    """The end of a run: outcome, cause, the program's last lines, numbers, and the possible actions. None
+    while it continues. Without `orders`, as in a replay, no action is offered."""
     mission, verdict = snapshot.mission, snapshot.verdict
     over = mission if mission is not None and mission.over else None
     if over is not None and over.result is Result.SUCCESS:
@@ -304,7 +304,7 @@ _GAP: StyledLine = (("   ", "plain"),)
 
 
 def _notes(verdict: Verdict | None) -> list[StyledLine]:
-    """Note on events after the end of a mission, such as a crash."""
+    """Notes on events after the end of a mission, such as a crash."""
     return [] if verdict is None else [((printable(each), "value"),) for each in verdict.notes]
 
 
@@ -323,7 +323,7 @@ def _failure(snapshot: Snapshot, reason: str, *, orders: bool) -> AnswerCard:
 
 
 def _first_sentences(text: str) -> str:
-    """As many whole sentences of a cause as there is room for; a long first one is cut."""
+    """As many whole sentences of a cause as there is room for. A first sentence that is too long is cut."""
     first, *more = text.replace(". ", ".\n").split("\n")
     shown = shorten(first, _LONG_SENTENCE, placeholder=" …")
     for sentence in more:
@@ -334,7 +334,7 @@ def _first_sentences(text: str) -> str:
 
 
 def _crash(snapshot: Snapshot, program: ProgramEnded, *, orders: bool) -> AnswerCard:
-    """The error of a program, and the calls that led to it, the innermost first."""
+    """The error of a program, and the calls before it, the innermost first."""
     lines: list[StyledLine] = [((escape(program.error, _LONGEST), "danger"),)]
     if program.signal:
         lines = [((f"The program was ended by signal {program.exit_code - 128}.", "danger"),), *lines]
@@ -348,7 +348,7 @@ def _crash(snapshot: Snapshot, program: ProgramEnded, *, orders: bool) -> Answer
 
 
 def _calls(program: ProgramEnded) -> list[StyledLine]:
-    """Calls that led to the error of a program, or where it was, or the last that it printed of it."""
+    """Calls before a program's error, otherwise its place, otherwise its last printed lines."""
     calls: list[StyledLine] = []
     for frame in own_frames([line.text for line in program.stderr])[:_FRAMES]:
         calls.append(((frame.place, "mark"), (f" in {frame.function}", "label")))
@@ -361,7 +361,7 @@ def _calls(program: ProgramEnded) -> list[StyledLine]:
 
 
 def _silent_text(verdict: Verdict) -> str:
-    """End of a program that printed no error; empty if there is more to say."""
+    """End of a program that printed no error; empty if there is more to report."""
     program = verdict.program
     if program is None or program.crashed:
         return ""
@@ -387,7 +387,7 @@ def _amount(number: int, noun: str, role: str = "bold") -> StyledLine:
 
 
 def _offered(orders_and_words: Sequence[tuple[str, str]], *, orders: bool) -> tuple[StyledLine, ...]:
-    """Orders to go on with, in one line; none without `orders`."""
+    """The possible orders, in one line; none without `orders`."""
     if not orders:
         return ()
     pieces: list[tuple[str, str]] = []

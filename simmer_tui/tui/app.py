@@ -1,4 +1,4 @@
-"""The terminal app: the screen around a run that a server is at, with a console to take part in it."""
+"""The terminal app: the screen of a live run, with a console to take part in it."""
 
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial
@@ -42,13 +42,13 @@ from simmer_tui.tui.terminal import TerminalChoice
 from simmer_tui.tui.textual_internals import age_of, rows_of
 
 EXAMPLE_KEY = "F5"
-"""Key that runs the sample program: where development environments have theirs to run one."""
+"""Key that runs the sample program; development environments have theirs for it there."""
 _PROMPT = 5
-"""Columns that what is typed has more than the reply beside it, on a small screen."""
-# Frame and padding at both sides, the scrollbar, and one to spare.
+"""Columns by which typed text is longer than the reply beside it, on a small screen."""
+# Frame and padding on both sides, the scrollbar, and one to spare.
 _PAGE_FRAME = 6
-"""Columns of a page that its text does not have."""
-# They have an order or a key of their own here.
+"""Columns of a page that its text cannot use."""
+# These have an order or a key of their own here.
 _REPLACED = ("Screenshot", "Keys", "Maximize", "Minimize", "Quit")
 
 
@@ -73,7 +73,7 @@ class SimmerApp(Shell):
         *,
         program: str = "",
     ) -> None:
-        """`program` is the name of the one that runs beside, if there is one."""
+        """`program` is the name of the run's own program, or empty."""
         super().__init__(LiveSource(server), choice, MazePane(choice.glyphs, choice.color))
         self.server = server
         self._console = ConsolePane(self._spec, History(history_file), self.follow)
@@ -122,7 +122,7 @@ class SimmerApp(Shell):
         status = status_line(snapshot, entries, brief=brief, plain=self._plain)
         answer = self._panes.answer
         if brief and "answer" in self._plan.boxes and answer is not None and answer.covers:
-            # The third of its lines: the other two stand where legend and pose were.
+            # The third of its lines: the other two take the rows of legend and pose.
             lines = answer.shown(Room(self.size.width, BRIEF_ANSWER, self._plain))
             status = lines[2][1:] if len(lines) > 2 else ()
         self._console.show_status(status)
@@ -134,7 +134,8 @@ class SimmerApp(Shell):
         typed = self._console.has_focus_within
         self._show_head("console", "Up brings back the last line" if typed else ": or Enter comes here")
         console = self._plan.boxes.get("console")
-        # Without events the line above says what goes on, and the last reply stands beside what is typed.
+        # Without events the line above shows the present movement, and the last reply is beside the typed
+        # text.
         room = console.width // 2 - _PROMPT if console is not None and "events" not in self._plan.boxes else 0
         self._prompt.display, self._reply.display = console is not None, room > 0
         if console is not None:
@@ -144,7 +145,7 @@ class SimmerApp(Shell):
             put(self._reply, Box(console.x + console.width - room, console.y + 1, max(room - 1, 1), 1))
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
-        """Leave the colon a letter where text is typed."""
+        """Leave the colon to text fields as a letter."""
         if action in ("colon", "again"):
             is_elsewhere = len(self.screen_stack) == 1 and not self._console.has_focus_within
             return is_elsewhere and (action == "colon" or self._panes.phase.is_over)
@@ -159,8 +160,7 @@ class SimmerApp(Shell):
 
     @property
     def _can_run_example(self) -> bool:
-        """True while a simulated robot, served on the ports that the sample program knows, waits for a
-        program."""
+        """True while a simulated robot, on the ports that the sample program knows, waits for a program."""
         server = self.server
         is_simulated = server.robot is None and self._settings.sim
         is_waiting = self._panes.phase is RunPhase.WAITING
@@ -188,7 +188,7 @@ class SimmerApp(Shell):
         self.refresh_frame()
 
     def _again_typed(self) -> bool:
-        """Restart the run if it is over, for the key that does so from an empty console."""
+        """Restart the run if it is over, by the key for it in an empty console."""
         if self._panes.phase.is_over:
             self.action_again()
             return True
@@ -206,11 +206,11 @@ class SimmerApp(Shell):
     # -- what people do --------------------------------------------------------------------------
 
     def action_order(self, line: str) -> None:
-        """Give an order as if it were typed in the console."""
+        """Do an order as if it were typed in the console."""
         self._console.give(line)
 
     def action_colon(self) -> None:
-        """Begin an order; what is typed next belongs to it already."""
+        """Begin an order; the next typed text belongs to it."""
         self._console.focus_line(":")
 
     def action_begin_order(self, line: str) -> None:
@@ -218,7 +218,7 @@ class SimmerApp(Shell):
         self._console.focus_line(line)
 
     def follow(self, order: ConsoleCommand) -> None:
-        """Carry an order or a command out."""
+        """Carry out an order or a command."""
         if isinstance(order, Command):
             self._operator.send(order, partial(self._console.refuse, self._console.given, order.text))
         elif isinstance(order, Action):
@@ -252,14 +252,15 @@ class SimmerApp(Shell):
         orders[order.name](order.argument)
 
     def _show_why(self, about: str) -> None:
-        """Show the verdict, or while the run goes on, and about a `move`, why the last movement ended."""
+        """Show the verdict. While the run continues, and about a `move`, show the reasons for the end of the
+        last movement."""
         snapshot = self._snapshot
         if snapshot is None:
             return
         if snapshot.verdict is None or about:
             self.ask(answers.why_answer(why(snapshot.state, self._spec), snapshot))
         elif self._plan.has_pages:  # three rows would cut it
-            # As wide as the page's text, which does not wrap.
+            # As wide as the page's text, which is not wrapped.
             room = self.size.width - _PAGE_FRAME
             text = "\n\n".join(fill(printable(line), room) for line in snapshot.verdict.lines)
             self.push_screen(ReportScreen(text, "Why", "Esc closes"))
@@ -267,7 +268,7 @@ class SimmerApp(Shell):
             self.ask(answers.verdict_answer(snapshot.verdict))
 
     async def _show_report(self) -> None:
-        """Show the report of this run: the verdict at once, and all of it once it is made from the log."""
+        """Show the report of this run: first the verdict, and the rest once it is made from the log."""
         saved, snapshot = self.server.saved_run, self._snapshot
         if saved is None:
             self._console.show_error(
@@ -278,7 +279,7 @@ class SimmerApp(Shell):
         note = f"Esc closes; saved in {printable(saved.path.name)}"
         text = "\n".join([*map(printable, begun), "", "Reading the run ..."])
         screen = ReportScreen(text, "Report of this run", note)
-        # On the screen before its making takes the machine.
+        # Shown before the machine is busy with making it.
         await self.push_screen(screen)
         try:
             text = await report_of(saved, self.size.width - _PAGE_FRAME, self._plain)
@@ -311,7 +312,7 @@ class SimmerApp(Shell):
             self._operator.hint(f"{what} written to {printable(str(file))}")
 
     def _show_links(self) -> None:
-        """Show the links to the page, for as long as they are looked at."""
+        """Show the links to the page, until the answer is closed."""
         if not self.page_links:
             self._console.show_error("web: no page is served; start with --web")
             return
@@ -319,7 +320,7 @@ class SimmerApp(Shell):
         self.push_screen(ReportScreen(text, "Page", "Esc closes; whoever has a link may use it"))
 
     async def _start_log(self, name: str) -> None:
-        """Log the run from here on, or show why that fails."""
+        """Log the run from now on, or show why that fails."""
         try:
             file = await self.server.begin_log(name)
         except RunLogError as error:
@@ -332,7 +333,7 @@ class SimmerApp(Shell):
         self._console.show_error(self._operator.drive_for(values, refused))
 
     async def on_event(self, event: Event) -> None:
-        """Have any other key end the velocity of a held one before it does what it says."""
+        """Have any other key end the velocity of a held key, before its own action."""
         if isinstance(event, Key) and not event.is_forwarded:
             self._held_key.note_key(event.key if self._maze.has_focus else "", age_of(event))
         await super().on_event(event)
@@ -345,15 +346,15 @@ class SimmerApp(Shell):
         self.refresh_frame()
 
     def action_press(self, name: str) -> None:
-        """Do what the key of that name says: `stop`, `poll`, `reset`, `pause`, `step`."""
+        """Do the action of a key: `stop`, `poll`, `reset`, `pause`, `step`."""
         self._console.forget_errors()
         paused = self._snapshot is not None and self._snapshot.state.paused
         self._console.show_error(self._operator.press(name, paused))
         self.refresh_frame()
 
     def action_pace(self, factor: float) -> None:
-        """Show movements faster or slower by a factor, from as fast as possible at the usual pace
-        again; the factor 0 is as fast as possible."""
+        """Show movements faster or slower by a factor. From as fast as possible it returns to the usual pace;
+        the factor 0 is as fast as possible."""
         pace, usual = self.server.pace, self._settings.screen.pace or ScreenSettings().pace
         self._set_pace(pace * factor if pace or not factor else usual)
 

@@ -1,4 +1,4 @@
-"""The console: a line to type in, with its history, and above it what a line may become or what was wrong."""
+"""The console: a line to type in, with its history. Completions or errors are shown above it."""
 
 import contextlib
 from collections.abc import Callable
@@ -22,7 +22,7 @@ from simmer_tui.tui.line_panel import LinePanel, StyledLine
 # A file of a few KB, which is written again with every line.
 KEPT = 500
 """Lines kept in the history."""
-# Codes are of small letters, and so is the maze's key for it, which resets at any time.
+# Codes have small letters, and so has the maze's key for a reset at any time.
 AGAIN = "R"
 """Key that restarts a run that is over, also from an empty console."""
 
@@ -33,7 +33,7 @@ def default_history_file() -> Path:
 
 
 class History:
-    """Typed lines, oldest first. A file that cannot be read or written is done without."""
+    """Typed lines, oldest first. Without a readable or writable file it works without one."""
 
     def __init__(self, file: Path | None) -> None:
         self._file = file
@@ -60,7 +60,7 @@ class History:
         return self._lines[self._place] if self._lines else draft
 
     def forward(self) -> str:
-        """Line after the present one; after the last comes the draft again."""
+        """Line after the present one; after the last one the draft again."""
         self._place = min(self._place + 1, len(self._lines))
         return self._lines[self._place] if self._place < len(self._lines) else self._draft
 
@@ -108,7 +108,7 @@ class _ConsoleInput(Input):
         self._owner = owner
 
     async def take_key(self, event: Key) -> bool:
-        """Do what a key says, wholly, before this returns; False if it means nothing here."""
+        """Do a key's action completely before this returns; False if it has none here."""
         is_free = event.character == AGAIN and not self.value and not completions(AGAIN, self._spec)
         if is_free and self._owner.again():
             return True
@@ -119,7 +119,7 @@ class _ConsoleInput(Input):
         return action is not None and await self.app.run_action(action, self)
 
     def take_paste(self, text: str) -> None:
-        """Give each whole line of a pasted text; what comes after the last stays in the line."""
+        """Submit each whole line of a pasted text; the rest after the last line end stays in the line."""
         *lines, rest = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
         complaints = []
         for line in lines:
@@ -132,16 +132,16 @@ class _ConsoleInput(Input):
             self._owner.show_error(f"{len(refused)} of {len(lines)} lines refused; first {refused[0]}")
 
     def on_mouse_up(self) -> None:
-        """Marked text is copied, as everywhere."""
+        """Copy marked text, as everywhere."""
         if self.selected_text:
             self.app.copy_to_clipboard(self.selected_text)
 
     async def action_submit(self) -> None:
-        """Give the line and empty it at once: a letter typed meanwhile belongs to the next one."""
+        """Submit the line and empty it at once: a letter typed meanwhile belongs to the next one."""
         self._submit()
 
     def _submit(self) -> str:
-        """Give the line. Returns what is wrong with it, if anything is; it then stays, marked."""
+        """Submit the line. Returns an error text, or an empty one. After an error the line stays, marked."""
         if not self.value.strip():
             self.value = ""
             return ""
@@ -154,7 +154,7 @@ class _ConsoleInput(Input):
         return complaint
 
     def action_complete(self) -> None:
-        """Take the first completion; where there is none, go on to the next pane."""
+        """Use the first completion; without one, move to the next pane."""
         line = completed(self.value, self._spec)
         if line is None:
             self.screen.focus_next()
@@ -182,13 +182,12 @@ _ACTIONS = {
 
 
 class ConsolePane(Vertical):
-    """Takes typed lines and has done what they ask for."""
+    """Takes typed lines and has them carried out."""
 
     def __init__(
         self, spec: SimulationSpec, history: History, follow: Callable[[ConsoleCommand], object]
     ) -> None:
-        """`follow` carries out a line. It is called, not sent a message, which keys typed after the
-        line might overtake."""
+        """`follow` carries out a line. It is called directly: later keys might overtake a message."""
         super().__init__(id="console")
         self._spec = spec
         self._follow = follow
@@ -211,47 +210,47 @@ class ConsolePane(Vertical):
         yield self.line
 
     def focus_line(self, text: str | None = None) -> None:
-        """Give the line the focus, perhaps with text to go on from."""
+        """Give the line the focus, optionally with a text to continue."""
         if text is not None:
             self.line.value = text
             self.line.cursor_position = len(text)
-        # At once: the widget's own `focus` comes after keys that are typed already.
+        # At once: the widget's own `focus` would come after keys that are typed already.
         self.screen.set_focus(self.line)
 
     def show_status(self, status: StyledLine) -> None:
-        """Set what is shown above the line while nothing is being typed."""
+        """Set the text above the line while nothing is being typed."""
         self._status = status
         self._show_hint()
 
     def show_error(self, text: str) -> None:
-        """Show what is wrong, if anything is, until something else is typed."""
+        """Show an error, if there is one, until something else is typed."""
         if text:
             self._error, self._mistaken = text, self.line.value
             self._show_hint()
 
     def show_complaint(self, text: str) -> None:
-        """Show what was wrong with a person's last action, by key or line; an empty text for nothing."""
+        """Show an error of a person's last action, by key or line; an empty text for none."""
         self._complaint, self._mistaken = text, self.line.value
         self._show_hint()
 
     def show_note(self, text: str) -> None:
-        """Show a note until something is typed or wrong."""
+        """Show a note until something is typed, or an error comes."""
         self._note = text
         self._show_hint()
 
     def forget_errors(self) -> None:
-        """Show no error any more: a person has done something else."""
+        """Hide errors and notes: a person has done something else."""
         if self._error or self._complaint or self._note:
             self._error = self._complaint = self._note = ""
             self._show_hint()
 
     def note_event(self) -> None:
-        """Take note that something newer has happened. An error stays as long as one may mend the line."""
+        """Take note of a newer event. An error stays as long as its line may be corrected."""
         if not self.has_focus_within:
             self.forget_errors()
 
     def give(self, line: str) -> str:
-        """Have a line carried out. Returns, and shows, what is wrong if it is no order or command."""
+        """Have a line carried out. Returns, and shows, the error if it is no order or command."""
         self.given += 1
         self._note = ""
         try:
@@ -264,11 +263,12 @@ class ConsolePane(Vertical):
         return ""
 
     def refuse(self, number: int, text: str, reason: str) -> None:
-        """Show that the robot has refused the command of the line with that number. Any thread may call."""
+        """Show that the robot has refused the command of the line with that number. Any thread may call
+        it."""
         self.call_later(self._show_refusal, number, text, reason)
 
     def _show_refusal(self, number: int, text: str, reason: str) -> None:
-        """Put the line back to be mended, unless others were given or begun since."""
+        """Put the line back to be corrected, unless others were submitted or begun since."""
         if number == self.given and not self.line.value:
             self.line.value = text
             self.line.select_all()

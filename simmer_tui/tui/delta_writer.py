@@ -1,7 +1,7 @@
-"""Delta writer: terminal sequences for the cells that differ from those on the screen, and for no others.
+"""Delta writer: terminal sequences only for the cells that differ from those on the screen.
 
-It knows what the terminal shows, where its cursor stands and which style it writes in. So it skips cells
-that stay, and of a style it sends only what changes. `textual_internals` puts it in place.
+It knows the terminal's content, its cursor position and its style. So it skips equal cells, and sends only
+the changes of a style. `textual_internals` installs it.
 """
 
 from collections.abc import Iterable
@@ -17,32 +17,32 @@ from textual.strip import Strip
 
 # `CSI 12 G` has five bytes, so four cells cost no more than the jump over them.
 _BRIDGE = 4
-"""Most equal cells in a row that are sent again rather than jumped over."""
+"""Most equal cells in a row that are sent again instead of a jump over them."""
 _ON = ("1", "2", "3", "4", "5", "6", "7", "8", "9", "21", "51", "52", "53")
-"""SGR code that switches each attribute on, in the order of the bits in which Rich keeps them."""
+"""SGR code that switches each attribute on, in the order of Rich's bits."""
 _OFF = ("22", "22", "23", "24", "25", "25", "27", "28", "29", "24", "54", "54", "55")
 # Underline, reverse, strike, double underline, frame, circle, overline.
 _SEEN_ON_BLANKS = 1 << 3 | 1 << 6 | 1 << 8 | 0b1111 << 9
-"""Bits of the attributes that change how a blank looks."""
+"""Bits of the attributes that are visible on a blank."""
 _ANY = ""
-"""Foreground of a blank: it shows none."""
+"""Foreground of a blank: none is visible."""
 _UNKNOWN = -1
-"""Cell of which nothing is known; it differs from every other."""
+"""A cell with unknown content; it differs from every other."""
 # Code points have 21 bits.
 _PEN_SHIFT: Final = 21
 _CHARACTER: Final = (1 << _PEN_SHIFT) - 1
-# A screen of this app has some hundred; fading notifications make more.
+# A screen of this app has about a hundred; fading notifications make more.
 _MOST_PENS = 4096
-"""Pens after which all of them, and all that is known of the screen, are forgotten."""
-# Some 500 bytes each.
+"""Pens after which all of them, and the known content of the screen, are dropped."""
+# About 500 bytes each.
 _MOST_TEXTS = 8192
 """Texts whose cells are kept."""
 _END: Final = 1 << 16
-"""Column beyond that of any terminal."""
+"""A column beyond that of any terminal."""
 
 
 class Pen(Struct, frozen=True):
-    """Style as a terminal keeps it: attributes as bits, and the SGR codes of its two colours."""
+    """A style as a terminal keeps it: attributes as bits, and the SGR codes of its two colours."""
 
     attributes: int = 0
     foreground: str = "39"
@@ -50,7 +50,7 @@ class Pen(Struct, frozen=True):
 
     @property
     def for_blank(self) -> "Pen":
-        """Part of it that a blank shows."""
+        """The part of it that is visible on a blank."""
         return self if self.attributes & _SEEN_ON_BLANKS else Pen(0, _ANY, self.background)
 
 
@@ -58,7 +58,7 @@ _PLAIN = Pen()
 
 
 class DeltaWriter:
-    """Keeps what a terminal shows, and makes the sequences of what is to change on it."""
+    """Keeps the content of a terminal, and makes the sequences that change it."""
 
     def __init__(self) -> None:
         self._screen = 0, 0, ColorSystem.TRUECOLOR
@@ -66,12 +66,12 @@ class DeltaWriter:
         """Cells on the screen, each the number of its pen and its character, or `_UNKNOWN`."""
         self._forget_pens()
         self._out: list[str] = []
-        # Where the cursor stands; -1 for a place that is not known.
+        # The cursor's position; -1 if it is not known.
         self._row = self._column = -1
         self._pen = 0
 
     def begin(self, width: int, height: int, colors: ColorSystem, *, anew: bool = False) -> None:
-        """Begin an update of a screen. `anew` forgets the content of the screen, as another size does."""
+        """Begin an update of a screen. `anew` drops the known content of the screen, as a new size does."""
         screen = width, height, colors
         if anew or self._screen != screen or len(self._pens) > _MOST_PENS:
             self._screen = screen
@@ -81,7 +81,7 @@ class DeltaWriter:
         self._row = self._column = -1
 
     def end(self) -> str:
-        """Sequences of the update. The terminal is in no style after it, as others expect it to be."""
+        """The sequences of the update. They end in the default style, as other writers expect."""
         if self._pen:
             self._out.append("\x1b[0m")
             self._pen = 0
@@ -91,7 +91,7 @@ class DeltaWriter:
     def write(
         self, row: int, column: int, segments: Iterable[Segment], first: int = 0, last: int = _END
     ) -> None:
-        """Have segments stand on the screen from a cell on, if in columns `first` to `last`."""
+        """Write segments from a cell on, as far as they are in columns `first` to `last`."""
         cells: list[int] = []
         known = self._known
         for text, style, _ in segments:
@@ -124,7 +124,7 @@ class DeltaWriter:
         return number
 
     def _cells_of(self, text: str, style: Style | None) -> list[int]:
-        """Cells of a text; none for one of which something takes two cells or none, or that is a link."""
+        """Cells of a text. Empty if one of its characters takes two cells or none, or if it is a link."""
         if len(self._known) >= _MOST_TEXTS:
             self._known.clear()
         is_link = style is not None and style.link is not None
@@ -132,12 +132,12 @@ class DeltaWriter:
             return []
         pen = pen_of(style, self._screen[2])
         letters = self._number(pen) << _PEN_SHIFT
-        # Blanks share one value whatever the colour of their letters would be.
+        # All blanks have one value, whatever colour their letters would have.
         blank = self._number(pen.for_blank) << _PEN_SHIFT | ord(" ")
         return [blank if each == " " else letters | ord(each) for each in text]
 
     def _write_cells(self, row: int, column: int, cells: list[int]) -> None:
-        """Write those of some cells that the screen does not show."""
+        """Write those cells that the screen does not show yet."""
         if not cells or not 0 <= row < len(self._rows):
             return
         shown = self._rows[row]
@@ -161,10 +161,10 @@ class DeltaWriter:
             out.append(chr(cell & _CHARACTER))
             self._column = at + 1
         if self._column >= self._screen[0]:
-            self._row = -1  # a terminal may or may not have wrapped
+            self._row = -1  # the terminal may have wrapped the line, or not
 
     def _go(self, row: int, column: int) -> None:
-        """Move the cursor, over few cells that stay by writing them again."""
+        """Move the cursor. A few equal cells are written again instead."""
         if self._row != row:
             self._out.append(f"\x1b[{row + 1};{column + 1}H")
         else:
@@ -173,30 +173,31 @@ class DeltaWriter:
             if ahead and all(self._fits(cell) for cell in between):
                 self._out.append("".join(chr(cell & _CHARACTER) for cell in between))
             else:
-                # By its number, not by a distance: a terminal may take some characters for wide.
+                # By its number, not by a distance: a terminal may show some characters as wide.
                 self._out.append(f"\x1b[{column + 1}G")
         self._row, self._column = row, column
 
     def _fits(self, cell: int) -> bool:
-        """True for a cell that needs no other pen than the present one."""
+        """True if a cell can be written with the present pen."""
         return cell != _UNKNOWN and self._changed(self._pens[cell >> _PEN_SHIFT]) == self._pens[self._pen]
 
     def _changed(self, wanted: Pen) -> Pen:
-        """Pen in which something of another pen can be written: a blank leaves what it does not show."""
+        """The pen in which a cell of another pen can be written: for a blank, invisible parts stay as they
+        are."""
         if wanted.foreground != _ANY:
             return wanted
         pen = self._pens[self._pen]
         return Pen(pen.attributes & ~_SEEN_ON_BLANKS, pen.foreground, wanted.background)
 
     def _change(self, number: int) -> tuple[str, int]:
-        """Sequence from the present pen to another, and the number of the pen after it."""
+        """The sequence from the present pen to another, and the number of the pen after it."""
         before, after = self._pens[self._pen], self._changed(self._pens[number])
         codes = change_of(before, after)
         return (f"\x1b[{codes}m" if codes else ""), self._number(after)
 
     def _write_wide(self, row: int, column: int, segments: Iterable[Segment], first: int, last: int) -> None:
-        """Write a line in which a character takes two cells or none, or that has a link: always, since how a
-        terminal shows it is not sure."""
+        """Write a line with a link, or a character that takes two cells or none. It is always sent, since
+        terminals differ in how they show it."""
         if self._pen:
             self._out.append("\x1b[0m")
             self._pen = 0
@@ -238,10 +239,10 @@ _NAMES = (
 
 
 def change_of(before: Pen, after: Pen) -> str:
-    """SGR codes that turn one pen into another, the fewest bytes of them; empty for the same."""
+    """The shortest SGR codes that turn one pen into another; empty for the same."""
     removed = before.attributes & ~after.attributes
     offs = dict.fromkeys(off for bit, off in enumerate(_OFF) if removed >> bit & 1)
-    # A code switches off all attributes of its kind, so those of them that stay are switched on again.
+    # A code switches off all attributes of its kind, so the others of them are switched on again.
     kept = [bit for bit, off in enumerate(_OFF) if off not in offs and before.attributes >> bit & 1]
     ons = [on for bit, on in enumerate(_ON) if after.attributes >> bit & 1 and bit not in kept]
     delta = [*offs, *ons]

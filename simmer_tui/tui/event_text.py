@@ -1,4 +1,4 @@
-"""Events in words, one line each: for the list of events and the line of the last one."""
+"""Events in words, one line each: for the list of events and for the line of the last one."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -38,11 +38,11 @@ _NOTICE_ROLES = {
 }
 _NOTICE_SOURCES = {NoticeKind.PROGRAM: "program", NoticeKind.VERDICT: "verdict"}
 _AFTER_THE_END = (NoticeKind.LEFT, NoticeKind.PROGRAM)
-"""Notices of a program that are no news once its mission is over."""
+"""Notices of a program that are not news once its mission is over."""
 # The longest usual command, `r1--180`, and a space.
 _COMMAND = 8
 """Columns of a command."""
-# A program's note may be a page; the list has a line for it.
+# A program's note may be long; the list has a line for it.
 _LONGEST_NOTE = 200
 
 
@@ -54,7 +54,7 @@ def clock(seconds: float) -> str:
 
 
 def reply_text(result: CommandResult, ended: MovementEnded | None = None) -> str:
-    """A reply as people read it; `ended` is the movement that ended last, perhaps this command's."""
+    """A reply as people read it; `ended` is the movement that ended last, possibly this command's."""
     if ended is not None and ended.number == result.number and ended.grip is None:
         contact = ended.contact
         if contact is not None and contact.ended and not ended.stopped_by:
@@ -94,7 +94,7 @@ def truth_text(grid: GridBelief) -> str:
 
 
 def grid_lines(grid: GridBelief) -> tuple[str, str]:
-    """A grid in two lines: its best cell, and how sure it is, beside the entropy of knowing nothing."""
+    """A grid in two lines: its best cell, and its entropy beside that of a uniform grid."""
     best, most = grid.best_pose, math.log2(grid.states)
     return (
         f"best {best.x:.1f}, {best.y:.1f} in {_percent(grid.best_probability)}, {truth_text(grid)}",
@@ -136,8 +136,11 @@ class EventWords(Struct, frozen=True):
 
 
 class _Wording(EventHandler[EventWords]):
-    """Words for each kind of event; `nearest` is the reading of the sensor that looks at a contact, `wedged`
-    is True if it was one of many in one place."""
+    """Words for each kind of event.
+
+    `nearest` is the reading of the sensor that points at a contact. `wedged` is true if the contact was one
+    of many in one place.
+    """
 
     def __init__(self, nearest: Reading | None = None, *, wedged: bool = False) -> None:
         self._nearest, self._wedged = nearest, wedged
@@ -155,14 +158,15 @@ class _Wording(EventHandler[EventWords]):
     def on_result(self, event: CommandResult) -> EventWords:
         command, reason = event.command, event.reason
 
-        def told() -> StyledLine:
+        def pieces() -> StyledLine:
             reply = reply_text(event)
             return ((reply, "danger"), (f"  {reason}", "warning")) if reason else ((reply, "value"),)
 
-        return EventWords(command.source, command.shown, told, f"{command.shown}: {reason}" if reason else "")
+        complaint = f"{command.shown}: {reason}" if reason else ""
+        return EventWords(command.source, command.shown, pieces, complaint)
 
     def on_velocity_ended(self, event: events.VelocityEnded) -> EventWords:
-        # Its own time is what its sender wanted.
+        # The sender itself asked for an end at that time.
         style = "plain" if event.reason is events.VelocityEnd.TIME else "warning"
         text: StyledLine = ((f"ended: {event.reason.value}", style),)
         return EventWords(event.source or "robot", "velocity", lambda: text)
@@ -175,13 +179,13 @@ class _Wording(EventHandler[EventWords]):
         return EventWords(event.action.source, f"{name}{arguments}", lambda: done, complaint)
 
     def on_belief(self, event: Belief) -> EventWords:
-        def told() -> StyledLine:
+        def pieces() -> StyledLine:
             believed, off = pose_text(event.pose), f"{off_text(event)}{spread_text(event)}"
             off += "" if event.grid is None else f", {truth_text(event.grid)}"
             note = f"  {escape(event.note, _LONGEST_NOTE)}" if event.note else ""
             return (f"{believed}, off {off}", "belief"), (note, "plain")
 
-        return EventWords("belief", "belief", told)
+        return EventWords("belief", "belief", pieces)
 
     def on_twin(self, event: events.TwinReading) -> EventWords:
         text = f"robot {number_text(event.robot)}, simulated {number_text(event.simulated)}"
@@ -225,7 +229,7 @@ def words_of(entry: LogEntry) -> EventWords:
 
 
 def entry_line(entry: LogEntry) -> StyledLine:
-    """An entry: simulated time, the command, its effect, and who gave it if it was a person."""
+    """An entry: simulated time, the command, its effect, and its sender if that was a person."""
     if entry.folds:
         return (*_head(entry, ""), (folded_text(entry), "dim"))
     words = words_of(entry)
@@ -235,7 +239,7 @@ def entry_line(entry: LogEntry) -> StyledLine:
 
 
 def _mission_pieces(event: events.MissionEvent) -> StyledLine:
-    """Text of a mission's event; of a failure the reason first, then the totals."""
+    """Text of a mission's event; of a failure first the reason, then the totals."""
     text = event.text.removeprefix("mission: ")
     if not event.reason:
         return ((text, "good"),)
@@ -252,7 +256,7 @@ def _head(entry: LogEntry, command: str) -> StyledLine:
 
 
 def kept_lines(entry: LogEntry) -> list[StyledLine]:
-    """Lines of what is folded into an entry, as far as it has been kept."""
+    """Lines of the events folded into an entry, as far as they are kept."""
     lines = [entry_line(each) for each in entry.kept]
     if entry.missing > 0:
         lines.insert(0, (*_head(entry, ""), (f"  {entry.missing} before these are counted only", "dim")))
@@ -260,7 +264,7 @@ def kept_lines(entry: LogEntry) -> list[StyledLine]:
 
 
 def folded_text(entry: LogEntry) -> str:
-    """Numbers of readings and beliefs that are folded into an entry."""
+    """Counts of readings and beliefs that are folded into an entry."""
     parts = ((entry.readings, "reading"), (entry.beliefs, "belief"))
     shown = [counted(count, noun) for count, noun in parts if count]
     if entry.velocities:
@@ -269,30 +273,30 @@ def folded_text(entry: LogEntry) -> str:
 
 
 def last_event_line(entries: Sequence[LogEntry]) -> StyledLine:
-    """The last event in one line, and the number of readings since; empty without any."""
+    """The last event in one line, and the number of readings since; empty without any event."""
     if not entries:
         return ()
-    told, newest = [entry for entry in entries if not entry.folds], entries[-1]
-    if not told:
+    events_alone, newest = [entry for entry in entries if not entry.folds], entries[-1]
+    if not events_alone:
         return entry_line(newest)
     since = f"   then {folded_text(newest)}" if newest.folds else ""
-    return (*entry_line(_outweighing(told)), (since, "dim"))
+    return (*entry_line(_outweighing(events_alone)), (since, "dim"))
 
 
-def _outweighing(told: Sequence[LogEntry]) -> LogEntry:
-    """The last entry; but the end of a mission if only its program's departure came after it."""
-    for entry in reversed(told):
+def _outweighing(entries: Sequence[LogEntry]) -> LogEntry:
+    """The last entry, or the end of a mission if only its program's departure came after it."""
+    for entry in reversed(entries):
         words = words_of(entry)
         if words.ends_mission:
             return entry
         if not words.is_departure:
             break
-    return told[-1]
+    return entries[-1]
 
 
 def complaint_of(entries: Sequence[LogEntry], since: int = 0) -> str | None:
-    """Reason why a person's last command or action after the event `since` was refused; empty if it was
-    not, None without such."""
+    """Reason why a person's last command or action after the event `since` was refused. Empty if it was not
+    refused, None if there was none."""
     for entry in reversed(entries):
         if entry.number <= since:
             break

@@ -1,4 +1,4 @@
-"""Values as lines: gauges on a scale, and sparklines of what was before."""
+"""Values as lines: gauges on a scale, and sparklines of earlier values."""
 
 import math
 from collections.abc import Iterable, Sequence
@@ -8,7 +8,7 @@ from simmer_tui.tui.line_panel import StyledLine
 # Without the full block, which would run into the row above.
 _BARS = " ▁▂▃▄▅▆▇"
 _PLAIN_BARS = " .:-=+*#"
-# Two maze cells: most ways in a maze are shorter.
+# Two maze cells: most distances in a maze are shorter.
 _SCALE = 24.0
 """Least end of the gauges of lengths, inches."""
 
@@ -51,12 +51,12 @@ def gauge(value: float, end: float, width: int, *, plain: bool, role: str = "mar
 
 def scale_end(values: Iterable[float], unit: str) -> float:
     """End of the gauges of a kind: the least round number that none of its values exceeds."""
-    # Asked for with every picture; hardly any value is not finite.
+    # Computed for every picture; hardly any value is not finite.
     given = list(map(abs, values))
     most = max(given, default=0.0)
     if not math.isfinite(sum(given)):
         most = max(filter(math.isfinite, given), default=0.0)
-    # Doubled, so that not every longer reading changes the scale of all gauges.
+    # Doubled, so that few longer readings change the scale of all gauges.
     if unit == "in":
         end = _SCALE
         while end < most:

@@ -13,11 +13,12 @@ from simmer_tui.tui.line_panel import StyledLine, between, length
 from simmer_tui.tui.readouts import ROOMY, Room
 
 _LONGEST = 160
-"""Characters of a cause: wider is no terminal that one reads at a glance."""
+"""Characters of a cause: no terminal that can be read at a glance is wider."""
 
 
 class RunPhase(StrEnum):
-    """Phases of a run as row 0 has them; each has a colour of its own, `going` and `ended` those of bars."""
+    """Phases of a run in row 0. Each has a colour of its own; `going` and `ended` have the colours of
+    bars."""
 
     WAITING = "waiting"
     GOING = "going"
@@ -33,7 +34,7 @@ class RunPhase(StrEnum):
 
 
 def phase_of(snapshot: Snapshot, ports: Mapping[str, int]) -> RunPhase:
-    """Phase of a run: a crash first, then the mission's verdict, a pause, and what goes on."""
+    """The phase of a run: first a crash, then the mission's verdict, a pause, and the present state."""
     mission, verdict, state = snapshot.mission, snapshot.verdict, snapshot.state
     if mission is not None and mission.over:
         return RunPhase.SUCCESS if mission.result is Result.SUCCESS else RunPhase.FAILURE
@@ -57,11 +58,11 @@ _ICONS = {
 }
 _CRASH_ICON = "!"
 _ADVICE = ("?", "CHECK THE PROGRAM")
-"""Icon and word of a program that gets its connection wrong."""
+"""Icon and word for a program with a mistake in its connection."""
 
 
 def header_line(snapshot: Snapshot, room: Room) -> StyledLine:
-    """Row 0: icon and word of the phase, what goes with it, and the time."""
+    """Row 0: icon and word of the phase, its text, and the time."""
     phase = phase_of(snapshot, room.ports)
     word, text = _words(snapshot, room, phase)
     crashed = word == _CRASHED
@@ -71,9 +72,9 @@ def header_line(snapshot: Snapshot, room: Room) -> StyledLine:
     if snapshot.advice and phase in (RunPhase.WAITING, RunPhase.GOING):
         icon, word = _ADVICE
         left, text = ((f" {icon} {word}", "warning" if going else "bold"),), escape(snapshot.advice, _LONGEST)
-        phase = RunPhase.GOING  # whose right end is the shortest
+        phase = RunPhase.GOING  # the one with the shortest right end
     right: StyledLine = ((f"{_right(snapshot, room, phase)} ", "plain"),)
-    # Three blanks before the text, and one behind it at least.
+    # Three blanks before the text, and at least one after it.
     free = room.width - length(left) - length(right) - 4
     if free > 0 and text:
         shown = text if len(text) <= free else f"{text[: free - 1]}…"
@@ -96,7 +97,7 @@ def _words(snapshot: Snapshot, room: Room, phase: RunPhase) -> tuple[str, str]:
             return "PAUSED", f"{where if room.width >= _WORDY else ''}{waits}b goes on"
         case RunPhase.SUCCESS:
             assert snapshot.mission is not None, "only missions succeed"
-            # What its program does after the mission is not judged.
+            # The program's actions after the mission are not judged.
             return "MISSION SUCCEEDED", f"block in the drop zone, {contacts_text(snapshot.mission.contacts)}"
         case RunPhase.ENDED:
             return "PROGRAM ENDED", _ending(snapshot)
@@ -118,13 +119,13 @@ def _failure_words(snapshot: Snapshot) -> tuple[str, str]:
     return "PROGRAM FAILED", escape(verdict.text, _LONGEST)
 
 
-# Half a usual screen, and what the icon, the word and the time take.
+# Half a usual screen, and the columns of the icon, the word and the time.
 _WORDY = 60
 """Columns from which there is room for whole phrases."""
 
 
 def _ports(room: Room) -> str:
-    """Ports for a program: with what each is for, where there is room."""
+    """Ports for a program, with the purpose of each if there is room."""
     named = room.ports.items()
     return "ports " + ", ".join(
         f"{port} {name}" if room.width >= ROOMY else f"{port}" for name, port in named
@@ -149,7 +150,7 @@ def _driver(snapshot: Snapshot, room: Room) -> list[str]:
 
 
 def _ending(snapshot: Snapshot) -> str:
-    """End of a program by itself."""
+    """The end of a program that ended by itself."""
     verdict = snapshot.verdict
     assert verdict is not None, "it has ended"
     commands = counted(snapshot.state.commands, "command")
@@ -162,7 +163,7 @@ def _ending(snapshot: Snapshot) -> str:
 
 
 def _right(snapshot: Snapshot, room: Room, phase: RunPhase) -> str:
-    """The time, at a verdict of a mission with its limit; while nobody has come also the seed."""
+    """The time; at a mission's verdict with its limit; before the first client also the seed."""
     state, mission, verdict = snapshot.state, snapshot.mission, snapshot.verdict
     if mission is not None and mission.over:
         minutes, seconds = divmod(round(mission.plan.time_limit), 60)

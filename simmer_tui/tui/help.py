@@ -1,4 +1,4 @@
-"""The help and the command palette: all there is to do, made from the tables the app works with."""
+"""The help and the command palette: all keys and orders, made from the tables that the app uses."""
 
 from collections.abc import Iterator, Sequence
 from functools import partial
@@ -29,9 +29,9 @@ from simmer_tui.tui.key_table import KeyGroup, MazePane
 from simmer_tui.tui.sizes import PAGES
 from simmer_tui.tui.terminal_app import ALLOWING
 
-# Textual would show these keys by an arrow, which not every terminal has.
+# Textual would show these keys as arrows, which not every terminal has.
 _WORDS = ("up", "down", "left", "right")
-# More than any score of a match, so that orders come before all else in the palette.
+# More than any score of a match, so that orders come first in the palette.
 _AHEAD = 1000.0
 
 _Rows = Sequence[tuple[str, str]]
@@ -117,7 +117,7 @@ class HelpScreen(ModalScreen[None]):
 
 
 class ReportScreen(HelpScreen):
-    """Shows a long text about this run. What is typed meanwhile goes to the console, as before it opened."""
+    """Shows a long text about this run. Text typed meanwhile goes to the console, as before."""
 
     FRAME = "report"
 
@@ -135,15 +135,15 @@ class ReportScreen(HelpScreen):
 
 
 _CLOSING = ("q", "?")
-"""Characters that close a page; all others are typed into the console."""
+"""Characters that close a page; all others go to the console."""
 
 
 # -- the palette -----------------------------------------------------------------------------------
 
 
 class CommandProvider(Provider):
-    """Every console order and every key's action by name, orders first, then what Textual offers. Orders
-    that need words are begun in the console."""
+    """Every console order and every key's action by name, orders first, then Textual's own. Orders that need
+    words are put into the console."""
 
     def _choices(self) -> Iterator[SystemCommand]:
         for order in CONSOLE_COMMANDS.values():

@@ -1,7 +1,7 @@
 """Pictures of a robot that jumps from place to place."""
 
-# Where movements take no time there is none to follow, and each picture is another one: 8 of 15 are enough
-# to see where the robot goes, in half the bytes.
+# Instant movements have no frames between, and each picture is a new one. 8 of 15 are enough to see
+# where the robot goes, in half the bytes.
 _SHOWN = 8
 _OF = 15
 
@@ -13,6 +13,6 @@ class JumpThinning:
         self._turn = 0
 
     def passes_over(self, jumps: bool) -> bool:
-        """True if the next picture is to be left out. `jumps` is True while the robot does."""
+        """True if the next picture is left out. `jumps` is true while the robot jumps."""
         self._turn = self._turn % _OF + _SHOWN if jumps else _OF
         return self._turn < _OF

@@ -1,4 +1,4 @@
-"""Keys: what each does, and what the help, the palette and the bar at the bottom say of it."""
+"""Keys: their actions, and their texts in the help, the palette and the bar at the bottom."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from typing import ClassVar
@@ -14,7 +14,7 @@ from simmer_tui.tui.line_panel import StyledLine
 from simmer_tui.tui.maze.view import MazeView
 
 Hint = tuple[str, str]
-"""Keys, and a word or two for what they do."""
+"""Keys, and a word or two for their action."""
 
 
 class KeyGroup(Struct, frozen=True):
@@ -78,7 +78,7 @@ IN_LOG = (
              (("Up Down", "move"), ("End", "newest"))),
     KeyGroup("escape", "to the maze", {"escape": "app.focus_pane"}, (("Esc", "drive by keys"),), late=True),
 )  # fmt: skip
-# `ANYWHERE` has the help for them: people look for the keys of the console there.
+# Their help is in `ANYWHERE`: people look for the console's keys there.
 IN_CONSOLE = (
     KeyGroup("", "", {"enter": "submit"}, (("Enter", "runs"),)),
     KeyGroup("", "", {"tab": "complete"}, (("Tab", "completes"),)),
@@ -129,7 +129,7 @@ IN_REPLAY = (
 
 # -- keys that are settings ------------------------------------------------------------------------
 
-# Also the order in which the palette lists them: what drives comes before what only looks.
+# Also the order in the palette: keys that drive come before keys that only look.
 MAZE_ACTIONS: dict[str, tuple[str, str]] = {
     "stop": ("app.press('stop')", "Stop"),
     "poll": ("app.press('poll')", "Poll"),
@@ -154,8 +154,8 @@ MAZE_ACTIONS: dict[str, tuple[str, str]] = {
     "heat": ("heat", "Map of the belief"),
     "help": ("app.help", "Help"),
 }
-"""The maze's or the app's action of each further key setting, and its name in the palette."""
-# One or two words each, so that 80 columns hold the most needed.
+"""The maze's or the app's action for each further key setting, and its name in the palette."""
+# One or two words each, so that 80 columns hold the most important ones.
 _MAZE_HINTS = {
     "drive": ("forward", "turn_left", "back", "turn_right"),
     "stop": ("stop",),
@@ -173,15 +173,16 @@ _MAZE_HINTS = {
     "follow": ("follow",),
     "help": ("help",),
 }
-"""Key settings by the word for them in the bar, the most needed first."""
-# For an action without a key: no key has that name, and Textual takes an empty text for the usual key.
+"""Key settings by their word in the bar, the most important first."""
+# For an action without a key: no key has that name, and an empty text means the usual key to Textual.
 _NO_KEY = "none"
 # Textual's names of keys that are shorter as signs.
 _SIGNS = {"plus": "+", "minus": "-", "equals_sign": "=", "question_mark": "?", "space": "space"}
 
 
 def keymap(keys: KeySettings) -> dict[str, str]:
-    """Keys by binding ID, as Textual's keymaps want them. A driving key with Shift has one of its own."""
+    """Keys by binding ID, as Textual's keymaps need them. A driving key with Shift has an entry of its
+    own."""
     mapped = {name: ",".join(keys_of(keys, name)) or _NO_KEY for name in (*DRIVES, *MAZE_ACTIONS)}
     for name in DRIVING:
         mapped[f"{name}_fine"] = ",".join(shifted(key) for key in keys_of(keys, name)) or _NO_KEY
@@ -200,7 +201,7 @@ def _maze_bindings() -> list[BindingType]:
     for name in DRIVES:
         actions[name] = f"app.drive('{name}', False)"
         actions[f"{name}_fine"] = f"app.drive('{name}', True)"
-    # With priority each is done before the next key is looked at: see TerminalApp.
+    # With priority each is done before the next key: see TerminalApp.
     return [Binding(keys[name], action, id=name, priority=True) for name, action in actions.items()]
 
 
@@ -214,7 +215,7 @@ class MazePane(MazeView):
 
 
 def maze_hints(keys: KeySettings) -> list[Hint]:
-    """Content of the bar for the maze, as the settings have its keys."""
+    """Content of the bar for the maze, with the keys from the settings."""
     hints = [(" ".join(_shortest(keys, name) for name in names), word) for word, names in _MAZE_HINTS.items()]
     return [hints[0], *ANYWHERE[3].hints, *hints[1:]]
 
@@ -244,7 +245,7 @@ def _columns(hint: Hint) -> int:
 
 
 def _shortest(keys: KeySettings, name: str) -> str:
-    """Shortest key of an action: a letter rather than an arrow."""
+    """The shortest key of an action: a letter rather than an arrow."""
     names = keys_of(keys, name)
     if not names:
         return "-"

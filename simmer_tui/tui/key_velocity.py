@@ -10,31 +10,29 @@ from simmer_tui.sim.command import parse_command
 from simmer_tui.sim.velocity_commands import WAIT
 from simmer_tui.tui.key_table import driving_keys
 
-# A terminal sends presses alone: that a key is held shows in its repeats. Systems begin to repeat
-# after 0.25 to 0.66 s, and go on 20 to 40 times a second.
+# Terminals send presses only: a held key shows only by its repeats. Systems begin to repeat after 0.25 to
+# 0.66 s, and repeat 20 to 40 times a second.
 _FIRST = 0.7
 """Real seconds that the velocity lasts after the first press of a key."""
 _REPEATED = 0.25
 """Real seconds that it lasts after each repeat."""
 _OLD = 0.2
-"""Real seconds after which a press is dropped: it was meant for where the robot was then."""
+"""Real seconds after which a press is dropped: it was meant for the robot's earlier place."""
 PERIOD = 1 / 15
-"""Real seconds between two looks at a velocity that lasts."""
+"""Real seconds between two updates of a velocity that lasts."""
 _HAIR = 0.005
-"""Seconds: more than the roundings of a hundred waits."""
+"""Seconds: more than the rounding errors of a hundred waits."""
 _STANDING = "0;0;0"
 
 
 class KeyVelocity:
-    """Drives the robot at a velocity while a key is held.
-
-    The velocity is sent with its end, so the robot stands though the screen hangs or its terminal is gone.
-    """
+    """Drives the robot at a velocity while a key is held. The velocity is sent with its end, so the robot
+    stops even if the screen hangs or its terminal is closed."""
 
     def __init__(
         self, operator: Operator, server: Server, clock: Callable[[], float] = time.monotonic
     ) -> None:
-        """`clock` gives real seconds, for presses and for `pass_time`."""
+        """`clock` returns real seconds, for presses and for `pass_time`."""
         self._operator, self._server, self._clock = operator, server, clock
         self._screen = server.configuration.settings.screen
         keys = server.configuration.settings.keys
@@ -43,8 +41,11 @@ class KeyVelocity:
         self._until = self._passed = self._age = 0.0
 
     def note_key(self, key: str, age: float) -> None:
-        """Take note that a key, empty for one that is not the maze's, was pressed `age` real seconds ago. Any
-        but a driving key ends the velocity; the one that stops does so by itself."""
+        """Take note that a key was pressed `age` real seconds ago; `key` is empty for one that is not the
+        maze's.
+
+        Any key but a driving key ends the velocity; the stop key does so by its own action.
+        """
         self._age = age
         if key in self._stop_keys:
             self._held = None
@@ -52,7 +53,7 @@ class KeyVelocity:
             self.release()
 
     def drive(self, name: str, fine: bool) -> str:
-        """Drive by the driving key `name`, the one noted last. Returns what is wrong, if anything is."""
+        """Drive by the driving key `name`, the one noted last. Returns an error text, or an empty one."""
         code, engine = self._operator.velocity_code, self._server.engine
         if not code:
             return "keys-velocity: this set's drive.csv has no enabled row velocity"
@@ -77,10 +78,10 @@ class KeyVelocity:
             self._send(f"{self._operator.velocity_code}-{_STANDING}")
 
     def pass_time(self) -> None:
-        """Let the velocity last until now. To be called every `PERIOD` while it lasts.
+        """Let the velocity last until now. Call it every `PERIOD` while it lasts.
 
-        In instant motion, whose time only commands pass, this sends waits. A real robot that does not know
-        of a velocity's end is told it.
+        In instant motion, whose time only commands pass, this sends waits. A real robot is sent the
+        velocity's end, which it may not know.
         """
         if self._held is None:
             return
@@ -88,7 +89,8 @@ class KeyVelocity:
         is_real = self._server.robot is not None
         is_over = now >= self._until
         if not is_real and not self._server.engine.timed and now > self._passed:
-            # The last wait goes a hair further than all of them were rounded, else the velocity would last.
+            # The last wait is longer by more than the rounding errors of all waits; otherwise the velocity
+            # would last.
             self._send(f"{WAIT}-{now - self._passed + _HAIR * is_over:.4f}")
         self._passed = now
         if is_over:
@@ -103,7 +105,7 @@ class KeyVelocity:
             size = screen.keys_turn_speed * (screen.fine_turn / screen.turn if fine and screen.turn else 1.0)
         else:
             size = screen.keys_speed * (screen.fine_step / screen.step if fine and screen.step else 1.0)
-        # VX, VY and OMEGA have the directions of drives. The sum with 0 makes 0 of -0.
+        # VX, VY and OMEGA have the directions of drives. Adding 0 turns -0 into 0.
         return ";".join(f"{sign * size * axis + 0.0:g}" for axis in (direction.x, direction.y, direction.r))
 
     def _send(self, text: str) -> None:

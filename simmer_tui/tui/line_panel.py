@@ -1,4 +1,4 @@
-"""Lines of text with roles, and a panel that shows them and redraws only those that changed."""
+"""Lines of text with roles, and a panel that shows them and redraws only changed ones."""
 
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
@@ -22,13 +22,16 @@ ROLES = (
     *("mark", "rule", "contact", "chosen", "robot", "bold"),
     *("driving", "sensing", "link", "black-tile", "white-tile"),
 )
-"""Besides words by their weight: `title` and `mark` stand out, `newest` was read last, `rule` is a line
-or the track of a gauge, `contact` a cell that marks one, `chosen` what a person has picked; `driving`,
-`sensing` and `link` are shares of the time spent, `black-tile` and `white-tile` what a line sensor sees."""
+"""Roles for words of some weight, and others.
+
+`title` and `mark` stand out, `newest` was read last, `rule` is a line or the track of a gauge, `contact` a
+cell with a contact, `chosen` a person's choice. `driving`, `sensing` and `link` are shares of the time spent,
+`black-tile` and `white-tile` the view of a line sensor.
+"""
 
 
 _MARKED = Style(reverse=True)
-"""Style of marked text: it is seen without colour, too."""
+"""Style of marked text: visible without colour, too."""
 
 
 def text_of(line: StyledLine) -> str:
@@ -37,7 +40,7 @@ def text_of(line: StyledLine) -> str:
 
 
 def fault_line(error: Exception) -> StyledLine:
-    """Line in place of something that could not be shown."""
+    """A line in place of one that could not be shown."""
     return ((f"cannot be shown: {type(error).__name__}: {escape(str(error), 200)}", "danger"),)
 
 
@@ -69,13 +72,13 @@ def strip_of(line: StyledLine, styles: Mapping[str, Style], width: int) -> Strip
     spare = width - sum(cell_len(segment.text) for segment in segments)
     if spare < 0:
         return Strip(segments).adjust_cell_length(width, styles["plain"])
-    # One strip in place of two: making one takes longer than all that is put into it.
+    # One strip in place of two: making one takes longer than its content.
     return Strip([*segments, Segment(" " * spare, styles["plain"])] if spare else segments, width)
 
 
 class RoleWidget(Widget):
-    """Widget that shows lines. The styles of its roles are kept: looking them up takes longer than all else
-    about a line."""
+    """Widget that shows lines. The styles of its roles are kept: looking them up takes longer than all other
+    work for a line."""
 
     COMPONENT_CLASSES: ClassVar[set[str]] = {f"panel--{role}" for role in ROLES}
     ALLOW_SELECT = False
@@ -106,14 +109,14 @@ def clipped(line: StyledLine, width: int) -> StyledLine:
 
 
 def shortened(line: StyledLine, width: int) -> StyledLine:
-    """A line of at most `width` characters: one that is longer ends in an ellipsis."""
+    """A line of at most `width` characters; a longer one ends in an ellipsis."""
     if len(text_of(line).rstrip()) <= width:
         return clipped(line, width)
     return (*clipped(line, width - 1), ("…", "mark")) if width > 0 else ()
 
 
 def between(left: StyledLine, right: StyledLine, width: int) -> StyledLine:
-    """Two pieces at both ends of a line; what there is no room for is left out, the right one first."""
+    """Two pieces at both ends of a line. Without enough room the right one is left out first."""
     room = width - length(left) - length(right)
     return (*left, (" " * room, "plain"), *right) if right and room >= 1 else shortened(left, width)
 
@@ -133,27 +136,27 @@ def heading(title: str, note: str, width: int, *, plain: bool) -> StyledLine:
 
 
 class MarkableLines(RoleWidget):
-    """Panel of lines of text, in which dragging marks text; let go, it is copied.
+    """Panel of lines of text: dragging marks text, and releasing the button copies it.
 
-    Textual's own selection would have every cell of every line carry its place, which costs a panel
-    that changes ten times a second more than all else.
+    With Textual's own selection every cell of every line would store its place. In a panel that changes ten
+    times a second this costs more than all other work.
     """
 
     FIXED_ROWS: ClassVar[int] = 0
-    """Rows at the top that do not scroll, and are not marked."""
+    """Rows at the top that do not scroll, and cannot be marked."""
 
     _from: Offset | None = None
-    """Beginning of what is marked: column and row of the text."""
+    """Beginning of the marked text: column and row."""
     _to: Offset | None = None
     _marking = False
 
     def text_rows(self) -> Sequence[str]:
-        """Text of every row, the fixed ones first, also of those that are scrolled out of sight."""
+        """Text of every row, the fixed ones first, also of rows that are scrolled out of sight."""
         raise NotImplementedError
 
     @property
     def marked_text(self) -> str:
-        """Text that is marked, without blanks at the ends of rows."""
+        """The marked text, without blanks at the ends of rows."""
         rows, spans = self.text_rows(), self._marked_spans()
         texts = ((rows[row] if row < len(rows) else "")[span].rstrip() for row, span in spans.items())
         return "\n".join(texts)

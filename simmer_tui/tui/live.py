@@ -1,4 +1,4 @@
-"""A run that is going on, as the screen sees it: snapshots of it, and its report so far."""
+"""A live run as the screen sees it: its snapshots, and its report so far."""
 
 import asyncio
 import os
@@ -13,13 +13,13 @@ from simmer_tui.sim.command import printable
 from simmer_tui.snapshot import Snapshot
 from simmer_tui.tui.sizes import SMALLEST_COLUMNS
 
-# The clock alone is not worth frames at the full rate: an idle screen sends next to nothing.
+# A changed clock is not worth frames at the full rate: an idle screen sends next to nothing.
 _CLOCK_TICK = 1.0
-"""Period at which the clock of timed motion is shown while nothing else is new, seconds."""
+"""Seconds between two updates of the clock in timed motion while nothing else is new."""
 
 
 class LiveSource:
-    """Snapshots of the run that a server is at."""
+    """Snapshots of a server's run."""
 
     def __init__(self, server: Server) -> None:
         self._server = server

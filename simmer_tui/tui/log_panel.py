@@ -1,4 +1,4 @@
-"""List of events: one line for what matters, readings in between folded, with a filter."""
+"""List of events: one line for each important one, readings in between folded, with a filter."""
 
 from bisect import bisect_left
 from collections import deque
@@ -19,8 +19,8 @@ from simmer_tui.tui.line_panel import MarkableLines, StyledLine, text_of
 from simmer_tui.tui.textual_internals import StillWhenClamped, set_virtual_size
 
 _INDENT = 18
-"""Columns before the rest of a line that did not fit: it stands under the result of its command."""
-# The heading stands still while the rows below it scroll.
+"""Columns before the continuation of a line: it begins below the result of its command."""
+# The heading does not scroll with the rows below it.
 _HEADING = 1
 _HINTS = "/ filters   Enter unfolds"
 
@@ -28,11 +28,10 @@ _HINTS = "/ filters   Enter unfolds"
 class LogPanel(StillWhenClamped, ScrollView, MarkableLines, can_focus=True):
     """Shows entries, newest last, and stays at the end unless scrolled away from it.
 
-    An entry has one row; Enter, or a click, unfolds it: the readings in it, or the rest of a line
-    that is too long.
+    An entry has one row. Enter, or a click, unfolds it: its readings, or the rest of a line that is too long.
     """
 
-    # Textual looks for them in the first of the bases only.
+    # Textual looks for them only in the first of the base classes.
     COMPONENT_CLASSES: ClassVar[set[str]] = MarkableLines.COMPONENT_CLASSES
     FIXED_ROWS = _HEADING
     BINDINGS: ClassVar[list[BindingType]] = bindings_of(IN_LOG)
@@ -84,14 +83,14 @@ class LogPanel(StillWhenClamped, ScrollView, MarkableLines, can_focus=True):
         self._lay_out(top)
 
     def show_before_events(self, text: str) -> None:
-        """Show a text as long as there are no entries."""
+        """Show a text while there are no entries."""
         if text != self._before_events:
             self._before_events = text
             self.refresh()
 
     @property
     def text(self) -> str:
-        """Text of all that is kept and passes the filter; folded readings are indented."""
+        """Text of all kept entries that pass the filter; folded readings are indented."""
         lines: list[str] = []
         for entry in self.entries:
             if self._passes(entry):
@@ -108,7 +107,7 @@ class LogPanel(StillWhenClamped, ScrollView, MarkableLines, can_focus=True):
     # -- what people do --------------------------------------------------------------------------
 
     def action_filter(self) -> None:
-        """Take what is typed from now on as the filter, until Enter or Escape."""
+        """Use typed text as the filter from now on, until Enter or Escape."""
         self._typing = True
         self.refresh()
 
@@ -130,7 +129,7 @@ class LogPanel(StillWhenClamped, ScrollView, MarkableLines, can_focus=True):
                 self.show_only(self.filter + event.character)
 
     def action_unfold(self) -> None:
-        """Unfold the entry at the cursor, or the last that folds; fold it again."""
+        """Unfold the entry at the cursor, or the last one that folds; or fold it again."""
         place = self._cursor_row()
         if self._cursor is None:
             folding = [row for row, (entry, line) in enumerate(self._rows) if line is None and entry.folds]
@@ -202,7 +201,7 @@ class LogPanel(StillWhenClamped, ScrollView, MarkableLines, can_focus=True):
         return rows + [(entry, line) for line in line_panel.wrapped(_line_of(entry), width, _INDENT)[1:]]
 
     def _drop_rows(self) -> None:
-        """Forget the rows of entries that have given way."""
+        """Drop the rows of entries that are no longer kept."""
         first = self.entries[0].number if self.entries else 0
         gone = bisect_left(self._rows, first, key=lambda row: row[0].number)
         del self._rows[:gone]
@@ -221,7 +220,7 @@ class LogPanel(StillWhenClamped, ScrollView, MarkableLines, can_focus=True):
         return self._rows[row][0].number if row < len(self._rows) else 0
 
     def _lay_out(self, top: int) -> None:
-        """Show the end, or keep the entry with number `top` where it is."""
+        """Show the end, or keep the entry with number `top` at its place."""
         width = self.scrollable_content_region.width
         if not width:  # not on the screen yet
             return
@@ -245,7 +244,7 @@ class LogPanel(StillWhenClamped, ScrollView, MarkableLines, can_focus=True):
 
     def watch_scroll_y(self, old_value: float, new_value: float) -> None:
         super().watch_scroll_y(old_value, new_value)
-        # Only a person leaves the end; Textual clamps after a change of size.
+        # Only a person scrolls away from the end; Textual clamps after a change of size.
         if not self.placing:
             self._at_end = round(new_value) >= self.max_scroll_y
 

@@ -1,4 +1,4 @@
-"""The panes around the controls, and how a snapshot is shown in them.
+"""The panes around the controls, and their update from a snapshot.
 
 To add a panel of lines: write a function of a `Snapshot` and a `Room`, and list it in `PANELS`.
 """
@@ -34,21 +34,21 @@ from simmer_tui.tui.sensor_readouts import SensorsView, rows_wanted, sensor_line
 from simmer_tui.tui.sizes import BRIEF_ANSWER
 from simmer_tui.tui.terminal import GlyphMode, TerminalChoice
 
-# What is history has nothing beside it that says the same, so it may lag: each line of it that changes
-# is bytes over a slow link, and nobody reads faster.
+# Parts with history may lag, since nothing beside them shows the same. Each changed line is bytes over a slow
+# link, and nobody reads faster.
 _LAGS = {"events": 0.5, "values": 1.0, "radar": 0.2}
-"""Least time between two pictures of a part that is history, seconds."""
+"""Least seconds between two pictures of a part with history."""
 
 
 class SnapshotSource(Protocol):
-    """Source of snapshots: a run that is going on, or one from a log."""
+    """Source of snapshots: a live run, or one from a log."""
 
     @property
     def configuration(self) -> Configuration: ...
 
     @property
     def name(self) -> str:
-        """Name in a few words: the configuration, or where the run came from."""
+        """Name in a few words: the configuration, or the log."""
         ...
 
     @property
@@ -58,7 +58,7 @@ class SnapshotSource(Protocol):
 
     @property
     def pace(self) -> str:
-        """Speed of simulated time, in a word or two; empty if there is nothing to say."""
+        """Speed of simulated time, in a word or two; empty if it is the usual one."""
         ...
 
     def has_news(self, known: int) -> bool:
@@ -71,7 +71,7 @@ class SnapshotSource(Protocol):
 
 
 class Lags:
-    """Parts of the screen that may show an older moment than the rest: whose turn it is."""
+    """Parts of the screen that may show an older moment than the rest: which of them is due."""
 
     def __init__(self) -> None:
         self._shown = dict.fromkeys(_LAGS, -math.inf)
@@ -81,15 +81,18 @@ class Lags:
         """Parts that do not show the newest snapshot yet."""
 
     def hurry(self) -> None:
-        """Let all parts have their turn now."""
+        """Make all parts due now."""
         self._shown = dict.fromkeys(_LAGS, -math.inf)
 
     def take(self, snapshot: Snapshot, before: Snapshot | None) -> None:
-        """Take note of a new snapshot. When the robot comes to stand, at a pause, a contact and a verdict all
-        of the screen shows that moment."""
+        """Take note of a new snapshot.
+
+        When the robot comes to stand, at a pause, a contact and a verdict, the whole screen shows that
+        moment.
+        """
         state = snapshot.state
         calm = not state.moving and (before is None or before.state.pose == state.pose)
-        # What waits while nothing happens has its turn one after the other, and then the screen rests.
+        # In a quiet run the waiting parts are due one after the other; then the screen does not change.
         if before is None or snapshot.number != before.number or snapshot.anew or not calm:
             self.waiting = set(_LAGS)
         marks = state.paused, state.contacts, snapshot.verdict is None
@@ -119,12 +122,12 @@ class PanelKind(Struct, frozen=True):
 
 
 PANELS = (PanelKind("robot", 6, robot_lines), PanelKind("run", 4, run_lines))
-"""Panels beside the maze, in the order in which there is room for them."""
-# Three goals, the time, and the time spent in two lines, below a heading.
+"""Panels beside the maze, in the order in which they get room."""
+# A heading, three goals, the time, and the time spent in two lines.
 _MISSION_ROWS = 7
-# Heading, pose and state; with a radar beside it there is room for the belief as well.
+# Heading, pose and state; beside a radar there is room for the belief as well.
 _BRIEF_ROBOT, _TALL_ROBOT, _TALL = 3, 4, 45
-"""Rows of the robot's panel beside those of a mission, and the screen's rows from which it has one more."""
+"""Rows of the robot's panel beside that of a mission: usually, and on a screen of at least so many rows."""
 _FRAMES = {RunPhase.SUCCESS: Role.FRAME_SUCCESS, RunPhase.FAILURE: Role.FRAME_FAILURE}
 """Colour of the maze's frame at a verdict."""
 _BARS = (
@@ -149,7 +152,7 @@ class SensorsPanel(LinePanel):
 
 
 class Panes:
-    """Maze, events and panels. A fault in one is shown in its place, and the others go on."""
+    """Maze, events and panels. A fault in one is shown in its place, and the others continue."""
 
     def __init__(self, source: SnapshotSource, choice: TerminalChoice, maze: MazeView) -> None:
         configuration = source.configuration
@@ -204,19 +207,19 @@ class Panes:
 
     @property
     def has_unshown(self) -> bool:
-        """True while something that may lag waits for its turn."""
+        """True while a lagging part waits to be updated."""
         return bool(self._lags.waiting)
 
     @property
     def widgets(self) -> Iterator[Widget]:
-        """All panes, in the order in which Tab goes through those that take keys."""
+        """All panes, those that take keys in the order of Tab."""
         answer, *bars, facts, program = self._panels.values()
         yield from (self.maze, self.legend, answer, self.sensors, self.radar)
         yield from (*bars, self.log, facts, program)
 
     def panel_rows(self, height: int, *, page: bool) -> list[tuple[str, int]]:
-        """Name and rows of each panel beside the maze, on a screen of so many rows; on a `page` of their own
-        they have all of it."""
+        """Name and rows of each panel beside the maze, on a screen of so many rows. On a `page` of their own
+        they have all rows."""
         rows = {kind.name: kind.rows for kind in PANELS}
         if self.has_mission:
             rows["run"] = _MISSION_ROWS
@@ -226,24 +229,24 @@ class Panes:
 
     @property
     def answer_rows(self) -> int:
-        """Rows that the answer wants; 0 if it gives way to all else."""
+        """Rows that the answer needs; 0 if it may be left out."""
         answer = self.answer
         if answer is None or not answer.covers:
             return 0
         return answer.rows(self._panels["answer"].size.width or self.sensors.size.width or 1)
 
     def switch(self, name: str, word: str = "") -> None:
-        """Show something or not, `on` or `off`; without a word, change over."""
+        """Show something or not, `on` or `off`; without a word, switch over."""
         self.shown[name] = not self.shown[name] if not word else word == "on"
         self._lags.hurry()
 
     def choose(self, code: str) -> None:
-        """Look at a sensor more closely; at the same one again, no longer."""
+        """Choose a sensor for a closer look; the same one again ends the choice."""
         self.chosen = "" if code == self.chosen else code
         self._lags.hurry()
 
     def show(self, snapshot: Snapshot) -> bool:
-        """Show a snapshot, the same one in every pane. Returns true if the events, which may lag, show it."""
+        """Show a snapshot, the same one in every pane. Returns True if the events, which may lag, show it."""
         before, self._snapshot = self._snapshot, snapshot
         self._lags.take(snapshot, before)
         self._take_entries(snapshot)
@@ -260,21 +263,21 @@ class Panes:
         return is_due
 
     def show_again(self) -> None:
-        """Bring everything up to date after a change of sizes."""
+        """Update everything after a change of sizes."""
         self._lags.hurry()
         if self._snapshot is not None:
             self.show(replace(self._snapshot, entries=(), anew=False))
 
     @property
     def whole_log(self) -> str:
-        """Text of the list of events, with all there is."""
+        """The full text of the list of events."""
         self._show_events()
         return self.log.text
 
     # -- within ----------------------------------------------------------------------------------
 
     def _take_entries(self, snapshot: Snapshot) -> None:
-        # A replay that has jumped: what waits is of another moment.
+        # After a jump in a replay the waiting entries are of another moment.
         if snapshot.anew:
             self._waiting, self._anew = [], True
         entries = snapshot.entries
@@ -313,7 +316,7 @@ class Panes:
         self.legend.bring_up_to_date()
 
     def _show_panel(self, panel: LinePanel, lines: _Lines, snapshot: Snapshot) -> None:
-        """Show lines made for a panel's size, or why they cannot be made."""
+        """Show lines made for a panel's size, or the fault in making them."""
         width, rows = panel.size
         if not width:
             return
@@ -326,7 +329,7 @@ class Panes:
 
     def _choose_answer(self, snapshot: Snapshot) -> None:
         try:
-            # The list of events lags; what is said here is of the same moment as the maze.
+            # The list of events lags; this line is of the same moment as the maze.
             newest = chain(reversed(self._waiting), reversed(self.log.entries))
             self.answer = self.home.answer(snapshot, newest, self.phase, plain=self._plain)
         except Exception as error:  # noqa: BLE001 - a fault in an answer must not end the app
@@ -335,7 +338,7 @@ class Panes:
     def _answer_lines(self, _snapshot: Snapshot, room: Room) -> Sequence[StyledLine]:
         if self.answer is None:
             return []
-        # On a small screen it goes on in the line below, which the console has.
+        # On a small screen it continues in the line below, which is the console's.
         return self.answer.shown(Room(room.width, max(room.rows, BRIEF_ANSWER), room.plain))[: room.rows]
 
     def _sensor_lines(self, snapshot: Snapshot, room: Room) -> list[StyledLine]:

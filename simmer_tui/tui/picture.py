@@ -1,7 +1,7 @@
-"""Picture of the screen as an SVG that looks the same everywhere: no script, no font to fetch.
+"""Picture of the screen as an SVG that looks the same everywhere: no script, no font to load.
 
-Everything made of blocks, dots and lines is drawn as shapes, and every word has its place, so that
-nothing shifts where the terminal's font is missing.
+Blocks, dots and lines are drawn as shapes, and every word has its place, so that nothing shifts without the
+terminal's font.
 """
 
 from collections import defaultdict
@@ -22,9 +22,9 @@ WIDTH, HEIGHT = 10, 20
 """Size of a cell."""
 # Leaves a quarter of the cell for descenders.
 _BASELINE = 15
-# Their letters are 0.6 of the size wide.
+# Letters of usual fixed-width fonts are 0.6 of the size wide.
 _FONT_SIZE = 16.6
-"""Makes the letters of usual fixed-width fonts as wide as a cell."""
+"""Font size at which such letters are as wide as a cell."""
 _DOTS = ((0, 0), (0, 1), (0, 2), (1, 0), (1, 1), (1, 2), (0, 3), (1, 3))
 """(column, row) of each bit of a braille pattern."""
 # Round corners are drawn as square ones.
@@ -74,7 +74,7 @@ class _Page:
             x += WIDTH * cell_len(character)
 
     def _draw(self, character: str, x: int, y: int, ink: str) -> bool:
-        """Draw a character as shapes, if it is one of those."""
+        """Draw a character as shapes, if possible. Returns True if it was."""
         code = ord(character)
         if 0x2581 <= code <= 0x2588:
             height = HEIGHT * (code - 0x2580) / 8
@@ -105,7 +105,7 @@ class _Page:
 
     def elements(self) -> Iterator[str]:
         """From the back to the front."""
-        yield "<g shape-rendering='crispEdges'>"  # no seams between neighbours when it is scaled
+        yield "<g shape-rendering='crispEdges'>"  # no seams between neighbours when the picture is scaled
         yield from (*_paths("fill", self.areas), *_paths("fill", self.blocks))
         yield "</g><g fill='none' stroke-linecap='round' stroke-width='3.4'>"
         yield from _paths("stroke", self.dots)

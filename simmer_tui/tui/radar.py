@@ -1,4 +1,4 @@
-"""The radar: surroundings of the robot, its front up, with rings of distance and what sensors saw."""
+"""The radar: surroundings of the robot, its front up, with rings of distance and the sensors' readings."""
 
 import math
 
@@ -26,20 +26,20 @@ _MOST = 0.75
 """Share of the last readings that the scale must hold."""
 _LABEL_ROOM = 2.0
 """Units beyond the last ring, for the code of a sensor whose ray ends there."""
-# A wall has two a unit. With fewer than these a ring is dust, not a circle.
+# A wall has two a unit. With fewer than these a ring does not look like a circle.
 _RING_GAP = 1.2
 """Units between two dots of a ring."""
 _RING_NUMBERS = math.radians(-90.0 - 28.0)
-"""Direction of the rings' numbers from the front: below the right, where bundled sets have no sensor."""
+"""Direction of the rings' numbers from the front: on the lower right, where bundled sets have no sensor."""
 # Twice as many as the panel has dots across, so that a wall has no gaps.
 _LOOKS = 720
-"""Directions in which walls are looked for around the robot."""
+"""Directions in which walls are searched for around the robot."""
 _LEAST_ROBOT = 2.4
-"""Least radius of the robot, units: fewer show no hand."""
+"""Least radius of the robot, units: a smaller one shows no hand."""
 _NO_ECHO = 9.0
 """Length of the stub of a ray without an echo, inches."""
 _BEAM = 10.0
-"""Degrees from which a beam has two sides, and an arc where it ends."""
+"""Degrees from which a beam has two sides, and an arc at its end."""
 _SPARSE = 1.5
 """Units between two dots of the sides of a beam."""
 _GIVES_WAY = (1.06, 1.18, 0.9, 0.75)
@@ -68,8 +68,8 @@ def radar_cells(scene: Scene, maze: Maze, rows: int, columns: int, signs: Signs,
 
 
 class _Radar:
-    """A picture in the making. Its units are those of the maze's picture; `scale` is units an inch, `outer`
-    the distance of the outer ring, inches."""
+    """A picture while it is drawn. Its units are those of the maze's picture. `scale` is units an inch,
+    `outer` the distance of the outer ring, inches."""
 
     def __init__(self, scene: Scene, rows: int, columns: int, signs: Signs, palette: Palette) -> None:
         self.cells, self.scene, self.signs, self.palette = blank_cells(rows, columns), scene, signs, palette
@@ -87,7 +87,7 @@ class _Radar:
             angles = np.arange(0.0, 2 * math.pi, _RING_GAP / (radius * self.scale))
             self._put_dots(Role.RING, radius * _directions(angles))
         self._put_dots(Role.EDGE, self._walls(maze))
-        # A dot where each beam ended, over the walls that are there.
+        # A dot at the end of each beam, over the walls there.
         for scan in scene.scans if scene.show_rays else ():
             places = to_local(scan.ends, scene.pose)
             self._put_dots(Role.RAY_STRONG, places[np.hypot(*places.T) <= self.outer])
@@ -103,7 +103,7 @@ class _Radar:
             self._put_text(end, text, role, _GIVES_WAY)
 
     def _walls(self, maze: Maze) -> FloatArray:
-        """Places of walls that can be seen from the robot, (n, 2), in its frame."""
+        """Places of walls in sight of the robot, (n, 2), in its frame."""
         pose = self.scene.pose
         if maze.is_wall(pose.x, pose.y):
             return np.empty((0, 2))
@@ -116,7 +116,8 @@ class _Radar:
         return to_local(places, pose)
 
     def _put_ray(self, each: SensorView) -> tuple[FloatArray, str, Role]:
-        """Ray of a reading, as long as the range read. Returns its end, its label and the label's colour."""
+        """Draw the ray of a reading, as long as the range read. Returns its end, its label and the label's
+        colour."""
         view, pose, scale = each.view, self.scene.pose, self.scale
         assert isinstance(view, RangeScan), "only those have rays"
         bright = self.scene.is_bright(each)
@@ -160,7 +161,7 @@ class _Radar:
         cells.attributes.reshape(-1)[there] = dim
 
     def _put_text(self, end: FloatArray, text: str, role: Role, places: tuple[float, ...]) -> None:
-        """Write a label along the ray to `end`, at the first of `places` where none stands yet."""
+        """Write a label along the ray to `end`, at the first free one of `places`."""
         rows, columns = self.cells.shape
         for place in places:
             x, y = self._units(end[None] * place)[0]
@@ -186,7 +187,7 @@ class _Radar:
         return np.stack(np.broadcast_arrays(ahead[:, None], left[None, :]), axis=-1)
 
     def _put_pixels(self, role: Role, mask: Mask, paper: Role | None = None) -> None:
-        """Lay pixels over what is there, on the ground or on a `paper`."""
+        """Draw pixels over the picture, on the ground or on a `paper`."""
         cells, signs, palette = self.cells, self.signs, self.palette
         rows, columns = cells.shape
         bits = mask.reshape(rows, signs.down, columns, signs.across).transpose(0, 2, 1, 3)
@@ -213,7 +214,7 @@ class _Radar:
             self._put_text(centre, "B", Role.BLOCK, (1.0,))
 
     def _put_robot(self) -> None:
-        """The robot's body, its front up, with the hand that it has in the maze."""
+        """Draw the robot's body, its front up, with the same hand as in the maze."""
         radius = self.scene.robot.reach
         scale = max(self.scale, _LEAST_ROBOT / radius)
         if not self.signs.has_blocks:
@@ -225,7 +226,8 @@ class _Radar:
         (rows, columns), (across, down) = self.cells.shape, (self.signs.across, self.signs.down)
         by_cell = body.reshape(rows, down, columns, across).all(axis=(1, 3))
         whole = np.kron(by_cell, np.ones((down, across), dtype=np.bool_))
-        # In cells of the rim the ground shows through the hand: its own colour would be a third one there.
+        # In cells of the rim the ground shows through the hand: the hand's own colour would be a third one
+        # there.
         self._put_pixels(Role.ROBOT, body & ~(hand & ~whole))
         self._put_pixels(Role.HEADING, hand & whole, Role.ROBOT)
 

@@ -1,4 +1,4 @@
-"""Bars and panels of a run: snapshots turned into lines of text."""
+"""Bars and panels of a run: lines of text made from snapshots."""
 
 from collections.abc import Mapping, Sequence
 
@@ -25,17 +25,17 @@ from simmer_tui.tui.gauges import gauge
 from simmer_tui.tui.line_panel import StyledLine, between, heading, length, shortened
 from simmer_tui.tui.sensor_readouts import heading_sign, scan_line
 
-# The longest, "contacts" and "commands", have eight letters.
+# The longest labels, "contacts" and "commands", have eight letters.
 LABEL = 9
 """Columns of a label."""
-# Between the usual 80 columns and the 110 at which panels stand in full.
+# Between the usual 80 columns and the 110 from which panels have all their lines.
 ROOMY = 100
-"""Columns from which a bar has room for what is not needed at every glance."""
+"""Columns from which a bar has room for less important items."""
 # The widest panel beside a maze has 60: see sizes.py.
 _WIDE_PANEL = 60
 """Columns from which a panel has room for a second place in one line."""
 _GAP: StyledLine = (("  ", "plain"),)
-# A heading, pose, belief and state; and with contacts and block a line each.
+# A heading, pose, belief and state; and a line each for contacts and block.
 _WITH_BELIEF, _WITH_BLOCK = 4, 6
 """Rows of the robot's panel from which it shows more."""
 
@@ -65,7 +65,7 @@ class Room(Struct, frozen=True):
 
 
 def pose_line(snapshot: Snapshot, room: Room) -> StyledLine:
-    """Pose, error of the belief, totals and mission in one line: as much of each as there is room for."""
+    """Pose, error of the belief, totals and mission in one line, as far as there is room."""
     state = snapshot.state
     pose: StyledLine = ((" pose ", "label"), *_place_pieces(snapshot, room))
     doing, role = _state(snapshot)
@@ -80,7 +80,7 @@ def pose_line(snapshot: Snapshot, room: Room) -> StyledLine:
     if snapshot.mission is not None:
         full, least = _goal_pieces(snapshot.mission, room.pointer)
         rights = [(*each, *_GAP, *full) for each in rights] + [(*contacts, *_GAP, *least)]
-    # The pose is worth more than the totals, and those more than the words for them.
+    # The pose is more important than the totals, and those more than their words.
     pairs = [(left, right) for left in lefts for right in rights] + [(left, least) for left in lefts]
     for left, right in pairs:
         if length(left) + length(right) + 2 <= room.width:
@@ -102,7 +102,7 @@ def _goal_pieces(mission: MissionState, pointer: str) -> tuple[StyledLine, Style
 
 
 def robot_lines(snapshot: Snapshot, room: Room) -> list[StyledLine]:
-    """Pose, belief, state, and the totals, below a heading: in as many lines as there are."""
+    """Pose, belief, state, and the totals, below a heading, in the available lines."""
     state = snapshot.state
     head = heading("robot", "", room.width, plain=room.plain)
     pose = (("pose".ljust(LABEL), "label"), *_place_pieces(snapshot, room))
@@ -115,7 +115,7 @@ def robot_lines(snapshot: Snapshot, room: Room) -> list[StyledLine]:
     believed = fact_line("belief", "none sent", "dim")
     if state.belief is not None:
         grid, off = state.belief.grid, off_text(state.belief)
-        # The spread of a grid stands beside its entropy, in the answer card.
+        # The answer card shows the spread of a grid, beside its entropy.
         off += spread_text(state.belief) if grid is None else f", {truth_text(grid)}"
         at = f", at {pose_text(state.belief.pose)}" if room.width >= _WIDE_PANEL else ""
         believed = fact_line("belief", f"off {off}{at}", "belief")
@@ -189,7 +189,7 @@ def spent_lines(spent: TimeSpent, room: Room) -> list[StyledLine]:
 
 
 def spent_words(spent: TimeSpent) -> StyledLine:
-    """The same in words alone: `drive 46 s  sense 7 s  link 11 s`."""
+    """The same in words only: `drive 46 s sense 7 s link 11 s`."""
     drive, *others = ((f"{word} {seconds:.0f} s", role) for seconds, role, word in _shares(spent))
     return (drive, *((f"  {text}", role) for text, role in others))
 
@@ -212,7 +212,7 @@ _HURRY = 0.9
 
 
 def mission_lines(mission: MissionState, room: Room) -> list[StyledLine]:
-    """Goals of a mission, each with a sign and when it was met, and the time."""
+    """Goals of a mission, each with a sign and the time when it was met, and the mission's time."""
     lines: list[StyledLine] = []
     drop, limit = mission.plan.drop_zone, mission.plan.time_limit
     missed = mission.result is Result.FAILED
@@ -234,7 +234,7 @@ _GOAL_WORDS = {Goal.REACHED: "loading zone", Goal.TAKEN: "picked up", Goal.DELIV
 
 
 def goals_line(mission: MissionState) -> StyledLine:
-    """Goals that were met in one line: `✓ loading zone 00:19   ✓ picked up 00:33`."""
+    """The goals met so far in one line: `✓ loading zone 00:19 ✓ picked up 00:33`."""
     pieces: list[tuple[str, str]] = []
     for goal, when in mission.goals.items():
         if when is not None:
@@ -244,7 +244,7 @@ def goals_line(mission: MissionState) -> StyledLine:
 
 
 class _Printed(EventHandler[str | None]):
-    """Line that the program printed; None for any other event."""
+    """A line that the program printed; None for any other event."""
 
     def on_notice(self, event: Notice) -> str | None:
         return event.text if event.kind is NoticeKind.PROGRAM else None
@@ -254,13 +254,13 @@ _PRINTED = _Printed()
 
 
 def program_lines(snapshot: Snapshot, entries: Sequence[LogEntry], room: Room) -> list[StyledLine]:
-    """The last lines that the program printed; once it has failed those of its standard error."""
+    """The last lines that the program printed; after a failure those of its standard error."""
     verdict = snapshot.verdict
     program = None if verdict is None else verdict.program
     if program is not None and program.exit_code and program.stderr:
         head = heading("program", "last lines of its errors", room.width, plain=room.plain)
-        told = [(("  ", "plain"), (printable(line.text), "value")) for line in program.stderr]
-        return [head, *told[-(room.rows - 1) :]]
+        errors = [(("  ", "plain"), (printable(line.text), "value")) for line in program.stderr]
+        return [head, *errors[-(room.rows - 1) :]]
     head = heading("program", "last lines of what it prints", room.width, plain=room.plain)
     printed: list[StyledLine] = []
     for entry in reversed(entries):
@@ -277,8 +277,8 @@ def program_lines(snapshot: Snapshot, entries: Sequence[LogEntry], room: Room) -
 def status_line(
     snapshot: Snapshot, entries: Sequence[LogEntry], *, brief: bool, plain: bool = False
 ) -> StyledLine:
-    """Above the console while nothing is typed: on small screens the movement under way, a scan or the last
-    event, else the last reply."""
+    """The line above the console while nothing is typed: the last reply. On small screens the movement under
+    way, a scan or the last event."""
     if brief and snapshot.state.movement is not None:
         return movement_line(snapshot, plain=plain)
     row = standing_scan(snapshot.state) if brief else None
@@ -290,7 +290,7 @@ def status_line(
 
 
 def standing_scan(state: State) -> SensorRow | None:
-    """The row of a lidar whose scan was read last of all, if the robot has not moved since."""
+    """The row of a lidar whose scan was the last reading, if the robot has not moved since."""
     if state.moving or state.velocity is not None:
         return None
     newest = max(state.sensors.values(), key=lambda row: row.number, default=None)
@@ -321,7 +321,7 @@ def movement_line(snapshot: Snapshot, *, plain: bool) -> StyledLine:
 
 
 def _place_pieces(snapshot: Snapshot, room: Room) -> StyledLine:
-    """Pose, with its heading as an arrow too, or as a point of the compass with north up."""
+    """The pose, its heading also as an arrow, or as a point of the compass with north up."""
     pose = snapshot.state.pose
     heading_shown = half_turn(pose.heading)
     turned = f"{heading_shown:.0f}" if round(heading_shown) else "0"

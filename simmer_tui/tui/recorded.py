@@ -1,4 +1,4 @@
-"""A logged run as a source of snapshots: the replay's counterpart of a live run."""
+"""A logged run as a source of snapshots, for the replay."""
 
 import asyncio
 from collections.abc import Mapping
@@ -21,12 +21,13 @@ from simmer_tui.runlog.playback import LOOK_BACK, Playback
 from simmer_tui.runlog.reader import LogReader
 from simmer_tui.snapshot import EventFeed, Snapshot
 
-# Doubled each time, as `[` and `]` of a live run do.
+# Doubled each time, as by `[` and `]` in a live run.
 SPEEDS = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0)
 """Simulated seconds a second."""
-# As many as the list of events holds: what is further back would not be shown.
+# The size of the list of events: earlier ones would not be shown.
 _NEAR = 2000
-"""Entries ahead whose events are read on; from further on reading begins some way before the moment."""
+"""Entries up to which reading continues forwards. For a moment further on, reading starts again some way
+before it."""
 
 
 class TimelineMarkKind(StrEnum):
@@ -75,7 +76,7 @@ _FIRST_LINE = 2
 
 
 class RecordedRun(EventHandler[None]):
-    """Moves about in a log, with a clock that can run, and gives a snapshot of each moment."""
+    """Moves to any moment of a log, with a clock that can run, and gives a snapshot of each."""
 
     def __init__(self, index: RunLogIndex) -> None:
         """Raises:
@@ -100,7 +101,7 @@ class RecordedRun(EventHandler[None]):
         self._anew = True
         self._begin_feed()
         self._fed = -1
-        self._told_at = 0.0
+        self._event_real_time = 0.0
         self._number = 0
         self._marked: tuple[int, tuple[TimelineMark, ...]] = (-1, ())
         self._end: JudgedEnd | None = None
@@ -142,35 +143,35 @@ class RecordedRun(EventHandler[None]):
         self._changed = True
 
     def _feed_until(self, now: float) -> None:
-        """Bring the list of events to the moment shown."""
-        # Back, or far ahead: reading on from there would take longer than beginning a little before.
+        """Update the list of events to the moment shown."""
+        # Back, or far ahead: it is faster to start again a little before the moment.
         if not self._fed <= self.entry <= self._fed + _NEAR:
             self._begin_feed()
             self._fed = max(self.entry - LOOK_BACK, -1)
-        for told in self.playback.events(self._fed + 1, self.entry + 1) if self._fed < self.entry else ():
+        for logged in self.playback.events(self._fed + 1, self.entry + 1) if self._fed < self.entry else ():
             self._take_pending()
-            if isinstance(told, BrokenLine):
-                self._take(0.0, Notice(NoticeKind.FAULT, str(told)))
+            if isinstance(logged, BrokenLine):
+                self._take(0.0, Notice(NoticeKind.FAULT, str(logged)))
             else:
-                self._told_at = told.real_time
-                self.handle(told.event)
+                self._event_real_time = logged.real_time
+                self.handle(logged.event)
         self._fed = self.entry
         if self._pending is not None and self._pending[1].time <= now:
             self._take_pending()
 
     def _begin_feed(self) -> None:
-        """Restart the list of events, wherever in the log."""
-        # The time of the log's beginning may be later than that of what comes after a reset.
+        """Restart the list of events, anywhere in the log."""
+        # After a reset simulated time may be earlier than at the log's beginning.
         beginning = replace(self.index.header.beginning(self.configuration), time=0.0)
         self._feed, self._reducer, self._anew = EventFeed(), Reducer(beginning), True
         self._pending: tuple[float, MovementEnded] | None = None
         """The end of the movement shown, and the real time of its record."""
 
     def on_ended(self, event: MovementEnded) -> None:
-        self._pending = self._told_at, event  # a log tells of it where the movement begins
+        self._pending = self._event_real_time, event  # the log has it at the movement's begin
 
     def other(self, event: Event) -> None:
-        self._take(self._told_at, event)
+        self._take(self._event_real_time, event)
 
     def _take_pending(self) -> None:
         if self._pending is not None:
@@ -189,20 +190,20 @@ class RecordedRun(EventHandler[None]):
         return self.index.duration
 
     def tick(self, seconds: float) -> bool:
-        """Advance the clock by real seconds. Returns true once it has come to the end."""
+        """Advance the clock by real seconds. Returns True once it has reached the end."""
         if not self.playing:
             return False
         self.move_to(self.elapsed + self.speed * seconds)
         return self.elapsed >= self.duration
 
     def play(self, on: bool) -> None:
-        """Let the clock run, from the beginning if it stands at the end; or stop it."""
+        """Start the clock, from the beginning if it is at the end; or stop it."""
         self.playing, self._changed = on, True
         if on and self.elapsed >= self.duration:
             self.move_to(0.0)
 
     def faster(self, steps: int) -> None:
-        """Go on at another of the speeds."""
+        """Use another of the speeds."""
         place = SPEEDS.index(self.speed) + steps
         self.speed = SPEEDS[min(max(place, 0), len(SPEEDS) - 1)]
         self._changed = True
@@ -214,7 +215,7 @@ class RecordedRun(EventHandler[None]):
         self._show(self.index.find_time(elapsed) if is_any else -1, elapsed)
 
     def stand_at(self, entry: int) -> None:
-        """Show the moment at which all that an entry says has happened."""
+        """Show the moment at which everything in an entry has happened."""
         self._show(entry, self.index.over_of(entry))
 
     def begin(self) -> None:
@@ -267,7 +268,7 @@ class RecordedRun(EventHandler[None]):
         return found
 
     def mark_from(self, kind: TimelineMarkKind, step: int) -> int | None:
-        """Entry of the next (1) or previous (-1) mark of a kind, seen from the moment shown."""
+        """Entry of the next (1) or previous (-1) mark of a kind, relative to the moment shown."""
         entries = [mark.entry for mark in self.marks if mark.kind is kind]
         if step > 0:
             return next((entry for entry in entries if entry > self.entry), None)

@@ -1,4 +1,4 @@
-"""The replay: the screen of a live run on a log, with a timeline in place of the console.
+"""The replay: the screen of a live run for a log, with a timeline in place of the console.
 
 The timeline has a clock, a bar, and marks of contacts, goals and pauses to jump to.
 """
@@ -29,16 +29,16 @@ from simmer_tui.tui.recorded import RecordedRun, TimelineMarkKind
 from simmer_tui.tui.shell import Shell, put
 from simmer_tui.tui.terminal import TerminalChoice
 
-# Often enough to follow a run, seldom enough that an idle log costs nothing.
+# Often enough to follow a run, rarely enough that an idle log costs nothing.
 _REFRESH = 0.5
-"""Period at which a log that is still being written is read, seconds."""
+"""Seconds between two reads of a log that is still being written."""
 _SIGNS = {
     TimelineMarkKind.CONTACT: ("X", "X", "contact"),
     TimelineMarkKind.GOAL: ("◆", "*", "good"),
     TimelineMarkKind.PAUSE: ("‖", "|", "value"),
 }
 """Sign of a kind of mark, that in ASCII, and its role."""
-# Shorter, a column of it is too much of a run to be of use.
+# With fewer a column stands for too much of a run to be useful.
 _LEAST_BAR = 5
 
 
@@ -69,14 +69,14 @@ def bar_line(run: RecordedRun, width: int, *, plain: bool) -> StyledLine:
 
 
 def marks_line(run: RecordedRun, note: str, width: int, *, plain: bool) -> StyledLine:
-    """Marks above the bar; where there are many in one place, the first by kind. `note` says what
-    is wrong, or where we are."""
+    """Marks above the bar; of several in one place the first by kind. `note` is an error, or the present
+    place."""
     head, room, _ = bar_of(run, width, plain=plain)
     if room < _LEAST_BAR:
         return ((f" {note}", "warning"),)
     kinds = list(TimelineMarkKind)
     columns: dict[int, TimelineMarkKind] = {}
-    # The first by kind is written last, and stays.
+    # The first by kind is written last, and so stays.
     for mark in sorted(run.marks, key=lambda mark: kinds.index(mark.kind), reverse=True):
         fraction = mark.elapsed / run.duration if run.duration else 0.0
         columns[_column(fraction, room)] = mark.kind
@@ -94,7 +94,7 @@ def _column(fraction: float, room: int) -> int:
 
 
 class Timeline(LinePanel):
-    """Shows the place in a log; a click goes there."""
+    """Shows the place in a log; a click moves to another."""
 
     def __init__(self, run: RecordedRun, moved: Callable[[], None], *, plain: bool) -> None:
         """`moved` is called when a click has moved the run."""
@@ -103,7 +103,7 @@ class Timeline(LinePanel):
         self._plain = plain
 
     def bring_up_to_date(self, note: str) -> None:
-        """Show the moment the run is at."""
+        """Show the run's moment."""
         width = self.size.width
         if width:
             marks = marks_line(self._run, note, width, plain=self._plain)
@@ -127,7 +127,7 @@ class ReplayApp(Shell):
     def __init__(
         self, run: RecordedRun, choice: TerminalChoice, *, follow: bool = False, devices: Path | None = None
     ) -> None:
-        """A take-over looks for the device files of the run in the folder `devices`."""
+        """The device files of the run, needed for a take-over, are in the folder `devices`."""
         maze = MazeView(choice.glyphs, choice.color)
         super().__init__(run, choice, maze)
         # The maze's own actions, wherever the focus is.
@@ -148,7 +148,7 @@ class ReplayApp(Shell):
 
     def on_mount(self) -> None:
         self._maze.focus()
-        # Who replays a run looks for what went wrong: true values belong to that.
+        # People replay a run to find what went wrong, and true values help.
         self._panes.switch("truth", "on")
         self.set_interval(1 / self._settings.screen.fps, self._tick)
         self.run_worker(self._find_verdict(), group="verdict")
@@ -188,13 +188,13 @@ class ReplayApp(Shell):
             self.refresh_frame()
 
     async def _find_verdict(self) -> None:
-        """Have the end of the run show its cause, as a live one does."""
-        with contextlib.suppress(RunLogError):  # `_take_in` says so to whoever follows the log
+        """Find the verdict, so that the run's end shows its cause, as in a live run."""
+        with contextlib.suppress(RunLogError):  # with `follow`, `_take_in` reports it
             await self.run_shown.find_verdict()
             self.refresh_frame()
 
     def _take_in(self) -> None:
-        """Read the entries that were written since; after one that may end a run, find the verdict again."""
+        """Read new entries of the log. After one that may end a run, find the verdict again."""
         index = self.run_shown.index
         known = index.count
         try:
@@ -210,7 +210,7 @@ class ReplayApp(Shell):
     # -- keys ------------------------------------------------------------------------------------
 
     def action_play(self) -> None:
-        """Play, from the beginning if we are at the end; or pause."""
+        """Play, from the beginning if the run is at its end; or pause."""
         self.run_shown.play(not self.run_shown.playing)
         self.refresh_frame()
 
@@ -248,7 +248,7 @@ class ReplayApp(Shell):
         self.refresh_frame()
 
     def action_take_over(self) -> None:
-        """Go on from the moment shown, if the log comes out the same up to there."""
+        """Continue live from the moment shown, if the log can be repeated up to there."""
         self.run_shown.play(False)
         index, elapsed = self.run_shown.index, self.run_shown.elapsed
         chosen = TakeOver(index.path, moment_of(index, self.run_shown.entry, elapsed), self._devices)
@@ -285,7 +285,7 @@ class ReplayApp(Shell):
         self._maze.focus()
 
     def tell(self, text: str) -> None:
-        """Show a note where answers stand."""
+        """Show a note in the place for answers."""
         self.ask(note("replay", text))
 
     def action_help(self) -> None:

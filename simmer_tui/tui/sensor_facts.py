@@ -1,4 +1,4 @@
-"""One sensor looked at closely: where it sits, where it looks, and what it read."""
+"""One sensor in detail: its place, its direction, and its reading."""
 
 from collections.abc import Mapping, Sequence
 
@@ -28,8 +28,8 @@ def sensor_facts(
     *,
     plain: bool,
 ) -> list[StyledLine]:
-    """Lines about the sensor `chosen`, or else the one read last, below a heading. `past` has the readings
-    before, by code."""
+    """Lines about the sensor `chosen`, or otherwise the one read last, below a heading. `past` has earlier
+    readings by code."""
     rows = sorted(snapshot.state.sensors.values(), key=lambda row: row.number)
     code = chosen or (rows[-1].reading.sensor.code if rows else "")
     sensor = next((each for each in sensors if each.code == code), None)
@@ -53,10 +53,10 @@ def sensor_facts(
 
 
 def _scan_facts(row: SensorRow, scan: LidarScan, *, plain: bool) -> list[StyledLine]:
-    """When a scan was read, and what stands out in it."""
+    """The time of a scan, and its most important points."""
     sensor, found = row.reading.sensor, extremes(scan)
-    told = f" at {clock(row.time)}, revolution {scan.revolution:,}"
-    read = (*fact_line("read", counted(len(scan.ranges), "point"), "newest"), (told, "value"))
+    taken = f" at {clock(row.time)}, revolution {scan.revolution:,}"
+    read = (*fact_line("read", counted(len(scan.ranges), "point"), "newest"), (taken, "value"))
     if found.nearest is None or found.farthest is None:
         return [read, fact_line("nearest", "no echo all around")]
     (near, at), (far, beyond) = found.nearest, found.farthest
@@ -67,7 +67,7 @@ def _scan_facts(row: SensorRow, scan: LidarScan, *, plain: bool) -> list[StyledL
 
 
 def _looks(sensor: SensorSpec) -> str:
-    """Direction from the robot's front and width of the beam; empty for what looks nowhere."""
+    """Direction from the robot's front and width of the beam; empty for a sensor without a direction."""
     wide = f", {sensor.field_of_view:g} deg wide" if sensor.kind.has("field_of_view") else ""
     if isinstance(sensor, LidarSpec):
         way = "clockwise" if sensor.clockwise else "counter-clockwise"
@@ -83,7 +83,7 @@ def _looks(sensor: SensorSpec) -> str:
 
 
 def _sits(sensor: SensorSpec) -> str:
-    """Place from the robot's centre; empty for what may sit anywhere."""
+    """Place from the robot's centre; empty for a sensor that may be anywhere."""
     if not sensor.kind.has("x"):
         return ""
     along = f"{abs(sensor.x):.1f} in {'ahead' if sensor.x > 0 else 'behind'}"

@@ -1,4 +1,4 @@
-"""Sensors as lines of text: direction, reading, and how that went lately."""
+"""Sensors as lines of text: direction, reading, and recent readings."""
 
 import math
 import re
@@ -24,24 +24,25 @@ from simmer_tui.tui.terminal import GlyphMode
 # A quarter and half of a maze cell, which is 12 in.
 SHORT, NEAR = 3.0, 6.0
 """Ranges below these, inches, are shown as danger and as warning."""
-# Code, direction, value and unit take 13; the rest is gauge, sparkline and span.
+# Code, direction, value and unit take 13 columns; the rest is gauge, sparkline and span.
 FULL_COLUMNS = 32
-"""Width from which a row has unit, gauge, sparkline and its range."""
-# Code, way, value and unit, and a gap.
+"""Columns from which a row has unit, gauge, sparkline and span."""
+# Code, direction, value and unit, and a gap.
 _BEFORE_BAR = 14
-"""Columns before the gauge of a row in full."""
+"""Columns before the gauge of a row with all its parts."""
 # ` sim 35.8` and ` -10.0` beside each other.
 _TWIN_ROOM = 14
 _POINTS = ("E", "NE", "N", "NW", "W", "SW", "S", "SE")
 _WAYS = ("F", "FL", "L", "BL", "B", "BR", "R", "FR")
-# Four maze cells: ranges in the bundled mazes are seldom longer, and a scale that stays is read at a glance.
+# Four maze cells: ranges in the bundled mazes are seldom longer, and a scale that never changes is easy to
+# read.
 RANGE_SCALE = 48.0
 """Least end of the gauges of ranges, inches."""
 
 
 class SensorLine(Struct, frozen=True):
-    """A line of the panel, and the code of its sensor, if it has one. A line that `heads` a kind names
-    the sensors below it."""
+    """A line of the panel, and the code of its sensor, if it has one. A line that `heads` a kind is the
+    heading of the sensors below it."""
 
     line: StyledLine
     code: str = ""
@@ -50,7 +51,7 @@ class SensorLine(Struct, frozen=True):
 
 class SensorsView(Struct, frozen=True):
     """Options of the panel: `truth` adds true values, `chosen` is the code of the sensor that a person has
-    picked. `past` has the earlier values by code, where they are to lag behind the readings."""
+    chosen. `past` has the earlier values by code, if they lag behind the readings."""
 
     glyphs: GlyphMode = GlyphMode.QUADRANT
     truth: bool = False
@@ -90,20 +91,20 @@ def range_role(sensor: SensorSpec, value: float) -> str:
 
 
 def way(sensor: SensorSpec, *, plain: bool) -> str:
-    """Direction in which a sensor looks, the robot's front being up: an arrow, or letters such as `FL`."""
+    """Direction of a sensor, with the robot's front up: an arrow, or letters such as `FL`."""
     if sensor.kind.is_scan:
         return "" if plain else "○"
     return bearing_sign(sensor.rotation, plain=plain) if sensor.kind.has("rotation") else ""
 
 
 def bearing_sign(bearing: float, *, plain: bool) -> str:
-    """Direction from the robot's front, degrees, the front being up: an arrow, or letters such as `FL`."""
+    """Direction from the robot's front, degrees, with the front up: an arrow, or letters such as `FL`."""
     # A quarter on: the robot's front is up here, and to the right in the table.
     return _WAYS[eighth_of_turn(bearing)] if plain else ARROWS[eighth_of_turn(bearing + 90.0)]
 
 
 def bearing_words(bearing: float, *, plain: bool) -> str:
-    """The same in words, with the arrow where there is one: `behind left ↙`."""
+    """The same in words, with the arrow if there is one: `behind left ↙`."""
     side = side_name(bearing)
     words = f"to the {side}" if side in ("left", "right") else side
     return words if plain else f"{words} {bearing_sign(bearing, plain=False)}"
@@ -137,7 +138,7 @@ def sensor_lines(
     lines = [line for group in groups for line in table.lines_of(group)]
     if table.full:
         lines = [SensorLine(table.heading(groups), heads=True), *lines]
-    elif len(lines) > rows:  # headings of kinds can be done without
+    elif len(lines) > rows:  # headings of kinds may be left out
         lines = [line for line in lines if not line.heads]
     if len(lines) > rows:
         hidden = len(lines) - rows + 1
@@ -146,13 +147,16 @@ def sensor_lines(
 
 
 def rows_wanted(sensors: Sequence[SensorSpec]) -> int:
-    """Number of lines of the sensors beside a maze in full, the heading included."""
+    """Number of lines of all sensors beside a maze, with the heading."""
     return 1 + sum(1 if _is_one_line(group) else len(group) for group in _groups(sensors))
 
 
 def _groups(sensors: Sequence[SensorSpec]) -> list[list[SensorSpec]]:
-    """Sensors in use that are shown below one heading: ranges first, then yes or no, then other kinds of many
-    sensors, at last single ones; each kind where it first stands in the file."""
+    """Sensors in use, grouped under one heading each.
+
+    Ranges come first, then yes-or-no sensors, then other kinds with several sensors, then single ones. Each
+    kind is at its first place in the file.
+    """
     kinds: dict[object, list[SensorSpec]] = {}
     for sensor in sensors:
         if sensor.enabled:
@@ -161,7 +165,7 @@ def _groups(sensors: Sequence[SensorSpec]) -> list[list[SensorSpec]]:
     def rank(group: list[SensorSpec]) -> int:
         kind = group[0].kind
         if kind.is_range:
-            # What looks all around comes first.
+            # Sensors that look all around come first.
             return -1 if kind.is_scan else 0
         return 3 if len(group) == 1 else 1 if group[0].is_yes_or_no else 2
 
@@ -186,7 +190,7 @@ class _SensorTable:
         self._named: set[str] = set()
 
     def heading(self, groups: Sequence[Sequence[SensorSpec]]) -> StyledLine:
-        """Name of the panel, and what its columns are."""
+        """Name of the panel, and its columns."""
         if self.view.truth:
             note = "reading, true value"
         else:
@@ -209,7 +213,7 @@ class _SensorTable:
         return [SensorLine(between(head, ((scale, "dim"),), self.width), heads=True), *lines]
 
     def _end(self, sensor: SensorSpec) -> float:
-        """End of the gauges of a sensor's kind; all that measure ranges have the same."""
+        """End of the gauges of a sensor's kind; all kinds of ranges have the same."""
         is_range = sensor.kind.is_range
         key = "range" if is_range else sensor.kind.name
         if key not in self._ends:
@@ -224,7 +228,7 @@ class _SensorTable:
         return self._ends[key]
 
     def _line(self, sensor: SensorSpec) -> StyledLine:
-        """One sensor: its reading, and what there is to say of it."""
+        """One sensor: its reading, and the parts after it."""
         row = self.rows.get(sensor.code)
         role, look = self._role(row), way(sensor, plain=self.view.plain)
         begin: StyledLine = (
@@ -246,7 +250,7 @@ class _SensorTable:
         return (*line, *self._rest(sensor, row, self.width - length(line)))
 
     def _role(self, row: SensorRow | None) -> str:
-        """Role of a reading: the newest stands out, one that was never taken is dim."""
+        """Role of a reading: the newest stands out, a missing one is dim."""
         return "dim" if row is None else "newest" if row.number == self.newest else "value"
 
     def _unread(self, sensor: SensorSpec, begin: StyledLine) -> StyledLine:
@@ -262,7 +266,7 @@ class _SensorTable:
         return between((*line, (kind_name(sensor.kind), "dim")), (("not read", "dim"),), self.width)
 
     def _scan(self, scan: LidarScan, sensor: SensorSpec, begin: StyledLine, role: str) -> StyledLine:
-        """A scan: its number of points, and as much of the nearest and farthest as there is room for."""
+        """A scan: its number of points, and the nearest and farthest echo as far as there is room."""
         if not self.full:
             return (*begin, (f" {len(scan.ranges)} pts", role))
         found, plain = extremes(scan), self.view.plain
@@ -282,7 +286,7 @@ class _SensorTable:
         return line
 
     def _no_echo(self, sensor: SensorSpec, begin: StyledLine, role: str) -> StyledLine:
-        """A range that ended at nothing: words, and no bar."""
+        """A range without an echo: words, and no bar."""
         true = self.true_values.get(sensor.code)
         if not self.full:
             return (*begin, ("  no echo", role))
@@ -295,20 +299,20 @@ class _SensorTable:
         return between((*line, (f" {dots}", "rule")), ((far, "dim"),), self.width)
 
     def _is_gauged(self, sensor: SensorSpec) -> bool:
-        """True for kinds whose values have a bar: lengths, of which a robot has several."""
+        """True for kinds whose values have a bar: lengths, if the robot has several such sensors."""
         if sensor.kind.is_scan:
             return False
         return sensor.kind.is_range or (sensor.kind.counts and sensor.unit == "in")
 
     def _bar_columns(self, room: int) -> tuple[int, int, int]:
-        """Columns of the gauge, the sparkline and the span of a row in full: 9, 5 and 7 of 22."""
+        """Columns of the gauge, the sparkline and the span of a row with all its parts: 9, 5 and 7 of 22."""
         more = max(room - 22, 0)
         bars = 9 + more // 3
         spark = min(5 + more - more // 3, HISTORY)
         return bars, spark, room - bars - spark - 1
 
     def _rest(self, sensor: SensorSpec, row: SensorRow, room: int) -> StyledLine:
-        """Pieces behind a reading: the true value or the twin's, else gauge and sparkline."""
+        """The pieces after a reading: the true value or the twin's, otherwise gauge and sparkline."""
         twin, true = self.twins.get(sensor.code), self.true_values.get(sensor.code)
         plain, value = self.view.plain, row.reading.value
         if twin is not None:
@@ -337,7 +341,7 @@ class _SensorTable:
         )
 
     def _digits(self, group: Sequence[SensorSpec]) -> StyledLine:
-        """Sensors that say yes or no, side by side, each on the colour of what it sees."""
+        """Yes-or-no sensors side by side, each on the colour that it sees."""
         kind, plain = group[0].kind, self.view.plain
         if not self.full:
             name = kind.__name__.removesuffix("Sensor").lower()
@@ -371,7 +375,7 @@ class _SensorTable:
 
 
 def _near_role(sensor: SensorSpec, value: float, usual: str) -> str:
-    """Role of a range that is short, or else the `usual` one."""
+    """Role of a range: by its length if it is short, otherwise the `usual` one."""
     role = range_role(sensor, value)
     return usual if role == "value" else role
 
@@ -415,8 +419,8 @@ def _ranges(codes: Sequence[str], *, plain: bool) -> list[str]:
 
 
 def _apart(twin: TwinReading) -> bool:
-    """True if robot and simulator read so differently that someone should look: by more than a
-    tenth and more than one inch or degree."""
+    """True if the readings of robot and simulator differ by more than a tenth, and by more than one inch or
+    degree."""
     apart = abs(twin.robot - twin.simulated)
-    # So written that a NaN on one side counts as apart.
+    # Written so that a NaN on one side counts as a difference.
     return not apart <= max(1.0, 0.1 * abs(twin.simulated))

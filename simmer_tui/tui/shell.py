@@ -40,7 +40,7 @@ from simmer_tui.tui.themes import THEMES, theme_name, themes, variables
 
 
 class Shell(FaultTold, TerminalApp):
-    """Samples the newest snapshot some times a second and draws what has changed."""
+    """Samples the newest snapshot some times a second and draws the changes."""
 
     CSS_PATH = "app.tcss"
     BINDINGS: ClassVar[list[BindingType]] = [
@@ -83,13 +83,13 @@ class Shell(FaultTold, TerminalApp):
         """Fault of its own that ended the app; empty if none did."""
 
     def end(self, code: int) -> None:
-        """End soon, with an exit code. Any thread may ask; nobody waits."""
+        """End soon, with an exit code. Any thread may call it; it does not wait."""
         self._ending = code
 
     # -- putting together ------------------------------------------------------------------------
 
     def controls(self) -> Iterable[Widget]:
-        """Widgets below the panes; the one with the ID `console` takes their box."""
+        """Widgets below the panes; the one with the ID `console` takes the box for them."""
         return ()
 
     def compose(self) -> ComposeResult:
@@ -113,12 +113,12 @@ class Shell(FaultTold, TerminalApp):
         self.screen.screen_layout_refresh_signal.subscribe(self, self._laid_out)
 
     def get_theme_variable_defaults(self) -> dict[str, str]:
-        """Colours that other themes than the app's own do not name."""
+        """Colours that other themes than the app's own do not define."""
         return variables(self._choice.color)
 
     def get_line_filters(self) -> Sequence[LineFilter]:
-        """Textual's filters but one, and another for terminals that show nothing but ASCII."""
-        # Nothing here uses the 16 colours by name; the filter would look through all rows of every picture.
+        """Textual's filters except one, and another for terminals that show only ASCII."""
+        # Nothing here uses the 16 colours by name; the filter would search all rows of every picture.
         filters = [each for each in super().get_line_filters() if not isinstance(each, ANSIToTruecolor)]
         return [*filters, AsciiFilter()] if self._plain else filters
 
@@ -132,14 +132,14 @@ class Shell(FaultTold, TerminalApp):
         if not self._gate.keep_up():
             self.skipped += 1
             return
-        # A snapshot comes from the robot's thread; a slow one must not queue up more of them.
+        # A snapshot comes from the robot's thread; slow ones must not form a queue.
         nothing_new = not self.source.has_news(self._known) and self._idle and not self._panes.has_unshown
         if self._sampling or nothing_new or self._thinning.passes_over(self._jumps):
             return
         self._sampling = True
         try:
             snapshot = await self.source.snapshot(self._known, self._panes.shown["truth"])
-            # The app may have ended while the robot's thread was asked.
+            # The app may have ended during the call in the robot's thread.
             if self.is_running:
                 self._show(snapshot)
         finally:
@@ -151,7 +151,7 @@ class Shell(FaultTold, TerminalApp):
     def _show(self, snapshot: Snapshot) -> None:
         before, self._snapshot = self._snapshot, snapshot
         since, self._known = self._known, snapshot.number
-        # A command that comes in during a pause is no event, nor is the end of a calm second.
+        # A command during a pause is no event, and neither is the end of a quiet second.
         self._idle = self._jumps = False
         if before is not None:
             stays = before.state.pose == snapshot.state.pose
@@ -167,16 +167,17 @@ class Shell(FaultTold, TerminalApp):
         draw_at_once(self.screen_stack[0])
 
     def _make_room_for_answers(self) -> None:
-        """Arrange the panes again where an answer, or a mission's panel, wants other rows than the last."""
+        """Arrange the panes again if an answer, or a mission's panel, needs other rows than before."""
         rows = self._panes.answer_rows
-        # On a small screen it is there or not; beside the maze only one longer than usual takes more.
+        # On a small screen the answer is shown or not; beside the maze only one longer than usual takes more
+        # rows.
         rows = min(rows, 1) if self._plan.has_pages else rows * (rows > ANSWER_ROWS)
         if (rows, self._panes.has_mission) != (self._answer_rows, self._had_mission):
             self._answer_rows, self._had_mission = rows, self._panes.has_mission
             self._arrange(self.size.width, self.size.height)
 
     def _show_again(self) -> None:
-        """Bring everything up to date after a change of sizes."""
+        """Update everything after a change of sizes."""
         self._panes.show_again()
         if self._snapshot is not None:
             self.events_shown(self._snapshot)
@@ -188,14 +189,14 @@ class Shell(FaultTold, TerminalApp):
         """Called when a snapshot is on the screen; its entries are those after the event `since`."""
 
     def fault_met(self, error: Exception) -> None:
-        """Keep a fault as one line, without a traceback: what serves the robot outlives the app."""
+        """Keep a fault as one line, without a traceback: the server continues after the app's end."""
         forget_traceback(self)
         where = traceback.extract_tb(error.__traceback__)[-1:]
         place = "".join(f" ({Path(frame.filename).name}:{frame.lineno})" for frame in where)
         self.fault = f"{type(error).__name__}: {escape(str(error), 200)}{place}"
 
     def refresh_frame(self) -> None:
-        """Draw again soon, even if nothing happened."""
+        """Draw again soon, even without an event."""
         self._idle = self._jumps = False
         self.call_later(self._sample)
 
@@ -219,7 +220,7 @@ class Shell(FaultTold, TerminalApp):
         )
         least = f"at least {SMALLEST_COLUMNS} x {SMALLEST_ROWS} please"
         self._small.show([(("The terminal is too small:", "warning"),), ((least, "plain"),)])
-        # One layout for all boxes, else the screen would be laid out once a widget.
+        # One layout for all boxes, otherwise the screen would be laid out once a widget.
         with self.batch_update():
             for widget in self.screen_stack[0].children:
                 box = self._plan.boxes.get(widget.id or "")
@@ -233,7 +234,7 @@ class Shell(FaultTold, TerminalApp):
         self.refresh_frame()
 
     def _show_head(self, title: str, note: str) -> None:
-        """Show the heading of console or timeline, where it has one."""
+        """Show the heading of console or timeline, if it has one."""
         box = self._plan.boxes.get("console-head")
         if box is not None:
             line = heading(title, note, box.width - 1, plain=self._plain)
@@ -251,7 +252,7 @@ class Shell(FaultTold, TerminalApp):
         return self._plan.has_pages or action not in ("page", "next_page")
 
     def action_page(self, number: int) -> None:
-        """On small screens: show all in brief, or one of sensors, robot and events."""
+        """On small screens: show everything in brief, or one of sensors, robot and events."""
         self._page = (number - 1) % len(PAGES)
         self._arrange(self.size.width, self.size.height)
         self.call_after_refresh(self.page_turned)
@@ -264,7 +265,7 @@ class Shell(FaultTold, TerminalApp):
         self.action_page(self._page + 2)
 
     def action_focus_pane(self) -> None:
-        """To the maze, or to the page shown on a small screen."""
+        """Focus the maze, or the page shown on a small screen."""
         page = PAGES[self._page] if self._plan.has_pages else "maze"
         self.screen.set_focus({"maze": self._maze, "events": self._panes.log}.get(page))
 
@@ -311,7 +312,7 @@ class Shell(FaultTold, TerminalApp):
         self.refresh_frame()
 
     def action_switch(self, name: str, word: str = "") -> None:
-        """Show something or not; without a word, change over."""
+        """Show something or not; without a word, switch over."""
         self._panes.switch(name, word)
         self.refresh_frame()
 
@@ -321,7 +322,7 @@ class Shell(FaultTold, TerminalApp):
 
 
 def put(widget: Widget, box: Box) -> None:
-    """Have a widget take a box of the screen."""
+    """Put a widget into a box of the screen."""
     styles = widget.styles
     styles.position = "absolute"
     styles.offset = (box.x, box.y)

@@ -1,8 +1,8 @@
 """Division of a terminal of any size among the panes: a box of cells for each, by name.
 
-The maze grows first, then the column beside it: the home for answers, sensors, a radar around the robot,
-robot and mission. Events and console stand below. Nothing here draws; the shell puts each widget into its
-box and hides those without one.
+The maze grows first, then the column beside it: the place for answers, sensors, a radar around the robot,
+robot and mission. Events and console are below. Nothing here draws; the shell puts each widget into its box
+and hides those without one.
 """
 
 from collections.abc import Mapping, Sequence
@@ -14,24 +14,24 @@ from simmer_tui.sim.specs import MazeSpec
 from simmer_tui.tui.maze.viewport import arrange, best_zoom
 
 PAGES = ("maze", "sensors", "robot", "events")
-"""Pages of a small screen, by F2 one after the other; the first shows all at once, in brief."""
-# Half of the usual 80 x 24: the cells of a maze of 8 x 4 can just be seen.
+"""Pages of a small screen, in the order of the key F2; the first shows everything in brief."""
+# Half of the usual 80 x 24: the cells of a maze of 8 x 4 are just visible.
 SMALLEST_COLUMNS, SMALLEST_ROWS = 40, 12
-# Code, direction, value of five, and a gauge of three.
+# Code, direction, value of five, and a gauge of three columns.
 BRIEF_SENSORS = 13
 """Least width of the sensors beside the maze."""
 # A maze of 8 x 4 cells at 8 columns a cell, 36 columns of panels, and 9 rows below.
 _FULL = (110, 30)
-"""Least columns and rows at which panels stand beside the maze in full."""
+"""Least columns and rows for panels beside the maze with all their lines."""
 # Eight cells of 3 columns, and the frame.
 _LEAST_MAZE = 26
-"""Columns that the maze keeps before it gives any to the sensors."""
-# An event with its time and command, and 48 columns for what happened.
+"""Columns that the maze keeps before the sensors get any."""
+# An event with its time and command, and 48 columns for its result.
 _LEAST_BELOW = 66
-"""Columns of what stands under a narrow maze."""
+"""Columns of the part under a narrow maze."""
 _CONTROLS = 2
 """Rows of console or timeline at the bottom."""
-# A heading and two events: fewer rows are better given to the sensors.
+# A heading and two events: fewer rows are more useful for the sensors.
 _LEAST_EVENTS = 3
 # Its outer ring is then ten columns from the middle: 3.6 in a column.
 _RADAR = (40, 13)
@@ -40,13 +40,13 @@ _RADAR = (40, 13)
 _FACTS_ROWS = 5
 # A heading and two lines of output: fewer say nothing.
 _LEAST_PROGRAM = 3
-# A heading and six lines of 36 columns: an error, the frames that led to it, and what one can do now.
+# A heading and six lines of 36 columns: an error, the frames before it, and the possible actions.
 ANSWER_ROWS = 7
-"""Rows of the home for answers beside the maze."""
-# Where legend and pose stand, which say nothing new while an answer is read, and the line below them.
+"""Rows of the place for answers beside the maze."""
+# The rows of legend and pose, which show nothing new while an answer is read, and the line below them.
 BRIEF_ANSWER = 3
 """Rows of an answer on a small screen."""
-# A heading and the first sensors: what a long answer leaves of them.
+# A heading and the first sensors, even beside a long answer.
 _LEAST_SENSORS = 4
 
 Panels = Sequence[tuple[str, int]]
@@ -66,7 +66,7 @@ class Box(NamedTuple):
 
 
 class Arrangement(Struct, frozen=True):
-    """Boxes of the panes. `has_pages` is true where the first page cannot hold all there is to know."""
+    """Boxes of the panes. `has_pages` is true if the first page cannot hold everything."""
 
     boxes: Mapping[str, Box]
     has_pages: bool
@@ -105,7 +105,7 @@ def arrangement(
 
 
 def _fit(maze: MazeSpec, columns: int, rows: int) -> tuple[int, int]:
-    """Cells that the maze and its frame take of those there are."""
+    """Cells that the maze and its frame take of the available ones."""
     zoom = best_zoom(maze, columns, rows)
     wide, high = arrange(maze, zoom, columns, rows).virtual_size
     return max(min(wide, columns), 1), max(min(high, rows), 1)
@@ -114,7 +114,7 @@ def _fit(maze: MazeSpec, columns: int, rows: int) -> tuple[int, int]:
 def _brief(maze: MazeSpec, width: int, height: int, answer: int) -> dict[str, Box]:
     """Everything at once, in brief: sensors beside the maze, one line each for the rest, or an answer in
     their place."""
-    # From 13 columns at 80 to the 36 that full panels have at 120.
+    # From 13 columns at 80 to the 36 of panels with all their lines at 120.
     beside = BRIEF_SENSORS + max(0, (width - 80) * 23 // 40)
     beside = 0 if width - beside - 1 < _LEAST_MAZE else beside
     room = width - beside - (1 if beside else 0)
@@ -137,7 +137,7 @@ def _brief(maze: MazeSpec, width: int, height: int, answer: int) -> dict[str, Bo
     boxes["console"] = Box(0, console, width, _CONTROLS)
     if answer:
         legend, pose, events = boxes.pop("legend"), boxes.pop("pose"), boxes.get("events")
-        # The console's line above what is typed is the third row, unless events stand between.
+        # The console's line above the typed text is the third row, unless there are events between.
         boxes["answer"] = Box(0, legend.y, width, legend.height + pose.height + (events is not None))
         if events is not None:
             boxes["events"] = events._replace(y=events.y + 1, height=events.height - 1)
@@ -148,7 +148,7 @@ def _full(
     maze: MazeSpec, width: int, height: int, sensors: int, panels: Panels, answer: int
 ) -> dict[str, Box]:
     """Panels beside the maze and below it."""
-    # 36 columns hold a full row of a sensor; 51 at 200, the rest is the maze's.
+    # 36 columns hold all parts of a sensor's row. At 200 columns they are 51; the rest is the maze's.
     beside = min(36 + max(0, (width - 120) * 15 // 80), 60)
     # A third of the rows beyond 36, since the maze grows with its width as well.
     lower = max(8, 11 + (height - 36) // 3)
@@ -156,7 +156,7 @@ def _full(
     left = max(columns, min(_LEAST_BELOW, width - beside - 2))
     boxes = {"maze": Box(0, 1, columns, rows), "legend": Box(0, 1 + rows, left, 1)}
     room = width - left - 2
-    # One column more is no use to a panel; a gap of two beside the maze is.
+    # One column more does not help a panel; a gap of two beside the maze does.
     room = beside if room == beside + 1 else room
     boxes |= _beside(Box(width - room - 1, 1, room, height - 2), sensors, panels, answer)
     top = 2 + rows
@@ -164,9 +164,9 @@ def _full(
 
 
 def _beside(side: Box, sensors: int, panels: Panels, answer: int) -> dict[str, Box]:
-    """The column beside the maze: answers, sensors, radar, robot, and how the run stands."""
+    """The column beside the maze: answers, sensors, radar, robot, and the state of the run."""
     wanted = sum(rows for _, rows in panels)
-    # An answer that is longer than usual takes the gaps, then the radar's rows and those of the sensors.
+    # A longer answer than usual takes the gaps, then the radar's rows and those of the sensors.
     said = min(max(ANSWER_ROWS, answer), side.height - _LEAST_SENSORS)
     sensors = min(sensors, side.height - said)
     if answer > ANSWER_ROWS:
@@ -182,13 +182,13 @@ def _beside(side: Box, sensors: int, panels: Panels, answer: int) -> dict[str, B
     radar = min(rest - wanted, side.width // 2 - 2)
     if side.width >= _RADAR[0] and radar >= _RADAR[1]:
         boxes["radar"] = Box(side.x, at, side.width, radar)
-        # The radar has what is left: no gaps below it.
+        # The radar has the remaining rows, without gaps below it.
         at, rest = at + radar, wanted
     return boxes | _stacked(Box(side.x, at, side.width, rest), panels)
 
 
 def _stacked(room: Box, panels: Panels) -> dict[str, Box]:
-    """Panels below one another, with a row between them where there is room for it."""
+    """Panels below one another, with a row between them if there is room."""
     boxes = {}
     at, rest = room.y, room.height
     gap = 1 if rest >= sum(rows + 1 for _, rows in panels) - 1 else 0
@@ -200,10 +200,9 @@ def _stacked(room: Box, panels: Panels) -> dict[str, Box]:
 
 
 def _below(low: Box) -> dict[str, Box]:
-    """Boxes under the maze: events and console, side by side where there is room."""
+    """Boxes under the maze: events and console, side by side if there is room."""
     console = _CONTROLS + 1  # with a heading
-    # 142 columns of 200 are divided as 86 and 54: an event's line is the longer one.
-    # From 130 on events have 78 columns, more than `_LEAST_BELOW`; 12 rows hold console and facts.
+    # 142 columns of 200 are divided into 86 and 54: an event's line is the longer one.
     if low.width >= 130 and low.height >= 12:
         left, top = low.width * 86 // 142, low.y + 1
         right = low.width - left - 2

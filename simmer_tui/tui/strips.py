@@ -1,4 +1,4 @@
-"""From rows of cells to what Textual sends: runs of equal style, and only what changed."""
+"""From rows of cells to Textual's strips: runs of equal style, and only changed parts."""
 
 from collections.abc import Sequence
 from functools import lru_cache
@@ -27,10 +27,8 @@ class Span(Struct, frozen=True):
 
 
 def changed_spans(old: Cells, new: Cells) -> list[Span]:
-    """Spans in which two pictures of one shape differ, one a row.
-
-    The writer leaves out what stays in between.
-    """
+    """Spans in which two pictures of one shape differ, one a row. The writer leaves out equal cells in
+    between."""
     changed = new.differs(old)
     spans: list[Span] = []
     for row in np.flatnonzero(changed.any(axis=1)).tolist():
@@ -47,7 +45,7 @@ def make_strips(cells: Cells, rows: Sequence[int], default: Style) -> list[Strip
     if not rows:
         return []
     texts = [cells.text(row) for row in rows]
-    # All rows at once: of a single one the arithmetic costs less than asking for it.
+    # All rows at once: for a single one the arithmetic costs less than its call.
     background, attributes = cells.background[rows], cells.attributes[rows]
     blank = cells.characters[rows] == BLANK
     foreground = _borrowed_foreground(blank, cells.foreground[rows], background)
@@ -75,8 +73,10 @@ def _segment(text: str, style: Style) -> Segment:
 def _borrowed_foreground(
     blank: Mask, foreground: NDArray[np.int32], background: NDArray[np.int32]
 ) -> NDArray[np.int32]:
-    """A blank shows no foreground, so it takes that of its neighbour on the same background: one
-    run then goes on through it. All are (rows, columns)."""
+    """Foregrounds in which a blank has that of its neighbour on the same background.
+
+    A blank shows no foreground, so that one run then continues through it. All are (rows, columns).
+    """
     width = blank.shape[1]
     index = np.arange(width)
     new_stretch = np.ones(blank.shape, dtype=np.bool_)
@@ -92,7 +92,7 @@ def _borrowed_foreground(
     return np.where(background == DEFAULT, foreground, borrowed)
 
 
-# Making a Style takes longer than all else about a run of cells.
+# Making a Style takes longer than all other work for a run of cells.
 @lru_cache(maxsize=8192)
 def _style(foreground: int, background: int, attributes: int, default: Style) -> Style:
     plain = default
@@ -116,8 +116,8 @@ def _color(packed: int) -> Color:
 class DirectLines(Widget):
     """Widget that fills all of its lines, each with its whole style.
 
-    Textual lays border, padding, background and opacity around every line, whether there are any or not: a
-    fifth of the time that a picture takes. Where there is neither border nor padding, lines go past that.
+    Textual adds border, padding, background and opacity around every line, even if there are none: a fifth of
+    the time of a picture. Without border and padding, lines skip that.
     """
 
     def render_lines(self, crop: Region) -> list[Strip]:
@@ -127,7 +127,7 @@ class DirectLines(Widget):
         if size != self.size:
             return super().render_lines(crop)
         strips = [self.render_line(y) for y in crop.line_range]
-        # Between a change of size and the picture made for it, lines have the old width.
+        # Between a change of size and its new picture, lines have the old width.
         strips = [
             strip
             if strip.cell_length == size.width
@@ -143,7 +143,7 @@ class DirectLines(Widget):
 
 
 class CellsWidget(DirectLines):
-    """Shows a picture of cells, below rows of another kind if there are any, and sends only what changed."""
+    """Shows a picture of cells, below rows of another kind if there are any, and sends only changes."""
 
     CELLS_TOP: ClassVar[int] = 0
     """Rows above the picture."""
@@ -155,7 +155,7 @@ class CellsWidget(DirectLines):
     def show_cells(self, cells: Cells, style: Style) -> None:
         """Show a picture. Cells without colours take `style`."""
         before, self._cells = self._cells, cells
-        # Another shape or style changes every cell: comparing would find nothing that stays.
+        # Another shape or style changes every cell: a comparison would find nothing equal.
         if before is None or before.shape != cells.shape or style != self._cells_style:
             self._cells_style = style
             self._strips = make_strips(cells, range(cells.shape[0]), style)
@@ -172,7 +172,7 @@ class CellsWidget(DirectLines):
             self.refresh(*(Region(span.start, top + span.row, span.stop - span.start, 1) for span in spans))
 
     def forget_cells(self) -> None:
-        """Have the next picture sent as a whole: the colours around it are others."""
+        """Have the next picture sent as a whole: the colours around it have changed."""
         self._cells = None
 
     def render_line(self, y: int) -> Strip:

@@ -1,4 +1,4 @@
-"""Abilities of a terminal: the number of colours and the characters to draw with.
+"""Abilities of a terminal: its number of colours and its characters.
 
 Pure decisions from an environment mapping. Nothing here imports Textual, because Textual reads
 `TEXTUAL_COLOR_SYSTEM` when it is imported: decide, `apply`, and import it only then.
@@ -41,13 +41,13 @@ class GlyphMode(StrEnum):
 COLOR_OPTIONS = (AUTO, *(depth.value for depth in ColorDepth))
 GLYPH_OPTIONS = (AUTO, *(mode.value for mode in GlyphMode))
 
-# Programs that show 24-bit colour and say who they are, but not all set COLORTERM.
+# Programs that show 24-bit colour and give their name, but do not all set COLORTERM.
 _TRUECOLOR_PROGRAMS = frozenset(
     {"iterm.app", "wezterm", "vscode", "ghostty", "hyper", "rio", "warpterminal", "mintty", "tabby", "zed"}
     | {"textual"}  # a terminal in a browser
 )
 _TRUECOLOR_TERMS = ("xterm-kitty", "xterm-ghostty", "wezterm", "alacritty", "foot", "contour", "rio")
-# A multiplexer keeps the variables of the terminal it was started in, not of the one it is seen in.
+# A multiplexer keeps the variables of the terminal that it was started in, not of the one that shows it.
 _MULTIPLEXERS = ("tmux", "screen")
 
 
@@ -60,17 +60,14 @@ class TerminalChoice(Struct, frozen=True):
     @property
     def color_system(self) -> str:
         """Value for `TEXTUAL_COLOR_SYSTEM`."""
-        # Rich's name of the 16 colours. Without any it needs a name as well: see `ansi_color`.
+        # Rich's name of the 16 colours. Without colours it needs a name as well: see `ansi_color`.
         few = self.color in (ColorDepth.COLORS_16, ColorDepth.NONE)
         return "standard" if few else self.color.value
 
     @property
     def ansi_color(self) -> bool:
-        """Argument for Textual's `App(ansi_color=...)`.
-
-        Without colour this must be true: only then does Textual's NO_COLOR filter send no colour
-        at all, else it sends shades of grey.
-        """
+        """Argument for Textual's `App(ansi_color=...)`. Without colours it must be true: otherwise Textual's
+        NO_COLOR filter sends shades of grey."""
         return self.color is ColorDepth.NONE
 
     def apply(self, environment: MutableMapping[str, str]) -> None:
@@ -79,8 +76,8 @@ class TerminalChoice(Struct, frozen=True):
         if self.color is ColorDepth.NONE:
             environment["NO_COLOR"] = "1"
         else:
-            # Textual turns everything grey when the variable is there at all, even if a colour
-            # option asked otherwise.
+            # Textual turns everything grey if the variable is set at all, even if a colour option asks for
+            # colours.
             environment.pop("NO_COLOR", None)
 
 
@@ -125,7 +122,7 @@ def _automatic_color(environment: Mapping[str, str], encoding: str | None, windo
     term = environment.get("TERM", "").lower()
     if environment.get("NO_COLOR") or term == "dumb" or not _is_utf8(encoding):
         return ColorDepth.NONE
-    # The Linux console has 16 colours whatever else the environment says.
+    # The Linux console has 16 colours whatever else the environment contains.
     if term == "linux":
         return ColorDepth.COLORS_16
     if environment.get("COLORTERM", "").lower() in ("truecolor", "24bit") or term.endswith("-direct"):

@@ -1,5 +1,7 @@
-"""Base of the apps: what Textual does not do with a terminal. Keys in order, its clipboard, plain ASCII
-where it has no more, and no frames while it does not read."""
+"""Base of the apps: features of a terminal that Textual lacks.
+
+These are keys in order, its clipboard, plain ASCII if it has no more, and no frames while it does not read.
+"""
 
 import os
 import select
@@ -20,16 +22,16 @@ from textual.filter import LineFilter
 
 from simmer_tui.tui.textual_internals import write_sequence, writes_waiting
 
-# As many bytes of base64 as xterm takes, and many others after it.
+# The bytes of base64 that xterm accepts, and many other terminals after it.
 _COMMON_LIMIT = 74_994
 ALLOWING = (
     ("tmux", "set -g set-clipboard on, or set -g allow-passthrough on"),
     ("terminal", "allow OSC 52 (access to the clipboard) in its settings"),
 )
-"""Settings with which copied text arrives."""
-# One is on its way whenever something has just been drawn.
+"""Settings that allow the copying of text."""
+# One is under way whenever something has just been drawn.
 _WAITING = 2
-"""Writes not yet taken by the terminal at which it counts as behind."""
+"""Pending writes to the terminal at which it counts as behind."""
 _RESEMBLING = {
     "-": "─━▁▂▔–—",
     "|": "│┃▌▐▎▊▏",
@@ -51,21 +53,21 @@ class LineEditor(Protocol):
     """Widget that people type lines into."""
 
     async def take_key(self, event: events.Key) -> bool:
-        """Do what a key says, wholly, before this returns; False if it means nothing here."""
+        """Do a key's action completely before this returns; False if it has none here."""
         ...
 
     def take_paste(self, text: str) -> None:
-        """Take pasted text, wholly, before this returns."""
+        """Take pasted text completely before this returns."""
         ...
 
 
 class TerminalApp(App[int]):
-    """Does what a key says before it looks at the next one.
+    """Does a key's action before it reads the next key.
 
-    Textual passes a key to the queue of the widget with the focus, and one that the widget's own code
-    does not take from there on and on to the app, which looks for a binding. Of keys that come at once
-    (typed ahead, sent by tmux, by a slow link) letters then overtake an Enter or an Escape in front of
-    them: lines run together, and letters of a command drive the robot.
+    Textual passes a key to the queue of the widget with the focus. If the widget does not take it, it passes
+    on to the app, which looks for a binding. Keys may come at once (typed ahead, sent by tmux, by a slow
+    link). Letters then overtake an Enter or an Escape before them: lines are joined, and letters of a command
+    drive the robot.
     """
 
     paste_target: LineEditor | None = None
@@ -74,8 +76,8 @@ class TerminalApp(App[int]):
     async def on_event(self, event: events.Event) -> None:
         """Take keys and pastes for a line editor here, in the app's own queue."""
         if isinstance(event, events.Key | events.Paste) and not event.is_forwarded:
-            # Textual would give the focus back only with this key, which then reaches nobody: in a browser
-            # the app begins without it.
+            # Textual would give the focus back only with this key, which then reaches no widget: in a browser
+            # the app begins without the focus.
             self.app_focus = True
             editor = self.focused if isinstance(self.focused, LineEditor) else None
             if isinstance(event, events.Key):
@@ -87,15 +89,15 @@ class TerminalApp(App[int]):
         await super().on_event(event)
 
     def on_mount(self) -> None:
-        """A terminal that goes away is to end the app, even if nobody sends a signal: one that is not the
-        session's own, or under nohup. Textual would read its end over and over."""
+        """End the app if its terminal is closed, even without a signal: one that is not the session's own, or
+        under nohup. Textual would read its end over and over."""
         if self.is_headless or not hasattr(select, "poll"):
             return
         threading.Thread(target=_end_when_hung_up, name="terminal", daemon=True).start()
 
     def copy_to_clipboard(self, text: str) -> None:
-        """Send text to the terminal's clipboard by OSC 52, through tmux too, and say so. It works over
-        SSH; whether the terminal takes it, none can ask."""
+        """Send text to the terminal's clipboard by OSC 52, through tmux too, and report it. It works over
+        SSH. A terminal cannot be asked whether it accepts the text."""
         # Textual keeps it for pasting here, and sends the plain sequence.
         super().copy_to_clipboard(text)
         for sequence in clipboard_sequences(text, os.environ):
@@ -103,18 +105,18 @@ class TerminalApp(App[int]):
         self.tell(sent_note(text, os.environ))
 
     def tell(self, text: str) -> None:
-        """Say something in passing."""
+        """Show a short message."""
         raise NotImplementedError
 
     def on_text_selected(self) -> None:
-        """Text of a widget that has Textual's own selection, such as the help, has been marked."""
+        """Copy marked text of a widget with Textual's own selection, such as the help."""
         text = self.screen.get_selected_text()
         if text:
             self.copy_to_clipboard(text)
 
 
 def _end_when_hung_up() -> None:
-    """Wait until the terminal has gone, and have this process end as by a signal."""
+    """Wait until the terminal is closed, and end this process as by a signal."""
     if sys.platform == "win32":
         raise NotImplementedError  # there is no poll
     terminal = select.poll()
@@ -135,8 +137,8 @@ def osc52(text: str) -> str:
 def clipboard_sequences(text: str, environment: Mapping[str, str]) -> list[str]:
     """Sequences to send beside the plain one.
 
-    tmux takes the plain one itself with `set-clipboard on`. Else it drops it, but passes on to the
-    terminal what is wrapped so (DCS tmux; ... ST, each ESC in it doubled), if `allow-passthrough` is on.
+    With `set-clipboard on` tmux takes the plain one itself, otherwise it drops it. With `allow-passthrough`
+    on it passes wrapped sequences on to the terminal (DCS tmux; ... ST, each ESC in it doubled).
     """
     if not environment.get("TMUX"):
         return []
@@ -145,8 +147,8 @@ def clipboard_sequences(text: str, environment: Mapping[str, str]) -> list[str]:
 
 
 def sent_note(text: str, environment: Mapping[str, str]) -> str:
-    """Note that text was sent, and what has to be allowed where it may be refused, in one short line;
-    `ALLOWING` says how."""
+    """Note that text was sent, and the setting that may be needed, in one short line; `ALLOWING` has all of
+    them."""
     count = len(text)
     said = f"{count} character{'s' * (count != 1)} sent to the terminal's clipboard"
     # Base64 makes four bytes of three.
@@ -159,7 +161,7 @@ def sent_note(text: str, environment: Mapping[str, str]) -> str:
 
 
 class AsciiFilter(LineFilter):
-    """Replaces what a terminal without UTF-8 cannot show, whoever drew it."""
+    """Replaces characters that a terminal without UTF-8 cannot show, whatever drew them."""
 
     def apply(self, segments: list[Segment], background: Color) -> list[Segment]:
         """Segments in ASCII, every character as wide as before."""
@@ -167,19 +169,19 @@ class AsciiFilter(LineFilter):
 
 
 def plain_text(text: str) -> str:
-    """Text in ASCII: lines and blocks as signs that resemble them, anything else as `?`."""
+    """Text in ASCII: lines and blocks as similar signs, any other character as `?`."""
     if text.isascii():
         return text
     return "".join(c if c.isascii() else _REPLACED.get(c, "?" * cell_len(c)) for c in text)
 
 
 class Backpressure:
-    """Open while the terminal keeps up; closed, nothing is drawn, whatever asks for it.
+    """Open while the terminal keeps up; while it is closed, nothing is drawn.
 
-    A terminal may not read for a while (ctrl+S, a dead connection). Textual writes from a thread with a
-    queue of 30 writes; a 31st blocks the whole app until the terminal reads again. So nothing is sent while
-    writes wait; Textual keeps what is to be drawn, but for changes of the layout, after which the whole
-    screen is sent.
+    A terminal may not read for a while (ctrl+S, a dead connection). Textual writes from a thread with a queue
+    of 30 writes; a 31st blocks the whole app until the terminal reads again. So nothing is sent while writes
+    are pending. Textual keeps the pending changes, except those of the layout, after which the whole screen
+    is sent.
     """
 
     def __init__(self, app: App[int]) -> None:
@@ -189,7 +191,7 @@ class Backpressure:
         self.closed = False
 
     def keep_up(self) -> bool:
-        """Open or close it by how far the terminal is behind. Returns true if it is open."""
+        """Open or close it by the number of pending writes. Returns True if it is open."""
         behind = writes_waiting(self._app) >= (1 if self.closed else _WAITING)
         if behind and not self.closed:
             self._batch.enter_context(self._app.batch_update())

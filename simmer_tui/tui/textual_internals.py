@@ -1,11 +1,11 @@
-"""All that reaches into Textual's private parts, and nothing else does.
+"""All uses of Textual's private parts, and the only ones.
 
-Each function says what it stands in for. `KNOWN_VERSION` is the minor version of Textual that they were
-written against; with any other, what replaces something is left out and what only asks falls back.
+Each function says what it replaces. `KNOWN_VERSION` is the minor version of Textual that they were written
+for. With any other, replacements are left out and questions have a fallback.
 
-Updates: Textual sends every dirty span from its widget's left edge on, each piece with its whole style and
-a reset after it. Here a `DeltaWriter` sends the cells that differ from those on the screen; over a slow SSH
-connection the rest is two thirds of the bytes. The spans can go once Textual crops both ends itself
+Updates: Textual sends every dirty span from its widget's left edge on, each piece with its whole style and a
+reset after it. Here a `DeltaWriter` sends the cells that differ from those on the screen. Over a slow SSH
+connection that saves two thirds of the bytes. The spans can go once Textual crops both ends itself
 (Textualize/textual#5625), the styles cannot.
 """
 
@@ -26,7 +26,7 @@ from textual.strip import Strip
 
 from simmer_tui.tui.delta_writer import DeltaWriter
 
-# pyproject.toml pins it; a newer one needs a look at each function here.
+# pyproject.toml pins it; a newer one needs a review of each function here.
 KNOWN_VERSION = "8.2."
 
 
@@ -39,7 +39,7 @@ def is_known_version(version: str = textual.__version__) -> bool:
 
 @contextmanager
 def delta_updates() -> Iterator[bool]:
-    """While this lasts, updates of the screen are written as deltas. Gives true if they are."""
+    """Write updates of the screen as deltas inside the `with` block. Yields True if they are."""
     if not is_known_version(textual.__version__):
         yield False
         return
@@ -49,7 +49,7 @@ def delta_updates() -> Iterator[bool]:
     def render_spans(self: ChopsUpdate, console: Console) -> str:
         writer.begin(self.chop_ends[0][-1], len(self.chop_ends), _colors_of(console))
         for y, start, stop in self.spans:
-            # Textual keeps a line as pieces that end where another widget begins.
+            # Textual keeps a line as pieces that end at the next widget.
             for end, (left, strip) in zip(self.chop_ends[y], self.chops[y].items(), strict=False):
                 first, last = max(left, start), min(end, stop)
                 if strip is not None and first < last:
@@ -58,7 +58,7 @@ def delta_updates() -> Iterator[bool]:
 
     def render_whole(self: LayoutUpdate, console: Console) -> str:
         region = self.region
-        # Textual asks for it when it does not know what the terminal shows, so nothing else does.
+        # Textual calls it only when it does not know the terminal's content.
         writer.begin(region.right, region.bottom, _colors_of(console), anew=True)
         for y, strips in enumerate(self.strips, region.y):
             x = region.x
@@ -80,12 +80,12 @@ def _colors_of(console: Console) -> ColorSystem:
 
 
 def draw_at_once(screen: Screen[Any]) -> None:
-    """Send all that has changed on a screen in one update, now.
+    """Send all changes of a screen in one update, now.
 
-    Textual would have each widget tell the screen of it by a message, and may send an update between two of
-    them: one part of the screen would show another moment than the next.
+    Textual would have each widget send the screen a message, and may send an update between two of them. One
+    part of the screen would then show another moment than the next.
     """
-    # By the default argument: Textual looks its version up in a file whenever it is asked.
+    # By the default argument: Textual reads its version from a file at every call.
     if not is_known_version() or not screen.is_attached:
         return
     for widget in screen.children:
@@ -99,21 +99,21 @@ def draw_at_once(screen: Screen[Any]) -> None:
 
 
 def writes_waiting(app: App[Any]) -> int:
-    """Number of writes that the terminal has not taken. The queue is the driver's own; a driver
-    without one never blocks."""
+    """Number of pending writes to the terminal. The queue is the driver's own; a driver without one never
+    blocks."""
     writer = getattr(app._driver, "_writer_thread", None)
     queue = getattr(writer, "_queue", None)
     return 0 if queue is None else int(queue.qsize())
 
 
 def age_of(event: Message) -> float:
-    """Real seconds since an event was made; of a key, since it was read from the terminal."""
+    """Real seconds since an event was made; for a key, since it was read from the terminal."""
     # By the clock of Textual's events, which is not the same on every system.
     return Message().time - event.time
 
 
 def rows_of(screen: Screen[Any]) -> list[Strip]:
-    """Content of a screen now, row by row."""
+    """Present content of a screen, row by row."""
     return screen._compositor.render_strips()
 
 
@@ -121,29 +121,29 @@ def rows_of(screen: Screen[Any]) -> list[Strip]:
 
 
 def forget_traceback(app: App[Any]) -> None:
-    """Have nothing printed after the app has ended by a fault; its caller reports it."""
-    # Textual would print them, traceback and all, once its screen has gone.
+    """Print nothing after the app has ended by a fault; its caller reports it."""
+    # Textual would print them with the traceback when its screen is closed.
     app._exit_renderables.clear()
 
 
 def write_sequence(app: App[Any], sequence: str) -> None:
-    """Send a control sequence of our own to the terminal, between what Textual sends."""
+    """Send a control sequence of our own to the terminal, between Textual's own."""
     if app._driver is not None:
         app._driver.write(sequence)
 
 
 def set_virtual_size(view: ScrollView, size: Size) -> None:
-    """Another size of what a view scrolls over, without the layout of the whole screen that setting
-    it would ask for."""
+    """Set the size that a view scrolls over, without the layout of the whole screen that the usual setter
+    causes."""
     view.set_reactive(ScrollView.virtual_size, size)
     view._scroll_update(size)
 
 
 class FaultTold:
-    """Mixin for an app with a method for exceptions that Textual cannot go on from."""
+    """Mixin for an app with a method for exceptions that Textual cannot continue from."""
 
     def fault_met(self, error: Exception) -> None:
-        """Called after Textual has taken note of it."""
+        """Called after Textual has stored it."""
 
     def _handle_exception(self, error: Exception) -> None:
         super()._handle_exception(error)  # type: ignore[misc]
@@ -151,7 +151,7 @@ class FaultTold:
 
 
 class StillWhenClamped:
-    """Mixin for a view that knows when Textual itself, not its user, changes where it scrolls to."""
+    """Mixin for a view that must know when Textual itself, not its user, changes its scroll position."""
 
     placing = False
     """True while Textual, not the user, scrolls."""

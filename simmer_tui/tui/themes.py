@@ -1,8 +1,8 @@
 """Themes of the app: the colours of the maze's picture, for everything around it.
 
-There is one theme for each look and colour depth, so that panels are sent exactly the entries that
-the terminal has. Text is at least 7:1 on its ground; what is not, such as the pink of a contact, colours
-marks and leaves the words to the colour of text.
+There is one theme for each look and colour depth, so that panels send exactly the entries that the terminal
+has. Text has a contrast of at least 7:1 on its ground. Colours with less, such as the pink of a contact, are
+for marks; their words have the colour of text.
 """
 
 from textual.theme import Theme
@@ -40,7 +40,7 @@ _VARIABLES = {
     "link-time": Role.LINK_TIME,
 }
 _WORDS = ("strong", "belief", "mark", "robot", "good", "warning", "danger")
-"""Colours that words are written in too, as `$contact-text`, where they can be read."""
+"""Colours that words are written in too, as `$contact-text`, in a legible variant."""
 
 
 def theme_name(look: Look) -> str:
@@ -74,7 +74,7 @@ def _legible(palette: Palette, role: Role) -> Role:
 
 
 def _shown(depth: ColorDepth) -> ColorDepth:
-    """Without colours any will do: none is sent."""
+    """The depth itself; without colours any depth is possible, since none is sent."""
     return ColorDepth.TRUECOLOR if depth is ColorDepth.NONE else depth
 
 

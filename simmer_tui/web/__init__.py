@@ -1,1 +1,1 @@
-"""A run live in browsers: one page, fed as the run goes."""
+"""A live run in browsers: one page, which receives the run's news."""

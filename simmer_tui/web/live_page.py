@@ -1,4 +1,4 @@
-"""The page that shows a run as it goes on: one document, which needs nothing but its own connection."""
+"""The page that shows a live run: one document, which needs nothing but its own connection."""
 
 from __future__ import annotations
 
@@ -42,17 +42,17 @@ def live_html(configuration: Configuration, task: Task | None, seed: int) -> str
 
 
 class PageResponses:
-    """Answers to requests that are no viewer's."""
+    """Answers to requests that are not from viewers."""
 
     def __init__(self, page: str) -> None:
         self._page = page.encode()
-        # The browser is to run these scripts and no other, whatever text of the run may say.
+        # The browser may run these scripts and no other, even if a text of the run contains one.
         hashes = (hashlib.sha256(script.encode()).digest() for script in _SCRIPT.findall(page))
         self._scripts = " ".join(f"'sha256-{base64.b64encode(each).decode()}'" for each in hashes)
 
     def page(self, host: str) -> Response:
-        """The page, for a browser that asked for it at `host`."""
-        # 'self' is that host too, but not every browser takes it for connections.
+        """The page, for a browser that requested it at `host`."""
+        # 'self' is that host too, but not every browser accepts it for connections.
         policy = (
             f"default-src 'none'; script-src {self._scripts}; style-src 'unsafe-inline'; "
             f"connect-src 'self' ws://{host} wss://{host}; "
@@ -63,7 +63,7 @@ class PageResponses:
 
     @staticmethod
     def refused(status: HTTPStatus, why: str) -> Response:
-        """A refusal, in words."""
+        """A refusal, with a reason."""
         return _response(status, "text/plain; charset=utf-8", f"{why}\n".encode(), {})
 
 

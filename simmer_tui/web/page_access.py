@@ -1,4 +1,5 @@
-"""The words of links, which say who may look at the page and who may drive; the hosts that browsers name."""
+"""The secret words in links, which decide who may look at the page and who may drive, and the host names of
+browsers."""
 
 from __future__ import annotations
 
@@ -11,9 +12,9 @@ from ipaddress import ip_address
 
 from msgspec import Struct
 
-# 128 bits: nobody finds it by trying.
+# 128 bits: nobody can guess it.
 _WORD_BYTES = 16
-# A name or an address, and perhaps a port: what a browser sends. It goes into a header of ours.
+# A name or an address, with an optional port: what a browser sends. It is copied into a header of ours.
 _HOST = re.compile(r"(?P<name>\[[0-9a-fA-F:.]+\]|[0-9A-Za-z._-]+)(:[0-9]{1,5})?")
 
 
@@ -25,37 +26,39 @@ class PageRole(StrEnum):
 
 
 class PageLink(Struct, frozen=True):
-    """A link to the page, and what it lets people do."""
+    """A link to the page, and its rights."""
 
     role: PageRole
     address: str
 
 
 class PageAccess:
-    """Rights on the page. With `words` the word of a link says them, else all who are let in at all have the
-    same."""
+    """Rights on the page. With `words` they depend on the word in the link; without, all admitted people have
+    the same."""
 
     def __init__(self, *, words: bool, control: bool, host: str = "") -> None:
-        """`host` is the address that other machines reach the page by, as it was given."""
+        """`host` is the address by which other machines reach the page, as given."""
         roles = (PageRole.LOOK, PageRole.DRIVE) if control else (PageRole.LOOK,)
         self._words = {role: secrets.token_urlsafe(_WORD_BYTES) for role in roles} if words else {}
         self._free = None if words else roles[-1]
         self._names = {"localhost", host.lower(), socket.gethostname().lower()} - {""}
 
     def role_of(self, word: str) -> PageRole | None:
-        """The role of a viewer that says this word; None for a wrong word."""
+        """The role of a viewer with this word; None for a wrong word."""
         if self._free is not None:
             return self._free
         found = None
-        # All are compared, in constant time: how long it takes says nothing.
+        # All are compared, in constant time: the time shows nothing about the words.
         for role, known in self._words.items():
             if hmac.compare_digest(known.encode(), word.encode()):
                 found = role
         return found
 
     def is_host(self, host: str) -> bool:
-        """True if a browser that names this host means this page: an address, or a name of this machine. Any
-        other name may be a stranger's, who has it lead here (DNS rebinding)."""
+        """True if a browser that names this host means this page: an address, or a name of this machine.
+
+        Any other name may belong to an attacker, who has it resolve to us (DNS rebinding).
+        """
         found = _HOST.fullmatch(host)
         if found is None:
             return False
@@ -68,7 +71,7 @@ class PageAccess:
 
     @staticmethod
     def is_origin(origin: str, host: str) -> bool:
-        """True if a page with this origin is ours, which was asked for at this host."""
+        """True if a page with this origin, requested at this host, is ours."""
         return origin in (f"http://{host}", f"https://{host}")
 
     def links(self, host: str, port: int) -> tuple[PageLink, ...]:
@@ -80,12 +83,13 @@ class PageAccess:
 
 
 def shown_host(host: str) -> str:
-    """The address to put into links to a page that is served on `host`."""
+    """The address for links to a page that is served on `host`."""
     if host not in ("0.0.0.0", "::"):
         return host
     family, elsewhere = (socket.AF_INET6, "2001:db8::1") if host == "::" else (socket.AF_INET, "192.0.2.1")
     try:
-        # Addresses that documents use; nothing is sent. The system says from where it would be.
+        # Addresses reserved for documentation; nothing is sent. The system reports the address it would send
+        # from.
         with socket.socket(family, socket.SOCK_DGRAM) as probe:
             probe.connect((elsewhere, 9))
             return str(probe.getsockname()[0])

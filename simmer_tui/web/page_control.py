@@ -1,4 +1,4 @@
-"""The part that a viewer takes in the run: lines and keys, carried out as those of the console are."""
+"""Viewers' commands: lines and keys, carried out like those of the console."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from simmer_tui.server import Server
 from simmer_tui.sim.command import Command
 
 PRESSES = ("stop", "poll", "reset", "pause", "step")
-"""The keys of the maze that do something to the robot without driving it."""
+"""Keys of the maze that affect the robot without driving it."""
 # Textual's names of keys, and those of browsers where they differ.
 _BROWSER_KEYS = {
     "up": "ArrowUp",
@@ -34,16 +34,16 @@ _BROWSER_KEYS = {
 
 
 class PageControl:
-    """Carries out what viewers ask for. Programs and files are not among it."""
+    """Carries out viewers' requests. Programs and files are excluded."""
 
     def __init__(self, server: Server) -> None:
-        """Before the server starts, or in the robot's thread."""
+        """Make it before the server starts, or in the robot's thread."""
         self._server = server
         self._spec = server.configuration.simulation
         self._operator = Operator(server)
 
     def give(self, line: str, tell: Callable[[str], None]) -> None:
-        """Carry out a line of the console; `tell` is told what is wrong, in any thread."""
+        """Carry out a line of the console. `tell` is called with an error, in any thread."""
         try:
             order = read_console_command(line, self._spec)
         except ConsoleCommandError as error:
@@ -57,7 +57,7 @@ class PageControl:
             self._follow(order, tell)
 
     def press(self, name: str, tell: Callable[[str], None], *, fine: bool = False) -> None:
-        """Do what the key of that name does on the screen: drive by a step, stop, read all sensors ..."""
+        """Do what a key does on the screen: drive by a step, stop, read all sensors ..."""
         if name in DRIVES:
             self._complain(self._operator.drive(name, fine), tell)
         elif name in PRESSES:
@@ -78,13 +78,13 @@ class PageControl:
 
 
 def page_keys(keys: KeySettings) -> dict[str, list[Any]]:
-    """By the browser's name of a key what it does: name, and 1 if it is the fine step."""
+    """The effect of each key, by the browser's name: its name here, and 1 if it is the fine step."""
     made: dict[str, list[Any]] = {}
     for name in (*DRIVES, *PRESSES):
         for key in keys_of(keys, name):
             browser = _BROWSER_KEYS.get(key, key)
             if len(key) > 1 and browser == key:
-                continue  # signs and function keys mean other things in browsers
+                continue  # signs and function keys have other meanings in browsers
             made[browser] = [name, 0]
             if name in DRIVES:
                 made[shifted(key) if len(key) == 1 else f"shift+{browser}"] = [name, 1]

@@ -1,6 +1,6 @@
-"""The page's own thread: it takes in what happens, encodes what is new once, and sends it to all viewers.
+"""The page's own thread: it receives the run's events, encodes the news once, and sends it to all viewers.
 
-The robot's thread never waits for it: events come over a queue, and commands go the way of the console's.
+The robot's thread never waits for it: events come over a queue, and commands take the path of the console's.
 """
 
 from __future__ import annotations
@@ -34,32 +34,32 @@ from simmer_tui.web.run_frames import RunFrames
 from simmer_tui.web.viewer import Viewer, framed
 
 _LOCAL = "127.0.0.1"
-# In timed motion what is shown is to be 0.2 s old at most; 50 ms of them pass between two frames.
+# In timed motion the picture should be at most 0.2 s old; 50 ms of it are between two frames.
 _TIMED, _INSTANT = 0.05, 0.1
-"""Seconds between two frames, in timed motion and else."""
-# The picture is older by their distance: with 4 it was 0.2 s old, and on a busy machine 0.3.
+"""Seconds between two frames, in timed motion and in instant motion."""
+# The picture is older by their distance: with 4 it was 0.2 s old, and 0.3 on a busy machine.
 _STILL = 2
-"""Of so many frames in timed motion one is sent while the robot stands and nothing happens."""
+"""In timed motion one of so many frames is sent while the robot stands and there is no event."""
 _HEARTBEAT = 2.0
-"""Seconds after which viewers are told that the run goes on, though nothing is new."""
+"""Seconds after which viewers get a sign of life without news."""
 # Judged: browsers send the word as soon as they are connected.
 _TO_JOIN = 5.0
-"""Seconds in which a connection must have asked for the page, or said its word."""
+"""Seconds within which a connection must have requested the page, or sent its word."""
 _WRONG_WORD = 1.0
-"""Seconds that a wrong word costs who has said it."""
-# A page is one request and one viewer. What comes faster than this waits in the system's queue.
+"""Seconds of delay for a wrong word, which limits guessing."""
+# A page is one request and one viewer. Faster connections wait in the system's queue.
 _MOST_AT_ONCE, _BREATHER = 20, 0.1
-"""Connections let in before the port rests, and for how many seconds."""
+"""Connections accepted before the port pauses, and seconds of the pause."""
 _ENDING = 1.0
-"""Seconds in which the thread is to end."""
+"""Seconds within which the thread must end."""
 LIVE = "/live"
-"""The path that viewers' connections ask for."""
+"""The path that viewers' connections request."""
 _WRONG, _MALFORMED, _GOING_AWAY = 4401, 4400, 1001
-"""Codes with which a viewer is left: wrong word, no such message, the run is over."""
+"""Codes with which a connection is closed: wrong word, unknown message, the run is over."""
 
 
 class ViewerMessage(Struct):
-    """A message from a browser: the word comes first, then lines and keys."""
+    """A message from a browser: first the word, then lines and keys."""
 
     word: str | None = None
     line: str = ""
@@ -71,7 +71,7 @@ class PageServer:
     """Shows a run in browsers."""
 
     def __init__(self, server: Server) -> None:
-        """Take the page's port; `server` has not been started. Raises PortError."""
+        """Take the page's port, before `server` starts. Raises PortError."""
         settings = server.configuration.settings
         self._settings = settings.web
         self._server = server
@@ -79,7 +79,7 @@ class PageServer:
         self._owners = None if self._settings.host else OwnerLookup()
         for sock in self._listener.sockets if self._owners is not None else ():
             self._owners.hold_ends(sock)  # type: ignore[union-attr]
-        # Where the system does not tell of owners, other users of this machine need a word as well.
+        # If the system does not report owners, other users of this machine need a word as well.
         words = self._owners is None or not self._owners.is_possible
         host = self._settings.host
         self._access = PageAccess(words=words, control=self._settings.control, host=host)
@@ -110,7 +110,7 @@ class PageServer:
         except PortError as error:
             if self._settings.port != WEB_PORT:
                 raise PortError(str(error).replace("--host", "--web-host")) from None
-        # Several people on one machine each have a page.
+        # Several people on one machine may each have a page.
         listener = take_port(host, PortRequest(0, "page", "--web"))
         self._server.warnings.append(
             f"port {WEB_PORT} (page) is in use, perhaps by another simmer-tui: it is {listener.port} here"
@@ -119,11 +119,11 @@ class PageServer:
 
     @property
     def shown_links(self) -> tuple[str, ...]:
-        """The links as lines for people."""
+        """The links, as lines for people."""
         return tuple(f"page to {link.role.value}: {link.address}" for link in self.links)
 
     def prepare(self) -> None:
-        """Watch the run from here on; before it starts."""
+        """Watch the run from now on; before it starts."""
         self._frames = RunFrames(self._server, self._task)
         self._control = PageControl(self._server)
 
@@ -132,14 +132,14 @@ class PageServer:
         self._thread.start()
 
     def judged(self, verdict: Verdict) -> None:
-        """Show the verdict on a run that is over. Any thread may call."""
+        """Show the verdict on a run that is over. Any thread may call it."""
         self._call(self._frames.judge, verdict)
 
     def stop(self) -> None:
-        """Tell viewers that the run is over, and end. May be called more than once."""
+        """Report the end of the run to viewers, and end. May be called more than once."""
         if self._thread.is_alive():
             self._call(self._begin_end)
-            self._thread.join(_ENDING)  # a daemon: it does not hold up anybody
+            self._thread.join(_ENDING)  # a daemon: it delays nobody
         elif not self._loop.is_closed():
             self._listener.close()
             self._loop.close()
@@ -166,7 +166,7 @@ class PageServer:
 
     def _open(self) -> None:
         self._budget = ReadBudget(4 * PIECE, counted=False)
-        # `Server.tell` passes notices on to the robot's thread.
+        # `Server.tell` passes notices to the robot's thread.
         check = AccessCheck(
             self._server, self._owners, way_in="--web-host ADDRESS lets others look, by a link"
         )
@@ -202,17 +202,17 @@ class PageServer:
                 viewer.abort()
             else:
                 viewer.hold(False)
-        # By the program's clock time passes with events alone, and nothing may wake the robot's thread.
+        # By the program's clock time passes with events only, and the robot's thread must not be woken.
         if not self._is_asking and self._server.clock is None:
             with contextlib.suppress(RuntimeError):  # the robot's thread has ended: no time passes
                 self._server.call(self._note_time)
                 self._is_asking = True
                 return
-        # The robot's thread may be held up, but not those who want to know that the run goes on.
+        # The robot's thread may be delayed, but viewers need a sign of life.
         self._show_news()
 
     def _note_time(self) -> None:
-        """Note simulated time, in the robot's thread."""
+        """Store simulated time, in the robot's thread."""
         self._frames.note_time()
         self._call(self._time_noted)
 
@@ -221,21 +221,21 @@ class PageServer:
         self._show_news()
 
     def _show_news(self) -> None:
-        """Send what is new, if anything is."""
+        """Send the news, if there is any."""
         frames = self._frames
         has_news = frames.take_in()
         if not self._viewers:
             frames.forget()
             return
-        # A robot that stands and a clock that goes on need fewer frames.
+        # A standing robot and a running clock need fewer frames.
         has_passed = has_news or frames.has_passed(is_due=self._ticks % _STILL == 0)
         if has_passed or self._loop.time() - self._sent >= _HEARTBEAT:
             self._publish({})
 
-    def _publish(self, told: dict[str, Any]) -> None:
-        """Send what is new to all viewers: encoded once."""
+    def _publish(self, fields: dict[str, Any]) -> None:
+        """Send the news to all viewers: encoded once."""
         self._sent = self._loop.time()
-        frame = self._frames.next(told)
+        frame = self._frames.next(fields)
         for viewer in self._viewers:
             viewer.owe(frame)
 
@@ -250,7 +250,7 @@ class PageServer:
         if len(self._viewers) + len(self._strangers) >= MOST_CONNECTIONS:
             self._acceptor.turn_away(sock, name)
             return
-        # Connections that say nothing must not fill the port for those that do.
+        # Silent connections must not fill the port for others.
         silent = [each for each in self._strangers if not each.is_guessing]
         if len(silent) >= MOST_WAITING:
             silent[0].abort()
@@ -268,7 +268,7 @@ class PageServer:
             viewer.abort()
 
     def response(self, request: Request) -> Response | None:
-        """The page, or a refusal; None for a browser that is on our page and wants to look."""
+        """The page, or a refusal; None for a viewer's connection from our page."""
         refused = self._responses.refused
         path = request.path.partition("?")[0]
         try:
@@ -280,10 +280,10 @@ class PageServer:
             return refused(
                 HTTPStatus.FORBIDDEN, "this is no name of the simulator's machine: use its address"
             )
-        if getattr(request, "method", "GET") != "GET":  # older versions let nothing else come so far
+        if getattr(request, "method", "GET") != "GET":  # older versions allow no other request to reach this
             return refused(HTTPStatus.METHOD_NOT_ALLOWED, "nothing but GET is answered here")
         if upgrade.lower() == "websocket":
-            # No page of anybody else may look through a browser of ours, let alone drive.
+            # No other site's page may watch through a browser of ours, or drive.
             if origin is None or not self._access.is_origin(origin, host):
                 return refused(HTTPStatus.FORBIDDEN, "another page may not look in here")
             if path != LIVE:
@@ -294,7 +294,7 @@ class PageServer:
         return refused(HTTPStatus.NOT_FOUND, "there is one page here: /")
 
     def message_received(self, viewer: Viewer, data: bytes) -> None:
-        """A word, a line or a key."""
+        """Take a word, a line or a key."""
         try:
             message = msgspec.json.decode(data, type=ViewerMessage)
         except msgspec.MsgspecError:
@@ -326,9 +326,9 @@ class PageServer:
         self._join(viewer)
 
     def _join(self, viewer: Viewer) -> None:
-        """Give a viewer the run so far; from then on it gets what is new."""
+        """Send a viewer the run so far; from now on it gets the news."""
         if not self._frames.has_whole:
-            self._publish({})  # so that the others have had all that the newcomer gets
+            self._publish({})  # so that the others have received the same as the newcomer
         keys = page_keys(self._server.configuration.settings.keys) if viewer.role is PageRole.DRIVE else {}
         viewer.owe(framed(msgspec.json.encode({"role": viewer.role, "keys": keys})))
         for frame in self._frames.whole():
@@ -337,6 +337,6 @@ class PageServer:
         self._viewers.add(viewer)
 
     def viewer_gone(self, viewer: Viewer) -> None:
-        """A connection is no more."""
+        """Remove a connection that has ended."""
         self._viewers.discard(viewer)
         self._strangers.pop(viewer, None)

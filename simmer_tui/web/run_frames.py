@@ -1,7 +1,7 @@
-"""The frames that tell viewers of a run: events come in the robot's thread, all else is done in the page's.
+"""The frames that viewers get of a run: events come in the robot's thread, all other work is in the page's.
 
-The robot's thread only puts frozen events into a queue, which never makes it wait. What happens is recorded,
-and each frame encoded once for all.
+The robot's thread only puts frozen events into a queue, and never waits. Events are recorded, and each frame
+is encoded once for all.
 """
 
 from __future__ import annotations
@@ -27,15 +27,17 @@ from simmer_tui.server import Server
 from simmer_tui.sim.simulator import Simulator
 from simmer_tui.web.viewer import framed
 
-# Some seconds of the fastest program. The page's thread takes them in 20 times a second.
+# Some seconds of the fastest program. The page's thread reads them 20 times a second.
 MOST_WAITING_EVENTS = 20_000
-"""Events that may wait for the page's thread; with one more it begins anew from the robot as it stands."""
+"""Events that may wait for the page's thread. With one more the queue restarts with the robot's present
+state."""
 
 
 class EventQueue:
     """Events on their way from the robot's thread to the page's.
 
-    A page that cannot keep up loses the run so far, not its memory: the queue then begins with a checkpoint.
+    A page that is too slow loses the run so far, but its memory stays bounded: the queue restarts with a
+    checkpoint.
     """
 
     def __init__(self, simulator: Simulator, *, mission: bool) -> None:
@@ -45,9 +47,9 @@ class EventQueue:
         self._lost = False
 
     def put(self, event: Event) -> None:
-        """Take an event, in the robot's thread."""
+        """Add an event, in the robot's thread."""
         if self._lost:
-            # A reducer begins where the robot stands still.
+            # A reducer can begin only where the robot stands still.
             if self._simulator.moving:
                 return
             self._lost = False
@@ -58,12 +60,12 @@ class EventQueue:
             self._lost = True
 
     def mark(self, time: float) -> None:
-        """Simulated time now, in the robot's thread: everything before it has been put here."""
+        """Add the present simulated time, in the robot's thread. All earlier events are in the queue."""
         if not self._lost:
             self._items.append(time)
 
     def take(self, most: int) -> list[Event | Checkpoint | float]:
-        """Up to so many events and times, in order, in the page's thread."""
+        """Remove at most `most` events and times, in order, in the page's thread."""
         items = self._items
         taken: list[Event | Checkpoint | float] = []
         while items and len(taken) < most:
@@ -75,13 +77,13 @@ class EventQueue:
 
 
 class LiveRecording:
-    """The recording of a run up to now, for players. Lives in the page's thread."""
+    """The recording of a run up to now, for players. Only for the page's thread."""
 
     def __init__(self, beginning: Checkpoint) -> None:
         self.begin_anew(beginning)
 
     def begin_anew(self, beginning: Checkpoint) -> None:
-        """Forget the run so far: it goes on from here."""
+        """Restart the recording with a checkpoint."""
         paths = PathRecord(beginning.spec.maze, beginning.pose, recorded=True)
         # Rows that no player shows are not kept.
         self._history = RunHistory(beginning, log_begins=beginning.time, paths=paths, kept=READINGS)
@@ -91,7 +93,7 @@ class LiveRecording:
         self._passed = 0.0
 
     def apply(self, event: Event) -> None:
-        """Take in an event."""
+        """Add an event."""
         self._reducer.apply(event)
 
     @property
@@ -100,42 +102,42 @@ class LiveRecording:
         return self._reducer.still
 
     def pass_time(self, time: float) -> None:
-        """Simulated time has passed up to `time`, with no other events than those before."""
+        """Let simulated time pass to `time`, without further events."""
         self._passed = self._history.clock.before + time
 
     def update(self) -> float:
-        """Bring the recording up to the newest event or time. Returns elapsed time."""
+        """Update the recording to the newest event or time. Returns elapsed time."""
         self._recording.update(self._passed)
         return self._recording.end
 
     def news(self) -> dict[str, Any]:
-        """The news for a player that has had all before."""
+        """The news for a player that has received everything before."""
         return self._encoder.news()
 
     def whole(self) -> dict[str, Any]:
-        """All of it, for a player that has had nothing; what comes next is in the `news`."""
+        """The whole recording, for a player that has received nothing; later events are in `news`."""
         self._encoder = RecordingEncoder(self._recording)
         return self._encoder.news()
 
 
-# Simulated seconds a second, and the most seconds that the page is behind. Timed motion has its own pace.
-# In instant motion a drive takes no time: the page shows it in four times real speed, as the screen does.
+# Simulated seconds a second, and the most seconds that the page may be behind. Timed motion has its own pace.
+# In instant motion a drive takes no time: the page shows it at four times real speed, like the screen.
 _PACE, _LAG, _TIMED_LAG = 4.0, 1.5, 0.08
-# A slice takes below a millisecond, so that the robot's thread has its turn between two of them.
+# A slice takes less than a millisecond, so that the robot's thread can run between two of them.
 _SLICE, _PAUSE = 50, 0.0002
-"""Events taken in before other threads have a turn, and seconds of that."""
-# A new viewer has them after the recording as it was; more are encoded anew, as one.
+"""Events processed before other threads can run, and seconds of that pause."""
+# A new viewer gets them after the kept recording; more are encoded again, as one.
 _TAIL = 256 * 1024
-"""Bytes of frames kept for those who come next."""
-# So many slices at most, some 20 ms: a flood must not keep viewers waiting.
+"""Bytes of frames kept for later viewers."""
+# At most so many slices, some 20 ms: a flood must not keep viewers waiting.
 _MOST_SLICES = 50
 
 
 class RunFrames:
-    """Encodes a run for viewers. Lives in the page's thread, but for the queue that events come over."""
+    """Encodes a run for viewers. Only for the page's thread, except for the queue of events."""
 
     def __init__(self, server: Server, task: Task | None) -> None:
-        """Watch the run from here on; before it starts."""
+        """Watch the run from now on; before it starts."""
         self._server = server
         self._task = task
         self._events = EventQueue(server.simulator, mission=server.referee is not None)
@@ -153,14 +155,15 @@ class RunFrames:
     # -- what happens ----------------------------------------------------------------------------
 
     def note_time(self) -> None:
-        """Tell the page's thread how far simulated time has come, in the robot's thread.
+        """Pass the present simulated time to the page's thread, from the robot's thread.
 
-        Read in another thread it may be later than the beginning of a movement that is just being told.
+        Read in another thread, it might be later than the beginning of a movement whose event is not yet in
+        the queue.
         """
         self._events.mark(self._server.engine.present)
 
     def take_in(self) -> bool:
-        """Take in the events that have come. Returns True if viewers are to be told of anything."""
+        """Process the events that have come. Returns True if there is news for viewers."""
         has_news = self._has_judged
         for _ in range(_MOST_SLICES):
             events = self._events.take(_SLICE)
@@ -182,11 +185,11 @@ class RunFrames:
         return has_news
 
     def has_passed(self, *, is_due: bool) -> bool:
-        """True if time has passed since the last frame, and the robot moves, or it `is_due` to say so."""
+        """True if time has passed since the last frame, and the robot moves or a frame `is_due`."""
         return (is_due or not self._recording.is_still) and self._recording.update() > self._elapsed
 
     def judge(self, verdict: Verdict) -> None:
-        """Show how the run ended."""
+        """Show the verdict on the run."""
         box = verdict_box(verdict, is_mission=self._task is not None)
         self._verdict = {
             "tone": box.tone.value,
@@ -198,7 +201,7 @@ class RunFrames:
         self._has_judged = True
 
     def _note_verdict(self, event: Event) -> None:
-        """Show the verdict that the screen shows, until the run goes on."""
+        """Show the verdict that the screen shows, until the run continues."""
         if isinstance(event, Notice) and event.kind is NoticeKind.VERDICT:
             verdict = self._server.verdict
             if verdict is not None:
@@ -211,15 +214,15 @@ class RunFrames:
 
     # -- frames ----------------------------------------------------------------------------------
 
-    def next(self, told: dict[str, Any]) -> bytes:
-        """The news, and what else is `told`, for all who have had everything before."""
+    def next(self, fields: dict[str, Any]) -> bytes:
+        """The news, with further `fields`, for viewers that have received everything before."""
         self._elapsed = self._recording.update()
         if self._is_anew:  # the run so far was lost: they get the new one whole
-            return self._encoded_whole(told)
+            return self._encoded_whole(fields)
         if self._has_judged:
-            told |= self._judgement()
+            fields |= self._judgement()
             self._has_judged = False
-        frame = framed(msgspec.json.encode(told | {"news": self._recording.news()}))
+        frame = framed(msgspec.json.encode(fields | {"news": self._recording.news()}))
         self._keep(frame)
         return frame
 
@@ -229,23 +232,23 @@ class RunFrames:
         return bool(self._base)
 
     def whole(self) -> tuple[bytes, ...]:
-        """All of the run up to the newest frame, for a newcomer; that frame must have gone to all others."""
+        """The whole run up to the newest frame, for a newcomer. All others must have received that frame."""
         if not self._base:
             self._encoded_whole({})
         return (self._base, *self._tail)
 
     def forget(self) -> None:
-        """Keep no frames: nobody is there, or they no longer hold."""
+        """Drop the frames: there is no viewer, or they are out of date."""
         self._base, self._tail = b"", []
 
     def _keep(self, frame: bytes) -> None:
-        """Keep a frame for those who come next, as long as that is less than all of it anew."""
+        """Keep a frame for later viewers, while that is shorter than the whole run encoded again."""
         if self._base:
             self._tail.append(frame)
             if sum(map(len, self._tail)) > max(_TAIL, len(self._base) // 2):
                 self.forget()
 
-    def _encoded_whole(self, told: dict[str, Any]) -> bytes:
+    def _encoded_whole(self, fields: dict[str, Any]) -> bytes:
         engine, spec = self._server.engine, self._server.configuration.simulation
         if engine.timed:
             pace, lag = engine.time_scale, _TIMED_LAG
@@ -258,7 +261,7 @@ class RunFrames:
             "live": {"pace": pace, "lag": lag},
             **recorded_robot(spec),
         }
-        made = {"run": run, "news": self._recording.whole(), **self._judgement(), **told}
+        made = {"run": run, "news": self._recording.whole(), **self._judgement(), **fields}
         self._base, self._tail = framed(msgspec.json.encode(made)), []
         self._is_anew = self._has_judged = False
         return self._base

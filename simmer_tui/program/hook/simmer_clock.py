@@ -1,7 +1,7 @@
-"""The program's clock, inside the program: its sleeps, its waits for replies and its looks at a clock.
+"""The program's clock, inside the program: its sleeps, its waits for replies and its reads of a clock.
 
 It is imported into other people's programs, by whatever Python they use: standard library alone, Python 3.8
-on, and nothing of the package. `links/clock_link.py` is the other end; the lines are described there.
+on, and nothing of the package. `links/clock_link.py` is the other end and describes the lines.
 """
 
 from __future__ import annotations
@@ -20,22 +20,23 @@ import time
 from collections.abc import Callable
 from typing import Any, NoReturn
 
-# A loop that waits by looking at the clock must come to its end, and soon: 400,000 looks are two seconds.
+# A loop that waits by reading the clock must end soon: 400,000 reads are two seconds.
 LOOK = 5_000
-"""Nanoseconds that a look at a clock takes."""
-# As often as a loop on a slow microcontroller polls.
+"""Nanoseconds that a read of a clock takes."""
+# The polling rate of a loop on a slow microcontroller.
 EMPTY_POLL = 2e-4
-"""Seconds that a look for a reply takes that is not there."""
-# A person who reads a question and types an answer.
+"""Seconds that a poll takes if there is no reply."""
+# A person reads a question and types an answer.
 INPUT = 5.0
 """Seconds that `input()` takes."""
 # 1 January 2026, UTC: any fixed date will do.
 EPOCH = 1767225600 * 10**9
-"""Nanoseconds of `time.time_ns()` at the run's begin."""
-# On a machine with several processors bytes of one connection may come after later ones of another.
+"""Nanoseconds of `time.time_ns()` at the beginning of the run."""
+# The limit of `program_clock.py`. On several processors bytes of one connection may arrive after later bytes
+# of another.
 IN_FLIGHT = 0.2
-"""Longest real time that bytes may be on their way, seconds."""
-# What a system keeps of a connection that nobody reads is more; nobody asks for more at once.
+"""Longest real time for bytes to arrive, seconds."""
+# The system's buffer of an unread connection is larger, and no program asks for more at once.
 _GATHERED = 65536
 """Bytes on a connection that a read waits for at most."""
 _REAL_TIME, _REAL_PAUSE = time.monotonic, time.sleep
@@ -63,7 +64,7 @@ _REFUSED: dict[str, tuple[str, ...]] = {
 
 
 class ProgramTime:
-    """The connection to the simulator's clock. Of the main thread alone."""
+    """The connection to the simulator's clock. Only for the main thread."""
 
     def __init__(self) -> None:
         self._real_recv = socket.socket.recv
@@ -95,48 +96,49 @@ class ProgramTime:
             self.__init__()  # type: ignore[misc]
 
     def look(self) -> int:
-        """The time, nanoseconds. A look costs a little, so that a loop of looks comes to its end."""
+        """The time, nanoseconds. Each call adds a little time, so that a loop of calls comes to its end."""
         self.check_thread("looks at the clock")
         self._debt += LOOK
         return self._now + self._debt
 
     def pass_time(self, seconds: float) -> None:
-        """Be later by so much, without a word to the simulator until we send something or wait."""
+        """Add to our time. The simulator learns of it when we send something or wait."""
         self.check_thread("talks to the robot")
         self._debt += math.ceil(max(seconds, 0.0) * 1e9)
 
     def answered(self) -> None:
-        """Have the simulator answer all that was sent: what is there then does not depend on real time."""
+        """Have the simulator answer everything that was sent: the arrived replies then do not depend on real
+        time."""
         if self._told != self.sent:
             self.check_thread("talks to the robot")
             self.sleep(0.0)
 
     def settle(self) -> None:
-        """Have the simulator's time come to ours: what is sent now is sent now."""
+        """Have the simulator's time catch up with ours, so that bytes are sent at our time."""
         if self._debt:
             self.sleep(0.0)
 
     def sleep(self, seconds: float) -> None:
-        """Sleep."""
+        """Sleep for some seconds."""
         self._ask("S", str(self._now + self._debt + round(seconds * 1e9)))
 
     def end_of(self, timeout: float | None) -> float:
-        """The end of a wait that begins now, nanoseconds: a whole number, or infinite."""
+        """The end of a wait that begins now, nanoseconds: a whole number, or infinity."""
         return math.inf if timeout is None else self._now + self._debt + max(round(timeout * 1e9), 0)
 
     def is_over(self, until: float) -> bool:
-        """True if a wait until then is over."""
+        """True if a wait until that time is over."""
         return self._now + self._debt >= until
 
     def wait(self, until: float) -> None:
-        """Wait for a reply until a time, nanoseconds; the simulator may wake us earlier, to look."""
+        """Wait for a reply until a time, nanoseconds; the simulator may wake us earlier, to check for one."""
         if self._debt:
             self.sleep(0.0)
         else:
             self._ask("W", str(until))
 
     def away(self, call: Callable[[], Any]) -> Any:
-        """Do something that waits for another process."""
+        """Call a function that waits for another process."""
         self._say("F\n")
         try:
             return call()
@@ -145,7 +147,7 @@ class ProgramTime:
             self._hear()
 
     def tell(self, text: str, *, follows: bool) -> None:
-        """Have the simulator tell why the program ends; False if it does what this clock cannot follow."""
+        """Have the simulator report why the program ends; False if it does what this clock cannot follow."""
         line = "{} {}\n".format("E" if follows else "X", text.replace("\n", " "))
         if threading.get_ident() == self._thread:
             self._say(line)
@@ -192,20 +194,20 @@ class ProgramTime:
 
     @property
     def patience(self) -> float:
-        """Real seconds within which bytes that the robot has sent will be here; 0 if all are."""
+        """Real seconds within which the robot's sent bytes will arrive; 0 if all have."""
         return IN_FLIGHT if self._written > self.received else 0.0
 
     def give_up_missing(self, here: int = 0) -> None:
-        """Drops bytes that have not come by now: they are for a connection that nobody reads."""
+        """Stop waiting for bytes that have not come by now: nobody reads their connection."""
         self.received = self._written - here
 
     def has_all(self, here: int) -> bool:
-        """True if so many bytes are all that the robot has sent and nobody has received."""
+        """True if `here` bytes are all that the robot has sent and nobody has received."""
         return self._written <= self.received + here
 
 
 def _gone() -> NoReturn:
-    """The simulator has ended, and this program with it."""
+    """End this program: the simulator has ended."""
     sys.stderr.write("the simulator has ended\n")
     _end(1)
 
@@ -219,7 +221,7 @@ def _end(code: int) -> NoReturn:
 
 
 def place() -> str:
-    """File and line of the program: of the innermost call that is neither ours nor of a library."""
+    """File and line of the innermost call that is in neither our code nor a library."""
     frame: Any = sys._getframe(1)
     libraries = (os.path.dirname(os.__file__), os.path.dirname(os.path.abspath(__file__)))  # noqa: PTH100, PTH120
     first: str | None = None
@@ -248,7 +250,7 @@ CLOCK: list[ProgramTime] = []
 
 
 def install() -> None:
-    """Let this process live by the simulator's clock."""
+    """Replace this process's clock by the simulator's."""
     try:
         clock = ProgramTime()
     except (OSError, ValueError) as error:
@@ -273,7 +275,7 @@ def _replace_clocks(clock: ProgramTime) -> None:
     def sleep(seconds: float) -> None:
         """Sleep by the program's clock."""
         if (not isinstance(seconds, (int, float)) and not hasattr(seconds, "__index__")) or seconds < 0:
-            real_sleep(seconds)  # which has the right complaint
+            real_sleep(seconds)  # the original has the right error message
             return
         clock.check_thread("sleeps")
         clock.sleep(float(seconds))
@@ -303,7 +305,7 @@ def _replace_clocks(clock: ProgramTime) -> None:
 
 
 def _is_ours(sock: Any, ports: tuple[int, ...]) -> bool:
-    """True if a socket, or the descriptor of one, leads to the simulator."""
+    """True if a socket, or a socket's descriptor, is connected to the simulator."""
     try:
         if not isinstance(sock, int):
             return sock.getpeername()[1] in ports
@@ -322,7 +324,7 @@ def _replace_sockets(clock: ProgramTime) -> None:
     real_select = select.select
 
     def look(readers: Any, writers: Any, others: Any) -> tuple[list[Any], list[Any], list[Any]]:
-        """Descriptors that are ready now. Bytes from the robot may still be on their way."""
+        """Descriptors that are ready now, after waiting for bytes from the robot that are on their way."""
         clock.answered()
         found: tuple[list[Any], list[Any], list[Any]] = real_select(readers, writers, others, clock.patience)
         if clock.patience and not any(found):
@@ -350,7 +352,8 @@ def _replace_sockets(clock: ProgramTime) -> None:
     real_recv = kind.recv
 
     def gather(sock: Any) -> None:
-        """Wait until all that the robot has sent is here: a read gets as much of it every time."""
+        """Wait until everything that the robot has sent is here: a read then gets as many bytes in every
+        run."""
         until = _REAL_TIME() + IN_FLIGHT
         while not clock.has_all(here := len(real_recv(sock, _GATHERED, socket.MSG_PEEK))):
             if here == _GATHERED:
@@ -372,7 +375,7 @@ def _replace_sockets(clock: ProgramTime) -> None:
                 gather(sock)
             result = real(sock, *arguments, **named)
             piece = result[0] if isinstance(result, tuple) else result
-            # A look that leaves the bytes where they are does not count.
+            # A peek, which leaves the bytes in place, is not counted.
             if not any(each & socket.MSG_PEEK for each in arguments[1:] if isinstance(each, int)):
                 clock.received += piece if isinstance(piece, int) else len(piece)
             return result
@@ -402,7 +405,7 @@ def _replace_sockets(clock: ProgramTime) -> None:
     def chosen(
         readers: Any, writers: Any, others: Any, timeout: float | None = None
     ) -> tuple[list[Any], list[Any], list[Any]]:
-        """As select.select, by the program's clock where one of the sockets leads to the simulator."""
+        """Do as select.select, by the program's clock if one of the sockets is connected to the simulator."""
         readers = list(readers)
         if not any(_is_ours(each, ports) for each in readers):
             return real_select(readers, writers, others, timeout)
@@ -422,7 +425,7 @@ def _replace_sockets(clock: ProgramTime) -> None:
     select.select = chosen
     import selectors
 
-    # Of the kinds of selectors only this one asks select.select.
+    # Only this kind of selector uses select.select.
     module: Any = selectors
     module.SelectSelector._select = staticmethod(chosen)
     module.DefaultSelector = module.SelectSelector
@@ -457,7 +460,7 @@ def _replace_waits(clock: ProgramTime) -> None:
 
     @functools.wraps(real_wait)
     def wait(condition: Any, timeout: float | None = None) -> bool:
-        # Alone, nobody can notify it: it is a sleep.
+        # Nobody else can notify it, so it is a sleep.
         if timeout is not None and threading.active_count() == 1:
             clock.sleep(max(float(timeout), 0.0))
             return False
@@ -468,7 +471,7 @@ def _replace_waits(clock: ProgramTime) -> None:
 
 
 def _patch(module: Any) -> None:
-    """Have the functions of a module that wait by a clock of their own refused."""
+    """Replace the functions of a module that wait by a clock of their own: they are refused."""
     for dotted in _REFUSED[module.__name__]:
         owner: Any = module
         *path, name = dotted.split(".")

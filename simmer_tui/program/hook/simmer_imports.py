@@ -14,12 +14,12 @@ from typing import Any
 
 
 def patch_when_imported(patches: Mapping[str, Callable[[Any], None]]) -> None:
-    """Have each module changed by the function of its name when it has been imported."""
+    """Have each module changed by the function of its name after its import."""
     sys.meta_path.insert(0, _Finder(patches))
 
 
 class _Loader(importlib.abc.Loader):
-    """Loads a module as always, and patches it."""
+    """Loads a module as usual, and then patches it."""
 
     def __init__(self, loader: Any, patch: Callable[[Any], None]) -> None:
         self._loader = loader
@@ -32,12 +32,12 @@ class _Loader(importlib.abc.Loader):
         self._loader.exec_module(module)
         self._patch(module)
 
-    def __getattr__(self, name: str) -> Any:  # what else an import asks its loader
+    def __getattr__(self, name: str) -> Any:  # other attributes that an import asks its loader for
         return getattr(self._loader, name)
 
 
 class _Finder(importlib.abc.MetaPathFinder):
-    """Finds the modules that are to be patched as always."""
+    """Finds the modules that are to be patched, with the other finders."""
 
     def __init__(self, patches: Mapping[str, Callable[[Any], None]]) -> None:
         self._patches = patches

@@ -1,7 +1,8 @@
-"""The serial port of a program that the simulator runs: `serial.Serial` that leads to the simulated robot.
+"""The serial port of a program that the simulator runs: `serial.Serial` connected to the simulated robot.
 
 It is imported into other people's programs, by whatever Python they use: standard library alone, Python 3.8
-on, and nothing of the package. `links/dialect_link.py` is the other end; the frames are described there.
+on, and nothing of the package. `links/dialect_link.py` is the other end; `links/hook_port.py` describes the
+frames.
 """
 
 from __future__ import annotations
@@ -21,13 +22,13 @@ PORT = "SIMMER_DIALECT_PORT"
 NAMES = "SIMMER_SERIAL_NAMES"
 _HEAD = struct.Struct(">cI")
 _TIMES = struct.Struct(">ddI")
-# A simulator on this machine accepts in milliseconds; one that has ended refuses at once.
+# Seconds. A simulator on this machine accepts in milliseconds; one that has ended refuses at once.
 _CONNECTING = 10.0
-# Every Python that is started says it: one that cannot must not be held up.
+# Seconds. Every Python that is started connects once: a failure must not delay it.
 _HELLO = 0.5
-# Loopback takes less than a millisecond, and some more on a machine with too much to do.
+# Seconds. Loopback takes less than a millisecond, and somewhat more on an overloaded machine.
 _ON_ITS_WAY = 0.05
-# A read that waits so long for bytes waits for ever, or for a person.
+# Seconds. A read that waits longer waits forever, or for a person.
 _LONG = 10.0
 
 
@@ -40,15 +41,17 @@ def last_written() -> bytes:
 
 
 class _Piece:
-    """Bytes that the robot has written in one piece: when they begin to arrive, and the time of each. They
-    become readable a packet at a time, of which the first may be a shorter one."""
+    """Bytes that the robot has written in one piece, with the time of their beginning and of each byte.
+
+    They become readable a packet at a time, of which the first may be shorter.
+    """
 
     def __init__(self, start: float, byte: float, packet: int, data: bytes) -> None:
         self.start, self.byte, self.packet, self.data = start, byte, max(packet, 1), data
         self.taken = 0
 
     def readable(self, now: float) -> int:
-        """The count of bytes that can be read, those taken apart."""
+        """The count of bytes that can be read, without those already taken."""
         size = len(self.data)
         here = size if now >= self.start else 0
         if self.byte:
@@ -57,13 +60,13 @@ class _Piece:
         return max(size - missing - self.taken, 0)
 
     def next(self) -> float:
-        """The time when more can be read than was taken."""
+        """The time when more bytes can be read."""
         size = len(self.data)
         return self.start + (size - (size - self.taken - 1) // self.packet * self.packet) * self.byte
 
 
 class SerialLine:
-    """The connection of an open port: bytes go out, and come in at their times.
+    """The connection of an open port: bytes are sent, and arrive at their times.
 
     A program may read in one thread and write in another.
     """
@@ -105,7 +108,7 @@ class SerialLine:
         return self._sock.fileno()
 
     def close(self) -> None:
-        """Close the port, and say how much nobody has read."""
+        """Close the port, and report how many bytes nobody has read."""
         try:
             unread = self.waiting()
             if unread:
@@ -123,12 +126,12 @@ class SerialLine:
         self._free = max(self._free, self._clock()) + len(data) * self._byte
 
     def set_baud(self, baud: int) -> None:
-        """Send and receive at another rate from here on."""
+        """Send and receive at another rate from now on."""
         self._byte = 10.0 / baud if baud else 0.0
         self._send(b"B", str(baud).encode())
 
     def unsent(self) -> tuple[float, int]:
-        """Seconds until all that was written is on its way, and the count of bytes that wait."""
+        """Seconds until all written bytes have been sent, and the count of waiting bytes."""
         left = max(0.0, self._free - self._clock())
         return left, int(left / self._byte + 0.999999) if self._byte else 0
 
@@ -147,7 +150,7 @@ class SerialLine:
             return sum(part.readable(now) for part in self._coming)
 
     def take(self, size: int) -> bytes:
-        """Up to so many of the bytes that have arrived."""
+        """At most `size` of the bytes that have arrived."""
         now, taken = self._clock(), bytearray()
         with self._receiving:
             while self._coming and len(taken) < size:
@@ -162,10 +165,11 @@ class SerialLine:
         return bytes(taken)
 
     def wait(self, seconds: float | None, wake: threading.Event | None = None) -> bool:
-        """Wait until a byte has arrived, at most so long. True if one has. Raises OSError at the end."""
+        """Wait at most `seconds` until a byte has arrived. True if one has. Raises OSError at the end of the
+        connection."""
         until = None if seconds is None else self._clock() + seconds
         begun = now = self._clock()
-        # Asked first, since readline() reads byte by byte: a look at the connection costs more than a byte.
+        # Checked first, since readline() reads byte by byte: a read of the connection costs more than a byte.
         first = self._first()
         while first is None or first > now:
             if first is not None and _program_clock() is not None:
@@ -185,8 +189,10 @@ class SerialLine:
         return True
 
     def _pauses(self, first: float | None, until: float | None, now: float) -> bool:
-        """Wait for what the robot sends, until the next byte arrives whose time is known, or the end. By the
-        program's clock it is False where no time has passed."""
+        """Wait for bytes of the robot, until the next known byte arrives, or until the end of the wait.
+
+        By the program's clock it is False if no time has passed.
+        """
         if _program_clock() is not None and (first is not None or until is None):
             if first is None:
                 self._receive(None)  # the clock knows if nothing will ever come
@@ -201,12 +207,12 @@ class SerialLine:
         return True
 
     def _first(self) -> float | None:
-        """The time when the next byte has arrived, of those that are on their way."""
+        """The time when the next byte on its way arrives; None if there is none."""
         with self._receiving:
             return self._coming[0].next() if self._coming else None
 
     def _receive(self, seconds: float | None) -> None:
-        """Take in what the robot has sent; wait for it at most so long."""
+        """Receive bytes of the robot; wait at most `seconds` for them."""
         with self._receiving:
             if self._broken:
                 return
@@ -234,7 +240,7 @@ class SerialLine:
             if kind == b"A":
                 (there,) = struct.unpack_from(">d", payload)
                 behind = self._clock() - there
-                # On one machine both clocks are the same, and what is left is the way of this frame.
+                # On one machine both clocks are the same: the difference is the delay of this frame.
                 self._offset = 0.0 if 0 <= behind < _ON_ITS_WAY else behind
                 self._answer = payload[8:].decode("utf-8", "replace")
             elif kind == b"R":
@@ -243,7 +249,7 @@ class SerialLine:
                 self._coming.append(_Piece(start + self._offset, byte, packet, data))
 
     def _tell_waiting(self) -> None:
-        """Say which line of the program waits, once."""
+        """Report once which line of the program waits."""
         if self._told:
             return
         self._told = True
@@ -259,7 +265,7 @@ class SerialLine:
 
 
 def _program_clock() -> Any:
-    """The program's clock, if this process lives by it."""
+    """The program's clock, if this process uses it."""
     module = sys.modules.get("simmer_clock")
     return module.CLOCK[0] if module is not None and module.CLOCK else None
 
@@ -270,16 +276,17 @@ def _is_over(until: float | None, now: float, wake: threading.Event | None) -> b
 
 
 def _pass_time_until(first: float, until: float | None, now: float) -> bool:
-    """By the program's clock: let time pass until a byte arrives whose time is known already, or until the
-    end of the wait. The simulator is told of it with the next that is sent, or waited for. True if it
-    arrives."""
+    """By the program's clock: let time pass until the next known byte arrives, or until the end of the wait.
+
+    True if it arrives. The simulator learns of the time with the next message or wait.
+    """
     comes = until is None or first <= until
     _program_clock().pass_time((first if comes or until is None else until) - now)
     return comes
 
 
 def make_class(serialutil: Any, clock: Callable[[], float]) -> Any:
-    """The class that stands in for `serial.Serial`: pyserial's own base, its bytes from a `SerialLine`."""
+    """The class that replaces `serial.Serial`: pyserial's own base, with the bytes of a `SerialLine`."""
 
     class Serial(serialutil.SerialBase):  # type: ignore[misc]
         _line: Any = None
@@ -325,7 +332,7 @@ def make_class(serialutil: Any, clock: Callable[[], float]) -> Any:
 
         def read(self, size: int = 1) -> bytes:
             line = self._use()
-            # Nearly all reads are of one byte that is there, by readline().
+            # Nearly all reads are of one byte that has arrived, by readline().
             taken = bytearray(line.take(size))
             if len(taken) == size:
                 return bytes(taken)
@@ -396,7 +403,7 @@ def make_class(serialutil: Any, clock: Callable[[], float]) -> Any:
 
 
 def names() -> list[str]:
-    """The serial ports there are for the program."""
+    """The names of the program's serial ports."""
     return [each for each in os.environ.get(NAMES, "").split(",") if each] or ["COM6"]
 
 
@@ -427,7 +434,7 @@ _PATCHES = {"serial": _patch_serial, "serial.tools.list_ports": _patch_ports}
 
 
 def install() -> None:
-    """Lead `serial.Serial` to the simulated robot, when the program imports it."""
+    """Connect `serial.Serial` to the simulated robot, when the program imports it."""
     # Only a program has this folder on its path.
     from simmer_imports import patch_when_imported  # type: ignore[import-not-found]
 
@@ -437,10 +444,11 @@ def install() -> None:
 
 
 def _say_hello() -> None:
-    """Have the simulator know that this process will find it: of others it says what to do."""
+    """Report that this process will find the port. For programs without a report the simulator gives
+    advice."""
     host, token = os.environ.get("SIMMER_HOST", "127.0.0.1"), os.environ.get("SIMMER_TOKEN", "")
     try:
         with socket.create_connection((host, int(os.environ[PORT])), _HELLO) as sock:
             sock.sendall((token.encode() + b"\n" if token else b"") + _HEAD.pack(b"H", 0))
     except (OSError, ValueError):
-        pass  # the error comes where the port is opened
+        pass  # the error comes when the port is opened

@@ -1,5 +1,5 @@
-"""Python runs this at its start in a program of the simulator's: its clock, its serial port, and whatever
-other sitecustomize there is."""
+"""Imported by Python at the start of a program that the simulator runs: sets its clock and its serial port.
+Then it runs any other sitecustomize."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _HERE = os.path.dirname(os.path.abspath(__file__))  # noqa: PTH100, PTH120 - pat
 
 
 def _run_next() -> None:
-    """Run the sitecustomize that ours stands in front of: Debian has one, and virtual environments may."""
+    """Run the sitecustomize that ours hides: Debian has one, and virtual environments may."""
     path = [each for each in sys.path if os.path.abspath(each) != _HERE]  # noqa: PTH100
     spec = importlib.machinery.PathFinder.find_spec("sitecustomize", path)
     if spec is not None and spec.loader is not None:

@@ -1,4 +1,5 @@
-"""Backdrop: all that stands still, floor, walls with their edge, zones. Drawn once for every window."""
+"""Backdrop: everything that does not move, floor, walls with their edge, zones. Drawn once for every
+window."""
 
 import math
 from collections.abc import Sequence
@@ -18,21 +19,21 @@ from simmer_tui.tui.maze.viewport import Viewport
 
 Grounds = NDArray[np.uint8]
 
-# Below it a pixel covers so much of the maze that one sample is not typical of it.
+# Below it a pixel covers so much of the maze that one sample does not represent it.
 _FINE = 4.0
 """Zoom below which a pixel takes several samples."""
-# 4 x 4 samples tell a wall's share of a pixel to 6 %, enough for "more than half".
+# 4 x 4 samples give a wall's share of a pixel to 6 %, enough for "more than half".
 _SAMPLES = 4
-# One diagonal in 8 dots leaves the floor and whatever lies on it to be seen.
+# One diagonal in 8 dots leaves the floor and marks on it visible.
 _HATCH = 8
 """Dots from one diagonal of the drop zone's hatching to the next."""
-# Where lines are not dots, a sign a cell has to make the same slope.
+# Without dots, a sign in every fourth cell gives the same slope.
 _HATCH_CELLS = 4
 _NAMES = {Role.LOADING_LINE: "loading", Role.DROP_LINE: "drop"}
 
 
 class Backdrop:
-    """Picture without anything that moves, and what marks on it need to know.
+    """Picture of everything that does not move, and the data that marks on it need.
 
     Attributes:
         cells: the picture.
@@ -68,14 +69,14 @@ class Backdrop:
         self.under: Grounds = np.where(paper == Role.EDGE, Role.WALL, paper).astype(np.uint8)
         self.named: Mask = np.zeros(self.under.shape, dtype=np.bool_)
         if palette.is_mono:
-            # The only ink there is belongs to the walls' edges.
+            # The only ink is that of the walls' edges.
             ink = np.where(ink == Role.EDGE, ink, paper)
         self.cells = self._encoded(paper, ink)
         if zones.loading or zones.drop:
             self._draw_zones(zones, ~has_edge & (walled == 0))
 
     def write_numbers(self, numbers: Sequence[HeatNumber]) -> None:
-        """Write the numbers of a heat map on the ground, where no wall is."""
+        """Write the numbers of a heat map on the ground, except on walls."""
         for each in numbers:
             place = each.row, slice(each.column - len(each.text) + 1, each.column + 1)
             if not (self.has_wall[place] | self.named[place]).any():
@@ -113,7 +114,7 @@ class Backdrop:
     def _places(self, across: int, down: int) -> tuple[FloatArray, FloatArray]:
         """Middles of the window's pixels in maze cells, x and y, `across` x `down` of them a terminal cell.
 
-        There is one more on every side, since an edge is where a neighbour differs.
+        There is one more on every side, since an edge depends on its neighbours.
         """
         view = self.viewport
         x = view.left + (np.arange(-1, view.columns * across + 1) + 0.5) / across
@@ -125,7 +126,7 @@ class Backdrop:
         view, across, down = self.viewport, self.signs.across, self.signs.down
         x, y = self._places(across, down)
         wall = self._walls_at(x, y, 1 / (across * view.zoom), 2 / (down * view.zoom))
-        # An edge is wall with something open among the eight pixels around it.
+        # An edge is wall with an open pixel among its eight neighbours.
         around = np.lib.stride_tricks.sliding_window_view(wall, (3, 3))
         open_near = ~around.all(axis=(2, 3))
         wall, x, y = wall[1:-1, 1:-1], x[1:-1], y[1:-1]
@@ -151,8 +152,8 @@ class Backdrop:
         return pixels
 
     def _walls_at(self, x: FloatArray, y: FloatArray, width: float, height: float) -> Mask:
-        """True for each pixel that is wall, by its middle in maze cells, or by most of it where it covers
-        much of the maze. What lies outside the maze is wall."""
+        """True for each pixel that is wall, by its middle in maze cells, or by most of its area if it covers
+        much of the maze. Everything outside the maze is wall."""
         samples = _SAMPLES if width * 2 * _FINE > 1 else 1
         offsets = (np.arange(samples) + 0.5) / samples - 0.5
         sample_x = (x[:, None] + offsets * width).ravel()
@@ -175,7 +176,7 @@ class Backdrop:
         return found
 
     def _encoded(self, paper: Grounds, ink: Grounds) -> Cells:
-        """Cells from the two grounds each one shows."""
+        """Cells from the two grounds that each one shows."""
         colors, signs = self.palette.array, self.signs
         shown = (self.pixels == ink[..., None]) & (ink != paper)[..., None]
         patterns = (shown * signs.bits).sum(axis=-1)
@@ -187,7 +188,7 @@ class Backdrop:
             foreground[plain] = colors[color]
         attributes = np.zeros(paper.shape, dtype=np.uint8)
         if self.palette.is_mono and signs.has_blocks:
-            # Walls must not outshine the robot.
+            # Walls must not be brighter than the robot.
             attributes[(paper == Role.WALL) | (ink == Role.EDGE)] = Attribute.DIM
         return Cells(characters, foreground, colors[paper], attributes)
 
@@ -210,7 +211,7 @@ class Backdrop:
                 self._put_name(cells, role)
 
     def _put_dots(self, dots: Mask, role: Role, free: Mask) -> None:
-        """Draw dots, or signs that stand for them, in cells that are `free`."""
+        """Draw dots, or signs in their place, in cells that are `free`."""
         blocks = dots.reshape(len(dots) // 4, 4, -1, 2)
         patterns = np.einsum("rycx,yx->rc", blocks, DOT_BITS, dtype=np.uint32)
         there = (patterns > 0) & free
@@ -247,15 +248,15 @@ class Backdrop:
 
 
 def _ring_index(shape: tuple[int, ...], x: FloatArray, y: FloatArray) -> tuple[NDArray[np.intp], ...]:
-    """Index (y, x) of places into an array of maze cells that has a ring of others around it."""
+    """Index (y, x) of places into an array of maze cells with a ring of other cells around it."""
     columns = np.floor(x).astype(np.intp).clip(-1, shape[1]) + 1
     rows = np.floor(y).astype(np.intp).clip(-1, shape[0]) + 1
     return np.ix_(rows, columns)
 
 
 def _two_grounds(pixels: Grounds) -> tuple[Grounds, Grounds]:
-    """The two grounds a cell can show: the commonest but for edges, and the edge or else the next
-    commonest. Both are the same where there is but one."""
+    """The two grounds that a cell can show: the commonest except for edges, and the edge or else the next
+    commonest. Both are the same if there is only one."""
     present = np.unique(pixels)
     counts = np.stack([(pixels == role).sum(axis=-1) for role in present])
     edges = present == Role.EDGE
@@ -270,7 +271,7 @@ def _two_grounds(pixels: Grounds) -> tuple[Grounds, Grounds]:
 
 
 def _plain_lines(patterns: NDArray[np.uint32]) -> NDArray[np.uint32]:
-    """Signs that look like the dots of an outline: `-`, `|`, and `+` for a corner."""
+    """Signs that resemble the dots of an outline: `-`, `|`, and `+` for a corner."""
     left, right = (int(DOT_BITS[:, side].sum()) for side in (0, 1))
     upright = ((patterns & left) == left) | ((patterns & right) == right)
     both = (patterns & left > 0) & (patterns & right > 0)

@@ -1,4 +1,4 @@
-"""Marks drawn in areas: the block, and those of contacts; and the pixels that bodies are made of."""
+"""Marks drawn as areas: the block and contacts; and the pixels of bodies."""
 
 import math
 
@@ -12,17 +12,16 @@ from simmer_tui.tui.maze.palette import Role
 from simmer_tui.tui.maze.scene import MazePoint, Scene
 from simmer_tui.tui.maze.shapes import is_near, to_local
 
-# A little less than that of the course's robot where a maze cell has ten columns: enough for the shape of
-# a hand.
+# A little less than that of the course's robot at ten columns a maze cell: enough for the shape of a hand.
 LARGE = 2.49
 """Radius from which the heading is a hand, and a contact three cells wide, units."""
-# Less than the thickness of any wall at any zoom, more than rounding moves a contact.
+# Less than the thickness of any wall at any zoom, and more than a contact's rounding error.
 _PROBE = 0.1
-"""Units to each side of a contact at which a wall is looked for."""
+"""Units to each side of a contact at which a wall is searched for."""
 # A contact with the outer wall may be computed a rounding error outside the maze.
 _ROUNDING = 0.01
-"""Cells by which a place may lie outside the window and still belong to it."""
-# Below, a turned square of so few pixels has ragged sides that say nothing of its heading (judged).
+"""Cells by which a place may be outside the window and still belong to it."""
+# Judged: a smaller turned square has ragged sides that do not show its heading.
 _ROTATED = 12.0
 """Size of a block from which its own heading is drawn, units."""
 CellRange = tuple[slice, slice]
@@ -32,7 +31,7 @@ CellRange = tuple[slice, slice]
 
 
 def draw_block(canvas: Canvas, scene: Scene) -> None:
-    """The block where it lies."""
+    """Draw the block at its place."""
     if scene.block_centre is None or not is_near(*scene.block_centre):
         return
     x, y = canvas.viewport.place(*scene.block_centre)
@@ -52,7 +51,7 @@ def draw_past_contacts(canvas: Canvas, scene: Scene) -> None:
             continue
         x, y = canvas.viewport.place(*point)
         across, down = _wall_beside(canvas, x, y) or (0, 0)
-        # On the ground in front of the wall, a unit being a column wide and half a row high.
+        # On the ground in front of the wall, since a unit is a column wide and half a row high.
         column = _cell_inside(x - 0.5 * across, canvas.columns)
         row = _cell_inside((y - down) / 2, canvas.rows)
         if column is not None and row is not None:
@@ -85,19 +84,23 @@ def draw_contact(canvas: Canvas, scene: Scene, point: MazePoint) -> None:
 
 
 def _wall_beside(canvas: Canvas, x: float, y: float) -> tuple[int, int] | None:
-    """Way, right and down, to a wall that begins at a place in units of the window; None without one."""
+    """The direction, right and down, to a wall that begins at a place in units of the window; None without
+    one."""
     ways = ((1, 0), (-1, 0), (0, 1), (0, -1))
     probes = np.array((x, y)) + _PROBE * np.array(ways)
     blocked = canvas.backdrop.in_wall(*probes.T)
-    # In the middle of a wall or of the floor no side is the one that was touched.
+    # In the middle of a wall or of the floor no side is the touched one.
     return ways[int(blocked.argmax())] if blocked.any() and not blocked.all() else None
 
 
 def _free_cell(
     taken: Mask, cell: tuple[int, int], step: tuple[int, int], aside: int
 ) -> tuple[int, int] | None:
-    """Cell at which a mark `aside` cells wider to each side covers nothing that is taken: the first
-    from `cell` on in steps outwards; where the window ends before, the nearest. None without any."""
+    """A cell at which a mark `aside` cells wider to each side covers no taken cell.
+
+    It is the first from `cell` on in steps outwards; if the window ends before, the nearest. None without
+    any.
+    """
     beside = taken.copy()
     for shift in range(1, aside + 1):
         beside[:, :-shift] |= taken[:, shift:]
@@ -118,8 +121,8 @@ def _free_cell(
 
 
 def _cell_inside(place: float, count: int, beyond: float = 0.0) -> int | None:
-    """Cell of a place among `count`, or that so many cells `beyond` it; None for a place outside them. One on
-    the window's border, give or take rounding, belongs to the cell within it."""
+    """Cell of a place among `count`, or the cell so many cells `beyond` it; None for a place outside them. A
+    place on the window's border, within rounding, belongs to the cell inside."""
     if not -_ROUNDING <= place <= count + _ROUNDING:
         return None
     return min(max(math.floor(place + beyond), 0), count - 1)
@@ -154,9 +157,9 @@ def patch_of(canvas: Canvas, place: CellRange, mask: Mask) -> Patch:
 
 
 def square_of(canvas: Canvas, x: float, y: float, size: float) -> Patch | None:
-    """An upright square, at least a pixel large and the same wherever it stands."""
+    """An upright square, at least a pixel large, with the same size wherever it is."""
     signs = canvas.signs
-    # Signs fill cells; a part of one would look like anything else there.
+    # Signs fill cells; a part of one would not be recognised there.
     whole = not signs.has_blocks or canvas.palette.is_mono
     across, down = (1, 1) if whole else (signs.across, signs.down)
     wide, high = max(1, round(size * across)), max(1, round(size * down / 2))
@@ -171,7 +174,7 @@ def square_of(canvas: Canvas, x: float, y: float, size: float) -> Patch | None:
 
 
 def _turned_square(canvas: Canvas, x: float, y: float, size: float, heading: float) -> Patch | None:
-    """A square by its heading."""
+    """A square turned to its heading."""
     cells = cell_range(canvas, x, y, size)
     if cells is None:
         return None
@@ -182,5 +185,5 @@ def _turned_square(canvas: Canvas, x: float, y: float, size: float, heading: flo
 def local_places(cells: CellRange, x: float, y: float, heading: float, across: int, down: int) -> FloatArray:
     """Pixels of some cells in the frame of a body, in units, (height, width, 2)."""
     pixel_x, pixel_y = _pixel_places(cells, across, down)
-    # A window's rows count down, a body's frame is turned counter-clockwise.
+    # A window's rows count down; a body's frame is turned counter-clockwise.
     return to_local(np.stack(np.meshgrid(pixel_x, -pixel_y), axis=-1), Pose(x, -y, heading))

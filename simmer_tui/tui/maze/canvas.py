@@ -1,7 +1,7 @@
-"""One frame in the making: marks drawn over the backdrop, each on the ground and on nothing else.
+"""One frame while it is drawn: marks over the backdrop, each on the ground only.
 
-A cell shows its topmost mark and the ground under it. Marks are put down from the lowest layer to
-the highest, and each replaces what stood in its cells.
+A cell shows its topmost mark and the ground under it. Marks are drawn from the lowest layer to the highest,
+and each replaces earlier ones in its cells.
 """
 
 import numpy as np
@@ -14,7 +14,7 @@ from simmer_tui.tui.maze.glyphs import BLANK, BRAILLE, Cells, Mask, dot_patterns
 from simmer_tui.tui.maze.palette import Attribute, Role
 from simmer_tui.tui.terminal import ColorDepth
 
-# Without colours the newest, a contact and the block have to stand out, old paths to step back.
+# Without colours the newest ray, a contact and the block have to stand out, and old paths must not.
 _BOLD_MONO = (Role.RAY_STRONG, Role.CONTACT, Role.BLOCK, Role.HEADING)
 _DIM_MONO = (Role.TRAIL,)
 # Without colours only reversing distinguishes a solid body from the floor.
@@ -22,8 +22,8 @@ _SOLID = (Role.ROBOT, Role.CONTACT)
 
 
 class Patch(Struct, frozen=True, eq=False):
-    """Rectangle of cells from (`row`, `column`) on, and the pixels of them that a body covers,
-    (rows, columns, pixels). It lies within the window."""
+    """Rectangle of cells from (`row`, `column`) on, and the pixels that a body covers in them, (rows,
+    columns, pixels). It is within the window."""
 
     row: int
     column: int
@@ -56,7 +56,7 @@ class Canvas:
         return 0 <= row < self.rows and 0 <= column < self.columns
 
     def attribute(self, role: Role, paper: Role | None = None) -> int:
-        """Attributes of a mark: they carry what colour says where there is none."""
+        """Attributes of a mark: they replace colours where there are none."""
         if not self.palette.is_mono:
             # Bold would turn the black of 16 colours into grey.
             bold = role is Role.HEADING or paper is Role.CONTACT
@@ -68,14 +68,14 @@ class Canvas:
         return attribute | (Attribute.REVERSE if paper in _SOLID else 0)
 
     def line(self, role: Role, places: FloatArray, spare: Mask | None = None) -> None:
-        """Dots at global places (n, 2), in all cells but those to `spare` (rows, columns)."""
+        """Dots at global places (n, 2), in all cells except `spare` (rows, columns)."""
         self.dots(role, 2 * self.viewport.to_units(places), spare)
 
     def dots(
         self, role: Role, dots: FloatArray, spare: Mask | None = None, paper: Role | None = None
     ) -> None:
-        """Dots by their place in dots of the window (n, 2), half a unit apart each way; on the
-        ground, or on a `paper` of another role."""
+        """Dots by their place in dots of the window (n, 2), half a unit apart; on the ground, or on a `paper`
+        of another role."""
         if not len(dots):
             return
         patterns = dot_patterns(dots, self.rows, self.columns)
@@ -96,20 +96,20 @@ class Canvas:
         self.cells.attributes.reshape(-1)[cells] = self.attribute(role, paper)
 
     def text(self, row: int, column: int, text: str, role: Role, paper: Role | None = None) -> None:
-        """Write characters, on the ground or on a `paper`; what lies outside is left out."""
+        """Write characters, on the ground or on a `paper`; those outside are left out."""
         for offset, character in enumerate(text):
             if self.holds(row, column + offset):
                 cell = np.array([row * self.columns + column + offset])
                 self._put(cell, ord(character), role, paper)
 
     def clear(self, where: Mask) -> None:
-        """Have some cells, (rows, columns), show nothing but the ground."""
+        """Have some cells, (rows, columns), show only the ground."""
         cells = np.flatnonzero(where)
         self._put(cells, BLANK, Role.TEXT, None)
         self.cells.attributes[where] = 0
 
     def area(self, role: Role, patch: Patch, spare: Mask | None = None, paper: Role | None = None) -> None:
-        """A body's pixels; the rest of its cells is a `paper`, or the ground that is commonest there."""
+        """A body's pixels; the rest of its cells is a `paper`, or the commonest ground there."""
         covered = patch.covered
         if spare is not None:
             covered = covered & ~spare[patch.place][..., None]
@@ -130,7 +130,7 @@ class Canvas:
         self.cells.attributes[patch.place][there] = attributes[there]
 
     def _ground_beside(self, patch: Patch, covered: Mask) -> NDArray[np.uint8]:
-        """Commonest ground among the pixels a body leaves free in each cell; edges do not count."""
+        """Commonest ground among the pixels that a body leaves free in each cell; edges do not count."""
         pixels = self.backdrop.pixels[patch.place]
         free = ~covered & (pixels != Role.EDGE)
         best = self.backdrop.under[patch.place].copy()

@@ -1,4 +1,4 @@
-"""Terminal cells, and the characters that each glyph mode has for areas, lines and directions."""
+"""Terminal cells, and the characters of each glyph mode for areas, lines and directions."""
 
 import itertools
 from collections.abc import Mapping
@@ -84,7 +84,7 @@ class Cells(Struct, frozen=True, eq=False):
         return changed
 
     def write(self, row: int, column: int, text: str, color: int = DEFAULT, attribute: int = 0) -> None:
-        """Write text on the background that is there; what does not fit is cut off."""
+        """Write text on the present background; text beyond the row is cut off."""
         codes = np.array([ord(character) for character in text], dtype=np.uint32)
         room = self.characters[row, column : column + len(codes)]
         room[:] = codes[: len(room)]
@@ -103,12 +103,12 @@ def blank_cells(rows: int, columns: int) -> Cells:
 class Signs(Struct, frozen=True):
     """Characters of a glyph mode.
 
-    A cell has `across` x `down` pixels; `blocks` holds the character of every pattern of them, bit
-    `across * y + x` standing for the pixel in row y. Where `dotted`, lines are braille dots, else
-    the sign in `lines` of their role. `fills` are the signs of a cell that is all of one role, and
-    the role that colours the sign. `arrows` point to 0, 45 ... 315 degrees. `frame` draws the edge of
-    the outer wall: its left, top, right and bottom side, its corners clockwise from the top left, and
-    an upright and a flat line where the maze continues beyond the window.
+    A cell has `across` x `down` pixels. `blocks` holds the character of every pattern of them; bit `across *
+    y + x` is the pixel in row y. If `dotted`, lines are braille dots, otherwise the sign in `lines` of their
+    role. `fills` are the signs of a cell that is all of one role, and the role that colours the sign.
+    `arrows` point to 0, 45 ... 315 degrees. `frame` draws the edge of the outer wall: its left, top, right
+    and bottom side, and its corners clockwise from the top left. Its last two are an upright and a flat line
+    where the maze continues beyond the window.
     """
 
     across: int
@@ -156,7 +156,7 @@ ARROWS = ("→", "↗", "↑", "↖", "←", "↙", "↓", "↘")
 """Arrows to 0, 45 ... 315 degrees, counter-clockwise from the right."""
 _PAIRS = ("→", "↑→", "↑", "←↑", "←", "←↓", "↓", "↓→")
 _PLAIN_ARROWS = ("->", "^>", "^^", "<^", "<-", "<v", "vv", "v>")
-# In signs a ray that was read last has to differ from all other lines, and a belief from everything.
+# In signs the ray read last must differ from all other lines, and a belief from everything.
 _HALF_LINES = dict.fromkeys(Role, "·") | dict(
     zip((Role.RAY_STRONG, Role.ROBOT, Role.BELIEF, Role.DROP_LINE), "••?/", strict=True)
 )
@@ -204,14 +204,14 @@ def _octants() -> tuple[int, ...]:
 
 
 def _numbered(count: int, first: int, older: Mapping[int, int]) -> tuple[int, ...]:
-    """Code points of all patterns: those in `older`, the rest one after the other from `first` on."""
+    """Code points of all patterns: those in `older`, the others in sequence from `first` on."""
     rest = itertools.count(first)
     return tuple(older[pattern] if pattern in older else next(rest) for pattern in range(count))
 
 
 @cache
 def signs_for(glyphs: GlyphMode, depth: ColorDepth) -> Signs:
-    """Characters that a terminal's pictures are made of."""
+    """Characters for a terminal's pictures."""
     return replace(_SIGNS[glyphs], fills=_SIGNS[glyphs].fills or _FILLS.get(depth, {}))
 
 
@@ -222,7 +222,7 @@ _SIGNS = {
     GlyphMode.QUADRANT: Signs(2, 2, _QUADRANTS, True, ARROWS),
     # WGL4 has no single quadrants for the corners.
     GlyphMode.HALF: Signs(1, 2, _HALVES, False, _PAIRS, _HALF_LINES, frame="▐▄▌▀▄▄▀▀│─"),
-    # Its fills are the same at every depth: without blocks they are all that distinguishes areas.
+    # Its fills are the same at every depth: without blocks only they distinguish areas.
     GlyphMode.ASCII: Signs(
         1, 1, (BLANK, ord("#")), False, _PLAIN_ARROWS, _PLAIN_LINES, _PLAIN_FILLS, "########|-"
     ),

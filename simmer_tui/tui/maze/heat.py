@@ -1,6 +1,6 @@
-"""Heat: the levels and numbers that a grid's belief gives to the pixels and cells of a window.
+"""Heat: the levels and numbers of a grid's belief in the pixels and cells of a window.
 
-Few levels, since fine shades look alike on some grounds; from 2 % on a number says it too.
+There are few levels, since fine shades look alike on some grounds. From 2 % on a number is shown too.
 """
 
 import math
@@ -13,14 +13,14 @@ from simmer_tui.sim.angles import FloatArray
 from simmer_tui.sim.specs import MazeSpec
 from simmer_tui.tui.maze.viewport import Viewport
 
-# A belief trembles with every reading, and each change of a level sends a part of the map.
+# A belief changes slightly with every reading, and each change of a level sends a part of the map.
 _HELD = 1.15
-"""Times by which a probability has to pass a threshold before its level changes."""
+"""Factor by which a probability has to pass a threshold before its level changes."""
 _REDRAWN = 0.5
 """Simulated seconds between two maps of a robot that drives."""
-# "100%", and as much of a gap to the number of the next cell.
+# "100%", and as wide a gap to the number of the next cell.
 _NUMBER_COLUMNS = 8.0
-"""Columns of a grid's cell from which it has its number."""
+"""Columns of a grid's cell from which its number is shown."""
 _LEAST_SHARE = 0.02
 
 
@@ -41,7 +41,7 @@ class HeatNumber(Struct, frozen=True):
 
 
 class HeatMap:
-    """The levels of one window from grid to grid: a map that is drawn again changes where it must."""
+    """The levels of one window from grid to grid: a new map changes as few of them as possible."""
 
     def __init__(self) -> None:
         self._mark: HeatMark | None = None
@@ -49,7 +49,7 @@ class HeatMap:
         self._levels: Levels = np.zeros((0, 0), dtype=np.uint8)
 
     def shown(self, mark: HeatMark) -> HeatMark:
-        """The mark to draw: the one before, until it is time for another."""
+        """The mark to draw: the previous one, until it is time for another."""
         old = self._mark
         if old is not None and old.grid is not mark.grid:
             is_early = not mark.stands and 0.0 <= mark.time - old.time < _REDRAWN
@@ -73,7 +73,7 @@ class HeatMap:
 
 
 def heat_numbers(grid: GridBelief, viewport: Viewport, *, tinted: bool) -> list[HeatNumber]:
-    """Per cents of the cells that have room for them; without tints, in smaller cells, tenths."""
+    """Percentages of the cells that have room for them. Without tints smaller cells have tenths."""
     places, (width, height) = grid.places(), grid.cell_size
     x0, _, _, y1 = grid.bounds
     wide, high = width * viewport.scale, height * viewport.scale / 2
@@ -94,7 +94,7 @@ def heat_numbers(grid: GridBelief, viewport: Viewport, *, tinted: bool) -> list[
 
 def _shares(grid: GridBelief, viewport: Viewport, across: int, down: int) -> tuple[FloatArray, float]:
     """Probability of a grid's cell at each pixel of the window, by the areas of the cells that a pixel
-    covers; and the largest. What lies beyond the grid has none."""
+    covers; and the largest. Outside the grid it is 0."""
     x0, y0, x1, y1 = grid.bounds
     places = grid.places()
     left = (viewport.left + np.arange(viewport.columns * across + 1) / across) / viewport.scale
@@ -103,7 +103,7 @@ def _shares(grid: GridBelief, viewport: Viewport, across: int, down: int) -> tup
     columns = (left - x0) * grid.columns / (x1 - x0)
     rows = (y1 - top) * grid.rows / (y1 - y0)
     shares: Probabilities = covered(rows, grid.rows) @ places @ covered(columns, grid.columns).T
-    # Pixels larger than cells have the mean of several, and no pixel has the largest.
+    # Pixels larger than cells have the mean of several, and may not reach the largest.
     is_coarse = columns[1] - columns[0] > 1.0 or rows[1] - rows[0] > 1.0
     most = float(shares.max()) if is_coarse else float(places.max())
     return shares, most or 1.0

@@ -18,14 +18,14 @@ from simmer_tui.tui.maze.glyphs import Mask, heading_arrow
 from simmer_tui.tui.maze.palette import Role
 from simmer_tui.tui.maze.scene import BeliefMark, Scene, SensorView
 
-# Less than a whole dot, so that none is left out on a slanting line.
+# Less than a whole dot, so that a slanting line has no gaps.
 _STEP_DOTS = 0.9
-"""Distance of samples of a line, in dots."""
-# Two movements are usually a turn and the drive after it. Older ones have fewer dots, not a fainter colour:
-# a fainter one could not be seen on every floor.
+"""Distance of a line's samples, in dots."""
+# Two movements are usually a turn and the drive after it. Older ones have fewer dots, not a fainter colour,
+# which could not be seen on every floor.
 _TRAIL_GAPS = ((2, _STEP_DOTS), (4, 2.6), (math.inf, 4.2))
-"""For the last movements, as many as the first number, dots from one mark of the trail to the next."""
-# A line of that many samples is longer than any screen has dots.
+"""For the last movements, up to the count given first, dots from one mark of the trail to the next."""
+# A line with more samples is longer than any screen has dots.
 _MOST_SAMPLES = 4096
 """Samples of one movement's trail."""
 _STANDSTILL = 0.05
@@ -35,16 +35,16 @@ _WIDE_FAN = 10.0
 """Degrees; a fan at least this wide is shown by its outer rays too."""
 # From 6 in on they are clear of the robot, whose rim is 3 in from its centre in the bundled sets.
 _NO_ECHO = (6.0, 8.0, 10.0)
-"""Places of the dots of a reading without an echo along its direction, inches."""
-# At the end where a ray met something, or where that is covered, further and further in.
+"""Places of the dots for a reading without an echo, inches along its direction."""
+# At the end of the ray, or, if that is covered, further and further in.
 _CODE_AT = (0.97, 0.8, 0.6, 0.45)
 """Places of a sensor's code along its ray, as parts of its length."""
-# In a smaller maze cell the codes of all would hide what they belong to.
+# In a smaller maze cell the codes of all rays would hide the rays.
 _CODES_FROM = 12.0
-"""Columns a maze cell from which all rays have their code, and not the one read last alone."""
+"""Columns a maze cell from which all rays have their code; below only the ray read last."""
 _LONGEST_RAY = 1000.0
 """Inches drawn of a ray at most; no maze of ours is longer across."""
-# A ray that ends on the border of a cell has no dot in the next one.
+# A ray that ends on the border of a cell must have no dot in the next one.
 _JUST = 1e-6
 """Inches by which the last dot of a ray is before its end."""
 # A dot: a longer step would leave gaps between dots and wall.
@@ -57,7 +57,7 @@ _ARROW_AHEAD = 0.6
 
 
 class DrawnRay(Struct, frozen=True, eq=False):
-    """Ray on the picture: code of its sensor, direction, and the places of its dots from the sensor on."""
+    """A ray on the picture: code of its sensor, direction, and the places of its dots from the sensor on."""
 
     sensor: str
     is_bright: bool
@@ -65,7 +65,7 @@ class DrawnRay(Struct, frozen=True, eq=False):
 
 
 def draw_trail(canvas: Canvas, scene: Scene) -> None:
-    """Path of the last movements: the newer, the denser."""
+    """Draw the path of the last movements: newer ones are denser."""
     if not scene.trail:
         return
     # All legs at once: there are dozens of them, most of a few points.
@@ -87,7 +87,8 @@ def draw_trail(canvas: Canvas, scene: Scene) -> None:
 
 
 def draw_rays(canvas: Canvas, scene: Scene) -> list[DrawnRay]:
-    """Views of the sensors: faintly, and what was read last brightly. Returns the rays, for their codes."""
+    """Draw the views of the sensors: faintly, and the last one brightly. Returns the rays, for their
+    codes."""
     spare = canvas.backdrop.keeps_wall
     weak: list[FloatArray] = []
     strong: list[FloatArray] = []
@@ -109,9 +110,9 @@ def draw_rays(canvas: Canvas, scene: Scene) -> list[DrawnRay]:
 
 
 def draw_codes(canvas: Canvas, rays: Sequence[DrawnRay]) -> None:
-    """Code of a sensor at the end of its ray, where it covers neither a body nor a wall nor a word."""
+    """Draw the code of a sensor at the end of its ray, where it covers no body, wall or word."""
     taken = canvas.bodies | canvas.contacts | canvas.backdrop.named | canvas.backdrop.has_wall
-    # What was read last comes first: it is the one looked for.
+    # The last reading comes first: people look for it.
     for ray in sorted(rays, key=lambda ray: not ray.is_bright):
         if not len(ray.places) or not (ray.is_bright or canvas.viewport.zoom >= _CODES_FROM):
             continue
@@ -129,13 +130,13 @@ def draw_codes(canvas: Canvas, rays: Sequence[DrawnRay]) -> None:
 
 
 def draw_particles(canvas: Canvas, belief: BeliefMark) -> None:
-    """A dot for every place the program holds possible."""
+    """Draw a dot for every particle of the program."""
     if belief.particles is not None and len(belief.particles):
         canvas.line(Role.BELIEF, np.asarray(belief.particles, dtype=np.float64), canvas.backdrop.keeps_wall)
 
 
 def draw_belief(canvas: Canvas, scene: Scene, belief: BeliefMark) -> None:
-    """Outline of the robot where the program believes it is, with an arrow and a tick ahead."""
+    """Draw the outline of the robot at the program's belief, with an arrow and a tick ahead."""
     pose, robot = belief.pose, scene.robot
     if not shapes.is_near(pose.x, pose.y, pose.heading):
         return
@@ -166,8 +167,8 @@ def draw_belief(canvas: Canvas, scene: Scene, belief: BeliefMark) -> None:
 
 
 def _draw_sides(canvas: Canvas, robot: RobotSpec, pose: Pose) -> None:
-    """Left and right end of a body in every row of cells: in signs, a whole outline would leave
-    no room for its content."""
+    """Draw the left and right end of a body in every row of cells: in signs, a whole outline would leave no
+    room for its content."""
     x, y = canvas.viewport.to_units(shapes.outline_points(robot, pose, _step(canvas))).T
     ends = []
     for row in range(math.ceil(y.min() / 2 - 0.25), math.floor(y.max() / 2 - 0.75) + 1):
@@ -184,8 +185,8 @@ def _step(canvas: Canvas) -> float:
 
 
 def _seen(seen: SensorView, canvas: Canvas) -> list[FloatArray]:
-    """Places to mark for one reading: the ray that was measured, and after it the sides of a wide beam; dots
-    where there was no echo; or a spot on the floor."""
+    """Places to mark for one reading: the measured ray, and after it the sides of a wide beam. Without an
+    echo they are dots; for a line sensor a spot on the floor."""
     view, step = seen.view, _step(canvas)
     if not shapes.is_near(*(view.centre if isinstance(view, FloorPatch) else view.origin)):
         return []
@@ -201,7 +202,7 @@ def _seen(seen: SensorView, canvas: Canvas) -> list[FloatArray]:
     chosen = [nearest]
     if abs(view.bearings[-1] - view.bearings[0]) >= _WIDE_FAN:
         chosen += [ray for ray in (0, len(view.bearings) - 1) if ray != nearest]
-    # The sides of a beam end at what they meet, but no further out than what was read.
+    # The sides of a beam end at the first wall, but no further out than the reading.
     ends = [length, *(min(length, view.distances[ray]) for ray in chosen[1:])]
     alongs = [np.append(np.arange(0.0, min(end, _LONGEST_RAY), step), end - _JUST) for end in ends]
     pairs = zip(chosen, alongs, strict=True)
@@ -209,11 +210,11 @@ def _seen(seen: SensorView, canvas: Canvas) -> list[FloatArray]:
 
 
 def _dots_along(canvas: Canvas, origin: tuple[float, float], bearing: float, along: FloatArray) -> FloatArray:
-    """Places (n, 2) at distances from an origin, up to the first that is in a wall."""
+    """Places (n, 2) at distances from an origin, up to the first in a wall."""
     way = np.array((math.cos(math.radians(bearing)), math.sin(math.radians(bearing))))
     places: FloatArray = np.array(origin) + along[:, None] * way
     blocked = canvas.backdrop.in_wall(*canvas.viewport.to_units(places).T)
-    # The sensor itself may stand over a wall, as that of a robot that has touched one does.
+    # The sensor itself may be over a wall, as that of a robot that touches one.
     blocked[: int(blocked.argmin())] = False
     return places[: int(blocked.argmax())] if blocked.any() else places
 
@@ -230,15 +231,18 @@ def _spot(spot: FloorPatch, step: float) -> FloatArray:
 
 
 def draw_scans(canvas: Canvas, scene: Scene) -> None:
-    """Dots of the newest scans. One that noise puts into a wall is drawn at the last free place of its beam,
-    so that walls keep their edge; zone names and per cents stay legible."""
+    """Draw the dots of the newest scans.
+
+    A dot that noise puts into a wall is drawn at the last free place of its beam, so that walls keep their
+    edge. Zone names and percentages stay legible.
+    """
     spare = canvas.backdrop.named | canvas.backdrop.has_wall
     for each in scene.scans:
         canvas.dots(Role.RAY_STRONG, 2 * dot_places(canvas, each), spare)
 
 
 def dot_places(canvas: Canvas, rays: ScanRays) -> FloatArray:
-    """Places of a scan's dots, units of the window, (n, 2); of a beam that is nowhere free none."""
+    """Places of a scan's dots, units of the window, (n, 2); none for a beam without a free place."""
     viewport = canvas.viewport
     lengths = _within(canvas, rays)
     places = viewport.to_units(rays.origins + lengths[:, None] * rays.ways)

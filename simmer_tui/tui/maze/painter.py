@@ -1,5 +1,7 @@
-"""One door to the drawing: a scene and a window in, terminal cells out; and what goes with a picture:
-the legend under it and the small overview in its corner."""
+"""The interface of the drawing: a scene and a window in, terminal cells out.
+
+It also makes the parts beside a picture: the legend under it and the small overview in its corner.
+"""
 
 import math
 from collections.abc import Callable, Sequence
@@ -65,7 +67,7 @@ class Painter:
         pose = scene.pose
         is_robot = scene.show_robot and is_near(pose.x, pose.y, pose.heading)
         robot = DrawnRobot(canvas, scene) if is_robot else None
-        # From the least needed to the robot, since each replaces what stood in its cells.
+        # From the least important to the robot, since each replaces earlier marks in its cells.
         if scene.show_trail:
             draw_trail(canvas, scene)
         if belief is not None:
@@ -73,7 +75,7 @@ class Painter:
         if scene.show_rays:
             draw_scans(canvas, scene)
         rays = draw_rays(canvas, scene) if scene.show_rays else []
-        # Under the block: the needle is long, the block may lie right ahead.
+        # Under the block: the needle is long, the block may be right ahead.
         if robot is not None and not scene.block_held:
             robot.draw_needle()
         draw_past_contacts(canvas, scene)
@@ -91,8 +93,8 @@ class Painter:
         return canvas.cells
 
     def _ground(self, scene: Scene, viewport: Viewport) -> Backdrop:
-        """Backdrop of a scene; one whose tiles differ clearly near the robot alone is mixed of two. With heat
-        on them tiles stay quiet."""
+        """The backdrop of a scene. With loud tiles near the robot only, it is mixed from two. With heat on
+        them tiles stay quiet."""
         if self.heat and scene.heat is not None:
             return self._heat_backdrop(scene, viewport, self._heat_map.shown(scene.heat))
         backdrop = self.backdrop(scene, viewport, loud=self.floor is FloorMode.LOUD)
@@ -118,7 +120,7 @@ class Painter:
     def _kept(
         self, kind: str, sources: tuple[object, ...], key: _Key, draw: Callable[[], Backdrop]
     ) -> Backdrop:
-        """Last backdrop of a kind; a new one if `sources` are other objects, or the key differs."""
+        """The last backdrop of a kind; a new one if `sources` are other objects, or the key differs."""
         drawn = self._drawn.get(kind)
         # By identity: comparing all cells of two mazes would cost more than it saves.
         if drawn is None or drawn[1] != key or any(map(is_not, drawn[0], sources)):
@@ -169,13 +171,13 @@ class LegendEntry(Struct, frozen=True):
 
 
 def legend_cells(scene: Scene | None, painter: Painter, width: int) -> Cells:
-    """The legend as one row of cells; entries that do not fit are left out. The same ones come again as the
-    same cells, which are not to be changed."""
+    """The legend as one row of cells; entries that do not fit are left out. Equal entries give the same cells
+    object, which must not be changed."""
     has_blocks = painter.signs.has_blocks
     return _legend_cells(tuple(_legend(scene, painter)), painter.palette, width, has_blocks=has_blocks)
 
 
-# From one picture to the next it hardly ever changes.
+# It hardly ever changes from one picture to the next.
 @lru_cache(maxsize=64)
 def _legend_cells(entries: Sequence[LegendEntry], palette: Palette, width: int, *, has_blocks: bool) -> Cells:
     cells = blank_cells(1, max(width, 1))
@@ -197,9 +199,10 @@ def _legend_cells(entries: Sequence[LegendEntry], palette: Palette, width: int, 
 
 
 def _legend(scene: Scene | None, painter: Painter) -> list[LegendEntry]:
-    """Explanations of a scene's signs, the most needed first."""
+    """Explanations of a scene's signs, the most important first."""
     blocks = painter.signs.has_blocks
-    # A plain block of its colour: its heading stands in the pose line, and would be sent with every turn.
+    # A plain block of its colour: the pose line has its heading, and a heading here would be sent with every
+    # turn.
     robot = LegendEntry("  " if blocks else "(O)", Role.HEADING, "robot", Role.ROBOT)
     if scene is None:
         return [robot]
@@ -211,7 +214,7 @@ def _legend(scene: Scene | None, painter: Painter) -> list[LegendEntry]:
         (scene.past_contacts or None, LegendEntry("×" if blocks else "x", Role.CONTACT, "earlier")),
     )
     shown = [entry for mark, entry in marks if mark is not None]
-    # The ground comes early: it has changed just now, and the other signs are known already.
+    # The ground comes early: it has just changed, and the other signs are known already.
     return [robot, *_ground_entries(scene, painter), *shown, *_line_entries(scene, painter)]
 
 
@@ -261,16 +264,14 @@ def _line_sign(painter: Painter, role: Role) -> str:
 
 # A larger one would cover more of the maze than it helps.
 _SHARE = 3
-"""Largest part of the view that it takes each way: one in so many."""
-# A smaller one would show nothing; so it does in a view that is not three times as large.
+"""Largest part of the view that it takes in each direction: one in so many."""
+# A smaller one would show nothing, and so would any in a view that is not three times as large.
 _LEAST_COLUMNS, _LEAST_ROWS = 8, 3
 
 
 def paste_overview(painter: Painter, cells: Cells, scene: Scene, layout: Layout, window: Viewport) -> None:
-    """Put the whole maze, small, into the corner that is furthest from the robot, if there is room.
-
-    It shows walls, robot, block and zones, and what part of them the view shows.
-    """
+    """Put the whole maze, small, into the corner that is furthest from the robot, if there is room. It shows
+    walls, robot, block and zones, and the part of the maze in the view."""
     width, height = layout.columns // _SHARE, layout.rows // _SHARE
     inset = arrange(scene.maze, best_zoom(scene.maze, width, height), width, height)
     if inset.columns < _LEAST_COLUMNS or inset.rows < _LEAST_ROWS:
@@ -279,7 +280,7 @@ def paste_overview(painter: Painter, cells: Cells, scene: Scene, layout: Layout,
     columns, rows = inset.virtual_size
     small = blank_cells(rows, columns)
     small.background[:] = painter.palette[Role.BACKGROUND]
-    # All else would be noise in few cells.
+    # Everything else would be noise in few cells.
     bare = replace(
         scene, trail=(), views=(), scans=(), belief=None, heat=None, contact=None, past_contacts=()
     )
@@ -290,14 +291,14 @@ def paste_overview(painter: Painter, cells: Cells, scene: Scene, layout: Layout,
     left = FRAME if x > layout.columns / 2 else FRAME + layout.columns - columns
     top = FRAME if y / 2 > layout.rows / 2 else FRAME + layout.rows - rows
     if not painter.signs.has_blocks:
-        # A frame of letters needs a margin, else it looks like a part of the maze under it.
+        # A frame of letters needs a margin, otherwise it looks like a part of the maze under it.
         for row in range(max(top - 1, FRAME), min(top + rows + 1, FRAME + layout.rows)):
             cells.write(row, max(left - 1, FRAME), " " * min(columns + 2, layout.columns))
     cells.paste(small, top, left)
 
 
 def _outline(painter: Painter, small: Cells, layout: Layout, window: Viewport, inset: Layout) -> None:
-    """Corners around the part that the view shows."""
+    """Draw corners around the part in the view."""
     scale = inset.zoom / layout.zoom
     left = FRAME + math.floor(window.left * scale)
     top = FRAME + math.floor(window.top * scale)

@@ -1,7 +1,7 @@
 """The colours of the picture in every look and colour depth.
 
-Colours are kept as the very entries a terminal has: a shade that had to be rounded on its way could
-fall together with its neighbour. Luminance is chained: floor, block and robot lie 3:1 apart each.
+Colours are kept as the entries that a terminal has: a rounded shade could become equal to its neighbour.
+Luminance is a chain: floor, block and robot have a contrast of 3:1 each to the next.
 """
 
 from enum import IntEnum, IntFlag, StrEnum
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from simmer_tui.tui.terminal import ColorDepth
 
 DEFAULT = -1
-"""Stands for the colour that the terminal or the theme uses, in place of a packed one."""
+"""Stands for the terminal's or the theme's own colour, in place of a packed one."""
 
 
 class Look(StrEnum):
@@ -69,7 +69,7 @@ class Role(IntEnum):
     TEXT = ("e2e7ee", 254, 15), ("161b22", 234, 0), ("ffffff", 231, 15)
     DIM_TEXT = ("a3adba", 249, 7), ("46515e", 239, 8), ("d0d6de", 252, 7)
     ACCENT = ("5fd0ff", 81, 10), ("0a5785", 24, 4), ("7fdcff", 117, 14)
-    # The state of a run, as ground of row 0, with the text on it; and the maze's frame at a verdict.
+    # The state of a run, as ground of row 0, with its text; and the maze's frame at a verdict.
     WAITING = ("2f5d8f", 24, 4), ("2f5d8f", 24, 4), ("1f4d7f", 24, 4)
     PAUSED = ("ffcf5c", 221, 3), ("ffd98a", 222, 3), ("ffcf5c", 221, 3)
     SUCCESS = ("7be3a4", 115, 2), ("bfe8cf", 151, 2), ("7be3a4", 115, 2)
@@ -78,7 +78,7 @@ class Role(IntEnum):
     DARK_TEXT = ("0b0e13", 16, 0), ("0b0e13", 16, 0), ("000000", 16, 0)
     FRAME_SUCCESS = ("7be3a4", 115, 10), ("0f6b3f", 22, 2), ("7be3a4", 115, 10)
     FRAME_FAILURE = ("ff7f76", 210, 9), ("b3201c", 124, 1), ("ff9f98", 210, 9)
-    # Words of what went well, of what is near, and of what went wrong: legible as text.
+    # Words of success, of nearness and of failure: legible as text.
     GOOD = ("7be3a4", 115, 10), ("0b5f3a", 22, 2), ("7be3a4", 115, 10)
     WARNING = ("ffcf5c", 221, 11), ("6f4400", 94, 3), ("ffcf5c", 221, 11)
     DANGER = ("ff7f76", 210, 9), ("a31a17", 124, 1), ("ff9f98", 210, 9)
@@ -88,7 +88,7 @@ class Role(IntEnum):
     DRIVING_TIME = ("3f8cff", 69, 12), ("1a5fd8", 26, 4), ("7fb2ff", 111, 12)
     SENSING_TIME = ("ffd76a", 221, 11), ("a06a00", 94, 5), ("ffd76a", 221, 11)
     # A grid's belief on black and white tiles: possible, likely, most likely. With 256 colours the first has
-    # no tint, with 16 none has: there the numbers say it.
+    # no tint, with 16 none has: the numbers show it.
     HEAT_1_BLACK = ("281937", 233, 0), ("eae2f5", 254, 15), ("281937", 16, 0)
     HEAT_1_WHITE = ("301e41", 234, 0), ("f0eaf8", 255, 15), ("301e41", 232, 0)
     HEAT_2_BLACK = ("371849", 53, 0), ("e8d7f7", 189, 15), ("371849", 53, 0)
@@ -122,9 +122,9 @@ STANDARD_16 = (
     0x000000, 0xAA0000, 0x00AA00, 0xAA5500, 0x0000AA, 0xAA00AA, 0x00AAAA, 0xAAAAAA,
     0x555555, 0xFF5555, 0x55FF55, 0xFFFF55, 0x5555FF, 0xFF55FF, 0x55FFFF, 0xFFFFFF,
 )  # fmt: skip
-"""16 colours as Rich counts them: each is sent as its number, and the terminal shows what its user has
-chosen for that."""
-# The table of 256 colours, as xterm has it: 16 of the user's, a cube of 6 x 6 x 6, and 24 greys.
+"""The 16 colours as Rich counts them. Each is sent as its number, and the terminal shows the colour that its
+user has chosen."""
+# The table of 256 colours, as in xterm: 16 of the user's, a cube of 6 x 6 x 6, and 24 greys.
 _CUBE_LEVELS = (0, 95, 135, 175, 215, 255)
 _FIRST_GREY = 232
 _CUBE = 16
@@ -169,10 +169,10 @@ def palette_for(depth: ColorDepth, look: Look = Look.DARK) -> Palette:
 
 
 def _sent_as(index: int) -> int:
-    """Packed colour that Rich sends as entry `index` (16 to 255) of the 256.
+    """The packed colour that Rich sends as entry `index` (16 to 255) of the 256.
 
-    Rich counts entry 231 + g as lightness g / 25, and every grey as one of those, so what is
-    packed here for a grey is not what the terminal shows.
+    Rich counts entry 231 + g as lightness g / 25, and every grey as one of those. So the packed colour of a
+    grey is not the one that the terminal shows.
     """
     if index >= _FIRST_GREY:
         level = round((index - _FIRST_GREY + 1) * 255 / 25)

@@ -1,4 +1,4 @@
-"""Robot on the picture: its body, which way it looks, and what it holds."""
+"""The robot on the picture: its body, its heading, and a block that it holds."""
 
 import math
 
@@ -16,31 +16,31 @@ from simmer_tui.tui.terminal import ColorDepth
 # Off the middle, so that of two cells in a row the arrow takes the one in front.
 _AHEAD = 0.2
 """Distance of the arrow ahead of the robot's centre, robot radii."""
-# The block in the bundled sets is 3 in wide: its middle, and a gap to the rim that can be seen.
+# The block in the bundled sets is 3 in wide: its middle, and a visible gap to the rim.
 _HELD_BEYOND = 1.9
 """Distance of a held block's middle beyond the robot's rim, inches."""
-# Longer than the radius, so that it is seen beside the rim; shorter than a maze cell.
+# Longer than the radius, so that it is visible beside the rim; shorter than a maze cell.
 _NEEDLE = 1.25
 """Length of the needle in robot radii."""
 _LEAST_NEEDLE = 1.5
 """Least part of it beyond the cells of the body, units: three dots."""
 _THICK = 1.75
 """Units of radius from which the needle is two dots wide."""
-# The hand is a slot in the body. Of all shapes tried it was read best from so few pixels: arrow, dart, kite
-# and triangle became a blot or a bar.
+# The hand is a slot in the body. Of all tried shapes it was the most legible with so few pixels: arrow, dart,
+# kite and triangle became a blot or a bar.
 _HAND_BEHIND = 0.3
 """Beginning of the hand, robot radii behind the centre; it ends at the rim."""
 _HAND_WIDE, _HAND_NARROW = 0.22, 0.18
 """Half of the hand's width in robot radii, and that of a robot with more pixels."""
 _NARROW_FROM = 4.0
 """Radius of such a robot, units."""
-# 4 x 4 samples tell the hand's part of a pixel to 6 %, enough for "at least half".
+# 4 x 4 samples give the hand's part of a pixel to 6 %, enough for "at least half".
 _SAMPLES = 4
 
 
 class DrawnRobot:
-    """Robot to be drawn. Its centre is moved to whole pixels, so that its outline is the same wherever it
-    stands: `x`, `y` and `radius` are in units of the window, `heading` in degrees."""
+    """The robot to be drawn. Its centre is moved to whole pixels, so that its outline is the same everywhere.
+    `x`, `y` and `radius` are in units of the window, `heading` in degrees."""
 
     def __init__(self, canvas: Canvas, scene: Scene) -> None:
         self.canvas, self.shape = canvas, scene.robot
@@ -68,7 +68,7 @@ class DrawnRobot:
         return local_places(cells, self.x, self.y, self.heading, across, down)
 
     def _body(self) -> Patch | None:
-        """Pixels of the body; one cell, or as many as its arrow takes, where it is smaller."""
+        """Pixels of the body. A smaller one has one cell, or the cells of its arrow."""
         canvas, signs = self.canvas, self.canvas.signs
         cells = cell_range(canvas, self.x, self.y, self.radius + 1)
         if cells is None:
@@ -98,12 +98,13 @@ class DrawnRobot:
                 self._draw_ends(whole)
             self._draw_arrow(patch, whole)
             return
-        # In cells of the rim the ground shows through the hand: its own colour would be a third one there.
+        # In cells of the rim the ground shows through the hand: the hand's own colour would be a third one
+        # there.
         rim = ~whole[patch.place][..., None]
         rest = Patch(patch.row, patch.column, patch.covered & ~(hand.covered & rim))
         emptied = np.zeros(whole.shape, dtype=np.bool_)
         emptied[patch.place] = patch.covered.any(axis=-1) & ~rest.covered.any(axis=-1)
-        # A block that lies there shows through as well.
+        # A block there shows through as well.
         canvas.clear(emptied & ~canvas.bodies)
         canvas.area(Role.ROBOT, rest)
         canvas.area(Role.HEADING, hand, ~whole, Role.ROBOT)
@@ -137,14 +138,14 @@ class DrawnRobot:
             fits[:, :-shift] &= whole[:, shift:]
             fits[:, -shift:] = False
         if not fits.any():
-            # No cell lies wholly in a small body; the one it covers most is filled up.
+            # No cell is wholly in a small body; the one that it covers most is filled up.
             counts = np.zeros(whole.shape)
             counts[patch.place] = patch.covered.sum(axis=-1)
             fits[np.unravel_index(counts.argmax(), counts.shape)] = True
         x, y = self.ahead(_AHEAD * self.radius)
         rows, columns = np.nonzero(fits)
         distance = (columns + len(arrow) / 2 - x) ** 2 + (2 * rows + 1 - y) ** 2
-        # Of two as near, the one in which the needle begins.
+        # Of two equally near, the one in which the needle begins.
         nearest = len(distance) - 1 - int(distance[::-1].argmin())
         row, column = int(rows[nearest]), int(columns[nearest])
         canvas.text(row, column, arrow, Role.HEADING, Role.ROBOT)
@@ -154,14 +155,14 @@ class DrawnRobot:
     # -- ahead of the body -----------------------------------------------------------------------
 
     def draw_needle(self) -> None:
-        """Dots ahead of the robot, up to the next wall. The body comes over their beginning."""
+        """Draw dots ahead of the robot, up to the next wall. The body covers their beginning."""
         canvas = self.canvas
         spare = canvas.backdrop.keeps_wall.copy()
         if self.body is not None:
             spare[self.body.place] |= self.body.covered.any(axis=-1)
         rim = front(self.shape) * self.scale
         tip = rim + _NEEDLE * self.radius
-        # Less than half a dot apart, and beyond the tip as far as the cells of the body may reach.
+        # Less than half a dot apart, and beyond the tip by as much as the cells of the body may reach.
         along = np.arange(rim, tip + 4, 0.2)
         across, down = self._direction
         x, y = self.x + along * across, self.y + along * down
@@ -181,7 +182,7 @@ class DrawnRobot:
         canvas = self.canvas
         x, y = self.ahead(front(self.shape) * self.scale + max(_HELD_BEYOND * self.scale, 0.75))
         if canvas.palette.depth is ColorDepth.COLORS_16 and canvas.signs.has_blocks:
-            # Colours the user has chosen may be too near each other: brackets on the ground are not.
+            # Colours chosen by the user may be too near each other; brackets on the ground are not.
             canvas.text(math.floor(y / 2), round(x - 1), "[]", Role.BLOCK)
             return
         patch = square_of(canvas, x, y, size * self.scale)
@@ -201,10 +202,10 @@ def on_hand(places: FloatArray, half: float = _HAND_WIDE) -> Mask:
 
 
 def _to_pixel(place: float, radius: float, pixels: int, cell: float) -> float:
-    """Place nearest to `place` at which a body covers whole pixels, of which a cell of so many
-    units has `pixels`; and at least one whole cell."""
+    """The place nearest to `place` at which a body covers whole pixels, and at least one whole cell. A cell
+    of `cell` units has `pixels` of them."""
     pixel = cell / pixels
     count = max(1, round(2 * radius / pixel))
-    # A body less than nearly two cells wide has to begin where a cell does.
+    # A body less than nearly two cells wide has to begin at a cell's border.
     step = pixel if count >= 2 * pixels - 1 else cell
     return math.floor((place - count * pixel / 2) / step + 0.5) * step + count * pixel / 2

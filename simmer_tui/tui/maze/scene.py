@@ -1,7 +1,7 @@
-"""Scene: all that a frame of the maze view needs, as frozen values, and how a snapshot becomes one.
+"""Scene: all data of a frame of the maze view, as frozen values, and its making from a snapshot.
 
-Units are inches and degrees, the global frame (origin at the maze's bottom-left corner, +Y up)
-unless a docstring says otherwise.
+Units are inches and degrees, the global frame (origin at the maze's bottom-left corner, +Y up) unless a
+docstring says otherwise.
 """
 
 from enum import StrEnum
@@ -23,7 +23,7 @@ from simmer_tui.tui.maze.heat import HeatMark
 
 MazePoint = tuple[float, float]
 MazeCells = frozenset[tuple[int, int]]
-# A program that follows a line reads its sensors far more often; one that looks now and then sees no flicker.
+# A program that follows a line reads its sensors far more often; one that reads rarely causes no flicker.
 LOUD_SECONDS = 10.0
 """Time after a line sensor's reading during which the floor keeps its contrast, seconds."""
 
@@ -160,10 +160,10 @@ def scene_of(
     show_trail: bool = True,
     chosen: str = "",
 ) -> Scene:
-    """Scene of a snapshot, with the views read since the robot moved; while it moves, those read before.
+    """The scene of a snapshot, with the views read since the robot moved; while it moves, those read before.
 
-    The view of the `chosen` sensor stands out. Scans stay until the next one: their dots are where the walls
-    are, wherever the robot is by now.
+    The view of the `chosen` sensor stands out. Scans stay until the next one: their dots show the walls,
+    wherever the robot is by now.
     """
     state = snapshot.state
     rows = sorted(state.sensors.values(), key=lambda row: row.number)
@@ -203,7 +203,7 @@ def _scan_rays(row: SensorRow) -> ScanRays | None:
 
 
 def _touched(state: State) -> tuple[MazePoint, ...]:
-    """Places touched, oldest first, that of a movement under way included."""
+    """Places of contacts, oldest first, with that of a movement under way."""
     points, now = state.contact_points, state.contact
     if now is None or (points and points[-1] == now.point):
         return points
@@ -218,7 +218,7 @@ def _belief_mark(state: State) -> BeliefMark | None:
     particles = np.array([particle[:2] for particle in belief.particles]) if belief.particles else None
     if belief.grid is None:
         return BeliefMark(belief.pose, belief.spread, particles)
-    # The map says how sure it is, and where; a circle would say it for one hump only.
+    # The map shows the place and its uncertainty; a circle would show it for one peak only.
     return BeliefMark(belief.pose, None, particles, belief.grid.has_headings)
 
 
@@ -230,7 +230,7 @@ def _heat_mark(state: State) -> HeatMark | None:
 
 
 def _is_fresh(row: SensorRow, state: State) -> bool:
-    """True if a reading was taken where the robot is or, while it moves, where it came from."""
+    """True if a reading was taken at the robot's place or, while it moves, at the movement's start."""
     if row.number > state.moved:
         return True
     if not state.moving or not state.legs:
@@ -240,7 +240,7 @@ def _is_fresh(row: SensorRow, state: State) -> bool:
 
 
 def _view(row: SensorRow, maze: Maze) -> SensorView | None:
-    """View of a reading. A log does not hold it, since it follows from where the robot was."""
+    """The view of a reading. A log does not contain it, since it follows from the robot's pose."""
     reading, view = row.reading, row.reading.view
     if view is None:
         sensor = modelled_sensor(reading.sensor)

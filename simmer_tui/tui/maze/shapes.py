@@ -10,7 +10,7 @@ from simmer_tui.sim.angles import FloatArray
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.specs import RobotSpec
 
-# Nothing further out is drawn, and what is drawn must not overflow an integer.
+# Places further out are not drawn, and drawn ones must not overflow an integer.
 _FAR = 1e6
 """Largest coordinate, inches."""
 # A line of 4096 samples is longer than any screen has dots.
@@ -18,12 +18,12 @@ _MOST_SAMPLES = 4096
 
 
 def is_near(*numbers: float) -> bool:
-    """True if coordinates or angles are such that something can be drawn there."""
+    """True if something can be drawn at these coordinates and angles."""
     return all(abs(number) < _FAR for number in numbers)
 
 
 def near_places(places: FloatArray) -> FloatArray:
-    """Places (n, 2) with those that are nowhere moved to the edge of what can be drawn."""
+    """Places (n, 2), with those too far out moved to the edge of the drawable area."""
     near: FloatArray = np.clip(np.nan_to_num(places, nan=_FAR), -_FAR, _FAR)
     return near
 

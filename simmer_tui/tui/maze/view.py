@@ -35,17 +35,17 @@ _FLOORS = {
     FloorMode.LOUD: "tiles are always told apart",
     FloorMode.QUIET: "tiles are never told apart",
 }
-"""Ways to show the floor, in the order in which a key goes through them, and what is said of each."""
+"""Ways to show the floor, in the order of the key that changes them, with their sentence."""
 _CELLS = {WALL: "a wall", START: "loading zone", BLOCK: "block zone"}
 # A small maze cell; half as many rows are as far.
 _PAN = 8
-"""Columns that a key moves the picture."""
+"""Columns by which a key moves the picture."""
 # Only until there is a scene, whose maze decides.
 _FIRST_ZOOM = 8.0
 
 
 class MazeView(CellsWidget, can_focus=True, inherit_bindings=False):
-    """Shows a `Scene`, and sends the terminal only what differs from the last one.
+    """Shows a `Scene`, and sends the terminal only the cells that have changed.
 
     It has no key bindings of its own (arrows drive the robot); its actions may be bound to keys. The wheel
     zooms, dragging moves the picture, a click says what is there. A scene that cannot be drawn shows
@@ -120,8 +120,11 @@ class MazeView(CellsWidget, can_focus=True, inherit_bindings=False):
         self.zoom_at(step, self.size.width / 2, self.size.height / 2)
 
     def zoom_at(self, step: int, column: float, row: float) -> None:
-        """Zoom in (1) or out (-1); what is at a place of the widget stays there, if the view need
-        not follow the robot. Beyond the whole maze there is nothing to zoom out to."""
+        """Zoom in (1) or out (-1).
+
+        The maze stays at its place in the widget at `column`, `row`, unless the view follows the robot.
+        Zooming out ends at the whole maze.
+        """
         before = self.zoom
         zoom = next_zoom(before, step)
         if self.scene is not None and step < 0:
@@ -134,22 +137,22 @@ class MazeView(CellsWidget, can_focus=True, inherit_bindings=False):
         self._draw()
 
     def action_fit(self) -> None:
-        """Show the whole maze, as large as there is room for, now and whenever that changes."""
+        """Show the whole maze, as large as there is room for, now and after each change of size."""
         self._zoom = None
         self._draw()
 
     def action_follow(self) -> None:
-        """Keep the robot in sight, or stop doing so."""
+        """Follow the robot, or stop following it."""
         self.follow = not self.follow
         self._draw()
         self._tell(f"follow the robot: {'on' if self.follow else 'off'}")
 
     def action_pan(self, columns: int, rows: int) -> None:
-        """Look further that way."""
+        """Move the view in a direction."""
         self.pan(columns * _PAN, rows * _PAN / 2)
 
     def pan(self, columns: float, rows: float) -> None:
-        """Move the window over the maze by so many cells; the view stops following the robot."""
+        """Move the window over the maze by so many cells; the view then does not follow the robot."""
         self.follow = False
         self._left += columns
         self._top += rows
@@ -163,7 +166,7 @@ class MazeView(CellsWidget, can_focus=True, inherit_bindings=False):
         self._tell(f"floor: {_FLOORS[self.painter.floor]}")
 
     def action_heat(self) -> None:
-        """Show a grid's belief as a map, or stop doing so."""
+        """Show a grid's belief as a map, or stop showing it."""
         self.painter.heat = not self.painter.heat
         self._draw()
         self._tell(f"map of the belief: {'on' if self.painter.heat else 'off'}")
@@ -204,7 +207,7 @@ class MazeView(CellsWidget, can_focus=True, inherit_bindings=False):
     # -- what is where ---------------------------------------------------------------------------
 
     def to_inches(self, column: float, row: float) -> tuple[float, float] | None:
-        """Place in the maze (x, y) at a place of the widget; None beside the maze."""
+        """Place in the maze (x, y) at a place of the widget; None outside the maze."""
         viewport = self.viewport
         column, row = column - FRAME, row - FRAME
         if viewport is None or not (0 <= column < viewport.columns and 0 <= row < viewport.rows):
@@ -212,8 +215,8 @@ class MazeView(CellsWidget, can_focus=True, inherit_bindings=False):
         return viewport.to_inches(column, row)
 
     def cell_at(self, column: float, row: float) -> tuple[int, int] | None:
-        """Cell of the maze at a place of the widget, (row, column) counted from the maze's top left;
-        None beside the maze."""
+        """Cell of the maze at a place of the widget, (row, column) counted from the maze's top left; None
+        outside the maze."""
         place = self.to_inches(column, row)
         if place is None or self.scene is None:
             return None
@@ -222,7 +225,7 @@ class MazeView(CellsWidget, can_focus=True, inherit_bindings=False):
         return found if 0 <= found[0] < maze.rows and 0 <= found[1] < maze.columns else None
 
     def _text_at(self, column: int, row: int) -> str:
-        """Place and cell at a place of the widget, in words; empty beside the maze."""
+        """Place and cell at a place of the widget, in words; empty outside the maze."""
         middle = column + 0.5, row + 0.5
         place, cell = self.to_inches(*middle), self.cell_at(*middle)
         if place is None or cell is None or self.scene is None:
@@ -264,7 +267,7 @@ class MazeView(CellsWidget, can_focus=True, inherit_bindings=False):
             margin_x = min(layout.zoom, layout.columns / 3)
             margin_y = min(layout.zoom / 2, layout.rows / 3)
             left, top = float(window.left), float(window.top)
-            # Moving the window resends everything: go far when it has to be, so that it is rarely.
+            # Moving the window sends everything again: it moves far, so that it moves rarely.
             if not margin_x <= column <= layout.columns - margin_x:
                 left += column - layout.columns / 2
             if not margin_y <= row <= layout.rows - margin_y:
@@ -275,7 +278,7 @@ class MazeView(CellsWidget, can_focus=True, inherit_bindings=False):
         return window
 
     def _draw(self) -> None:
-        """Bring the cells up to date and mark the changed ones for sending."""
+        """Update the cells and mark the changed ones for sending."""
         scene = self.scene
         if not self.is_mounted or not self.size:
             return

@@ -1,7 +1,7 @@
-"""Viewport: which part of the maze is drawn, how large, and the frame around it.
+"""Viewport: the part of the maze that is drawn, its scale, and the frame around it.
 
-Lengths on the screen are in units: a unit is the width of a terminal column and half the height of
-a row, which is square in nearly every font. A maze cell is `zoom` units wide and high.
+Lengths on the screen are in units. A unit is the width of a terminal column and half the height of a row,
+which is square in nearly every font. A maze cell is `zoom` units wide and high.
 """
 
 import math
@@ -14,13 +14,13 @@ from simmer_tui.sim.specs import CELL_SIZE, MazeSpec
 from simmer_tui.tui.maze.glyphs import Cells, Signs, side_arrow
 from simmer_tui.tui.maze.palette import Attribute, Palette, Role
 
-# A cell of 64 columns fills most terminals: nothing more is to be seen closer.
+# A cell of 64 columns fills most terminals: a larger one would show nothing more.
 LARGEST_ZOOM = 64.0
-# Ten maze cells a column: mazes far larger than any course's still have a picture.
+# Ten maze cells a column: even mazes far larger than any course's have a picture.
 SMALLEST_ZOOM = 0.1
-# Cells that are four and five columns wide by turns look uneven; smaller ones need the halves in between.
+# Cells of four and five columns by turns look uneven; smaller ones need the halves in between.
 _WHOLE = 4.0
-"""Zooms from here on are whole numbers of columns."""
+"""From this zoom on zooms are whole numbers of columns."""
 # A quarter more: three steps double the size.
 _STEP = 1.25
 # Places further out are drawn no differently, and must not overflow an integer.
@@ -30,7 +30,7 @@ _FAR = 1e6
 FRAME = 1
 """Cells the frame is wide on every side."""
 LEAST_COLUMNS, LEAST_ROWS = 8, 3
-"""A smaller window shows nothing anyone can use."""
+"""A smaller window shows nothing useful."""
 
 
 class Viewport(Struct, frozen=True):
@@ -87,7 +87,7 @@ class Layout(Struct, frozen=True):
 
     @property
     def fits(self) -> bool:
-        """True if all of the maze is in the window."""
+        """True if the whole maze is in the window."""
         return (self.columns, self.rows) == (self.maze_columns, self.maze_rows)
 
     @property
@@ -101,8 +101,7 @@ class Layout(Struct, frozen=True):
         return self.maze_columns + 2 * FRAME, self.maze_rows + 2 * FRAME
 
     def viewport(self, maze: MazeSpec, left: float, top: float) -> Viewport:
-        """Window that begins `left` columns and `top` rows into the maze, or as near as there is
-        maze to show."""
+        """Window that begins `left` columns and `top` rows into the maze, or as near as the maze allows."""
         first_column = max(0, min(round(left), self.maze_columns - self.columns))
         first_row = max(0, min(round(top), self.maze_rows - self.rows))
         return Viewport(self.zoom, first_column, first_row, self.columns, self.rows, maze.height)
@@ -120,7 +119,7 @@ def whole_maze(maze: MazeSpec, zoom: float) -> Viewport:
 
 
 def arrange(maze: MazeSpec, zoom: float, width: int, height: int) -> Layout:
-    """Layout with as much of the maze as a widget has room for at a zoom."""
+    """Layout with as much of the maze as fits into a widget at a zoom."""
     maze_columns, maze_rows = maze_cells(maze, zoom)
     columns = max(0, min(maze_columns, width - 2 * FRAME))
     rows = max(0, min(maze_rows, height - 2 * FRAME))
@@ -159,8 +158,8 @@ def draw_frame(
     palette: Palette,
     role: Role = Role.EDGE,
 ) -> None:
-    """Draw the outer wall's edge around the window in the colour of `role`; a plain line where the maze goes
-    on."""
+    """Draw the outer wall's edge around the window in the colour of `role`, with a plain line where the maze
+    continues."""
     right, bottom = layout.columns + 1, layout.rows + 1
     # Left, top, right, bottom.
     ends = (
@@ -187,7 +186,7 @@ def draw_frame(
 def point_outside(
     cells: Cells, layout: Layout, viewport: Viewport, place: tuple[float, float], signs: Signs, color: int
 ) -> None:
-    """Put an arrow on the frame for a place outside the window; nothing for one inside."""
+    """Put an arrow on the frame for a place outside the window; none for one inside."""
     x, y = viewport.place(*place)
     column, row = math.floor(x), math.floor(y / 2)
     inner_column = min(max(column, 0), layout.columns - 1)
@@ -195,7 +194,7 @@ def point_outside(
     beyond_x, beyond_y = column - inner_column, row - inner_row
     if not beyond_x and not beyond_y:
         return
-    # One arrow can name one side: the one it is further away from, as it looks on the screen.
+    # One arrow can point over one side only: the one that the place is further away from on the screen.
     at_column, at_row = inner_column + 1, inner_row + 1
     if abs(beyond_x) >= 2 * abs(beyond_y):
         beyond_y, at_column = 0, at_column + (1 if beyond_x > 0 else -1)
