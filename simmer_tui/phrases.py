@@ -1,4 +1,4 @@
-"""Phrases for contacts, grips and the ends of programs: every screen, page and line takes them from here.
+"""Phrases for contacts, grips and the ends of programs: screens, pages and reports all take them from here.
 
 Numbers are the same everywhere: places, lengths and headings to a tenth, times to a hundredth of a second.
 """
@@ -37,7 +37,7 @@ _SIDES = ("ahead", "ahead left", "left", "behind left", "behind", "behind right"
 
 
 WEDGED_TEXT = "wedged: back off before turning"
-"""Advice to a robot that keeps meeting something in one place."""
+"""Advice to a robot that touches something in one place again and again."""
 
 
 def computing_text(timing: str) -> str:
