@@ -381,7 +381,9 @@ _METHODS = {
 
 class EventHandler(Generic[Made]):
     """Base class of handlers for some kinds of events: a subclass overrides their methods, and `other` for
-    the rest. Handlers keep no state of a run: the reducer does.
+    the rest.
+
+    Handlers keep no state of a run: the reducer does.
     """
 
     def handle(self, event: Event) -> Made:

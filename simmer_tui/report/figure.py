@@ -1,4 +1,4 @@
-"""The maze as every picture has it, and the whole path in it, coloured by time, with all that happened."""
+"""The picture of the maze, with the whole path in it, coloured by time, and marks for events."""
 
 from __future__ import annotations
 

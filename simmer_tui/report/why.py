@@ -1,4 +1,5 @@
-"""Reason for the end of a run's last movement, fact by fact, and what a sensor saw of it."""
+"""Reason for the end of a run's last movement, fact by fact, with the reading of the sensor that looks
+there."""
 
 from __future__ import annotations
 
@@ -22,10 +23,10 @@ from simmer_tui.sim.path import Contact
 from simmer_tui.sim.specs import Axes, DriveKind, SimulationSpec
 from simmer_tui.sim.trajectory import Trajectory
 
-# Judged: a third of a right angle; a sensor that looks so far aside may well see something else.
+# Judged: a third of a right angle; a sensor that looks further aside may see something else.
 _ASIDE = 30.0
-"""Degrees beside a contact from which a sensor's direction is told."""
-# Half of what a tenth shows.
+"""Degrees beside a contact from which the text names a sensor's direction."""
+# Half of the last digit shown, a tenth.
 _SHOWN_ERROR = 0.05
 NOTHING_MOVED = "No movement has ended yet."
 
@@ -91,12 +92,12 @@ def _errors(state: State, trajectory: Trajectory, kind: DriveKind, value: float)
 
     total = asked + value * bias + chance, on the axis of the movement (sim/motion.py).
     """
-    # The gain is what the drive makes of a command, not an error.
+    # The gain scales the command; it is not an error.
     value *= next((drive.gain for drive in state.spec.drives if drive.kind is kind), 1.0)
     bias, totals, direction = state.bias.get(kind, Axes()), trajectory.totals, kind.direction
     share = bias.r if kind.turns else bias.x if direction.x else bias.y
     along = totals.x * direction.x + totals.y * direction.y + totals.r * direction.r
-    # Of a value such as -3 the way is backwards; a turn to the right has negative degrees.
+    # A value such as -3 moves backwards; a turn to the right has negative degrees.
     sign = -1.0 if value < 0 and not kind.turns else 1.0
     by_bias, total, unit = sign * value * share, sign * (along - value), "deg" if kind.turns else "in"
     if abs(total) < _SHOWN_ERROR and abs(by_bias) < _SHOWN_ERROR:

@@ -246,8 +246,9 @@ def _simplified(points: Sequence[PathPoint]) -> Sequence[PathPoint]:
 
 
 class Truth:
-    """Sums up a run's true path, and gives the errors of readings on it. `known` is false while the counters'
-    initial values are not known: in a log that began mid-run.
+    """Sums up a run's true path, and gives the errors of readings on it.
+
+    `known` is false while the counters' initial values are not known: in a log that began mid-run.
     """
 
     def __init__(self, sensors: Iterable[SensorSpec], known: bool) -> None:

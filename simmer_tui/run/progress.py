@@ -84,6 +84,7 @@ class Loop:
 
 def loop_at_end(rows: Columns) -> Loop | None:
     """The loop in which movements end, (n,); None where they repeat nothing, or lead further than a cell.
+
     Repeating one single command is no loop: a robot that looks around turns in equal steps.
 
     Args:

@@ -76,6 +76,7 @@ class MissionProgress(Struct, frozen=True):
 
 class Checkpoint(Struct, frozen=True, kw_only=True):
     """All that a reducer must know of a run to continue from a moment at which the robot stands still.
+
     `contact_points` are the places touched since the last restart. `bias` is the drives' bias in force; a
     checkpoint in a log has none.
     """

@@ -33,8 +33,9 @@ LISTED = 200
 
 
 class Thinned(Generic[Item]):
-    """Up to `limit` items, evenly spread over all that were given. When it is full, every second item is
-    dropped, and from then on only every second, fourth... is kept.
+    """Up to `limit` items, evenly spread over all that were given.
+
+    When it is full, every second item is dropped, and from then on only every second, fourth... is kept.
     """
 
     def __init__(self, limit: int) -> None:
