@@ -29,7 +29,7 @@ class TextLink:
 
 BLOCKS = " ▁▂▃▄▅▆▇█"
 """Characters of a histogram, from none to the most."""
-# Most numbers of a list that are shown; a line of a terminal has room for about so many.
+# Most numbers of a list that are shown; a line of a terminal has room for about as many.
 _LISTED = 8
 
 

@@ -1,4 +1,4 @@
-"""Documents: tables of typed columns and values, prose and figures; renderers make of them what is asked."""
+"""Documents: tables of typed columns and values, prose and figures, before they are rendered."""
 
 from __future__ import annotations
 
@@ -99,7 +99,7 @@ class DataTable:
                 yield [shown for _, shown in cells]
 
     def texts(self) -> Iterator[list[str]]:
-        """The same without what links lead to."""
+        """The same without the targets of links."""
         for row in self.cells():
             yield [words(cell) for cell in row]
 
@@ -281,7 +281,7 @@ def unfolded(parts: Iterable[DocumentPart]) -> Iterator[DocumentPart]:
 
 
 def words(text: tuple[Prose, ...] | Prose) -> str:
-    """Text of a paragraph, without what its links lead to."""
+    """Text of a paragraph, without the targets of its links."""
     if isinstance(text, str):
         return text
     return "".join(map(words, text)) if isinstance(text, tuple) else text.words

@@ -74,7 +74,7 @@ class _ContactCauses:
         self._wrong = self._belief is not None and self._belief.lost
         believed = None
         if self._belief is not None:
-            # Of a velocity the last inches are laid again, of a movement the whole of it.
+            # Of a velocity the last inches are repeated, of a movement the whole of it.
             start = met.legs[0].before if met.legs else met.ended.before
             believed = carried_over(self._belief.true, self._belief.believed, start)
         self._tried = tuple(CounterfactualWorld(seen.spec).tried(met, believed))

@@ -8,7 +8,7 @@ from typing import Self
 
 
 class Closing(ABC):
-    """Base of what has a `close`."""
+    """Base class of context managers with a `close`."""
 
     @abstractmethod
     def close(self) -> None:
