@@ -248,28 +248,28 @@ def wrong_heading(attempt: Attempt) -> list[Disagreement]:
         place = np.searchsorted(beliefs["order"], rows["order"])
         if min(len(beliefs), len(rows)) == 0:
             continue
-        told = beliefs[np.minimum(place, len(beliefs) - 1)]
+        believed = beliefs[np.minimum(place, len(beliefs) - 1)]
         # No movement ended between the two.
-        moved = np.searchsorted(ended, rows["order"]) != np.searchsorted(ended, told["order"])
+        moved = np.searchsorted(ended, rows["order"]) != np.searchsorted(ended, believed["order"])
         here = (place < len(beliefs)) & ~moved
-        rows, told = rows[here], told[here]
+        rows, believed = rows[here], believed[here]
         if len(rows) < _FEWEST:
             continue
-        expected = sensor.expected(world_without_block(history.spec), poses_of(told), 0.0)
+        expected = sensor.expected(world_without_block(history.spec), poses_of(believed), 0.0)
         off = np.asarray(expected - rows["value"]) * 360.0 / sensor.period
         # The mean direction: half a turn to either side is one.
         value = float(np.degrees(np.angle(np.exp(1j * np.radians(off)).mean())))
         noise = np.hypot(spec.error * np.abs(rows["true"]), spec.absolute_error) + sensor.least_error
-        allowed = float(np.median(told["allowed_turn"]))
+        allowed = float(np.median(believed["allowed_turn"]))
         # Beyond the error that the program allowed for, by the noise of a mean.
         beyond = (abs(value) - allowed) * len(rows) ** 0.5 / float(np.median(noise))
-        turns = beliefs["turn"][beliefs["order"] >= told["order"][0]]
+        turns = beliefs["turn"][beliefs["order"] >= believed["order"][0]]
         stays = np.abs((turns - value + 180.0) % 360.0 - 180.0) <= np.maximum(UNTOLD_TURN, allowed)
         if beyond <= 0.0 or stays.mean() < 0.5:
             continue
         more = f"{abs(value):.0f} {spec.unit} {'more' if value > 0 else 'less'}"
         text = f"the program used {more} than {code}'s replies in the log ({len(rows)} readings)"
-        found.append(Disagreement((code,), text, len(rows), two_sided(beyond), 1.0, *moment(told[0])))
+        found.append(Disagreement((code,), text, len(rows), two_sided(beyond), 1.0, *moment(believed[0])))
     return found
 
 

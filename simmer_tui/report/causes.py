@@ -81,8 +81,8 @@ log has."""
 def contradicted(kind: Kind, tried: Sequence[Counterfactual]) -> bool:
     """True if counterfactuals contradict a kind of cause."""
     bearing = BEARINGS.get(kind, Bearing())
-    told = [each.saved for each in tried if each.change in bearing.supporting and each.saved is not None]
-    if told and not any(told):
+    decided = [each.saved for each in tried if each.change in bearing.supporting and each.saved is not None]
+    if decided and not any(decided):
         return True
     return any(each.saved for each in tried if each.change in bearing.refuting)
 

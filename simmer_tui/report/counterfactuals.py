@@ -197,16 +197,16 @@ class CounterfactualWorld:
             kind, totals = ended.trajectory.kind, self.asked(ended, met.bias, Change.EXACT)
             if kind is None or totals is None or self._walls.overlap(self._body(met), pose):
                 return Counterfactual(change, None)
-            laid = self._laid(met, pose, kind, totals)
-            if laid.contact is not None:
+            planned = self._trajectory(met, pose, kind, totals)
+            if planned.contact is not None:
                 return Counterfactual(change, False)
-            pose = laid.pose_at(laid.end_time)
+            pose = planned.pose_at(planned.end_time)
         return self._cleared(met, change, pose, asked)
 
-    def _exact(self, told: Twist) -> Twist:
+    def _exact(self, commanded: Twist) -> Twist:
         """The velocity of a robot without drive errors."""
-        parts = components(told, self._by_kind)
-        return TrueVelocity(told, parts, DistanceErrors(1, {}, ()), {}, noise=False).whole
+        parts = components(commanded, self._by_kind)
+        return TrueVelocity(commanded, parts, DistanceErrors(1, {}, ()), {}, noise=False).whole
 
     def _cleared(self, met: Collision, change: Change, start: Pose, way: _Way) -> Counterfactual:
         """The counterfactual of a motion from a pose: saved if it would pass everything with a margin of
@@ -225,7 +225,7 @@ class CounterfactualWorld:
         if kind is None or self._walls.overlap(self._body(met), start):
             return None
         if isinstance(way, Axes):
-            return self._laid(met, start, kind, way).contact is not None
+            return self._trajectory(met, start, kind, way).contact is not None
         body, obstacles, pose = self._body(met), self._obstacles(met, start), start
         for twist, seconds in way:
             parts = math.ceil(abs(twist.r) * seconds / LARGEST_TURN) or 1
@@ -236,11 +236,11 @@ class CounterfactualWorld:
                 pose = arc.end
         return False
 
-    def _laid(self, met: Collision, start: Pose, kind: DriveKind, totals: Axes) -> Trajectory:
+    def _trajectory(self, met: Collision, start: Pose, kind: DriveKind, totals: Axes) -> Trajectory:
         body, obstacles = self._body(met), self._obstacles(met, start)
         planner = Planner(self._spec.num_segments, self._spec.contact, {})
-        laid = rebuilt(start, kind, totals, self._spec.num_segments, 0.0, 1.0)
-        return planner.checked(laid, CollisionChecker(body, obstacles, self._maze))
+        planned = rebuilt(start, kind, totals, self._spec.num_segments, 0.0, 1.0)
+        return planner.checked(planned, CollisionChecker(body, obstacles, self._maze))
 
     def _obstacles(self, met: Collision, start: Pose) -> Obstacles:
         """The walls, and the block if it is solid and not held."""

@@ -84,8 +84,8 @@ class EndingCauses:
         block, zone = done.grip.block, seen.task.zone
         where = place_text(block.x, block.y)
         kind, sure, codes = Kind.DROPPED_OUTSIDE, Sureness.CERTAIN, tuple[str, ...]()
-        if (told := told_held(seen, done)) is not None:
-            code, times = told
+        if (held_by := told_held(seen, done)) is not None:
+            code, times = held_by
             kind, sure, codes = Kind.UNDECIDED, Sureness.LIKELY, (code,)
             either = undecided_text(f"a reply of {code} was changed")
             text = (
@@ -291,12 +291,12 @@ class EndingCauses:
         if belief is None or frozen:
             return None
         if lost is not None and looked_while_lost(self._seen):
-            told = f"the pose that the program told (its belief) was wrong. {wrong_text(self._seen, lost)}"
+            known = f"the pose that the program told (its belief) was wrong. {wrong_text(self._seen, lost)}"
         elif lost is None and looked_in_vain(self._seen) and self._seen.hardly_localized:
-            told = "the program seldom knew where it was"
+            known = "the program seldom knew where it was"
         else:
             return None
-        text = f"Program and log disagree: the readings in the log were right, but {told}. {_REPLY_CHANGED}"
+        text = f"Program and log disagree: the readings in the log were right, but {known}. {_REPLY_CHANGED}"
         return self._made(Kind.UNDECIDED, text, belief_text(belief), at=lost, sure=Sureness.LIKELY)
 
     def unread(self) -> Cause | None:

@@ -36,7 +36,7 @@ class LiveVerdict(EventHandler[None]):
         self._busy = self._wanted = False
         self._has_program = False
         self._search: threading.Thread | None = None
-        self._told = ""
+        self._last_text = ""
         """Text of the last verdict that was told as a notice; empty without one on this run."""
         self.verdict: Verdict | None = None
         """The verdict, once the run has ended."""
@@ -83,7 +83,7 @@ class LiveVerdict(EventHandler[None]):
         self._wanted = event.kind is NoticeKind.LEFT and not self._has_program
 
     def _forget(self) -> None:
-        self.verdict, self._told = None, ""
+        self.verdict, self._last_text = None, ""
 
     def _find(self) -> None:
         verdict, fault = None, ""
@@ -105,6 +105,6 @@ class LiveVerdict(EventHandler[None]):
         if fault:
             self._tell(Notice(NoticeKind.FAULT, fault))
         # Where mission and program end together, the second search has both.
-        elif self.verdict is not None and not self._busy and self.verdict.text != self._told:
-            self._told = self.verdict.text
-            self._tell(Notice(NoticeKind.VERDICT, self._told))
+        elif self.verdict is not None and not self._busy and self.verdict.text != self._last_text:
+            self._last_text = self.verdict.text
+            self._tell(Notice(NoticeKind.VERDICT, self._last_text))

@@ -116,12 +116,12 @@ class ReplyAudit:
         made: dict[tuple[str, ...], Disagreement] = {}
         for share, probability, change in near:
             if change.of not in made:
-                made[change.of] = self._told(change, share, probability)
+                made[change.of] = self._disagreement(change, share, probability)
         return list(made.values())
 
     def _that_explain(self) -> list[tuple[float, float, _Change]]:
         """The changes that explain most readings: the share, the p-value, and the change."""
-        told = sum(int(np.isfinite(each).sum()) for each in self._base.values())
+        judged = sum(int(np.isfinite(each).sum()) for each in self._base.values())
         explained = sum(float(np.nansum(each)) for each in self._base.values())
         found: list[tuple[float, float, _Change]] = []
         simple = {code: list(self._simple(code)) for code in self._seen}
@@ -129,8 +129,8 @@ class ReplyAudit:
             for change in changes:
                 differences = self._differences(change)
                 gained = sum(float(each.sum()) for each in differences.values())
-                share = (explained + gained) / told
-                if share < _EXPLAINED or explained / told > _LESS * share:
+                share = (explained + gained) / judged
+                if share < _EXPLAINED or explained / judged > _LESS * share:
                     continue
                 better, worse = self._beliefs_changed(differences)
                 # Half of the error is for changes of all sensors, which are few (weighted Bonferroni).
@@ -144,10 +144,10 @@ class ReplyAudit:
     def _of(self, rows: Columns, sensor: ObservingSensor) -> _Seen:
         place = np.searchsorted(self._beliefs["order"], rows["order"])
         known = np.minimum(place, len(self._beliefs) - 1)
-        told = self._beliefs[known]
-        here = np.searchsorted(self._moved, rows["order"]) == np.searchsorted(self._moved, told["order"])
+        beliefs = self._beliefs[known]
+        here = np.searchsorted(self._moved, rows["order"]) == np.searchsorted(self._moved, beliefs["order"])
         belief = np.where(here & (place < len(self._beliefs)), known, -1)
-        return _Seen(sensor, belief, rows["value"].astype(np.float64), np.nan_to_num(told["spread"]))
+        return _Seen(sensor, belief, rows["value"].astype(np.float64), np.nan_to_num(beliefs["spread"]))
 
     def _of_beliefs(self, code: str, seen: _Seen) -> FloatArray:
         """Readings of a sensor that beliefs imply, for each reading of another."""
@@ -207,7 +207,7 @@ class ReplyAudit:
 
     # -- text ------------------------------------------------------------------------------------------
 
-    def _told(self, change: _Change, share: float, probability: float) -> Disagreement:
+    def _disagreement(self, change: _Change, share: float, probability: float) -> Disagreement:
         hits = np.concatenate([change.hits[code] for code in change.of])
         beliefs = np.concatenate([self._seen[code].belief for code in change.of])
         count, of = int(np.nansum(hits)), int(np.isfinite(hits).sum())

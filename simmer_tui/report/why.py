@@ -50,24 +50,24 @@ def why(state: State, spec: SimulationSpec) -> tuple[WhyFact, ...]:
         grip = WhyFact("gripper", grip_ending(ended.grip))
         return (grip, WhyFact("ended", _stop_text(ended), is_bad=True)) if ended.stopped_by else (grip,)
     kind, value = ended.trajectory.kind, parse_value(ended.command.argument)
-    told, errors = [], ""
+    facts, errors = [], ""
     if kind is not None and isinstance(value, float):
-        told = [WhyFact("asked", asked_text(kind, value))]
+        facts = [WhyFact("asked", asked_text(kind, value))]
         errors = _errors(state, ended.trajectory, kind, value)
     contact = ended.contact
     if contact is not None and contact.ended and not ended.stopped_by:
-        return (*told, *_contact_facts(state, ended, contact, spec))
-    told.append(WhyFact("went", movement_text(ended)))
+        return (*facts, *_contact_facts(state, ended, contact, spec))
+    facts.append(WhyFact("went", movement_text(ended)))
     if errors and not ended.stopped_by:
-        told.append(WhyFact("errors", errors))
+        facts.append(WhyFact("errors", errors))
     if contact is not None:
-        told.append(
+        facts.append(
             WhyFact("touched", f"{obstacle_place(contact, spec)}, by {body_text(contact)}", is_bad=True)
         )
     if ended.stopped_by:
-        return (*told, WhyFact("ended", _stop_text(ended), is_bad=True))
+        return (*facts, WhyFact("ended", _stop_text(ended), is_bad=True))
     touched = "nothing in its way" if contact is None else "the contact came of drive errors alone"
-    return (*told, WhyFact("ended", f"as asked; {touched}"))
+    return (*facts, WhyFact("ended", f"as asked; {touched}"))
 
 
 def _contact_facts(

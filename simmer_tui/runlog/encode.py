@@ -202,8 +202,8 @@ class LogEncoder:
         if belief is not None:
             self._grid_kept = belief.time
             # Its note and its particles are in an earlier record.
-            told = replace(belief, particles=(), again=True)
-            yield _other_record(told, self._present(), real_time)
+            repeated = replace(belief, particles=(), again=True)
+            yield _other_record(repeated, self._present(), real_time)
 
     def begin_anew(self) -> None:
         """Reading can begin here: later records refer to none before."""
@@ -285,7 +285,7 @@ def _velocity_fields(velocity: VelocityChange) -> VelocityFields:
 
 def _leg_record(begun: LegBegun, real_time: float) -> LegRecord:
     leg, arc = begun.leg, begun.leg.arc
-    told = leg.commanded
+    commanded = leg.commanded
     return LegRecord(
         leg.start_time,
         real_time,
@@ -296,7 +296,7 @@ def _leg_record(begun: LegBegun, real_time: float) -> LegRecord:
         velocity=arc.velocity,
         rate=arc.rate,
         spin=arc.spin or NO_DELAY,
-        told=(told.x, told.y, told.r),
+        told=(commanded.x, commanded.y, commanded.r),
         pose=_pose_fields(leg.last_pose),
         pressed=leg.pressed,
         contact=None if leg.contact is None else _contact_fields(leg.contact),

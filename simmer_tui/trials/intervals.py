@@ -90,9 +90,9 @@ def _joined(one: float, other: float, phi: float) -> float:
 
 
 def mcnemar(pairs: PairCounts) -> float:
-    """The probability of the runs that only one of them did being shared out at least as unevenly
-    if both were equally good: the exact, two-sided test of Q. McNemar, "Note on the sampling error
-    of the difference between correlated proportions or percentages", Psychometrika 12 (1947)."""
+    """The p-value of the hypothesis that both programs are equally good, by the runs in which only one
+    succeeds: the exact, two-sided test of Q. McNemar, "Note on the sampling error of the difference between
+    correlated proportions or percentages", Psychometrika 12 (1947)."""
     discordant = pairs.first_only + pairs.second_only
     fewer = min(pairs.first_only, pairs.second_only)
     tail = sum(math.comb(discordant, k) for k in range(fewer + 1))
@@ -140,7 +140,7 @@ def mean_difference(differences: Sequence[float], resamples: int = RESAMPLES) ->
 
 
 def _studentised(values: np.ndarray, resamples: int) -> np.ndarray:
-    """The t statistics of resamples of values around 0, without those that hold one value only."""
+    """The t statistics of resamples of values around 0, without those that have only one distinct value."""
     count = len(values)
     random = np.random.default_rng(_BOOTSTRAP_SEED)
     chunk = max(1, 1_000_000 // count)
