@@ -1,15 +1,15 @@
 """Events of a run, as frozen records: the one stream that every reader of a run follows.
 
 An event tells what has happened, never what is only expected. A movement gives two events: its plan when it
-begins, and its true path when it has ended. The engine tells events in the order in which things happen;
-screen, run log, referee and report follow the same stream, live or from a file.
+begins, and its true path when it has ended. The engine tells events in the order in which they happen.
+Screen, run log, referee and report follow the same stream, live or from a file.
 
 The records are msgspec structs, since a log has millions of them: a changed copy is made by
 `msgspec.structs.replace`.
 
-A command that moves gives `MovementPlanned`, `MovementEnded` and an `CommandResult` with its answer: at
-the end (`DONE`), or at once (`ACCEPTED`, then before the end). All other commands give an `CommandResult`.
-A velocity continues after its answer: its motion is told leg by leg.
+A command that moves gives `MovementPlanned`, `MovementEnded` and a `CommandResult` with its answer. The
+answer comes at the end (`DONE`), or at once (`ACCEPTED`, then before the end). All other commands give a
+`CommandResult`. A velocity continues after its answer: its motion is told leg by leg.
 """
 
 from __future__ import annotations
@@ -79,9 +79,9 @@ class ProgramEnded(Struct, frozen=True):
     """The program that drives the robot has ended, at a simulated time.
 
     `exit_code` is 128 and the signal's number for one that a signal ended; `signal` is then its name.
-    `stopped` is true if the simulator ended it, not the program itself. `error` is the error that it
-    crashed with, `place` the last line of its own code that led there (`robot.py:12`); both are empty
-    without a crash. `stderr` and `stdout` hold the last lines of its output.
+    `stopped` is true if the simulator ended it, not the program itself. `error` is the error of a crash,
+    `place` the last line of its own code that led there (`robot.py:12`); both are empty without a crash.
+    `stderr` and `stdout` hold the last lines of its output.
     """
 
     time: float
@@ -229,9 +229,9 @@ class TwinReading(Struct, frozen=True):
 class MovementPlanned(Struct, frozen=True):
     """A movement begins, or its rest is planned again because the block was moved.
 
-    `number` is that of its command, `time` the simulated time from which the plan holds, and
-    `trajectory` where the robot will be as long as nothing intervenes. `grip` is what the gripper
-    has done, if the command was for it: the jaws act at once, then the robot stands still.
+    `number` is that of its command, `time` the simulated time from which the plan holds. `trajectory` is the
+    robot's path as long as nothing intervenes. `grip` is what the gripper has done, if the command was for
+    it: the jaws act at once, then the robot stands still.
     """
 
     number: int

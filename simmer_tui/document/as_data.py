@@ -1,7 +1,7 @@
 """JSON and CSV of documents and tables, for programs, spreadsheets, pandas and MATLAB.
 
 In JSON, tables are lists of objects under their keys, records one object. Our own sentences stand under
-`text`, by the key of their paragraph, list or table. CSV has a header of keys, then a row a line: nothing is
+`text`, by the key of their paragraph, list or table. CSV has a header of keys, then a row a line. None is
 blank, true is 1, numbers that are not finite are inf, -inf and nan.
 """
 

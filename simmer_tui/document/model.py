@@ -144,8 +144,8 @@ def _shown(column: DataColumn, value: object) -> Prose:
 class VerdictBox:
     """The answer that a page begins with.
 
-    `text` is the whole answer in one line, for terminals and programs. A page says it in two: a `headline` of
-    a few words with a `sign`, by default that of its tone, and a `sentence`, by default `text`.
+    `text` is the whole answer in one line, for terminals and programs. A page has a `headline` of a few words
+    with a `sign`, by default that of its tone, and a `sentence`, by default `text`.
     """
 
     key: str

@@ -1,9 +1,9 @@
 """Programs sandboxed by bubblewrap (Linux), in namespaces of their own.
 
-A program sees the system's programs and libraries, Python and this package, all read-only, and a copy of its
-own files in memory, of limited size. Its network has a loopback interface and nothing else; the simulator's
-ports listen there (`launcher.py`), so every program has a port 9000 of its own. When its first process ends,
-the kernel kills all that it started.
+A program sees the system's programs and libraries, Python and this package, all read-only. It has a copy of
+its own files in memory, of limited size. Its network has a loopback interface and nothing else; the
+simulator's ports listen there (`launcher.py`), so every program has a port 9000 of its own. When its first
+process ends, the kernel kills all that it started.
 
 A filter refuses system calls with which a program could leave the sandbox, or observe other ones
 (`call_filter.py`).

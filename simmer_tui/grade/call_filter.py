@@ -19,20 +19,22 @@ import struct
 from collections.abc import Mapping
 from types import MappingProxyType
 
+# Instructions of classic BPF: LD | W | ABS, then JMP by JEQ, JSET and JGT with a constant, and RET.
 _LOAD, _EQUAL, _ANY_BIT, _ABOVE, _RETURN = 0x20, 0x15, 0x45, 0x25, 0x06
-_ALLOW, _KILL = 0x7FFF0000, 0x80000000
+_ALLOW, _KILL = 0x7FFF0000, 0x80000000  # SECCOMP_RET_ALLOW, SECCOMP_RET_KILL_PROCESS
 _REFUSE, _UNKNOWN, _NO_LOCK = 0x00050001, 0x00050026, 0x00050025
 """SECCOMP_RET_ERRNO with EPERM, ENOSYS and ENOLCK."""
 _NUMBER, _ARCHITECTURE, _FIRST, _SECOND = 0, 4, 16, 24
 """Offsets in struct seccomp_data: the call's number, the architecture, the low halves of two arguments."""
 _NEW_USER = 0x10000000  # CLONE_NEWUSER
-_X32 = 0x3FFFFFFF
+_X32 = 0x3FFFFFFF  # call numbers above have __X32_SYSCALL_BIT
 _FAMILIES = (0, 1, 2, 10, 16)
 """Families of sockets allowed: none, Unix, IPv4, IPv6, netlink. Some others are not confined by
 namespaces."""
 _LOCKS = (6, 7, 37, 38, 1024, 1026, 1036, 1038, 1040)
 """Commands of fcntl: F_SETLK, F_SETLKW, F_OFD_SETLK, F_OFD_SETLKW, F_SETLEASE, F_NOTIFY, F_SET_RW_HINT,
 F_SET_FILE_RW_HINT, F_SETDELEG."""
+# AUDIT_ARCH_X86_64 and AUDIT_ARCH_AARCH64, linux/audit.h.
 _ARCHITECTURES = MappingProxyType({"x86_64": 0xC000003E, "aarch64": 0xC00000B7})
 _CALLS: Mapping[str, tuple[int, int | None]] = MappingProxyType(
     {

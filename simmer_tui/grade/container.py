@@ -1,8 +1,8 @@
 """Programs sandboxed by docker or podman, in an image that has Python, `timeout` and what programs need.
 
 The simulator stays outside. The launcher in the container connects to a Unix socket in a mounted folder, and
-passes its listening sockets through it: the container has no network at all. This needs the engine on the
-same machine, not on another or in a virtual one.
+passes its listening sockets through it. The container has no network. This needs the engine on the same
+machine, not on another or in a virtual one.
 """
 
 from __future__ import annotations

@@ -41,7 +41,8 @@ PATIENCE = 20.0
 """Time limit for an answer of a sandbox, seconds."""
 _LAST = 2.0
 """Time limit for the processes of a sandbox to end, seconds."""
-_LONGEST_ANSWER = 65536
+_LONGEST_ANSWER = 65536  # bytes of an answer, one message in JSON
+# A port has at most two: one for IPv4, one for IPv6.
 _MOST_SOCKETS = 4
 
 

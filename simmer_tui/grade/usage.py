@@ -28,11 +28,11 @@ else:  # this module is imported there, and not used
     _TICKS, _PAGE = 100, 4096
 _REQUEST, _DUMP = 20, 0x301
 """SOCK_DIAG_BY_FAMILY; NLM_F_REQUEST with NLM_F_DUMP."""
-_ERROR, _DONE = 2, 3
-_ALL = 0xFFFFFFFF
+_ERROR, _DONE = 2, 3  # NLMSG_ERROR, NLMSG_DONE
+_ALL = 0xFFFFFFFF  # all states of sockets, and any cookie
 _RECEIVED, _SENT, _QUEUED, _OPTIONS, _BACKLOG = 0, 2, 5, 6, 7
 """Places in the figures of SK_MEMINFO: allocated to receive and to send, queued, for options, in backlog."""
-_ANSWER = 1 << 16
+_ANSWER = 1 << 16  # bytes received at once
 # Measured on Linux 6.18: 1,022 of an empty file, 1,031 of a folder.
 _FILE = 1024
 """Kernel memory for a file in memory, bytes, besides its contents. There may be millions of files."""

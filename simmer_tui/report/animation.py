@@ -42,6 +42,7 @@ USUAL_SECONDS = 20.0
 _HOLD = 2.0
 # Pictures are drawn larger by this factor and then scaled down, so that lines are smooth.
 _FINER = 2
+# Colours of the palette; a GIF may have 256.
 _COLORS = 96
 # Height of the line of text, as a fraction of the width.
 _BAR = 0.055

@@ -5,7 +5,7 @@ set differs from its nominal one, which it was made from, the device does as its
 knows the nominal set expects something else. Against the nominal set only rows that differ are tested.
 
 Sensors are compared with an ideal sensor at the place where the run's set has them, with the electronics of
-the nominal one: a sign or a wrap that it declares is convention.
+the nominal one. A sign or a wrap that the nominal set declares is convention.
 """
 
 from __future__ import annotations

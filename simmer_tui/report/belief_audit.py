@@ -1,9 +1,9 @@
 """Motion and heading that a program believed, against the log: which device explains the difference.
 
 A program knows its motion from the replies of counters, or from its own commands. Where its believed pose
-moves otherwise than the robot, a factor on the replies of a counter or the commands of a drive may explain
-it. Those with the smallest residuals are named. A heading that is wrong from the first belief on is that of
-the compass, if it was read there.
+moves otherwise than the robot, a factor on a counter's replies or a drive's commands may explain it. Those
+with the smallest residuals are named. A heading that is wrong from the first belief on is that of the
+compass, if it was read there.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Scans of lidars that were bent, since the robot moved while they were taken.
 
-A program that treats a scan as taken at one moment has the error of its rays. The error of a ray is its true
-distance from the robot's place at its moment, less that from the robot's place at the end of the scan.
+A program that treats a scan as taken at one moment has the error of its rays. A ray's error is the true
+distance from the robot's place at its moment, less that at the end of the scan.
 """
 
 from __future__ import annotations

@@ -74,8 +74,8 @@ _LEFT_OUT = 0.02
 
 
 class _Pairs(NamedTuple):
-    """Commands of a drive that follow on one another: the first of each pair as rows of movements, the value
-    of the first and its ratio to the second, (n,)."""
+    """Commands of a drive that follow one another: the first of each pair as rows of movements, its value and
+    its ratio to the second, (n,)."""
 
     rows: Columns
     first: FloatArray
@@ -183,8 +183,8 @@ def _undone(row: DriveSpec, found: _Found) -> Disagreement:
 
 
 def _as_measured(attempt: Attempt, row: DriveSpec, found: _Found) -> list[Disagreement]:
-    """The explanations by the sensors with which a program may have measured its movements: their readings
-    may have been too long by that factor, as well as the movement."""
+    """The explanations by the sensors with which a program may have measured its movements. Their readings,
+    not the movement, may have been too long by that factor."""
     readings = attempt.within(attempt.history.readings)
     made = []
     for number, sensor in sensors_read(attempt.history):

@@ -2,9 +2,9 @@
 
 Runs repeat exactly, so the deciding movement, and those before it, can be repeated with one change.
 
-With P the errors, B the bias, d the distance asked for on all axes together and e the draws, a movement leads
-on axis a by a + d B + d (1 + B) P e (`sim.motion.Planner.plan`). Total, a, d and B are known, so the part of
-the noise follows.
+P are the errors, B the bias, d the distance asked for on all axes together, e the draws. A movement leads on
+axis a by a + d B + d (1 + B) P e (`sim.motion.Planner.plan`). Total, a, d and B are known, so the part of the
+noise follows.
 
 Of a velocity the legs of its last inches are repeated, each at the commanded velocity of its wheels and for
 as long. Only movements are repeated, never the program: its other decisions are in no log.

@@ -1,9 +1,9 @@
 """Drives against the truth: the displacement on each axis, beside the command.
 
-A movement is compared as its drive began it: a wall that held the robot is not the drive's fault, and the
-wheels turned all the same. Movements that were cut short are left out. The others have on each axis the total
-a + d B + d (1 + B) P e of docs/how-it-works.md. Over d it is the same for all movements of a drive, but for
-its noise.
+A movement is compared as its drive began it: a wall that held the robot is not the drive's fault. The wheels
+turned all the same. Movements that were cut short are left out. The others have on each axis the total a + d
+B + d (1 + B) P e of docs/how-it-works.md. Over d it is the same for all movements of a drive, but for its
+noise.
 """
 
 from __future__ import annotations

@@ -128,7 +128,9 @@ class MazeFrame:
         return svg.element("g", "".join(parts), fill=svg.FAINT)
 
 
+# Height of the scale of time below the maze, points.
 _KEY = 44.0
+# Contacts that have a number; crosses mark the others.
 _NUMBERED = 30
 
 

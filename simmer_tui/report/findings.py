@@ -10,6 +10,7 @@ from simmer_tui.report.run_statistics import RunStatistics
 from simmer_tui.run.history_rows import ContactRow
 from simmer_tui.sim.command import escape
 
+# Readings named in a sentence; it says how many more there are.
 _READINGS = 6
 
 

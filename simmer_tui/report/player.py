@@ -229,8 +229,8 @@ def _one_in(scans: Iterable[ScanTrace]) -> int:
 
 
 def _belief(cloud: BeliefCloud) -> list[Any]:
-    """Time, pose, error (inches, degrees), spread, note and particles; of a grid also its bounds, whether it
-    has headings, its numbers, and its map unless the log has left that out."""
+    """Time, pose, error (inches, degrees), spread, note and particles. A grid also has its bounds, a flag for
+    headings, its numbers, and its map unless the log has left that out."""
     pose, spread, off = cloud.belief.pose, cloud.belief.spread, deviation(cloud.belief)
     particles = [round(number * _CLOUD) for each in cloud.particles for number in each[:2]]
     return [

@@ -34,7 +34,7 @@ from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.trajectory import Trajectory
 
 READINGS = 15_000
-"""Most readings, the newest."""
+"""Most readings, the newest: the bounds keep a page small."""
 MARKS = 500
 """Most marks, the newest."""
 # Keyframes give each pose to within this, inches and degrees.

@@ -2,9 +2,10 @@
 them.
 
 A filter moves to where its readings fit. Where a sure belief does not fit the readings in the log, readings
-with one change may fit: an offset, a gain, a delay, a stuck value, or those of another sensor. A change
-explains a belief better or worse than the log does. Of all changes tried, the best one is reported if far
-more beliefs are better than worse. It must also explain most readings, and the log less than half as many.
+with one change may fit. A change is an offset, a gain, a delay, a stuck value, or the readings of another
+sensor. A change explains a belief better or worse than the log does. Of all changes tried, the best one is
+reported if far more beliefs are better than worse. It must also explain most readings, and the log less than
+half as many.
 """
 
 from __future__ import annotations
@@ -28,6 +29,7 @@ from simmer_tui.sim.sensors import ObservingSensor, modelled_sensor
 
 # Judged: up to half a cell; a larger offset would be a range to another wall.
 _OFFSETS = tuple(sign * inches for inches in range(1, 7) for sign in (1.0, -1.0))
+# Gains, and delays in readings, that are tried.
 _GAINS = (0.5, 0.6, 0.7, 0.8, 0.9, 1.1, 1.2, 1.35, 1.5, 2.0)
 _LAGS = (1, 2, 3)
 _DOUBT, _SIGMAS = 0.75, 2.0
@@ -43,8 +45,8 @@ _BELIEFS = 1000
 
 @dataclass(frozen=True, slots=True)
 class _Seen:
-    """Readings of one sensor: the belief that followed each while the robot stood (-1: none that is sure),
-    their values, and the spread of that belief."""
+    """Readings of one sensor: the belief that followed each before any movement (-1: none that is sure), its
+    value, and that belief's spread."""
 
     sensor: ObservingSensor
     belief: NDArray[np.int64]

@@ -44,8 +44,8 @@ _STEP = 1.0
 
 @dataclass(frozen=True, slots=True)
 class ShownPlace:
-    """A reading that was right and showed the place of a contact before it: of the sensor `code`, its `value`
-    in inches, at `elapsed` seconds, `ago` inches of path before the movement that touched."""
+    """A reading that was right and showed the place of a contact before it. It is by the sensor `code`, with
+    `value` in inches, at `elapsed` seconds, `ago` inches of path before the movement that touched."""
 
     code: str
     value: float
@@ -120,8 +120,8 @@ def looked_for_block(attempt: Attempt, done: GripRow) -> bool:
 
 
 def told_held(attempt: Attempt, done: GripRow) -> tuple[str, int] | None:
-    """The load sensor that had read the block as held, and how often, where the gripper released the block at
-    the place where it had taken it. None without such readings, or if the robot moved in between."""
+    """The load sensor that had read the block as held, and the number of these readings. None without any, or
+    if the gripper released the block elsewhere, or the robot moved in between."""
     taken = [row.order for row in attempt.history.blocks.items if row.held and row.order < done.order]
     if not taken:
         return None

@@ -18,9 +18,11 @@ efficiency is 37 % (P. J. Rousseeuw and C. Croux, 1993)."""
 LEAST_NOISE = 1.5
 """Least ratio of noise to what a set declares that matters; judged."""
 Flags = NDArray[np.bool_]
+# 1 over the 75 % quantile of the standard normal distribution.
 _MAD_TO_SIGMA = 1.4826
 # Huber (1964): 95 % efficient where errors are normal.
 _HUBER = 1.345
+# Most iterations of a fit.
 _ROUNDS = 20
 
 

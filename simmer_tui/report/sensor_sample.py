@@ -51,7 +51,7 @@ class Alternative:
 class SensorSample:
     """Readings of one sensor, or its counts between them: values, expected values and declared standard
     deviations, (n,) each, in its unit. `chance` is the probability that a reading without a fault is nearer
-    to a false expectation, `missed` the number of dropouts among the `looked` readings with something in
+    to a false expectation. `missed` is the number of dropouts among the `looked` readings with something in
     range."""
 
     sensor: Sensor

@@ -11,9 +11,12 @@ from simmer_tui.report.figure import WIDTH
 from simmer_tui.report.run_statistics import RunStatistics
 from simmer_tui.run.run_history import TracePoint
 
+# Points: room for names and scales to the left, for units to the right.
 _LEFT, _RIGHT = 74.0, 46.0
+# Points: height of a strip, gap above it, room for the time axis below.
 _STRIP, _GAP, _AXIS = 58.0, 16.0, 34.0
 _TRUE, _READ = "#9a9a9a", "#3066e4"
+# Points for the legend, and about the number of times on the axis.
 _TOP, _TICKS = 26.0, 6
 BELIEF = "belief"
 """Name of the strip of the belief; the others are named by the codes of their sensors."""
@@ -56,8 +59,8 @@ def traces(run: RunStatistics) -> Figure | None:
 
 @dataclass(frozen=True, slots=True)
 class Clock:
-    """The time axis of a picture, from 0 at `left` to `end` (seconds) at `right`, and the strips below it:
-    their codes, the upper edge of the first, and the distance from one to the next. All in points."""
+    """The time axis of a picture, from 0 at `left` to `end` (seconds) at `right`. The strips have their
+    codes, the upper edge of the first, and the distance from one to the next. All in points."""
 
     left: float
     right: float

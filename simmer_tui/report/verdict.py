@@ -21,6 +21,7 @@ from simmer_tui.run.history_rows import NoticeRow, ProgramRow
 from simmer_tui.run.run_history import RunHistory
 from simmer_tui.sim.command import escape
 
+# Characters of a text from a program or a log that a verdict shows.
 _LONGEST_TEXT = 200
 
 

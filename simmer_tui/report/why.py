@@ -41,8 +41,8 @@ class WhyFact:
 
 
 def why(state: State, spec: SimulationSpec) -> tuple[WhyFact, ...]:
-    """Reasons why the movement that ended last did so: what was asked, how far it went, its errors, and who
-    or what stopped it, with the reading of the sensor that looks that way. Empty before the first."""
+    """Facts about the end of the last movement: its command, its distance, its errors, and who or what
+    stopped it. A contact has the reading of the sensor that looks there. Empty before the first."""
     ended = state.ended
     if ended is None:
         return ()

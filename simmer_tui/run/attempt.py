@@ -69,8 +69,8 @@ def task_of(configuration: Configuration, seed: int, plan: MissionPlan | None = 
 @dataclass(frozen=True, slots=True)
 class Collision:
     """A movement with a contact, and all that was known when it began. That is the newest belief, the first
-    of the wrong beliefs that led to it (`lost`), each sensor's last reading, the block (in the robot's frame
-    if it was held), and the bias. `before` are the movements before it, newest last, with nothing in between;
+    of the lost beliefs that led to it (`lost`), each sensor's last reading, the block and the bias. A held
+    block is in the robot's frame. `before` are the movements before it, newest last, with nothing in between;
     `unseen` counts those since a sensor was read. Of a velocity, `legs` are those of its last inches, the one
     with the contact included. `unseen_legs` counts those that ended after the last reading; `before` and
     `unseen` are then empty."""

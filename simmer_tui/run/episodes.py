@@ -39,9 +39,9 @@ class EpisodeKind(StrEnum):
 class Episode(Struct, frozen=True):
     """A stretch of a run that begins at `elapsed` (seconds), in a line of the log.
 
-    `distance` (inches) and `turn` (degrees) are the error of the belief then; of `MOVED` how far the robot
-    was moved, of `FROZEN` how far it went meanwhile. `again` is true if it was localized before. `moved` or
-    `touched` is an event just before it that may explain it.
+    `distance` (inches) and `turn` (degrees) are the error of the belief then. Of `MOVED` they are the
+    displacement by a person, of `FROZEN` the robot's motion meanwhile. `again` is true if it was localized
+    before. `moved` or `touched` is an event just before it that may explain it.
     """
 
     kind: EpisodeKind

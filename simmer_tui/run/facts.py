@@ -82,8 +82,8 @@ class LastReading(Struct, frozen=True):
 
 
 class FacingSensor(Struct, frozen=True):
-    """The sensors that look most nearly at a place touched: their codes, how far beside it the nearest
-    looks (degrees), and the last reading of any of them, None if none was read."""
+    """The sensors whose direction is nearest to a place touched: their codes, the angle between the nearest
+    and the place (degrees), and their last reading, None if none was read."""
 
     codes: tuple[str, ...]
     beside: float

@@ -1,8 +1,8 @@
 """The rows of a run's history: each event with its time, its line in the log and the pose.
 
-`order` is the running number of the event in the run, `line` that of its line in the log (0 without one),
-`elapsed` simulated seconds since the history's beginning, which continue through resets.
-Annotations are evaluated here: they say how a row is packed.
+`order` is the running number of the event in the run, `line` that of its line in the log (0 without one).
+`elapsed` are simulated seconds since the history's beginning, which continue through resets. Annotations are
+evaluated here: they say how a row is packed.
 """
 
 import math

@@ -73,8 +73,8 @@ def without_progress(rows: Columns, legs: BoolArray, place: Pose, since: float) 
 
 @dataclass(frozen=True, slots=True)
 class Loop:
-    """Movements at the end that repeat a round of commands: their begin (elapsed seconds) and place, the
-    commands of a round and the number of rounds."""
+    """Movements at the end that repeat a round of commands: begin (elapsed seconds), place, commands of a
+    round, and number of rounds."""
 
     place: Pose
     since: float

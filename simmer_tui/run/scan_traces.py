@@ -18,6 +18,7 @@ from simmer_tui.sim.specs import MazeSpec, SensorSpec
 
 DIGITS = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/"
 """Digits 0 to 63; a range has two."""
+# Numbers of two digits: the largest is a ray without an echo, the next the longest range.
 _NO_ECHO = 64 * 64 - 1
 _LONGEST = _NO_ECHO - 1
 # Half a dot of a page that shows a maze of 8 ft.
@@ -30,9 +31,9 @@ _CODES = np.frombuffer(DIGITS.encode("ascii"), np.uint8)
 
 
 class ScanTrace(Struct, frozen=True):
-    """A scan that was answered at a moment, elapsed seconds: the code of its sensor, when its first ray was
-    sent and how long all rays took, the direction of that ray in the robot's frame and the turn to the next,
-    degrees, and the ranges as text. A trace without rays ends the one before."""
+    """A scan that was answered at a moment, elapsed seconds. It has the code of its sensor, the time of its
+    first ray, and the duration of all rays. The direction of the first ray, in the robot's frame, and the
+    step to the next are in degrees; the ranges are text. A trace without rays ends the one before."""
 
     elapsed: float
     code: str

@@ -21,8 +21,8 @@ _NO_TRAIL: FloatArray = np.empty((0, 2))
 
 
 class SensorRow(Struct, frozen=True):
-    """The readings of one sensor: the newest one, those before it (oldest first), the running number of its
-    event, its simulated time, and the poses of robot and block then."""
+    """The readings of one sensor: the newest one, and those before it (oldest first). Of the newest, also the
+    running number of its event, its simulated time, and the poses of robot and block then."""
 
     reading: Reading
     history: tuple[float, ...]

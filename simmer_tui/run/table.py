@@ -27,6 +27,7 @@ TimedItem = TypeVar("TimedItem", bound=Timed)
 
 BINS = 32
 """Bins of a histogram: the sixteen characters that show it take two each."""
+# Least width of a bin: from a tiny first error, doubling would take long.
 LEAST_WIDTH = 1e-9
 LISTED = 200
 """First items of a kind that are kept besides the newest: a report lists or draws no more."""
@@ -170,8 +171,8 @@ Index = Annotated[int, "H"]
 """An index into a list of names."""
 _CODES = {int: "i", float: "d", bool: "?"}
 CHUNK = 2048
-"""Rows that are packed, summed up and dropped together: a chunk of readings is 0.15 MB, and numpy's share of
-the time to sum it up is below a tenth of packing it."""
+"""Rows that are packed, summed up and dropped together. A chunk of readings is 0.15 MB, and numpy takes less
+than a tenth of the time for packing to sum it up."""
 
 Columns = NDArray[np.void]
 """Rows as a structured array, one field a column."""

@@ -50,8 +50,8 @@ _TOKEN_LINE = re.compile(r"(?m)^([ \t]*(?:server\.)?token[ \t]*=[ \t]*).*$")
 
 
 class TakenOver(msgspec.Struct, frozen=True):
-    """The origin of a run that continues from a moment of another one: the name of that one's log, the last
-    line of it that counts, and the moment, elapsed seconds."""
+    """The origin of a run that continues another one: the name of that run's log, its last line that counts,
+    and the moment, elapsed seconds."""
 
     log: str
     line: int
@@ -64,12 +64,12 @@ class TakenOver(msgspec.Struct, frozen=True):
 class Header(msgspec.Struct, tag_field="kind", tag="header", frozen=True, kw_only=True, omit_defaults=True):
     """The first line of a log.
 
-    `t`, `number`, `pose`, `block`, `holding`, `noise` and `bias` are the state in which the log began:
-    simulated time, commands before it, and values that a person may have changed till then. `real_time` is
-    seconds since 1970. `mission` is true if a mission was under way. `taken_over` is the origin of a run that
-    continues another one. `mathematics` is the fingerprint of the machine's sines; empty if it is not known.
-    `devices` are the set's own device files by hash, and `kinds` describes the kinds of sensor that are not
-    built in.
+    `t`, `number`, `pose`, `block`, `holding`, `noise` and `bias` are the state in which the log began. It has
+    simulated time, the number of commands before it, and values that a person may have changed. `real_time`
+    is seconds since 1970. `mission` is true if a mission was under way. `taken_over` is the origin of a run
+    that continues another one. `mathematics` is the fingerprint of the machine's sines; empty if it is not
+    known. `devices` are the set's own device files by hash, and `kinds` describes the kinds of sensor that
+    are not built in.
     """
 
     t: Real

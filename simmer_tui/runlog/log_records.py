@@ -33,7 +33,7 @@ NO_DELAY = 0.0
 """Default of a delay on the link, seconds."""
 NO_REPLY = math.nan
 """Reply of a reading whose scan has it. A reply that is no number is written as `NotFinite`."""
-_HUNDREDTH = 100
+_HUNDREDTH = 100  # hundredths of an inch or of a degree
 
 Real = Annotated[float, msgspec.Meta(ge=-LARGEST, le=LARGEST)]
 # Python's calendar ends in the year 9999, at 2.5e11 seconds.
@@ -79,8 +79,8 @@ class LogRecord(msgspec.Struct, tag_field="kind", frozen=True, gc=False, omit_de
 
 
 class ReplyRecord(LogRecord, frozen=True, kw_only=True, gc=False):
-    """A record of a reply: the number of its command, the command's text, its source, the time when it began
-    if earlier, and the link's delay."""
+    """A record of a reply: its command's number, text and source, the time when the command began if earlier,
+    and the link's delay."""
 
     n: Count
     command: str = msgspec.field(name="cmd")
@@ -239,8 +239,8 @@ class ActionRecord(LogRecord, tag="action", frozen=True, kw_only=True, gc=False)
 
 class BeliefRecord(LogRecord, tag="belief", frozen=True, kw_only=True, gc=False):
     """A program's belief, and the true pose at that time. Particles are columns of x, y and heading (null
-    for a particle without one), in whole hundredths of an inch and of a degree from `believed`. `again` is
-    true for the previous belief, now with the cells of its grid."""
+    without one), in whole hundredths of an inch and of a degree from `believed`. `again` is true for the
+    previous belief, now with the cells of its grid."""
 
     believed: LoggedPose
     pose: LoggedPose

@@ -20,10 +20,13 @@ from simmer_tui.trials.folder import RUNS, TrialFolder
 from simmer_tui.trials.intervals import counted, histogram
 from simmer_tui.trials.trial import TrialResult
 
+# Height of a row of the legend, points.
 _KEY = 26.0
+# Bounds of the map: points an inch, and points.
 _LARGEST_SCALE, _TALLEST = 10.0, 700.0
 _START, _BLOCK = "#e8f0ff", "#fff3c4"
 _SUCCESS, _FAILURE = "#0a968c", "#f5a500"
+# Height of the tallest bar of a histogram, points.
 _BAR_HEIGHT = 130.0
 
 

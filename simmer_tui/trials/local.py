@@ -3,8 +3,8 @@
 A simulator in the worker itself starts in milliseconds; a new process for each run would first import all its
 modules. A worker that dies loses one run and is replaced.
 
-A pool of our own: that of concurrent.futures breaks when one worker dies and knows no time limit, and
-pebble's notices a worker that ends with exit code 0 only at its time limit.
+The pool is our own. That of concurrent.futures breaks when one worker dies, and has no time limit. Pebble's
+notices a worker that ends with exit code 0 only at its time limit.
 """
 
 from __future__ import annotations

@@ -41,9 +41,9 @@ class Decision:
 
 @dataclass(frozen=True)
 class SequentialTest:
-    """A test, made by `sequential_test`. After n runs a walk with at most `fail_at[n]` successes fails and
-    one with at least `pass_at[n]` passes; at `cap` the two meet. `false_pass` and `false_fail` are the
-    exact probabilities of a wrong decision at `rate - margin` and at `rate`."""
+    """A test, made by `sequential_test`. After n runs a walk with at most `fail_at[n]` successes fails, one
+    with at least `pass_at[n]` passes. At `cap` the two meet. `false_pass` and `false_fail` are the exact
+    probabilities of a wrong decision at `rate - margin` and at `rate`."""
 
     rate: float
     margin: float

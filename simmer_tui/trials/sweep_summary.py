@@ -161,6 +161,7 @@ def curves_csv(folder: TrialFolder) -> str:
     return csv_text(SWEEP.filled(rows))
 
 
+# Points: room around the curve, and its height.
 _LEFT, _RIGHT, _TOP, _HEIGHT, _BELOW = 60.0, 40.0, 16.0, 240.0, 44.0
 _CAP = 5.0
 """Half the width of an interval's ends, points."""

@@ -39,6 +39,7 @@ from simmer_tui.trials.trial import RANDOM, Ending, TrialResult, clock_sentences
 
 LISTED = 20
 """Most failed runs listed; all of them are in trials.csv."""
+# Slowest successful runs listed.
 SLOWEST = 5
 
 
