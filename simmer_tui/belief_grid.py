@@ -27,7 +27,7 @@ _STEPS = 8.0
 """Steps of a logged probability for each halving."""
 RULED_OUT = 255
 """Logged probability of 0, and of less than 2**-31 of the largest."""
-# In two dimensions so much lies within three standard deviations: 1 - exp(-4.5).
+# In two dimensions this share is within three standard deviations: 1 - exp(-4.5).
 SURELY_ELSEWHERE = 0.989
 """A belief that puts more than this into states likelier than the true one has lost the robot."""
 # More decimals carry no information, and would be most of a log's line.
@@ -135,7 +135,7 @@ def _of_levels() -> FloatArray:
 
 
 _OF_LEVEL = _of_levels()
-"""Probability that each logged byte stands for, as a share of the largest."""
+"""Probability of each logged byte, as a share of the largest."""
 
 
 def grid_belief(probabilities: Probabilities, bounds: Bounds, first: float, true: Pose) -> GridBelief:
@@ -150,7 +150,7 @@ def grid_belief(probabilities: Probabilities, bounds: Bounds, first: float, true
     # Divided by the largest first: the sum of numbers near the largest float would be infinite.
     shares = probabilities / probabilities.max()
     total = float(shares.sum())
-    # Below 2**-31 the log has 0, and what a smaller share adds to the entropy is far below its digits.
+    # Below 2**-31 the log has 0, and a smaller share adds far less to the entropy than its digits show.
     logs = np.log2(np.maximum(shares, 1e-300))
     levels = np.minimum(np.rint(-_STEPS * logs), RULED_OUT).astype(np.uint8)
     given = shares / total

@@ -468,8 +468,7 @@ class Watchers:
     def tell(self, event: Event) -> None:
         """Pass an event to all watchers. A watcher that fails is removed; the robot continues. An event that
         a watcher tells comes after the event it reacts to, for every watcher."""
-        # A queue, not a recursion: all watchers get an event before the events that one of them tells about
-        # it.
+        # A queue, not a recursion: all watchers get an event before those that one of them tells about it.
         self._untold.append(event)
         if self._telling:
             return

@@ -208,7 +208,7 @@ class Referee(EventHandler[bool]):
         if grip is None or self._final is not None or grip.time > self.plan.time_limit:
             return False
         if grip.holding:
-            # The block lies in the loading zone: a robot that holds it must have reached the zone.
+            # The block starts in the loading zone: a robot that holds it must have reached the zone.
             self._meet(Goal.REACHED, grip.time)
             self._meet(Goal.TAKEN, grip.time)
             return True
@@ -284,7 +284,7 @@ class Referee(EventHandler[bool]):
         return True
 
     def _reach(self, way: list[tuple[float, float]], now: float) -> bool:
-        """True if one of these places lies in the loading zone, and none did before."""
+        """True if one of these places is in the loading zone, and none was before."""
         if self._reducer.mission.goals[Goal.REACHED] is not None:
             return False
         reached = any(cell.holds(x, y) for x, y in way for cell in self.plan.loading_zone)

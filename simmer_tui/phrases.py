@@ -155,7 +155,7 @@ def movement_text(ended: MovementEnded) -> str:
     """A movement as it really was: `forward 12.0 in`, `turned -90.6 deg`."""
     trajectory = ended.trajectory
     begin = trajectory.pose_at(trajectory.start_time)
-    # Along the path, as all totals are: in a curve it is longer than what is left of it ahead.
+    # Along the path, as all totals are: in a curve that is longer than the displacement ahead.
     end, went = ended.pose, trajectory.travelled(ended.time)
     kind = trajectory.kind
     if kind is None:

@@ -20,7 +20,7 @@ class Tone(StrEnum):
 
     @property
     def sign(self) -> str:
-        """Sign that stands beside words of this tone."""
+        """Sign beside words of this tone."""
         return _SIGNS[self]
 
 
@@ -224,7 +224,7 @@ class NestedValue:
 
 @dataclass(frozen=True, slots=True)
 class Folded:
-    """Parts that a page shows only when a reader opens them. Elsewhere they stand like all others."""
+    """Parts that a page shows only when a reader opens them. Elsewhere they are like all others."""
 
     title: str
     parts: Sequence[DocumentPart]

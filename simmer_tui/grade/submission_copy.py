@@ -79,7 +79,7 @@ def _opened_folder(path: Path, parent: int | None) -> Iterator[_Folder]:
 
 
 class _Copy:
-    """A copy under way, with what is left of its budget."""
+    """A copy under way, with the rest of its budget."""
 
     def __init__(self, owner: int, most_bytes: int) -> None:
         """`owner` is the user whose folder it is."""

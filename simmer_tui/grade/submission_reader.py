@@ -29,7 +29,7 @@ else:
 _CPU = 5
 """Seconds of processor time for one file or set. The largest honest set takes 0.1 s."""
 _MEMORY = 500_000_000
-"""Bytes of memory beyond what the child has when it begins. Judged: a hundred times an honest set."""
+"""Bytes of memory beyond those of the child when it begins. Judged: a hundred times an honest set."""
 _LARGEST_FILE = 64_000_000
 """Largest file that is written from a submission, bytes: as much as a team may submit."""
 _PATIENCE = 60.0

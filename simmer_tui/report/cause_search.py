@@ -79,8 +79,7 @@ def _first_two(standing: list[Cause], endings: EndingCauses, devices: Sequence[C
     if first.kind in _DECISIVE:
         other = [each for each in standing if each.kind in _FROM_OUTSIDE or each in devices] + disagreeing
     elif first.kind is Kind.MOVED:
-        # A person who moved the robot explains all that followed: only a device that was wrong before adds to
-        # it.
+        # A person who moved the robot explains the rest: only a device that was wrong before adds to it.
         other = [each for each in standing if each in devices]
     elif first in devices:
         # A program that a wrong device misled never came to the actions that it left out.

@@ -52,8 +52,8 @@ class Kind(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Bearing:
-    """Changes of the deciding movement that bear on a kind of cause. One of `supporting` must have saved it,
-    if any of them could be decided; none of `refuting` may have."""
+    """Changes of the deciding movement that support or refute a kind of cause. One of `supporting` must have
+    saved it, if any of them could be decided; none of `refuting` may have."""
 
     supporting: frozenset[Change] = frozenset()
     refuting: frozenset[Change] = frozenset()
@@ -74,8 +74,8 @@ BEARINGS = {
     # Any other change that would have saved it points to another cause.
     Kind.UNDECIDED: Bearing(refuting=_BELIEVED | _NO_BLOCK | {Change.EXACT}),
 }
-"""Counterfactuals that bear on each kind. Kinds that are not here need the program's own decisions, which no
-log has."""
+"""Counterfactuals that support or refute each kind. Kinds that are not here need the program's own decisions,
+which no log has."""
 
 
 def contradicted(kind: Kind, tried: Sequence[Counterfactual]) -> bool:
@@ -159,6 +159,5 @@ def cause_of(
 
 
 def undecided_text(changed: str) -> str:
-    """The two explanations that a log cannot distinguish; `changed` says what may have happened on the
-    link."""
+    """The two explanations that a log cannot distinguish; `changed` is the possible change on the link."""
     return f"Either the program has an error, or {changed} on its way: the log cannot tell which."

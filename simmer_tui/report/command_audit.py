@@ -26,7 +26,7 @@ from simmer_tui.sim.specs import DriveSpec, SensorSpec
 
 Codes = NDArray[np.int64]
 _FEWEST = FEWEST["set"]
-# Errors of drives and of what a program knows of them are a few percent of a correction.
+# Errors of drives and of a program's model of them are a few percent of a correction.
 _BAND = 0.08
 """Share by which a correction may differ from the multiple of the one before it."""
 _FACTORS = tuple(sign * 1.5 * (1.0 + 2 * _BAND) ** step for step in range(9) for sign in (1.0, -1.0))
@@ -53,7 +53,7 @@ _SAME_WAY = 30.0
 # Of turns fewer than one pair in eight is within the band below 1.
 _BY_CHANCE_HARDLY = 0.2
 _LEAST = {"in": 0.5, "deg": 2.0}
-"""Least correction, inches and degrees: what is left of noise and rounding is smaller."""
+"""Least correction, inches and degrees: residuals of noise and rounding are smaller."""
 _LEAST_HARDLY = 0.1
 """The same of turns that hardly turn, degrees: a compass has less noise than the rest."""
 _MOST = {"in": math.inf, "deg": 60.0}
@@ -263,7 +263,8 @@ class _Rhythm:
     """Readings in threes: the first two follow one another with or without a movement between."""
 
     def __init__(self, codes: Codes, moves: Flags) -> None:
-        """`codes` are those of commands in order, `moves` tells which of them move the robot; (n,) each."""
+        """`codes` are those of commands in order, `moves` is true for those that move the robot; (n,)
+        each."""
         places, base = np.flatnonzero(~moves), int(codes.max(initial=0)) + 1
         first, second, third = (codes[places[begin : len(places) - 2 + begin]] for begin in range(3))
         self._threes = (first * base + second) * base + third

@@ -56,8 +56,8 @@ _SHOWN = {
 
 
 def contact_causes(seen: Attempt, met: Collision) -> list[Cause]:
-    """The causes of a contact that hold, the most telling first. None of them is contradicted by what was
-    tried."""
+    """The causes of a contact that hold, in the order above. No counterfactual that was tried contradicts
+    them."""
     return [each for each in _ContactCauses(seen, met).all() if not each.is_contradicted]
 
 

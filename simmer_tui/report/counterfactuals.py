@@ -81,8 +81,8 @@ class CounterfactualWorld:
         self._by_kind = {drive.kind: drive for drive in spec.drives if drive.enabled}
 
     def asked(self, ended: MovementEnded, bias: Mapping[DriveKind, Axes], change: Change) -> Axes | None:
-        """Distance of a movement on each axis after a change of its errors; None if what was
-        asked for is not known."""
+        """Distance of a movement on each axis after a change of its errors; None if its command's value is
+        not known."""
         trajectory = ended.trajectory
         drive = self._drives.get(ended.command.code)
         value = parse_value(ended.command.argument)

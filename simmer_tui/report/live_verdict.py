@@ -15,7 +15,7 @@ from simmer_tui.run.run_history import RunHistory
 class LiveVerdict(EventHandler[None]):
     """A watcher that keeps the run's history, and finds the verdict when mission, program or connection end.
 
-    The history stands still while a thread reads it: events of that time wait.
+    The history does not change while a thread reads it: events of that time wait.
     """
 
     def __init__(
@@ -59,7 +59,7 @@ class LiveVerdict(EventHandler[None]):
             self._search.start()
 
     def close(self, within: float) -> None:
-        """Wait up to so many seconds for a search under way, once the robot's thread has ended.
+        """Wait up to `within` seconds for a search under way, once the robot's thread has ended.
 
         A search is mostly in GEOS, without the interpreter's lock. A process that ends meanwhile unloads GEOS
         during the search, and ends with a segmentation fault in place of its exit code.

@@ -131,7 +131,7 @@ class Recording:
         self._start = paths.start
         self._moves: deque[_Move] = deque()
         self.moves = 0
-        """Movements and jumps so far that are over."""
+        """Number of movements and jumps that are over."""
         self._marked = _Marked(history)
         self._read = 0
         self.update()
@@ -161,7 +161,7 @@ class Recording:
 
     @property
     def one_particle_in(self) -> int:
-        """One in so many particles is kept."""
+        """One in this many particles is kept."""
         return self._paths.one_particle_in
 
     @property
@@ -193,7 +193,7 @@ class Recording:
         return [*self.keyframes_after(0), *self.unsettled_keyframes]
 
     def keyframes_after(self, moves: int) -> list[Keyframe]:
-        """The keyframes of the kept movements that came after so many."""
+        """The keyframes of the kept movements after the first `moves`."""
         first = max(len(self._moves) - (self.moves - moves), 0)
         return [frame for move in islice(self._moves, first, None) for frame in move.frames]
 

@@ -16,7 +16,7 @@ MAD_ERROR = 1.17
 """Standard error of a standard deviation by the median, of n normal numbers, times sqrt(n) and over it: its
 efficiency is 37 % (P. J. Rousseeuw and C. Croux, 1993)."""
 LEAST_NOISE = 1.5
-"""Least ratio of noise to what a set declares that matters; judged."""
+"""Least ratio of noise to the declared noise that matters; judged."""
 Flags = NDArray[np.bool_]
 # 1 over the 75 % quantile of the standard normal distribution.
 _MAD_TO_SIGMA = 1.4826
@@ -103,7 +103,7 @@ def two_sided(statistic: float, degrees_of_freedom: float = math.inf) -> float:
 
 
 def binomial_tail(hits: int, count: int, share: float) -> float:
-    """Probability of at least so many hits among `count` if each has the probability `share`."""
+    """Probability of at least `hits` hits among `count` if each has the probability `share`."""
     # With a probability of 1 the logarithm of its complement does not exist.
     if hits <= 0 or share >= 1.0:
         return 1.0

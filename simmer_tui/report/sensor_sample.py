@@ -30,7 +30,7 @@ MOST = 4000
 _CLEAR = 5.0
 # Judged: a longer delay than this many readings does not happen.
 _LAGS = (1, 2, 3)
-# Judged: enough to tell two sensors apart; a line sensor's 113 test points take a tenth of a millisecond.
+# Judged: enough to distinguish two sensors; a line sensor's 113 test points take a tenth of a millisecond.
 _PLACES = 800
 """Places at which the readings of other sensors are computed."""
 # A share of one wrong answer in twenty is no fault: it comes from edges of tiles, whatever the set declares.

@@ -533,7 +533,7 @@ class Attempt:
 
     @cached_property
     def spent(self) -> Spent:
-        """Simulated time by what it was spent on."""
+        """Simulated time by its use."""
         history = self.history
         commands, readings = self.within(history.commands), self.within(history.readings)
         movements = self.within(history.movements)

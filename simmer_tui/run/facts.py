@@ -118,7 +118,7 @@ class Deviation(Struct, frozen=True):
 
     @property
     def rejects_truth(self) -> bool:
-        """True if nearly all of a grid's probability lies in states likelier than the true one."""
+        """True if nearly all of a grid's probability is in states likelier than the true one."""
         return self.above > SURELY_ELSEWHERE
 
 

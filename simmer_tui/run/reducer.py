@@ -65,7 +65,7 @@ if TYPE_CHECKING:  # most runs have no history, and starting is to be quick
     from simmer_tui.run.run_history import RunHistory
 
 HISTORY = 60
-"""Readings kept of each sensor: the screen's curves have at most so many columns."""
+"""Readings kept of each sensor: the screen's curves have at most this many columns."""
 # A mission's path through the maze, in movements of some inches.
 LEGS = 40
 """Movements whose trail is kept; turns leave none."""
@@ -474,7 +474,7 @@ class Reducer:
         )
 
     def _checkpoint(self, time: float, pose: Pose) -> Checkpoint:
-        """The run at a simulated time, with its sums and with what is under way so far."""
+        """The run at a simulated time, with its sums, the motion under way included."""
         travelled = driving = 0.0
         if self._movement is not None:
             trajectory = self._movement.trajectory

@@ -233,7 +233,7 @@ class RowTable(Sequence[RowT]):
                     other.forget(self[0][0])
 
     def forget(self, order: int) -> None:
-        """Drop what can be dropped of the rows before this `order`."""
+        """Drop the rows before this `order`, as whole chunks."""
         while self._chunks and self[CHUNK - 1][0] < order:
             self._drop()
 

@@ -12,7 +12,7 @@ class Closing(ABC):
 
     @abstractmethod
     def close(self) -> None:
-        """Release what this holds."""
+        """Release all resources."""
 
     def __enter__(self) -> Self:
         return self

@@ -261,7 +261,7 @@ def _answer_record(result: CommandResult, real_time: float) -> AnswerRecord:
         command=result.command.text,
         source=result.command.source,
         reply=logged_number(result.reply),
-        # Of a movement the reader takes it from the plan.
+        # Of a movement the reader gets it from the plan.
         taken=None if taken == result.time or moved else taken,
         link=result.link or NO_DELAY,
         status=result.status,

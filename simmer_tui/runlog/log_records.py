@@ -312,7 +312,7 @@ class MissionRecord(LogRecord, tag="mission", frozen=True, kw_only=True):
     reason: str = ""
 
     def __post_init__(self) -> None:
-        # A Goal and a Result are both texts in JSON: two fields tell them apart.
+        # A Goal and a Result are both texts in JSON: two fields distinguish them.
         if (self.goal is None) == (self.result is None):
             raise ValueError("it needs a goal or a result")
 

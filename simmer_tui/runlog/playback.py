@@ -71,7 +71,7 @@ class Playback:
         events. With `settled` that end is past."""
         # The reducer only goes forward, and has applied this movement's end already.
         went_back = self._ended is not None and not settled and (time is None or time < self._ended)
-        # Farther on, a checkpoint is nearer than all that lies between.
+        # Farther on, a checkpoint is nearer than all entries between.
         if not self._entry <= entry <= self._entry + SKIP or (entry == self._entry and went_back):
             self._restart(entry)
         while self._entry < entry:

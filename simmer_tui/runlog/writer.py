@@ -80,7 +80,7 @@ class LineFile(Protocol):
     def write(self, data: bytes) -> None: ...
 
     def look(self) -> None:
-        """Check that the file still holds what was written."""
+        """Check that the file still has all written data."""
 
     def close(self) -> None: ...
 
@@ -210,7 +210,7 @@ class RunLog(Closing):
         self.stopped = self.stopped or "the log is closed"
         try:
             self._file.close()
-        except OSError as error:  # what a compressed log still held
+        except OSError as error:  # while writing the rest of a compressed log
             self._on_stop(f"logging to {escape(str(self.path), 200)} has stopped: {error.strerror or error}")
 
     def _write(self, record: Struct) -> None:
@@ -270,11 +270,11 @@ class _LogFile:
         self._size += len(data)
 
     def look(self) -> None:
-        """Raise OSError if the file does not hold what was written any more."""
+        """Raise OSError if the file has lost written data."""
         if not self._plain:
             return
         found = os.fstat(self._descriptor)
-        # Writes to a deleted file succeed: only this tells.
+        # Writes to a deleted file succeed: only this check shows it.
         if found.st_nlink == 0:
             raise OSError("the file has been deleted")
         if found.st_size < self._size:

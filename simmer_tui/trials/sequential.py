@@ -168,7 +168,7 @@ def sequential_test(
     for runs in range(1, (cap or LARGEST_CAP) + 1):
         walks = np.pad(walks * (1 - rates), ((0, 0), (0, 1))) + np.pad(walks * rates, ((0, 0), (1, 0)))
         failing, passing = _bounds(runs, bound, up, down)
-        whole = np.cumsum(walks[:, ::-1], axis=1)[:, ::-1]  # at least so many successes
+        whole = np.cumsum(walks[:, ::-1], axis=1)[:, ::-1]  # the same of at least 0, 1, ... successes
         wrong = np.maximum(
             false_pass + np.append(whole[0], 0.0), false_fail + whole[1, 0] - np.append(whole[1], 0.0)
         )

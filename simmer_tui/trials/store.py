@@ -212,7 +212,7 @@ class RunStore(Generic[Plan, Line]):
             raise self._kind.error(f"{shown} is not empty: name a new folder with --out")
 
     def _clear(self) -> None:
-        """Remove what `made` has made, and nothing else."""
+        """Remove only the files of `made`."""
         for name in self._kind.folders:
             shutil.rmtree(self.path / name, ignore_errors=True)
         self._unfinished.unlink(missing_ok=True)
