@@ -1,2 +1,1 @@
-"""Grading of a course: teams' programs on the same missions, each in a sandbox, with as few runs as
-possible."""
+"""Grading of a course: teams' programs on the same missions, each sandboxed, with few runs."""

@@ -1,5 +1,4 @@
-"""Sandboxes: their kinds and limits, and the common part: a launcher inside, reached through a Unix
-socket."""
+"""Sandboxes: their kinds and limits, and the launcher inside that all have, reached through a Unix socket."""
 
 from __future__ import annotations
 

@@ -1,5 +1,4 @@
-"""The answer of a grading: grades of all teams, a page a team, some failed runs; and files for other
-programs."""
+"""The answer of a grading: grades, a page a team, some failed runs, and files for other programs."""
 
 from __future__ import annotations
 

@@ -58,8 +58,7 @@ class EndingCauses:
         if program is not None and program.crashed and not program.stopped:
             text = program_end_text(program)
             return self._made(Kind.CRASHED, f"{capitalized(text)}.", self._goals() if program.started else "")
-        # An older log has only the exit code: above 128 (a signal's number added), or below 0, it was a
-        # crash.
+        # An older log has only the exit code: above 128 (plus a signal's number), or below 0, it crashed.
         if program is None and code is not None and (code < 0 or code > 128):
             return self._made(Kind.CRASHED, f"The program crashed with exit code {code}.", self._goals())
         return None

@@ -1,5 +1,4 @@
-"""Reason for the end of a run's last movement, fact by fact, with the reading of the sensor that looks
-there."""
+"""The facts about the end of a run's last movement, with the reading of the sensor that looks there."""
 
 from __future__ import annotations
 

@@ -1,5 +1,4 @@
-"""Progress of a robot: the ground that it reaches, the stretch at the end without new ground, and repeated
-movements."""
+"""Progress of a robot: new ground, the stretch at the end without any, and repeated movements."""
 
 from dataclasses import dataclass
 
