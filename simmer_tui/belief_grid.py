@@ -27,16 +27,16 @@ _STEPS = 8.0
 """Steps of a logged probability for each halving."""
 RULED_OUT = 255
 """Logged probability of 0, and of less than 2**-31 of the largest."""
-# In two dimensions so much lies within three standard deviations: 1 - exp(-4.5).
+# In two dimensions this share is within three standard deviations: 1 - exp(-4.5).
 SURELY_ELSEWHERE = 0.989
 """A belief that puts more than this into states likelier than the true one has lost the robot."""
-# Ten and more decimals tell nothing, and are most of a log's line.
+# More decimals carry no information, and would be most of a log's line.
 _DECIMALS = 6
-# Few levels, since fine shades are not told apart on every ground.
+# Few levels, since fine shades look the same on some backgrounds.
 _LEAST = 0.5
-"""Below this share of what every free cell would have by chance a cell is ruled out."""
+"""A cell with less than this share of an even distribution over the free cells is ruled out."""
 _STEP = 3.0
-"""Times that a level's probability is below that of the next."""
+"""Ratio of the probabilities of one level and the next."""
 _DOUBT = 1.5
 """Doublings of an even share that a level takes: a program that knows nothing shows one faint tint."""
 # 2 in of the course's maze: on a page a cell is six points wide.
@@ -82,7 +82,7 @@ class GridBelief(Struct, frozen=True, gc=False, omit_defaults=True):
     cells: bytes = field(default=b"", name="log8")
 
     def __post_init__(self) -> None:
-        # Logs come from elsewhere too, and what draws a grid relies on it.
+        # Logs come from elsewhere too, and the code that draws a grid relies on these bounds.
         x0, y0, x1, y1 = self.bounds
         if not (x0 < x1 and y0 < y1):
             raise ValueError("bounds of a grid must be increasing")
@@ -102,7 +102,7 @@ class GridBelief(Struct, frozen=True, gc=False, omit_defaults=True):
 
     @property
     def has_headings(self) -> bool:
-        """True if it tells the heading too."""
+        """True if the grid covers the heading too."""
         return self.headings > 1
 
     @property
@@ -135,7 +135,7 @@ def _of_levels() -> FloatArray:
 
 
 _OF_LEVEL = _of_levels()
-"""Probability that each logged byte stands for, as a share of the largest."""
+"""Probability of each logged byte, as a share of the largest."""
 
 
 def grid_belief(probabilities: Probabilities, bounds: Bounds, first: float, true: Pose) -> GridBelief:
@@ -147,10 +147,10 @@ def grid_belief(probabilities: Probabilities, bounds: Bounds, first: float, true
         true: the robot's pose then.
     """
     rows, columns, headings = shape = probabilities.shape
-    # By the largest first: the sum of numbers near the largest float would be infinite.
+    # Divided by the largest first: the sum of numbers near the largest float would be infinite.
     shares = probabilities / probabilities.max()
     total = float(shares.sum())
-    # Below 2**-31 the log has 0, and what a smaller share adds to the entropy is far below its digits.
+    # Below 2**-31 the log has 0, and a smaller share adds far less to the entropy than its digits show.
     logs = np.log2(np.maximum(shares, 1e-300))
     levels = np.minimum(np.rint(-_STEPS * logs), RULED_OUT).astype(np.uint8)
     given = shares / total
@@ -220,7 +220,7 @@ def heat_levels(shares: FloatArray, most: float, even: float) -> Levels:
 
     Args:
         most: the largest probability.
-        even: what each free cell would have by chance.
+        even: probability of each free cell if all were the same.
     """
     with np.errstate(divide="ignore"):
         doubt = np.maximum(1 + np.floor(np.log2(shares / even) / _DOUBT), 1)
@@ -230,7 +230,7 @@ def heat_levels(shares: FloatArray, most: float, even: float) -> Levels:
 
 
 def covered(edges: FloatArray, count: int) -> FloatArray:
-    """Part of each stretch between two edges that lies in each of `count` cells, (stretches, count)."""
+    """Share of each interval between two edges that lies in each of `count` cells, (intervals, count)."""
     cells = np.arange(count)
     low = np.maximum(edges[:-1, None], cells)
     high = np.minimum(edges[1:, None], cells + 1)

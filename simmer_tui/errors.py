@@ -7,19 +7,19 @@
     ├── ProgramError            the program of `--run` cannot be started
     ├── DeviceError             a team's own device failed: in which line of its file, and how
     ├── UnknownSensorError      a code that no sensor has (a KeyError too)
-    ├── RunLogError             a log that cannot be written, read or made anything of
+    ├── RunLogError             a log that cannot be written, read or understood
     ├── ExportError             a picture of a run that cannot be made
-    ├── TrialsError             trials that cannot be run, gone on with, or read
-    │   └── ClusterError        the Dask cluster that they were to run on is not there (any more)
+    ├── TrialsError             trials that cannot be run, continued or read
+    │   └── ClusterError        the Dask cluster for the runs cannot be reached, or was lost
     ├── CalibrationError        logs that a robot cannot be learned from
     ├── AtlasError              expected readings that cannot be computed or written as asked
     ├── GradeError              a course that cannot be graded, or not sandboxed as asked
-    ├── InterruptedTrialError   a run that was not to go on
+    ├── InterruptedTrialError   a run that was interrupted, without a result
     ├── ConsoleCommandError     a line typed in the console that is no command (a ValueError too)
     ├── ExpressionError         a value in a dialect's expression does not fit it (a ValueError too)
     └── NotUnderstoodError      an expression of a foreign file is beyond its reader
 
-Two of them never leave their room (the last, and the interrupted trial). The client library stands
+Two of them never leave their package (the last, and the interrupted trial). The client library stands
 alone and has a tree of its own.
 """
 
@@ -39,7 +39,7 @@ class PlacementError(SimmerError):
 
 
 class DeviceError(SimmerError):
-    """A team's own device raised something, or returned what is no reading; the message has file and line."""
+    """A team's own device raised an error, or returned no valid reading; the message has file and line."""
 
 
 class UnknownSensorError(SimmerError, KeyError):
@@ -108,7 +108,7 @@ class ProgramError(SimmerError):
 
 
 class TrialsError(SimmerError):
-    """Trials that cannot be run, gone on with, or read."""
+    """Trials that cannot be run, continued or read."""
 
 
 class ClusterError(TrialsError):

@@ -1,16 +1,15 @@
-"""Events of a run, as frozen records: the one stream that all who look at a run read.
+"""Events of a run, as frozen records: the one stream that every reader of a run follows.
 
-An event tells what has happened, never what is merely to be expected: a movement is told when it
-is planned, as a plan, and again when it has ended, as it really went. The engine tells events in
-the order in which things happen; screen, run log, referee and report follow the same stream, live
-or from a file.
+An event tells what has happened, never what is only expected. A movement gives two events: its plan when it
+begins, and its true path when it has ended. The engine tells events in the order in which they happen.
+Screen, run log, referee and report follow the same stream, live or from a file.
 
 The records are msgspec structs, since a log has millions of them: a changed copy is made by
 `msgspec.structs.replace`.
 
-A command that moves gives `MovementPlanned`, `MovementEnded` and an `CommandResult` with its answer: at
-the end (`DONE`), or at once (`ACCEPTED`, then before the end). All other commands give an `CommandResult`.
-A velocity goes on after its answer: its motion is told leg by leg.
+A command that moves gives `MovementPlanned`, `MovementEnded` and a `CommandResult` with its answer. The
+answer comes at the end (`DONE`), or at once (`ACCEPTED`, then before the end). All other commands give a
+`CommandResult`. A velocity continues after its answer: its motion is told leg by leg.
 """
 
 from __future__ import annotations
@@ -47,7 +46,7 @@ class NoticeKind(StrEnum):
     HINT = "hint"
     """A hint to the person at the screen: it is shown and not logged."""
     TAKEN_OVER = "taken over"
-    """The events before it are the replayed prefix of another run; this one goes on from there."""
+    """The events before it are the replayed prefix of another run; this run continues from there."""
 
 
 class Notice(Struct, frozen=True):
@@ -80,9 +79,9 @@ class ProgramEnded(Struct, frozen=True):
     """The program that drives the robot has ended, at a simulated time.
 
     `exit_code` is 128 and the signal's number for one that a signal ended; `signal` is then its name.
-    `stopped` is true if the simulator ended it, not the program itself. `error` is the error that it
-    crashed with, `place` the last line of its own code that led there (`robot.py:12`); both are empty
-    without a crash. `stderr` and `stdout` hold the last lines of its output.
+    `stopped` is true if the simulator ended it, not the program itself. `error` is the error of a crash,
+    `place` the last line of its own code that led there (`robot.py:12`); both are empty without a crash.
+    `stderr` and `stdout` hold the last lines of its output.
     """
 
     time: float
@@ -154,12 +153,12 @@ class ActionName(StrEnum):
 
     @property
     def restarts(self) -> bool:
-        """True if the run begins anew by it, with simulated time 0."""
+        """True if it restarts the run, with simulated time 0."""
         return self in (ActionName.RESET, ActionName.SEED)
 
     @property
     def places(self) -> bool:
-        """True if the robot stands elsewhere by it."""
+        """True if it puts the robot elsewhere."""
         return self.restarts or self is ActionName.TELEPORT
 
     @property
@@ -191,16 +190,16 @@ class ActionDone(Struct, frozen=True):
 
     @property
     def restarts(self) -> bool:
-        """True if the run began anew, with simulated time 0."""
+        """True if it restarted the run, with simulated time 0."""
         return self.action.name.restarts and not self.refused
 
 
 class Belief(Struct, frozen=True):
     """A pose that a program believes the robot to have, and the true one at that moment.
 
-    `spread` is in inches, `particles` are (x, y) pairs or (x, y, heading) triples. With a `grid` the program
-    may have left pose and spread to it. `again` is true for the belief before, told with the cells that a
-    log had left out of it: it says nothing new.
+    `spread` is in inches, `particles` are (x, y) pairs or (x, y, heading) triples. With a `grid`, pose and
+    spread may have been computed from it. `again` is true where the previous belief is repeated, with the
+    cells that the log had left out of it.
     """
 
     time: float
@@ -214,10 +213,10 @@ class Belief(Struct, frozen=True):
 
 
 class TwinReading(Struct, frozen=True):
-    """A sensor of the real robot and of the simulated one that does the same, read at once.
+    """A reading of the same sensor on the real robot and on its twin, taken at the same moment.
 
-    `robot` and `simulated` are in the sensor's unit, `time` is simulated time. `robot` is NaN if
-    what the robot answered is no number.
+    `robot` and `simulated` are in the sensor's unit, `time` is simulated time. `robot` is NaN if the robot's
+    answer is not a number.
     """
 
     time: float
@@ -228,11 +227,11 @@ class TwinReading(Struct, frozen=True):
 
 
 class MovementPlanned(Struct, frozen=True):
-    """A movement begins, or what is left of it is planned anew because the block was moved.
+    """A movement begins, or its rest is planned again because the block was moved.
 
-    `number` is that of its command, `time` the simulated time from which the plan holds, and
-    `trajectory` where the robot will be as long as nothing intervenes. `grip` is what the gripper
-    has done, if the command was for it: the jaws act at once, then the robot stands still.
+    `number` is that of its command, `time` the simulated time from which the plan holds. `trajectory` is the
+    robot's path as long as nothing intervenes. `grip` is what the gripper has done, if the command was for
+    it: the jaws act at once, then the robot stands still.
     """
 
     number: int
@@ -246,8 +245,8 @@ class MovementEnded(Struct, frozen=True):
     """A movement is over, and this is how it really went.
 
     `time` is the simulated time of its end, and `pose` the pose then. `stopped_by` says who ended it early,
-    and is empty if nobody did: it took its time, held by a wall or not. `answers` tells that the movement's
-    end is its answer too: the `CommandResult` that follows says nothing new.
+    and is empty if nobody did: a movement that a wall holds takes its full time too. `answers` is true if
+    this event is also the command's answer: the `CommandResult` that follows adds nothing.
     """
 
     number: int
@@ -261,20 +260,20 @@ class MovementEnded(Struct, frozen=True):
 
     @property
     def before(self) -> Pose:
-        """Pose at its beginning."""
+        """Pose at the beginning of the movement."""
         return self.trajectory.before
 
     @property
     def contact(self) -> Contact | None:
-        """The first contact on the way, if there was one."""
+        """The first contact during the movement, None if there was none."""
         return self.trajectory.contact
 
 
 class LegBegun(Struct, frozen=True):
     """A leg of a continuous motion begins: where the robot will be as long as nothing intervenes.
 
-    `number` and `command` are those of the velocity that moves it. Another may take its place before any
-    time has passed.
+    `number` and `command` are those of the velocity that moves it. Another leg may replace it before any time
+    has passed.
     """
 
     number: int
@@ -381,9 +380,10 @@ _METHODS = {
 
 
 class EventHandler(Generic[Made]):
-    """Base of what reacts to some kinds of events: it overrides their methods, and `other` for the rest.
+    """Base class of handlers for some kinds of events: a subclass overrides their methods, and `other` for
+    the rest.
 
-    State of a run is not kept in handlers: that is the reducer's.
+    Handlers keep no state of a run: the reducer does.
     """
 
     def handle(self, event: Event) -> Made:
@@ -392,7 +392,7 @@ class EventHandler(Generic[Made]):
         return made
 
     def other(self, event: Event) -> Made:
-        """Called with each event that no method is overridden for; makes None."""
+        """Called with each event whose method is not overridden; returns None."""
         return cast("Made", None)
 
     def on_result(self, event: CommandResult) -> Made:
@@ -447,17 +447,17 @@ class MissionEnd(EventHandler[None]):
 
 
 class Watchers:
-    """Those who are told of events, in order, all of the same ones in the same order."""
+    """The receivers of events: all receive the same events, in the same order."""
 
     def __init__(self, fault: Callable[[str], None] = lambda text: None) -> None:
-        """`fault` is told, in words, of a watcher that failed."""
+        """`fault` is called with a sentence about a watcher that failed."""
         self._watchers: list[Watcher] = []
         self._untold: deque[Event] = deque()
         self._telling = False
         self._fault = fault
 
     def add(self, watcher: Watcher) -> None:
-        """Have every event passed to `watcher` from here on."""
+        """Pass every event from now on to `watcher`."""
         self._watchers.append(watcher)
 
     def remove(self, watcher: Watcher) -> None:
@@ -466,9 +466,9 @@ class Watchers:
             self._watchers.remove(watcher)
 
     def tell(self, event: Event) -> None:
-        """Pass an event to all. One that fails is dropped; the robot goes on. What a watcher itself
-        tells comes after the event it has seen, for every watcher."""
-        # A queue, not a recursion: what a watcher tells is seen by all only after what it reacted to.
+        """Pass an event to all watchers. A watcher that fails is removed; the robot continues. An event that
+        a watcher tells comes after the event it reacts to, for every watcher."""
+        # A queue, not a recursion: all watchers get an event before those that one of them tells about it.
         self._untold.append(event)
         if self._telling:
             return
@@ -480,7 +480,7 @@ class Watchers:
             self._telling = False
 
     def _tell_all(self, event: Event) -> None:
-        # A copy, since a watcher may leave while it is told.
+        # A copy, since a watcher may be removed while it handles the event.
         for watcher in tuple(self._watchers):
             try:
                 watcher(event)

@@ -1,4 +1,4 @@
-"""Missions: a run planned from its seed, and the referee who says what has been achieved.
+"""Missions: a run planned from its seed, and the referee, which judges the goals.
 
     configuration, plan = plan_run(load(find_set("mission")), seed=7)
     simulator = Simulator(configuration.simulation, 7)
@@ -48,8 +48,8 @@ class MissionState:
     `goals` holds the simulated time at which each goal was met, None for those that are not.
     `reason` says why it failed. `time` is simulated seconds, at most the time limit; `distance` is
     in inches, `spent` the simulated time by purpose. `contact_points` are the places where walls were
-    touched, `pose` is the robot's. `helped` tells that a person put robot or block elsewhere, or took
-    errors away.
+    touched, `pose` is the robot's. `helped` is true if a person put robot or block elsewhere, or took errors
+    away.
     """
 
     plan: MissionPlan
@@ -78,7 +78,7 @@ class MissionState:
 
 
 def mission_state(plan: MissionPlan, state: State) -> MissionState:
-    """A mission as it stands in a state."""
+    """The mission at the moment of a state."""
     progress = state.mission or MissionProgress()
     delivered = progress.goals[Goal.DELIVERED]
     sums = progress.end or state
@@ -154,17 +154,17 @@ def environment(plan: MissionPlan) -> dict[str, str]:
 
 
 class Referee(EventHandler[bool]):
-    """Judges a mission by the state of its run: tells of each goal met, and of the end.
+    """Judges a mission by the state of its run: tells an event for each goal met, and for the end.
 
-    It looks at the run after the reducer has taken an event. The mission begins anew when the run does
-    (reset, another seed); start, block and drop zone stay those of the plan. Once over it stays as
-    it ended. All methods run where the events are told.
+    It looks at the run after the reducer has applied an event. The mission restarts with the run (reset,
+    another seed); start, block and drop zone stay those of the plan. A mission that is over keeps its result.
+    All methods run in the thread that tells the events.
     """
 
     def __init__(
         self, plan: MissionPlan, reducer: Reducer, tell: Callable[[MissionEvent], None] | None = None
     ) -> None:
-        """`tell` passes what the referee says to all watchers, the reducer among them; by default to the
+        """`tell` passes the referee's events to all watchers, the reducer among them; by default to the
         reducer alone."""
         self.plan = plan
         self._reducer = reducer
@@ -190,8 +190,8 @@ class Referee(EventHandler[bool]):
         )
 
     def watch(self, event: Event) -> None:
-        """Take note of an event that the reducer has taken."""
-        # What the event has led to reaches the reducer after it: nothing is to be judged twice.
+        """Judge the run after an event that the reducer has applied."""
+        # Events that this one has led to reach the reducer later: nothing is judged twice.
         if not self.handle(event):
             self.check()
 
@@ -208,7 +208,7 @@ class Referee(EventHandler[bool]):
         if grip is None or self._final is not None or grip.time > self.plan.time_limit:
             return False
         if grip.holding:
-            # The block lies in the loading zone: who holds it must have reached it.
+            # The block starts in the loading zone: a robot that holds it must have reached the zone.
             self._meet(Goal.REACHED, grip.time)
             self._meet(Goal.TAKEN, grip.time)
             return True
@@ -232,7 +232,7 @@ class Referee(EventHandler[bool]):
         return event.time <= self.plan.time_limit
 
     def _enter(self, leg: Leg, now: float) -> None:
-        """Look whether a leg leads into the loading zone by a simulated time."""
+        """Check whether a leg leads into the loading zone by a simulated time."""
         if self._final is not None or self._reducer.mission.goals[Goal.REACHED] is not None:
             return
         entered = [
@@ -245,18 +245,18 @@ class Referee(EventHandler[bool]):
             self._meet(Goal.REACHED, first)
 
     def check(self, now: float | None = None) -> None:
-        """Look at the run at a simulated time, by default that of the last event: contacts, where the
-        robot is, the time. In real time, where time goes on by itself, call it now and then."""
+        """Judge contacts, the robot's place and the time at a simulated time, by default that of the last
+        event. In real time, where time passes without events, call it regularly."""
         # Contacts first: a goal met in the same movement as one contact too many does not count.
         if self._final is not None or self._too_many_contacts():
             return
-        # Without a command time goes on too: `now` may be later than any event.
+        # Time passes without commands too: `now` may be later than any event.
         now = self._reducer.time if now is None else now
         leg = self._reducer.leg
         if leg is not None:
             self._enter(leg, now)
         if now > self.plan.time_limit:
-            # While it drives what counts is where it was then, whenever one looks.
+            # While the robot drives, its place at that time counts, whenever this is called.
             at = now if leg is None else self.plan.time_limit
             self._end(Result.FAILED, f"the time limit of {self.plan.time_limit:g} s", at)
         elif leg is None:
@@ -264,7 +264,7 @@ class Referee(EventHandler[bool]):
             self._reach([(pose.x, pose.y)], now)
 
     def end(self, reason: str) -> None:
-        """Fail it, unless it is over: nobody drives the robot any more."""
+        """Fail the mission, unless it is over: nobody drives the robot any more."""
         if self._final is None:
             self._end(Result.FAILED, reason, self._reducer.time)
 
@@ -272,7 +272,7 @@ class Referee(EventHandler[bool]):
         """The mission at a simulated time, or at its end."""
         return self._final or mission_state(self.plan, self._reducer.at(now))
 
-    # -- within --------------------------------------------------------------------------------
+    # -- internal ------------------------------------------------------------------------------
 
     def _too_many_contacts(self) -> bool:
         allowed, contacts = self.plan.contacts, self._reducer.contacts
@@ -284,7 +284,7 @@ class Referee(EventHandler[bool]):
         return True
 
     def _reach(self, way: list[tuple[float, float]], now: float) -> bool:
-        """True if one of these places lies in the loading zone, and none did before."""
+        """True if one of these places is in the loading zone, and none was before."""
         if self._reducer.mission.goals[Goal.REACHED] is not None:
             return False
         reached = any(cell.holds(x, y) for x, y in way for cell in self.plan.loading_zone)

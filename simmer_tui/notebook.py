@@ -39,9 +39,9 @@ def load(name_or_folder: str | Path | None = None, *, trust_devices: bool = Fals
 
 
 def told(environment: Mapping[str, str]) -> Configuration:
-    """The set that a simulator names to a program it runs: SIMMER_CONFIG (else `config` in the working
-    directory, else the default set), with the profiles in SIMMER_DRIVE_PROFILE and SIMMER_SENSOR_PROFILE
-    and the maze in SIMMER_MAZE. Raises ConfigurationError."""
+    """The set that a simulator names to a program it runs. It is SIMMER_CONFIG, else `config` in the working
+    directory, else the default set. SIMMER_DRIVE_PROFILE and SIMMER_SENSOR_PROFILE give its profiles,
+    SIMMER_MAZE its maze. Raises ConfigurationError."""
     profiles = {
         "drive_profile": environment.get("SIMMER_DRIVE_PROFILE", ""),
         "sensor_profile": environment.get("SIMMER_SENSOR_PROFILE", ""),
@@ -67,8 +67,8 @@ class NotebookSimulator(sim.Simulator):
     """
 
     def __init__(self, spec: Configuration | sim.SimulationSpec | None = None, seed: int = 0) -> None:
-        """`spec` may be a whole configuration, as `load` gives it; of that the simulation counts.
-        `seed` rules all randomness. Raises PlacementError if robot or block stand in a wall."""
+        """`spec` may be a whole configuration, as `load` gives it; only its simulation is used. All random
+        draws follow from `seed`. Raises PlacementError if robot or block stand in a wall."""
         if spec is None:
             spec = load_default()
         super().__init__(spec.simulation if isinstance(spec, Configuration) else spec, seed)

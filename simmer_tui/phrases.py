@@ -1,4 +1,4 @@
-"""Phrases for contacts, grips and the ends of programs: every screen, page and line takes them from here.
+"""Phrases for contacts, grips and the ends of programs: screens, pages and reports all take them from here.
 
 Numbers are the same everywhere: places, lengths and headings to a tenth, times to a hundredth of a second.
 """
@@ -37,7 +37,7 @@ _SIDES = ("ahead", "ahead left", "left", "behind left", "behind", "behind right"
 
 
 WEDGED_TEXT = "wedged: back off before turning"
-"""Advice to a robot that keeps meeting something in one place."""
+"""Advice to a robot that touches something in one place again and again."""
 
 
 def computing_text(timing: str) -> str:
@@ -160,7 +160,7 @@ def movement_text(ended: MovementEnded) -> str:
     """A movement as it really was: `forward 12.0 in`, `turned -90.6 deg`."""
     trajectory = ended.trajectory
     begin = trajectory.pose_at(trajectory.start_time)
-    # Along the path, as all totals are: in a curve it is longer than what is left of it ahead.
+    # Along the path, as all totals are: in a curve that is longer than the displacement ahead.
     end, went = ended.pose, trajectory.travelled(ended.time)
     kind = trajectory.kind
     if kind is None:

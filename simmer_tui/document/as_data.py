@@ -1,8 +1,8 @@
 """JSON and CSV of documents and tables, for programs, spreadsheets, pandas and MATLAB.
 
 In JSON, tables are lists of objects under their keys, records one object. Our own sentences stand under
-`text`, by the key of their paragraph, list or table. CSV has a header of keys, then a row a line: nothing is
-blank, true is 1, numbers beyond all bounds are inf, -inf and nan.
+`text`, by the key of their paragraph, list or table. CSV has a header of keys, then a row a line. None is
+blank, true is 1, numbers that are not finite are inf, -inf and nan.
 """
 
 from __future__ import annotations
@@ -34,10 +34,10 @@ from simmer_tui.sim.command import escape
 
 
 def json_text(value: object) -> str:
-    """One JSON text of a document or of any value that `plain` takes."""
+    """The JSON text of a document, or of any value that `plain` takes."""
     if isinstance(value, Document):
         value = document_value(value)
-    # ASCII only, so that text from outside cannot steer a terminal that the answer is printed on.
+    # ASCII only, so that text from outside cannot control a terminal that the answer is printed on.
     return json.dumps(plain(value), indent=1, allow_nan=False) + "\n"
 
 
@@ -126,11 +126,11 @@ def _cell(value: object) -> object:
 
 
 def _is_unsafe(text: str) -> bool:
-    """True if text could steer a terminal, or is too long; letters of all scripts are safe."""
+    """True if text could control a terminal, or is too long; letters of all scripts are safe."""
     return not text.isprintable() or len(text) > _LONGEST
 
 
 def no_formula(shown: str) -> str:
-    """Text that no spreadsheet takes for a formula: some take the wide signs too."""
-    # OWASP, CSV injection: a leading quote makes spreadsheets take a cell for text.
+    """Text that no spreadsheet interprets as a formula: some accept the full-width signs too."""
+    # OWASP, CSV injection: a leading quote makes a cell plain text in spreadsheets.
     return f"'{shown}" if shown.startswith(tuple("=+-@＝＋－＠")) else shown

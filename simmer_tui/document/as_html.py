@@ -1,6 +1,6 @@
 """Documents as pages: one file that needs nothing else, on a screen or on paper, in the light or the dark.
 
-Text from outside is data: nothing in a value can end the element it stands in.
+Text from outside is data: nothing in a value can end the element that holds it.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ from simmer_tui.document.svg import escape
 
 # A table that needs more than this has its rows folded on phones: 390 points less the page's margins.
 _PHONE = 360
-# Points: a letter of a table is about so wide on average, and so is the room between two columns.
+# Points: average width of a letter in a table, and the gap between two columns.
 _LETTER, _BETWEEN = 7.2, 14.0
 # Letters of a word that may be broken, after a sign: paths and commands are longer, words of people are not.
 _LONG_WORD = 20
@@ -112,7 +112,7 @@ def _part(part: DocumentPart) -> str:
 
 
 def _answer(part: VerdictBox | KeyFigures | ShareBar) -> str:
-    """A part of what a page begins with."""
+    """One of the parts at the top of a page."""
     match part:
         case VerdictBox():
             sign = f"<div class='sign' aria-hidden='true'>{escape(part.sign or part.tone.sign)}</div>"
@@ -168,7 +168,7 @@ def _table_head(labels: Sequence[str], kinds: Sequence[str]) -> str:
 
 
 def _sort_values(table: DataTable) -> list[list[str]]:
-    """The values that the shown cells are sorted by: those that programs read."""
+    """The values by which the shown cells are sorted: those that programs read."""
     return [
         [
             "" if value is None else str((*column.format.plain(value), column.format.text(value))[0])
@@ -218,7 +218,7 @@ def _prose(text: tuple[Prose, ...] | Prose) -> str:
 
 
 def _breakable(text: str) -> str:
-    """Text whose long words, such as paths, may go on in the next line after a sign."""
+    """Text whose long words, such as paths, may be broken after a punctuation sign."""
     return " ".join(
         "<wbr>".join(map(escape, _AFTER_SIGNS.split(word))) if len(word) >= _LONG_WORD else escape(word)
         for word in text.split(" ")

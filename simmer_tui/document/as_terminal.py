@@ -1,4 +1,4 @@
-"""Documents on a terminal. Text is never taken for markup, nor can it steer the terminal."""
+"""Documents on a terminal. Text is never interpreted as markup, and cannot control the terminal."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """Formats of values: the text that people read, and the plain values that programs read.
 
 A value stays a number until a renderer shows it. A format may split a value into several plain ones, each
-with a suffix to the column's key that names its unit: a pose `end` is `end_x_in`, `end_y_in` and
+with a suffix to the column's key that names its unit. A pose `end` is `end_x_in`, `end_y_in` and
 `end_heading_deg`. None is a blank everywhere.
 """
 
@@ -29,7 +29,7 @@ class TextLink:
 
 BLOCKS = " ▁▂▃▄▅▆▇█"
 """Characters of a histogram, from none to the most."""
-# Most numbers of a list that are shown; a line of a terminal has room for about so many.
+# Most numbers of a list that are shown; a line of a terminal has room for about as many.
 _LISTED = 8
 
 

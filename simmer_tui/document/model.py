@@ -1,4 +1,4 @@
-"""Documents: tables of typed columns and values, prose and figures; renderers make of them what is asked."""
+"""Documents: tables of typed columns and values, prose and figures, before they are rendered."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class Tone(StrEnum):
 
     @property
     def sign(self) -> str:
-        """Sign that stands beside words of this tone."""
+        """Sign beside words of this tone."""
         return _SIGNS[self]
 
 
@@ -99,7 +99,7 @@ class DataTable:
                 yield [shown for _, shown in cells]
 
     def texts(self) -> Iterator[list[str]]:
-        """The same without what links lead to."""
+        """The same without the targets of links."""
         for row in self.cells():
             yield [words(cell) for cell in row]
 
@@ -144,8 +144,8 @@ def _shown(column: DataColumn, value: object) -> Prose:
 class VerdictBox:
     """The answer that a page begins with.
 
-    `text` is the whole answer in one line, for terminals and programs. A page says it in two: a `headline` of
-    a few words with a `sign`, by default that of its tone, and a `sentence`, by default `text`.
+    `text` is the whole answer in one line, for terminals and programs. A page has a `headline` of a few words
+    with a `sign`, by default that of its tone, and a `sentence`, by default `text`.
     """
 
     key: str
@@ -224,7 +224,7 @@ class NestedValue:
 
 @dataclass(frozen=True, slots=True)
 class Folded:
-    """Parts that a page shows only when a reader opens them. Elsewhere they stand like all others."""
+    """Parts that a page shows only when a reader opens them. Elsewhere they are like all others."""
 
     title: str
     parts: Sequence[DocumentPart]
@@ -281,7 +281,7 @@ def unfolded(parts: Iterable[DocumentPart]) -> Iterator[DocumentPart]:
 
 
 def words(text: tuple[Prose, ...] | Prose) -> str:
-    """Text of a paragraph, without what its links lead to."""
+    """Text of a paragraph, without the targets of its links."""
     if isinstance(text, str):
         return text
     return "".join(map(words, text)) if isinstance(text, tuple) else text.words

@@ -1,6 +1,6 @@
 """The looks of pages: in the light or the dark, on a wide screen, on a phone and on paper."""
 
-# The colours of text, each at least 4.5 : 1 on what it stands on (WCAG 2).
+# The colours of text, each with a contrast of at least 4.5 : 1 to its background (WCAG 2).
 _LIGHT = (
     "color-scheme: light; --page: #ffffff; --ink: #161b22; --faint: #46515e; --line: #d0d6de; "
     "--raised: #f6f7f9; --fresh: #fff0cf; --link: #0a5785; --good: #0f6b3f; --good-ground: #dff3e7; "
@@ -13,8 +13,8 @@ _DARK = (
     "--bad: #ff8d86; --bad-ground: #3a1614; --mixed: #ffcf5c; --mixed-ground: #33270a; "
     "--plain: #a3adba; --plain-ground: #10141a; --ramp: brightness(1.7);"
 )
-# Colours of the pictures, which are drawn for paper, and what stands for them in the dark; those within the
-# class `fixed` mean something by their hue and stay.
+# Colours of the pictures, which are drawn for paper, and their replacements in the dark. Those within the
+# class `fixed` have a meaning by their hue and stay.
 _IN_THE_DARK = {
     "#ffffff": "#0b0e13",
     "#fafafa": "#10141a",

@@ -1,4 +1,4 @@
-"""Pieces of SVG as text, with little enough to write that no library is needed."""
+"""Pieces of SVG as text; no library is needed for them."""
 
 from __future__ import annotations
 
@@ -87,8 +87,8 @@ def shifted(x: float, y: float, content: str) -> str:
 
 
 def legend(x: float, y: float, marks: Iterable[tuple[str, str]], width: float = 960.0) -> str:
-    """A legend of marks, in a row from x on: pairs of words and a mark drawn within 20 x 10 points around
-    (0, 0) to (20, 0). What finds no room within `width` is left out."""
+    """A legend of marks, in a row from x on. Each is a pair of words and a mark, drawn within 20 x 10 points
+    around (0, 0) to (20, 0). Marks without room within `width` are left out."""
     parts = []
     # A letter of 11 points is about 5.6 points wide on average; SVG cannot measure text.
     for words, mark in marks:

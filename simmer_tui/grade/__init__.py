@@ -1,1 +1,1 @@
-"""A course graded: teams' programs on the same missions, each in a sandbox, with as few runs as it takes."""
+"""Grading of a course: teams' programs on the same missions, each sandboxed, with few runs."""

@@ -1,11 +1,11 @@
-"""Programs sandboxed by bubblewrap (Linux): namespaces of their own, and next to nothing to see.
+"""Programs sandboxed by bubblewrap (Linux), in namespaces of their own.
 
-A program sees the system's programs and libraries, Python and this package, all read-only, and a copy of
+A program sees the system's programs and libraries, Python and this package, all read-only. It has a copy of
 its own files in memory, of limited size. Its network has a loopback interface and nothing else; the
-simulator's ports listen in there (`launcher.py`), so every program has 9000 to itself. When its first
-process is gone, the kernel ends whatever it started.
+simulator's ports listen there (`launcher.py`), so every program has a port 9000 of its own. When its first
+process ends, the kernel kills all that it started.
 
-A filter refuses system calls by which a program could reach further, or see of other sandboxes
+A filter refuses system calls with which a program could leave the sandbox, or observe other ones
 (`call_filter.py`).
 """
 
@@ -44,7 +44,7 @@ from simmer_tui.program import ProgramOutput
 COMMAND = "bwrap"
 # Above all users of a usual system and below 2^31, with room for every thread.
 _FIRST_UID = 1_000_000_000
-"""Users that nobody is; that of a run lies as far above as the number of the thread that does it."""
+"""First of the user IDs that nobody has; a run's ID is this plus the number of its thread."""
 _OWN_PROCESSES = 2
 """Bubblewrap outside, and the launcher inside."""
 _ETC = ("ld.so.cache", "ld.so.conf", "ld.so.conf.d", "alternatives", "localtime", "fonts")
@@ -54,7 +54,7 @@ class Bubblewrap(LaunchedSandbox):
     """A sandbox of namespaces for one run."""
 
     def __init__(self, files: Path, limits: Limits, extra: Sequence[str] = ()) -> None:
-        """`extra` are more folders to be seen, read-only."""
+        """`extra` are more folders that are visible, read-only."""
         super().__init__(files, limits)
         self._extra = extra
 
@@ -83,7 +83,8 @@ class Bubblewrap(LaunchedSandbox):
             options.seek(0)
             inside = (sys.executable, "-I", "-S", f"{PACKAGE}/launcher.py", str(theirs.fileno()))
             process = subprocess.Popen(
-                # Its own entry in /proc shows command line and environment to the program.
+                # The program can read this command line and environment in /proc, so neither has anything
+                # secret.
                 [
                     *([] if group is None else group.entry),
                     *(COMMAND, "--args", str(options.fileno()), "--", *inside),
@@ -112,11 +113,11 @@ def seen_folders(extra: Sequence[str] = ()) -> list[Path]:
 def _words(files: Path, limits: Limits, extra: Sequence[str], rules: int) -> list[str]:
     words = ["--die-with-parent", "--new-session", "--as-pid-1", "--hostname", "robot", "--clearenv"]
     words += ["--unshare-ipc", "--unshare-pid", "--unshare-net", "--unshare-uts", "--unshare-cgroup-try"]
-    if platform_has.user_id() == 0:  # to change the user; no other power of root goes in
+    if platform_has.user_id() == 0:  # to change the user; all other capabilities are dropped
         words += ["--cap-drop", "ALL", "--cap-add", "CAP_SETUID", "--cap-add", "CAP_SETGID"]
     else:
         words.append("--unshare-user")
-    # Before what is shown: Python may lie in one of them.
+    # Mounted before the visible folders: Python may be in one of these.
     words += ["--proc", "/proc", "--dev", "/dev"]
     for place, size in zip(WRITABLE, (SCRATCH, SCRATCH, limits.disk_bytes), strict=True):
         words += ["--perms", "1777", "--size", str(size), "--tmpfs", place]
@@ -130,21 +131,22 @@ def _words(files: Path, limits: Limits, extra: Sequence[str], rules: int) -> lis
     for path, place in package_folders().items():
         words += ["--ro-bind", str(path), place]
     words += ["--ro-bind", launcher.__file__, f"{PACKAGE}/launcher.py", "--ro-bind", str(files), FILES]
-    words += ["--remount-ro", "/dev", "--remount-ro", "/"]  # both are memory without a limit
-    words += ["--remount-ro", "/proc"]  # settings of the kernel are in it, some of them the machine's
+    words += ["--remount-ro", "/dev", "--remount-ro", "/"]  # both are in memory, without a limit
+    words += ["--remount-ro", "/proc"]  # it contains kernel settings, some of the whole machine
     if call_filter():
         words += ["--seccomp", str(rules)]
     return words
 
 
 def _shown(path: Path) -> list[str]:
-    """Show a file or folder, read-only, and let every user into the folders on the way to it."""
+    """Make a file or folder visible, read-only, and let every user traverse the folders above it."""
     if path.is_symlink():
         return ["--symlink", str(path.readlink()), str(path)]
     folders = [*reversed(path.parents[:-1])]  # bubblewrap would make them for root only
     inside = [path]
     if path.is_dir() and path.stat().st_mode & 0o005 != 0o005:
-        # An environment in a private folder, as mktemp makes them: only what it holds has usual rights.
+        # An environment may be in a private folder, as mktemp makes them; only its contents have usual
+        # permissions.
         folders.append(path)
         inside = sorted(path.iterdir())
     words = []
@@ -159,7 +161,7 @@ def _shown(path: Path) -> list[str]:
 
 
 def what_is_missing() -> str:
-    """Why there can be no sandbox here, or an empty string: a trial says so."""
+    """Reason why there can be no sandbox here, by a test of one; empty if there can."""
     if not platform_has.LINUX:
         return "bubblewrap is for Linux only"
     if shutil.which(COMMAND) is None:

@@ -1,13 +1,13 @@
-"""The filter of system calls that a sandboxed program has, as the kernel takes it (classic BPF).
+"""The filter of system calls for a sandboxed program, as the kernel expects it (classic BPF).
 
-It refuses what would open ways that the sandbox knows nothing of: user namespaces of the program's own (in
-which it could mount memory without a limit), kernel keyrings (which stay behind), other processes' memory,
-io_uring, performance counters, memory that belongs to no process and no file system, which no limit binds
-(memfd, System V's), and sockets of families that no namespace confines.
+It refuses calls that the other means of the sandbox do not confine. These are user namespaces of the
+program's own (in which it could mount memory without a limit), kernel keyrings (which remain afterwards),
+other processes' memory, io_uring and performance counters. So are memory outside processes and file systems,
+which has no limit (memfd, System V), and sockets of families that no namespace confines.
 
-It also refuses what one sandbox could see of another by files that both see: locks, leases and hints, which
-hang on a file and not on its name, and watches (inotify, fanotify, dnotify). A lock is answered by "no locks
-available" (ENOLCK), as on a file system without any. All else is allowed.
+It also refuses calls by which one sandbox could observe another through common files: locks, leases and
+hints, which belong to a file and not to its name, and watches (inotify, fanotify, dnotify). A lock is
+answered with "no locks available" (ENOLCK), as on a file system without any. All else is allowed.
 
 Layout and numbers: linux/seccomp.h, linux/filter.h, linux/fcntl.h, asm/unistd_64.h, asm-generic/unistd.h.
 """
@@ -19,19 +19,22 @@ import struct
 from collections.abc import Mapping
 from types import MappingProxyType
 
+# Instructions of classic BPF: LD | W | ABS, then JMP by JEQ, JSET and JGT with a constant, and RET.
 _LOAD, _EQUAL, _ANY_BIT, _ABOVE, _RETURN = 0x20, 0x15, 0x45, 0x25, 0x06
-_ALLOW, _KILL = 0x7FFF0000, 0x80000000
+_ALLOW, _KILL = 0x7FFF0000, 0x80000000  # SECCOMP_RET_ALLOW, SECCOMP_RET_KILL_PROCESS
 _REFUSE, _UNKNOWN, _NO_LOCK = 0x00050001, 0x00050026, 0x00050025
 """SECCOMP_RET_ERRNO with EPERM, ENOSYS and ENOLCK."""
 _NUMBER, _ARCHITECTURE, _FIRST, _SECOND = 0, 4, 16, 24
 """Offsets in struct seccomp_data: the call's number, the architecture, the low halves of two arguments."""
 _NEW_USER = 0x10000000  # CLONE_NEWUSER
-_X32 = 0x3FFFFFFF
+_X32 = 0x3FFFFFFF  # call numbers above have __X32_SYSCALL_BIT
 _FAMILIES = (0, 1, 2, 10, 16)
-"""Families of sockets allowed: none, Unix, IPv4, IPv6, netlink. Some others reach past namespaces."""
+"""Families of sockets allowed: none, Unix, IPv4, IPv6, netlink. Some others are not confined by
+namespaces."""
 _LOCKS = (6, 7, 37, 38, 1024, 1026, 1036, 1038, 1040)
 """Commands of fcntl: F_SETLK, F_SETLKW, F_OFD_SETLK, F_OFD_SETLKW, F_SETLEASE, F_NOTIFY, F_SET_RW_HINT,
 F_SET_FILE_RW_HINT, F_SETDELEG."""
+# AUDIT_ARCH_X86_64 and AUDIT_ARCH_AARCH64, linux/audit.h.
 _ARCHITECTURES = MappingProxyType({"x86_64": 0xC000003E, "aarch64": 0xC00000B7})
 _CALLS: Mapping[str, tuple[int, int | None]] = MappingProxyType(
     {
@@ -51,7 +54,7 @@ _CALLS: Mapping[str, tuple[int, int | None]] = MappingProxyType(
 
 
 def call_filter(machine: str | None = None) -> bytes:
-    """The filter for a machine, by default this one; empty for one whose numbers are not known here."""
+    """The filter for a machine, by default this one; empty for one whose call numbers are not in `_CALLS`."""
     machine = machine or platform.machine()
     if machine not in _ARCHITECTURES:
         return b""
@@ -59,7 +62,7 @@ def call_filter(machine: str | None = None) -> bytes:
     calls = {name: number for name, numbers in _CALLS.items() if (number := numbers[column]) is not None}
     flagged = [calls.pop("clone"), calls.pop("unshare")]
     sockets = [calls.pop("socket"), calls.pop("socketpair")]
-    clone3 = calls.pop("clone3")  # its flags lie in memory; without it, libraries take clone
+    clone3 = calls.pop("clone3")  # a filter cannot read its flags in memory; libraries fall back to clone
     flock, fcntl = calls.pop("flock"), calls.pop("fcntl")
     program = [
         (_LOAD, 0, 0, _ARCHITECTURE),

@@ -14,27 +14,27 @@ from pathlib import Path
 
 _NEEDED = ("memory", "pids", "cpu")
 _PERIOD = 100_000
-"""Microseconds, the kernel's usual period of cpu.max. A sandbox may use one processor's worth of each: there
-are as many runs at a time as processors."""
+"""Microseconds, the kernel's usual period of cpu.max. A sandbox may use one processor: there are as many runs
+at a time as processors."""
 _LAST = 2.0
-"""Seconds that the killed may take to be gone."""
+"""Time limit for killed processes to disappear, seconds."""
 _PAUSE = 0.01
-"""Seconds between two looks at a group that is to be empty."""
+"""Seconds between two checks of a group that must become empty."""
 
 
 @dataclass(frozen=True, slots=True)
 class ControlGroup:
-    """A group with limits, empty as yet."""
+    """A group with limits, initially empty."""
 
     path: Path
 
     @property
     def entry(self) -> list[str]:
-        """Words before a command that let it begin in the group."""
+        """Words before a command that start it in the group."""
         return ["sh", "-c", 'echo 0 > "$0" && exec "$@"', str(self.path / "cgroup.procs")]
 
     def limit(self, memory: int, processes: int) -> None:
-        """Set the limits: bytes, and processes and threads. Raises OSError."""
+        """Set the limits: bytes of memory, number of processes and threads. Raises OSError."""
         values = {
             "memory.max": str(memory),
             "memory.swap.max": "0",
@@ -48,7 +48,7 @@ class ControlGroup:
                 _write(file, value)
 
     def processor_time(self) -> float:
-        """Seconds that all in it have taken, those that have ended too."""
+        """Processor time of all its processes, seconds, those that have ended included."""
         try:
             lines = (self.path / "cpu.stat").read_text().splitlines()
         except OSError:
@@ -56,8 +56,8 @@ class ControlGroup:
         return next((int(line.split()[1]) / 1e6 for line in lines if line.startswith("usage_usec")), 0.0)
 
     def remove(self) -> None:
-        """End all in it, and the group."""
-        with contextlib.suppress(OSError):  # kernels before 5.14 have it not; the sandbox ended them as well
+        """Kill all its processes, and remove the group."""
+        with contextlib.suppress(OSError):  # kernels before 5.14 lack it; the sandbox has killed them as well
             _write(self.path / "cgroup.kill", "1")
         until = time.monotonic() + _LAST
         while True:
@@ -77,11 +77,11 @@ def _write(file: Path, value: str) -> None:
 
 
 def made_group(places: list[Path] | None = None) -> ControlGroup | None:
-    """A new group, or None where none can be had that bounds memory, processes and processors. `places` are
-    the groups in which it may be made: usually ours and those above it."""
+    """A new group, or None where none can limit memory, processes and processors. `places` are the groups in
+    which it may be made: by default ours and those above it."""
     for place in _ours() if places is None else places:
         group = ControlGroup(place / f"simmer-{os.getpid()}-{secrets.token_hex(4)}")
-        with contextlib.suppress(OSError):  # it is on already, or not ours to turn on
+        with contextlib.suppress(OSError):  # it is on already, or we may not turn it on
             _write(place / "cgroup.subtree_control", " ".join(f"+{name}" for name in _NEEDED))
         try:
             group.path.mkdir()

@@ -1,8 +1,8 @@
 """Programs sandboxed by docker or podman, in an image that has Python, `timeout` and what programs need.
 
-The simulator stays outside. The launcher in the container connects to a Unix socket in a folder that
-is shown to it, and hands out its listening sockets through that: the container has no network at all. This
-needs the engine on the same machine, not on another or in a virtual one.
+The simulator stays outside. The launcher in the container connects to a Unix socket in a mounted folder, and
+passes its listening sockets through it. The container has no network. This needs the engine on the same
+machine, not on another or in a virtual one.
 """
 
 from __future__ import annotations
@@ -34,9 +34,9 @@ DEFAULT_IMAGE = "python:3.12-slim"
 _DOOR, _KNOCKER = "/door", "launcher"
 # The user `nobody` of all distributions.
 _USER = 65534
-# An engine that wakes up takes seconds.
+# An engine that is starting takes seconds.
 _ASKED = 30.0
-"""Seconds that an engine may take to say whether it is there."""
+"""Time limit for an engine to answer that it is running, seconds."""
 
 
 class Container(LaunchedSandbox):
@@ -45,7 +45,7 @@ class Container(LaunchedSandbox):
     def __init__(
         self, engine: str, image: str, files: Path, limits: Limits, extra: Sequence[str] = ()
     ) -> None:
-        """`engine` is docker or podman, `extra` more folders to be seen, read-only."""
+        """`engine` is docker or podman, `extra` are more folders that are visible, read-only."""
         super().__init__(files, limits)
         self._engine = engine
         self._image = image or DEFAULT_IMAGE
@@ -59,7 +59,8 @@ class Container(LaunchedSandbox):
 
     @property
     def _resources(self) -> dict[str, int]:
-        """Without NPROC, which counts what its user has in all containers: --pids-limit counts in one."""
+        """The limits without NPROC, which counts a user's processes in all containers: --pids-limit counts in
+        one."""
         return {name: value for name, value in super()._resources.items() if name != "NPROC"}
 
     def _launch(self) -> tuple[subprocess.Popen[bytes], socket.socket]:
@@ -85,7 +86,7 @@ class Container(LaunchedSandbox):
                 process.kill()
                 said = b"".join(process.communicate()).decode(errors="replace").strip()[-300:]
                 raise GradeError(f"the container did not begin: {said}") from None
-        (self._door / _KNOCKER).unlink()  # there is one who may knock, and has
+        (self._door / _KNOCKER).unlink()  # only one launcher may connect, and it has
         return process, link
 
     def words(self) -> list[str]:
@@ -101,8 +102,8 @@ class Container(LaunchedSandbox):
             words += ["--tmpfs", f"{place}:rw,exec,mode=1777,size={size}"]
         for path, place in seen.items():
             words += ["--volume", f"{path}:{place}:ro"]
-        # A container is not our child, and would outlive us if we are killed: `timeout`, its first process,
-        # which the program cannot kill, ends it.
+        # A container is not a child of this process, and would outlive it if it is killed. `timeout`, its
+        # first process, which the program cannot kill, ends it.
         longest = str(math.ceil(self._limits.time + PATIENCE))
         words += ["--entrypoint", "timeout", self._image, "-s", "KILL", longest]
         return [*words, "python3", "-I", "-S", LAUNCHER, f"{_DOOR}/{_KNOCKER}"]
@@ -122,7 +123,7 @@ class Container(LaunchedSandbox):
 
 
 def what_is_missing(engine: str) -> str:
-    """Why an engine cannot close programs in here, or an empty string."""
+    """Reason why an engine cannot sandbox programs here, or an empty string."""
     if shutil.which(engine) is None:
         return f"{engine} is not installed"
     if not platform_has.POSIX:

@@ -22,36 +22,36 @@ from simmer_tui.trials.sequential import LARGEST_CAP, MARGIN, RISK
 
 COURSE_FILE, TEAM_FILE = "course.toml", "team.toml"
 PLAN_FILE, TEAMS_FOLDER = "grade.json", "teams"
-"""The file and the folder by which a grading is known."""
+"""The file and the folder by which a grading is recognized."""
 DEFAULT_COMMAND = "python main.py"
 _LARGEST_TEAM_FILE = 65536
-"""Bytes of a team.toml: it is a stranger's file, and two lines long."""
+"""Largest team.toml, bytes: it is an untrusted file of two lines."""
 _WORD = re.compile(r"[^a-z0-9]+")
 
 
 @dataclass(frozen=True, slots=True)
 class Rules:
-    """The rules for a team's robot. Whatever it has, its errors are at least those of the course's set.
+    """The rules for a team's robot. Its errors are always at least those of the course's set.
 
-    `sensors` is how many may be enabled, `size` the diameter, inches, of a circle around the robot's
-    centre that it must fit in, `cells` the columns of a file that may differ from the course's (of
-    robot.csv, the rows); all of a file that is not named may. None stands for no rule.
+    `sensors` is the most sensors enabled, `size` the diameter, inches, of a circle around the robot's centre
+    in which it must fit. `cells` are the columns of a file that may differ from the course's (of robot.csv,
+    the rows); in other files all may. None stands for no rule.
     """
 
     sensors: int | None = None
     size: float | None = None
     cells: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     dialects: bool = False
-    """True if a team's dialect.toml is taken."""
+    """True if a team's dialect.toml is accepted."""
     wheels: bool = False
-    """True if a team's [wheels] are taken, which are no faster than the course's."""
+    """True if a team's [wheels] are accepted, which must be no faster than the course's."""
 
 
 @dataclass(frozen=True, slots=True)
 class Team:
-    """A team's submission: `config` is its robot set, config.py or Main.m, by path in its folder,
-    empty for none. `given` is what the course itself says of both, `problems` is what is wrong with the
-    team's own file. Before its files are copied, it is as the course names it."""
+    """A team's submission: `config` is its robot set, config.py or Main.m, by path in its folder, empty for
+    none. `given` has the course's own values for command and config, `problems` are the mistakes in the
+    team's own file. Before its files are copied, it has only the course's values."""
 
     name: str
     folder: Path
@@ -70,13 +70,13 @@ class Team:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Course:
-    """All that is asked of the teams, and the teams."""
+    """The requirements of a course, and its teams."""
 
     name: str
     directory: Path
     """The configuration set: maze, mission, settings, and the robot of teams that have none."""
     command: str = DEFAULT_COMMAND
-    """Of teams of which nothing else is said."""
+    """Default command of the teams."""
     require: float = 0.9
     margin: float = MARGIN
     risk: float = RISK
@@ -86,9 +86,9 @@ class Course:
     read_only: tuple[str, ...] = ()
     """More folders of this machine that programs may read."""
     image: str = ""
-    """The container's, for docker and podman."""
+    """Image of the container, for docker and podman."""
     clock: str = ""
-    """Clock of the runs in place of that of the set."""
+    """Clock of the runs in place of the set's."""
     teams: tuple[Team, ...] = ()
     team_folders: tuple[Path, ...] = ()
     """In these, each folder is a team's."""
@@ -127,8 +127,8 @@ _LIMITS = tuple(
 
 
 def read_course(target: Path, course_file: Path | None = None, *, alone: bool = False) -> Course:
-    """The course in a TOML file, or of the folders in a folder, which may hold a course.toml; an own
-    `course_file` says what is asked of them. With `alone` the folder is one team's.
+    """The course in a TOML file, or of the folders in a folder, which may contain a course.toml;
+    `course_file` replaces it. With `alone` the folder is one team's.
 
     Raises ConfigurationError with every mistake.
     """
@@ -204,7 +204,7 @@ def _rules(file: TomlFile, top: Mapping[str, Any]) -> Rules:
 
 
 def _below(folder: Path, directory: Path, command: str, problems: list[Problem]) -> list[Team]:
-    """The teams with a folder each in a folder: all that is not the course's own set, nor a grading."""
+    """The teams with a folder each in a folder: all folders but the course's own set and gradings."""
     if not folder.is_dir():
         problems.append(Problem(shown_name(str(folder), 200), "is not a folder"))
         return []
@@ -222,8 +222,8 @@ def _is_grading(path: Path) -> bool:
 
 
 def submitted_team(team: Team, files: Path, command: str) -> Team:
-    """A team as it submitted itself, by the copy of its `files`. What the course says of it (`given`) goes
-    first, then its team.toml, then the course's `command`. Mistakes in team.toml are the team's own."""
+    """A team by the copy of its `files`. The course's values for it (`given`) take precedence over its
+    team.toml, and that over the course's `command`. Mistakes in team.toml are the team's own."""
     own, problems = dict[str, str](), list[Problem]()
     path = files / TEAM_FILE
     if path.is_file():
@@ -236,7 +236,7 @@ def submitted_team(team: Team, files: Path, command: str) -> Team:
 
 
 def _named_team(name: str, folder: Path, command: str, given: Mapping[str, str] | None = None) -> Team:
-    """A team as the course names it; its own files are not read yet."""
+    """A team with the course's values; its own files are not read yet."""
     said = {"command": command, "config": "", **(given or {})}
     return Team(name, folder, said["command"], said["config"], given or {})
 
@@ -263,6 +263,6 @@ def _listed(file: TomlFile, home: Path, command: str) -> list[Team]:
 
 
 def shown_name(name: str, limit: int = 60) -> str:
-    """A name as people read it, in whatever script; nothing in it steers a terminal."""
+    """A name as people read it, in any script; nothing in it controls a terminal."""
     shown = printable(name)
     return shown if len(shown) <= limit else f"{shown[: limit - 3]}..."

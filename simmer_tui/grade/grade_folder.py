@@ -1,4 +1,4 @@
-"""The folder that a grading lives in; for the instructor's eyes only, but for site/.
+"""The folder of a grading; only for the instructor, except site/.
 
 grade.json      what is asked, the secret seed, the teams
 course/         the course's configuration set as it was at the beginning
@@ -46,9 +46,9 @@ PLAN, TEAMS = PLAN_FILE, TEAMS_FOLDER
 COURSE, RUNS = "course", "runs"
 # The usual limit of the disk in a sandbox, `Limits.disk`.
 _LARGEST_SUBMISSION = 64_000_000
-"""Bytes that a team may submit; more would not fit into its sandbox either."""
+"""Largest submission, bytes; a larger one would not fit into its sandbox either."""
 _NUMBERS = 100_000
-"""Numbers of runs set aside for each team: more than the largest cap of a test."""
+"""Numbers of runs reserved for each team: more than the largest cap of a test."""
 
 
 def number_in_team(result: TrialResult) -> int:
@@ -57,8 +57,8 @@ def number_in_team(result: TrialResult) -> int:
 
 
 class PlannedTeam(Struct, frozen=True):
-    """A team as the plan has it. `attempt` counts its gradings, `refused` is why its files could not
-    be taken, or empty."""
+    """A team as the plan has it. `attempt` counts its gradings, `refused` is the reason why its files were
+    not accepted, or empty."""
 
     team: Team
     attempt: int = 1
@@ -66,7 +66,7 @@ class PlannedTeam(Struct, frozen=True):
 
 
 class GradePlan(Struct, frozen=True, kw_only=True):
-    """The teams and what is asked of them, with the secret seed."""
+    """The teams and the requirements, with the secret seed."""
 
     seed: Annotated[int, Meta(ge=0)]
     isolation: Isolation
@@ -76,7 +76,7 @@ class GradePlan(Struct, frozen=True, kw_only=True):
 
 
 class TeamRun(Struct, frozen=True):
-    """A line of results.jsonl: the result of a run of a team, and in which of its gradings."""
+    """A line of results.jsonl: the result of a run of a team, and the number of its grading."""
 
     team: str
     attempt: int
@@ -109,7 +109,7 @@ class Entry:
 
     @property
     def problems(self) -> tuple[Problem, ...]:
-        """Why it is not graded, or empty."""
+        """Reasons why it is not graded, or empty."""
         refused = (Problem("files", self.planned.refused),) if self.planned.refused else ()
         return (*self.team.problems, *refused) or self.check.problems
 
@@ -164,7 +164,7 @@ class GradeFolder:
 
     @classmethod
     def read(cls, path: Path) -> GradeFolder:
-        """A grading as it was left. Raises GradeError, ConfigurationError, TrialsError."""
+        """An existing grading. Raises GradeError, ConfigurationError, TrialsError."""
         store = RunStore(path, KIND)
         folder = cls(path, store.read_plan())
         store.recover()
@@ -175,7 +175,7 @@ class GradeFolder:
                 entry.results.setdefault(number_in_team(line.result), line.result)
         return folder
 
-    # -- what is to be done --------------------------------------------------------------------
+    # -- plan ----------------------------------------------------------------------------------
 
     @property
     def runs(self) -> Path:
@@ -187,7 +187,7 @@ class GradeFolder:
         return self.test.verdict(result.success for result in entry.in_order)
 
     def counted(self, entry: Entry) -> list[TrialResult]:
-        """The results that a team's score is made of: those up to the decision."""
+        """The results for a team's score: those up to the decision."""
         verdict = self.verdict(entry)
         return entry.in_order[: None if verdict is None else verdict.runs]
 
@@ -230,10 +230,10 @@ class GradeFolder:
         """The output of the program of a run, if it is kept."""
         return self.runs / entry.team.slug / f"{number:04}{OUTPUT}"
 
-    # -- what has been done --------------------------------------------------------------------
+    # -- results -------------------------------------------------------------------------------
 
     def append(self, result: TrialResult) -> None:
-        """Keep the result of a run: on the disk when this returns. Raises GradeError."""
+        """Write the result of a run, which is on the disk when this returns. Raises GradeError."""
         entry, number = self.entries[result.number // _NUMBERS], number_in_team(result)
         self.store.append(TeamRun(entry.team.name, entry.planned.attempt, result))
         with self.store.reported("written"):
@@ -241,7 +241,7 @@ class GradeFolder:
         entry.results[number] = result
 
     def _keep_within_bounds(self, entry: Entry, number: int) -> None:
-        """Logs of a team's failures are kept until its share of the room for them is used up."""
+        """Keep logs of a team's failures until its share of the space for them is used up."""
         share = self.course.limits.logs * 1e6 / max(len(self.entries), 1)
         place = self.runs / entry.team.slug
         if place.is_dir() and sum(path.stat().st_size for path in place.iterdir()) > share:
@@ -296,15 +296,15 @@ class GradeFolder:
 
 
 def _run_seed(seed: int, number: int) -> int:
-    """The seed of a run: 128 bits, since a program that reads a sensor twice could try all of fewer, and
-    by HMAC, so that those of runs that were shown tell nothing of the others."""
+    """The seed of a run: 128 bits, since a program that reads a sensor twice could search a smaller space. It
+    is an HMAC, so the seeds of published runs do not reveal others."""
     return int.from_bytes(hmac.digest(str(seed).encode(), f"seed of run {number}".encode(), "sha256")[16:])
 
 
 def _check(base: Configuration, largest: Configuration) -> None:
-    """Raises ConfigurationError if the course's set is none to grade with."""
+    """Raises ConfigurationError if the course's set cannot be used for grading."""
     problems = []
-    if base.mission is None:  # else success would be exit code 0, which doing nothing has too
+    if base.mission is None:  # without a mission, success would be exit code 0, which needs no action
         problems.append(Problem(mission_toml.FILE, "is missing: success in a grading is to do its mission"))
     if not base.settings.sim:
         problems.append(Problem("sim", "grading is for the simulated robot"))
@@ -316,8 +316,8 @@ def _check(base: Configuration, largest: Configuration) -> None:
 
 
 def _kept(planned: PlannedTeam, path: Path, command: str, reader: SubmissionReader) -> PlannedTeam:
-    """Copy the files of a team into the grading, and read its team.toml there; what cannot be taken is its
-    own problem. Raises OSError."""
+    """Copy the files of a team into the grading, and read its team.toml there. Files that cannot be accepted
+    are the team's problem. Raises OSError."""
     team = replace(planned.team, folder=planned.team.folder.resolve())
     home = path / TEAMS / team.slug
     home.mkdir()

@@ -19,7 +19,7 @@ from simmer_tui.trials.run import Sandbox, TrialRun, Unconfined, fault_result
 from simmer_tui.trials.trial import Ending, Trial, TrialResult
 
 _LARGEST_LOG = 30_000_000
-"""Bytes of a compressed log of a run; a program that only wants to fill the disk does not."""
+"""Largest compressed log of a run, bytes, so that no program can fill the disk."""
 SHOWN_SUCCESS = 1
 """Run whose log is kept even if it succeeds."""
 
@@ -42,17 +42,17 @@ class GradeTrial(Trial):
 
 
 class GradeRun(TrialRun):
-    """Make it, call `run` once; `interrupt` ends it from another thread."""
+    """One run of a team. Make it, call `run` once; `interrupt` ends it from another thread."""
 
     def __init__(self, trial: GradeTrial, folder: Path, keeper: Keeper | None = None) -> None:
-        """`folder` takes the log and the output of a run that fails, in a folder of the team, and the log of
+        """`folder` gets the log and the output of a run that fails, in a folder of the team, and the log of
         run `SHOWN_SUCCESS`."""
         (folder / trial.slug).mkdir(exist_ok=True)
         super().__init__(trial, folder, sandbox=lambda: sandbox_of(trial, keeper), most_log=_LARGEST_LOG)
         self._most_output = int(trial.limits.output * 1000)
 
     def run(self) -> TrialResult:
-        """Do the run. What is wrong with the team's program, ports or robot is a failure of that run.
+        """Do the run. A fault of the team's program, ports or robot is a failure of that run.
         Raises RunLogError, GradeError, InterruptedTrialError."""
         try:
             result = super().run()
@@ -70,7 +70,7 @@ class GradeRun(TrialRun):
 
 
 def sandbox_of(trial: GradeTrial, keeper: Keeper | None = None) -> Sandbox:
-    """The sandbox that a run asks for."""
+    """The kind of sandbox that a run needs."""
     match trial.isolation:
         case Isolation.BWRAP:
             return Bubblewrap(trial.files, trial.limits, trial.read_only)
@@ -82,7 +82,7 @@ def sandbox_of(trial: GradeTrial, keeper: Keeper | None = None) -> Sandbox:
 
 
 class OpenCopy(Unconfined):
-    """No sandbox: a copy of the program's files, and all else within its reach."""
+    """No sandbox: a copy of the program's files, with access to everything else."""
 
     def __init__(self, files: Path, keeper: Keeper | None) -> None:
         self._place = tempfile.TemporaryDirectory(prefix="simmer-run-", ignore_cleanup_errors=True)

@@ -1,6 +1,6 @@
-"""Which runs are to be done, and doing them: here, or on a Dask cluster.
+"""The order of the runs of a grading, and their execution, here or on a Dask cluster.
 
-To a cluster each team's files travel once a worker, and run in a sandbox there.
+Each team's files are sent to each worker of a cluster once, and run in a sandbox there.
 """
 
 from __future__ import annotations
@@ -26,31 +26,30 @@ from simmer_tui.trials.trial import Ending, TrialResult
 if TYPE_CHECKING:
     from distributed import Client, Future
 
-# Once may be the machine's fault (no memory, a killed worker); three times in a row it is the program's
-# doing.
+# One fault may be the machine's (no memory, a killed worker); three in a row are the program's.
 _TRIES = 3
-"""Attempts at a run that the simulator, not the program, does not survive."""
+"""Attempts at a run in which the simulator, not the program, fails."""
 
 RunSource = Callable[[Iterable[GradeTrial]], Generator[TrialResult, None, None]]
-"""Does runs, and gives the result of each when it is there."""
+"""A function that does runs, and gives the result of each as soon as it is there."""
 
 
 @dataclass
 class Grading:
-    """Open runs of a grading. Teams take turns, so that all have a first result soon; one whose
-    turn it is gets a second run under way only if no other team needs one."""
+    """Open runs of a grading. Teams take turns, so that all have a first result soon. A team gets a second
+    run under way only if no other team needs one."""
 
     folder: GradeFolder
     _under_way: dict[int, Entry] = field(default_factory=dict)
     _faults: Counter[int] = field(default_factory=Counter)
 
     def trials(self) -> Iterator[GradeTrial]:
-        """The runs to do, each decided on when it can begin."""
+        """The runs to do; each is chosen when it can begin."""
         return iter(self._next, None)
 
     def take(self, result: TrialResult) -> None:
-        """Keep a result. A fault of the simulator itself is not the team's, unless it comes again and again.
-        Raises GradeError."""
+        """Keep a result. A fault of the simulator itself is not the team's, unless it is repeated `_TRIES`
+        times. Raises GradeError."""
         self._under_way.pop(result.number, None)
         if result.ending is Ending.FAULT:
             self._faults[result.number] += 1
@@ -78,7 +77,7 @@ class Grading:
 
 
 def grade(folder: GradeFolder, source: RunSource, on_result: Callable[[TrialResult], None]) -> None:
-    """Do what is left of a grading. Raises GradeError, TrialsError."""
+    """Do the remaining runs of a grading. Raises GradeError, TrialsError."""
     grading = Grading(folder)
     while True:
         results = source(grading.trials())
@@ -93,7 +92,7 @@ def grade(folder: GradeFolder, source: RunSource, on_result: Callable[[TrialResu
 
 
 def here(folder: GradeFolder, jobs: int) -> RunSource:
-    """Runs on this machine, so many at a time."""
+    """Runs on this machine, `jobs` at a time."""
     return lambda trials: run_locally(trials, folder.runs, jobs, GradeRun)
 
 
@@ -123,7 +122,7 @@ def what_is_missing(isolation: Isolation) -> str:
 
 
 def on_cluster(folder: GradeFolder, client: Client) -> RunSource:
-    """Runs on the workers of a cluster. Raises GradeError if one of them cannot close programs in."""
+    """Runs on the workers of a cluster. Raises GradeError if one of them cannot sandbox programs."""
     missing = {where: why for where, why in client.run(what_is_missing, folder.plan.isolation).items() if why}
     if missing:
         where, why = next(iter(missing.items()))
@@ -155,7 +154,7 @@ def run_there(trial: GradeTrial, submission: dict[str, PackedFile]) -> tuple[Tri
     """A run, and the files it leaves; on the cluster. Raises TrialsError if it cannot be done."""
     with tempfile.TemporaryDirectory(prefix="simmer-tui-", ignore_cleanup_errors=True) as name:
         place = Path(name)
-        # The user of a sandbox, whom nobody is, must come as far as the files; others need not.
+        # The user of a sandbox, an ID that nobody has, must be able to reach the files; others need not.
         place.chmod(0o755 if trial.isolation is not Isolation.NONE else 0o700)
         runs, files = place / "runs", place / PROGRAM
         runs.mkdir(mode=0o700)

@@ -3,16 +3,16 @@
     python -I -S launcher.py DESCRIPTOR        (an inherited Unix socket, SOCK_SEQPACKET)
     python -I -S launcher.py PATH              (one to connect to)
 
-Each message on the socket is an order in JSON. `{"listen": PORT}` is answered by `{"port": PORT}` and
-the sockets that listen there, in the network in here, so nothing has to relay a byte. `{"meter": 1}` is
-answered by a socket that tells what all sockets in here hold (sock_diag). `{"run": WORDS, ...}` is the last:
-the program's files are copied, the user changed, limits set, and the program begins, as a child. The socket
-closes as it does; before that, text on it says what went wrong.
+Each message on the socket is an order in JSON. `{"listen": PORT}` is answered by `{"port": PORT}` and the
+sockets that listen there, in the network of the sandbox, so no data needs a relay. `{"meter": 1}` is answered
+by a socket that reports the buffers of all sockets in the sandbox (sock_diag). `{"run": WORDS, ...}` is the
+last: the program's files are copied, the user changed, limits set, and the program begins, as a child. The
+socket closes when it begins; before that, text on it is an error.
 
-This process then waits for the program, and for others that lost their parent, and ends as it does. It has
-the program's limits, and its memory can neither be read nor written by the program (PR_SET_DUMPABLE).
+This process then waits for the program, and for orphaned processes, and ends with the program's exit code. It
+has the program's limits, and its memory can neither be read nor written by the program (PR_SET_DUMPABLE).
 
-A script that imports nothing of this package: every run of a program waits for it.
+The script imports nothing of this package: every run of a program waits for it.
 """
 
 from __future__ import annotations
@@ -31,12 +31,12 @@ from typing import Any
 _BACKLOG = 128
 # An order holds the environment of the program: some kilobytes.
 _LONGEST_ORDER = 1 << 17
-# A port that is free for IPv4 may be taken for IPv6; in a network of its own the first try works.
+# A port that is free for IPv4 may be used for IPv6; in a network of its own the first try works.
 _TRIES = 50
 _SET_DUMPABLE = 4  # PR_SET_DUMPABLE, linux/prctl.h
 _SOCK_DIAG = 4  # NETLINK_SOCK_DIAG, linux/netlink.h
 _NOT_STARTED = 127
-"""Exit code of a child that did not become the program, as shells have it."""
+"""Exit code of a child that could not execute the program, as in shells."""
 
 
 def main(arguments: list[str]) -> None:
@@ -44,7 +44,7 @@ def main(arguments: list[str]) -> None:
         raise NotImplementedError  # there are no sandboxes here
     ctypes.CDLL(None).prctl(_SET_DUMPABLE, 0, 0, 0, 0)
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-        signal.signal(number, signal.SIG_IGN)  # the program may send them: it may be the same user
+        signal.signal(number, signal.SIG_IGN)  # the program, which may have the same user, may send them
     link = _link(arguments[0])
     while order := link.recv(_LONGEST_ORDER):
         fields = json.loads(order)
@@ -113,7 +113,7 @@ def _listening(family: socket.AddressFamily, address: str, port: int) -> socket.
 
 
 def _run(link: socket.socket, order: dict[str, Any]) -> None:
-    """Run the program, and end as it does. Raises OSError."""
+    """Run the program, and end with its exit code. Raises OSError."""
     if sys.platform != "linux":
         raise NotImplementedError  # there are no sandboxes here
     pid = os.fork()
@@ -125,9 +125,9 @@ def _run(link: socket.socket, order: dict[str, Any]) -> None:
             link.send(json.dumps({"error": text[:500]}).encode())
         finally:
             os._exit(_NOT_STARTED)
-    link.close()  # the child's goes when it becomes the program
+    link.close()  # the child's copy closes when it executes the program
     null = os.open(os.devnull, os.O_RDWR)
-    for standard in (0, 1, 2):  # the output ends with the program and what it started
+    for standard in (0, 1, 2):  # so the output ends with the program and its children
         os.dup2(null, standard)
     _limit(order["limits"])
     while True:
@@ -141,7 +141,7 @@ def _limit(limits: dict[str, int]) -> None:
     """Set limits, by the end of their RLIMIT_ names. Raises OSError."""
     if sys.platform != "linux":
         raise NotImplementedError  # there are no sandboxes here
-    import resource  # this file is looked for, by its module, where there is none
+    import resource  # imported here: it does not exist on all systems on which this module is found
 
     for name, value in limits.items():
         resource.setrlimit(getattr(resource, f"RLIMIT_{name}"), (value, value))
@@ -152,12 +152,12 @@ def _become(order: dict[str, Any]) -> None:
     if sys.platform != "linux":
         raise NotImplementedError  # there are no sandboxes here
     uid = order["uid"]
-    if uid is not None:  # before the limits: that of processes does not bind root
+    if uid is not None:  # before the limits: that of processes does not apply to root
         os.setgroups([])
         os.setgid(uid)
         os.setuid(uid)
     home = order["home"]
-    if order["files"]:  # a copy of its own, gone with the sandbox
+    if order["files"]:  # a copy of its own, removed with the sandbox
         shutil.copytree(order["files"], home, symlinks=True)
     os.chdir(home)
     _limit(order["limits"])

@@ -28,18 +28,18 @@ from simmer_tui.sim.values import CourseRule
 
 ROBOT_FILES = (robot_csv.FILE, sensors_csv.FILE, drive_csv.FILE)
 """The files of a set that are the team's; the rest is the course's."""
-# Judged: the smallest that carries a controller, two motors and a battery. A point would pass any maze.
+# Judged: the smallest that has room for a controller, two motors and a battery. A point would pass any maze.
 SMALLEST_ROBOT = 3.0
 """Width of a team's robot at its narrowest, inches, whatever a course's rules say."""
 # Judged: four times what robots of courses have.
 MOST_SENSORS = 64
 """Sensors in a team's set, whatever a course's rules say."""
 _ROUNDING = 1e-9
-"""Difference of two numbers that are the same but for their arithmetic."""
+"""Difference up to which two numbers are the same, by rounding."""
 
 
 def rule_problems(rules: Rules, course: Configuration, team: Configuration) -> list[Problem]:
-    """Everything that is against the rules in a team's configuration."""
+    """All violations of the rules in a team's configuration."""
     return [
         *_cells(rules, course.files, team.files),
         *_bounds(team),
@@ -55,7 +55,7 @@ def rule_problems(rules: Rules, course: Configuration, team: Configuration) -> l
 
 
 def _bounds(team: Configuration) -> Iterable[Problem]:
-    """Problems that no course allows: it would be no robot, or hold up the grading."""
+    """Problems that no course allows: an impossible robot, or one that delays the grading."""
     across = _narrowest(team.simulation.robot)
     if across < SMALLEST_ROBOT - _ROUNDING:
         yield Problem(
@@ -103,13 +103,15 @@ def _sensors(course: Iterable[SensorSpec], team: Iterable[SensorSpec]) -> Iterab
         if of_the_type is None:
             yield Problem(where, f"the course has no sensors of the type {sensor.kind.name}")
             continue
-        # One of the course's that it is no better than, in anything; else what keeps it from the nearest.
+        # A sensor of the course must be at least as good in everything; else the differences to the nearest
+        # are shown.
         found = min(([*_better(sensor, model)] for model in of_the_type), key=len)
         yield from (Problem(where, what) for what in found)
 
 
 def _places(course: Configuration, team: Configuration) -> Iterable[Problem]:
-    """A sensor is on the robot, or no farther out than the course's: from afar it would see past walls."""
+    """Problems with places: a sensor must be on the robot, or no farther out than the course's, as it could
+    see past walls."""
     most = max(
         Footprint.of(team.simulation.robot).reach,
         *(math.hypot(each.x, each.y) for each in course.simulation.sensors),
@@ -125,7 +127,7 @@ def _places(course: Configuration, team: Configuration) -> Iterable[Problem]:
 
 
 def _better(sensor: SensorSpec, model: SensorSpec) -> Iterable[str]:
-    """In what a sensor is better than one of the course's, or works otherwise."""
+    """Properties in which a sensor is better than one of the course's, or different."""
     yield from _differences(sensor, model, sensor.kind.columns, limited=sensor.kind.is_range)
     if _errs_by_opposite(sensor) and 1.0 - sensor.error < min(model.error, 0.5) - _ROUNDING:
         most = 1.0 - model.error
@@ -165,11 +167,12 @@ _BROKEN: Mapping[CourseRule, Callable[[float, float], str]] = MappingProxyType(
         CourseRule.SAME: _other,
     }
 )
-"""By rule the word for how a team's value stands to the course's if it must not; empty if it may."""
+"""By rule, the word for a forbidden relation of a team's value to the course's; empty if it is allowed."""
 
 
 def _errs_by_opposite(sensor: SensorSpec) -> bool:
-    """True if its error is the rate of opposite answers (a line sensor's is one of what it measures)."""
+    """True if its error is the rate of opposite answers (that of a line sensor is an error of the measured
+    value)."""
     return sensor.kind.is_yes_or_no and not sensor.kind.has("threshold")
 
 
@@ -201,7 +204,7 @@ def _top_speed(course: WheelsSettings, team: WheelsSettings) -> Iterable[Problem
 
 
 def _dialect(dialect: DialectRules) -> Iterable[Problem]:
-    """Exact values that no sensor of the robot stands behind."""
+    """Problems with exact values in a dialect that no sensor of the robot measures."""
     for place, name in dialect.without_sensor(("contact",)):
         sensor = f"'{name}' needs a bumper in {sensors_csv.FILE}"
         yield Problem(place, f"{sensor}; write the code of a sensor instead")
@@ -225,7 +228,7 @@ def _cells(rules: Rules, course: Mapping[str, str], team: Mapping[str, str]) -> 
 def _robot_cells(
     file: str, labels: tuple[str, ...], wanted: list[list[str]], found: list[list[str]]
 ) -> Iterable[Problem]:
-    """robot.csv: what may change is given by the name at the beginning of a row."""
+    """Problems in robot.csv: the name at the beginning of a row decides if it may change."""
     nothing: list[str] = []
     for model, row in zip_longest(wanted, found, fillvalue=nothing):
         label = (row or model)[0]
@@ -236,7 +239,7 @@ def _robot_cells(
 def _table_cells(
     file: str, columns: tuple[str, ...], wanted: list[list[str]], found: list[list[str]]
 ) -> Iterable[Problem]:
-    """A file with headings: a row is compared with the course's of the same ID, or else type."""
+    """Problems in a file with headings: a row is compared with the course's of the same ID, or else type."""
     models = {row["ID"]: row for row in _tables(wanted)}
     types = {name.rstrip("0123456789"): row for name, row in reversed(models.items())}
     for row in _tables(found):
@@ -261,7 +264,7 @@ def _tables(rows: list[list[str]]) -> list[dict[str, str]]:
 
 
 def _plain(cell: str) -> str | float:
-    """A number, however it is written; else the text."""
+    """The number in a cell, in any notation; else its text."""
     try:
         return float(cell)
     except ValueError:

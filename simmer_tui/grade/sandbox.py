@@ -1,4 +1,4 @@
-"""Sandboxes: their kinds and limits, and what all have: a launcher inside, reached through a Unix socket."""
+"""Sandboxes: their kinds and limits, and the launcher inside that all have, reached through a Unix socket."""
 
 from __future__ import annotations
 
@@ -25,22 +25,23 @@ from simmer_tui.program.program_output import ProgramOutput, reading
 from simmer_tui.sim.command import escape
 
 HOME, FILES, PACKAGE = "/robot/home", "/program", "/simmer"
-"""In a sandbox: the program's own copy of its files, what that is copied from, and our package."""
+"""In a sandbox: the program's own copy of its files, the original files, and our package."""
 HOOK = f"{PACKAGE}/simmer_tui/program/hook"
-"""In a sandbox: the folder that stands first on the path of a Python program with a clock of its own."""
+"""In a sandbox: the folder that is first on the path of a Python program with a clock of its own."""
 LAUNCHER = f"{PACKAGE}/simmer_tui/grade/launcher.py"
 """In a sandbox: the launcher."""
-# Both are memory: with them a program stays below its limit of memory and disk.
+# Both are in memory, and count towards the limits of memory and disk.
 SCRATCH = 16_000_000
 """Bytes of /tmp and of /dev/shm."""
 WRITABLE = ("/dev/shm", "/tmp", str(PurePosixPath(HOME).parent))
-"""In a sandbox of bubblewrap: the folders that are memory."""
+"""In a sandbox of bubblewrap: the folders that are in memory."""
 # Bubblewrap takes milliseconds, a container a second; many at once take longer.
 PATIENCE = 20.0
-"""Seconds that a sandbox may take to answer."""
+"""Time limit for an answer of a sandbox, seconds."""
 _LAST = 2.0
-"""Seconds that what was in a sandbox may take to be gone."""
-_LONGEST_ANSWER = 65536
+"""Time limit for the processes of a sandbox to end, seconds."""
+_LONGEST_ANSWER = 65536  # bytes of an answer, one message in JSON
+# A port has at most two: one for IPv4, one for IPv6.
 _MOST_SOCKETS = 4
 
 
@@ -58,17 +59,17 @@ class LaunchedSandbox(ABC):
 
     @abstractmethod
     def _launch(self) -> tuple[subprocess.Popen[bytes], socket.socket]:
-        """Begin the sandbox: its process, whose output is the program's, and the way to the launcher
-        in it. Raises GradeError, OSError."""
+        """Start the sandbox: its process, whose output is the program's, and the socket to the launcher in
+        it. Raises GradeError, OSError."""
 
     @property
     @abstractmethod
     def _python(self) -> str:
-        """Python in there."""
+        """The Python command in the sandbox."""
 
     @property
     def _uid(self) -> int | None:
-        """The user that the program is to run as; None for the one it begins with."""
+        """The user ID for the program; None for the one it begins with."""
         return None
 
     @property
@@ -78,7 +79,7 @@ class LaunchedSandbox(ABC):
 
     @property
     def _meters(self) -> bool:
-        """True if a supervisor adds up what its processes take."""
+        """True if a supervisor measures the usage of its processes."""
         return False
 
     def _kill(self) -> None:
@@ -92,7 +93,7 @@ class LaunchedSandbox(ABC):
             self._kill()
 
     def take(self, host: str, request: PortRequest) -> Listener:
-        """Listen in there on 127.0.0.1, whatever the host is. Raises PortError, GradeError."""
+        """Listen in the sandbox on 127.0.0.1, whatever the host is. Raises PortError, GradeError."""
         self._open()
         answer, sockets = self._ask({"listen": request.number})
         if "error" in answer:
@@ -142,13 +143,13 @@ class LaunchedSandbox(ABC):
         return self._program
 
     def close(self) -> None:
-        """End what is in there, and wait until it has."""
+        """Kill the processes in the sandbox, and wait until they have ended."""
         if self._program is not None:
             self._program.end()
         elif self._process is not None and self._process.returncode is None:
             self._kill()
             if self._link is not None:
-                self._link.close()  # by which a launcher ends that an engine left behind, with its output
+                self._link.close()  # ends a launcher that an engine has left running, and its output
             self._process.communicate()
         if self._link is not None:
             self._link.close()
@@ -158,7 +159,7 @@ class LaunchedSandbox(ABC):
             self._group.remove()
 
     def _open(self) -> subprocess.Popen[bytes]:
-        """The sandbox, with the launcher in it. Raises GradeError."""
+        """The process of the sandbox, with the launcher in it. Raises GradeError."""
         if self._process is None:
             try:
                 self._process, self._link = self._launch()
@@ -194,7 +195,7 @@ class LaunchedSandbox(ABC):
 
 
 def package_folders() -> dict[Path, str]:
-    """Folders of our package here, and where a sandbox shows each."""
+    """Folders of our package here, and their paths in a sandbox."""
     package = Path(__file__).resolve().parent.parent
     seen = {package: f"{PACKAGE}/{package.name}"}
     if not bundled_folder().is_relative_to(package):
@@ -203,7 +204,7 @@ def package_folders() -> dict[Path, str]:
 
 
 def surroundings(python: str) -> dict[str, str]:
-    """The environment of a sandboxed program; nothing of ours is in it."""
+    """The environment of a sandboxed program, without that of this process."""
     return {
         "PATH": f"{Path(python).parent}:/usr/local/bin:/usr/bin:/bin",
         "HOME": HOME,
@@ -211,7 +212,7 @@ def surroundings(python: str) -> dict[str, str]:
         "LANG": "C.UTF-8",
         "PYTHONPATH": PACKAGE,
         "PYTHONHASHSEED": "0",
-        "OMP_NUM_THREADS": "1",  # a thread a processor would not fit into the limits on large machines
+        "OMP_NUM_THREADS": "1",  # one thread a processor would exceed the limits on large machines
         "OPENBLAS_NUM_THREADS": "1",
     }
 
@@ -232,9 +233,9 @@ class Isolation(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Limits:
-    """Of one run, all its processes together: `time` (real) and `cpu` in seconds, `memory` and `disk` in
-    megabytes, `processes` (and threads) at a time, `output` in kilobytes kept. `logs`, in megabytes, is what
-    logs of failed runs may take of all teams together."""
+    """Limits of one run, all its processes together: `time` (real) and `cpu` in seconds, `memory` and `disk`
+    in megabytes, `processes` (and threads) at a time, `output` in kilobytes kept. `logs`, in megabytes,
+    limits the logs of failed runs of all teams together."""
 
     time: float = 120.0
     cpu: float = 120.0

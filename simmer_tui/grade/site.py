@@ -1,4 +1,4 @@
-"""The answer of a grading: grades of all teams, a page a team, some failed runs; and for other programs."""
+"""The answer of a grading: grades, a page a team, some failed runs, and files for other programs."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ _MOST_SILENT = 5
 _SHOWN_RUNS = 3
 """Failed runs of a team with a page of their own."""
 _LARGEST_SHOWN = 2_000_000
-"""Bytes of a compressed log that a page is made of."""
+"""Largest compressed log that a page is made of, bytes."""
 GRADES = DataTable(
     "grades",
     "Grades",
@@ -100,14 +100,14 @@ def grades_table(folder: GradeFolder, team_results: list[TeamResult], *, links: 
 
 
 def _with_clock(table: DataTable, differs: bool) -> DataTable:
-    """A table with the column of the clock only where it differs: else the notes name it."""
+    """A table with the column of the clock only where it differs; otherwise the notes name it."""
     columns = [replace(each, hidden=not differs) if each.key == "clock" else each for each in table.columns]
     return replace(table, columns=tuple(columns))
 
 
 def grades_document(folder: GradeFolder, team_results: list[TeamResult], isolation: str) -> Document:
-    """The grades for terminals and programs, the best team first. `isolation` tells how programs were kept
-    apart."""
+    """The grades for terminals and programs, the best team first. `isolation` is a sentence about the
+    sandboxes."""
     return Document(
         folder.course.name,
         (
@@ -152,7 +152,7 @@ def _notes(folder: GradeFolder, isolation: str) -> list[DocumentPart]:
 
 
 def site(folder: GradeFolder, team_results: list[TeamResult], isolation: str) -> dict[str, str]:
-    """All pages by name. `isolation` tells how programs were kept apart."""
+    """All pages by name. `isolation` is a sentence about the sandboxes."""
     pages = {INDEX: html_page(_index_page(folder, team_results, isolation))}
     for team_result in team_results:
         links: dict[int, str] = {}
@@ -186,7 +186,7 @@ def _index_page(folder: GradeFolder, team_results: list[TeamResult], isolation: 
     failed = outcomes.count(TeamStatus.FAILED) - sum(each.outcome is TeamStatus.FAILED for each in silent)
     runs = sum(each.runs for each in team_results)
     table = replace(grades_table(folder, ranked(team_results), links=True), title="", sortable=True)
-    # What a program printed may name its team.
+    # The output of a program may name its team.
     shown = () if folder.plan.hides_names else silent[:_MOST_SILENT]
     return Document(
         folder.course.name,
@@ -204,12 +204,12 @@ def _index_page(folder: GradeFolder, team_results: list[TeamResult], isolation: 
 
 
 def _last_lines(folder: GradeFolder, team_result: TeamResult) -> Bullets:
-    """The end of what a team's program printed in its last run."""
+    """The last output of a team's program in its last run."""
     title = f"{team_result.label}: last lines of its program"
     try:
         output = folder.output(team_result.entry, number_in_team(team_result.results[-1])).read_bytes()
     except OSError:
-        return Bullets(title, ())  # not kept for want of room
+        return Bullets(title, ())  # not kept: its space was used up
     lines = output.decode(errors="replace").splitlines()[-_LAST_LINES:]
     return Bullets(title, [escape(line, 200) for line in lines], kind="output")
 
@@ -265,7 +265,7 @@ def _run_pages(folder: GradeFolder, team_result: TeamResult) -> dict[int, str]:
         if log.stat().st_size > _LARGEST_SHOWN:
             continue
         page = log_page(log, f"{team_result.label}, run {number_of}", commands=False)
-        if page is not None:  # else its bound has cut it short
+        if page is not None:  # None if the limit has cut the log off
             pages[number_of] = page
     return pages
 
@@ -296,12 +296,12 @@ def junit_xml(folder: GradeFolder, team_results: list[TeamResult]) -> str:
 
 
 def _text(text: str) -> str:
-    """Without what XML cannot hold."""
+    """The text without characters that XML does not allow."""
     return "".join(character if character.isprintable() else " " for character in text)
 
 
 def gradescope_json(folder: GradeFolder, team_result: TeamResult) -> str:
-    """A team's results.json: of 100 points as many as its success rate in percent, and whether it passed."""
+    """A team's results.json: its success rate in percent as points out of 100, and the status."""
     score = 0.0 if team_result.score is None else team_result.score.value
     passed = team_result.outcome is TeamStatus.PASSED
     causes = [f"{number} of {team_result.runs} runs: {cause}" for cause, number in team_result.causes]

@@ -27,20 +27,20 @@ from simmer_tui.sim.specs import RobotSpec
 from simmer_tui.sim.values import CourseRule
 
 PROGRAM, OWN_SET, SET = "program", "own-set", "set"
-"""In a team's folder: its files, what was imported of them, and the set it is graded with."""
+"""In a team's folder: its files, the robot imported from them, and the set it is graded with."""
 _NAME = "the course's"
 
 
 @dataclass(frozen=True, slots=True)
 class SubmissionCheck:
-    """A team's configuration, or why it has none."""
+    """A team's configuration, or the reasons why it has none."""
 
     configuration: Configuration | None
     problems: tuple[Problem, ...] = ()
 
 
 def keep_files(team: Team, home: Path, most_bytes: int) -> None:
-    """Copy a team's files into its place in the grading. Raises GradeError if they cannot be taken."""
+    """Copy a team's files into its folder in the grading. Raises GradeError if they cannot be accepted."""
     copy_submission(team.folder, home / PROGRAM, most_bytes)
 
 
@@ -78,7 +78,8 @@ def _wheels(own: Path) -> dict[str, Override]:
 
 
 def _without_a_name(configuration: Configuration) -> Configuration:
-    """Logs and pages of it name neither a team nor a folder here; its ports are for the program alone."""
+    """The configuration without names of a team or a folder for logs and pages; its ports are for the program
+    alone."""
     server = replace(configuration.settings.server, host=ServerSettings().host, any_user=True, token="")
     settings = replace(configuration.settings, server=server)
     return replace(configuration, name=_NAME, settings=settings)
@@ -105,7 +106,7 @@ def _own_set(team: Team, home: Path) -> Path | None:
 
 
 def _composed(home: Path, own: Path, course: Path, *, dialects: bool) -> Path:
-    """The course's set with the team's robot and, if the course takes `dialects`, its language. Raises
+    """The course's set with the team's robot and, if the course accepts `dialects`, its dialect. Raises
     ConfigurationError."""
     has_dialect = (own / dialect_toml.FILE).is_file()
     if has_dialect and not dialects:

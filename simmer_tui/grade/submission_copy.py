@@ -1,9 +1,9 @@
-"""The copy of a submission: taken once, as it is at that moment, and read from then on in place of it.
+"""The copy of a submission: made once, and read from then on in place of it.
 
 A grader may read more than a team, and the team may change its folder while it is copied. So folders and
 files are opened by descriptors, each relative to the folder above it (openat) and never through a link
-(O_NOFOLLOW). What they are is asked of the opened descriptor (fstat), not of a name that may mean something
-else by then.
+(O_NOFOLLOW). Their type is that of the opened descriptor (fstat), not of a name that may have changed by
+then.
 """
 
 from __future__ import annotations
@@ -21,7 +21,8 @@ from simmer_tui.sim.command import escape
 # Programs have dozens of files; an environment that was submitted by mistake has ten thousands.
 MOST_FILES = 2000
 _MOST_ENTRIES = 20_000
-"""Files, folders, links and pipes looked at. Judged: ten times as many as may be files, in a moment."""
+"""Most entries (files, folders, links, pipes) examined. Judged: ten times `MOST_FILES`, which takes a
+moment."""
 _DEEPEST = 40
 """Folders within each other: each takes an open descriptor, of 256 on some systems."""
 _CACHES = ("__pycache__", "node_modules")
@@ -29,7 +30,7 @@ _AT_ONCE = 1 << 20
 """Bytes read at once: the time of a call is then small beside that of the disk."""
 _BY_DESCRIPTOR = os.open in os.supports_dir_fd and os.scandir in os.supports_fd
 """False on Windows, where making a link is a privilege: paths are opened there."""
-# A pipe that takes a file's place does not hold up the grading (NONBLOCK). Windows has none of the others.
+# A pipe that replaces a file must not block the grading (NONBLOCK). Windows lacks the other flags.
 _READ = (
     os.O_RDONLY
     | getattr(os, "O_NOFOLLOW", 0)
@@ -78,7 +79,7 @@ def _opened_folder(path: Path, parent: int | None) -> Iterator[_Folder]:
 
 
 class _Copy:
-    """A copy under way, with what is left of its budget."""
+    """A copy under way, with the rest of its budget."""
 
     def __init__(self, owner: int, most_bytes: int) -> None:
         """`owner` is the user whose folder it is."""
@@ -87,7 +88,7 @@ class _Copy:
         self._files = self._entries = 0
 
     def take(self, source: _Folder, goal: Path, shown: PurePosixPath) -> None:
-        """Copy what lies in a folder to a new one. Raises GradeError."""
+        """Copy the contents of a folder to a new one. Raises GradeError."""
         if len(shown.parts) > _DEEPEST:
             raise GradeError(f"has folders more than {_DEEPEST} deep")
         goal.mkdir(parents=True)
@@ -102,7 +103,7 @@ class _Copy:
                     self._copy_file(source, entry.name, goal / entry.name)
             except OSError as error:
                 raise GradeError(f"{escape(str(here), 200)}: {error.strerror or error}") from None
-        goal.chmod(0o755)  # the program reads them as a user that nobody is
+        goal.chmod(0o755)  # the program reads them with a user ID that nobody has
 
     def _listed(self, source: _Folder, shown: PurePosixPath) -> list[os.DirEntry[str]]:
         found = []
@@ -126,7 +127,7 @@ class _Copy:
             if not stat.S_ISREG(found.st_mode):
                 raise GradeError(f"{escape(name, 200)}: changed while it was copied")
             if found.st_nlink > 1 and found.st_uid != self._owner:
-                return  # another name of a file that is not theirs is a link as well
+                return  # a hard link to another user's file is a link as well
             self._files += 1
             self._check(found.st_size)
             mode = 0o755 if found.st_mode & 0o111 else 0o644

@@ -1,7 +1,7 @@
-"""The reader of submissions: a child process with limits, in which teams' files are taken apart.
+"""The reader of submissions: a child process with limits, in which teams' files are parsed.
 
 A file of a few kilobytes can take a parser minutes or gigabytes. That is then the team's own mistake, and
-holds up nobody else: the child is ended, and another one reads the next team's.
+does not delay others: the child is killed, and another one reads the next team's.
 """
 
 from __future__ import annotations
@@ -29,11 +29,11 @@ else:
 _CPU = 5
 """Seconds of processor time for one file or set. The largest honest set takes 0.1 s."""
 _MEMORY = 500_000_000
-"""Bytes of memory beyond what the child has when it begins. Judged: a hundred times an honest set."""
+"""Bytes of memory beyond those of the child when it begins. Judged: a hundred times an honest set."""
 _LARGEST_FILE = 64_000_000
-"""Bytes of a file that is written from what was read: as much as a team may submit."""
+"""Largest file that is written from a submission, bytes: as much as a team may submit."""
 _PATIENCE = 60.0
-"""Seconds (real) for one file or set, with the child's start, on a machine with too much work."""
+"""Seconds (real) for one file or set, with the child's start, on an overloaded machine."""
 
 _Asked = ParamSpec("_Asked")
 _Answer = TypeVar("_Answer")
@@ -49,10 +49,10 @@ class SubmissionReader:
     def call(
         self, function: Callable[_Asked, _Answer], *given: _Asked.args, **named: _Asked.kwargs
     ) -> _Answer:
-        """The function's answer; it, its arguments and its answer travel.
+        """The function's result. The function, its arguments and its result must be picklable.
 
         Raises:
-            GradeError: It took too much, or failed.
+            GradeError: It exceeded a limit, or failed.
         """
         connection = self._begun()
         try:
@@ -92,14 +92,14 @@ class SubmissionReader:
 
 def serve(connection: End) -> None:
     """The child: answer calls until the other end is closed, each within the limits."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the one who asks
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the parent process
     has_limits = False
     while True:
         try:
             function, given, named = connection.recv()
         except (EOFError, OSError):
             return
-        if not has_limits:  # what the function stands on has been imported now
+        if not has_limits:  # the modules of the function have been imported now
             _limit_size()
             has_limits = True
         _limit_time()
@@ -118,14 +118,15 @@ def _limit_size() -> None:
         resource.setrlimit(resource.RLIMIT_FSIZE, (_LARGEST_FILE, _LARGEST_FILE))
     if (
         sys.platform == "linux" and platform_has.LINUX
-    ):  # elsewhere the size is not known, or the limit is not kept
+    ):  # elsewhere the size is not known, or the limit is not enforced
         pages = int(Path("/proc/self/statm").read_bytes().split()[0])
         most = pages * os.sysconf("SC_PAGE_SIZE") + _MEMORY
         resource.setrlimit(resource.RLIMIT_AS, (most, most))
 
 
 def _limit_time() -> None:
-    """So many seconds from now on: the limit itself counts from the child's start."""
+    """Set the limit of processor time to `_CPU` seconds from now on: RLIMIT_CPU counts from the child's
+    start."""
     if sys.platform != "win32" and platform_has.POSIX:
         _, most = resource.getrlimit(resource.RLIMIT_CPU)
         resource.setrlimit(resource.RLIMIT_CPU, (int(time.process_time()) + 1 + _CPU, most))

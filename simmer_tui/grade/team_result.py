@@ -17,10 +17,10 @@ from simmer_tui.trials.intervals import IntervalEstimate, median
 from simmer_tui.trials.trial import TrialResult
 from simmer_tui.trials.trials_summary import failure_text
 
-# As many as fit into a cell of the table.
+# Causes that fit into a cell of the table.
 _CAUSES = 5
 _CODE = 10
-"""Hexadecimal digits of a code: that two of a thousand teams have the same happens once in a million."""
+"""Hexadecimal digits of a code: two of a thousand teams have the same one once in a million courses."""
 
 
 class TeamStatus(StrEnum):
@@ -35,8 +35,9 @@ class TeamStatus(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TeamResult:
-    """A team's team_result. `score` is None before the decision; `time` the median of successful runs,
-    simulated seconds, `contacts` those a run; `causes` why runs failed, the most frequent first."""
+    """The result of a team. `score` is None before the decision; `time` is the median of successful runs,
+    simulated seconds, `contacts` their number a run; `causes` are the causes of failed runs, the most
+    frequent first."""
 
     entry: Entry
     label: str
@@ -67,7 +68,7 @@ class TeamResult:
 
     @property
     def said(self) -> str:
-        """In a line."""
+        """The status in one line."""
         if self.outcome is TeamStatus.REFUSED:
             return "; ".join(shown_name(str(problem), 300) for problem in self.entry.problems)
         if self.score is None:
@@ -81,7 +82,7 @@ def team_results(folder: GradeFolder, *, hidden: bool) -> list[TeamResult]:
 
 
 def ranked(all_of_them: list[TeamResult]) -> list[TeamResult]:
-    """The best first."""
+    """The results, the best team first."""
 
     def place(each: TeamResult) -> tuple[bool, float, float, float]:
         score, time = each.score, each.time
@@ -96,7 +97,7 @@ def ranked(all_of_them: list[TeamResult]) -> list[TeamResult]:
 
 
 def code_of(folder: GradeFolder, entry: Entry) -> str:
-    """Code of a team where names are hidden: only who has the seed can tell which team it is."""
+    """Code of a team where names are hidden: the team can be found only with the seed."""
     name = entry.team.name.encode(errors="surrogatepass")
     digest = hmac.new(str(folder.plan.seed).encode(), name, hashlib.sha256)
     return f"team {digest.hexdigest()[:_CODE]}"
@@ -123,7 +124,7 @@ def _team_result(folder: GradeFolder, entry: Entry, *, hidden: bool) -> TeamResu
 def _reason(result: TrialResult) -> str:
     """Reason why a run failed, the same for runs that failed alike."""
     cause = result.verdict.get("cause") or {}
-    # That a program ended says nothing where its verdict has the error that ended it.
+    # "The program ended" is no reason where its verdict has the error that ended it.
     if cause.get("kind") == Kind.CRASHED.value:
         return str(cause["text"])
     return result.reason or result.ending.value

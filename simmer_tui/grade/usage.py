@@ -1,8 +1,8 @@
-"""Memory and processor time that the processes of a sandbox take together, and their limits (Linux).
+"""Memory and processor time of all processes of a sandbox, and their limits (Linux).
 
 Memory is their proportional set size, which counts a page shared by four processes as a quarter of it in each
-(proc(5), smaps_rollup), and what belongs to no process: the buffers of the sockets in their network, and the
-files in folders that are kept in memory.
+(proc(5), smaps_rollup). Memory outside processes is added: the buffers of the sockets in their network, and
+the files in folders that are in memory.
 
 Sources: proc(5), sock_diag(7), linux/inet_diag.h, linux/unix_diag.h, linux/netlink_diag.h.
 """
@@ -28,16 +28,16 @@ else:  # this module is imported there, and not used
     _TICKS, _PAGE = 100, 4096
 _REQUEST, _DUMP = 20, 0x301
 """SOCK_DIAG_BY_FAMILY; NLM_F_REQUEST with NLM_F_DUMP."""
-_ERROR, _DONE = 2, 3
-_ALL = 0xFFFFFFFF
+_ERROR, _DONE = 2, 3  # NLMSG_ERROR, NLMSG_DONE
+_ALL = 0xFFFFFFFF  # all states of sockets, and any cookie
 _RECEIVED, _SENT, _QUEUED, _OPTIONS, _BACKLOG = 0, 2, 5, 6, 7
 """Places in the figures of SK_MEMINFO: allocated to receive and to send, queued, for options, in backlog."""
-_ANSWER = 1 << 16
+_ANSWER = 1 << 16  # bytes received at once
 # Measured on Linux 6.18: 1,022 of an empty file, 1,031 of a folder.
 _FILE = 1024
-"""Bytes of the kernel for a file in memory, besides what is in it. There may be millions."""
+"""Kernel memory for a file in memory, bytes, besides its contents. There may be millions of files."""
 _LONGEST_WAIT = 1.0
-"""Seconds for an answer of the kernel, which gives it at once."""
+"""Time limit for an answer of the kernel, seconds; it comes at once."""
 
 
 def _inet(family: int, protocol: int) -> bytes:
@@ -63,12 +63,13 @@ class SandboxUsage:
     _seen: dict[tuple[int, int], float] = field(default_factory=dict)
 
     def memory(self) -> int:
-        """Bytes now."""
+        """Memory in use, bytes."""
         pids = descendants(self.process)
         return sum(_memory(pid) for pid in pids) + self._buffers() + self._files(pids)
 
     def processor_time(self) -> float:
-        """Seconds since the beginning. A process that ended between two looks counts if its parent waited."""
+        """Processor time since the beginning, seconds. A process that ended between two checks counts if its
+        parent waited for it."""
         living = 0.0
         for pid in descendants(self.process):
             try:
@@ -77,13 +78,14 @@ class SandboxUsage:
                 continue
             own = int(fields[StatField.USER_TIME]) + int(fields[StatField.SYSTEM_TIME])
             waited = int(fields[StatField.CHILDREN_USER_TIME]) + int(fields[StatField.CHILDREN_SYSTEM_TIME])
-            # With its start: numbers come again.
+            # With its start time: process numbers are reused.
             self._seen[pid, int(fields[StatField.STARTED])] = own / _TICKS
             living += (own + waited) / _TICKS
         return max(living, sum(self._seen.values()))
 
     def _files(self, pids: Sequence[int]) -> int:
-        """Bytes of the files in memory without what is in them, which has a limit of its own."""
+        """Kernel memory of the files in memory, bytes, without their contents, which have a limit of their
+        own."""
         if sys.platform != "linux":
             raise NotImplementedError  # there are no sandboxes here
         for pid in pids[1:]:  # the first is outside
@@ -102,7 +104,7 @@ class SandboxUsage:
             try:
                 found += sum(_dumped(self.sockets, request, before, attribute))
             except OSError:
-                continue  # this kernel does not tell
+                continue  # this kernel does not report it
         return found
 
     def close(self) -> None:
@@ -112,7 +114,8 @@ class SandboxUsage:
 
 
 def descendants(process: int) -> list[int]:
-    """A process and all below it. None of a sandbox gets away: orphans go to the first process inside."""
+    """A process and all its descendants. All processes of a sandbox are among them: orphans become children
+    of its first process."""
     found, waiting = [], [process]
     while waiting:
         pid = waiting.pop()
@@ -130,7 +133,7 @@ def descendants(process: int) -> list[int]:
 
 
 def _memory(pid: int) -> int:
-    """Bytes of a process; its whole resident set where the shares are not told."""
+    """Memory of a process, bytes; its whole resident set where the shares are not known."""
     try:
         lines = Path(f"/proc/{pid}/smaps_rollup").read_bytes().splitlines()
         return sum(int(line.split()[1]) * 1024 for line in lines if line.startswith(b"Pss:"))
@@ -162,19 +165,21 @@ def _buffered(attributes: bytes, wanted: int) -> int:
         length, kind = struct.unpack_from("=HH", attributes, at)
         if kind == wanted and length >= 4 + 4 * (_BACKLOG + 1):
             figures = struct.unpack_from(f"={_BACKLOG + 1}I", attributes, at + 4)
-            sent = max(figures[_SENT], figures[_QUEUED])  # of TCP the same bytes twice
+            sent = max(figures[_SENT], figures[_QUEUED])  # of TCP these are the same bytes
             return int(figures[_RECEIVED] + sent + figures[_OPTIONS] + figures[_BACKLOG])
         at += max((length + 3) & ~3, 4)
     return 0
 
 
 def tells_descendants() -> bool:
-    """True if this system tells the children of a process (Linux from 4.2, as all distributions make it)."""
+    """True if this system lists the children of a process (Linux from 4.2, as all distributions configure
+    it)."""
     return Path(f"/proc/{os.getpid()}/task/{os.getpid()}/children").exists()
 
 
 _EVERY = 0.1
-"""Seconds between two looks. Judged: filling 500 MB takes a program longer, and more looks cost more."""
+"""Seconds between two checks. Judged: a program needs longer to fill 500 MB, and more checks take more
+time."""
 
 
 class Supervisor:
@@ -188,7 +193,7 @@ class Supervisor:
         processor_time: float,
         end: Callable[[str], None],
     ) -> None:
-        """`memory` in bytes is not looked at where a control group has that limit. `end` is called with the
+        """`memory` (bytes) is not checked where a control group has that limit. `end` is called with the
         reason, in a thread of its own."""
         self._usage = usage
         self._group = group
@@ -213,7 +218,7 @@ class Supervisor:
                 return
 
     def _reason(self) -> str:
-        """The limit that is passed, or empty."""
+        """The limit that is exceeded, or empty."""
         if self._group is None and self._usage.memory() > self._memory:
             return f"ended: its processes took more than {self._memory / 1e6:.0f} MB together"
         time = (self._usage if self._group is None else self._group).processor_time()

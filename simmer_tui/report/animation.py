@@ -38,21 +38,22 @@ RATE = 10
 MOST_FRAMES = 1200
 USUAL_SECONDS = 20.0
 """Longest GIF, seconds, unless a speed is asked for: a slide that loops for longer is not watched."""
-# Seconds for which the last picture stands.
+# Seconds for which the last picture stays.
 _HOLD = 2.0
-# Drawn so many times as large, and then made smaller: lines are smooth.
+# Pictures are drawn larger by this factor and then scaled down, so that lines are smooth.
 _FINER = 2
+# Colours of the palette; a GIF may have 256.
 _COLORS = 96
 # Height of the line of text, as a fraction of the width.
 _BAR = 0.055
-# Seconds for which a reading and what happened are shown, for each of them at speed 1.
+# Seconds for which a reading or an event is shown at speed 1.
 _FRESH = 1.2
 _RAY, _CONE, _CLOUD = "#554100", "#fbe3bd", "#e79be7"
 
 
 @dataclass(frozen=True, slots=True)
 class Shots:
-    """Which moments are drawn: from `begin` until `end` (elapsed seconds), at `speed` simulated seconds a
+    """The moments that are drawn: from `begin` until `end` (elapsed seconds), at `speed` simulated seconds a
     second."""
 
     begin: float
@@ -96,7 +97,7 @@ def write_gif(run: RunStatistics, path: Path, taken: Shots, width: int) -> Itera
         from PIL import Image
     except ImportError:
         raise ExportError(f"a GIF needs Pillow: pip install '{requirement('export')}'") from None
-    # Opened first: a place that cannot be written to is told before minutes of drawing.
+    # Opened first: a path that cannot be written to is reported before minutes of drawing.
     with path.open("wb") as file:
         canvas = _Canvas(run, width, taken.speed)
         times = taken.times
@@ -191,7 +192,7 @@ class _Canvas:
         strip = Image.new("RGB", (self.width, self.height * len(chosen)))
         for order, time in enumerate(chosen):
             strip.paste(self.frame(time), (0, order * self.height))
-        self._ground, self._trail_until = self._drawn_ground(), -1  # its trail is drawn anew
+        self._ground, self._trail_until = self._drawn_ground(), -1  # its trail is drawn again
         return strip.quantize(_COLORS)
 
     def frame(self, now: float) -> Image.Image:
@@ -305,7 +306,7 @@ class _Canvas:
             draw.ellipse(_around((x, y), 2 * half), outline=svg.CONTACT, width=width)
 
     def _words(self, draw: ImageDraw.ImageDraw, now: float) -> None:
-        """The time, and what happened lately or is being done."""
+        """The time, and the latest event or the present command."""
         font = _font(self.bar * 0.5)
         y = self.height - self.bar * 0.55
         left = self.margin / _FINER

@@ -1,12 +1,11 @@
 """Sensors and drives of a run against the truth: all findings of a run, from its history alone.
 
-Each is held against two sets. Beyond what the run's own set declares, something is wrong with the device.
-Where that set differs from its nominal one, which it was made from, the device does as its set says, and
-otherwise than a program expects that knows the nominal one.
+Each is compared with two sets. An error beyond the run's own set is a fault of the device. Where the run's
+set differs from its nominal one, which it was made from, the device does as its set says. A program that
+knows the nominal set expects something else. Against the nominal set only rows that differ are tested.
 
-Against the nominal set only rows that differ are tested. Sensors are held against an ideal sensor at the
-place where the run's set has them, with the electronics of the nominal one: a sign or a wrap that it declares
-is convention.
+Sensors are compared with an ideal sensor at the place where the run's set has them, with the electronics of
+the nominal one. A sign or a wrap that the nominal set declares is convention.
 """
 
 from __future__ import annotations
@@ -41,13 +40,13 @@ from simmer_tui.sim.command import escape
 from simmer_tui.sim.specs import DriveSpec, SensorSpec, SimulationSpec
 
 _MOUNTING = ("x", "y", "z", "rotation", "field_of_view", "rays", "vertical_field_of_view")
-"""Fields of a sensor's row that say where it is and where it looks."""
+"""Fields of a sensor's row for its place and direction."""
 # Its effect on a range is in the truth of the log, as that of the mounting is.
 _IN_TRUTH = ("incidence_limit",)
 # Judged: a delay that a program notices: half the time of an ultrasonic reading.
 _LEAST_DELAY = 0.03
 """Least difference of Read Time that matters, seconds."""
-# Where most sensors are elsewhere it is another robot, and each of them is meant to be where it is.
+# Share of sensors that are elsewhere above which it is another robot: each is then meant to be where it is.
 _ELSEWHERE = 0.5
 
 
@@ -129,7 +128,7 @@ def _nominal_drive_tests(
     times = own.gain / row.gain if row.gain else 1.0
     if abs(times - 1.0) < LEAST_SHARE:
         return tests
-    # A gain that stands in the rows needs no test, and few movements no figure of their own.
+    # A gain that is in the rows needs no test, and few movements get no figure of their own.
     if not tests:
         what = f"{row.kind.verb} {times:.2f} times what is asked"
         return [device.claim(0.0, FindingKind.GAIN, times, what, count)]
@@ -137,7 +136,7 @@ def _nominal_drive_tests(
 
 
 def _surely(test: Claim, kind: FindingKind) -> Claim:
-    """A test whose finding is certain if it is of a kind that stands in the rows."""
+    """A test whose finding is certain if the rows themselves show a fault of its kind."""
     stands = test.finding is not None and test.finding.kind is kind
     return Claim(0.0, test.finding) if stands else test
 
@@ -148,10 +147,10 @@ def _nominal_rule(
     """Expected motion of a drive by its nominal row, with the bias that the run's set declares or draws."""
     spec = history.spec
     if not spec.randbias:
-        # A bias that a set declares for good is not one that was drawn.
+        # A bias that a set declares is fixed, not drawn.
         return DriveRule(row, np.tile(axis_values(row.bias), (len(moves), 1)), np.zeros(3))
     if spec.strength == nominal.strength:
-        # A bias is a share of what the drive was really given, its own Gain included.
+        # A bias is a share of the command after the drive's own Gain.
         drawn = set_rule(history, moves, own).biases * (own.gain / row.gain if row.gain else 1.0)
         return DriveRule(row, drawn, np.zeros(3))
     return DriveRule(row, np.zeros((len(moves), 3)), _drawn(row, nominal.strength))
@@ -181,7 +180,7 @@ def _other_drive(device: DeviceUnderTest, own: DriveSpec, nominal: Nominal, coun
 
 
 def _swapped_with(own: SensorSpec, row: SensorSpec, nominal: SimulationSpec) -> str | None:
-    """The code of the nominal sensor that stands under this one's code; None if it is the right one."""
+    """The code of the nominal sensor with which this one is swapped; None if it is the right one."""
     if _mounting(own) == _mounting(row) and own.kind is row.kind:
         return None
     for each in nominal.sensors:
@@ -242,7 +241,7 @@ def _slower(rows: Columns, own: SensorSpec, row: SensorSpec, nominal: Nominal) -
 
 
 def _named(test: Claim, nominal: Nominal) -> Claim:
-    """A test whose finding names the set that it was held against."""
+    """A test whose finding names the set that it was compared with."""
     if test.finding is None:
         return test
     return Claim(test.probability, replace(test.finding, text=f"{test.finding.text}, against {_by(nominal)}"))

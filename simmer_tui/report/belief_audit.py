@@ -1,9 +1,9 @@
 """Motion and heading that a program believed, against the log: which device explains the difference.
 
-A program knows how far it went by what counters told it, or by what it asked for. Where the pose that it
-tells goes another way than the robot, the replies of a counter or the commands of a drive, times some factor,
-may give that way. Those that leave least are named. A heading that is wrong from the first belief on is that
-of the compass, if it was read there.
+A program knows its motion from the replies of counters, or from its own commands. Where its believed pose
+moves otherwise than the robot, a factor on a counter's replies or a drive's commands may explain it. Those
+with the smallest residuals are named. A heading that is wrong from the first belief on is that of the
+compass, if it was read there.
 """
 
 from __future__ import annotations
@@ -26,19 +26,20 @@ from simmer_tui.sim.sensors import CountingSensor, ObservingSensor, modelled_sen
 from simmer_tui.sim.specs import CELL_SIZE
 
 SURE = 1.5
-"""Spread, inches, up to which a mean pose says something of each reading: half of a robot's width; judged."""
+"""Largest spread, inches, at which a mean pose still predicts single readings: half of a robot's width;
+judged."""
 _FEWEST = FEWEST["set"]
-# Judged: a filter moves its belief by a few percent of the way when it corrects it.
+# Judged: a filter corrects its belief by a few percent of the path.
 _LEAST_SHARE = 0.05
 """Least difference of a factor from 1 that matters."""
 _EXPLAINED = 0.7
 """Least share of movements that a factor must explain; the others are corrections. Judged."""
 _WAY, _TURN = 1.0, 5.0
-"""Shortest way and turn that count, inches and degrees: corrections are smaller."""
+"""Shortest path and turn that count, inches and degrees: corrections are smaller."""
 _MOVED_BY_NOTHING = 0.1
 """Share of beliefs that may move with nothing between: resampled particles, or a second filter. Judged."""
 _LONGEST_TURN = 150.0
-"""Turns of more, degrees, may have been believed to be the other way round."""
+"""Turns above this, degrees, may have been believed to go in the other direction."""
 _ASSUMED = 1.0
 """Spread, inches, of a first belief that no reading can have led to. Judged."""
 
@@ -46,7 +47,7 @@ _ASSUMED = 1.0
 @dataclass(frozen=True, slots=True)
 class _Axis:
     """One kind of motion: how far the robot went between beliefs and how far the program believed, (n,).
-    `least` is the shortest way that counts, `doubt` what corrections make of a belief."""
+    `least` is the shortest motion that counts, `doubt` the size of corrections of a belief."""
 
     believed: FloatArray
     true: FloatArray
@@ -57,7 +58,7 @@ class _Axis:
 
 @dataclass(frozen=True, slots=True)
 class _Source:
-    """Something that a program may have the motion of an axis from: (n,), NaN where it says nothing."""
+    """A source from which a program may know the motion of an axis: (n,), NaN where it has none."""
 
     code: str
     values: FloatArray
@@ -68,12 +69,12 @@ class BeliefMotion:
     """The motion from each belief to the next."""
 
     def __init__(self, attempt: Attempt, since: int) -> None:
-        """`since` is the running number of the event after which beliefs count; the robot was not placed
-        afterwards."""
+        """`since` is the running number of the event after which beliefs count; the robot must not be placed
+        after it."""
         self._attempt = attempt
         history = attempt.history
         self._beliefs = beliefs = attempt.within(history.beliefs, since)
-        # The first belief rests on what came before it.
+        # The first belief depends on events before it.
         self._moves = attempt.within(history.movements, attempt.placed)
         self._readings = attempt.within(history.readings, attempt.placed)
         self._at = np.searchsorted(self._moves["order"], beliefs["order"])
@@ -84,14 +85,14 @@ class BeliefMotion:
         believed = _in_frame(beliefs, ("x", "y", "heading"), self._turn)
         self._believed_way = np.hypot(*believed)
         self._same = (np.abs(np.vstack((believed, self._turn))) < SAME).all(axis=0)
-        """True where the same pose was told again: it rests on nothing that was read or asked for."""
+        """True where the same pose was sent again: it does not depend on readings or commands."""
         self._way = _in_frame(beliefs, ("true_x", "true_y", "true_heading"), true_turn)
         self._gone = np.hypot(*self._way)
         with np.errstate(invalid="ignore", divide="ignore"):
             self._along = (believed * self._way).sum(axis=0) / self._gone
 
     def explanations(self) -> list[list[Disagreement]]:
-        """For turns and for ways, the sensors and drives that explain a difference; none without one."""
+        """For turns and for distances, the sensors and drives that explain a difference; none without one."""
         if len(self._beliefs) <= _FEWEST:
             return []
         sure = self._beliefs["allowed_turn"] <= UNTOLD_TURN
@@ -107,20 +108,21 @@ class BeliefMotion:
         return [each for each in made if each]
 
     def unlogged(self) -> list[Disagreement]:
-        """The explanation of a belief that moves though the log has neither a movement nor a reading between:
-        only a command that never reached the robot can have moved it. None where there are hardly any."""
+        """The explanation of beliefs that move though the log has neither a movement nor a reading between
+        them. Only a command that never reached the robot can have moved them. None where there are hardly
+        any."""
         if len(self._beliefs) <= _FEWEST:
             return []
         read = np.diff(np.searchsorted(self._readings["order"], self._beliefs["order"])) > 0
         stood = np.diff(self._at) == 0
         gone, turned = self._believed_way >= _WAY, np.abs(self._turn) >= _TURN
-        # Who tells where it will be, before it gives the command, is where it said one belief later.
+        # A program that sends its next pose before the command is there one belief later.
         early = np.append(stood[1:], True) | np.append(gone[1:] | turned[1:], True)
         moved = stood & ~read & early & (gone | turned) & np.isfinite(self._believed_way)
         if moved.sum() < _FEWEST:
             return []
         first = int(np.flatnonzero(moved)[0])
-        # From then on; before, it is how often a program that agrees with its log does so.
+        # Counted from then on; the share before it is that of a program that agrees with its log.
         later = stood[first:] & ~read[first:]
         count, hits = int(later.sum()), int(moved[first:].sum())
         row = self._beliefs[first + 1]
@@ -162,12 +164,12 @@ class BeliefMotion:
             figures = f"{low:.2f} to {high:.2f}, {fit.count} movements"
             used = "commands" if source.is_drive else "replies"
             text = f"the program used {value:.2f} times {source.code}'s {used} in the log ({figures})"
-            # Less is not to be told apart: poses are told in hundredths.
+            # Smaller differences cannot be distinguished: poses are sent in hundredths.
             scatter, of = max(scatter, axis.doubt / 20), (source.code,)
             found.append(Disagreement(of, text, fit.count, probability, scatter, *moment(begun)))
         return found
 
-    # -- where motion may be known from --------------------------------------------------------------
+    # -- sources of known motion -----------------------------------------------------------------------
 
     def _turn_counters(self) -> list[_Source]:
         return [
@@ -183,7 +185,7 @@ class BeliefMotion:
             with np.errstate(invalid="ignore", divide="ignore"):
                 share = (lever[:2, None] * self._way).sum(axis=0) / self._gone
                 values = (self._counted(number) / sensor.spec.gain - lever[2] * self._true_turn) / share
-            # A wheel that hardly rolls says nothing of the way.
+            # A wheel that hardly rolls does not measure the path.
             found.append(_Source(sensor.spec.code, np.where(np.abs(share) > 0.5, values, np.nan), False))
         return found
 
@@ -220,7 +222,7 @@ class BeliefMotion:
             sums = np.concatenate(((0.0,), np.cumsum(asked)))
             others = np.concatenate(((0,), np.cumsum(rivals)))
             ways = np.diff(sums[self._at])
-            # Alone on its axis, or nobody knows whose the motion was.
+            # The only drive on its axis; otherwise the motion cannot be assigned to one.
             alone = (np.diff(others[self._at]) == 0) & (ways != 0.0)
             found.append(_Source(row.code, np.where(alone, ways if turning else np.abs(ways), np.nan), True))
         return found
@@ -232,7 +234,7 @@ def wrong_heading(attempt: Attempt) -> list[Disagreement]:
     history = attempt.history
     beliefs, moves = attempt.within(history.beliefs), attempt.within(history.movements)
     readings = attempt.within(history.readings)
-    # Sure of a far place from the first belief on: the program took a start for granted, whatever it read.
+    # Sure of a far place from the first belief on: the program assumed a start, without using readings.
     if len(beliefs) and beliefs["distance"][0] > CELL_SIZE and beliefs["spread"][0] < _ASSUMED:
         return []
     beliefs = beliefs[beliefs["allowed_turn"] <= _LONGEST_TURN / 2]
@@ -246,33 +248,33 @@ def wrong_heading(attempt: Attempt) -> list[Disagreement]:
         place = np.searchsorted(beliefs["order"], rows["order"])
         if min(len(beliefs), len(rows)) == 0:
             continue
-        told = beliefs[np.minimum(place, len(beliefs) - 1)]
+        believed = beliefs[np.minimum(place, len(beliefs) - 1)]
         # No movement ended between the two.
-        moved = np.searchsorted(ended, rows["order"]) != np.searchsorted(ended, told["order"])
+        moved = np.searchsorted(ended, rows["order"]) != np.searchsorted(ended, believed["order"])
         here = (place < len(beliefs)) & ~moved
-        rows, told = rows[here], told[here]
+        rows, believed = rows[here], believed[here]
         if len(rows) < _FEWEST:
             continue
-        expected = sensor.expected(world_without_block(history.spec), poses_of(told), 0.0)
+        expected = sensor.expected(world_without_block(history.spec), poses_of(believed), 0.0)
         off = np.asarray(expected - rows["value"]) * 360.0 / sensor.period
         # The mean direction: half a turn to either side is one.
         value = float(np.degrees(np.angle(np.exp(1j * np.radians(off)).mean())))
         noise = np.hypot(spec.error * np.abs(rows["true"]), spec.absolute_error) + sensor.least_error
-        allowed = float(np.median(told["allowed_turn"]))
-        # Beyond all that the program allowed for, by the noise of a mean.
+        allowed = float(np.median(believed["allowed_turn"]))
+        # Beyond the error that the program allowed for, by the noise of a mean.
         beyond = (abs(value) - allowed) * len(rows) ** 0.5 / float(np.median(noise))
-        turns = beliefs["turn"][beliefs["order"] >= told["order"][0]]
+        turns = beliefs["turn"][beliefs["order"] >= believed["order"][0]]
         stays = np.abs((turns - value + 180.0) % 360.0 - 180.0) <= np.maximum(UNTOLD_TURN, allowed)
         if beyond <= 0.0 or stays.mean() < 0.5:
             continue
         more = f"{abs(value):.0f} {spec.unit} {'more' if value > 0 else 'less'}"
         text = f"the program used {more} than {code}'s replies in the log ({len(rows)} readings)"
-        found.append(Disagreement((code,), text, len(rows), two_sided(beyond), 1.0, *moment(told[0])))
+        found.append(Disagreement((code,), text, len(rows), two_sided(beyond), 1.0, *moment(believed[0])))
     return found
 
 
 def _in_frame(beliefs: Columns, names: tuple[str, str, str], turns: FloatArray) -> FloatArray:
-    """Ways from pose to pose in the robot's frame halfway, (2, n): inches ahead and to the left."""
+    """Displacements from pose to pose in the robot's frame halfway, (2, n): inches ahead and to the left."""
     x, y, heading = (beliefs[name] for name in names)
     cos, sin = cos_sin_array(heading[:-1] + turns / 2)
     ahead, aside = np.diff(x), np.diff(y)

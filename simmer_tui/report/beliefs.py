@@ -18,13 +18,13 @@ EPISODES = DataTable(
         DataColumn("text", short(200), "what", wraps=True),
     ),
 )
-# Sentences name the first episodes; a table has all.
+# Episodes named in sentences; the table has all.
 _NAMED = 6
 _PERSON = "a person moved the robot"
 
 
 def episodes_table(history: RunHistory, *, ended_badly: bool) -> DataTable:
-    """The episodes of a run; no rows where no belief was told and nobody moved anything."""
+    """The episodes of a run; no rows where no belief was sent and nobody moved anything."""
     rows = [
         (each.kind.value, each.elapsed, each.line, each.distance, each.turn, _after(each), episode_text(each))
         for each in history.episodes.so_far(ended_badly=ended_badly)
@@ -33,7 +33,7 @@ def episodes_table(history: RunHistory, *, ended_badly: bool) -> DataTable:
 
 
 def belief_sentences(history: RunHistory, *, ended_badly: bool) -> list[str]:
-    """The episodes in one sentence, and the error at the end; none where no belief was told."""
+    """The episodes in one sentence, and the error at the end; none where no belief was sent."""
     if not history.beliefs:
         return []
     last, beliefs = history.beliefs[-1], history.totals.beliefs

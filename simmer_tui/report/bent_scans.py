@@ -1,7 +1,7 @@
 """Scans of lidars that were bent, since the robot moved while they were taken.
 
-A program that takes a scan for one of a single moment is as far off as the rays are: each ray's true distance
-from where the robot was at its moment, less that from where the robot was at the end of the scan.
+A program that treats a scan as taken at one moment has the error of its rays. A ray's error is the true
+distance from the robot's place at its moment, less that at the end of the scan.
 """
 
 from __future__ import annotations
@@ -18,10 +18,10 @@ from simmer_tui.sim.recent_motion import BlockPlace
 from simmer_tui.sim.records import LidarScan, Reading
 from simmer_tui.sim.sensors import Lidar, sensor_of
 
-# A belief to an inch is what programs of the course want of a scan.
+# Programs of the course want a belief to within an inch from a scan.
 OFF = 1.0
 """Inches from which a ray counts as off."""
-# Two times 0.5 ms a scan: a report of an hour is not to take ten seconds for them.
+# A scan takes 2 x 0.5 ms: without the limit the report of an hour's run would take ten seconds for them.
 MOST_MEASURED = 2000
 """Scans of a run that are measured: the first ones in which the robot moved."""
 
@@ -54,7 +54,7 @@ class _Bends(Struct):
 
 
 class BentScans:
-    """Measures how far the scans of a run were bent, in the order in which they were read."""
+    """Measures the errors of a run's bent scans, in the order in which they were read."""
 
     def __init__(self, maze: Maze) -> None:
         self._maze = maze
@@ -62,7 +62,7 @@ class BentScans:
         """The sums by sensor ID."""
 
     def add(self, reading: Reading, block: BlockPlace) -> None:
-        """Take in a reading of a lidar, with the block where it was."""
+        """Add a reading of a lidar, with the block's place then."""
         scan, spec = reading.scan, reading.sensor
         if scan is None:
             return
@@ -83,7 +83,7 @@ class BentScans:
         at_end = np.tile(poses[-1], (len(poses), 1))
         here = [(slice(None), block)]
         off = lidar.distances(self._maze, poses, here) - lidar.distances(self._maze, at_end, here)
-        # Where one of the two meets nothing there is no distance to be off by.
+        # Where one of the two meets nothing, there is no difference of distances.
         off = np.abs(off[np.isfinite(off)])
         bends.rays += len(off)
         bends.off += int((off > OFF).sum())
@@ -92,7 +92,7 @@ class BentScans:
 
 
 def scans_table(bent: BentScans) -> DataTable:
-    """The scans of each lidar, and how far those were bent in which the robot moved."""
+    """The scans of each lidar, and the errors of those in which the robot moved."""
     rows: list[tuple[object, ...]] = []
     for _, each in sorted(bent.found.items()):
         off: tuple[float | None, ...] = (None, None, None)

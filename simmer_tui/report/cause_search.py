@@ -1,8 +1,8 @@
-"""The search for the causes of a failed run: those that hold, ranked by what would have saved the run.
+"""The search for the causes of a failed run: those that hold, ranked by the changes that would have saved it.
 
-How the run ended is asked first: by a contact, with its program, or by its time. A sensor or drive that is
-not as its set says comes before all that follows from it. So does a run that had come nowhere for hundreds of
-movements before it ended somehow.
+The end of the run decides first: a contact, its program, or its time. A sensor or drive that is not as its
+set says comes before its consequences. So does a run that had made no progress for hundreds of movements
+before its end.
 """
 
 import itertools
@@ -22,15 +22,15 @@ from simmer_tui.run.attempt import Attempt
 _EXIT_CODE = re.compile(r"exit code (-?\d+)")
 # More devices than that are a whole robot that differs: the table of findings has them all.
 _NAMED = 4
-# These are left when nothing else holds: as a second cause they say nothing.
+# These remain when nothing else holds: they are never a second cause.
 _LAST_RESORTS = frozenset((Kind.CLEARANCE, Kind.UNDECIDED, Kind.ENDED, Kind.TOO_SLOW))
-# These are what a program did not do, for whatever reason.
+# These are actions that a program left out, for whatever reason.
 _NOT_DONE = frozenset((Kind.NOT_CARRIED_OUT, Kind.UNREAD))
-# These explain an end by themselves: what else went wrong till then did not end the run.
+# These explain an end by themselves: earlier mistakes did not end the run.
 _DECISIVE = frozenset((Kind.CRASHED, Kind.NOTHING_SENT))
-# These a program owes to its belief, which its readings in the log would have set right.
+# These follow from a wrong belief, which the readings in the log would have corrected.
 _BY_BELIEF = frozenset((Kind.LOST, Kind.UNSURE))
-# Except what is known apart from the program, and may be what it crashed of.
+# Known without the program; it may have crashed because of them.
 _FROM_OUTSIDE = frozenset((Kind.SENSOR_WRONG, Kind.DRIVE_WRONG, Kind.MOVED))
 
 
@@ -41,8 +41,8 @@ def causes_of(
     cut_off: bool = False,
     findings: Sequence[Finding] = (),
 ) -> list[Cause]:
-    """Causes of a failed run: the first, and a second where another holds as well. None if it did not fail,
-    as far as can be seen.
+    """Causes of a failed run: the first, and a second where another holds as well. Empty if no failure is
+    known.
 
     Args:
         attempt: The run.
@@ -51,7 +51,7 @@ def causes_of(
         findings: Sensors and drives that are not as they should be.
     """
     over = attempt.over
-    # The exit code of a program that the simulator ended says nothing of the program.
+    # The exit code of a program that the simulator ended is not the program's own.
     exit_code = None if program is None or program.stopped else program.exit_code
     if over is not None and exit_code is None and (found := _EXIT_CODE.search(over.event.reason)):
         exit_code = int(found[1])
@@ -73,16 +73,16 @@ def _first_two(standing: list[Cause], endings: EndingCauses, devices: Sequence[C
     known = _LAST_RESORTS | {first.kind, Kind.GOT_NOWHERE}
     other = [each for each in standing if each.kind not in known]
     misled = first.kind in _BY_BELIEF or (first.kind is Kind.CLEARANCE and endings.is_lost)
-    # A program that does not find itself may crash of that.
+    # A program that cannot localize itself may crash because of that.
     found = endings.disagreeing() if misled or first.kind in _DECISIVE else None
     disagreeing = [] if found is None else [found]
     if first.kind in _DECISIVE:
         other = [each for each in standing if each.kind in _FROM_OUTSIDE or each in devices] + disagreeing
     elif first.kind is Kind.MOVED:
-        # A hand explains by itself what followed: only a device that was wrong before says something else.
+        # A person who moved the robot explains the rest: only a device that was wrong before adds to it.
         other = [each for each in standing if each in devices]
     elif first in devices:
-        # Who was misled by a device did not come to do what it did not do.
+        # A program that a wrong device misled never came to the actions that it left out.
         other = [each for each in other if each.kind not in _NOT_DONE]
     elif disagreeing:
         return [*disagreeing, first]
@@ -112,10 +112,10 @@ def _of_contact(
     contacts: Sequence[Cause], device: Cause | None, explained: Cause | None, endings: EndingCauses
 ) -> Iterator[Cause | None]:
     """The causes of a run that a contact ended."""
-    # A hand that moved the robot comes before all that follows from it.
+    # A person who moved the robot comes before all that follows from it.
     yield endings.moved()
     yield endings.searched()
-    # What drove one movement astray by itself needs no sensor to be wrong.
+    # Drive errors that led one movement astray need no wrong sensor.
     alone = contacts[0].kind is Kind.DRIVE_ERROR and contacts[0].sure is Sureness.CERTAIN
     nowhere = endings.nowhere()
     yield from (nowhere, contacts[0], device) if alone else (device, explained, nowhere, contacts[0])
@@ -125,8 +125,8 @@ def _of_contact(
 
 
 def _device_cause(attempt: Attempt, findings: Sequence[Finding]) -> Cause | None:
-    """Sensors or drives that are not as their set, or its nominal one, says: what the program made of it is
-    in no log, so that this is likely at most."""
+    """The cause by sensors or drives that are not as their set, or its nominal one, says. No log shows the
+    program's use of them, so the cause is likely at most."""
     if not findings or attempt.task is None:
         return None
     drives = {each.code for each in attempt.spec.drives}
@@ -144,7 +144,8 @@ def _device_cause(attempt: Attempt, findings: Sequence[Finding]) -> Cause | None
 
 
 def _explained(attempt: Attempt, findings: Sequence[Finding]) -> Cause | None:
-    """A sensor or drive by which program and log differ; None where nothing explains that they do."""
+    """The cause by a sensor or drive by which program and log differ; None where nothing explains a
+    difference."""
     if attempt.task is None:
         return None
     found = disagreements(attempt, {each.of for each in findings})
@@ -153,7 +154,7 @@ def _explained(attempt: Attempt, findings: Sequence[Finding]) -> Cause | None:
     surest = found[0]
     if surest[0].swallowed:
         return _made_of(attempt, surest, Kind.NOT_CARRIED_OUT, surest[0].text)
-    # Where more explain it than can be named, none is.
+    # With more explanations than can be named, none is named.
     if len(surest) > _NAMED:
         return None
     names = " or ".join(", ".join(each.of) for each in surest)

@@ -52,8 +52,8 @@ class Kind(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Bearing:
-    """Changes of the deciding movement that bear on a kind of cause. One of `supporting` must have saved it,
-    if any of them could be told; none of `refuting` may have."""
+    """Changes of the deciding movement that support or refute a kind of cause. One of `supporting` must have
+    saved it, if any of them could be decided; none of `refuting` may have."""
 
     supporting: frozenset[Change] = frozenset()
     refuting: frozenset[Change] = frozenset()
@@ -62,33 +62,34 @@ class Bearing:
 _WITHOUT_ERRORS = frozenset((Change.NO_NOISE, Change.NO_BIAS, Change.EXACT, Change.UNSEEN, Change.LAST))
 _BELIEVED, _NO_BLOCK = frozenset((Change.BELIEVED,)), frozenset((Change.NO_BLOCK,))
 BEARINGS = {
-    # Who was wrong about where it was would have passed if it had been right.
+    # A lost program would have passed if its belief had been right.
     Kind.LOST: Bearing(_BELIEVED),
     Kind.UNSURE: Bearing(_BELIEVED),
-    # Looking tells where the robot is. Who knew it, and drove as it did, would have done so again.
+    # A reading corrects the belief. A program that knew its place would have driven the same with a reading.
     Kind.UNREAD: Bearing(_BELIEVED),
     Kind.DRIVE_ERROR: Bearing(_WITHOUT_ERRORS),
     Kind.HELD_BLOCK: Bearing(_NO_BLOCK),
-    # Too close is who knew where it was and would have passed with more room.
+    # Too close means that the program knew its place and would have passed with more room.
     Kind.CLEARANCE: Bearing(frozenset((Change.ASIDE, Change.FURTHER_OFF)), _BELIEVED),
-    # Whatever else would have saved it tells the causes apart.
+    # Any other change that would have saved it points to another cause.
     Kind.UNDECIDED: Bearing(refuting=_BELIEVED | _NO_BLOCK | {Change.EXACT}),
 }
-"""Counterfactuals that bear on each kind. Kinds that are not here need the program's own decisions, which no
-log has."""
+"""Counterfactuals that support or refute each kind. Kinds that are not here need the program's own decisions,
+which no log has."""
 
 
 def contradicted(kind: Kind, tried: Sequence[Counterfactual]) -> bool:
     """True if counterfactuals contradict a kind of cause."""
     bearing = BEARINGS.get(kind, Bearing())
-    told = [each.saved for each in tried if each.change in bearing.supporting and each.saved is not None]
-    if told and not any(told):
+    decided = [each.saved for each in tried if each.change in bearing.supporting and each.saved is not None]
+    if decided and not any(decided):
         return True
     return any(each.saved for each in tried if each.change in bearing.refuting)
 
 
 class Sureness(StrEnum):
-    """Sureness of a cause: what needs the program's own decisions cannot be known from a log."""
+    """Sureness of a cause: one that depends on the program's decisions is likely at most, as no log has
+    them."""
 
     CERTAIN = "certain"
     LIKELY = "likely"
@@ -96,9 +97,9 @@ class Sureness(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Cause:
-    """Cause of a failed run: `text` is one sentence, `evidence` what speaks for it. `elapsed` (seconds) and
-    `line` (of the log; 0 if there is none) say when, `place` where (inches). `culprits` are the codes of the
-    sensors and drives to blame."""
+    """Cause of a failed run: `text` is one sentence, `evidence` has the sentences that support it. `elapsed`
+    (seconds) and `line` (of the log; 0 if there is none) are its moment, `place` its place (inches).
+    `culprits` are the codes of the sensors and drives to blame."""
 
     kind: Kind
     text: str
@@ -112,7 +113,7 @@ class Cause:
 
     @property
     def is_contradicted(self) -> bool:
-        """True if its own counterfactuals speak against it."""
+        """True if its own counterfactuals contradict it."""
         return contradicted(self.kind, self.tried)
 
 
@@ -141,7 +142,7 @@ def cause_of(
     """A cause at a row of the history, or elapsed seconds; by default, and elsewhere, at the attempt's end.
 
     Args:
-        evidence: Sentences that speak for it; empty ones are left out.
+        evidence: Sentences that support it; empty ones are left out.
     """
     moment = attempt if at is None else at
     return Cause(
@@ -158,5 +159,5 @@ def cause_of(
 
 
 def undecided_text(changed: str) -> str:
-    """The two explanations that a log cannot tell apart; `changed` is what may have happened on the way."""
+    """The two explanations that a log cannot distinguish; `changed` is the possible change on the link."""
     return f"Either the program has an error, or {changed} on its way: the log cannot tell which."

@@ -1,8 +1,8 @@
-"""Commands of a run against themselves: corrections that do not shrink, and movements that no longer come.
+"""Commands of a run compared with one another: corrections that do not shrink, and missing movements.
 
-Both need no belief. A program that corrects what a movement left to do asks for less each time; if the robot
-does `g` times what the program means, each correction is 1 - g times the one before. And programs go in
-rhythms: what they read after a movement, they read when a movement should have been.
+Both need no belief. A program that corrects the rest of a movement asks for less each time. If the robot does
+`g` times what the program means, each correction is 1 - g times the one before. And programs keep a rhythm:
+they read the same sensors after a movement, so the readings show a missing one.
 """
 
 from __future__ import annotations
@@ -26,35 +26,36 @@ from simmer_tui.sim.specs import DriveSpec, SensorSpec
 
 Codes = NDArray[np.int64]
 _FEWEST = FEWEST["set"]
-# Errors of drives and of what a program knows of them are a few percent of a correction.
+# Errors of drives and of a program's model of them are a few percent of a correction.
 _BAND = 0.08
 """Share by which a correction may differ from the multiple of the one before it."""
 _FACTORS = tuple(sign * 1.5 * (1.0 + 2 * _BAND) ** step for step in range(9) for sign in (1.0, -1.0))
-"""Factors that are looked for, each next to the other. Below 1.5 a program may well mean it: steps that grow.
-Above 5, the second correction is longer than the maze."""
+"""Factors that are tried, their bands side by side. Below 1.5 growing steps may be intended. Above 5, the
+second correction is longer than the maze."""
 _UNDOING = -1.05
 """The factor of corrections that each take back the one before, with `_BAND_UNDOING` from -0.74 to -1.37. A
 movement that goes twice as far makes it -1, and so does a longer one where the program has a longest step."""
 _BAND_UNDOING = 0.3
 _HARDLY = (0.99 - _BAND,)
-"""The factor of turns that hardly change what is left to turn, as those that are sent in radians: with its
-band, up to 0.99. Movements ahead may shrink like this: a wall comes nearer."""
+"""The factor of turns that hardly reduce the rest, such as turns sent in radians: with its band, up to 0.99.
+Movements ahead may shrink like this: a wall comes nearer."""
 _THE_SAME = 0.001
-"""Share by which two commands differ at most that ask for the same: as a program's text has it."""
+"""Largest relative difference of two commands that ask for the same: their text in the program is the
+same."""
 _ALIKE = 0.02
 """Corrections that differ by less, as a share, are of one size."""
 # In runs without a fault fewer than one pair in twenty is within a band beyond 1.5, or undoes the other.
 _BY_CHANCE = 0.1
-# Who tries for the block again and again drives up and back: up to six pairs in ten.
+# A program that tries for the block repeatedly drives up and back: up to six pairs in ten.
 _BY_CHANCE_UP_AND_BACK = 0.6
 _SAME_WAY = 30.0
 """Most degrees of turns between two movements along a line."""
 # Of turns fewer than one pair in eight is within the band below 1.
 _BY_CHANCE_HARDLY = 0.2
 _LEAST = {"in": 0.5, "deg": 2.0}
-"""Least correction, inches and degrees: what is left of noise and rounding is smaller."""
+"""Least correction, inches and degrees: residuals of noise and rounding are smaller."""
 _LEAST_HARDLY = 0.1
-"""The same of turns that hardly turn, degrees: a compass has less noise than what is left."""
+"""The same of turns that hardly turn, degrees: a compass has less noise than the rest."""
 _MOST = {"in": math.inf, "deg": 60.0}
 """Largest one: three times as much is a half turn, and programs turn the short way."""
 _MOST_UNDOING = {"in": math.inf, "deg": 150.0}
@@ -63,18 +64,18 @@ _MOST_UNDOING = {"in": math.inf, "deg": 150.0}
 _ON_PURPOSE = 0.3
 """Share of exact opposites from which going back is meant."""
 _BETWEEN = 0.5
-"""Share of corrections between which a sensor is read that they go by. Judged."""
-# Judged: a rhythm that was kept three times is one.
+"""Share of corrections with a reading of the guiding sensor between them. Judged."""
+# Judged: kept three times, it is a rhythm.
 _RHYTHM = 3
 _OUT_OF_RHYTHM = 0.05
-"""Most times, as a share, that a program may have left a movement out before."""
+"""Largest share of times that a program may have left a movement out before."""
 _LEFT_OUT = 0.02
 """Least probability with which a program without a fault leaves one out."""
 
 
 class _Pairs(NamedTuple):
-    """Commands of a drive that follow on one another: the first of each pair as rows of movements, the value
-    of the first and its ratio to the second, (n,)."""
+    """Commands of a drive that follow one another: the first of each pair as rows of movements, its value and
+    its ratio to the second, (n,)."""
 
     rows: Columns
     first: FloatArray
@@ -83,7 +84,7 @@ class _Pairs(NamedTuple):
     """Pairs beside these in which the second is the first with the other sign."""
 
     def within(self, least: float, most: float) -> _Pairs:
-        """Those of which the first value is of a size, whatever its sign."""
+        """The pairs whose first value is within a size, whatever its sign."""
         fits = (np.abs(self.first) >= least) & (np.abs(self.first) <= most)
         return _Pairs(self.rows[fits], self.first[fits], self.ratios[fits], self.opposite)
 
@@ -98,8 +99,8 @@ class _Found(NamedTuple):
 
 
 def multiplied_corrections(attempt: Attempt, row: DriveSpec) -> Iterator[list[Disagreement]]:
-    """The explanations of a drive's commands that each are the same multiple of the one before: that grow,
-    that take each other back, or that hardly shrink."""
+    """The explanations of a drive's commands that are each the same multiple of the one before. They grow,
+    take each other back, or hardly shrink."""
     pairs, unit, turns = _pairs_of(attempt, row), row.kind.unit, row.kind.turns
     growing = pairs.within(_LEAST[unit], _MOST[unit])
     if (found := _most_alike(growing, _FACTORS, _BY_CHANCE)) is not None:
@@ -109,7 +110,7 @@ def multiplied_corrections(attempt: Attempt, row: DriveSpec) -> Iterator[list[Di
         undoing, by_chance = _pairs_of(attempt, row, along=True), _BY_CHANCE_UP_AND_BACK
     undoing = undoing.within(_LEAST[unit], _MOST_UNDOING[unit])
     found = _most_alike(undoing, (_UNDOING,), by_chance, _BAND_UNDOING)
-    # Who goes to and fro on purpose goes back by the very same.
+    # A program that goes to and fro on purpose goes back by exactly the same.
     if found is not None and undoing.opposite <= _ON_PURPOSE * len(found.rows):
         yield [_undone(row, found), *_as_measured(attempt, row, found)]
     if turns:
@@ -139,7 +140,7 @@ def _pairs_of(attempt: Attempt, row: DriveSpec, *, along: bool = False) -> _Pair
         turned = np.cumsum(np.where(turns, np.abs(asked), 0.0))
         near = turned[second] - turned[first] <= _SAME_WAY
     ratios = asked[second] / asked[first]
-    # A wall that stopped the movement leaves more to do than the drive did.
+    # A movement that a wall stopped leaves a rest that is not the drive's fault.
     near &= ~moves["held"][first]
     differ = near & (np.abs(np.abs(ratios) - 1.0) > _THE_SAME)
     opposite = int((near & ~differ & (ratios < 0.0)).sum())
@@ -153,7 +154,7 @@ def _most_alike(
     hits = {factor: np.abs(pairs.ratios / factor - 1.0) <= band for factor in factors}
     factor = max(hits, key=lambda each: int(hits[each].sum()))
     found = hits[factor]
-    # Steps that a program has in its text come in the same sizes again and again; corrections never do.
+    # Steps that are constants of a program repeat the same sizes; corrections never do.
     # One that takes the one before back is about as long, until it is as long as the program's longest.
     alike = _ALIKE if factor != _UNDOING else _THE_SAME
     sizes = np.round(np.log(np.abs(pairs.first[found])) / alike)
@@ -182,8 +183,8 @@ def _undone(row: DriveSpec, found: _Found) -> Disagreement:
 
 
 def _as_measured(attempt: Attempt, row: DriveSpec, found: _Found) -> list[Disagreement]:
-    """The explanations by the sensors that a program may have measured its movements by: what they told it
-    may have been that much too long, as well as the movement."""
+    """The explanations by the sensors with which a program may have measured its movements. Their readings,
+    not the movement, may have been too long by that factor."""
     readings = attempt.within(attempt.history.readings)
     made = []
     for number, sensor in sensors_read(attempt.history):
@@ -202,7 +203,7 @@ def _as_measured(attempt: Attempt, row: DriveSpec, found: _Found) -> list[Disagr
 
 
 def _measures(sensor: SensorSpec, row: DriveSpec) -> bool:
-    """True if a sensor tells how far a drive moved the robot: an angle of a turn, a path of the rest."""
+    """True if a sensor measures the motion by a drive: the angle of a turn, else the path."""
     kind, drive = sensor.kind, row.kind
     if drive.turns or kind.is_range or kind.is_opaque:
         return drive.turns and kind.unit == "deg"
@@ -223,8 +224,8 @@ def _as_meant(row: DriveSpec, share: float) -> str:
 
 
 def vanished_movements(attempt: Attempt) -> list[Disagreement]:
-    """The explanation of a program that goes on as after movements that are not in the log; none where it
-    keeps its rhythm."""
+    """The explanation of a program that continues as if after movements that are not in the log; none where
+    it keeps its rhythm."""
     rows, names = attempt.within(attempt.history.commands), attempt.history.code_names
     moves = attempt.within(attempt.history.movements)
     # In packets, programs ask for the end of a movement by movements of 0.
@@ -244,7 +245,7 @@ def vanished_movements(attempt: Attempt) -> list[Disagreement]:
             continue
         first = int(gaps[0])
         gone = [names[number] for number, place in ends.items() if place < first]
-        # Others may be gone because the program had no need of them.
+        # Others may be missing because the program did not need them.
         of = tuple(gone) if len(gone) == 1 else ()
         text = (
             f"no {of[0] if of else 'movement'} reached the robot any more; {len(gaps)} of {count} times the "
@@ -259,16 +260,17 @@ def vanished_movements(attempt: Attempt) -> list[Disagreement]:
 
 
 class _Rhythm:
-    """Readings in threes, of which the first two follow on one another with or without a movement between."""
+    """Readings in threes: the first two follow one another with or without a movement between."""
 
     def __init__(self, codes: Codes, moves: Flags) -> None:
-        """`codes` are those of commands in order, `moves` tells which of them move the robot; (n,) each."""
+        """`codes` are those of commands in order, `moves` is true for those that move the robot; (n,)
+        each."""
         places, base = np.flatnonzero(~moves), int(codes.max(initial=0)) + 1
         first, second, third = (codes[places[begin : len(places) - 2 + begin]] for begin in range(3))
         self._threes = (first * base + second) * base + third
         self._moved = np.diff(places)[:-1] > 1
         self._places = places[1:-1]
-        # One sensor read over and over says nothing of what came between.
+        # One sensor read repeatedly does not show whether a movement came between.
         self._varied = (first != second) | (second != third)
 
     def broken_after(self, end: int) -> tuple[Codes, int, float]:
@@ -289,7 +291,7 @@ class _Rhythm:
             return np.empty(0, np.int64), 0, 1.0
         counts = is_later & np.isin(self._threes, rhythmic)
         gaps = self._places[counts & ~self._moved]
-        # Laplace's rule of succession, for what was never seen before.
+        # Laplace's rule of succession, for an event that was never seen before.
         usual = max((missed + 1) / (whole + missed + 2), _LEFT_OUT)
         return gaps, int(counts.sum()), binomial_tail(len(gaps), int(counts.sum()), usual)
 

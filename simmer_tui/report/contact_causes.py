@@ -1,16 +1,16 @@
-"""Causes of a contact that ended a run, by intervention: its movement is laid again, with one change a time.
+"""Causes of a contact that ended a run, by counterfactuals: its movement repeated, each with one change.
 
 Those that hold come in this order:
 
-    unread        the program had not looked for a good part of its path
-    undecided     a reading in the log had shown the wall, and no belief says why the program drove there
-    lost          it was wrong about where it was, and from where it believed to be it would have passed
-    unsure        it allowed for being wrong, and drove on though that was enough to touch
-    drive error   the movement would have met nothing, by a fair margin, without noise and bias
-    held block    it was what touched, and the robot alone would have passed
+    unread        the program had read no sensor for a good part of its path
+    undecided     a reading in the log had shown the wall, and no belief explains the movement
+    lost          its belief was wrong, and from its believed pose it would have passed
+    unsure        it allowed for an error that was enough to touch, and drove on
+    drive error   without noise and bias it would have passed with a margin
+    held block    the block touched, and the robot alone would have passed
     misread       the sensor that looked there was far off
     clearance     with more room at the side, or from further off, it would have passed
-    undecided     nothing of all this would have saved it
+    undecided     none of these changes would have saved it
 """
 
 import math
@@ -27,19 +27,19 @@ from simmer_tui.run.history_rows import BeliefRow
 from simmer_tui.sim.command import parse_value
 
 NO_BELIEFS = "No beliefs were sent: the log cannot show where the program thought the robot was."
-# Judged: a third of a cell, or half a quarter turn, changes what stands before a sensor.
+# Judged: after a third of a cell, or half a quarter turn, a sensor sees other obstacles.
 BLIND, BLIND_TURN = 4.0, 45.0
-"""A sensor that was last read more than this ago, inches or degrees of path, was not looked at."""
+"""Inches or degrees of path after which the last reading of a sensor counts as unread."""
 # One cell of the maze.
 STALE = 12.0
-"""A belief told more than this many inches ago says nothing of now."""
+"""Inches of path after which a belief is too old."""
 # Judged: an inch alone is a usual error of a long range; four standard deviations happen once in 16,000.
 MISREAD, SIGMAS = 1.0, 4.0
-"""A reading off by more than so many inches and standard deviations was wrong."""
+"""A reading with an error above both, inches and standard deviations, is a misreading."""
 
 # Judged: two thirds of the room that a robot 6 in wide has on either side in a cell of 12 in.
 _INTO = 2.0
-"""Inches asked for beyond a contact, from which the program took the wall for elsewhere, not for near."""
+"""Inches asked for beyond a contact, from which the program must have believed the wall elsewhere."""
 # Judged: errors of a drive and of a range are a few percent of a cell.
 _INTO_SHOWN = 1.0
 """The same where a reading had shown the wall."""
@@ -56,8 +56,8 @@ _SHOWN = {
 
 
 def contact_causes(seen: Attempt, met: Collision) -> list[Cause]:
-    """The causes of a contact that hold, the most telling first. None of them is contradicted by what was
-    tried."""
+    """The causes of a contact that hold, in the order above. No counterfactual that was tried contradicts
+    them."""
     return [each for each in _ContactCauses(seen, met).all() if not each.is_contradicted]
 
 
@@ -74,7 +74,7 @@ class _ContactCauses:
         self._wrong = self._belief is not None and self._belief.lost
         believed = None
         if self._belief is not None:
-            # Of a velocity the last inches are laid again, of a movement the whole of it.
+            # Of a velocity the last inches are repeated, of a movement the whole of it.
             start = met.legs[0].before if met.legs else met.ended.before
             believed = carried_over(self._belief.true, self._belief.believed, start)
         self._tried = tuple(CounterfactualWorld(seen.spec).tried(met, believed))
@@ -93,10 +93,11 @@ class _ContactCauses:
         # After a turn another sensor may have looked where this one does now.
         seen = self._shown is not None and self._shown.ago <= BLIND
         blind = not self._met.contact.drift and not seen and self._is_blind()
-        # No sensor looks at the room that a held block needs in a turn: who was not lost lacked no look.
+        # No sensor looks at the room that a held block needs in a turn: without a wrong belief no reading is
+        # missing.
         turned = self._met.contact.held_block and self._met.ended.trajectory.turning
         blind = blind and not (turned and (self._belief is None or self._knew))
-        # Where the errors of this one movement sufficed, looking before it would not have helped.
+        # Where the errors of this one movement were enough, a reading before it would not have helped.
         if is_exact_free and not (self._wrong and believed):
             yield self._drive_error()
         if blind:
@@ -114,11 +115,11 @@ class _ContactCauses:
         return self._belief is not None and not self._wrong and not self._belief.unsure
 
     def _beliefs(self, believed: bool | None) -> Iterator[Cause]:
-        """Being wrong about where it was, with or without knowing so."""
+        """Causes by a wrong or unsure belief."""
         belief, lost = self._belief, self._met.lost
         if belief is None:
             return
-        # Where the believed place is in a wall, nothing can be laid from there.
+        # Where the believed pose is in a wall, the movement cannot be repeated from there.
         sure = Sureness.CERTAIN if believed else Sureness.LIKELY
         if self._wrong and lost is not None:
             text = f"It was lost. {wrong_text(self._seen, lost)}. Then {self._into}."
@@ -148,11 +149,12 @@ class _ContactCauses:
     def _against_readings(self) -> Iterator[Cause]:
         """A movement into a wall that its readings in the log had shown."""
         shown, far = self._shown, self._beyond > _INTO_SHOWN
-        # Who knew where it was needs no readings to keep off a wall, but drove at one straight ahead.
+        # With a right belief a program needs no readings to keep off a wall; only a wall straight ahead
+        # counts.
         against = (far and self._asked_for_more) if self._knew else (far or self._asked_for_more)
         if shown is None or not against:
             return
-        # Who was lost drove by its belief, unless that would have led it into a wall as well.
+        # A lost program drove by its belief, unless that would have led it into a wall as well.
         misled = self._wrong and self._saved.get(Change.BELIEVED) is not False
         if misled or self._saved.get(Change.UNSEEN) or self._saved.get(Change.NO_BIAS):
             return
@@ -161,7 +163,7 @@ class _ContactCauses:
 
     def _left_over(self) -> Iterator[Cause]:
         """Causes for a contact that nothing else explains."""
-        # Who tells no beliefs, and asks for far more than there is, did not come too close.
+        # A program without beliefs that asks for far more than the room ahead did not just come too close.
         if self._belief is None and self._beyond > _INTO:
             yield self._undecided(self._facing)
         if self._saved.get(Change.ASIDE) or self._saved.get(Change.FURTHER_OFF):
@@ -203,14 +205,15 @@ class _ContactCauses:
         return self._made(Kind.DRIVE_ERROR, text, culprits=(self._met.ended.command.code,))
 
     def _accumulated(self) -> Iterator[Cause]:
-        """Drive errors of the movements before: certain while nothing was read, since then the program could
-        not have seen them. Whoever tells where it is has taken them into account, rightly or wrongly."""
+        """Drive errors of the movements before. They are certain while nothing was read, since the program
+        could not have seen them. A program that sends beliefs has taken them into account, rightly or
+        wrongly."""
         met = self._met
         if self._belief is not None and not self._belief.unsure:
             return
         for change, count, sure in (
             (Change.UNSEEN, met.unseen, Sureness.CERTAIN),
-            # Who looks after each movement sees what its errors have made of the path, and goes by that.
+            # A program that reads after each movement sees the effect of its errors, and uses that.
             *(() if self._looked else ((Change.LAST, len(met.before), Sureness.LIKELY),)),
         ):
             if self._saved.get(change):
@@ -228,7 +231,8 @@ class _ContactCauses:
                 return
 
     def _undecided(self, last: LastReading | None) -> Cause:
-        """A movement that nothing would have saved: the program, or what lies between it and the log."""
+        """A movement that no change would have saved: the program is the cause, or the link between it and
+        the log."""
         if self._knew:
             known = "Its belief was right"
         elif last is not None:
@@ -272,8 +276,8 @@ class _ContactCauses:
         )
 
     def _is_blind(self) -> bool:
-        """True if nobody had looked. One that says where it is may have had it from any range sensor; of
-        one that does not, the sensor that looks at the wall is asked for."""
+        """True if no range sensor had been read. A program that sends beliefs may have used any of them; for
+        one that does not, only the sensor that looks at the wall counts."""
         met, looks = self._met, self._looks
         if self._belief is None:
             words = [] if looks is None or looks.last is None else [looks.last]
@@ -290,7 +294,7 @@ class _ContactCauses:
 
 
 def belief_text(belief: BeliefRow | None) -> str:
-    """Error of a belief, and what the program told of it."""
+    """Error of a belief, and its spread as the program sent it."""
     if belief is None:
         return NO_BELIEFS
     off, spread = belief.deviation, belief.spread
@@ -302,7 +306,7 @@ def belief_text(belief: BeliefRow | None) -> str:
 
 def wrong_text(seen: Attempt, belief: BeliefRow) -> str:
     """Time since which a belief was wrong, its error and its spread: a sentence without its full stop. Of a
-    grid that gave the truth hardly any probability, that, and if two cells look alike."""
+    grid that gave the true cell hardly any probability, it says so, and if two cells look alike."""
     off, spread = belief.deviation, belief.spread
     if off.rejects_truth:
         alike = "; two cells look alike there" if looks_alike(seen, belief) else ""
@@ -343,7 +347,8 @@ def _changes_text(changes: Sequence[Change]) -> str:
 
 
 def _since(met: Collision, words: Sequence[LastReading]) -> float:
-    """Path between the latest of some readings and a movement, as a share of the most that may be."""
+    """Path between the latest of some readings and a movement, as a share of the largest path that is not
+    blind."""
     return min(
         (
             max((met.row.gone_before - each.gone) / BLIND, (met.row.turned_before - each.turned) / BLIND_TURN)

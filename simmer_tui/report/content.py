@@ -194,7 +194,7 @@ TABLES = (
 
 def report_document(run: RunStatistics, name: str) -> Document:
     """The report of a run whose log has a name."""
-    # A program's last words say why it failed; of one that did well they are twenty lines of no news.
+    # The last output of a failed program says why it failed; that of a successful one has no news.
     failed = run.verdict.outcome.is_failure
     parts: list[DocumentPart] = [
         *_verdict(run.verdict),
@@ -218,7 +218,7 @@ def again(name: str) -> Paragraph:
 
 
 def _verdict(verdict: Verdict) -> list[DocumentPart]:
-    """The verdict: its sentence, and what speaks for it."""
+    """The verdict: its sentence, and its reasons."""
     return [
         Paragraph(verdict.text, "verdict", "strong"),
         Bullets("Why", verdict.lines[1:], "why"),

@@ -1,12 +1,13 @@
-"""Counterfactuals: the movement that decided a run again, without its errors or from another place.
+"""Counterfactuals: the deciding movement of a run repeated, without its errors or from another place.
 
-Runs repeat exactly, so the movement that went wrong can be laid out anew, and the movements before it, with
-all else as it was. With P the errors, B the bias, d the distance asked for on all axes together and e the
-draws, a movement leads on axis a by a + d B + d (1 + B) P e (`sim.motion.Planner.plan`). Total, a, d and B
-are known, so that the part of the noise is too. Of a velocity the legs of its last inches are laid again,
-each at what its wheels were told and for as long.
+Runs repeat exactly, so the deciding movement, and those before it, can be repeated with one change.
 
-Only the movements are laid again, never the program: what it would have decided otherwise is in no log.
+P are the errors, B the bias, d the distance asked for on all axes together, e the draws. A movement leads on
+axis a by a + d B + d (1 + B) P e (`sim.motion.Planner.plan`). Total, a, d and B are known, so the part of the
+noise follows.
+
+Of a velocity the legs of its last inches are repeated, each at the commanded velocity of its wheels and for
+as long. Only movements are repeated, never the program: its other decisions are in no log.
 """
 
 import math
@@ -55,21 +56,21 @@ class Change(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Counterfactual:
-    """A change and whether the movement would then have met nothing; None if that cannot be told: the robot
-    would have stood in a wall, or passed one by a hair."""
+    """A change, and in `saved` True if the movement would then have touched nothing. It is None if that
+    cannot be decided: the robot would have stood in a wall, or passed one by less than `NARROW`."""
 
     change: Change
     saved: bool | None
 
 
 _Driven = tuple[Twist, float]
-"""A velocity in the robot's frame, and for how many seconds it was driven."""
+"""A velocity in the robot's frame, and its duration, seconds."""
 _Way = Axes | Sequence[_Driven]
 """A movement by its distance on each axis, or velocities one after the other."""
 
 
 class CounterfactualWorld:
-    """The walls in which movements are planned again, with a change. Make one a run."""
+    """The walls in which movements are planned again, with a change. One serves a whole run."""
 
     def __init__(self, spec: SimulationSpec) -> None:
         self._spec = spec
@@ -80,8 +81,8 @@ class CounterfactualWorld:
         self._by_kind = {drive.kind: drive for drive in spec.drives if drive.enabled}
 
     def asked(self, ended: MovementEnded, bias: Mapping[DriveKind, Axes], change: Change) -> Axes | None:
-        """Distance of a movement on each axis after a change of its errors; None if what was
-        asked for is not known."""
+        """Distance of a movement on each axis after a change of its errors; None if its command's value is
+        not known."""
         trajectory = ended.trajectory
         drive = self._drives.get(ended.command.code)
         value = parse_value(ended.command.argument)
@@ -110,11 +111,11 @@ class CounterfactualWorld:
         )
 
     def tried(self, met: Collision, believed: Pose | None) -> list[Counterfactual]:
-        """All changes that make sense of a movement that met something.
+        """All changes that apply to a movement with a contact.
 
         Args:
-            believed: Where the program took itself to be, if it said so: at the movement's beginning, or of a
-                velocity at that of the first of its legs.
+            believed: Believed pose, if the program sent one: at the movement's beginning, or of a velocity at
+                that of the first of its legs.
         """
         if not met.legs and met.ended.command.code not in self._drives:
             return []
@@ -122,7 +123,7 @@ class CounterfactualWorld:
         return [each for each in made if each is not None]
 
     def _tried(self, met: Collision, believed: Pose | None, change: Change) -> Counterfactual | None:
-        """A change tried; None if it would change nothing, or cannot be told of a velocity."""
+        """A change tried; None if it would change nothing, or cannot be decided for a velocity."""
         ended, legs = met.ended, met.legs
         start = legs[0].before if legs else ended.before
         went: _Way = [_driven(leg) for leg in legs] if legs else ended.trajectory.totals
@@ -133,7 +134,7 @@ class CounterfactualWorld:
             case Change.UNSEEN:
                 return self._without_errors(met, change, unseen)
             case Change.LAST:
-                # Else it is the change before.
+                # Otherwise it is the same as the change before.
                 return self._without_errors(met, change, known) if known > unseen else None
             case Change.BELIEVED:
                 return None if believed is None else self._cleared(met, change, believed, went)
@@ -148,7 +149,7 @@ class CounterfactualWorld:
                 return self._from(met, change, _aside(ended, INCH, start), went)
             case _ if isinstance(went, Axes):
                 return self._tried_movement(met, change, went)
-        # A velocity that comes from further away goes on for longer, and each leg has errors of its own.
+        # A velocity from further away would last longer, and each leg has errors of its own.
         return None
 
     def _tried_movement(self, met: Collision, change: Change, totals: Axes) -> Counterfactual | None:
@@ -156,7 +157,7 @@ class CounterfactualWorld:
         ended = met.ended
         if change is Change.FURTHER_OFF:
             places = _aside(ended, FURTHER, ended.before)
-            # A movement that goes somewhere may begin further back on its path, too.
+            # A movement with a course may begin further back on its path, too.
             if not ended.trajectory.turning:
                 places.append(_moved(ended.before, _course(ended) + math.pi, FURTHER))
             return self._from(met, change, places, totals)
@@ -166,21 +167,21 @@ class CounterfactualWorld:
         return self._cleared(met, change, ended.before, asked)
 
     def _further(self, driven: Sequence[_Driven]) -> Sequence[_Driven]:
-        """Velocities half an inch further. They went no further than to the contact, and must not stop just
-        short of it elsewhere."""
+        """The same velocities, half an inch longer. Those of the log end at the contact, and must not stop
+        just short of it from another place."""
         last, seconds = driven[-1]
         pace = last.speed + math.radians(abs(last.r)) * self._footprint.reach
         return [*driven[:-1], (last, seconds + (NARROW / pace if pace else 0.0))]
 
     def _from(self, met: Collision, change: Change, places: Sequence[Pose], way: _Way) -> Counterfactual:
-        """The same way from other places, of which one that is free suffices."""
+        """The same motion from other places; one place without a contact is enough."""
         touched = [self._meets(met, place, way) for place in places]
         possible = [each for each in touched if each is not None]
         return Counterfactual(change, not all(possible) if possible else None)
 
     def _without_errors(self, met: Collision, change: Change, count: int) -> Counterfactual | None:
-        """The last so many legs at the velocities that the wheels were told; or the movement after so many
-        others, all as they were asked for."""
+        """The last `count` legs at their commanded velocities; or the movement after `count` others, all as
+        they were asked for."""
         if met.legs:
             legs = met.legs[-count:]
             exact = [(self._exact(leg.commanded), leg.duration) for leg in legs]
@@ -196,34 +197,35 @@ class CounterfactualWorld:
             kind, totals = ended.trajectory.kind, self.asked(ended, met.bias, Change.EXACT)
             if kind is None or totals is None or self._walls.overlap(self._body(met), pose):
                 return Counterfactual(change, None)
-            laid = self._laid(met, pose, kind, totals)
-            if laid.contact is not None:
+            planned = self._trajectory(met, pose, kind, totals)
+            if planned.contact is not None:
                 return Counterfactual(change, False)
-            pose = laid.pose_at(laid.end_time)
+            pose = planned.pose_at(planned.end_time)
         return self._cleared(met, change, pose, asked)
 
-    def _exact(self, told: Twist) -> Twist:
+    def _exact(self, commanded: Twist) -> Twist:
         """The velocity of a robot without drive errors."""
-        parts = components(told, self._by_kind)
-        return TrueVelocity(told, parts, DistanceErrors(1, {}, ()), {}, noise=False).whole
+        parts = components(commanded, self._by_kind)
+        return TrueVelocity(commanded, parts, DistanceErrors(1, {}, ()), {}, noise=False).whole
 
     def _cleared(self, met: Collision, change: Change, start: Pose, way: _Way) -> Counterfactual:
-        """A way from a pose: saved if it would pass everything by a fair margin."""
+        """The counterfactual of a motion from a pose: saved if it would pass everything with a margin of
+        `NARROW`."""
         touches = self._meets(met, start, way)
         if touches is not False:
             return Counterfactual(change, None if touches is None else False)
         shifted = (Pose(start.x + NARROW * x, start.y + NARROW * y, start.heading) for x, y in _AROUND)
-        # Standing closer to a wall than that is too narrow as well.
+        # A start closer to a wall than that is too narrow as well.
         passes = all(self._meets(met, each, way) is False for each in shifted)
         return Counterfactual(change, True if passes else None)
 
     def _meets(self, met: Collision, start: Pose, way: _Way) -> bool | None:
-        """True if a way from a pose would touch anything; None if the robot would stand in a wall."""
+        """True if a motion from a pose would touch anything; None if the robot would stand in a wall."""
         kind = met.ended.trajectory.kind
         if kind is None or self._walls.overlap(self._body(met), start):
             return None
         if isinstance(way, Axes):
-            return self._laid(met, start, kind, way).contact is not None
+            return self._trajectory(met, start, kind, way).contact is not None
         body, obstacles, pose = self._body(met), self._obstacles(met, start), start
         for twist, seconds in way:
             parts = math.ceil(abs(twist.r) * seconds / LARGEST_TURN) or 1
@@ -234,14 +236,14 @@ class CounterfactualWorld:
                 pose = arc.end
         return False
 
-    def _laid(self, met: Collision, start: Pose, kind: DriveKind, totals: Axes) -> Trajectory:
+    def _trajectory(self, met: Collision, start: Pose, kind: DriveKind, totals: Axes) -> Trajectory:
         body, obstacles = self._body(met), self._obstacles(met, start)
         planner = Planner(self._spec.num_segments, self._spec.contact, {})
-        laid = rebuilt(start, kind, totals, self._spec.num_segments, 0.0, 1.0)
-        return planner.checked(laid, CollisionChecker(body, obstacles, self._maze))
+        planned = rebuilt(start, kind, totals, self._spec.num_segments, 0.0, 1.0)
+        return planner.checked(planned, CollisionChecker(body, obstacles, self._maze))
 
     def _obstacles(self, met: Collision, start: Pose) -> Obstacles:
-        """The walls, and the block where it is solid and lies about."""
+        """The walls, and the block if it is solid and not held."""
         lying = met.lying
         if not (self._spec.block_solid and met.held is None and lying.size):
             return self._walls
@@ -255,14 +257,14 @@ class CounterfactualWorld:
 
 
 def _driven(leg: Leg) -> _Driven:
-    """The velocity of a leg as it went, in the robot's frame, and its seconds."""
+    """The true velocity of a leg in the robot's frame, and its duration, seconds."""
     ahead, aside = leg.arc.own_velocity
     return Twist(ahead, aside, leg.arc.rate), leg.duration
 
 
 def _aside(ended: MovementEnded, distance: float, start: Pose) -> list[Pose]:
     """The beginning of a movement or of the legs before it, moved to either side of its path; of a turn, away
-    from what it met."""
+    from the contact."""
     contact = ended.contact
     if ended.trajectory.turning and contact is not None:
         away = math.atan2(contact.pose.y - contact.point[1], contact.pose.x - contact.point[0])

@@ -1,9 +1,9 @@
 """Disagreements: a sensor's replies or a drive's commands by which a program and its log differ.
 
-The log has replies as they were sent and commands as the robot got them. What the program made of them shows
-in the beliefs that it told, and in the commands that followed. Where the two do not fit, either a word was
-changed on its way, or the program takes that sensor or drive for something else: a log cannot tell these
-apart, but it can tell which device it is.
+The log has replies as they were sent and commands as the robot got them. The program's use of them shows in
+its beliefs, and in the commands that followed. Where the two do not fit, either a message was changed on the
+link, or the program misunderstands that sensor or drive. A log cannot distinguish these, but it can name the
+device.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from simmer_tui.run.table import Columns
 @dataclass(frozen=True, slots=True)
 class Disagreement:
     """One explanation of why program and log differ: `of` are the codes of the sensors or drives, none where
-    it may be any. `text` says what was different, `count` on how many readings or movements it rests.
+    it may be any. `text` says what was different, `count` is the number of readings or movements behind it.
 
-    `probability` is that of evidence as strong without a disagreement, all tests of its kind counted.
-    `scatter` is what it leaves unexplained, in a unit of the evidence. `elapsed` (seconds) and `line` (of the
-    log) are where it began. With `swallowed`, a command never reached the robot.
+    `probability` is that of evidence as strong without a disagreement, corrected for all tests of its kind.
+    `scatter` is the residual scatter, in a unit of the evidence. `elapsed` (seconds) and `line` (of the log)
+    are where it began. With `swallowed`, a command never reached the robot.
     """
 
     of: tuple[str, ...]
@@ -54,7 +54,7 @@ def kept_disagreements(found: Iterable[Sequence[Disagreement]]) -> list[list[Dis
         if min(one.probability for one in each) * (len(tests) - place) > ERROR:
             break
         best = min(each, key=lambda one: one.scatter)
-        # A scatter that is larger by no more than the best one's error may be as small by chance.
+        # A scatter within the error of the best one may be larger only by chance.
         most = best.scatter * (1.0 + Z_95 * MAD_ERROR / best.count**0.5)
         standing.append(sorted((one for one in each if one.scatter <= most), key=lambda one: one.scatter))
     return standing

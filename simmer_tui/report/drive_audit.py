@@ -1,9 +1,9 @@
-"""Drives against the truth: how far each led on each axis, beside what was asked of it.
+"""Drives against the truth: the displacement on each axis, beside the command.
 
-A movement is compared as its drive began it: a wall that held the robot is not the drive's fault, and the
-wheels turned all the same. Those that were cut short are left out. The rest have for each axis a the total
-a + d B + d (1 + B) P e of docs/how-it-works.md: over d it is the same for all movements of a drive, but for
-its noise.
+A movement is compared as its drive began it: a wall that held the robot is not the drive's fault. The wheels
+turned all the same. Movements that were cut short are left out. The others have on each axis the total a + d
+B + d (1 + B) P e of docs/how-it-works.md. Over d it is the same for all movements of a drive, but for its
+noise.
 """
 
 from __future__ import annotations
@@ -39,14 +39,14 @@ from simmer_tui.run.table import Columns
 from simmer_tui.sim.angles import FloatArray
 from simmer_tui.sim.specs import CELL_SIZE, Axes, DriveKind, DriveSpec
 
-# A movement of less says little: its errors are a share of it.
+# The errors of a shorter movement are too small to measure: they are a share of it.
 _SHORTEST = {"in": 0.05, "deg": 0.5}
 """Least command that counts, inches and degrees."""
 # Rounding of the history's numbers, for drives without noise.
 _LEAST_ERROR = 1e-4
-# Judged: half a command on its own axis is neither that nor nothing.
+# Judged: with half of a command on its own axis a drive neither moves along it nor along another.
 _OTHER_AXIS = 0.5
-# A bias of 2 degrees in a cell, or of an inch in a quarter turn, leads past the middle of the next one.
+# A bias of 2 degrees in a cell, or of an inch in a quarter turn, leads past the middle of the next cell.
 _LEAST_BIAS = {
     ("in", "deg"): LEAST_DEGREES / CELL_SIZE,
     ("deg", "in"): LEAST_INCHES / 90.0,
@@ -102,7 +102,7 @@ def other_direction(
 
     Args:
         asked: Values of its commands, (n,).
-        done: How far each led in the robot's frame, inches and degrees, (n, 3).
+        done: Displacement by each in the robot's frame, inches and degrees, (n, 3).
     """
     direction = _direction(row.kind)
     along = done @ direction / (asked * row.gain)
@@ -113,7 +113,7 @@ def other_direction(
     if typical >= _OTHER_AXIS:
         return Claim(probability)
     device, count = DeviceUnderTest(row.code, basis, "movement"), len(asked)
-    # Which other drive, for the same command, would have led there.
+    # The other drive that would have led there by the same command.
     for each in others:
         if each.code != row.code and each.enabled and each.kind.turns == row.kind.turns:
             as_other = done @ _direction(each.kind) / (asked * each.gain)
@@ -153,7 +153,7 @@ def _axes(device: DeviceUnderTest, rule: DriveRule, asked: FloatArray, done: Flo
 
 
 def _gain_fit(driven: FloatArray, rest: FloatArray, noise: FloatArray) -> RobustFit:
-    """Gain, and a shortfall that is the same for all movements, where their lengths tell the two apart."""
+    """Gain, and a shortfall that is the same for all movements, where their lengths separate the two."""
     single = robust_fit(driven[:, None], rest, noise)
     both = robust_fit(np.column_stack((driven, np.sign(driven))), rest, noise)
     size = np.abs(driven)
@@ -174,14 +174,15 @@ def _gain(device: DeviceUnderTest, verb: str, fit: RobustFit) -> Claim:
 
 
 def _allowing(fit: RobustFit, allowed: float) -> RobustFit:
-    """The first coefficient, with a standard deviation of what was drawn at random in its error."""
+    """The first coefficient, its error enlarged by the standard deviation of the random bias."""
     error = math.hypot(float(fit.errors[0]), allowed)
     return RobustFit(fit.values[:1], np.array([error]), fit.rough, fit.count, fit.declared)
 
 
 def _shortfall(device: DeviceUnderTest, kind: DriveKind, fit: RobustFit, usual: float) -> Claim:
     value, probability, unit = float(fit.values[1]), fit.probability(1), kind.unit
-    # A fiftieth of a usual command, and a quarter of an inch or half a degree, are what adds up soonest.
+    # A fiftieth of a usual command, and a quarter of an inch or half a degree, are the errors that add up
+    # soonest.
     if abs(value) < max(LEAST_SHARE * usual, 0.25 if unit == "in" else 0.5):
         return Claim(probability)
     what = f"{kind.verb} {abs(value):.2f} {unit} {'too little' if value < 0 else 'too much'} each time"

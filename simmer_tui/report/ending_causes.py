@@ -1,4 +1,4 @@
-"""Causes of failures that no contact decided: by the program's end, by the time, or by what it never did."""
+"""Causes of failures that no contact decided: by the program's end, the time, or a missing action."""
 
 import math
 from functools import partial
@@ -28,18 +28,19 @@ from simmer_tui.sim.specs import CELL_SIZE
 
 # Judged: a good program crosses the maze with fewer movements.
 STAYED, MOVES = 0.25, 20
-"""So large a share of the time limit, with so many movements (or none) and no progress, gains nothing."""
+"""Share of the time limit, and number of movements (or none), without progress that count as a cause."""
 _LED = 20
-"""Movements that may have led to a contact: as many as are laid again (`run_history`)."""
-# Judged: a place that is off by less is taken for the block's, by drift or by a wrong angle.
+"""Movements that may have led to a contact: as many as counterfactuals repeat (`run_history`)."""
+# Judged: a smaller error of the place comes from drift or a wrong angle.
 _FAR = CELL_SIZE / 2
-"""Distance of the block from the jaws, inches, from which they did not close beside it, but elsewhere."""
+"""Distance of the block from the jaws, inches, from which the gripper closed elsewhere, not beside the
+block."""
 _REPLY_CHANGED = undecided_text("a reply was changed")
 
 
 class EndingCauses:
-    """The candidates, each None if it does not hold. `program` and `exit_code` are its program's end, where
-    they are known; `cut_off` tells that the run was ended because real time was up."""
+    """The candidates, each None if it does not hold. `program` and `exit_code` are the end of the program,
+    where they are known. `cut_off` is true if the run was ended because real time was up."""
 
     def __init__(
         self, seen: Attempt, program: ProgramEnded | None, exit_code: int | None, cut_off: bool
@@ -57,7 +58,7 @@ class EndingCauses:
         if program is not None and program.crashed and not program.stopped:
             text = program_end_text(program)
             return self._made(Kind.CRASHED, f"{capitalized(text)}.", self._goals() if program.started else "")
-        # Of an older log nothing but the exit code is known: 128 and a signal's number, or less than 0.
+        # An older log has only the exit code: above 128 (plus a signal's number), or below 0, it crashed.
         if program is None and code is not None and (code < 0 or code > 128):
             return self._made(Kind.CRASHED, f"The program crashed with exit code {code}.", self._goals())
         return None
@@ -82,8 +83,8 @@ class EndingCauses:
         block, zone = done.grip.block, seen.task.zone
         where = place_text(block.x, block.y)
         kind, sure, codes = Kind.DROPPED_OUTSIDE, Sureness.CERTAIN, tuple[str, ...]()
-        if (told := told_held(seen, done)) is not None:
-            code, times = told
+        if (held_by := told_held(seen, done)) is not None:
+            code, times = held_by
             kind, sure, codes = Kind.UNDECIDED, Sureness.LIKELY, (code,)
             either = undecided_text(f"a reply of {code} was changed")
             text = (
@@ -102,8 +103,9 @@ class EndingCauses:
     def missed_grip(self) -> Cause | None:
         """The gripper closed, and never on the block.
 
-        Where that was far from the block, the program took something else for it, or knew better than its
-        readings in the log."""
+        Far from the block, the program took something else for it, or its readings differ from those in the
+        log.
+        """
         seen, misses = self._seen, self._seen.misses
         if seen.task is None or not misses or seen.taken:
             return None
@@ -124,7 +126,7 @@ class EndingCauses:
         return self._made(kind, text, belief_text(belief), at=done, place=place, sure=sure)
 
     def wrong_when_gripping(self) -> Cause | None:
-        """It was wrong about where it was when it closed or opened the gripper in the wrong place."""
+        """Its belief was wrong when it closed or opened the gripper in the wrong place."""
         seen = self._seen
         done = seen.put_down or (seen.misses[-1] if seen.misses and not seen.taken else None)
         lost = None if done is None else seen.belief_before(done.order)[1]
@@ -135,7 +137,7 @@ class EndingCauses:
         return self._made(Kind.LOST, text, at=lost)
 
     def asked_after_grip(self) -> Cause | None:
-        """The gripper was never used, and the program took itself to have used it."""
+        """The gripper was never used, and the program believed that it had used it."""
         return self.never_gripped() if self._seen.holding or self._seen.asked_after_grip else None
 
     def never_gripped(self) -> Cause | None:
@@ -143,7 +145,7 @@ class EndingCauses:
         seen, gripper = self._seen, self._seen.spec.gripper
         if seen.task is None or gripper is None:
             return None
-        # Who stays may have been about to close it; who asks its load takes it to be closed.
+        # A program that stays may be about to close it; one that reads the load sensor believes it closed.
         passed = seen.left_block or seen.asked_after_grip
         if not seen.taken and not seen.closed and seen.graspable and passed:
             first, times = seen.graspable[0], counted(len(seen.graspable), "movement")
@@ -163,7 +165,7 @@ class EndingCauses:
         )
 
     def refused(self) -> Cause | None:
-        """A command for a drive or the gripper that was refused, while the run came to no end by it."""
+        """A command for a drive or the gripper was refused."""
         seen = self._seen
         codes = {each.code for each in seen.spec.drives}
         codes |= {seen.spec.gripper.code} if seen.spec.gripper is not None else set()
@@ -177,7 +179,7 @@ class EndingCauses:
         return self._made(Kind.NOT_CARRIED_OUT, text, at=rows[-1], sure=sure, culprits=culprits)
 
     def blocked(self) -> Cause | None:
-        """A wall held it."""
+        """A wall held the robot."""
         seen, stuck = self._seen, self._seen.stuck
         if stuck is None or seen.collision is None:
             return None
@@ -186,13 +188,14 @@ class EndingCauses:
         return self._made(Kind.STUCK, text, since=stuck.since)
 
     def nowhere(self) -> Cause | None:
-        """It went on moving, or only reading, and reached no goal and no new place."""
+        """It continued to move, or only to read, and reached no goal and no new place."""
         seen, task, stretch = self._seen, self._seen.task, self._seen.stretch
         if task is None:
             return None
         if (stood := self._stood(task.time_limit)) is not None:
             return stood
-        # One that stands and reads is slow, not without progress: half of the time must have been driving.
+        # A robot that stands and reads is slow, not without progress: half of the time must have been
+        # driving.
         lasted = seen.elapsed - stretch.since
         idle = lasted < STAYED * task.time_limit or stretch.driving < lasted / 2
         if stretch.movements < (HUNDRED if idle or not seen.out_of_time else MOVES):
@@ -202,7 +205,7 @@ class EndingCauses:
         return self._got_nowhere(stretch.since, f"{moved} reached no goal and no new place", stretch.place)
 
     def _looped(self) -> Cause | None:
-        """It repeated the same few movements, without any look at what its sensors said."""
+        """It repeated the same few movements, whatever its sensors read."""
         loop = self._seen.loop
         if loop is None:
             return None
@@ -255,7 +258,7 @@ class EndingCauses:
         )
 
     def astray(self) -> Cause | None:
-        """It gave up, or ran out of time, and was wrong about where it was, or had never found out."""
+        """It gave up, or ran out of time, while it was lost or had never been localized."""
         seen = self._seen
         belief, lost = seen.beliefs
         if seen.task is None or belief is None:
@@ -280,23 +283,23 @@ class EndingCauses:
         return self._seen.beliefs[1] is not None
 
     def disagreeing(self) -> Cause | None:
-        """Its readings were right and its belief was not: program and log do not go together."""
+        """Its readings were right and its belief was wrong: program and log do not fit together."""
         belief, lost = self._seen.beliefs
-        # Who tells one pose on while it moves has not changed its mind by any reading.
+        # A program that sends the same pose while it moves does not update it by readings.
         frozen = any(each.kind is EpisodeKind.FROZEN for each in self._seen.episodes)
         if belief is None or frozen:
             return None
         if lost is not None and looked_while_lost(self._seen):
-            told = f"the pose that the program told (its belief) was wrong. {wrong_text(self._seen, lost)}"
+            known = f"the pose that the program told (its belief) was wrong. {wrong_text(self._seen, lost)}"
         elif lost is None and looked_in_vain(self._seen) and self._seen.hardly_localized:
-            told = "the program seldom knew where it was"
+            known = "the program seldom knew where it was"
         else:
             return None
-        text = f"Program and log disagree: the readings in the log were right, but {told}. {_REPLY_CHANGED}"
+        text = f"Program and log disagree: the readings in the log were right, but {known}. {_REPLY_CHANGED}"
         return self._made(Kind.UNDECIDED, text, belief_text(belief), at=lost, sure=Sureness.LIKELY)
 
     def unread(self) -> Cause | None:
-        """It gave up lost, and had not looked on the last of its path."""
+        """It gave up lost, and had read no sensor on the last part of its path."""
         seen = self._seen
         gone, turned = seen.blind_for
         if self.astray() is None or not (gone > BLIND or turned > BLIND_TURN):
@@ -314,7 +317,7 @@ class EndingCauses:
         words = f" Last output: {self._last_words}." if self._last_words else ""
         return self._made(Kind.ENDED, f"The program ended{code} before it was done.{words}", self._goals())
 
-    # -- words -----------------------------------------------------------------------------------
+    # -- text ------------------------------------------------------------------------------------
 
     def _end(self) -> str:
         if self._seen.out_of_time or self._cut_off:
@@ -331,7 +334,7 @@ class EndingCauses:
         return "" if seen.taken else "The robot had not taken the block yet."
 
     def moved(self) -> Cause | None:
-        """A person moved the robot, and it never found out where it was again."""
+        """A person moved the robot, and it was never localized again."""
         row = self._seen.moved
         if row is None:
             return None
@@ -351,7 +354,7 @@ class EndingCauses:
         return self._by_hand(row, "block", f"to {to}. The robot did not take it after that.")
 
     def searched(self) -> Cause | None:
-        """A person moved the block, and the robot went on without it for long."""
+        """A person moved the block, and the robot continued without it for long."""
         row, movements = self._seen.block_moved, self._seen.within(self._seen.history.movements)
         if row is None or int((movements["order"] > row.order).sum()) <= _LED:
             return None

@@ -1,4 +1,4 @@
-"""The maze as every picture has it, and the whole path in it, coloured by time, with all that happened."""
+"""The picture of the maze, with the whole path in it, coloured by time, and marks for events."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ class MazeFrame:
         return "".join(parts)
 
     def zones(self, task: Task | None) -> str:
-        """Of a mission: where the block lies at first, and where it is to go."""
+        """The zones of a mission: of the block at first, and of its delivery."""
         if task is None or task.zone is None:
             return ""
         loading = [(cell.x, cell.y) for cell in cells_of(self.maze, BLOCK)]
@@ -93,7 +93,7 @@ class MazeFrame:
         return drawn + self.zone([(task.zone.x, task.zone.y)], "DROP ZONE", DROP, DROP_LINE)
 
     def live(self) -> str:
-        """An empty group, drawn in inches of the global frame: a player puts into it what moves."""
+        """An empty group, drawn in inches of the global frame, for the moving parts of a player."""
         return svg.element("g", class_="live", transform=self.transform)
 
     def _squares(self, grid: Sequence[Sequence[bool]], size: float, fill: str) -> str:
@@ -128,7 +128,9 @@ class MazeFrame:
         return svg.element("g", "".join(parts), fill=svg.FAINT)
 
 
+# Height of the scale of time below the maze, points.
 _KEY = 44.0
+# Contacts that have a number; crosses mark the others.
 _NUMBERED = 30
 
 
@@ -140,8 +142,8 @@ def live_figure(maze: MazeSpec, task: Task | None) -> Figure:
 
 
 def maze_figure(run: RunStatistics) -> Figure:
-    """The maze and the path. An empty group of the class `live` is
-    drawn in inches of the global frame: a player puts into it what moves, and hides the group `way`."""
+    """The maze and the path. An empty group of the class `live`, drawn in inches of the global frame, is for
+    the moving parts of a player, which hides the group `way`."""
     return _MazeFigure(run).draw()
 
 
@@ -265,7 +267,7 @@ class _MazeFigure:
         return drawn
 
     def _key(self) -> str:
-        """The scale of time, and what the marks mean."""
+        """The scale of time, and the legend of the marks."""
         y = self.frame.bottom + AXIS + 8
         bar, steps = 260.0, 52
         drawn, size = "", {"width": bar / steps + 0.4, "height": 9.0}

@@ -1,7 +1,7 @@
-"""A finding: one thing that a sensor or a drive did otherwise than its set, or its nominal set, says.
+"""A finding: one difference of a sensor or a drive from its set, or its nominal set.
 
-A finding has its figure with an interval, the number of readings or movements it rests on, and a sentence.
-All findings of a run together hold an error of 1 %: a test gives a `Claim`, and `kept` decides.
+A finding has its figure with an interval, the number of readings or movements behind it, and a sentence. The
+findings of a run have a familywise error of 1 %: a test gives a `Claim`, and `kept` decides.
 """
 
 from __future__ import annotations
@@ -18,8 +18,9 @@ ERROR = 0.01
 """Probability that a run without a fault has any finding."""
 FEWEST = {"set": 8, "nominal": 3}
 """Readings or movements below which nothing is claimed, by basis. Beyond the set: with fewer, one outlier is
-more than an eighth. Against the nominal set it is known that the rows differ: the median of three will do."""
-# Below these nothing changes in a maze of 12 in cells (the issue names them).
+more than an eighth. Against the nominal set it is known that the rows differ: the median of three is
+enough."""
+# Below these nothing changes in a maze of 12 in cells.
 LEAST_INCHES, LEAST_DEGREES, LEAST_SHARE = 1.0, 2.0, 0.02
 """Least sizes that matter: of an offset, in inches or degrees, and of a gain."""
 
@@ -66,8 +67,7 @@ class Finding:
 
 @dataclass(frozen=True, slots=True)
 class Claim:
-    """One test that was made: its probability where there is no fault, and its finding if the effect is as
-    large as matters."""
+    """One test: its p-value, and its finding if the effect is large enough to matter."""
 
     probability: float
     finding: Finding | None = None
@@ -127,7 +127,7 @@ def kept(tests: Iterable[Claim]) -> tuple[Finding, ...]:
 
 
 def interval_text(low: float, high: float, value: float) -> str:
-    """An interval in words, from the end nearer to 0, with as many digits as its figure deserves."""
+    """An interval in words, from the end nearer to 0, with as many digits as its width justifies."""
     if value < 0.0 and high <= 0.0:
         low, high = -high, -low
     digits = 1 if max(abs(low), abs(high)) >= 2.0 and high - low >= 0.1 else 2
@@ -162,7 +162,7 @@ def findings_table(found: Iterable[Finding]) -> DataTable:
         )
         for each in found
     ]
-    # Programs always have it, people where it says something.
+    # Programs always have it; people only where it is not blank.
     return replace(FINDINGS.filled(rows), hidden=not rows)
 
 

@@ -10,6 +10,7 @@ from simmer_tui.report.run_statistics import RunStatistics
 from simmer_tui.run.history_rows import ContactRow
 from simmer_tui.sim.command import escape
 
+# Readings named in a sentence; it says how many more there are.
 _READINGS = 6
 
 
@@ -62,14 +63,14 @@ def _end(run: RunStatistics) -> Iterator[str]:
 def _contacts(run: RunStatistics) -> str:
     first = run.history.repeated.first.items[0].touch
     if run.totals.legs:
-        told = f"The robot touched a wall {times_text(run.totals.contacts)}"
+        text = f"The robot touched a wall {times_text(run.totals.contacts)}"
         unread = "No sensor was read shortly before it."
     else:
         share = f"{run.totals.contacts} of {counted(run.totals.movements, 'movement')}"
         went_on = run.totals.contacts - run.totals.contacts_that_ended
-        told = f"{share} touched a wall, and {went_on} went on" if went_on else f"{share} ended at a wall"
+        text = f"{share} touched a wall, and {went_on} went on" if went_on else f"{share} ended at a wall"
         unread = "No sensor was read since the movement before it."
-    return f"{told}. The first: {_touch(first)} {_before(first) or unread}"
+    return f"{text}. The first: {_touch(first)} {_before(first) or unread}"
 
 
 def _touch(touch: ContactRow) -> str:

@@ -1,4 +1,4 @@
-"""The verdict on a run that a screen shows: found as soon as the run ends, beside the robot's thread."""
+"""The verdict on a live run: found as soon as the run ends, outside the robot's thread."""
 
 import threading
 from collections import deque
@@ -15,7 +15,7 @@ from simmer_tui.run.run_history import RunHistory
 class LiveVerdict(EventHandler[None]):
     """A watcher that keeps the run's history, and finds the verdict when mission, program or connection end.
 
-    The history stands still while a thread reads it: events of that time wait.
+    The history does not change while a thread reads it: events of that time wait.
     """
 
     def __init__(
@@ -26,7 +26,7 @@ class LiveVerdict(EventHandler[None]):
         call: Callable[..., object],
         tell: Callable[[Event], None],
     ) -> None:
-        """`call` has something done in the robot's thread, where all methods run; `tell` tells an event."""
+        """`call` runs a function in the robot's thread, where all methods run; `tell` tells an event."""
         self._analysis = Analysis(reducer, history)
         self._history = history
         self._task = task
@@ -36,13 +36,13 @@ class LiveVerdict(EventHandler[None]):
         self._busy = self._wanted = False
         self._has_program = False
         self._search: threading.Thread | None = None
-        self._told = ""
-        """Text of the verdict told last; empty if none was told on this run."""
+        self._last_text = ""
+        """Text of the last verdict that was told as a notice; empty without one on this run."""
         self.verdict: Verdict | None = None
         """The verdict, once the run has ended."""
 
     def expect_program(self) -> None:
-        """A program is run beside: its end counts, not that of its connections."""
+        """The simulator runs the program itself: its end counts, not that of its connections."""
         self._has_program = True
 
     def watch(self, event: Event) -> None:
@@ -59,10 +59,10 @@ class LiveVerdict(EventHandler[None]):
             self._search.start()
 
     def close(self, within: float) -> None:
-        """Wait up to so many seconds for a search under way, once the robot's thread has ended.
+        """Wait up to `within` seconds for a search under way, once the robot's thread has ended.
 
-        A search is mostly in GEOS, without the interpreter's lock: a process that ends meanwhile takes GEOS
-        down under it, and dies of a segmentation fault in place of its exit code.
+        A search is mostly in GEOS, without the interpreter's lock. A process that ends meanwhile unloads GEOS
+        during the search, and ends with a segmentation fault in place of its exit code.
         """
         if self._search is not None:
             self._search.join(within)
@@ -83,7 +83,7 @@ class LiveVerdict(EventHandler[None]):
         self._wanted = event.kind is NoticeKind.LEFT and not self._has_program
 
     def _forget(self) -> None:
-        self.verdict, self._told = None, ""
+        self.verdict, self._last_text = None, ""
 
     def _find(self) -> None:
         verdict, fault = None, ""
@@ -105,6 +105,6 @@ class LiveVerdict(EventHandler[None]):
         if fault:
             self._tell(Notice(NoticeKind.FAULT, fault))
         # Where mission and program end together, the second search has both.
-        elif self.verdict is not None and not self._busy and self.verdict.text != self._told:
-            self._told = self.verdict.text
-            self._tell(Notice(NoticeKind.VERDICT, self._told))
+        elif self.verdict is not None and not self._busy and self.verdict.text != self._last_text:
+            self._last_text = self.verdict.text
+            self._tell(Notice(NoticeKind.VERDICT, self._last_text))

@@ -1,7 +1,6 @@
-"""The end of the analysis with the mission: what came after is counted apart.
+"""The end of the analysis with the mission: later events are counted separately.
 
-How much a program still does after its mission depends on how fast the machine ends it, so that two
-runs of one seed would differ.
+Their number depends on how fast the machine ends the program, so two runs of one seed would differ.
 """
 
 import math
@@ -25,7 +24,7 @@ from simmer_tui.run.run_history import RunHistory
 
 
 class MissionGate(EventHandler[bool]):
-    """Takes the events after a mission's end: gives True for each that belongs to the analysis, and counts
+    """Filters the events after a mission's end: gives True for each that belongs to the analysis, and counts
     the others."""
 
     def __init__(self, reducer: Reducer) -> None:
@@ -37,7 +36,7 @@ class MissionGate(EventHandler[bool]):
 
     @property
     def note(self) -> str:
-        """Sentence about what came after the end; empty if nothing did."""
+        """Sentence about the events after the end; empty without any."""
         if not self.commands:
             return ""
         done = f"{counted(self.commands, 'command')} and {contacts_text(self.contacts)}"
@@ -58,7 +57,7 @@ class MissionGate(EventHandler[bool]):
         return belongs
 
     def on_leg_begun(self, event: LegBegun) -> bool:
-        # A velocity set before the end may go on after it: its number does not tell.
+        # A velocity set before the end may continue after it: its number does not show that.
         self._leg_belongs = False
         return False
 
@@ -88,11 +87,11 @@ class MissionGate(EventHandler[bool]):
 
 
 class Analysis:
-    """A reducer with a history that ends with the mission, until the run begins anew."""
+    """A reducer with a history that ends with the mission, until the run restarts."""
 
     def __init__(self, reducer: Reducer, history: RunHistory, *, goes_on: bool = False) -> None:
-        """Give the reducer its history. It `goes_on` for the sake of others who read its state: then only the
-        history ends."""
+        """Give the reducer its history. With `goes_on` only the history ends: the reducer continues, for
+        others that read its state."""
         reducer.history = history
         self._reducer = reducer
         self._history = history
@@ -105,7 +104,7 @@ class Analysis:
         """Take note of an event, as a reducer does."""
         is_over = self._history.is_over
         if is_over and not self._gate.handle(event):
-            # Of all events only notices have no time, and they count.
+            # Only notices have no time, and they count.
             time: float = getattr(event, "time", 0.0)
             self._uncounted_until = max(self._uncounted_until, self._history.clock.before + time)
             if self._goes_on:
@@ -113,7 +112,7 @@ class Analysis:
                 self._reducer.apply(event, line, real_time)
                 self._reducer.history = self._history
             return
-        # A run that begins anew does so after what came before, counted or not.
+        # A restart comes after all earlier events, counted or not.
         if is_over and isinstance(event, ActionDone):
             self._history.clock.skip(self.elapsed)
         self._reducer.apply(event, line, real_time)
@@ -125,5 +124,5 @@ class Analysis:
 
     @property
     def note(self) -> str:
-        """Sentence about what came after the mission's end; empty if nothing did."""
+        """Sentence about the events after the mission's end; empty without any."""
         return self._gate.note

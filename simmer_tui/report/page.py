@@ -36,13 +36,13 @@ from simmer_tui.run.attempt import Attempt, Task
 from simmer_tui.sim.command import escape
 
 _LAST_LINES = 5
-"""Lines of a crashed program's output that stand above all else: the error, and where it is from."""
+"""Lines of a crashed program's output at the top of the page: the error, and where it was raised."""
 _TONES = {Outcome.SUCCEEDED: Tone.GOOD, Outcome.FAILED: Tone.BAD, Outcome.CRASHED: Tone.BAD}
 _CRASH_SIGN = "!"
 
 
 def report_page(run: RunStatistics, name: str, *, commands: bool = True) -> str:
-    """The page about a run, which plays it.
+    """The page about a run, with its player.
 
     Args:
         run: The run.
@@ -98,14 +98,14 @@ def verdict_box(verdict: Verdict, *, is_mission: bool) -> VerdictBox:
 
 
 def _last_lines(verdict: Verdict) -> Bullets:
-    """The end of what a crashed program printed."""
+    """The last output of a crashed program."""
     program = verdict.program
     said = () if program is None else program.stderr[-_LAST_LINES:]
     return Bullets("", [escape(line.text, 200) for line in said], kind="output")
 
 
 def _figures(run: RunStatistics, attempt: Attempt, *, crashed: bool) -> KeyFigures:
-    """Three numbers: those of the mission; of a crash, how far it came."""
+    """Three numbers: those of the mission; after a crash, the progress until then."""
     task, over = attempt.task, attempt.over
     seconds = attempt.elapsed - attempt.begun if over is None else over.event.time
     contacts = (str(attempt.contacts), counted(attempt.contacts, "contact").partition(" ")[2])
@@ -117,7 +117,7 @@ def _figures(run: RunStatistics, attempt: Attempt, *, crashed: bool) -> KeyFigur
 
 
 def _picture(run: RunStatistics) -> Iterator[DocumentPart]:
-    """The maze, which a script makes the player of; it begins at the deciding moment."""
+    """The maze, which a script turns into the player; it begins at the deciding moment."""
     tone = _TONES.get(run.verdict.outcome, Tone.PLAIN)
     figure = maze_figure(run)
     yield replace(figure, kind=f"{figure.kind} {tone.value}")

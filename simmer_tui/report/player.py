@@ -1,7 +1,7 @@
 """The player of a run within its page: the recording as JSON, and the script that plays it.
 
-A log is text from outside: of the recording nothing can end the element it stands in, and the script
-shows it as text only.
+A log is text from outside: nothing in the recording can end the element that holds it, and the script shows
+it as text only.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.specs import CELL_SIZE, WALL, SensorSpec, SimulationSpec
 
 PlainNumber = float | str | None
-"""A number in the recording: finite, beyond all numbers, or none at all."""
+"""A number in the recording: finite, an infinity as text, or null."""
 # Times are whole milliseconds, places hundredths of an inch, headings tenths of a degree.
 # Whole numbers are shorter in JSON than decimals, and finer ones would not show.
 _MILLI = 1000
@@ -127,7 +127,7 @@ def _kind(sensor: SensorSpec) -> str:
 
 
 class RecordingEncoder:
-    """Encodes a recording for players, part by part: the first time all of it, then what is new."""
+    """Encodes a recording for players, part by part: the first time all of it, then the new part."""
 
     def __init__(self, recording: Recording) -> None:
         self._recording = recording
@@ -220,7 +220,7 @@ class RecordingEncoder:
 
 
 def thinned(scans: Sequence[ScanTrace]) -> Sequence[ScanTrace]:
-    """Scans of no more rays than a page has room for: one in so many, evenly, the newest among them."""
+    """Scans, evenly thinned to the number of rays that a page has room for, with the newest among them."""
     return scans[::-1][:: _one_in(scans)][::-1]
 
 
@@ -229,8 +229,8 @@ def _one_in(scans: Iterable[ScanTrace]) -> int:
 
 
 def _belief(cloud: BeliefCloud) -> list[Any]:
-    """Time, pose, error (inches, degrees), spread, note and particles; of a grid also its bounds, whether it
-    has headings, its numbers, and its map unless the log has left that out."""
+    """Time, pose, error (inches, degrees), spread, note and particles. A grid also has its bounds, a flag for
+    headings, its numbers, and its map unless the log has left that out."""
     pose, spread, off = cloud.belief.pose, cloud.belief.spread, deviation(cloud.belief)
     particles = [round(number * _CLOUD) for each in cloud.particles for number in each[:2]]
     return [
@@ -259,7 +259,7 @@ def _rounded(numbers: Iterable[float]) -> list[PlainNumber]:
 
 
 def _shown(value: float) -> PlainNumber:
-    """A number as it is shown; one beyond all numbers as a text, none at all as null."""
+    """A number as it is shown: an infinity as text, NaN as null."""
     if math.isnan(value):
         return None
     return float(f"{value:.5g}") if math.isfinite(value) else str(value)

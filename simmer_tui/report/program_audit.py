@@ -1,4 +1,4 @@
-"""The program's side of a run: which sensor or drive explains that program and log do not go together."""
+"""The program's side of a run: the sensor or drive that explains a disagreement of program and log."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from simmer_tui.run.attempt import Attempt
 
 
 def disagreements(attempt: Attempt, known: Collection[str] = ()) -> list[list[Disagreement]]:
-    """The disagreements of program and log that hold an error of 1 % a run together, the surest first; each
-    with all sensors and drives that explain it equally well.
+    """The disagreements of program and log, at a familywise error of 1 % a run, the surest first. Each has
+    all sensors and drives that explain it equally well.
 
     Args:
-        attempt: The run. Of a real robot nothing is said: its log does not know where it was.
-        known: Codes of sensors and drives that are not as their set says: that explains more than this could.
+        attempt: The run. A real robot has none: its log does not know its true pose.
+        known: Codes of sensors and drives that are not as their set says: that is the stronger explanation.
     """
     if attempt.history.is_twin:
         return []
@@ -32,8 +32,8 @@ def disagreements(attempt: Attempt, known: Collection[str] = ()) -> list[list[Di
 
 
 def _stretches(attempt: Attempt) -> list[int]:
-    """The events after which beliefs are audited: when the robot was placed, and when the belief went wrong
-    that stayed so, where there are beliefs before that agreed with the log."""
+    """The events after which beliefs are audited. One is the robot's last placement, the other the moment
+    when the belief became wrong for good, if earlier beliefs agreed with the log."""
     lost = attempt.beliefs[1]
     if lost is None:
         return [attempt.placed]

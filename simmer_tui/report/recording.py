@@ -1,6 +1,6 @@
-"""Contents of a player: poses, readings, beliefs, the block and what happened, on one clock.
+"""Contents of a player: poses, readings, beliefs, the block and marks for events, on one clock.
 
-A recording holds a bounded number of everything, the newest; `begin` is from when on it is whole.
+A recording holds the newest of each kind, a bounded number; from `begin` on it is complete.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.trajectory import Trajectory
 
 READINGS = 15_000
-"""Most readings, the newest."""
+"""Most readings, the newest: the bounds keep a page small."""
 MARKS = 500
 """Most marks, the newest."""
 # Keyframes give each pose to within this, inches and degrees.
@@ -42,7 +42,7 @@ _OFF, _TURNED = 0.01, 0.1
 _DIRECTIONS = tuple((math.cos(math.tau * k / 16), math.sin(math.tau * k / 16)) for k in range(16))
 # Half the width of the regular polygon with its corners at `_OFF`: 2 % less than that.
 _APOTHEM = _OFF * math.cos(math.pi / len(_DIRECTIONS))
-# Seconds before a moment that count as just before it.
+# Seconds from a break to the moment just before it.
 _INSTANT = 1e-6
 # No two keyframes are made closer to each other than this, seconds.
 _LEAST = 2e-3
@@ -62,7 +62,7 @@ class MarkKind(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Mark:
-    """Something that happened: when (elapsed seconds), what, in words, and where, if anywhere."""
+    """A mark for an event: its time (elapsed seconds), its text, and its place, if it has one."""
 
     elapsed: float
     kind: MarkKind
@@ -71,16 +71,15 @@ class Mark:
 
 
 class Keyframe(NamedTuple):
-    """Pose of the robot at a moment; between two of them it went evenly. Of two at the same moment
-    the second counts from there on."""
+    """Pose of the robot at a moment; between two keyframes it moves evenly. Of two at the same moment the
+    second counts from there on."""
 
     elapsed: float
     pose: Pose
 
 
 class PlayerReading(Struct, frozen=True):
-    """A reading: when it was answered and when it was taken, of which sensor, what it said and what was
-    true."""
+    """A reading: when it was answered and when it was taken, its sensor, its value and the true value."""
 
     elapsed: float
     taken: float
@@ -116,12 +115,12 @@ class _Move:
 
 
 class Recording:
-    """The newest part of a history. Make it when all has happened, or `update` it as the run goes on."""
+    """The newest part of a history. Make it when the run is over, or `update` it while the run continues."""
 
     def __init__(self, history: RunHistory, paths: PathRecord) -> None:
         self.spec = history.spec
         self.end = 0.0
-        """Elapsed seconds of all that happened."""
+        """Elapsed seconds at the end of the recording."""
         self.readings: Newest[PlayerReading] = Newest(READINGS)
         self.beliefs = paths.beliefs
         self.scans = paths.scans
@@ -132,18 +131,18 @@ class Recording:
         self._start = paths.start
         self._moves: deque[_Move] = deque()
         self.moves = 0
-        """Movements and jumps so far that are over."""
+        """Number of movements and jumps that are over."""
         self._marked = _Marked(history)
         self._read = 0
         self.update()
 
     def update(self, present: float = 0.0) -> None:
-        """Take in what has come since the last time; `present` is elapsed time now, if no event has told it.
-        What `pose_at` and its like were asked for before is not brought up to date."""
+        """Add the new events; `present` is the elapsed time now, if it is later than all events. Earlier
+        results of `pose_at` and similar methods are not updated."""
         history = self._history
         self.end = max(history.elapsed, present)
         codes = history.sensor_codes
-        # One more than are kept says from when on they are whole.
+        # One more than are kept: the one dropped shows from when on they are complete.
         table = history.readings
         fresh = min(table.dropped + len(table) - self._read, READINGS + 1)
         self._read = table.dropped + len(table)
@@ -162,7 +161,7 @@ class Recording:
 
     @property
     def one_particle_in(self) -> int:
-        """One in so many particles is kept."""
+        """One in this many particles is kept."""
         return self._paths.one_particle_in
 
     @property
@@ -172,7 +171,7 @@ class Recording:
 
     @property
     def begin(self) -> float:
-        """From when on, elapsed seconds, nothing but marks is left out."""
+        """Elapsed seconds from which on nothing but marks is left out."""
         kept = (self.readings.since, self.beliefs.since, self.blocks.since, self._paths.moves.since)
         return min(max(kept), self.end)
 
@@ -190,11 +189,11 @@ class Recording:
 
     @cached_property
     def keyframes(self) -> list[Keyframe]:
-        """The robot's way, in order of time; at least one. To be asked for after the last event."""
+        """The keyframes of the robot's path, in order of time; at least one. Read it after the last event."""
         return [*self.keyframes_after(0), *self.unsettled_keyframes]
 
     def keyframes_after(self, moves: int) -> list[Keyframe]:
-        """The keyframes of the kept movements that came after so many."""
+        """The keyframes of the kept movements after the first `moves`."""
         first = max(len(self._moves) - (self.moves - moves), 0)
         return [frame for move in islice(self._moves, first, None) for frame in move.frames]
 
@@ -205,8 +204,8 @@ class Recording:
 
     @property
     def unsettled_keyframes(self) -> list[Keyframe]:
-        """The keyframes of the movement under way, which change as it goes on; where the robot stands, if it
-        has never moved."""
+        """The keyframes of the movement under way, which change while it continues. If the robot has never
+        moved, its pose."""
         if self.under_way is not None:
             return _Move(self.under_way).frames
         return [] if self._moves else [Keyframe(0.0, self._start)]
@@ -254,7 +253,7 @@ class Recording:
 
 
 def pose_at(frames: Sequence[Keyframe], times: Sequence[float], elapsed: float) -> Pose:
-    """The pose at a moment by keyframes, which stand at these times."""
+    """The pose at a moment by keyframes with these times."""
     after = bisect_right(times, elapsed)
     if after == 0:
         return frames[0].pose
@@ -331,11 +330,11 @@ def _mission(row: MissionRow) -> Mark | None:
 
 
 def way(trajectory: Trajectory | Leg, until: float) -> list[Keyframe]:
-    """Poses at simulated times between which a movement goes evenly, to within a hundredth of an inch
-    and a tenth of a degree, from its beginning till a time.
+    """Keyframes of a movement from its beginning till a time. Between them it moves evenly, to within a
+    hundredth of an inch and a tenth of a degree.
 
-    A movement goes on evenly, or smoothly, between the ends of its segments and where it met
-    something, and there it may turn at once; so these are looked at from both sides.
+    A movement is even, or smooth, between the ends of its segments and its contact. There it may turn at
+    once, so both sides are sampled.
     """
     begin = trajectory.start_time
     breaks = {begin, max(until, begin)}
@@ -370,7 +369,7 @@ def _refined(trajectory: Trajectory | Leg, begin: Keyframe, end: Keyframe) -> It
 
 
 def _thinned(frames: list[Keyframe]) -> list[Keyframe]:
-    """Without those that lie evenly between their neighbours."""
+    """The keyframes without those that lie evenly between their neighbours."""
     kept = [frames[0]]
     skipped: Keyframe | None = None
     corridor = _Corridor(frames[0])
@@ -386,9 +385,9 @@ def _thinned(frames: list[Keyframe]) -> list[Keyframe]:
 class _Corridor:
     """The velocities and turn rates with which an even movement from a keyframe passes all frames added.
 
-    Each frame allows a disc of velocities. Their intersection is kept as the polygon of `_DIRECTIONS`
-    inside it, so that a frame costs the same however many came before: to compare it with all of them
-    takes the square of their number.
+    Each frame allows a disc of velocities. Their intersection is kept as the polygon of `_DIRECTIONS` inside
+    it, so the cost of a frame does not grow. Comparing each with all before it would take the square of their
+    number.
     """
 
     def __init__(self, begin: Keyframe) -> None:

@@ -1,10 +1,11 @@
-"""Replies of range sensors against what the told beliefs imply: which change of them explains the beliefs.
+"""Replies of range sensors against the readings that beliefs imply, and the change of replies that explains
+them.
 
-A filter goes to where its readings fit. Where a sure belief does not fit the readings in the log, readings
-that are changed in one way may fit: some more or less, some times as much, late, stuck, or those of another
+A filter moves to where its readings fit. Where a sure belief does not fit the readings in the log, readings
+with one change may fit. A change is an offset, a gain, a delay, a stuck value, or the readings of another
 sensor. A change explains a belief better or worse than the log does. Of all changes tried, the best one is
-told if far more beliefs are better than worse, and if it explains most readings, and the log less than half
-as many.
+reported if far more beliefs are better than worse. It must also explain most readings, and the log less than
+half as many.
 """
 
 from __future__ import annotations
@@ -26,25 +27,26 @@ from simmer_tui.run.table import Columns
 from simmer_tui.sim.angles import FloatArray
 from simmer_tui.sim.sensors import ObservingSensor, modelled_sensor
 
-# Judged: half a cell; more is no offset any more, but another wall.
+# Judged: up to half a cell; a larger offset would be a range to another wall.
 _OFFSETS = tuple(sign * inches for inches in range(1, 7) for sign in (1.0, -1.0))
+# Gains, and delays in readings, that are tried.
 _GAINS = (0.5, 0.6, 0.7, 0.8, 0.9, 1.1, 1.2, 1.35, 1.5, 2.0)
 _LAGS = (1, 2, 3)
 _DOUBT, _SIGMAS = 0.75, 2.0
-"""A reading is explained within so many inches, and so many standard deviations of sensor and belief. Offsets
-that are tried lie an inch apart: half of it, and a quarter for what a filter blurs. Judged."""
+"""Tolerance of an explained reading: inches, and standard deviations of sensor and belief. Offsets are tried
+in steps of an inch: half a step, and a quarter inch for the blur of a filter. Judged."""
 _EXPLAINED, _LESS = 0.5, 0.5
 """Least share of readings that a change explains, and the most of it that the log may explain. Judged."""
 _AS_GOOD = 0.9
-"""Share of the readings explained by the best, from which another change explains them as well. Judged."""
+"""Share of the readings explained by the best change, from which another change is as good. Judged."""
 _BELIEFS = 1000
-"""Most beliefs that are compared, the newest: a thousand show all that a change can show."""
+"""Most beliefs that are compared, the newest: a thousand are enough to show any change."""
 
 
 @dataclass(frozen=True, slots=True)
 class _Seen:
-    """Readings of one sensor: the belief each was followed by where the robot stood (-1: none that is sure),
-    their values, and by sensor what it should have read from there."""
+    """Readings of one sensor: the belief that followed each before any movement (-1: none that is sure), its
+    value, and that belief's spread."""
 
     sensor: ObservingSensor
     belief: NDArray[np.int64]
@@ -52,7 +54,8 @@ class _Seen:
     spread: FloatArray
 
     def explained(self, used: FloatArray, implied: FloatArray) -> FloatArray:
-        """1 where replies that were `used` fit what a belief implies, 0 where not, NaN where nobody knows."""
+        """1 where replies that were `used` fit those that a belief implies, 0 where not, NaN where it is not
+        known."""
         there = np.isfinite(implied)
         noise = self.sensor.spec.error * np.where(there, implied, 0.0)
         doubt = _DOUBT + _SIGMAS * np.hypot(noise, self.spread)
@@ -64,8 +67,8 @@ class _Seen:
 
 @dataclass(frozen=True, slots=True)
 class _Change:
-    """A change of replies that was tried: of which sensors, its kind and value, and by sensor which of its
-    readings it explains, as `_Seen.explained` has it."""
+    """A change of replies that was tried: its sensors, kind and value, and by sensor the readings that it
+    explains, as `_Seen.explained` has it."""
 
     of: tuple[str, ...]
     kind: FindingKind
@@ -82,7 +85,7 @@ class ReplyAudit:
         beliefs = attempt.within(history.beliefs, since)
         beliefs = beliefs[~(beliefs["spread"] > SURE)][-_BELIEFS:]
         self._beliefs = beliefs
-        # The first belief rests on what came before it.
+        # The first belief depends on events before it.
         self._moved = attempt.within(history.movements, attempt.placed)["order"]
         readings = attempt.within(history.readings, attempt.placed)
         size = history.spec.block_size
@@ -91,7 +94,7 @@ class ReplyAudit:
             sensor = modelled_sensor(spec)
             if not isinstance(sensor, ObservingSensor) or not spec.kind.is_range or not len(beliefs):
                 continue
-            # Where the block is, the program need not know.
+            # The program need not know the block's place.
             if not sensor.sees_block(size):
                 seen = self._of(readings[readings["sensor"] == number], sensor)
                 if (seen.belief >= 0).any():
@@ -115,12 +118,12 @@ class ReplyAudit:
         made: dict[tuple[str, ...], Disagreement] = {}
         for share, probability, change in near:
             if change.of not in made:
-                made[change.of] = self._told(change, share, probability)
+                made[change.of] = self._disagreement(change, share, probability)
         return list(made.values())
 
     def _that_explain(self) -> list[tuple[float, float, _Change]]:
-        """The changes that explain most readings: the share, the probability of as much, and the change."""
-        told = sum(int(np.isfinite(each).sum()) for each in self._base.values())
+        """The changes that explain most readings: the share, the p-value, and the change."""
+        judged = sum(int(np.isfinite(each).sum()) for each in self._base.values())
         explained = sum(float(np.nansum(each)) for each in self._base.values())
         found: list[tuple[float, float, _Change]] = []
         simple = {code: list(self._simple(code)) for code in self._seen}
@@ -128,8 +131,8 @@ class ReplyAudit:
             for change in changes:
                 differences = self._differences(change)
                 gained = sum(float(each.sum()) for each in differences.values())
-                share = (explained + gained) / told
-                if share < _EXPLAINED or explained / told > _LESS * share:
+                share = (explained + gained) / judged
+                if share < _EXPLAINED or explained / judged > _LESS * share:
                     continue
                 better, worse = self._beliefs_changed(differences)
                 # Half of the error is for changes of all sensors, which are few (weighted Bonferroni).
@@ -143,17 +146,17 @@ class ReplyAudit:
     def _of(self, rows: Columns, sensor: ObservingSensor) -> _Seen:
         place = np.searchsorted(self._beliefs["order"], rows["order"])
         known = np.minimum(place, len(self._beliefs) - 1)
-        told = self._beliefs[known]
-        here = np.searchsorted(self._moved, rows["order"]) == np.searchsorted(self._moved, told["order"])
+        beliefs = self._beliefs[known]
+        here = np.searchsorted(self._moved, rows["order"]) == np.searchsorted(self._moved, beliefs["order"])
         belief = np.where(here & (place < len(self._beliefs)), known, -1)
-        return _Seen(sensor, belief, rows["value"].astype(np.float64), np.nan_to_num(told["spread"]))
+        return _Seen(sensor, belief, rows["value"].astype(np.float64), np.nan_to_num(beliefs["spread"]))
 
     def _of_beliefs(self, code: str, seen: _Seen) -> FloatArray:
         """Readings of a sensor that beliefs imply, for each reading of another."""
         return np.where(seen.belief >= 0, self._implied[code][seen.belief], np.nan)
 
     def _differences(self, change: _Change) -> dict[str, FloatArray]:
-        """By sensor 1 where a change explains a reading and the log does not, -1 the other way round."""
+        """By sensor: 1 where a change explains a reading and the log does not, -1 for the reverse."""
         made = {code: hits - self._base[code] for code, hits in change.hits.items()}
         return {code: np.nan_to_num(each) for code, each in made.items()}
 
@@ -204,15 +207,15 @@ class ReplyAudit:
         for kind, value, used in changed:
             yield _Change((code,), kind, value, {code: seen.explained(used, implied)})
 
-    # -- words -----------------------------------------------------------------------------------------
+    # -- text ------------------------------------------------------------------------------------------
 
-    def _told(self, change: _Change, share: float, probability: float) -> Disagreement:
+    def _disagreement(self, change: _Change, share: float, probability: float) -> Disagreement:
         hits = np.concatenate([change.hits[code] for code in change.of])
         beliefs = np.concatenate([self._seen[code].belief for code in change.of])
         count, of = int(np.nansum(hits)), int(np.isfinite(hits).sum())
         first = self._beliefs[int(beliefs[hits == 1].min())]
         text = f"the program used {self._as_taken(change)} ({count} of {of} readings)"
-        # What it leaves unexplained, at least a hundredth: one is as good as none.
+        # The unexplained share, at least a hundredth: one reading more or less makes no difference.
         return Disagreement(change.of, text, count, probability, max(1.0 - share, 0.01), *moment(first))
 
     def _as_taken(self, change: _Change) -> str:
@@ -234,7 +237,7 @@ class ReplyAudit:
                 return f"{replies} for each other's"
 
     def _offset(self, change: _Change) -> tuple[float, float]:
-        """Median of what was taken more than the log has, inches, and half of its 95 % interval."""
+        """Median of the implied readings less those in the log, inches, and half of its 95 % interval."""
         off = np.concatenate(
             [
                 (self._of_beliefs(code, self._seen[code]) - self._seen[code].values)[change.hits[code] == 1]

@@ -1,6 +1,6 @@
-"""Range readings that were right in the log, and places that they cannot tell apart.
+"""Range readings that were right in the log, and places that they cannot distinguish.
 
-A program that got right readings as they were could have known better, unless two places look alike.
+A program that received these readings could have corrected its belief, unless two places look alike.
 """
 
 from __future__ import annotations
@@ -20,30 +20,31 @@ from simmer_tui.sim.angles import FloatArray
 from simmer_tui.sim.sensors import ObservingSensor, modelled_sensor
 from simmer_tui.sim.specs import CELL_SIZE, SensorSpec
 
-# Judged: two looks around by four sensors. Who had fewer may just not have caught up.
+# Judged: two readings by each of four sensors. A program with fewer may not have converged yet.
 _OFTEN = 8
-"""Range readings since a belief went wrong, from which they speak against it."""
+"""Range readings since a belief became wrong, from which they contradict it."""
 # Twice the most of 36 clean runs of solve.py and the course's programs: 8 to 40 readings until localized.
 _LONG = 80
-"""Range readings that tell where the robot is, had they reached a program that can tell at all."""
+"""Range readings after which a program that can localize itself would have done so, had it received them."""
 _ALONG, _ACROSS = CELL_SIZE / 2, 1.0
-"""Distances, inches along a wall and across it, within which a ray that ended there showed a place touched:
-beside it the wall of the next cell begins, and short ranges are off by less. Judged."""
+"""Distances between the end of a ray and a place touched, inches along a wall and across it, within which it
+showed that place. Beside it the wall of the next cell begins, and errors of short ranges are smaller.
+Judged."""
 
 # Of a normal distribution 99.7 % lie within three standard deviations.
 _SIGMAS = 3.0
 _TELLING = 1.0
-"""Difference of two readings, inches, that tells no cell from another. Judged: a twelfth of a cell."""
+"""Difference of two readings, inches, that does not distinguish cells. Judged: a twelfth of a cell."""
 _AGREEING = 2
-"""Sensors that must agree: one alone sees the same in most corridors."""
+"""Sensors that must agree: one alone reads the same in most corridors."""
 _STEP = 1.0
 """Inches between the places tried in the believed cell."""
 
 
 @dataclass(frozen=True, slots=True)
 class ShownPlace:
-    """A reading that was right and showed the place of a contact before it: of the sensor `code`, its `value`
-    in inches, at `elapsed` seconds, `ago` inches of path before the movement that touched."""
+    """A reading that was right and showed the place of a contact before it. It is by the sensor `code`, with
+    `value` in inches, at `elapsed` seconds, `ago` inches of path before the movement that touched."""
 
     code: str
     value: float
@@ -52,20 +53,20 @@ class ShownPlace:
 
 
 def looked_while_lost(attempt: Attempt) -> bool:
-    """True if range sensors were read often since its belief went wrong, and mostly told the truth."""
+    """True if range sensors were read often since its belief became wrong, and were mostly right."""
     lost = attempt.beliefs[1]
     return lost is not None and _mostly_right(attempt, lost.order - 1, _OFTEN)
 
 
 def looked_in_vain(attempt: Attempt) -> bool:
-    """True if range sensors were read so often, and so rightly, that a program could have found out where it
-    was."""
+    """True if range sensors were read so often, and so rightly, that a program could have localized
+    itself."""
     return _mostly_right(attempt, attempt.placed, _LONG)
 
 
 def shown_place(attempt: Attempt, met: Collision) -> ShownPlace | None:
     """The last right reading that showed the place of a contact, read within a cell's length of path."""
-    # The numbers of the movement itself come after what was read before it.
+    # The running numbers of the movement come after those of the readings before it.
     rows = attempt.within(attempt.history.readings, attempt.placed)
     rows = rows[(rows["order"] < met.row.order) & (rows["gone"] >= met.row.gone_before - CELL_SIZE)]
     found: list[ShownPlace] = []
@@ -118,8 +119,8 @@ def looked_for_block(attempt: Attempt, done: GripRow) -> bool:
 
 
 def told_held(attempt: Attempt, done: GripRow) -> tuple[str, int] | None:
-    """The load sensor that had said that the block was held, and how often, where the gripper let it go just
-    where it had taken it; None if it did not say so, or the robot went on in between."""
+    """The load sensor that had read the block as held, and the number of these readings. None without any, or
+    if the gripper released the block elsewhere, or the robot moved in between."""
     taken = [row.order for row in attempt.history.blocks.items if row.held and row.order < done.order]
     if not taken:
         return None
@@ -131,7 +132,7 @@ def told_held(attempt: Attempt, done: GripRow) -> tuple[str, int] | None:
     for sensor, mine in _read(attempt, rows, attempt.load_sensors):
         values = mine["value"]
         held = int((values > 0.0).sum())
-        # One answer may be wrong, most of them are not.
+        # One answer may be wrong, but not most of them.
         if 2 * held > len(values):
             return sensor.code, held
     return None
@@ -158,7 +159,7 @@ def _by_range(attempt: Attempt, rows: Columns) -> list[tuple[SensorSpec, Columns
 
 
 def _right(rows: Columns, sensor: SensorSpec) -> Flags:
-    # No echo is as sure as no distance: a share of infinity would excuse any reading, or be no number.
+    # No echo has the noise of distance 0: a share of infinity would allow any reading, or be NaN.
     true = np.where(np.isfinite(rows["true"]), np.abs(rows["true"]), 0.0)
     usual = sensor.error * true + sensor.absolute_error
     return np.asarray(np.abs(rows["error"]) <= np.maximum(SLIGHT, COVERED * usual))
@@ -168,8 +169,8 @@ def _right(rows: Columns, sensor: SensorSpec) -> Flags:
 
 
 def looks_alike(seen: Attempt, belief: BeliefRow) -> bool:
-    """True if every range sensor that was read would read the same, within its noise, at one place of the
-    cell that a grid held for the likeliest as it does where the robot was."""
+    """True if the likeliest cell of a grid has a place that looks like the robot's own. Every range sensor
+    that was read would then read the same at both, within its noise."""
     read = set(seen.history.sensor_codes)
     sensors = [
         modelled_sensor(each) for each in seen.spec.sensors if each.code in read and each.kind.is_range

@@ -1,4 +1,4 @@
-"""Fits that a few wrong values do not move, and the probabilities that go with them."""
+"""Robust fits, which a few outliers do not change, and their probabilities."""
 
 from __future__ import annotations
 
@@ -16,19 +16,21 @@ MAD_ERROR = 1.17
 """Standard error of a standard deviation by the median, of n normal numbers, times sqrt(n) and over it: its
 efficiency is 37 % (P. J. Rousseeuw and C. Croux, 1993)."""
 LEAST_NOISE = 1.5
-"""Least ratio of noise to what a set declares that matters; judged."""
+"""Least ratio of noise to the declared noise that matters; judged."""
 Flags = NDArray[np.bool_]
+# 1 over the 75 % quantile of the standard normal distribution.
 _MAD_TO_SIGMA = 1.4826
 # Huber (1964): 95 % efficient where errors are normal.
 _HUBER = 1.345
+# Most iterations of a fit.
 _ROUNDS = 20
 
 
 @dataclass(frozen=True, slots=True)
 class RobustFit:
     """Coefficients of a linear fit with their standard errors, (k,), of `count` values; `rough` is the
-    standard deviation of the standardized residuals by their median. `declared` is True if the errors are
-    those of the declared spread, which no sample has to tell."""
+    standard deviation of the standardized residuals by their median. `declared` is true if the errors are
+    those of the declared spread, which needs no estimate from the sample."""
 
     values: FloatArray
     errors: FloatArray
@@ -56,7 +58,7 @@ def robust_fit(design: FloatArray, target: FloatArray, spread: FloatArray) -> Ro
     Args:
         design: (n, k).
         target: (n,).
-        spread: Declared standard deviations of the target, (n,), above 0. A fit never takes them for less.
+        spread: Declared standard deviations of the target, (n,), above 0. A fit never assumes smaller ones.
     """
     rows, aim = design / spread[:, None], target / spread
     weights: FloatArray = np.ones(len(aim))
@@ -77,7 +79,7 @@ def robust_fit(design: FloatArray, target: FloatArray, spread: FloatArray) -> Ro
     inlier = max(float((weights >= 1.0).mean()), 0.1)
     clipped = weights * (aim - rows @ values)
     count, free = len(aim), max(len(aim) - len(values), 1)
-    # At least 1: the declared spread is what the set promises, and a lucky sample is no better than it.
+    # At least 1: the set declares the spread, and a lucky sample must not reduce it.
     variance = float(np.square(clipped).sum()) / free / inlier**2
     declared = variance <= 1.0
     information = np.linalg.pinv(rows.T @ rows)
@@ -101,8 +103,8 @@ def two_sided(statistic: float, degrees_of_freedom: float = math.inf) -> float:
 
 
 def binomial_tail(hits: int, count: int, share: float) -> float:
-    """Probability of at least so many hits among `count` if each has the probability `share`."""
-    # A probability of 1 has no logarithm of what is left.
+    """Probability of at least `hits` hits among `count` if each has the probability `share`."""
+    # With a probability of 1 the logarithm of its complement does not exist.
     if hits <= 0 or share >= 1.0:
         return 1.0
     if share <= 0.0:

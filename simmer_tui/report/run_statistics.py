@@ -1,4 +1,4 @@
-"""A log read through once: the run as a report sees it, and its commands as a table for spreadsheets."""
+"""A log read once: the figures of a report, and the commands as a table for spreadsheets."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ from simmer_tui.sim.records import Status
 
 
 class RunStatistics:
-    """Feed it what a log tells, in order, call `finish`, and read the figures."""
+    """The figures of a run: `add` the events of a log in order, call `finish`, then read them."""
 
     def __init__(
         self,
@@ -45,20 +45,20 @@ class RunStatistics:
         recorded: bool = True,
         nominal: str | None = None,
     ) -> None:
-        """Make the figures of a run from which nothing is read yet.
+        """Make the figures of a run of which no event is read yet.
 
         Args:
-            recorded: True to keep what a player shows, too.
+            recorded: True to keep the data of a player, too.
             nominal: Set that the run's own is compared with; by default the one that it was made from.
         """
         self.header = header
         self.configuration = configuration
         beginning = header.beginning(configuration)
-        # Not every log says in its header that a mission is under way; its configuration says what one is.
+        # Not every header says that a mission is under way; the configuration always has the mission.
         if configuration.mission is not None:
             beginning = replace(beginning, mission=beginning.mission or MissionProgress())
         self.paths = PathRecord(configuration.simulation.maze, header.pose, recorded=recorded)
-        # A set that is not there is told at once, before the log is read.
+        # A missing set is reported at once, before the log is read.
         found = nominal_of(configuration, nominal)
         self.history = RunHistory(
             beginning,
@@ -80,7 +80,7 @@ class RunStatistics:
         self._recorded = recorded
 
     def add(self, logged: Logged | BrokenLine) -> None:
-        """Take in what is told next."""
+        """Add the next event or broken line."""
         if isinstance(logged, BrokenLine):
             self.broken.add(logged)
             return
@@ -98,7 +98,7 @@ class RunStatistics:
         return self._analysis.elapsed
 
     def finish(self, note: str = "") -> None:
-        """No more comes; `note` is what the reader has to say."""
+        """End of the log; `note` is the reader's message about it."""
         self.paths.stand(self.history.elapsed)
         self.findings = findings_of(self.history, self.task)
         self.notes += filter(None, (note, self._analysis.note))
@@ -160,14 +160,14 @@ COLUMNS = (
 
 
 class CommandTable(EventHandler[None]):
-    """A row a command. Infinities and NaN are inf, -inf and nan; what does not apply is blank."""
+    """A row a command. Infinities and NaN are inf, -inf and nan; values that do not apply are blank."""
 
     def __init__(self, file: TextIO) -> None:
         self._writer = CsvWriter(file, COLUMNS)
         self._ended: MovementEnded | None = None
 
     def add(self, logged: Logged, elapsed: float) -> None:
-        """Take in an event; movements that were answered at once have their row when they end."""
+        """Add an event; movements that were answered at once get their row when they end."""
         self._logged, self._elapsed = logged, elapsed
         self.handle(logged.event)
 

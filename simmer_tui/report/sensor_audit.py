@@ -1,8 +1,9 @@
-"""Sensors against the truth: which fault explains the readings of one, if any does.
+"""Sensors against the truth: the fault that explains the readings of one, if any does.
 
-First come faults that change what it measures: stuck, sign turned, swapped with another, late. Each is held
-against no fault by the readings on which the two differ: the nearer one has it, and the number of those has
-a binomial distribution, whatever the noise. If none explains the readings, an offset and a gain are fitted.
+First come faults that change the measured quantity: stuck, inverted sign, swapped with another, late. Each is
+compared with no fault on the readings where the two differ: each reading votes for the nearer one. The number
+of votes has a binomial distribution, whatever the noise. If no such fault explains the readings, an offset
+and a gain are fitted.
 """
 
 from __future__ import annotations
@@ -26,9 +27,9 @@ from simmer_tui.report.sensor_sample import Alternative, SensorSample
 from simmer_tui.sim.angles import FloatArray
 from simmer_tui.sim.specs import SensorSpec
 
-# Judged: a fault explains the readings if no more than a fifth of them are otherwise.
+# Judged: a fault explains the readings if no more than a fifth of them do not fit.
 _EXPLAINED = 0.8
-# Where a set declares no dropouts, one in a thousand may come of rounding at a limit.
+# Where a set declares no dropouts, one in a thousand may come from rounding at a limit.
 _MISSED = 0.001
 # Judged: the residuals of a fit with one coefficient more must be smaller by a tenth.
 _BETTER = 1.1
@@ -54,13 +55,12 @@ def sensor_tests(sample: SensorSample, basis: Basis) -> list[Claim]:
 
 
 def other_quantity(sample: SensorSample, basis: Basis) -> Claim:
-    """The claim of the fault among the sample's alternatives that explains it best: that it is stuck, turned,
-    swapped or late."""
+    """The claim of the alternative that explains the sample best: stuck, turned, swapped or late."""
     best: tuple[float, Alternative, int] | None = None
     least = 1.0
     for each in sample.alternatives:
         hits, count, explained = _held_against(sample, each)
-        # One of so many faults was looked for.
+        # Bonferroni: as many faults were tried.
         probability = min(binomial_tail(hits, count, sample.chance) * len(sample.alternatives), 1.0)
         least = min(least, probability)
         if count >= FEWEST[basis] and explained >= _EXPLAINED and (best is None or explained > best[0]):
@@ -79,12 +79,13 @@ def other_quantity(sample: SensorSample, basis: Basis) -> Claim:
 
 
 def _held_against(sample: SensorSample, other: Alternative) -> tuple[int, int, float]:
-    """Readings nearer to another expectation, those on which the two differ, and the share of all that the
-    other explains."""
+    """Number of readings nearer to the other expectation, number on which the two differ, and the share of
+    all that the other explains."""
     known = np.isfinite(other.expected)
     expected = np.where(known, other.expected, sample.expected)
     off, otherwise = np.abs(sample.off(sample.expected)), np.abs(sample.off(expected))
-    # Half of what matters, or four standard deviations: of normal errors one in 16,000 is beyond them.
+    # Half of the least error that matters, or four standard deviations: one normal error in 16,000 is beyond
+    # them.
     doubt = sample.least / 2 + 4 * sample.spread
     apart = np.abs(sample.sensor.wrapped(expected - sample.expected)) > doubt
     count = int(apart.sum())
@@ -95,7 +96,7 @@ def _held_against(sample: SensorSample, other: Alternative) -> tuple[int, int, f
 
 
 def change_text(spec: SensorSpec, kind: FindingKind, value: float, other: str | None = None) -> str:
-    """Words for a fault that changes what a sensor measures: `reads what u2 should`.
+    """Words for a fault that changes the measured quantity: `reads what u2 should`.
 
     Args:
         value: The value at which it is stuck, in its unit, or the number of readings by which it is late.
@@ -116,13 +117,13 @@ def change_text(spec: SensorSpec, kind: FindingKind, value: float, other: str | 
 
 
 def _missed(device: DeviceUnderTest, sample: SensorSample) -> Claim:
-    """Readings of nothing where something was in range."""
+    """The claim of too many dropouts: readings of nothing where something was in range."""
     declared = max(sample.spec.dropout, _MISSED)
     return _share(device, sample.missed, sample.looked, declared, FindingKind.MISSED, "misses")
 
 
 def _wrong(device: DeviceUnderTest, sample: SensorSample) -> Claim:
-    """Wrong answers of a sensor that says yes or no."""
+    """The claim of too many wrong answers of a binary sensor."""
     wrong = int((sample.values != sample.expected).sum())
     return _share(device, wrong, len(sample.values), sample.chance, FindingKind.NOISE, "is wrong in")
 
@@ -143,7 +144,8 @@ def _share(
 
 
 def _fitted(device: DeviceUnderTest, sample: SensorSample) -> list[Claim]:
-    """The simplest of these that explains the residuals: nothing, one figure, two; and what noise is left."""
+    """Claims of the simplest model that explains the residuals (no parameter, one, two), and of the remaining
+    noise."""
     residuals = sample.off(sample.expected)
     counts = sample.spec.kind.counts
     columns = {
@@ -173,7 +175,7 @@ def _figure(
     spec = sample.spec
     value, probability = float(fit.values[place]), fit.probability(place)
     low, high = fit.interval(place)
-    # How far the figure leads at the most.
+    # The largest error that the figure leads to.
     reach = 1.0
     if kind is FindingKind.GAIN:
         unit, small = "", abs(value) < LEAST_SHARE
@@ -196,7 +198,7 @@ def _figure(
 
 
 def _first_offset(device: DeviceUnderTest, sample: SensorSample, error: float, spread: float) -> Claim:
-    """The offset of a counting sensor: later readings have what went wrong on the way in them."""
+    """The offset of a counting sensor, by its first reading: later ones contain the errors since."""
     spec, probability = sample.spec, two_sided(error / spread)
     if abs(error) < sample.least:
         return Claim(probability)

@@ -1,8 +1,8 @@
-"""Readings of one sensor beside what an ideal one would say at that place, ready to be tested.
+"""Readings of one sensor beside those of an ideal one at the same place, ready to be tested.
 
 A sensor that observes is compared reading by reading with the true value in the log. One that answers yes or
-no is compared where the truth is clear of its threshold. One that counts is compared by what it adds from
-one reading to the next, because its errors add up.
+no is compared where the truth is clear of its threshold. One that counts is compared by its increments,
+because its errors add up.
 """
 
 from __future__ import annotations
@@ -25,15 +25,15 @@ from simmer_tui.sim.specs import SensorSpec, SimulationSpec
 
 MOST = 4000
 """Readings of one sensor that are compared, evenly chosen: its interval is then a sixtieth of its noise."""
-# Of normal errors one in 1.7 million lies beyond five standard deviations: what a limit cuts off is then
-# nothing that the rest would be biased by.
+# Standard deviations between truth and a limit. Of normal errors one in 1.7 million lies beyond five, so
+# clipping at the limit does not bias the rest.
 _CLEAR = 5.0
-# Judged: a delay of more readings than this is no delay any more, but another run.
+# Judged: a longer delay than this many readings does not happen.
 _LAGS = (1, 2, 3)
-# Judged: enough to tell two sensors apart; a line sensor's 113 test points take a tenth of a millisecond.
+# Judged: enough to distinguish two sensors; a line sensor's 113 test points take a tenth of a millisecond.
 _PLACES = 800
-"""Places at which the other sensors are asked what they would have seen."""
-# A wrong answer in twenty is no fault: edges of tiles, whatever the set declares.
+"""Places at which the readings of other sensors are computed."""
+# A share of one wrong answer in twenty is no fault: it comes from edges of tiles, whatever the set declares.
 _WRONG = 0.05
 
 
@@ -49,10 +49,10 @@ class Alternative:
 
 @dataclass(frozen=True, slots=True)
 class SensorSample:
-    """Readings of one sensor, or what it counted between them: values, expected values and declared standard
+    """Readings of one sensor, or its counts between them: values, expected values and declared standard
     deviations, (n,) each, in its unit. `chance` is the probability that a reading without a fault is nearer
-    to a false expectation, `missed` the number of readings with nothing where something was in range, of
-    `looked`."""
+    to a false expectation. `missed` is the number of dropouts among the `looked` readings with something in
+    range."""
 
     sensor: Sensor
     values: FloatArray
@@ -81,11 +81,12 @@ class SensorSample:
         return LEAST_DEGREES if self.spec.unit == "deg" else LEAST_INCHES
 
     def against(self, faults: Iterable[Alternative]) -> SensorSample:
-        """The same with the faults that it is held against."""
+        """The same with the faults that it is compared with."""
         return replace(self, alternatives=tuple(faults))
 
     def inside(self) -> SensorSample:
-        """The same without readings that its least range, or 0, cut off: they say nothing of size."""
+        """The same without readings that its least range, or 0, clipped: they do not show the size of an
+        error."""
         if not self.spec.kind.is_range:
             return self
         kept = self.values > self.spec.min_range
@@ -108,15 +109,15 @@ def poses_of(rows: Columns) -> FloatArray:
 
 
 def world_without_block(spec: SimulationSpec) -> World:
-    """The maze as a program must take it that does not know where the block is."""
+    """The maze without the block, as a program has it that does not know the block's place."""
     return World(Maze(spec.maze), Block(0.0, 0.0, 0.0), False)
 
 
 def sample_of(
     history: RunHistory, rows: Columns, spec: SensorSpec, others: Iterable[SensorSpec] = ()
 ) -> SensorSample | None:
-    """The readings of a sensor in `rows`, beside what a sensor with the row `spec` should have said; None
-    if nothing is known of that. It may be swapped with one of the `others`."""
+    """The readings of a sensor in `rows`, beside those that a sensor with the row `spec` should have given;
+    None if these are not known. It may be swapped with one of the `others`."""
     alike = tuple(_alike(spec, others))
     sensor = modelled_sensor(spec)
     if isinstance(sensor, CountingSensor):
@@ -131,7 +132,7 @@ def sample_of(
 
 
 def _stride(count: int, most: int) -> int:
-    """Step that chooses at most so many of some rows, evenly."""
+    """Step that selects at most `most` of `count` rows, evenly."""
     return max(1, -(-count // most))
 
 
@@ -177,7 +178,7 @@ def _answered(
     bar = spec.threshold or 0.5
     clear = np.abs(seen - bar) > _CLEAR * (spec.error * seen * bool(spec.threshold) + spec.absolute_error)
     expected = (seen >= bar).astype(np.float64)
-    # Misses are noes, outliers either; the load sensor's Percent Error is how often it says the opposite.
+    # Dropouts answer no, outliers either; the load sensor's Percent Error is the rate of opposite answers.
     declared = spec.dropout + spec.outlier + (0.0 if spec.threshold else spec.error)
     usable = clear & np.isfinite(rows["value"])
     sample = SensorSample(
@@ -231,7 +232,7 @@ def _counted(
     values = sensor.wrapped(np.diff(rows["value"]))
     seconds, counted = np.diff(times), np.diff(levels)
     known = known[1:] & known[:-1]
-    # A wheel slips at a wall; what was planned there is not what a gyro turned.
+    # Wheels slip at a wall; a gyro does not turn by the plan there.
     if sensor.slips or not exact:
         known &= _without_contacts(history, times)
     whole = np.flatnonzero(known)[::step]
@@ -273,7 +274,7 @@ def _counted(
 
 
 def _way(sensor: CountingSensor, rows: Columns) -> FloatArray:
-    """Counts of the whole way up to each reading, either way: errors grow with it, (n,)."""
+    """Counts of the whole path up to each reading, in either direction: errors grow with it, (n,)."""
     ahead, aside, turn = np.abs(sensor.lever)
     return np.asarray(max(ahead, aside) * rows["gone"] + turn * rows["turned"], np.float64)
 
@@ -287,7 +288,7 @@ def _driven(history: RunHistory, rows: Columns) -> FloatArray:
 
 
 def _without_contacts(history: RunHistory, times: FloatArray) -> Flags:
-    """True for the stretches between `times`, (n,), in which no movement met anything, (n - 1,)."""
+    """True for the stretches between `times`, (n,), in which no movement had a contact, (n - 1,)."""
     moves = history.movements.columns()
     met = moves[moves["contact"]]
     # Ended before the stretch, or begun after it.
@@ -307,7 +308,7 @@ def _at_rest(history: RunHistory, times: FloatArray) -> Flags:
 
 
 def stuck(sample: SensorSample) -> Iterator[Alternative]:
-    """One value, whatever the truth, where the truth varied by more than its noise."""
+    """A constant value, where the truth varied by more than its noise."""
     if not len(sample.values):
         return
     low, high = np.quantile(sample.expected, (0.1, 0.9))
@@ -324,7 +325,7 @@ def _late(expected: FloatArray, usable: Flags) -> Iterator[Alternative]:
 
 
 def turned(sample: SensorSample, base: FloatArray) -> Iterator[Alternative]:
-    """A compass that counts the other way round, from any zero. A range below 0 is none."""
+    """A compass that counts in the other direction, from any zero. Ranges have no sign."""
     spec = sample.spec
     if spec.kind.is_range or not sample.sensor.period or not len(base):
         return
@@ -336,7 +337,7 @@ def turned(sample: SensorSample, base: FloatArray) -> Iterator[Alternative]:
 def _swapped(
     history: RunHistory, rows: Columns, sample: SensorSample, alike: tuple[Sensor, ...]
 ) -> Iterator[Alternative]:
-    """Values that the other sensors of its unit would have given, where its own truth does not fit."""
+    """Values that the other sensors of its unit would have given, if its own truth does not fit."""
     if not _is_off(sample):
         return
     for other in alike:
@@ -349,11 +350,11 @@ def _swapped(
 
 
 def _is_off(sample: SensorSample) -> bool:
-    """True if a good part of the readings is not what was expected."""
+    """True if more than a small share of the readings differs from the expected ones."""
     if not len(sample.values):
         return False
     off = np.abs(sample.off(sample.expected)) > sample.least / 2 + 4 * sample.spread
-    # A tenth: two sensors that look the same way for nine readings of ten are told apart by the tenth.
+    # A tenth: two sensors that see the same in nine readings of ten are distinguished by the tenth.
     return float(off.mean()) > 0.1
 
 

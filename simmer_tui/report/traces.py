@@ -11,9 +11,12 @@ from simmer_tui.report.figure import WIDTH
 from simmer_tui.report.run_statistics import RunStatistics
 from simmer_tui.run.run_history import TracePoint
 
+# Points: room for names and scales to the left, for units to the right.
 _LEFT, _RIGHT = 74.0, 46.0
+# Points: height of a strip, gap above it, room for the time axis below.
 _STRIP, _GAP, _AXIS = 58.0, 16.0, 34.0
 _TRUE, _READ = "#9a9a9a", "#3066e4"
+# Points for the legend, and about the number of times on the axis.
 _TOP, _TICKS = 26.0, 6
 BELIEF = "belief"
 """Name of the strip of the belief; the others are named by the codes of their sensors."""
@@ -25,7 +28,8 @@ _Points = tuple[tuple[float, float], ...]
 
 @dataclass(frozen=True, slots=True)
 class Strip:
-    """One line over time: what it is `of`, its values, and what they are compared with, if anything."""
+    """One line over time: the code or name it is `of`, its values, and the values they are compared with, if
+    any."""
 
     of: str
     title: str
@@ -55,8 +59,8 @@ def traces(run: RunStatistics) -> Figure | None:
 
 @dataclass(frozen=True, slots=True)
 class Clock:
-    """The time axis of a picture, from 0 at `left` to `end` (seconds) at `right`, and the strips below it:
-    what they are of, the upper edge of the first, and the distance from one to the next. All in points."""
+    """The time axis of a picture, from 0 at `left` to `end` (seconds) at `right`. The strips have their
+    codes, the upper edge of the first, and the distance from one to the next. All in points."""
 
     left: float
     right: float
@@ -101,7 +105,7 @@ def _x(point: TracePoint, timed: bool) -> float:
 def _draw(strip: Strip, end: float) -> str:
     finite = [value for _, value in (*strip.values, *strip.against) if math.isfinite(value)]
     low, high = min(finite, default=0.0), max(finite, default=1.0)
-    # Ranges and counts are read against 0; a heading has no such ground.
+    # Ranges and counts are drawn from 0; a heading has no zero line.
     if strip.unit != "deg":
         low = min(low, 0.0)
     # A constant line is drawn in the middle, and nothing divides by 0.
@@ -136,14 +140,14 @@ def _line(
     if beyond:
         made += svg.element("path", d="".join(beyond), stroke=color, stroke_width=1.0)
     if dots:
-        # One path of lines without length, which round ends make dots: a tenth of so many circles.
+        # One path of lines without length, whose round ends are dots: a tenth of the size of as many circles.
         spots = "".join(f"M{x:.1f} {y:.1f}h0" for each in stretches for x, y in each)
         made += svg.element("path", d=spots, stroke=color, stroke_width=3.0, stroke_linecap="round")
     return made
 
 
 def _contact_lines(run: RunStatistics, end: float, height: float) -> str:
-    """A line for a contact; a band where the robot did not get away from the wall for a while."""
+    """A line for a contact; a band while the robot did not get away from the wall."""
     lines, bands = [], []
     for bump in run.history.repeated.first.items:
         begin, until = _across(bump.touch.elapsed, end), _across(bump.until, end)

@@ -1,6 +1,6 @@
-"""The verdict on a run: how it ended, why, and what to try next. Every screen, page and line shows this one.
+"""The verdict on a run: how it ended, why, and what to try next. All screens, pages and reports show it.
 
-The first of these decides: the goal met, a rule broken, time out, a crash of the program. A crash after
+The first of these decides: the goal met, a rule broken, the time limit, a crash of the program. A crash after
 success stays a success, with a note. A crash before is a failure, and the crash is its cause.
 """
 
@@ -21,6 +21,7 @@ from simmer_tui.run.history_rows import NoticeRow, ProgramRow
 from simmer_tui.run.run_history import RunHistory
 from simmer_tui.sim.command import escape
 
+# Characters of a text from a program or a log that a verdict shows.
 _LONGEST_TEXT = 200
 
 
@@ -63,13 +64,13 @@ class Verdict:
 
     @property
     def reasons(self) -> list[str]:
-        """Sentences that speak for it."""
+        """Sentences that support it."""
         second = "" if self.second_cause is None else f"Second cause: {self.second_cause.text}"
         return [each for each in (*self.notes, *self.evidence, second) if each]
 
     @property
     def lines(self) -> list[str]:
-        """All of it but the program's output: the sentence first, then what speaks for it."""
+        """All of it but the program's output: the sentence first, then its reasons."""
         return [each for each in (self.text, *self.reasons, self.advice) if each]
 
     def plain(self) -> dict[str, object]:
@@ -122,7 +123,7 @@ def verdict_of(
     cut_off: bool = False,
     findings: Sequence[Finding] | None = None,
 ) -> Verdict:
-    """The verdict on a run as it stands.
+    """The verdict on a run up to now.
 
     Args:
         history: All that happened.
@@ -140,20 +141,20 @@ def findings_of(history: RunHistory, task: Task | None) -> tuple[Finding, ...]:
 
 
 def goals_met(history: RunHistory) -> dict[Goal, float]:
-    """Goals met since the run last began anew, in order, with the mission's time of each, seconds."""
+    """Goals met since the last restart, in order, with the mission's time of each, seconds."""
     rows = (row for row in history.missions.items if row.order > history.began)
     return {row.event.subject: row.event.time for row in rows if isinstance(row.event.subject, Goal)}
 
 
 class _Judge:
-    """The way to one verdict."""
+    """Facts and text of one verdict."""
 
     def __init__(
         self, history: RunHistory, task: Task | None, cut_off: bool, findings: Sequence[Finding] | None
     ) -> None:
         self._findings = findings
         self._history = history
-        # A set may have a mission though nobody has begun it.
+        # A set may have a mission that has not begun.
         self._is_mission = task is not None and history.missions.first.given > 0
         self._attempt = Attempt(history, task if self._is_mission else None)
         self._cut_off = cut_off
@@ -219,7 +220,7 @@ class _Judge:
             return Outcome.FAILED
         if self._program is None:
             return Outcome.STILL_GOING if self._left is None else Outcome.ENDED
-        # A program that sent nothing has shown nothing, whatever its exit code.
+        # A program that sent no command is no success, whatever its exit code.
         silent = not self._program.stopped and self._attempt.is_silent
         return Outcome.FAILED if silent else Outcome.ENDED
 
@@ -228,12 +229,12 @@ class _Judge:
             return []
         if not self._is_mission and not outcome.is_failure:
             return []
-        # What the program did after its mission's end did not decide it.
+        # Actions of the program after its mission's end did not decide it.
         event = None if self._is_after_mission else self._program
         found = findings_of(self._history, self._attempt.task) if self._findings is None else self._findings
         return causes_of(self._attempt, event, cut_off=self._cut_off, findings=found)
 
-    # -- words -----------------------------------------------------------------------------------
+    # -- text ------------------------------------------------------------------------------------
 
     def _text(self, outcome: Outcome, cause: Cause | None) -> str:
         attempt, goal = self._attempt, self._goal

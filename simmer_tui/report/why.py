@@ -1,4 +1,4 @@
-"""Reason for the end of a run's last movement, fact by fact, and what a sensor saw of it."""
+"""The facts about the end of a run's last movement, with the reading of the sensor that looks there."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ from simmer_tui.sim.path import Contact
 from simmer_tui.sim.specs import Axes, DriveKind, SimulationSpec
 from simmer_tui.sim.trajectory import Trajectory
 
-# Judged: a third of a right angle; a sensor that looks so far aside may well see something else.
+# Judged: a third of a right angle; a sensor that looks further aside may see something else.
 _ASIDE = 30.0
-"""Degrees beside a contact from which a sensor's direction is told."""
-# Half of what a tenth shows.
+"""Degrees beside a contact from which the text names a sensor's direction."""
+# Half of the last digit shown, a tenth.
 _SHOWN_ERROR = 0.05
 NOTHING_MOVED = "No movement has ended yet."
 
@@ -40,8 +40,8 @@ class WhyFact:
 
 
 def why(state: State, spec: SimulationSpec) -> tuple[WhyFact, ...]:
-    """Reasons why the movement that ended last did so: what was asked, how far it went, its errors, and who
-    or what stopped it, with the reading of the sensor that looks that way. Empty before the first."""
+    """Facts about the end of the last movement: its command, its distance, its errors, and who or what
+    stopped it. A contact has the reading of the sensor that looks there. Empty before the first."""
     ended = state.ended
     if ended is None:
         return ()
@@ -49,24 +49,24 @@ def why(state: State, spec: SimulationSpec) -> tuple[WhyFact, ...]:
         grip = WhyFact("gripper", grip_ending(ended.grip))
         return (grip, WhyFact("ended", _stop_text(ended), is_bad=True)) if ended.stopped_by else (grip,)
     kind, value = ended.trajectory.kind, parse_value(ended.command.argument)
-    told, errors = [], ""
+    facts, errors = [], ""
     if kind is not None and isinstance(value, float):
-        told = [WhyFact("asked", asked_text(kind, value))]
+        facts = [WhyFact("asked", asked_text(kind, value))]
         errors = _errors(state, ended.trajectory, kind, value)
     contact = ended.contact
     if contact is not None and contact.ended and not ended.stopped_by:
-        return (*told, *_contact_facts(state, ended, contact, spec))
-    told.append(WhyFact("went", movement_text(ended)))
+        return (*facts, *_contact_facts(state, ended, contact, spec))
+    facts.append(WhyFact("went", movement_text(ended)))
     if errors and not ended.stopped_by:
-        told.append(WhyFact("errors", errors))
+        facts.append(WhyFact("errors", errors))
     if contact is not None:
-        told.append(
+        facts.append(
             WhyFact("touched", f"{obstacle_place(contact, spec)}, by {body_text(contact)}", is_bad=True)
         )
     if ended.stopped_by:
-        return (*told, WhyFact("ended", _stop_text(ended), is_bad=True))
+        return (*facts, WhyFact("ended", _stop_text(ended), is_bad=True))
     touched = "nothing in its way" if contact is None else "the contact came of drive errors alone"
-    return (*told, WhyFact("ended", f"as asked; {touched}"))
+    return (*facts, WhyFact("ended", f"as asked; {touched}"))
 
 
 def _contact_facts(
@@ -91,12 +91,12 @@ def _errors(state: State, trajectory: Trajectory, kind: DriveKind, value: float)
 
     total = asked + value * bias + chance, on the axis of the movement (sim/motion.py).
     """
-    # The gain is what the drive makes of a command, not an error.
+    # The gain scales the command; it is not an error.
     value *= next((drive.gain for drive in state.spec.drives if drive.kind is kind), 1.0)
     bias, totals, direction = state.bias.get(kind, Axes()), trajectory.totals, kind.direction
     share = bias.r if kind.turns else bias.x if direction.x else bias.y
     along = totals.x * direction.x + totals.y * direction.y + totals.r * direction.r
-    # Of a value such as -3 the way is backwards; a turn to the right has negative degrees.
+    # A value such as -3 moves backwards; a turn to the right has negative degrees.
     sign = -1.0 if value < 0 and not kind.turns else 1.0
     by_bias, total, unit = sign * value * share, sign * (along - value), "deg" if kind.turns else "in"
     if abs(total) < _SHOWN_ERROR and abs(by_bias) < _SHOWN_ERROR:

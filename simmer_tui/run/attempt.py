@@ -1,4 +1,4 @@
-"""The present attempt of a run: what its history says since it last began anew, until its mission's end."""
+"""The present attempt of a run: its history since the last restart, until its mission's end."""
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -37,9 +37,9 @@ from simmer_tui.sim.specs import CELL_SIZE, Axes, DriveKind, SensorSpec
 
 LoggedRowT = TypeVar("LoggedRowT", bound=LoggedRow)
 
-# A cell: what a program did further back it has seen by its sensors since.
+# A cell: the effect of anything further back has shown in the sensors since.
 LAID_AGAIN = CELL_SIZE
-"""Inches of a continuous motion before a contact that are laid again."""
+"""Inches of a continuous motion before a contact that counterfactuals repeat."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,12 +67,12 @@ def task_of(configuration: Configuration, seed: int, plan: MissionPlan | None = 
 
 @dataclass(frozen=True, slots=True)
 class Collision:
-    """A movement that met something, and all that was known when it began: the newest belief, the one since
-    which beliefs had been wrong (`lost`), each sensor's last reading, the block that was held (in the
-    robot's frame) or lay about, and the bias. `before` are the movements before it, newest last, that
-    followed on one another with nothing in between, `unseen` of them since a sensor was read. Of a velocity,
-    `legs` are those of its last inches, the one with the contact included, and `unseen_legs` how many of them
-    ended after the last reading; `before` and `unseen` are then empty."""
+    """A movement with a contact, and all that was known when it began. That is the newest belief, the first
+    of the lost beliefs that led to it (`lost`), each sensor's last reading, the block and the bias. A held
+    block is in the robot's frame. `before` are the movements before it, newest last, with nothing in between;
+    `unseen` counts those since a sensor was read. Of a velocity, `legs` are those of its last inches, the one
+    with the contact included. `unseen_legs` counts those that ended after the last reading; `before` and
+    `unseen` are then empty."""
 
     row: ContactRow
     belief: BeliefRow | None
@@ -88,7 +88,7 @@ class Collision:
 
     @property
     def ended(self) -> MovementEnded:
-        """The movement that met something."""
+        """The movement with the contact."""
         return self.row.ended
 
     @property
@@ -111,8 +111,8 @@ class Spent:
 
 @dataclass(frozen=True, slots=True)
 class Standing:
-    """A stretch at the end, from `since` on (elapsed seconds), in which the robot only read its sensors:
-    `readings` of them, `often` those of `code`, the one read most."""
+    """A stretch at the end, from `since` on (elapsed seconds), in which the robot only read its sensors.
+    There were `readings` readings, `often` of them by the sensor with `code`, the one read most."""
 
     since: float
     readings: int
@@ -121,7 +121,7 @@ class Standing:
 
 
 class Attempt:
-    """Make one when a question is to be answered: it does not follow what happens afterwards."""
+    """A view of the history at the moment it is made: later events do not change it."""
 
     def __init__(self, history: RunHistory, task: Task | None) -> None:
         self.history = history
@@ -151,7 +151,7 @@ class Attempt:
         return self._placed
 
     def within(self, table: RowTable[RowT], since: int | None = None) -> Columns:
-        """The rows of a table after an event until its end, by default after the run last began anew."""
+        """The rows of a table after an event until its end, by default after the last restart."""
         key = (id(table), self._began if since is None else since)
         if key not in self._within:
             begin, end = table.place_of(key[1] + 1), table.place_of(self._until + 1)
@@ -159,7 +159,7 @@ class Attempt:
         return self._within[key]
 
     def _rows(self, kept: Newest[LoggedRowT]) -> list[LoggedRowT]:
-        """The rows of a kind since the run last began anew until its end, newest last."""
+        """The rows of a kind since the last restart until its end, newest last."""
         return [row for row in kept.items if self._began < row.order <= self._until]
 
     # -- how it ended ----------------------------------------------------------------------------
@@ -201,7 +201,7 @@ class Attempt:
 
     @cached_property
     def commands(self) -> int:
-        """Number of commands since the run last began anew."""
+        """Number of commands since the last restart."""
         answered = self.within(self.history.commands)["number"]
         moved = self.within(self.history.movements)["number"]
         # The answer to the command that ends a mission comes after that end.
@@ -214,13 +214,14 @@ class Attempt:
 
     @cached_property
     def contacts(self) -> int:
-        """Number of contacts since the run last began anew."""
+        """Number of contacts since the last restart."""
         return int(self.within(self.history.movements)["contact"].sum())
 
     # -- beliefs and contacts --------------------------------------------------------------------
 
     def belief_before(self, order: int) -> tuple[BeliefRow | None, BeliefRow | None]:
-        """The newest belief before an event, and the first of those that lead to it and were all lost."""
+        """The newest belief before an event, and the first of the unbroken row of lost beliefs that leads to
+        it."""
         beliefs = self.history.beliefs
         newest = lost = None
         # Backwards, as far as it matters: a long run has tens of thousands.
@@ -236,7 +237,7 @@ class Attempt:
 
     @cached_property
     def beliefs(self) -> tuple[BeliefRow | None, BeliefRow | None]:
-        """The last belief, and the first of those that lead to it and were all lost."""
+        """The last belief, and the first of the unbroken row of lost beliefs that leads to it."""
         return self.belief_before(self._until + 1)
 
     @cached_property
@@ -259,9 +260,9 @@ class Attempt:
         )  # fmt: skip
 
     def _legs_to(self, order: int) -> tuple[list[Leg], int]:
-        """The legs that led to a contact, that with it the last, and how many ended after the last reading:
-        as far back as the robot drove freely, and as `LAID_AGAIN` says or nothing was read. Empty if no leg
-        had the contact."""
+        """The legs that led to a contact, the one with it last, and how many ended after the last reading.
+        They go back as far as the robot drove freely, and `LAID_AGAIN` inches or to the last reading. Empty
+        if no leg had the contact."""
         newest = [row for row in self.history.newest_legs if row[0] <= order]
         if not newest or newest[-1][0] != order:
             return [], 0
@@ -284,8 +285,8 @@ class Attempt:
         return readings[place - 1].order if place else 0
 
     def _led_to(self, order: int) -> tuple[list[MovementEnded], int]:
-        """The movements that led to one, newest last, as far back as nothing but drives moved the robot, and
-        how many of them came after the last reading."""
+        """The movements that led to one, newest last, and how many of them came after the last reading. They
+        go back as far as only drives moved the robot."""
         readings = self.history.readings
         newest = [row for row in self.history.newest if row[0] <= order]
         found: list[MovementEnded] = []
@@ -334,8 +335,8 @@ class Attempt:
 
     @cached_property
     def hardly_localized(self) -> bool:
-        """True if less than half of its beliefs since the robot was placed were right and sure. Who found out
-        where it is, and was never wrong before, has only looked for it."""
+        """True if less than half of its beliefs since the robot was placed were right and sure. A program
+        that localized itself, and was never wrong before, has only searched."""
         beliefs = self.history.beliefs
         rows = beliefs[beliefs.place_of(self._placed + 1) : beliefs.place_of(self._until + 1)]
         right = [row.finite and not row.lost and not row.unsure for row in rows]
@@ -343,7 +344,7 @@ class Attempt:
             return False
         return 2 * sum(right) < len(rows)
 
-    # -- other people's hands --------------------------------------------------------------------
+    # -- actions of people -----------------------------------------------------------------------
 
     def _by_hand(self, name: ActionName) -> ActionRow | None:
         """The last action of a person of this name, after the program's first command."""
@@ -360,7 +361,7 @@ class Attempt:
     @cached_property
     def moved(self) -> ActionRow | None:
         """The last time that a person moved the robot, unless a belief has been right since. A reset moves it
-        too, if the program goes on."""
+        too, if the program continues."""
         row = self._by_hand(ActionName.TELEPORT) or self._reset
         if row is None:
             return None
@@ -371,12 +372,12 @@ class Attempt:
 
     @property
     def _reset(self) -> ActionRow | None:
-        """The reset with which the run begins, if a program that had driven before it goes on."""
+        """The reset with which the run begins, if a program that had driven before it continues."""
         history = self.history
         row = next((row for row in history.actions.items if row.order == self._began), None)
         if row is None or not history.commands.place_of(self._began):
             return None
-        # Who starts a program anew after a reset has moved nothing under its hands.
+        # A program that was started again after the reset has not been moved while it ran.
         came = (row for row in history.notices.items if row.notice.kind is NoticeKind.CONNECTED)
         return None if any(each.order > self._began for each in came) else row
 
@@ -401,8 +402,8 @@ class Attempt:
 
     @property
     def _lies_since(self) -> int:
-        """The running number of the event since which the block has lain where it does; a gripper that opened
-        beside it, or closed on nothing, has not moved it."""
+        """The running number of the event since which the block has been in its present place. A gripper that
+        opened beside it, or closed on nothing, has not moved it."""
         rows = [row for row in self.history.blocks.items if row.order <= self._until]
         since = rows[-1]
         for row in reversed(rows):
@@ -466,8 +467,8 @@ class Attempt:
 
     @property
     def asked_after_grip(self) -> bool:
-        """True if a load sensor was read while the block was between the open jaws: the program took itself
-        to have closed them."""
+        """True if a load sensor was read while the block was between the open jaws: the program must have
+        believed that it had closed them."""
         load = {each.code for each in self.load_sensors}
         readings, movements = self.history.readings, self.history.movements
         for row in self.graspable:
@@ -494,7 +495,7 @@ class Attempt:
                 found.append(row)
         return found
 
-    # -- where time went -------------------------------------------------------------------------
+    # -- use of time -----------------------------------------------------------------------------
 
     @cached_property
     def stretch(self) -> Stretch:
@@ -528,7 +529,7 @@ class Attempt:
 
     @property
     def left_block(self) -> bool:
-        """True if the robot went away by more than a cell after the block had been between its open jaws."""
+        """True if the robot moved away by more than a cell after the block had been between its open jaws."""
         if not self.graspable:
             return False
         rows, lying = self.within(self.history.movements, self.graspable[0].order), self._block.block
@@ -536,7 +537,7 @@ class Attempt:
 
     @cached_property
     def spent(self) -> Spent:
-        """Simulated time by what it was spent on."""
+        """Simulated time by its use."""
         history = self.history
         commands, readings = self.within(history.commands), self.within(history.readings)
         movements = self.within(history.movements)
@@ -546,7 +547,7 @@ class Attempt:
         for number, code in enumerate(history.sensor_codes):
             mine = readings[readings["sensor"] == number]
             if len(mine):
-                # A reading that says no time of its own took the configured one.
+                # A reading without a time of its own took the configured one.
                 took = np.where(mine["took"], mine["took"], sensors[code].read_time)
                 spent.readings[code] = len(mine)
                 spent.reading += float(took.sum(dtype=np.float64))

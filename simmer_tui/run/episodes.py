@@ -1,8 +1,8 @@
-"""Episodes of what a program believes: localized, lost, frozen, and moved by a person.
+"""Episodes of a program's beliefs: localized, lost, frozen, and moved by a person.
 
 One belief says little: a particle filter that is about to converge is off for a reading or two, and is
-right again. So a change counts once it has lasted for as much movement as shows a robot its surroundings
-anew. It is told from its first belief on.
+right again. So a change counts once it has lasted for as much movement as shows a robot other surroundings.
+Its episode begins with the first belief of the change.
 """
 
 import math
@@ -16,11 +16,11 @@ from simmer_tui.run.history_rows import ActionRow, BeliefRow, ContactRow
 from simmer_tui.sim.specs import CELL_SIZE
 
 LASTING, LASTING_TURN = CELL_SIZE, 360.0
-"""So much movement, inches or degrees, shows other walls, or all that are around."""
-# Judged: less may be one told pose too many before a program adds up what it did.
+"""Movement, inches or degrees, after which a change counts: it shows other walls, or all around."""
+# Judged: less may be a pose that was sent once more before a program added up its last movements.
 FROZEN, FROZEN_WAY, FROZEN_TURN = 3, 4.0, 45.0
-"""The same pose told so often, while the robot went so far away, inches or degrees, is frozen."""
-# Poses pass through JSON with all digits; this is for programs that round them.
+"""A belief is frozen if its pose was sent this often while the robot moved this far, inches or degrees."""
+# Poses pass through JSON with all digits; this allows for programs that round them.
 SAME = 0.005
 """Poses that differ by less, inches and degrees, are the same."""
 
@@ -39,9 +39,9 @@ class EpisodeKind(StrEnum):
 class Episode(Struct, frozen=True):
     """A stretch of a run that begins at `elapsed` (seconds), in a line of the log.
 
-    `distance` (inches) and `turn` (degrees) are the error of the belief then; of `MOVED` how far the robot
-    was moved, of `FROZEN` how far it went meanwhile. `again` is True if it was localized before. `moved` or
-    `touched` is what came just before and may explain it.
+    `distance` (inches) and `turn` (degrees) are the error of the belief then. Of `MOVED` they are the
+    displacement by a person, of `FROZEN` the robot's motion meanwhile. `again` is true if it was localized
+    before. `moved` or `touched` is an event just before it that may explain it.
     """
 
     kind: EpisodeKind
@@ -54,8 +54,8 @@ class Episode(Struct, frozen=True):
     touched: ContactRow | None = None
 
 
-class _Told(Struct, frozen=True):
-    """A belief, and what the robot had gone (inches) and turned (degrees, either way) by then, in all."""
+class _BeliefPoint(Struct, frozen=True):
+    """A belief, and the total turning of the robot by then, degrees in either direction."""
 
     row: BeliefRow
     turned: float
@@ -67,15 +67,15 @@ class _Told(Struct, frozen=True):
 
     @property
     def is_off(self) -> bool:
-        """True if it is wrong by more than it allows for, or allows for anything and is far off."""
+        """True if the error is more than the belief allows for, or if the belief is unsure and far off."""
         row = self.row
         return row.lost or (not self.is_sure and (row.distance > UNSURE or abs(row.turn) > UNSURE_TURN))
 
-    def lasts_until(self, other: "_Told") -> bool:
+    def lasts_until(self, other: "_BeliefPoint") -> bool:
         return other.row.gone - self.row.gone >= LASTING or other.turned - self.turned >= LASTING_TURN
 
-    def is_as(self, other: "_Told") -> bool:
-        """True if it tells the same pose."""
+    def is_as(self, other: "_BeliefPoint") -> bool:
+        """True if both have the same pose."""
         mine, theirs = self.row, other.row
         return (
             abs(mine.x - theirs.x) < SAME
@@ -85,17 +85,17 @@ class _Told(Struct, frozen=True):
 
 
 class BeliefEpisodes:
-    """Follows a run; give it what happens in order, and read `items`."""
+    """Collects the episodes of a run from its beliefs, actions and contacts, given in order; see `so_far`."""
 
     def __init__(self) -> None:
         self._items: list[Episode] = []
         self._is_localized = False
         self._was_localized = False
-        """True once the program has known where the robot is: before, nothing can be lost."""
-        self._change: _Told | None = None
+        """True once the program has been localized: before that it cannot be lost."""
+        self._change: _BeliefPoint | None = None
         """The first of the newest beliefs that all say the opposite of the present state."""
-        self._same: _Told | None = None
-        """The first of the newest beliefs that all tell one pose."""
+        self._same: _BeliefPoint | None = None
+        """The first of the newest beliefs that all have one pose."""
         self._times = 0
         self._is_frozen = False
         self._moved: ActionRow | None = None
@@ -103,21 +103,21 @@ class BeliefEpisodes:
         """The last time that a person moved the robot, and the last contact, since a belief was right."""
 
     def believe(self, row: BeliefRow, turned: float) -> None:
-        """A belief was told, after so many degrees of turning, either way, in all."""
+        """A belief has come. `turned` is the total turning until then, degrees in either direction."""
         if not row.finite:
             return
-        told = _Told(row, turned)
-        self._check_frozen(told)
-        off, vague = told.is_off, not told.is_sure
+        newest = _BeliefPoint(row, turned)
+        self._check_frozen(newest)
+        off, vague = newest.is_off, not newest.is_sure
         if off and self._is_localized and self._moved is not None:
-            # No need to wait: that it was moved is known.
-            self._lose(told)
+            # No need to wait: an action has moved it.
+            self._lose(newest)
         elif off != self._is_localized or (vague and not off):
             # As before, or too vague to say anything.
             self._change = None
         elif self._change is None:
-            self._change = told
-        elif self._change.lasts_until(told):
+            self._change = newest
+        elif self._change.lasts_until(newest):
             self._switch(self._change)
         if not off and not vague:
             self._moved = self._touched = None
@@ -128,7 +128,7 @@ class BeliefEpisodes:
         if done.refused:
             return
         if row.places:
-            # Whoever was right until a person came is localized, however short.
+            # A program that was right until the action was localized, for however short a time.
             if self._change is not None and not self._is_localized:
                 self._switch(self._change)
             self._same, self._change, self._is_frozen = None, None, False
@@ -150,8 +150,8 @@ class BeliefEpisodes:
         self._touched = row
 
     def so_far(self, *, ended_badly: bool = False) -> list[Episode]:
-        """The episodes up to now. What has just begun counts where it can no longer pass: being right at the
-        end, and being wrong where the run `ended_badly` over it."""
+        """The episodes up to now. A change that has just begun counts if the belief is right at the end, or
+        if it is wrong and the run `ended_badly`."""
         change = self._change
         if change is None:
             return list(self._items)
@@ -159,9 +159,9 @@ class BeliefEpisodes:
             return [*self._items, self._localized(change.row)]
         return [*self._items, self._lost(change.row)] if ended_badly else list(self._items)
 
-    # -- within ----------------------------------------------------------------------------------
+    # -- internal --------------------------------------------------------------------------------
 
-    def _switch(self, since: _Told) -> None:
+    def _switch(self, since: _BeliefPoint) -> None:
         if self._is_localized:
             self._lose(since)
             return
@@ -169,21 +169,21 @@ class BeliefEpisodes:
         self._is_localized = self._was_localized = True
         self._change = None
 
-    def _lose(self, since: _Told) -> None:
-        # A frozen belief goes wrong too, and has been told as what it is.
+    def _lose(self, since: _BeliefPoint) -> None:
+        # A frozen belief becomes wrong too, and its episode is there already.
         if not self._is_frozen:
             self._items.append(self._lost(since.row))
         self._is_localized, self._change = False, None
 
-    def _check_frozen(self, told: _Told) -> None:
+    def _check_frozen(self, newest: _BeliefPoint) -> None:
         first = self._same
-        if first is None or not told.is_as(first):
-            self._same, self._times, self._is_frozen = told, 1, False
+        if first is None or not newest.is_as(first):
+            self._same, self._times, self._is_frozen = newest, 1, False
             return
         self._times += 1
         if self._is_frozen or self._times < FROZEN:
             return
-        then, now = first.row, told.row
+        then, now = first.row, newest.row
         gone = math.hypot(now.true_x - then.true_x, now.true_y - then.true_y)
         turned = wrapped(now.true_heading - then.true_heading)
         if gone >= FROZEN_WAY or abs(turned) >= FROZEN_TURN:

@@ -1,4 +1,4 @@
-"""Measures of a mistake: the sensor that looked there, a belief held against the truth."""
+"""Measures of a mistake: the sensor that looks at a contact, the error of a belief."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from simmer_tui.sim.specs import CELL_SIZE, SensorSpec
 if TYPE_CHECKING:  # most runs have no mission
     from simmer_tui.config.mission_plan import Cell
 
-# Judged: at more than this the wall's edge, not the place touched, is what a sensor sees.
+# Judged: at more than this a sensor sees the wall's edge, not the place touched.
 BESIDE = 60.0
 """A sensor that looks further than this from a place, degrees, does not look there."""
 # Judged: within it two sensors see the same wall a foot away.
@@ -26,18 +26,18 @@ ALIKE = 15.0
 """Sensors within this many degrees of each other look the same way."""
 # Of a normal distribution 99.7 % lie within three standard deviations.
 COVERED = 3.0
-"""A belief is right while it is off by no more than this many told spreads,"""
+"""A belief is right while it is off by no more than this many of its spreads,"""
 # Judged: below this an error has no consequence in cells of 12 in.
 SLIGHT, SLIGHT_TURN = 1.0, 10.0
 """or by no more than this anyway, inches and degrees."""
 # Judged: twice as much, since nothing says how sure the program was.
 UNTOLD, UNTOLD_TURN = 2.0, 20.0
-"""The same where a program tells no spread."""
+"""The same where a program gives no spread."""
 # Judged: a quarter of a cell.
 UNSURE = 3.0
-"""A spread beyond this, inches: the program knows that it does not know where it is."""
+"""A spread beyond this, inches, means that the program knows it is not localized."""
 
-# Judged: who tries a fifth time does not look at what came of the four before.
+# Judged: a program that tries a fifth time does not look at the result of the four before.
 WEDGED = 5
 """Contacts in a row after which a robot is wedged,"""
 # Judged: less than any program backs off to get away from a wall.
@@ -47,15 +47,15 @@ WEDGED_WITHIN, WEDGED_TURN = 0.5, 5.0
 
 # A third of a right angle: more than this, and a corridor may be its neighbour.
 UNSURE_TURN = 30.0
-"""A spread of the heading beyond this, degrees: the program knows that it does not know its heading."""
+"""A spread of the heading beyond this, degrees, means that the program does not know its heading."""
 
 NO_HEADING = COVERED * UNSURE_TURN
-"""Error of the heading, degrees, that a grid without headings allows for: what is sure allows for no more."""
+"""Error of the heading, degrees, that a grid without headings allows for: the most that a sure belief may."""
 
 
 class Stuck(Struct, frozen=True):
-    """A stretch at the end in which a wall held the robot, `since` when (elapsed seconds): so many
-    `movements` in a row, or, of a robot that drove until told otherwise, so many seconds `pressed`."""
+    """A stretch at the end in which a wall held the robot, from `since` on (elapsed seconds). `movements` is
+    the number of movements in a row; under a velocity, `pressed` is the time in seconds."""
 
     since: float
     movements: int
@@ -63,15 +63,15 @@ class Stuck(Struct, frozen=True):
 
     @property
     def text(self) -> str:
-        """Words for it, after "from 12.3 s on"."""
+        """Clause that describes it, after "from 12.3 s on"."""
         if self.movements:
             return f"a wall stopped {self.movements} movements in a row"
         return f"it pressed against a wall for {self.pressed:.0f} s and did not go 1 in"
 
 
 class LastReading(Struct, frozen=True):
-    """The last reading of a sensor before something: `value` and `true` in its unit, when (seconds), and how
-    far the robot had gone (inches) and turned (degrees, either way) by then, in all."""
+    """The last reading of a sensor before an event: `value` and `true` in its unit, its `time` in seconds.
+    `gone` (inches) and `turned` (degrees in either direction) are the robot's totals by then."""
 
     code: str
     value: float
@@ -82,8 +82,8 @@ class LastReading(Struct, frozen=True):
 
 
 class FacingSensor(Struct, frozen=True):
-    """The sensors that look most nearly at a place touched: their codes, how far beside it the nearest
-    looks (degrees), and the last word of any of them, None if none was read."""
+    """The sensors whose direction is nearest to a place touched: their codes, the angle between the nearest
+    and the place (degrees), and their last reading, None if none was read."""
 
     codes: tuple[str, ...]
     beside: float
@@ -92,8 +92,8 @@ class FacingSensor(Struct, frozen=True):
 
 class Deviation(Struct, frozen=True):
     """Error of a belief, inches and degrees (-180 to 180, believed less true), and the error that the
-    program allowed for. Of a grid, `above` is the probability of all states that it holds for likelier than
-    the truth and its neighbours, which judges the heading too; NaN without one."""
+    program allowed for. Of a grid, `above` is the probability of all states that are likelier than the true
+    one and its neighbours; NaN without a grid. It judges the heading too."""
 
     distance: float
     turn: float
@@ -118,7 +118,7 @@ class Deviation(Struct, frozen=True):
 
     @property
     def rejects_truth(self) -> bool:
-        """True if nearly all of a grid's probability lies in states likelier than the true one."""
+        """True if nearly all of a grid's probability is in states likelier than the true one."""
         return self.above > SURELY_ELSEWHERE
 
 
@@ -130,7 +130,7 @@ def is_wedged(touched: Sequence[Pose]) -> bool:
 
 
 def is_same_place(pose: Pose, other: Pose) -> bool:
-    """True if a robot that went from one pose to the other did not get away from what it touched."""
+    """True if a robot that went from one pose to the other did not get away from the obstacle."""
     near = math.hypot(pose.x - other.x, pose.y - other.y) <= WEDGED_WITHIN
     return near and abs(wrapped(pose.heading - other.heading)) <= WEDGED_TURN
 
@@ -138,8 +138,8 @@ def is_same_place(pose: Pose, other: Pose) -> bool:
 def facing_sensor(
     contact: Contact, sensors: Iterable[SensorSpec], words: Mapping[str, LastReading]
 ) -> FacingSensor | None:
-    """Which range sensors looked at the place touched, or nearest to it, and the newest that was heard of
-    them; None if the robot has none. `words` holds by code what sensors said before."""
+    """The range sensors that look at the place touched, or nearest to it, and their newest reading; None if
+    the robot has none. `words` are the last readings by code."""
     looking = [each for each in sensors if each.enabled and each.kind.is_range]
     if not looking:
         return None
@@ -159,8 +159,8 @@ def degrees_beside(contact: Contact, sensor: SensorSpec) -> float:
 
 
 def deviation(belief: Belief) -> Deviation:
-    """Error of a belief, and the error allowed for: a program that tells its spread, or its particles'
-    headings, is held to them."""
+    """Error of a belief, and the error allowed for, by the program's own spread and its particles' headings
+    where it gives them."""
     believed, true = belief.pose, belief.true
     distance = math.hypot(believed.x - true.x, believed.y - true.y)
     turn = wrapped(believed.heading - true.heading)
@@ -179,14 +179,14 @@ def _of_grid(belief: Belief, grid: GridBelief, distance: float, turn: float) -> 
     spread = grid.spread if belief.spread is None else belief.spread
     allowed = max(COVERED * spread, SLIGHT, math.hypot(*grid.cell_size) / 2)
     if not grid.has_headings:
-        # It says nothing of the heading, so that this is neither right nor wrong.
+        # The grid has no headings, so the heading is neither right nor wrong.
         return Deviation(distance, 0.0, allowed, NO_HEADING, grid.above)
     allowed_turn = max(COVERED * grid.turn_spread, SLIGHT_TURN)
     return Deviation(distance, turn, allowed, allowed_turn, grid.above)
 
 
 def is_unsure(spread: float) -> bool:
-    """True if a spread, inches, says that the program did not know where it was; NaN says nothing."""
+    """True if a spread, inches, means that the program was not localized; False for NaN."""
     # A comparison with NaN is False.
     return spread > UNSURE
 
@@ -211,8 +211,7 @@ def _outside(off: float) -> float:
 
 
 def carried_over(old: Pose, new: Pose, pose: Pose) -> Pose:
-    """`pose`, as it stands to the pose `old`, laid to `new` instead: what a program that takes `old` for
-    `new` takes `pose` for."""
+    """Pose that a program would believe for `pose`, if it believes itself at `new` while it is at `old`."""
     cos, sin = cos_sin(-old.heading)
     x, y = pose.x - old.x, pose.y - old.y
     ahead, aside = cos * x - sin * y, sin * x + cos * y

@@ -1,8 +1,8 @@
-"""The rows of a run's history: what happened, each with its time, its line in the log and the pose.
+"""The rows of a run's history: each event with its time, its line in the log and the pose.
 
-`order` is the running number of the event in the run, `line` that of its line in the log (0 without one),
-`elapsed` simulated seconds since the history's beginning, which go on through resets.
-Annotations are evaluated here: they say how a row is packed.
+`order` is the running number of the event in the run, `line` that of its line in the log (0 without one).
+`elapsed` are simulated seconds since the history's beginning, which continue through resets. Annotations are
+evaluated here: they say how a row is packed.
 """
 
 import math
@@ -20,13 +20,13 @@ from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.records import Grip, Reading
 from simmer_tui.sim.specs import Axes, DriveKind
 
-# -- packed: numbers only, of which a long run has very many ------------------------------------------
+# -- packed: numbers only, since a long run has very many --------------------------------------------
 
 
 class CommandRow(NamedTuple):
     """The result of a command. `code` and `source` are indices into the history's `code_names` and
-    `source_names`; `real_time` is in seconds since the first event, NaN where nobody told
-    it. The pose stands in the row of its reading, movement or refusal."""
+    `source_names`; `real_time` is in seconds since the first event, NaN where it is not known. The pose is in
+    the row of its reading, movement or refusal."""
 
     order: int
     line: int
@@ -42,8 +42,8 @@ class CommandRow(NamedTuple):
 class ReadingRow(NamedTuple):
     """A reading: `elapsed` when it was answered, `taken` when it was taken, on the same clock. `sensor` is
     an index into `sensor_codes`. `error` is NaN where the truth is not known, infinite for a value where
-    nothing was in range, or the reverse. `gone` and `turned` are what the robot had gone (inches) and
-    turned (degrees, either way) by then, in all."""
+    nothing was in range, or the reverse. `gone` (inches) and `turned` (degrees in either direction) are the
+    robot's totals by then."""
 
     order: int
     line: int
@@ -64,10 +64,10 @@ class ReadingRow(NamedTuple):
 class MovementRow(NamedTuple):
     """A movement that has ended: `elapsed` is its end, `begin` and `arrival` (the last moment it moved) are
     on the same clock. `gone` and `turned` are sums with this movement, `went` is its own distance, inches.
-    `held` tells that a contact ended it, `contact` that there was one, `pressed` that an obstacle kept the
-    robot from going as its wheels turned (of legs alone). `asked` is the value of its command (inches or
-    degrees), and `total_x`, `total_y`, `total_r` are how far the whole of it leads in the robot's
-    frame, errors included. All are NaN where nothing was asked, or where it was cut short."""
+    `held` is true if a contact ended it, `contact` if there was one. `pressed` is true for a leg in which an
+    obstacle kept the robot from moving as its wheels turned. `asked` is the value of its command (inches or
+    degrees), and `total_x`, `total_y`, `total_r` are its whole displacement in the robot's frame, errors
+    included. All are NaN where nothing was asked, or where it was cut short."""
 
     order: int
     line: int
@@ -100,10 +100,10 @@ class MovementRow(NamedTuple):
 
 
 class BeliefRow(NamedTuple):
-    """A belief, the truth then, and how far the program allowed it to be off. `spread` is NaN where it gave
-    none; `gone` is what the robot had driven by then, in all. Of a grid, `entropy` is in bits,
-    `true_probability` that of the true state and `above` that of all likelier than it and its neighbours; NaN
-    without one. Particles and cells stay in the log."""
+    """A belief, the true pose then, and the error that the program allowed for. `spread` is NaN where it gave
+    none; `gone` is the total distance driven by then, inches. Of a grid, `entropy` is in bits,
+    `true_probability` is that of the true state, `above` that of all states likelier than it and its
+    neighbours; NaN without a grid. Particles and cells stay in the log."""
 
     order: int
     line: int
@@ -141,7 +141,7 @@ class BeliefRow(NamedTuple):
 
     @property
     def is_grid(self) -> bool:
-        """True if the program told a probability for each cell."""
+        """True if the belief has a probability for each cell."""
         return not math.isnan(self.above)
 
     @property
@@ -184,9 +184,9 @@ class SeenReading(Struct, frozen=True):
 
 
 class ContactRow(LoggedRow, frozen=True):
-    """A movement that touched something: `elapsed` is when, `went` (inches) and `turned` (degrees) tell how
-    far it had come at its end, `gone_before` and `turned_before` what the robot had gone and turned in all
-    before it. `seen` is by sensor code what was read since the movement before."""
+    """A movement that touched something: `elapsed` is when, `went` (inches) and `turned` (degrees) are its
+    distance and turning at its end, `gone_before` and `turned_before` the robot's totals before it. `seen`
+    has, by sensor code, the readings since the movement before."""
 
     ended: MovementEnded
     contact: Contact
@@ -256,7 +256,7 @@ class ActionRow(LoggedRow, frozen=True):
 
     @property
     def places(self) -> bool:
-        """True if the robot stands elsewhere by it."""
+        """True if it puts the robot elsewhere."""
         return self.done.action.name.places and not self.done.refused
 
 

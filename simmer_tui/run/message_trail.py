@@ -8,15 +8,15 @@ from simmer_tui.dialect.fault_notices import UNKNOWN_MESSAGE
 from simmer_tui.events import WireMessage
 from simmer_tui.sim.command import Command, escape
 
-# Sums of floats; a message is done at the moment at which it has come.
+# Seconds, for rounding of sums; a command begins at the moment at which its message has come.
 _SAME_MOMENT = 1e-6
-# A movement under way, and some that wait for their end.
+# Commands kept: a movement under way, and some that wait for their end.
 _KEPT = 50
 
 
 class MessageTrail:
-    """Takes messages and the beginnings of commands in order. Who looks for the message `[a900]` in a program
-    does not find the command `vv-0;6;0;0.9` that it became."""
+    """Pairs messages with the commands that they led to; both are given in order. A person who looks for the
+    message `[a900]` in a program does not find the command `vv-0;6;0;0.9` there."""
 
     def __init__(self) -> None:
         self.text, self._time = "", -math.inf
@@ -30,14 +30,14 @@ class MessageTrail:
             self.text, self._time = message.data.strip() if is_known else "", message.time
 
     def begun(self, number: int, time: float) -> None:
-        """The command with this number begins. One that does so later than its message came, as the second
-        step of several, is left without one."""
+        """The command with this number begins. If it begins later than its message came, as the second step
+        of several, it has no message."""
         if self.text and abs(time - self._time) < _SAME_MOMENT:
             self._by_number[number] = escape(self.text, 40)
             if len(self._by_number) > _KEPT:
                 del self._by_number[next(iter(self._by_number))]
 
     def shown(self, number: int, command: Command) -> str:
-        """A command for people, behind its message if that is known."""
+        """Text of a command for people, after its message if that is known."""
         text = self._by_number.get(number, "")
         return f"{text} ({command.shown})" if text else command.shown

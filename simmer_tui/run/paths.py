@@ -1,9 +1,9 @@
-"""Paths of a run's movements: what a report draws, time by cell, what a player needs of the newest, and what
-sensors should have read on the way.
+"""Paths of a run's movements for reports and players, time by cell, and the true values of sensors on the
+way.
 
 Range, line and compass sensors have their true value in the log. Odometers and gyros do not: their
-errors accumulate in it. For them the truth is reckoned from the robot's true path, so wheels that
-slip against a wall show as error.
+errors accumulate in it. Their true values are computed from the robot's true path, so wheels that slip
+against a wall show as error.
 """
 
 from __future__ import annotations
@@ -33,11 +33,11 @@ SEGMENTS = 8000
 MOVEMENTS = 3000
 BELIEFS = 2000
 """Most of each that a player shows."""
-# As many as a player has readings, since each is one.
+# As many as a player has readings, since each scan is one.
 SCANS = 15_000
 """Most scans, the newest."""
 PARTICLES = 30_000
-"""About the most particles of all beliefs together; rather fewer of each than none of some."""
+"""About the most particles of all beliefs together: each belief has fewer, so that none goes without."""
 CLOUD = 250
 """Most particles of one belief."""
 STRAIGHT = 0.02
@@ -46,7 +46,7 @@ PathPoint = tuple[float, float]
 
 
 class PathSegment(Struct, frozen=True):
-    """One movement as drawn: when (elapsed seconds), and through which centres."""
+    """One movement as drawn: its time (elapsed seconds), and the centres on its path."""
 
     begin: float
     end: float
@@ -54,7 +54,7 @@ class PathSegment(Struct, frozen=True):
 
 
 class MovementPath(Struct, frozen=True):
-    """A movement till a simulated time; `zero` is what to add to simulated times."""
+    """A movement till a simulated time; `zero` plus a simulated time is elapsed time."""
 
     zero: float
     text: str
@@ -109,7 +109,7 @@ class PathRecord:
         self._stood_since = 0.0
         self._standing_in = self._cell(pose.x, pose.y)
 
-    # -- what happens ----------------------------------------------------------------------------
+    # -- events ----------------------------------------------------------------------------------
 
     def plan(self, zero: float, command: Command, trajectory: Trajectory | Leg) -> None:
         if self._recorded:
@@ -161,8 +161,8 @@ class PathRecord:
             self._stood_since = until
 
     def scan(self, zero: float, elapsed: float, taken: float, reading: Reading) -> None:
-        """A lidar was read as a whole: taken and answered at elapsed times. `zero` is what to add to
-        simulated times."""
+        """A whole scan of a lidar was taken and answered at elapsed times. `zero` plus a simulated time is
+        elapsed time."""
         scan, code = reading.scan, reading.sensor.code
         # A program may ask ten times for the same revolution.
         if scan is None or not self._recorded or self._scanned.get(code) is scan:
@@ -246,9 +246,9 @@ def _simplified(points: Sequence[PathPoint]) -> Sequence[PathPoint]:
 
 
 class Truth:
-    """Follows a run's true path and says what sensors should read on it.
+    """Sums up a run's true path, and gives the errors of readings on it.
 
-    `known` is False while the counters' beginnings are not known: in a log that began mid-run.
+    `known` is false while the counters' initial values are not known: in a log that began mid-run.
     """
 
     def __init__(self, sensors: Iterable[SensorSpec], known: bool) -> None:
@@ -270,9 +270,9 @@ class Truth:
             self._counted[code] += counter.counted_on(turned, ahead, aside)
 
     def error(self, reading: Reading, under_way: Trajectory | Leg | None, time: float) -> float | None:
-        """Error of a reading taken at a simulated time, perhaps with a movement `under_way`, in
-        the sensor's unit; None if that is not known, infinity if it saw something where nothing was
-        in range, or the reverse."""
+        """Error of a reading taken at a simulated time, in the sensor's unit; None if it is not known. It is
+        infinite if the reading saw something where nothing was in range, or the reverse. `under_way` is the
+        movement at that time."""
         code = reading.sensor.code
         sensor = self._sensors.get(code)
         if sensor is None:

@@ -1,5 +1,4 @@
-"""Progress of a robot: the ground that it comes to, the stretch at the end in which it came to none, and the
-movements that it repeats."""
+"""Progress of a robot: new ground, the stretch at the end without any, and repeated movements."""
 
 from dataclasses import dataclass
 
@@ -11,23 +10,23 @@ from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.specs import CELL_SIZE
 
 GROUND = CELL_SIZE / 2
-"""Side of the squares of ground, inches, that a robot has been on or not: half a cell leads nowhere."""
+"""Side of the squares by which new ground is counted, inches: half a cell leads nowhere."""
 # The slowest of 80 clean runs of the samples turned 62 times on the spot to find the block.
 HUNDRED = 100
-"""Movements for each new square of ground, and a start: who needs more drifts there, and comes nowhere."""
+"""Movements allowed for each new square of ground, and at the start: a robot that needs more only drifts."""
 # Judged: a cell at 6 in/s takes as long. The number of legs says how often a program steers, not how much.
 LEG = 2.0
 """Seconds of continuous motion that count as one movement."""
-# Judged: a program that goes by its sensors asks for no five times the same in a row.
+# Judged: a program that uses its sensors does not ask for the same five times in a row.
 ROUNDS, LOOPED, LONGEST = 5, 40, 16
 """Least rounds of a loop, least movements in all of them, and most movements of one round."""
 
 
 @dataclass(frozen=True, slots=True)
 class Stretch:
-    """The latest stretch in which the robot came to no goal and next to no ground where it had not been since
-    the last goal: since when (elapsed seconds) and from where, with how many movements, inches and degrees
-    of way, and seconds of driving."""
+    """The latest stretch in which the robot reached no goal, and hardly any ground that was new since the
+    last goal. It has its begin (elapsed seconds) and place, its movements, its path in inches and degrees,
+    and the seconds of driving."""
 
     place: Pose
     since: float
@@ -47,7 +46,7 @@ def without_progress(rows: Columns, legs: BoolArray, place: Pose, since: float) 
         since: The moment then, elapsed seconds.
     """
     squares = np.floor(rows["x"] / GROUND) + 1j * np.floor(rows["y"] / GROUND)
-    # Where each square of ground was first come to; to be stopped by a wall is no progress.
+    # The movement that first reached each square of ground; being stopped by a wall is no progress.
     _, first = np.unique(squares, return_index=True)
     reached = np.sort(first[~rows["contact"][first]])
     last = int(reached[-1]) if len(reached) else -1
@@ -73,8 +72,8 @@ def without_progress(rows: Columns, legs: BoolArray, place: Pose, since: float) 
 
 @dataclass(frozen=True, slots=True)
 class Loop:
-    """Movements at the end that repeat a round of commands: since when (elapsed seconds) and from where, the
-    commands of a round and the number of rounds."""
+    """Movements at the end that repeat a round of commands: begin (elapsed seconds), place, commands of a
+    round, and number of rounds."""
 
     place: Pose
     since: float
@@ -83,9 +82,9 @@ class Loop:
 
 
 def loop_at_end(rows: Columns) -> Loop | None:
-    """The loop in which movements end, (n,); None where they repeat nothing, or come further than a cell.
+    """The loop in which movements end, (n,); None where they repeat nothing, or lead further than a cell.
 
-    Movements of one and the same command are none: a robot that looks around turns in equal steps.
+    Repeating one single command is no loop: a robot that looks around turns in equal steps.
 
     Args:
         rows: Columns of `MovementRow`.

@@ -5,8 +5,8 @@
         reducer.apply(event)
     reducer.at(12.5).pose
 
-The same reducer serves a run that is going on and one that is read from a log, so both show the same.
-It needs nothing but the events: the simulator is never asked.
+The same reducer serves a live run and one that is read from a log, so both show the same. It needs nothing
+but the events: it never asks the simulator.
 """
 
 from __future__ import annotations
@@ -65,42 +65,43 @@ if TYPE_CHECKING:  # most runs have no history, and starting is to be quick
     from simmer_tui.run.run_history import RunHistory
 
 HISTORY = 60
-"""Readings kept of each sensor: the screen's curves have at most so many columns."""
-# A mission's way through the maze, in movements of some inches.
+"""Readings kept of each sensor: the screen's curves have at most this many columns."""
+# A mission's path through the maze, in movements of some inches.
 LEGS = 40
 """Movements whose trail is kept; turns leave none."""
 TRACK = CELL_SIZE
 """Inches of a continuous motion that are drawn as one movement: about the usual length of one."""
 SEEN_LATELY = 0.5
-"""Simulated seconds before the end of a leg within which a reading still tells what lay ahead: some inches at
+"""Simulated seconds before the end of a leg within which a reading still shows what was ahead: some inches at
 usual speeds. Judged."""
 LEG_POINTS = 40
 """About the most points of one movement's trail."""
 CONTACT_POINTS = 1000
 """Most places of contacts kept, the latest."""
 
-# The newest reading of a sensor: its result, the values before it, its running number, and the block then,
-# as it lay and as it was held.
+# The newest reading of a sensor: its result, the values before it, its running number, and the block then, in
+# the maze and in the robot's frame.
 _LastReading = tuple[CommandResult, Reading, deque[float], int, Block, Block | None]
 
 
 class Reducer:
-    """Takes events in order; `at` gives the state at a moment from the last one on."""
+    """Applies events in order; `at` gives the state at a moment from the last event on."""
 
     def __init__(self, beginning: Checkpoint, *, history: RunHistory | None = None) -> None:
-        """`history` is told all that happens, if there is one."""
+        """`history`, if given, is filled with all events."""
         self.history = history
         self._now = beginning
-        """The run as it stands, but for what changes with every command: that is kept beside it."""
+        """The present state of the run; values that change with every command are kept in other
+        attributes."""
         self.number = 0
         """The running number of the newest event. Any thread may read it."""
         self.seen: Mapping[str, CommandResult] = {}
         """By code, each sensor's newest reading between the ends of the two latest movements."""
         self.wedged = False
-        """True if the newest movement was one more of those that keep meeting something in one place."""
+        """True if the newest movement was one more contact in a row in one place."""
         self._touched: deque[Pose] = deque(maxlen=WEDGED)
         self.let_go = False
-        """True if the newest grip let the block go."""
+        """True if the newest grip released the block."""
         self._time, self._commands = beginning.time, beginning.commands
         self._held = in_robot_frame(beginning.block, beginning.pose) if beginning.holding else None
         self._driving, self._link = beginning.spent.driving, beginning.spent.link
@@ -108,7 +109,7 @@ class Reducer:
         self._movement: MovementPlanned | None = None
         self._leg: Leg | None = None
         self.velocity: VelocityChange | None = None
-        """The velocity that the robot drives at until told otherwise; None while it is told to stand."""
+        """The velocity in force; None while there is none."""
         self._legs: deque[Trajectory | _Track] = deque(maxlen=LEGS)
         self._sensors: dict[str, _LastReading] = {}
         self._read: dict[str, CommandResult] = {}
@@ -120,14 +121,14 @@ class Reducer:
 
     @property
     def block_place(self) -> BlockPlace:
-        """The block where it lies, or in the robot's hand."""
+        """The block where it lies, or in the gripper."""
         held = self._held
         return BlockPlace(-math.inf, self._now.block if held is None else held, held=held is not None)
 
     # -- events --------------------------------------------------------------------------------
 
     def apply(self, event: Event, line: int = 0, real_time: float = math.nan) -> None:
-        """Take note of an event, perhaps from a line of a log, told at a moment of real time, seconds."""
+        """Apply an event. `line` is its line in a log (0 without one), `real_time` is in seconds."""
         self.number += 1
         if self.history is not None:
             self.history.begin(line, real_time)
@@ -217,7 +218,7 @@ class Reducer:
                 self.history.wedged.add(self.history.contacts.items[-1])
 
     def _begin_leg(self, trajectory: Trajectory) -> None:
-        """A movement's trail begins, in place of one that is none: a turn or a grip before it."""
+        """A movement's trail begins. It replaces that of a turn or a grip before it, which has no length."""
         last = self._legs[-1] if self._legs else None
         if isinstance(last, Trajectory) and (last.kind is None or last.kind.turns):
             self._legs.pop()
@@ -331,7 +332,7 @@ class Reducer:
             self.history.add_bias(bias)
 
     def _place(self, pose: Pose) -> None:
-        """The robot stands somewhere else; what was seen from where it was says nothing any more."""
+        """The robot has been put elsewhere; readings from its old place no longer apply."""
         self._now = replace(self._now, pose=pose)
         self._leg = self.velocity = None
         self._legs.clear()
@@ -360,7 +361,7 @@ class Reducer:
     def _take_notice(self, notice: Notice) -> None:
         if notice.kind is NoticeKind.CONNECTED:
             self._now = replace(self._now, client=notice.subject)
-        # Others may come and be turned away meanwhile; only the program that drives counts.
+        # Other programs may connect and be refused meanwhile; only the program that drives counts.
         elif notice.kind is NoticeKind.LEFT and notice.subject == self._now.client:
             self._now = replace(self._now, client="")
         if self.history is not None:
@@ -432,7 +433,7 @@ class Reducer:
         return self._movement is None and self._leg is None
 
     def beginning(self) -> Checkpoint:
-        """All that a reducer must know to go on from here. Only while no movement is under way."""
+        """All that a reducer must know to continue from here. Only while no movement is under way."""
         assert self.still, "a movement is under way"
         return self._checkpoint(self._time, self._now.pose)
 
@@ -473,7 +474,7 @@ class Reducer:
         )
 
     def _checkpoint(self, time: float, pose: Pose) -> Checkpoint:
-        """The run at a simulated time, with its sums and with what is under way so far."""
+        """The run at a simulated time, with its sums, the motion under way included."""
         travelled = driving = 0.0
         if self._movement is not None:
             trajectory = self._movement.trajectory
@@ -523,15 +524,15 @@ class _Track:
 
 
 def _leg(trajectory: Trajectory | _Track, time: float) -> FloatArray:
-    """A movement's way till now, thinned."""
+    """A movement's path till now, thinned."""
     points = trajectory.trail(time)
     stride = max(1, len(points) // LEG_POINTS)
     return np.concatenate((points[:-1:stride], points[-1:]))
 
 
 def _with_cells(belief: Belief, before: Belief | None) -> Belief:
-    """A belief with the cells of the one before it, where a log has left out its own: they are at most half
-    a second old, and what is drawn of it does not come and go."""
+    """A belief with the cells of the one before it, where the log has left out its own. They are at most half
+    a second old, so the drawn map does not flicker."""
     grid, known = belief.grid, None if before is None else before.grid
     if grid is None or grid.cells or known is None:
         return belief

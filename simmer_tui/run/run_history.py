@@ -1,6 +1,6 @@
 """All that happened in a run: tables of rows, the newest kept, and sums over the whole of it.
 
-The reducer fills it, event by event. Whoever wants to know something about a run asks it: the report and its
+The reducer fills it, event by event. All questions about a run are queries on it: of the report and its
 causes, the player, the referee's record, trials, calibration and the screen. At 200,000 commands it takes
 less than 30 MB; `benchmarks/bench_history.py` measures it.
 """
@@ -71,12 +71,12 @@ from simmer_tui.sim.velocity_commands import WAIT
 KEPT = 200_000
 """Commands of which rows are kept. A minute of the fastest program has 150,000."""
 KEPT_BELIEFS = 15_000
-"""Beliefs kept. Programs tell one a movement, and a tenth of commands are movements."""
+"""Beliefs kept. Programs send one a movement, and a tenth of commands are movements."""
 KEPT_OBJECTS = 500
 """Contacts, grips, actions and the like that are kept: as many as a player marks."""
 # A dialect has some twenty commands; a program that speaks another language sends anything.
 KEPT_MESSAGES = 60
-"""Messages of a dialect that are counted each; all others are counted together."""
+"""Messages of a dialect that are counted separately; all others are counted together."""
 KEPT_BLOCKS = 6000
 """Poses of the block: two for each movement that a player shows."""
 TRACE_POINTS = 800
@@ -84,28 +84,29 @@ TRACE_POINTS = 800
 SAME_PLACE = 0.1
 """Poses this close, inches, are one place: the robot did not get away from the wall."""
 CHAIN = 21
-"""Newest movements kept whole: the deciding one, and the 20 that may be laid again before it."""
-# A program that steers 50 times a second makes 100 legs on the 12 in that may be laid again, at 6 in/s.
+"""Newest movements kept whole: the deciding one, and the 20 before it that counterfactuals may repeat."""
+# A program that steers 50 times a second at 6 in/s makes 100 legs on the 12 in that counterfactuals repeat.
 KEPT_LEGS = 400
 """Newest legs of continuous motion kept whole."""
 STUCK = 3
 """Movements in a row that a contact ended and that count as being stuck: two happen to good programs."""
 PRESSED, PRESSED_WAY = 0.25, 1.0
-"""Share of the time limit, and inches not gone: who presses on so long does not notice the wall."""
+"""Share of the time limit, and inches within which it stays: a program that presses so long does not notice
+the wall."""
 OTHER_CODES = "other"
 STOPS = "stop"
-"""The row of commands that stop the robot, whatever their dialect calls them."""
-# The largest number of a command that a row holds: a damaged log may say any.
+"""Name under which commands that stop the robot are counted, whichever their names in a dialect."""
+# The largest number of a command that a row holds: a damaged log may have any.
 _LARGEST = 2**31 - 1
 # A program uses some hundred values; one that never repeats itself must not fill the memory.
 _value = lru_cache(maxsize=4096)(parse_value)
 _NOTHING_ASKED = (math.nan, Axes(math.nan, math.nan, math.nan))
-# Sources that are told apart: addresses come from outside, and there may be any number.
+# Sources that are counted separately: addresses come from outside, and there may be any number.
 _SOURCES = 20
 
 
 class ElapsedTime:
-    """Simulated time since a log's beginning that goes on through resets and never back."""
+    """Simulated time since a log's beginning; it continues through resets and never goes back."""
 
     def __init__(self, begin: float) -> None:
         self.before = -begin
@@ -117,12 +118,12 @@ class ElapsedTime:
         self.now = max(self.now, elapsed)
 
     def restart(self, time: float) -> None:
-        """The run begins anew, with this simulated time."""
+        """The run restarts, with this simulated time."""
         self.before = self.now - time
 
     def advance(self, time: float) -> float:
         """The elapsed time at the next simulated time."""
-        # A damaged or edited log may go back in time; a clock that did so too would break every search.
+        # A damaged or edited log may go back in time; a clock that went back would break every search.
         elapsed = self.before + time
         if elapsed > self.now:
             self.now = elapsed
@@ -151,7 +152,7 @@ class SensorTotals(Struct):
 
 
 class CodeTotals(Struct):
-    """Number of commands with one code, and of those in vain."""
+    """Number of commands with one code, and of those that did nothing."""
 
     count: int = 0
     refused: int = 0
@@ -186,7 +187,8 @@ class Totals:
         self.codes: dict[str, CodeTotals] = {}
         self.sources: Counter[str] = Counter()
         self.messages: Counter[tuple[str, str]] = Counter()
-        """Messages of a dialect by the pattern that they match, or by what they are and why that is none."""
+        """Messages of a dialect by the pattern that they match, or, without one, by their text and the
+        reason."""
         self.wires = 0
         """Messages and replies of a dialect."""
         self.link_seconds = 0.0
@@ -196,7 +198,7 @@ class Totals:
         """By the sensor's ID."""
         self.movements = 0
         self.legs = 0
-        """Legs of continuous motion, which are no movements: one velocity may lead to hundreds of them."""
+        """Legs of continuous motion, which do not count as movements: one velocity may lead to hundreds."""
         self.distance = 0.0
         """Inches driven."""
         self.turned = 0.0
@@ -204,19 +206,20 @@ class Totals:
         self.driving_seconds = 0.0
         self.contacts = 0
         self.contacts_that_ended = 0
-        """Contacts that ended their movements; from the others the robot went on."""
+        """Contacts that ended their movements; after the others the robot continued."""
         self.actions: Counter[str] = Counter()
         self.beliefs = Errors()
         self.belief_turns = Errors()
         self.entropies = Errors()
-        """Bits, of grids."""
+        """Entropies of grids, bits."""
         self.missed_shares = Errors()
-        """Probability that grids did not give the true state."""
+        """Probability that each grid gave to states other than the true one."""
         self.belief_trace: Thinned[BeliefRow] = Thinned(TRACE_POINTS)
 
 
 class RunHistory:
-    """Tables and sums of all that a reducer was given. Ask it at any time, in the reducer's thread."""
+    """Tables and sums of all events that a reducer has applied. Query it at any time, in the reducer's
+    thread."""
 
     def __init__(
         self,
@@ -229,7 +232,7 @@ class RunHistory:
         kept: int = KEPT,
         nominal: Callable[[], Nominal | None] = lambda: None,
     ) -> None:
-        """Make the history of a run that stands so.
+        """Make the history of a run from a checkpoint on.
 
         Args:
             beginning: State of the run.
@@ -238,12 +241,11 @@ class RunHistory:
             paths: Record of the paths, if they are to be drawn.
             now: Clock of real time, for events that come without one.
             kept: Commands of which rows are kept.
-            nominal: Reads the set that the run's own is a variant of; called when first asked for, as that
-                takes time.
+            nominal: Reads the set that the run's own is a variant of; called on first use, as it takes time.
         """
         self._read_nominal = nominal
         self.is_twin = False
-        """True if the robot is a real one: what is true here is true of its simulated twin."""
+        """True if the robot is a real one: true values are then those of its simulated twin."""
         self.spec = spec = beginning.spec
         self.paths = paths
         self._now = now
@@ -291,12 +293,12 @@ class RunHistory:
         self.newest_legs: deque[tuple[int, LegEnded]] = deque(maxlen=KEPT_LEGS)
         """The newest legs of continuous motion, likewise."""
         self.is_over = False
-        """True while a mission has ended and the run has not begun anew."""
+        """True while a mission has ended and the run has not restarted."""
         self.episodes = BeliefEpisodes()
         self.wedged: Newest[ContactRow] = Newest(1)
-        """Contacts of a robot that kept meeting something in one place."""
+        """Contacts of a wedged robot: several in a row in one place."""
         self.began = 0
-        """The order of the action with which the run began anew; 0 if it never did."""
+        """The order of the action that restarted the run; 0 without one."""
         self.placed = 0
         """The order of the last action that put the robot elsewhere."""
         self._truth = Truth(spec.sensors, counters_known)
@@ -328,9 +330,9 @@ class RunHistory:
         return self._totals
 
     def blocked(self, after: int | None = None, until: int | None = None) -> tuple[int, float]:
-        """Movements in a row that a contact ended, and since when (elapsed seconds), up to one event (by
-        default the newest) and no further back than another (by default the last placement). Grips between
-        them do not count."""
+        """Number of movements in a row that a contact ended, and the time of the first (elapsed seconds). The
+        row ends at the event `until` (by default the newest) and begins after `after` (by default the last
+        placement). Grips between them do not count."""
         after, until = self.placed if after is None else after, self.order if until is None else until
         count, since = 0, 0.0
         for place in range(self.movements.place_of(until + 1) - 1, -1, -1):
@@ -346,8 +348,8 @@ class RunHistory:
         definition of being stuck. None if it was not.
 
         Args:
-            time_limit: Seconds that the run may last. A robot that drives until told otherwise is stuck if it
-                was pressed against a wall for a quarter of them and did not go 1 in.
+            time_limit: Seconds that the run may last. A robot under a velocity is stuck if it was pressed
+                against a wall for a quarter of them and moved less than 1 in.
             after: Event, as for `blocked`.
             until: The same.
         """
@@ -357,7 +359,7 @@ class RunHistory:
         table = self.movements
         begin = table.place_of((self.placed if after is None else after) + 1)
         rows = table.columns(begin, table.place_of((self.order if until is None else until) + 1))
-        # From the end back to where it would have gone an inch.
+        # From the end back to where it had moved by an inch.
         away = np.flatnonzero(np.cumsum(rows["went"][::-1]) >= PRESSED_WAY)
         rows = rows[len(rows) - int(away[0]) :] if len(away) else rows
         pressed = rows[rows["pressed"]]
@@ -371,7 +373,7 @@ class RunHistory:
         legs = [place for place, name in enumerate(self.code_names) if name in self._velocities]
         return np.isin(rows["code"], legs)
 
-    # -- what the reducer tells ------------------------------------------------------------------
+    # -- called by the reducer -------------------------------------------------------------------
 
     def begin(self, line: int, real_time: float) -> None:
         """The next event begins."""
@@ -445,9 +447,9 @@ class RunHistory:
 
         Args:
             ended: The movement.
-            went: Length of its way, inches.
+            went: Length of its path, inches.
             motion: Degrees turned, inches ahead and to the left.
-            seen: By code what was read since the movement before.
+            seen: Readings since the movement before, by sensor code.
         """
         elapsed, zero = self.clock.advance(ended.time), self.clock.before
         trajectory, pose, contact = ended.trajectory, ended.pose, ended.contact
@@ -466,7 +468,7 @@ class RunHistory:
         asked, totals = _NOTHING_ASKED
         if trajectory.kind is not None and trajectory.cut is None:
             value = _value(ended.command.argument)
-            # An edited log may say that a command without a number moved the robot.
+            # In an edited log a command without a number may have moved the robot.
             if isinstance(value, float):
                 asked, totals = value, trajectory.totals
         self.movements.append(
@@ -479,7 +481,7 @@ class RunHistory:
             self.paths.move(zero, ended.command, trajectory, ended.time, pose, arrival)
 
     def add_leg(self, ended: LegEnded, seen: Mapping[str, CommandResult]) -> None:
-        """A leg of a continuous motion has ended; `seen` is by code what was read during it."""
+        """A leg of a continuous motion has ended; `seen` has the readings during it by sensor code."""
         elapsed, zero, leg = self.clock.advance(ended.time), self.clock.before, ended.leg
         pose, went = leg.arrival(leg.end_time)
         turned, contact = pose.heading - leg.before.heading, leg.contact
@@ -487,7 +489,7 @@ class RunHistory:
         movement = ended.as_movement()
         if contact is not None:
             self._add_contact(movement, pose, went, turned, seen)
-        # Pressed from one contact on until it drives freely again: so long a velocity is stuck.
+        # Pressed from a contact on until it drives freely again: that time counts as stuck.
         self._blocked = held or (leg.pressed and self._blocked)
         self._gone += went
         self._turned += abs(turned)
@@ -531,7 +533,8 @@ class RunHistory:
         self.contacts.add(row)
         self.episodes.touch(row)
         last = self.repeated.items[-1] if self.repeated.items else None
-        # Within `SAME_PLACE` and by the same command: who keeps pushing is one finding, not hundreds.
+        # Within `SAME_PLACE` and by the same command: a robot that keeps pushing is one contact, not
+        # hundreds.
         again = (
             self._blocked
             and last is not None

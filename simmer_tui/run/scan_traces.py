@@ -1,6 +1,6 @@
 """Scans as a player keeps them: ranges in two characters each, and when the rays were sent.
 
-Where each ray was sent from, a player knows from the robot's way.
+A player knows the origin of each ray from the robot's path.
 """
 
 import math
@@ -17,22 +17,23 @@ from simmer_tui.sim.sensors import LidarSpec
 from simmer_tui.sim.specs import MazeSpec, SensorSpec
 
 DIGITS = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/"
-"""Signs of the numbers 0 to 63, of which a range has two."""
+"""Digits 0 to 63; a range has two."""
+# Numbers of two digits: the largest is a ray without an echo, the next the longest range.
 _NO_ECHO = 64 * 64 - 1
 _LONGEST = _NO_ECHO - 1
 # Half a dot of a page that shows a maze of 8 ft.
 _FINEST = 0.05
 """Least step of the ranges, inches."""
-# One a half degree: on a page more lie upon one another.
+# One each half degree: on a page more rays would cover one another.
 _MOST_RAYS = 720
 """Rays kept of a scan."""
 _CODES = np.frombuffer(DIGITS.encode("ascii"), np.uint8)
 
 
 class ScanTrace(Struct, frozen=True):
-    """A scan that was answered at a moment, elapsed seconds: the code of its sensor, when its first ray was
-    sent and the time in which all were, the direction of that ray in the robot's frame and the
-    turn to the next, degrees, and the ranges as text. One without rays ends the one before."""
+    """A scan that was answered at a moment, elapsed seconds. It has the code of its sensor, the time of its
+    first ray, and the duration of all rays. The direction of the first ray, in the robot's frame, and the
+    step to the next are in degrees; the ranges are text. A trace without rays ends the one before."""
 
     elapsed: float
     code: str
@@ -49,15 +50,15 @@ class ScanTrace(Struct, frozen=True):
 
 
 def range_step(maze: MazeSpec) -> float:
-    """Step of the ranges, inches: no beam within the maze is too long for it."""
+    """Step of the ranges, inches, chosen so that two digits hold the longest ray within the maze."""
     return max(_FINEST, math.hypot(maze.width, maze.height) / _LONGEST)
 
 
 def scan_trace(
     zero: float, elapsed: float, taken: float, reading: Reading, scan: LidarScan, maze: MazeSpec
 ) -> ScanTrace:
-    """The trace of a scan that was taken and answered at elapsed times; `zero` is what to add to simulated
-    times."""
+    """The trace of a scan that was taken and answered at elapsed times; `zero` plus a simulated time is
+    elapsed time."""
     stride = math.ceil(len(scan.ranges) / _MOST_RAYS)
     ranges = scan.ranges[::stride]
     begin, span = taken, 0.0
@@ -66,7 +67,7 @@ def scan_trace(
         begin = zero + scan.revolution * turn_time
         span = turn_time * len(ranges) * stride / len(scan.ranges)
     if begin < zero:
-        # It turned before the run began, in which the robot stood.
+        # The lidar turned before the run began, while the robot stood.
         begin, span = zero, 0.0
     bearings = scan.bearings
     turn = half_turn(float(bearings[1] - bearings[0])) if len(bearings) > 1 else 0.0

@@ -1,4 +1,4 @@
-"""The state of a run at a moment: what screens show, and what a reducer needs to go on."""
+"""The state of a run at a moment, as screens show it, and the checkpoint that a reducer continues from."""
 
 from __future__ import annotations
 
@@ -21,9 +21,8 @@ _NO_TRAIL: FloatArray = np.empty((0, 2))
 
 
 class SensorRow(Struct, frozen=True):
-    """Knowledge of one sensor: its newest reading, those before it (oldest first), the running
-    number of the event it came with, when it was read (simulated time), and where robot and block
-    were then."""
+    """The readings of one sensor: the newest one, and those before it (oldest first). Of the newest, also the
+    running number of its event, its simulated time, and the poses of robot and block then."""
 
     reading: Reading
     history: tuple[float, ...]
@@ -34,9 +33,8 @@ class SensorRow(Struct, frozen=True):
 
 
 class TimeSpent(Struct, frozen=True):
-    """Simulated time spent since the run last began anew, seconds: driving, reading sensors (by
-    code) and on the link. What is left of the time the robot stood and waited; where a sensor is read
-    during a drive both count."""
+    """Simulated time since the last restart by use, seconds: driving, reading sensors (by code) and on the
+    link. The rest is waiting. Where a sensor is read during a drive, both count."""
 
     driving: float = 0.0
     link: float = 0.0
@@ -49,8 +47,8 @@ class TimeSpent(Struct, frozen=True):
 
 
 class MissionSums(Struct, frozen=True):
-    """Sums of a run at the end of its mission: simulated seconds, inches, and what came until then.
-    Nothing that comes after it changes them."""
+    """Sums of a run at the end of its mission: simulated seconds, inches and counts. Later events do not
+    change them."""
 
     time: float
     distance: float
@@ -61,8 +59,8 @@ class MissionSums(Struct, frozen=True):
 
 class MissionProgress(Struct, frozen=True):
     """Progress of a mission: when each goal was met (simulated time, None for those that are not),
-    how it stands, and why it failed. `helped` tells that a person put robot or block elsewhere, or
-    took errors away. `end` is None while the mission goes on."""
+    how it stands, and why it failed. `helped` is true if a person put robot or block elsewhere, or took
+    errors away. `end` is None while the mission is under way."""
 
     goals: Mapping[Goal, float | None] = field(default_factory=lambda: dict.fromkeys(Goal))
     result: Result = Result.UNDER_WAY
@@ -77,10 +75,10 @@ class MissionProgress(Struct, frozen=True):
 
 
 class Checkpoint(Struct, frozen=True, kw_only=True):
-    """All that a reducer must know of a run to go on from a moment at which the robot stands still.
+    """All that a reducer must know of a run to continue from a moment at which the robot stands still.
 
-    `contact_points` are the places touched since the run last began anew. `bias` is the drives' bias in
-    force; a checkpoint in a log has none.
+    `contact_points` are the places touched since the last restart. `bias` is the drives' bias in force; a
+    checkpoint in a log has none.
     """
 
     spec: SimulationSpec
@@ -103,7 +101,7 @@ class Checkpoint(Struct, frozen=True, kw_only=True):
 
 
 def checkpoint_of(simulator: Simulator, *, mission: bool = False, time_scale: float = 1.0) -> Checkpoint:
-    """A run as it stands in a simulator. With `mission` a mission is under way."""
+    """The present checkpoint of a simulator. With `mission` a mission is under way."""
     return Checkpoint(
         spec=simulator.spec,
         time=simulator.time,
@@ -129,11 +127,11 @@ def start_block(spec: SimulationSpec) -> Block:
 class State(Checkpoint, frozen=True, kw_only=True, eq=False):
     """A run at one moment, also during a movement. Nothing here changes any more; any thread may read it.
 
-    `contact` is the first contact of the latest movement, as soon as it has come; `touching` tells
-    that the robot stands there. `legs` are the ways of the latest movements, each (n, 2) inches,
-    oldest first. `moved` is the running number of the last event that moved the robot. `twins`
-    holds, by code, what the real robot and the simulated one last read side by side. `ended` is how
-    the latest movement that is over went, `movement` the plan of one under way.
+    `contact` is the first contact of the latest movement, as soon as it has come; `touching` is true while
+    the robot stands there. `legs` are the paths of the latest movements, each (n, 2) inches, oldest first.
+    `moved` is the running number of the last event that moved the robot. `twins` holds, by sensor code, the
+    last readings of the real robot and its twin. `ended` is the end of the latest movement that is over,
+    `movement` the plan of one under way.
     """
 
     number: int
@@ -141,7 +139,7 @@ class State(Checkpoint, frozen=True, kw_only=True, eq=False):
     touching: bool
     contact: Contact | None
     velocity: Twist | None
-    """The velocity that the robot drives at until told otherwise; None while it is told to stand."""
+    """The velocity in force; None while there is none."""
     legs: tuple[FloatArray, ...]
     moved: int
     sensors: Mapping[str, SensorRow]
@@ -153,5 +151,5 @@ class State(Checkpoint, frozen=True, kw_only=True, eq=False):
 
     @property
     def trail(self) -> FloatArray:
-        """The centres gone through lately, (n, 2) inches, oldest first."""
+        """The robot's centres on its latest path, (n, 2) inches, oldest first."""
         return np.concatenate(self.legs) if self.legs else _NO_TRAIL

@@ -1,4 +1,4 @@
-"""Collections that stay small however much they are given: packed tables, thinned traces, sums of errors."""
+"""Collections of bounded size: packed tables, thinned traces, sums of errors."""
 
 from __future__ import annotations
 
@@ -27,6 +27,7 @@ TimedItem = TypeVar("TimedItem", bound=Timed)
 
 BINS = 32
 """Bins of a histogram: the sixteen characters that show it take two each."""
+# Least width of a bin: from a tiny first error, doubling would take long.
 LEAST_WIDTH = 1e-9
 LISTED = 200
 """First items of a kind that are kept besides the newest: a report lists or draws no more."""
@@ -35,18 +36,18 @@ LISTED = 200
 class Thinned(Generic[Item]):
     """Up to `limit` items, evenly spread over all that were given.
 
-    When full, every second one goes, and from then on only every second, fourth... is taken.
+    When it is full, every second item is dropped, and from then on only every second, fourth... is kept.
     """
 
     def __init__(self, limit: int) -> None:
         self.items: list[Item] = []
         self.stride = 1
-        """One in so many is kept."""
+        """One in this many items is kept."""
         self.given = 0
         self._limit = limit
 
     def wanted(self, count: int = 1) -> range:
-        """Count so many items; those at these places among them are to be given to `keep`."""
+        """Count `count` more items. Returns the indices of those that must be given to `keep`."""
         begin = -self.given % self.stride
         self.given += count
         return range(begin, count, self.stride)
@@ -80,8 +81,7 @@ class First(Generic[Item]):
 
 
 class Newest(Generic[TimedItem]):
-    """The newest `limit` items, and the `first` ones; `since` is from when on, elapsed seconds, none is
-    missing."""
+    """The newest `limit` items, and the `first` ones. From `since` on (elapsed seconds) none is missing."""
 
     def __init__(self, limit: int) -> None:
         self.first: First[TimedItem] = First(LISTED)
@@ -97,19 +97,19 @@ class Newest(Generic[TimedItem]):
             self.since = max(self.since, self.items[0].elapsed)
 
     def after(self, given: int) -> list[TimedItem]:
-        """The kept ones of those that came after the first `given`."""
+        """The kept items among those that came after the first `given`."""
         # From the end: a deque is slow in its middle.
         count = min(self.first.given - given, len(self.items))
         return [self.items[-each] for each in range(count, 0, -1)]
 
     @property
     def dropped(self) -> int:
-        """Number of items that have given way to newer ones."""
+        """Number of items that newer ones have replaced."""
         return self.first.given - len(self.items)
 
 
 class Errors:
-    """Mean, standard deviation and histogram of numbers, none of them kept.
+    """Mean, standard deviation and histogram of numbers, which are not kept.
 
     Mean and standard deviation are merged as Chan, Golub and LeVeque (1979) do. The histogram's `BINS` bins
     lie around 0; their width doubles whenever a number falls outside.
@@ -122,7 +122,7 @@ class Errors:
         """The number farthest from 0."""
         self.bins = [0] * BINS
         self.width = 0.0
-        """Width of a bin, 0 as long as all numbers were."""
+        """Width of a bin; 0 while all numbers were 0."""
         self._squares = 0.0
 
     def add(self, values: FloatArray) -> None:
@@ -139,7 +139,7 @@ class Errors:
         if abs(worst) > abs(self.worst):
             self.worst = worst
         if not self.width and worst:
-            # A quarter of the first error: the histogram then reaches four times as far as it.
+            # A quarter of the first error: the histogram then reaches to four times that error.
             first = float(np.abs(values[values.nonzero()[0][0]]))
             self.width = max(first / 4, LEAST_WIDTH)
         while abs(worst) >= self.reach and worst:
@@ -155,7 +155,7 @@ class Errors:
 
     @property
     def reach(self) -> float:
-        """The histogram goes from minus this to plus this."""
+        """Upper end of the histogram; the lower end is its negative."""
         return self.width * BINS / 2
 
     def _widen(self) -> None:
@@ -166,13 +166,13 @@ class Errors:
 
 
 Single = Annotated[float, "f"]
-"""A number in single precision: enough for what is shown, 0.01 in of 100,000."""
+"""A number in single precision: enough for the digits shown, 0.01 in of 100,000."""
 Index = Annotated[int, "H"]
 """An index into a list of names."""
 _CODES = {int: "i", float: "d", bool: "?"}
 CHUNK = 2048
-"""Rows that are packed, summed up and dropped together: a chunk of readings is 0.15 MB, and numpy's share of
-the time to sum it up is below a tenth of packing it."""
+"""Rows that are packed, summed up and dropped together. A chunk of readings is 0.15 MB, and numpy takes less
+than a tenth of the time for packing to sum it up."""
 
 Columns = NDArray[np.void]
 """Rows as a structured array, one field a column."""
@@ -233,7 +233,7 @@ class RowTable(Sequence[RowT]):
                     other.forget(self[0][0])
 
     def forget(self, order: int) -> None:
-        """Drop what can be dropped of the rows before this `order`."""
+        """Drop the rows before this `order`, as whole chunks."""
         while self._chunks and self[CHUNK - 1][0] < order:
             self._drop()
 
@@ -242,7 +242,7 @@ class RowTable(Sequence[RowT]):
         self.dropped += CHUNK
 
     def settle(self) -> None:
-        """Have the rows added since the last time summed up."""
+        """Sum up the rows that were added since the last time."""
         if self._settled < len(self._open):
             fresh = bytes(self._open[self._settled :])
             self._settled = len(self._open)

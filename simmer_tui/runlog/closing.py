@@ -8,11 +8,11 @@ from typing import Self
 
 
 class Closing(ABC):
-    """Base of what has a `close`."""
+    """Base class of context managers with a `close`."""
 
     @abstractmethod
     def close(self) -> None:
-        """Release what this holds."""
+        """Release all resources."""
 
     def __enter__(self) -> Self:
         return self

@@ -78,16 +78,16 @@ from simmer_tui.sim.trajectory import Trajectory, VelocityProfile
 # A command is answered at most a few commands late: sessions and the link allow fewer than these.
 _REMEMBERED = 16
 """Movements that are over but may still be answered."""
-# Rounding, by far, and nothing beside a maze.
+# Far more than rounding, and far less than a cell.
 _SLACK = 1e-3
-"""Inches or degrees by which a leg may lead out of the maze, or turn more than one can."""
+"""Tolerance, inches or degrees, by which a leg may lead out of the maze, or exceed the largest turn."""
 # A program uses some hundred texts; one that never repeats itself must not fill the memory.
 _CACHED = 4096
 """Texts of commands that are parsed only once."""
 
 
 class LogDecoder:
-    """Follows a log record by record: what a record leaves out follows from those before it."""
+    """Decodes a log record by record: values that a record leaves out follow from those before it."""
 
     def __init__(self, spec: SimulationSpec, pose: Pose) -> None:
         """`pose` is the robot's pose before the next record."""
@@ -137,7 +137,7 @@ class LogDecoder:
         return ended + self._decoders[type(record)](record)
 
     def resume(self, record: CheckpointRecord) -> Checkpoint:
-        """Go on decoding from a checkpoint, and give it."""
+        """Continue decoding from a checkpoint, and return it."""
         self.pose = Pose(*record.pose)
         self._planned = self._leg = None
         self._legs.clear()
@@ -194,7 +194,7 @@ class LogDecoder:
 
     def _command(self, text: str, source: str, stops: bool = False) -> Command:
         known = self._commands.get((text, source))
-        # A text that stops the robot is no command of the grammar, so it is never cached as one.
+        # A text that stops the robot is not in the grammar, so it is never cached as a command.
         if known is not None and not stops:
             return known
         if stops:
@@ -233,7 +233,7 @@ class LogDecoder:
     def _answer(self, record: AnswerRecord) -> tuple[Event, ...]:
         command = self._command(record.command, record.source, record.stops)
         if record.status is Status.DONE and record.velocity is None:
-            # The movement's own record has told pose, contact and grip.
+            # The movement's own record has pose, contact and grip.
             for ended, started in self._ended:
                 if ended.number == record.n:
                     return (replace(self._done(ended, started), time=record.t, link=record.link),)
@@ -260,7 +260,7 @@ class LogDecoder:
         action = Action(record.action, record.arguments, record.source)
         done = ActionDone(record.t, action, record.text, Pose(*record.pose), record.refused)
         if not record.refused:
-            # Poses of movements before it would be wrong for what is answered after it.
+            # Poses of movements before it would be wrong for answers after it.
             if action.name.restarts or done.pose != self.pose:
                 self._ended.clear()
                 self._legs.clear()
@@ -301,8 +301,8 @@ class LogDecoder:
         return (self._leg,)
 
     def _check_leg(self, record: LegRecord, seconds: float) -> None:
-        """Raises RunLogError for a leg that no robot drives in this maze: what is drawn of it and counted by
-        cell would take for ever."""
+        """Raises RunLogError for a leg that no robot drives in this maze: drawing it, and counting its time
+        by cell, would take for ever."""
         maze, (x, y, _) = self._spec.maze, record.pose
         speed = math.dist((0.0, 0.0), record.velocity)
         far = speed > 0.0 and speed * seconds > math.hypot(maze.width, maze.height) + _SLACK
@@ -312,14 +312,14 @@ class LogDecoder:
             raise RunLogError(f"the leg of {escape(record.command)!r} leads out of the maze")
 
     def _leg_over(self, begun: LegBegun, record: AnyRecord) -> tuple[Event, ...]:
-        """The end of the leg under way, if its time is over before a record."""
+        """The end of the leg under way, if it ends before a record."""
         leg = begun.leg
         if isinstance(record, LegCutRecord):
             if record.t < leg.start_time:
                 raise RunLogError("the leg ends before it begins")
             leg = leg.cut(record.t)
         elif record.t < leg.end_time:
-            # Another that begins at the same time takes its place.
+            # Another leg that begins at the same time replaces it.
             return ()
         self._leg = None
         self.pose = leg.last_pose
@@ -391,11 +391,11 @@ class LogDecoder:
         end: float | None,
         duration: float | None = None,
     ) -> Trajectory:
-        """The trajectory that a record tells of."""
+        """The trajectory of a record."""
         drive = self._drives.get(command.code)
         if drive is None:
             raise RunLogError(f"{command.shown} moves nothing in the log's configuration")
-        # A movement that nobody stopped ends by its plan, which gives the same float again.
+        # A movement that nobody stopped ends as planned, and the plan gives the same float again.
         cut = end if record.stopped_by else None
         if isinstance(drive, GripperSpec):
             # The speed of a gripper is in openings or closings a second.
@@ -451,7 +451,7 @@ class LogDecoder:
         return known
 
     def _grip(self, time: float, fields: GripFields, pose: Pose) -> Grip:
-        """The gripper's action at a pose. By how much it missed the block follows from them."""
+        """The gripper's action at a pose. The distance by which it missed the block is computed from them."""
         spec, (x, y, heading) = self._spec, fields.block
         missed = None
         # Only jaws that closed on nothing have missed a block.

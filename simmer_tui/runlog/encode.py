@@ -1,7 +1,7 @@
 """The records of the events of a run, in order.
 
-A record holds what happened and nothing that follows from it and from those before it: rays, test
-points and poses on the way are worked out again by `decode.py`.
+A record holds only what does not follow from it and from those before it: `decode.py` computes rays, test
+points and poses on the way again.
 """
 
 from __future__ import annotations
@@ -71,17 +71,17 @@ from simmer_tui.sim.trajectory import Trajectory
 
 LARGE_GRID = 2000
 """States of a grid beyond which a log has only some of its cells: at 10 Hz they would be 100 MB an hour."""
-# A hair less than half a second: five times a tenth may come to less.
+# Just below half a second: five times a tenth may round to less.
 GRID_EVERY = 0.499
 """Simulated seconds between two large grids with their cells."""
 
 
 class LogEncoder:
-    """Makes the records of events. A movement that nothing interrupts has one record, other movements
-    have one for their plan and one for their end.
+    """Makes the records of events. A movement that nothing interrupts has one record; others have one for
+    their plan and one for their end.
 
-    Of a large grid the numbers are in every record, the cells in two a second. A movement, a contact and the
-    end come after one more record of the belief before them, with its cells.
+    Every record of a large grid has its numbers, two a second have its cells. Before a movement, a contact
+    and the end, the last belief has one more record, with its cells.
     """
 
     def __init__(self, timed: bool, present: Callable[[], tuple[int, float]]) -> None:
@@ -131,10 +131,10 @@ class LogEncoder:
                 yield from self._rest(planned, real_time)
                 if event.reading is not None and event.status is Status.READING:
                     yield self._reading_record(event, event.reading, real_time)
-                # The end of a movement may have been its answer: then that has said all.
+                # The end of a movement may have been its answer: then no record is needed.
                 elif event.status is not Status.DONE or event.number != self._answered:
                     yield _answer_record(event, real_time)
-                # Numbers begin anew after a reset: an earlier movement must not answer for a later one.
+                # Numbers restart after a reset: an earlier movement must not answer for a later one.
                 self._answered = None
             case MovementEnded():
                 self._under_way, self._answered = 0, event.number if event.answers else None
@@ -167,17 +167,17 @@ class LogEncoder:
         if isinstance(event, LegBegun):
             self._leg_end = event.leg.end_time
             yield _leg_record(event, real_time)
-        # What ends as its record says needs no other.
+        # A leg that ends as its record says needs no other.
         elif event.time != self._leg_end:
             yield LegCutRecord(event.time, real_time)
 
     def _shows_belief(self, event: Event) -> bool:
-        """True for what a belief led to, or what it is held against: a movement, a contact, the end."""
+        """True for events that a belief led to, or is compared with: a movement, a contact, the end."""
         match event:
             case MovementPlanned():
                 return True
             case LegBegun():
-                # A leg that follows another at once goes on with its movement.
+                # A leg that follows another at once continues its movement.
                 return self._stood_since not in (None, event.time)
             case MovementEnded() | LegEnded():
                 return event.contact is not None
@@ -190,7 +190,7 @@ class LogEncoder:
         grid, self._without_cells = belief.grid, None
         if grid is None or not grid.cells or belief.again or grid.states <= LARGE_GRID:
             return belief
-        # Time begins anew after a reset.
+        # Time restarts after a reset.
         if 0.0 <= belief.time - self._grid_kept < GRID_EVERY:
             self._without_cells = belief
             return replace(belief, grid=replace(grid, cells=b""))
@@ -201,12 +201,12 @@ class LogEncoder:
         belief, self._without_cells = self._without_cells, None
         if belief is not None:
             self._grid_kept = belief.time
-            # Its note and its particles have been told.
-            told = replace(belief, particles=(), again=True)
-            yield _other_record(told, self._present(), real_time)
+            # Its note and its particles are in an earlier record.
+            repeated = replace(belief, particles=(), again=True)
+            yield _other_record(repeated, self._present(), real_time)
 
     def begin_anew(self) -> None:
-        """Reading can begin here: what comes next refers to nothing before it."""
+        """Reading can begin here: later records refer to none before."""
         self._scans.clear()
 
     def _reading_record(self, result: CommandResult, reading: Reading, real_time: float) -> ReadingRecord:
@@ -224,7 +224,7 @@ class LogEncoder:
         return replace(record, reply=NO_REPLY, revolution=revolution, scan=text, floats=floats)
 
     def rest(self, real_time: float) -> Iterator[LogRecord]:
-        """The records of what still has none: a plan, and the cells of the newest belief."""
+        """The records that are still missing: of a plan, and of the cells of the newest belief."""
         planned, self._planned = self._planned, None
         real_time = round(real_time, 3)
         yield from self._rest(planned, real_time)
@@ -244,7 +244,7 @@ def _reading_record(result: CommandResult, reading: Reading, real_time: float) -
         command=result.command.text,
         source=result.command.source,
         reply=logged_number(result.reply),
-        # What merely repeats another field is left out: it is most of the bytes of a log.
+        # A value that repeats another field is left out: these would be most of the bytes of a log.
         taken=None if result.taken == result.time else result.taken,
         link=result.link or NO_DELAY,
         true=None if reading.true == result.reply else logged_number(reading.true),
@@ -261,7 +261,7 @@ def _answer_record(result: CommandResult, real_time: float) -> AnswerRecord:
         command=result.command.text,
         source=result.command.source,
         reply=logged_number(result.reply),
-        # Of a movement the reader takes it from the plan.
+        # Of a movement the reader gets it from the plan.
         taken=None if taken == result.time or moved else taken,
         link=result.link or NO_DELAY,
         status=result.status,
@@ -285,7 +285,7 @@ def _velocity_fields(velocity: VelocityChange) -> VelocityFields:
 
 def _leg_record(begun: LegBegun, real_time: float) -> LegRecord:
     leg, arc = begun.leg, begun.leg.arc
-    told = leg.commanded
+    commanded = leg.commanded
     return LegRecord(
         leg.start_time,
         real_time,
@@ -296,7 +296,7 @@ def _leg_record(begun: LegBegun, real_time: float) -> LegRecord:
         velocity=arc.velocity,
         rate=arc.rate,
         spin=arc.spin or NO_DELAY,
-        told=(told.x, told.y, told.r),
+        told=(commanded.x, commanded.y, commanded.r),
         pose=_pose_fields(leg.last_pose),
         pressed=leg.pressed,
         contact=None if leg.contact is None else _contact_fields(leg.contact),
@@ -336,7 +336,7 @@ def _end_fields(ended: MovementEnded) -> dict[str, Any]:
 
 
 def _path_fields(trajectory: Trajectory) -> dict[str, Any]:
-    """The fields that say what kept a movement from its whole path."""
+    """The fields of a movement that did not follow its whole path."""
     contact, stop = trajectory.contact, trajectory.rest_stop
     fields: dict[str, Any] = {}
     if contact is not None:
@@ -458,7 +458,7 @@ def checkpoint_record(checkpoint: Checkpoint, real_time: float) -> CheckpointRec
         mission=progress,
         driving=spent.driving,
         link=spent.link,
-        # A copy: the reducer goes on counting in its own.
+        # A copy: the reducer continues to count in its own.
         reading=dict(spent.by_sensor),
         **{name: getattr(checkpoint, name) for name in SHARED_WITH_CHECKPOINT},
     )

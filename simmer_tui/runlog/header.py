@@ -1,4 +1,4 @@
-"""The first line of a run log: what ran, with which configuration, from which seed and state."""
+"""The first line of a run log: configuration, seed and state of the run."""
 
 from __future__ import annotations
 
@@ -44,14 +44,14 @@ FORMAT = 3
 _SUFFIXES = (".csv", ".toml")
 # A log is simulated from the seed in its header, and always without the real robot.
 _OF_THE_RUN = ("seed", "randerror", "sim", "serial.port")
-"""Settings for where a run's randomness came from and which robot it drove."""
+"""Settings for the source of a run's randomness, and for its robot."""
 _TOKEN_LINE = re.compile(r"(?m)^([ \t]*(?:server\.)?token[ \t]*=[ \t]*).*$")
 """The line of settings.toml with the access token."""
 
 
 class TakenOver(msgspec.Struct, frozen=True):
-    """The origin of a run that goes on from a moment of another one: the name of that one's log, the last
-    line of it that counts, and the moment, elapsed seconds."""
+    """The origin of a run that continues another one: the name of that run's log, its last line that counts,
+    and the moment, elapsed seconds."""
 
     log: str
     line: int
@@ -64,12 +64,12 @@ class TakenOver(msgspec.Struct, frozen=True):
 class Header(msgspec.Struct, tag_field="kind", tag="header", frozen=True, kw_only=True, omit_defaults=True):
     """The first line of a log.
 
-    `t`, `number`, `pose`, `block`, `holding`, `noise` and `bias` are the state in which the log began:
-    simulated time, commands before it, and what a person may have changed till then. `real_time` is
-    seconds since 1970. `mission` is true if a mission was under way. `taken_over` is the origin of a run
-    that began as another one did, and from which moment on it is its own. `mathematics` is the fingerprint
-    of the machine's sines; empty if it is not known. `devices` are the set's own device files by hash, and
-    `kinds` describes the kinds of sensor that are not built in.
+    `t`, `number`, `pose`, `block`, `holding`, `noise` and `bias` are the state in which the log began. It has
+    simulated time, the number of commands before it, and values that a person may have changed. `real_time`
+    is seconds since 1970. `mission` is true if a mission was under way. `taken_over` is the origin of a run
+    that continues another one. `mathematics` is the fingerprint of the machine's sines; empty if it is not
+    known. `devices` are the set's own device files by hash, and `kinds` describes the kinds of sensor that
+    are not built in.
     """
 
     t: Real
@@ -183,7 +183,7 @@ def parse_header(line: bytes, shown: str) -> Header:
         version = _VERSION.decode(line)
     except ValueError:
         raise RunLogError(f"{shown} is not a run log: its first line is not the header of one") from None
-    # Asked before the whole header is decoded: one of another format has other fields.
+    # Checked before the whole header is decoded: other formats have other fields.
     if version.format != FORMAT:
         raise RunLogError(
             f"{shown} is a run log of format {escape(str(version.format), 20)}, written by simmer-tui "
@@ -198,7 +198,8 @@ def parse_header(line: bytes, shown: str) -> Header:
 
 def rebuild(header: Header, kinds: SensorKinds | None = None) -> Configuration:
     """The configuration of a logged run, read by the ordinary loader from the header's texts. Kinds that are
-    not built in are as the header describes them, unless `kinds` are given, and cannot be read.
+    not built in are as the header describes them, unless `kinds` are given; sensors of described kinds cannot
+    be read.
 
     Raises ConfigurationError for mistakes in them, RunLogError for names that are no files of a set.
     """
@@ -220,9 +221,8 @@ def rebuild(header: Header, kinds: SensorKinds | None = None) -> Configuration:
 
 
 def rebuild_to_run(header: Header, folder: Path | None = None) -> Configuration:
-    """The same with the device files of the run, so that its sensors can be read. They are looked for in a
-    `folder`, or in that of the run's set. Raises RunLogError if they are not there as they were, or not
-    trusted."""
+    """The same with the device files of the run, so that its sensors can be read. They are searched in a
+    `folder`, or in that of the run's set. Raises RunLogError if one is missing, changed or not trusted."""
     if not header.kinds and not header.devices:
         return rebuild(header)
     where = Path(header.configuration) if folder is None else folder

@@ -1,4 +1,4 @@
-"""Any line of a log of any length, at once: an index of 26 bytes a line, made in one pass."""
+"""Random access to the lines of a log of any length: an index of 26 bytes a line, made in one pass."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class EntryFlag(IntFlag):
     ACTION = 2
     BELIEF = 4
     OTHER = 8
-    """Nothing about where the robot is."""
+    """A record without the robot's pose."""
     BROKEN = 16
     CONTACT = 32
     REFUSED = 64
@@ -77,7 +77,7 @@ _FLAGS: dict[type, tuple[EntryFlag, EntryFlag]] = {
     WireRecord: (EntryFlag.OTHER, EntryFlag.OTHER),
     CheckpointRecord: (EntryFlag.CHECKPOINT, EntryFlag.CHECKPOINT),
 }
-"""The flags of each kind of record: usually, and if it tells of a contact, a refusal or a restart."""
+"""The flags of each kind of record: usually, and if it has a contact, a refusal or a restart."""
 _RESTART = _FLAGS[ActionRecord][1]
 
 
@@ -101,7 +101,7 @@ def _flags_of(record: AnyRecord) -> EntryFlag:
 
 
 class RunLogIndex(Closing):
-    """A log to move about in. Entries count from 0; entry i is line i + 2 of the file.
+    """A log with random access. Entries count from 0; entry i is line i + 2 of the file.
 
         log = RunLogIndex(path)
         log.record(log.find_time(60.0))
@@ -111,7 +111,7 @@ class RunLogIndex(Closing):
     """
 
     def __init__(self, path: Path) -> None:
-        """Open a log and look over all its lines. Raises RunLogError."""
+        """Open a log and index all its lines. Raises RunLogError."""
         self.path = path
         self.shown = escape(str(path), 200)
         self._file, self.header = open_log(path, self.shown)
@@ -121,13 +121,13 @@ class RunLogIndex(Closing):
         self._elapsed = array("d")
         self._over = array("d")
         self._flags = array("H")
-        # Simulated time begins anew with a reset, elapsed time does not: each stretch has its own zero.
+        # Simulated time restarts with a reset, elapsed time does not: each stretch has its own zero.
         self._zeros = [(0, -self.header.t)]
         self._begun = self._now = 0.0
         self.refresh()
 
     def refresh(self) -> int:
-        """Read what has been written since. Returns the number of new entries.
+        """Read the lines written since. Returns the number of new entries.
 
         Raises RunLogError if the file has become shorter: it is another one now.
         """
@@ -190,7 +190,7 @@ class RunLogIndex(Closing):
         return EntryFlag(self._flags[i])
 
     def over_of(self, i: int) -> float:
-        """End of all that an entry tells of (a movement's end), on the scale of `time_of`."""
+        """End of an entry's events (a movement's end), on the scale of `time_of`."""
         return self._over[i]
 
     def record(self, i: int) -> AnyRecord | BrokenLine:

@@ -1,8 +1,8 @@
 """The records of a run log: one struct for each kind of line, written and read by msgspec.
 
-A record holds what happened; `encode.py` makes records of events, and `decode.py` makes events of
-records. JSON has no infinities and no NaN, and msgspec would write them as null. A field that can hold
-them is a `LoggedNumber`: `logged_number` makes one, and `float()` gives the number back.
+`encode.py` makes records of events, and `decode.py` makes events of records. JSON has no infinities and no
+NaN, and msgspec would write them as null. A field that can hold them is a `LoggedNumber`: `logged_number`
+makes one, and `float()` gives the number back.
 """
 
 from __future__ import annotations
@@ -27,13 +27,13 @@ from simmer_tui.sim.records import Status
 LARGEST = 1e12
 """Limit of all times (seconds), places (inches) and headings (degrees)."""
 USUAL_SOURCE = "client"
-"""Sender of a command whose record names none."""
-# msgspec leaves out a field that holds the very object of its default, not one that is merely equal.
+"""Source of a command whose record names none."""
+# msgspec leaves out a field that holds the same object as its default, not one that is only equal.
 NO_DELAY = 0.0
 """Default of a delay on the link, seconds."""
 NO_REPLY = math.nan
-"""Reply of a reading whose scan says it. A reply that is no number is written as `NotFinite`."""
-_HUNDREDTH = 100
+"""Reply of a reading whose scan has it. A reply that is no number is written as `NotFinite`."""
+_HUNDREDTH = 100  # hundredths of an inch or of a degree
 
 Real = Annotated[float, msgspec.Meta(ge=-LARGEST, le=LARGEST)]
 # Python's calendar ends in the year 9999, at 2.5e11 seconds.
@@ -41,7 +41,7 @@ RealSeconds = Annotated[float, msgspec.Meta(ge=-1e10, le=1e10)]
 """Real time, within the range of calendars."""
 # Beyond 2**53 (9e15) a float no longer holds every whole number; 10**15 stays below that.
 Hundredths = Annotated[int, msgspec.Meta(ge=-(10**15), le=10**15)]
-"""Hundredths of an inch or of a degree, from a place within `LARGEST` to another."""
+"""Hundredths of an inch or of a degree, between two places within `LARGEST`."""
 Count = Annotated[int, msgspec.Meta(ge=0)]
 # Revolutions of a fast lidar in a time within `LARGEST`; -1 is the one before time 0.
 Revolution = Annotated[int, msgspec.Meta(ge=-(10**14), le=10**14)]
@@ -79,8 +79,8 @@ class LogRecord(msgspec.Struct, tag_field="kind", frozen=True, gc=False, omit_de
 
 
 class ReplyRecord(LogRecord, frozen=True, kw_only=True, gc=False):
-    """A record of a reply: the number of its command, the command's text, its sender, when it was taken
-    up if earlier, and how long the link delayed it."""
+    """A record of a reply: its command's number, text and source, the time when the command began if earlier,
+    and the link's delay."""
 
     n: Count
     command: str = msgspec.field(name="cmd")
@@ -91,8 +91,8 @@ class ReplyRecord(LogRecord, frozen=True, kw_only=True, gc=False):
 
 
 class ReadingRecord(ReplyRecord, tag="read", frozen=True, kw_only=True, gc=False):
-    """A sensor reading. Without `true` it was exact. Of a scan also the `revolution`, and the `scan` in
-    base64, unless it is the one that was read before; its reply is the first of its ranges."""
+    """A sensor reading. Without `true` it was exact. A scan also has the `revolution`, and the `scan` in
+    base64, unless it was read before; its reply is the first of its ranges."""
 
     reply: LoggedNumber = NO_REPLY
     true: LoggedNumber | None = None
@@ -102,7 +102,7 @@ class ReadingRecord(ReplyRecord, tag="read", frozen=True, kw_only=True, gc=False
 
 
 class VelocityFields(msgspec.Struct, frozen=True, omit_defaults=True):
-    """The velocity that a command set: x, y, turning, its end if it has one of its own."""
+    """The velocity that a command set: x, y, turning rate, and its end if it has one."""
 
     twist: tuple[Real, Real, Real]
     expires: Real | None = None
@@ -143,7 +143,7 @@ class ContactFields(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=Tru
 
 
 class MovementRecord(LogRecord, frozen=True, kw_only=True):
-    """A record of a movement, with what kept it from its whole path."""
+    """A record of a movement, with the reasons for leaving its whole path."""
 
     n: Count
     contact: ContactFields | None = None
@@ -161,7 +161,7 @@ class PlannedRecord(MovementRecord, frozen=True, kw_only=True):
 
 
 class PlanRecord(PlannedRecord, tag="plan", frozen=True, kw_only=True):
-    """The plan of a movement, made at its beginning, or `again` on the way."""
+    """The plan of a movement, made at its beginning, or `again` during it."""
 
     again: bool = False
 
@@ -181,15 +181,15 @@ class MoveRecord(PlannedRecord, tag="move", frozen=True, kw_only=True):
     answers: bool = True
 
     def __post_init__(self) -> None:
-        # Everything after reading relies on it, and a log may have been edited by hand.
+        # All later code relies on it, and a log may have been edited by hand.
         if self.end < self.t:
             raise ValueError("it ends before it begins")
 
 
 class LegRecord(LogRecord, tag="leg", frozen=True, kw_only=True):
-    """The beginning of a leg of a continuous motion, and how it goes on unless something comes between:
-    `velocity` of its centre (global), turning rate of its way and beside it, velocity that the wheels were
-    `told`, and its end; without one it goes on until something changes."""
+    """The beginning of a leg of a continuous motion, and its course unless something interrupts it:
+    `velocity` of its centre (global), turning rate of its path and beside it, commanded velocity of the
+    wheels (`told`), and its end. Without an end it continues until something changes."""
 
     n: Count
     command: str = msgspec.field(name="cmd")
@@ -239,8 +239,8 @@ class ActionRecord(LogRecord, tag="action", frozen=True, kw_only=True, gc=False)
 
 class BeliefRecord(LogRecord, tag="belief", frozen=True, kw_only=True, gc=False):
     """A program's belief, and the true pose at that time. Particles are columns of x, y and heading (null
-    for a particle without one), in whole hundredths of an inch and of a degree from `believed`. `again` is
-    the belief before, now with the cells of its grid."""
+    without one), in whole hundredths of an inch and of a degree from `believed`. `again` is true for the
+    previous belief, now with the cells of its grid."""
 
     believed: LoggedPose
     pose: LoggedPose
@@ -312,7 +312,7 @@ class MissionRecord(LogRecord, tag="mission", frozen=True, kw_only=True):
     reason: str = ""
 
     def __post_init__(self) -> None:
-        # A Goal and a Result are both texts in JSON: two fields tell them apart.
+        # A Goal and a Result are both texts in JSON: two fields distinguish them.
         if (self.goal is None) == (self.result is None):
             raise ValueError("it needs a goal or a result")
 
@@ -347,7 +347,7 @@ class TwinRecord(LogRecord, tag="twin", frozen=True, kw_only=True):
 
 
 class MissionSumsFields(msgspec.Struct, frozen=True):
-    """Sums of the run at the end of its mission. Logs before the time spent was among them have none."""
+    """Sums of the run at the end of its mission. Older logs have no time spent among them."""
 
     time: Real
     distance: Real
@@ -435,7 +435,7 @@ _ENCODER = msgspec.json.Encoder(enc_hook=_plain_number)
 
 
 def encode_line(record: msgspec.Struct) -> bytes:
-    """The line of a record, in ASCII: a log that is shown on a terminal must not steer it."""
+    """The line of a record, in ASCII: a log that is shown on a terminal must not control it."""
     try:
         data = _ENCODER.encode(record)
     except UnicodeEncodeError:  # half a pair of surrogates: JSON allows it, msgspec does not

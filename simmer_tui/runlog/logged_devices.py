@@ -1,7 +1,7 @@
 """Kinds of sensor that are not built in, in the header of a log: described for readers, hashed for reruns.
 
-A log holds no code. A replay or report goes by the description. A rerun or take-over needs the very device
-files of the run, found in its set by their hashes, and trusted.
+A log holds no code. A replay or report uses the description. A rerun or take-over needs the same device files
+as the run, found in its set by their hashes, and trusted.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from simmer_tui.sim.sensors.recorded_kinds import RecordedKind, described, recor
 from simmer_tui.sim.specs import SensorKind, SensorSpec
 
 _SHORT = 12
-"""Digits of a hash that a message shows: enough to tell files apart."""
+"""Digits of a hash that a message shows: enough to distinguish files."""
 
 
 class LoggedDevice(Struct, frozen=True):
@@ -37,13 +37,13 @@ def logged_devices(files: Iterable[DeviceFile]) -> tuple[LoggedDevice, ...]:
 
 
 def logged_kinds(sensors: Iterable[SensorSpec]) -> tuple[RecordedKind, ...]:
-    """The kinds of sensors that a reader would not know, described."""
+    """The kinds of sensors that are not built in, described."""
     kinds = dict.fromkeys(sensor.kind for sensor in sensors)
     return tuple(described(kind) for kind in kinds if KINDS.get(kind.name) is not kind)
 
 
 def recorded_kinds(kinds: Iterable[RecordedKind]) -> SensorKinds:
-    """The kinds of a log by name, the built-in ones too. Raises RunLogError for a description of none."""
+    """The kinds of a log by name, the built-in ones too. Raises RunLogError for an invalid description."""
     found: list[type[SensorKind]] = []
     for kind in kinds:
         if kind.name in KINDS:
@@ -61,8 +61,8 @@ REMEDY = "name the folder of its set with --config DIR"
 def same_files(
     logged: Iterable[LoggedDevice | DeviceStatus], folder: Path, remedy: str = REMEDY
 ) -> tuple[DeviceFile, ...]:
-    """The files of a run, read from the folder of its set. Raises RunLogError, which ends with a remedy,
-    if one is not there any more, or has another content."""
+    """The files of a run, read from the folder of its set. Raises RunLogError, which ends with a remedy, if
+    one is missing or changed."""
     found: list[DeviceFile] = []
     for each in logged:
         if not is_device_name(each.path):
@@ -80,7 +80,7 @@ def same_files(
 
 
 def runnable_kinds(files: Iterable[DeviceFile], folder: Path) -> SensorKinds:
-    """The kinds of files that are trusted and run, the built-in ones too. Raises RunLogError for one that is
+    """The kinds of trusted files, which are run, and the built-in ones. Raises RunLogError for one that is
     not trusted."""
     from simmer_tui.config.device_code import kinds_of
 

@@ -1,7 +1,7 @@
 """The scans of lidars in a log: their ranges, as whole steps of the sensor's resolution, in base64.
 
-A log has the ranges alone. The directions of the rays follow from the sensor, and the poses that they were
-sent from, from the movements before them. The true distances are worked out when somebody asks for them.
+A log has the ranges alone. The directions of the rays follow from the sensor, and their origins from the
+movements before them. The true distances are computed on request.
 """
 
 from __future__ import annotations
@@ -28,12 +28,12 @@ from simmer_tui.sim.specs import SensorSpec
 MISSED = 65535
 """Stands for a ray that met nothing."""
 _ALL_AROUND = np.zeros(1)
-"""Directions of a lidar of a kind of its own: from the front, all around."""
+"""Directions of a lidar of a team's own kind: from the front, all around."""
 
 
 def packed_ranges(ranges: FloatArray, resolution: float) -> tuple[str, bool]:
-    """Ranges, inches, as base64, and False for whole steps of a resolution in two bytes each, little-endian;
-    True for numbers of eight, where some are no whole steps."""
+    """Ranges, inches, as base64. The flag is False for whole steps of a resolution in two little-endian bytes
+    each. It is True for floats of eight bytes, where some are no whole steps."""
     steps = _whole_steps(ranges, resolution) if resolution else None
     data = ranges.astype("<f8") if steps is None else steps.astype("<u2")
     return base64.b64encode(data.tobytes()).decode("ascii"), steps is None
@@ -69,14 +69,14 @@ def _ranges_of(steps: FloatArray, resolution: float) -> FloatArray:
 
 
 class LoggedRanges:
-    """The ranges of each reading of a lidar in a log, line by line: one that was read again is not written
+    """The ranges of each reading of a lidar in a log, line by line: a scan that was read again is not written
     again."""
 
     def __init__(self) -> None:
         self._last: dict[str, tuple[int, FloatArray]] = {}
 
     def forget(self) -> None:
-        """Reading begins here: lines to come refer to none before."""
+        """Reading begins here: later lines refer to none before."""
         self._last.clear()
 
     def of(self, record: ReadingRecord, sensor: SensorSpec) -> FloatArray:
@@ -95,7 +95,7 @@ class LoggedRanges:
 
 
 class ScanDecoder:
-    """Makes the scans of a log's readings. It has to be told of all motion before them."""
+    """Makes the scans of a log's readings. It needs all motion before them; see `went`."""
 
     def __init__(self, sensors: Iterable[SensorSpec]) -> None:
         found = (sensor_of(each) for each in sensors if each.kind.is_scan)
@@ -104,10 +104,10 @@ class ScanDecoder:
         self._recent = RecentMotion(span)
         self._ranges = LoggedRanges()
         self._last: dict[str, LidarScan] = {}
-        """The newest scan of each lidar, by code: read again it is the same."""
+        """The newest scan of each lidar, by code; it is used again if it is read again."""
 
     def forget(self, *, all_scans: bool = False) -> None:
-        """The robot has been put somewhere, or begins anew; with `all_scans` reading begins here."""
+        """The robot has been put elsewhere, or the run restarts; with `all_scans` reading begins here."""
         self._recent.forget()
         if all_scans:
             self._ranges.forget()
@@ -130,7 +130,7 @@ class ScanDecoder:
         lidar, poses, bearings = self._lidars.get(sensor.code), np.empty((0, 3)), _ALL_AROUND
         if lidar is not None:
             bearings = lidar.turned_by
-        # Of a real robot's lidar, which may have other rays, nobody knows when each was sent.
+        # The times of a real lidar's rays, which may be other ones, are not known.
         if lidar is not None and len(ranges) == lidar.spec.rays:
             poses = self._recent.poses(lidar.moments(revolution), pose, under_way)
         scan = LidarScan(revolution, ranges, ray_bearings(bearings, len(ranges)), np.empty(0), poses)

@@ -28,7 +28,7 @@ from simmer_tui.runlog.reader import Logged
 
 # The trail shows the latest movements, and a program reads some ten sensors between two of them.
 LOOK_BACK = 400
-"""Entries reduced at least before a moment, so that its sensors and its trail are known."""
+"""Least number of entries reduced before a moment, so that its sensors and its trail are known."""
 # To seek means to reduce LOOK_BACK to LOOK_BACK + 500 entries, and to look for contacts and belief.
 SKIP = 1500
 """Largest distance of a later entry that is reached without a seek, entries."""
@@ -38,10 +38,10 @@ _MOST_WITHOUT_CELLS = 500
 
 
 class Playback:
-    """Moves about in a log and gives the state of the run.
+    """Gives the state of a run at any moment of its log.
 
-    Going on a little from the last moment costs little. Going elsewhere costs as much as reducing some
-    hundred entries: it begins at a checkpoint in the log.
+    A small step forward is fast. Any other moment takes the time to reduce some hundred entries from a
+    checkpoint in the log.
     """
 
     def __init__(self, index: RunLogIndex) -> None:
@@ -60,18 +60,18 @@ class Playback:
         index = self.index
         if elapsed is None or entry < 0:
             return self.state_when(entry, None if elapsed is None else elapsed - index.zero_of(0))
-        # Adding times up rounds: an entry must still be found at its own begin and end.
+        # Sums of times are rounded: an entry must still be found at its own begin and end.
         time, over = elapsed - index.zero_of(entry), index.over_of(entry)
         if elapsed >= over:
             return self.state_when(entry, math.inf if elapsed == over else time, settled=True)
         return self.state_when(entry, time if elapsed > index.time_of(entry) else None)
 
     def state_when(self, entry: int, time: float | None = None, *, settled: bool = False) -> State:
-        """The same by simulated time, as the lines count it; infinity stands for the end of what the
-        entry tells. With `settled` that end is past."""
-        # The reducer goes only forward, and this movement's end is in it already.
+        """The same by simulated time, as the lines count it; infinity stands for the end of the entry's
+        events. With `settled` that end is past."""
+        # The reducer only goes forward, and has applied this movement's end already.
         went_back = self._ended is not None and not settled and (time is None or time < self._ended)
-        # Farther on, a checkpoint is nearer than all that lies between.
+        # Farther on, a checkpoint is nearer than all entries between.
         if not self._entry <= entry <= self._entry + SKIP or (entry == self._entry and went_back):
             self._restart(entry)
         while self._entry < entry:
@@ -105,7 +105,7 @@ class Playback:
                 ]
         return found
 
-    # -- within ----------------------------------------------------------------------------------
+    # -- internal --------------------------------------------------------------------------------
 
     def _take_next(self) -> None:
         self._settle()
@@ -116,21 +116,21 @@ class Playback:
         for event in events:
             if isinstance(event, BrokenLine):
                 continue
-            # A live run tells the end when it comes; here one record tells both at once.
+            # In a live run the end is an event of its own; here one record has both.
             if isinstance(line, MoveRecord) and isinstance(event, MovementEnded | CommandResult):
                 self._pending.append(event)  # the movement begins now and ends later
             else:
                 self._reducer.apply(event)
 
     def _settle(self) -> None:
-        """Apply the events of the entry before that were still to come."""
+        """Apply the pending events of the entry before."""
         if self._pending:
             self._ended = self._pending[0].time
         while self._pending:
             self._reducer.apply(self._pending.popleft())
 
     def _restart(self, entry: int) -> None:
-        """Begin to reduce some way before an entry."""
+        """Begin to reduce at least `LOOK_BACK` entries before an entry."""
         self._decoder, at = self._decoder_before(max(entry - LOOK_BACK, 0))
         index = self.index
         beginning = index.header.beginning(self.configuration)
@@ -165,7 +165,7 @@ class Playback:
         found = index.find_previous(at, EntryFlag.BELIEF)
         if found is None:
             return
-        # A robot put elsewhere stands where its program does not know: its belief is not shown any more.
+        # A robot put elsewhere is where its program does not expect it: its belief is not shown any more.
         done = index.find_previous(at, EntryFlag.ACTION)
         while done is not None and done > found:
             line = index.record(done)
@@ -178,8 +178,8 @@ class Playback:
                     self._reducer.apply(event)
 
     def _shown_with(self, found: int) -> list[int]:
-        """The entry of a belief, and before it that with the cells of its grid, if the log has left its own
-        out."""
+        """The entry of a belief. If the log has left out the cells of its grid, the entry that has them comes
+        first."""
         at: int | None = found
         for _ in range(_MOST_WITHOUT_CELLS):
             line = None if at is None else self.index.record(at)

@@ -22,18 +22,19 @@ from simmer_tui.runlog.header import Header, parse_header, rebuild
 from simmer_tui.runlog.log_records import AnyRecord, BrokenLine, decode_line
 from simmer_tui.sim.command import escape
 
-# A belief of 5,000 particles takes 100 KB and a header some 20 KB: what is longer is no log.
+# A belief of 5,000 particles takes 100 KB and a header some 20 KB: a longer line is in no log.
 MAX_LINE = 16 * 1024 * 1024
 """Longest line that is read, bytes."""
-# The first two bytes of every gzip file (RFC 1952). The name may lie.
+# The first two bytes of every gzip file (RFC 1952); the name may be wrong.
 _GZIP = b"\x1f\x8b"
 # Logs pack to a tenth; a million commands are 140 MB.
 MOST_PACKED, MOST_UNPACKED = 50, 1_000_000_000
-"""Times its size, and bytes, beyond both of which a compressed file is no log, but fills the disk."""
+"""Ratio of unpacked to packed size, and unpacked bytes: a file beyond both is no log and would fill the
+disk."""
 _PIECE = 1 << 20  # bytes unpacked at once: 256 KiB of zeros, packed, would be 264 MB
 _BLOCK, _BLOCK_BYTES = 64, 1 << 18
-"""Events, and bytes of a log, that are read before any event is taken in. One at a time takes a tenth
-longer: reading and taking in push each other's code out of the processor's cache."""
+"""Events, and bytes of a log, that are read before any event is applied. One at a time takes a tenth longer:
+reading and applying evict each other's code from the processor's cache."""
 READS_LARGE: ContextVar[bool] = ContextVar("READS_LARGE", default=False)
 """True if the user has asked for compressed logs of any size (`--large`)."""
 # The encoder writes the tag first. A first line cut off within this is still a log's.
@@ -67,7 +68,7 @@ class RecordStream:
         return f"line {self.line + 1}, the last, is cut off and was skipped" if self._torn else ""
 
     def __iter__(self) -> Iterator[AnyRecord | BrokenLine]:
-        # What a torn line had read is read again: by now it may be whole.
+        # A partial last line is read again: by now it may be whole.
         self._file.seek(self.position)
         self._torn = False
         readline = partial(self._file.readline, MAX_LINE)
@@ -98,8 +99,8 @@ def too_long(line: int) -> BrokenLine:
 class LogReader(Closing):
     """The header and then the events of a log.
 
-    A broken line comes as a `BrokenLine`. A last line without its end, as a crash leaves it, is
-    left out, and `note` says so afterwards.
+    A broken line comes as a `BrokenLine`. A last line that a crash has cut off is left out, and `note` says
+    so afterwards.
     """
 
     def __init__(self, path: Path, configuration: Configuration | None = None) -> None:
@@ -133,15 +134,15 @@ class LogReader(Closing):
         return self._stream.note
 
     def fold(self) -> Reducer:
-        """A reducer that stands where the log begins."""
+        """A reducer with the state in which the log begins."""
         return Reducer(self.header.beginning(self.configuration))
 
     def lines(self) -> Iterator[tuple[int, AnyRecord | BrokenLine]]:
-        """The records as they stand, with the numbers of their lines."""
+        """The records in the order of the log, with the numbers of their lines."""
         return enumerate(self._stream, 2)
 
     def __iter__(self) -> Iterator[Logged | BrokenLine]:
-        # Line by line: reading can begin again after any, and nothing that was read ahead is lost.
+        # Line by line: reading can continue after any line, and nothing is read ahead and lost.
         for block in self.blocks(1):
             yield from block
 
@@ -173,7 +174,7 @@ class LogReader(Closing):
 def open_log(path: Path, shown: str) -> tuple[IO[bytes], Header]:
     """Open a log for reading, and read its header. Raises RunLogError, which names the log as `shown`.
 
-    A compressed log is unpacked to a temporary file, so that one can move about in it.
+    A compressed log is unpacked to a temporary file, for random access.
     """
     try:
         file: IO[bytes] = path.open("rb")
@@ -216,13 +217,13 @@ def _unpacked(file: IO[bytes], shown: str) -> IO[bytes]:
 
 
 def _pieces(file: IO[bytes]) -> Iterator[bytes]:
-    """The bytes of a gzip file, as far as it goes."""
+    """The bytes of a gzip file, up to its end or to where it is cut off."""
     packer = zlib.decompressobj(16 + zlib.MAX_WBITS)
     while chunk := file.read(1 << 18):  # gzip.GzipFile would give nothing of a run that was cut off
         while chunk:
             yield packer.decompress(chunk, _PIECE)
             chunk = packer.unconsumed_tail
-            # A gzip file may be several, one after the other (RFC 1952): logs that were joined.
+            # A gzip file may have several members (RFC 1952): logs that were concatenated.
             if packer.eof:
                 chunk, packer = packer.unused_data, zlib.decompressobj(16 + zlib.MAX_WBITS)
 

@@ -47,12 +47,12 @@ from simmer_tui.version import __version__
 # Times are sums: an hour of them is rounded by some 1e-12 s, and every movement takes far longer than 1e-9.
 SAME_TIME = 1e-9
 """Times this close count as equal, seconds."""
-# Last bits of sines, 1e-16, grow with the length of a run; what differs by more has gone another way.
+# Differences in the last bits of sines, 1e-16, grow during a run; a larger difference is a real one.
 _SAME_NUMBER = 1e-9
 """Numbers this close, absolutely or relatively, count as equal on a machine with other mathematics."""
-# Legs of one moment come together; these are far more.
+# Only the legs of one moment wait, far fewer than these.
 _UNMATCHED = 100
-"""Legs of the rerun that may wait for theirs in the log."""
+"""Legs of the rerun that may be unmatched by the log."""
 # Chosen: the event loop answers within milliseconds, unless the computer is overloaded.
 _LATE = 1.0
 """Longest delay of an answer by a busy computer, seconds of real time."""
@@ -80,12 +80,11 @@ class _DifferenceError(Exception):
 
 
 class InOrder:
-    """Takes records as they stand in a log, and gives them back in the order in which commands were taken
-    up, some of them later.
+    """Sorts the records of a log by the order in which commands began.
 
-    A log has events in the order in which they happened: an answer when it was given. A wait is answered at
-    its end, in timed motion a reading takes time and an answer is delayed on the link, so it may come after
-    commands that were taken up later. A rerun needs commands in the order in which they were taken up.
+    A log has events in the order in which they happened: an answer is where it was given. A wait is answered
+    at its end; in timed motion a reading takes time and the link delays an answer. So an answer may come
+    after commands that began later. A rerun needs commands in the order in which they began.
     """
 
     def __init__(self, configuration: Configuration) -> None:
@@ -93,7 +92,7 @@ class InOrder:
         link, motion = settings.link, settings.motion
         longest = max((sensor.read_time for sensor in sensors), default=0.0) + link.latency + link.jitter
         self._longest = longest if motion.motion == "timed" else 0.0
-        """Longest time of an answer but that of a wait, simulated seconds."""
+        """Longest time of an answer, except to a wait, simulated seconds."""
         self._scale = motion.time_scale
         self._held: list[tuple[float, int, int, AnyRecord]] = []
         self._begun = 0
@@ -101,7 +100,7 @@ class InOrder:
         self._whole = 0
         """Number up to which there is a record of each command."""
         self._ahead: set[int] = set()
-        """The numbers beyond it of which there is one."""
+        """Larger numbers with a record."""
 
     def take(self, line: int, record: AnyRecord) -> Iterator[tuple[int, AnyRecord]]:
         """Take a record. Gives those that no later record can precede."""
@@ -109,15 +108,15 @@ class InOrder:
             if record.action is ActionName.SPEED:
                 self._scale = max(self._scale, *record.arguments)
             if record.action.restarts:
-                yield from self.rest()  # nothing of the run before comes after this
+                yield from self.rest()  # the restart comes after all records of the run before
                 self._begun = self._whole = 0
                 self._ahead.clear()
                 yield line, record
                 return
         heapq.heappush(self._held, (*self._key(record), line, record))
         if self._whole < self._begun:
-            return  # somebody still waits
-        # Real time passes _LATE at the run's speed; no later record can have been taken up before that.
+            return  # a wait is not answered yet
+        # _LATE in simulated seconds at the run's speed: no later record can have begun before that.
         late = self._longest + _LATE * self._scale
         settled = record.t - late if self._longest else math.inf
         while self._held and self._held[0][0] < settled:
@@ -130,8 +129,9 @@ class InOrder:
             yield heapq.heappop(self._held)[2:]
 
     def _key(self, record: AnyRecord) -> tuple[float, int]:
-        """The sort key of a record: when its command was taken up, then twice its command's number, so that a
-        late answer goes before later commands of the same moment. What has none comes between two."""
+        """The sort key of a record: the time when its command began, then twice its command's number. So a
+        late answer comes before later commands of the same moment, and a record without a command between
+        two."""
         if isinstance(record, ReadingRecord | AnswerRecord | PlanRecord | MoveRecord | ActionRecord):
             self._begun = max(self._begun, record.n)
             if not isinstance(record, ActionRecord):
@@ -155,8 +155,8 @@ class Rerun(Closing):
     """A rerun of a log, line by line, on a simulator of its own."""
 
     def __init__(self, path: Path, folder: Path | None = None) -> None:
-        """Open a log and build its robot. Device files of its set are taken from a `folder`, by default from
-        where the run had them. Raises RunLogError, ConfigurationError."""
+        """Open a log and build its robot. Device files of its set are read from a `folder`, by default from
+        the set's own. Raises RunLogError, ConfigurationError."""
         self._log = LogReader(path)
         try:
             self._configuration = rebuild_to_run(self._log.header, folder)
@@ -166,17 +166,17 @@ class Rerun(Closing):
         self.commands = 0
         self.actions = 0
         self.difference: Difference | None = None
-        """The first difference, once it has been found."""
+        """The first difference, None until it is found."""
         self.notes: list[str] = []
         """Remarks for the user."""
         header = self.header = self._log.header
         self._legs: deque[tuple[int, LegRecord]] = deque()
-        """Legs of the log whose turn in the rerun is still to come."""
-        self._laid: deque[Leg] = deque()
+        """Legs of the log that the rerun has not reached yet."""
+        self._made: deque[Leg] = deque()
+        """Legs of the rerun that have not been found in the log yet."""
         self._ranges = LoggedRanges()
         self._scans: dict[int, FloatArray] = {}
         """Ranges of readings not compared yet, by their lines."""
-        """Legs of the rerun that have not been found in the log yet."""
         try:
             self.simulator = self._robot(header)
             """The robot."""
@@ -188,7 +188,7 @@ class Rerun(Closing):
         """The result of the movement under way, at its beginning."""
         self._cut = math.inf
         """Simulated time beyond which the present line's movement does not go."""
-        # The generator of errors has gone on with each command before, unlogged.
+        # Earlier commands, which the log lacks, have advanced the random generator of errors.
         self._comparing = header.number == 0
         self._in_order = InOrder(self._log.configuration)
         self.same_machine = header.mathematics in ("", math_fingerprint())
@@ -218,7 +218,7 @@ class Rerun(Closing):
         return simulator
 
     def steps(self) -> Iterator[int]:
-        """Run it, pausing after each line with the number of bytes read so far.
+        """Run it; yields the number of bytes read so far after each line.
 
         Ends at the first difference. Raises RunLogError for a broken line, for one that is missing,
         or if the log gives nothing to compare.
@@ -248,8 +248,8 @@ class Rerun(Closing):
         return self._configuration
 
     def until(self, last: int, time: float) -> Iterator[tuple[int, AnyRecord]]:
-        """Run it up to a moment: the lines up to number `last`, and then until a simulated time, pausing
-        after each line. A movement that is under way at that time is still under way in the end.
+        """Run it up to a moment: the lines up to number `last`, and then until a simulated time; yields after
+        each line. A movement that is under way at that time is still under way at the end.
 
         Raises RunLogError if the rerun differs from the log, or is impossible.
         """
@@ -292,7 +292,7 @@ class Rerun(Closing):
             yield line, said
 
     def _keep_scan(self, line: int, said: ReadingRecord) -> None:
-        """Keep the ranges of a reading until it is compared: that may be in another order than the log's."""
+        """Keep the ranges of a reading until it is compared, which may be in another order than the log's."""
         try:
             sensor = self.simulator.sensor(parse_command(said.command).code)
             ranges = self._ranges.of(said, sensor)
@@ -311,7 +311,7 @@ class Rerun(Closing):
                 self._read(line, said)
             case MoveRecord():
                 self._begin_movement(line, said)
-                # A run taken over on the way keeps this movement under way.
+                # A run that is taken over during this movement keeps it under way.
                 if said.end <= self._cut + SAME_TIME:
                     self._end(line, said, said.end)
             case PlanRecord():
@@ -333,11 +333,11 @@ class Rerun(Closing):
 
     def leg_begun(self, leg: Leg) -> None:
         """A leg begins in the rerun (see `MotionListener`)."""
-        # What another takes the place of was never logged as over: the log has both.
-        self._laid.append(leg)
-        # A log has each leg before what comes later: a time from elsewhere would have it drive for ever.
-        if len(self._laid) > _UNMATCHED:
-            first = self._laid[0]
+        # A leg that another replaced has no end in the log: the log has both.
+        self._made.append(leg)
+        # A log has each leg before later records: a wrong time would make the robot drive for ever.
+        if len(self._made) > _UNMATCHED:
+            first = self._made[0]
             raise RunLogError(
                 f"{self._log.shown}: a leg from {first.start_time:g} s on is missing: the log has a gap"
             )
@@ -347,12 +347,12 @@ class Rerun(Closing):
         """A leg is over in the rerun: its record in the log is its beginning."""
 
     def velocity_expired(self, time: float) -> None:
-        """A velocity has ended by its time: so it did in the log."""
+        """A velocity has ended by its time limit: so it did in the log."""
 
     def _compare_legs(self) -> None:
         """Compare the legs of log and rerun, as far as there are both."""
-        while self._legs and self._laid and self._comparing:
-            (line, said), leg = self._legs.popleft(), self._laid.popleft()
+        while self._legs and self._made and self._comparing:
+            (line, said), leg = self._legs.popleft(), self._made.popleft()
             what = f"leg of {said.command!r}"
             self._compare(line, what, "t", said.t, leg.start_time)
             self._compare(line, what, "end", math.inf if said.end is None else said.end, leg.end_time)
@@ -360,7 +360,8 @@ class Rerun(Closing):
             self._compare(line, what, "contact", _contact_values(said.contact), _contact_values(leg.contact))
 
     def _end_velocity(self, said: VelocityEndRecord) -> None:
-        """A velocity has ended: what the log's commands and the robot do not bring about is done here."""
+        """A velocity has ended: ends that neither the log's commands nor the robot cause are repeated
+        here."""
         if said.reason is VelocityEnd.LEFT:
             self.simulator.advance(said.t)
             self.simulator.release()
@@ -416,10 +417,10 @@ class Rerun(Closing):
         elif said.status in (Status.REFUSED, Status.UNKNOWN) or (
             said.status is Status.BUSY and said.reason == TOO_MANY_WAIT
         ):
-            # By rules of its dialect or its link, which a rerun does not know.
+            # Refused by rules of its dialect or its link, which a rerun does not know.
             command = replace(command, problem=said.reason)
         outcome, what = self._begin(line, said, command)
-        # A dialect may call refused what the grammar calls unknown: its word counts.
+        # A dialect may refuse a command that is unknown to the grammar: the dialect decides.
         now = said.status if command.problem and outcome.status is Status.REFUSED else outcome.status
         self._compare(line, what, "verdict", said.status.value, now.value)
         self._compare(line, what, "reply", float(said.reply), outcome.reply)
@@ -464,7 +465,7 @@ class Rerun(Closing):
         begun, self._begun = self._begun, None
         if begun is None or begun.number != said.n:
             raise RunLogError(f"{self._log.shown}: line {line}: command number {said.n} is not under way")
-        # Somebody pressed stop: nothing in configuration or seed says when.
+        # A person pressed stop: its time is not in configuration or seed.
         if said.stopped_by:
             self.simulator.advance(end)
             self.simulator.stop()
@@ -486,7 +487,7 @@ class Rerun(Closing):
 
 
 def _contact_values(contact: ContactFields | Contact | None) -> object:
-    """All that a log keeps of a contact, but for its place on the path."""
+    """The values of a contact in a log, without its place on the path."""
     if contact is None:
         return None
     time = contact.t if isinstance(contact, ContactFields) else contact.time
@@ -495,7 +496,7 @@ def _contact_values(contact: ContactFields | Contact | None) -> object:
 
 
 def _set_up(simulator: Simulator, header: Header) -> None:
-    """Repeat what a person changed between the start and the log's beginning."""
+    """Repeat a person's changes between the start and the log's beginning."""
     simulator.advance(header.t)
     simulator.set_bias(header.bias)
     # Moving a block is an error where there is none, or while it is held.
@@ -506,7 +507,7 @@ def _set_up(simulator: Simulator, header: Header) -> None:
 
 
 def _same(logged: object, now: object) -> bool:
-    """True if two values are the same but for rounding."""
+    """True if two values are the same within `_SAME_NUMBER`."""
     match logged, now:
         case Pose(), Pose():
             return _same((logged.x, logged.y, logged.heading), (now.x, now.y, now.heading))

@@ -31,7 +31,7 @@ LARGEST = 64 * MEGABYTE
 ALL_TOGETHER = 256 * MEGABYTE
 """Size limit of all runs together, bytes."""
 UNWRITTEN = 8 * MEGABYTE
-"""Size limit of what waits for a slow disk, bytes."""
+"""Size limit of data that waits for a slow disk, bytes."""
 # A crash loses this much of a run; one write a line would cost a system call each.
 GATHER = 0.25
 """Time over which lines are collected for one write, seconds."""
@@ -180,7 +180,7 @@ class _BackgroundFile:
             raise OSError("the disk is too slow")
         self._given += len(data)
         self._pieces.append(data)
-        # Asking is cheaper than setting, which takes a lock; most lines come while it is set.
+        # A check is cheaper than setting, which takes a lock; most lines come while it is set.
         if not self._come.is_set():
             self._come.set()
 

@@ -1,7 +1,7 @@
-"""The one reader of JSON in files of ours: lines of logs, plans and results of runs, what was calibrated.
+"""The one reader of JSON in files of ours: lines of logs, plans and results of runs, calibrated knowledge.
 
-A file may be broken, or made by somebody. A value that is returned has the types of its struct throughout,
-and its numbers are finite. All else is a ValueError, which the reader of each kind of file words.
+A file may be damaged, or made by anybody. Every value returned has the types of its struct, and finite
+numbers. All else is a ValueError, for which the reader of each kind of file has its message.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ _Kind = TypeVar("_Kind")
 
 
 class TypedJson(Generic[_Kind]):
-    """Reads values of one type. It may hold paths, as text."""
+    """Reads values of one type, which may contain paths, as text."""
 
     def __init__(self, kind: Any) -> None:
         """`kind` is a struct, or a union of tagged ones."""

@@ -1,4 +1,4 @@
-"""Writes a run log while the run goes on."""
+"""Writes a run log during the run."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from simmer_tui.runlog.log_records import encode_line
 from simmer_tui.sim.command import escape
 from simmer_tui.sim.simulator import Simulator
 
-# A log has a program's output and, in a mission, what grades are made of: others never write it.
+# A log has a program's output and, in a mission, the data for grades: other users never write it.
 MODE = 0o644
 """Permissions of a new log, which the umask narrows further."""
 AUTO = "auto"
@@ -40,7 +40,7 @@ PACKED = ".gz"
 # Each check is a system call, as the write of a line is.
 LOOK_EVERY = 100
 """Lines after which the file is checked: it may have been deleted or cut."""
-# Each flush adds bytes and ends what the compression has learned of the lines before.
+# Each flush adds bytes and restarts the compression's statistics.
 FLUSH_EVERY = 64
 """Lines of a compressed log that a crash may lose."""
 # A seek in a replay reads back to one of these: 500 lines take about 5 ms.
@@ -53,7 +53,7 @@ def auto_path(now: datetime | None = None) -> Path:
 
     It exists at once, so that runs that start in the same second get one each. Raises RunLogError.
     """
-    # The user's data folder of the platform: a log outlives the folder one happened to stand in.
+    # The user's data folder of the platform, not the working directory, which may be temporary.
     folder = platformdirs.user_data_path("simmer-tui", appauthor=False) / "logs"
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -80,18 +80,18 @@ class LineFile(Protocol):
     def write(self, data: bytes) -> None: ...
 
     def look(self) -> None:
-        """Check that the file still holds what was written."""
+        """Check that the file still has all written data."""
 
     def close(self) -> None: ...
 
 
 @dataclass(slots=True)
 class ReplayedPrefix:
-    """The part of another run that a log begins with, and how far its replay is: `real_time` (seconds
-    since that log began), simulated `time`, and the number of `commands` begun by then. Once the replay
-    is `over`, real time goes on from there.
+    """The part of another run that a log begins with, and how far its replay is: `real_time` (seconds since
+    that log began), simulated `time`, and the number of `commands` begun by then. Once the replay is `over`,
+    real time continues from there.
 
-    Whoever replays the prefix updates this.
+    The code that replays the prefix updates this.
     """
 
     origin: TakenOver
@@ -118,7 +118,7 @@ class ReplayedPrefix:
 
 
 def steady_clock() -> Callable[[], float]:
-    """A clock that gives seconds since 1970 as of now, and goes on evenly: the system's may be set back."""
+    """A clock that gives seconds since 1970 and runs evenly: the system's clock may be set back."""
     offset = time.time() - time.monotonic()
     return lambda: offset + time.monotonic()
 
@@ -126,9 +126,8 @@ def steady_clock() -> Callable[[], float]:
 class RunLog(Closing):
     """A watcher that appends each event to a file, with one write a line and no buffer.
 
-    Make it and let it be called in the robot's thread, since it asks the simulator for the time.
-    If a write fails the run goes on without a log: `stopped` holds the reason, and `on_stop` is called
-    with it once.
+    Make it and call it in the robot's thread, since it reads the simulator's time. If a write fails the run
+    continues without a log: `stopped` holds the reason, and `on_stop` is called with it once.
     """
 
     def __init__(
@@ -147,11 +146,11 @@ class RunLog(Closing):
         ending of its name. The events of a `prefix` come first. Raises RunLogError."""
         self.path = path
         self.stopped = ""
-        """Reason why nothing is written any more, or empty."""
+        """Reason why writing has stopped, or empty."""
         self.lines = 0
         """Lines written, the header included."""
         self._simulator = simulator
-        # A failure of the header is raised, not told: set to the caller's function at the end.
+        # A failure of the header is raised, not reported by `on_stop`: it is set at the end.
         self._on_stop: Callable[[str], None] = lambda why: None
         self._prefix = prefix
         self._clock = clock = prefix.clock if prefix is not None else clock or steady_clock()
@@ -200,7 +199,7 @@ class RunLog(Closing):
 
     def close(self) -> None:
         """Stop writing. May be called more than once."""
-        # A movement that was still to end has its plan at least.
+        # A movement that has not ended gets its plan at least.
         for record in self._encoder.rest(self._clock() - self._begun):
             self._write(record)
         try:
@@ -211,7 +210,7 @@ class RunLog(Closing):
         self.stopped = self.stopped or "the log is closed"
         try:
             self._file.close()
-        except OSError as error:  # what a compressed log still held
+        except OSError as error:  # while writing the rest of a compressed log
             self._on_stop(f"logging to {escape(str(self.path), 200)} has stopped: {error.strerror or error}")
 
     def _write(self, record: Struct) -> None:
@@ -271,11 +270,11 @@ class _LogFile:
         self._size += len(data)
 
     def look(self) -> None:
-        """Raise OSError if the file does not hold what was written any more."""
+        """Raise OSError if the file has lost written data."""
         if not self._plain:
             return
         found = os.fstat(self._descriptor)
-        # Writes to a deleted file succeed: only this tells.
+        # Writes to a deleted file succeed: only this check shows it.
         if found.st_nlink == 0:
             raise OSError("the file has been deleted")
         if found.st_size < self._size:
@@ -288,7 +287,7 @@ class _LogFile:
 
 
 def _existing(path: Path, flags: int) -> int:
-    """Open what exists, but no file through a link: in a folder of others it may lead anywhere."""
+    """Open an existing path, but no file through a link: in a folder of other users it may lead anywhere."""
     try:
         return os.open(path, flags | getattr(os, "O_NOFOLLOW", 0))
     except OSError:

@@ -1,3 +1,3 @@
-"""Trials: a control program run many times, each time by its own robot, and how often it succeeds."""
+"""Trials: many runs of a control program, each with a robot of its own, and their success rate."""
 
 __all__ = ["compare", "folder", "intervals", "local", "run", "trial"]

@@ -1,8 +1,8 @@
 """The control for chance: a change may save a failed run by itself, or by the other errors that it draws.
 
 A change of the simulator changes all random errors that follow, so a run that failed by a narrow margin may
-succeed with any change. So the same mission is flown with other errors, changed and unchanged, with the same
-seeds for both. What chance alone gives shows in the unchanged runs.
+succeed with any change. So the same mission is run with other errors, changed and unchanged, with the same
+seeds for both. The unchanged runs show the effect of chance alone.
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ from simmer_tui.trials.intervals import PairCounts, mcnemar, paired_difference
 REPEATS = 10
 """Runs with other errors, changed and unchanged each. If the change alone saves six, p is 0.03."""
 SIGNIFICANCE = 0.05
-"""Probability that some change of a run is called sure where none makes a difference."""
+"""Probability that some change of a run is named as sure where none makes a difference."""
 
 
 @dataclass(frozen=True, slots=True)
 class ChanceControl:
     """A change of a failed run beside the unchanged run, as `pairs` with the same other errors: the first is
-    unchanged, the second changed. It was one of so many changes `tested`."""
+    unchanged, the second changed. `tested` is the number of changes that were tested."""
 
     change: str
     pairs: PairCounts

@@ -1,6 +1,6 @@
 """Runs on a Dask cluster, whose workers share no folder with this machine.
 
-The program's files and how to start it travel there, results and logs come back. Needs the extra
+The program's files and its command are sent there, results and logs come back. Needs the extra
 `simmer-tui[dask]`, here and on the workers.
 """
 
@@ -30,13 +30,13 @@ from simmer_tui.version import requirement
 if TYPE_CHECKING:
     from distributed import Client, Future
 
-# Each worker gets all of it before its first run: programs have kilobytes, an environment hundreds of
+# Each worker receives all files before its first run: programs have kilobytes, an environment hundreds of
 # megabytes.
 MOST_BYTES, MOST_FILES = 8_000_000, 2000
 _ELSEWHERE = "elsewhere"
 """Folder of files from outside the working directory."""
 _PYTHON = "python"
-"""Python in a packed command: each machine takes its own."""
+"""Python in a packed command: each machine uses its own."""
 _CACHES = ("__pycache__", "node_modules", "site-packages")
 _OWN_RESULTS = "trials.json"
 
@@ -51,7 +51,7 @@ class PackedFile:
 
 @dataclass(frozen=True, slots=True)
 class ProgramBundle:
-    """The words of a command, and the files they speak of by path, relative and with slashes."""
+    """The words of a command, and the files that they name, by relative path with slashes."""
 
     words: tuple[str, ...]
     files: dict[str, PackedFile]
@@ -60,11 +60,10 @@ class ProgramBundle:
 def pack(command: str, folder: Path) -> ProgramBundle:
     """A command as it would be started in `folder`, with the files that it needs.
 
-    The program is the first word that names a file, or a module after `-m`; the whole folder that it
-    lies in (of a module, `folder`) goes along, but for hidden files, caches and results of trials. Of
-    other words that name a file, the file does.
-    An absolute first word is something installed, which other machines have themselves.
-    Raises TrialsError if a file cannot be read or there is too much.
+    The program is the first word that names a file, or a module after `-m`. Its whole folder (of a module,
+    `folder`) is packed, without hidden files, caches and results of trials. Of other words that name a file,
+    only the file is packed. An absolute first word is an installed program, which other machines have
+    themselves. Raises TrialsError if a file cannot be read or there is too much.
     """
     words = _split(command)
     if words and is_python(words[0]):
@@ -90,11 +89,11 @@ def pack(command: str, folder: Path) -> ProgramBundle:
 
 
 def unpack(bundle: ProgramBundle, folder: Path) -> str:
-    """Lay the files out in `folder`; returns the command that is to be started there."""
+    """Write the files to `folder`; returns the command to start there."""
     lay_out(bundle.files, folder)
     words = list(bundle.words)
     if words and words[0] == _PYTHON:
-        words[0] = sys.executable  # the one that has this package
+        words[0] = sys.executable  # the Python that has this package
     elif words and words[0] in bundle.files:
         words[0] = str(folder / words[0])
     return shlex.join(words) if platform_has.POSIX else subprocess.list2cmdline(words)
@@ -125,7 +124,7 @@ def _module(folder: Path, name: str) -> Path:
 
 
 def _places(path: Path, folder: Path, number: int) -> tuple[Path, str]:
-    """The folder that goes along with a file, and what the names in it begin with over there."""
+    """The folder that is packed with a file, and the prefix of its files' names on the other machine."""
     home, root = path.resolve().parent, folder.resolve()
     if not home.is_relative_to(root):
         return path.parent, f"{_ELSEWHERE}/{number}/"
@@ -147,7 +146,7 @@ def _below(folder: Path) -> Iterator[Path]:
 
 
 def _add_below(files: dict[str, PackedFile], home: Path, goal: str) -> None:
-    """All that goes along from a folder. Raises TrialsError."""
+    """Add all files of a folder that are packed. Raises TrialsError."""
     for path in _below(home):
         _add(files, f"{goal}{path.relative_to(home).as_posix()}", path)
 
@@ -198,12 +197,12 @@ def connect(address: str) -> Client:
 def run_on_cluster(
     trials: Iterable[Trial], program: ProgramBundle, folder: Path, client: Client
 ) -> Generator[TrialResult, None, None]:
-    """The results of all trials, each when it is there. Logs come back and go to `folder`.
+    """The results of all trials, each as soon as it is there. Logs come back and are written to `folder`.
 
-    The program's files travel to each worker once. Raises what `results_of` does.
+    The program's files are sent to each worker once. Raises what `results_of` does.
     """
-    # Not pure: what has been computed for other trials with the same inputs is not to be reused.
-    # The program is a task's result rather than scattered: it is made anew when its worker is lost.
+    # Not pure: results of other trials with the same inputs must not be reused.
+    # The program is a task's result rather than scattered: it is made again when its worker is lost.
     packed = client.submit(itself, program, pure=False)
 
     def submit(trial: Trial) -> Future:
@@ -215,9 +214,9 @@ def run_on_cluster(
 def results_of(
     trials: Iterable[AnyTrial], submit: Callable[[AnyTrial], Future], folder: Path, client: Client
 ) -> Generator[TrialResult, None, None]:
-    """The results of runs that `submit` sends to the cluster, each when it is there, with the files it
-    leaves, which go to `folder`. Twice as many are sent at a time as the workers have threads; a trial is
-    asked for when it is sent, so which are to come may depend on the results.
+    """The results of runs that `submit` sends to the cluster, each as soon as it is there; the files that it
+    leaves are written to `folder`. Twice as many are sent at a time as the workers have threads. A trial is
+    taken from the iterator when it is sent, so the next ones may depend on the results.
 
     When the iterator is closed, runs that have not begun are cancelled. Raises ClusterError when the
     scheduler is lost, TrialsError if a run cannot be done at all.
@@ -231,12 +230,12 @@ def results_of(
     try:
         for future in completed:
             trial = futures.pop(future)
-            if future.cancelled():  # nobody but a lost scheduler does it
+            if future.cancelled():  # only a lost scheduler does it
                 raise ClusterError(_LOST)
             error = future.exception()
             if isinstance(error, SimmerError):
                 raise TrialsError(str(error))
-            if error is not None:  # a fault, or a worker that was lost again and again
+            if error is not None:  # a fault, or a worker that was lost several times
                 yield fault_result(trial, f"{type(error).__name__}: {error}")
             else:
                 result, files = _fetched(future)
@@ -263,7 +262,7 @@ def _fetched(future: Future) -> tuple[TrialResult, _Files]:
 
 
 def itself(files: AnyFiles) -> AnyFiles:
-    """The task whose result is what travels to a worker."""
+    """The task whose result is sent to a worker."""
     return files
 
 
@@ -280,7 +279,7 @@ def run_there(trial: Trial, program: ProgramBundle) -> tuple[TrialResult, _Files
 
 @contextlib.contextmanager
 def refused() -> Iterator[None]:
-    """Raises TrialsError for any error of ours: some others do not survive the way back."""
+    """Raises TrialsError for any error of ours: some others cannot be sent back."""
     try:
         yield
     except SimmerError as error:
@@ -294,7 +293,7 @@ def files_left(folder: Path) -> _Files:
 
 
 def check_workers(client: Client) -> None:
-    """Raises ClusterError if there is nobody to do a run."""
+    """Raises ClusterError if there is no worker for a run."""
     information: dict[str, Any] = client.scheduler_info(n_workers=-1)
     if not information["workers"]:
         raise ClusterError("--dask: the cluster has no workers")

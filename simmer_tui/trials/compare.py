@@ -1,4 +1,4 @@
-"""Two sets of trials on the same seeds, compared run by run. Only those of the same task are."""
+"""Two sets of trials on the same seeds and the same task, compared run by run."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from simmer_tui.trials.trial import RANDOM, TrialResult, clocks_text
 
 # The usual level; with the interval of 95 % in the same table, both say the same.
 SIGNIFICANCE = 0.05
-"""Below this p the runs are taken to show a difference."""
+"""Below this p-value the difference counts as significant."""
 SETS = DataTable(
     "sets",
     "Trials",
@@ -129,7 +129,7 @@ def verdict(pairs: list[RunPair]) -> str:
 
 
 def shown_test(counts: PairCounts) -> str:
-    """The test that the verdict goes by, with as many digits as tell on which side of 5 % it lies."""
+    """The test behind the verdict, with enough digits to show on which side of 5 % it lies."""
     p = mcnemar(counts)
     shown = f"{p:.2g}"
     if float(shown) == SIGNIFICANCE:
@@ -200,7 +200,7 @@ def _means(pairs: list[RunPair]) -> DataTable:
 
 _OF_THE_TASK = (*mission_toml.OVERRIDDEN, "blocksize", "motion.block_solid")
 _NOT_OF_A_RUN = ("seed", "randerror", "sim", "plot_robot", "plot_sense")
-"""Settings that trials do without, or have of their own."""
+"""Settings that trials do not use, or set themselves."""
 _TABLES_NOT_OF_A_RUN = ("server", "serial", "screen", "keys")
 """Tables of settings that change neither task nor robot: links to the program, and the screen."""
 
@@ -216,8 +216,8 @@ _ROBOT_FILES: dict[str, Callable[[Configuration], object]] = {
 
 
 def task_differences(first: TrialFolder, second: TrialFolder, mazes: Iterable[str]) -> list[str]:
-    """The names of what the robot was to do, and where, that is not the same for both, for runs in
-    some `mazes`. Comments and line ends make no difference."""
+    """The names of the parts of the task and its maze that differ between the two, for runs in some `mazes`.
+    Comments and line ends make no difference."""
     one, other = first.configuration, second.configuration
     found = []
     if one.mission != other.mission:
@@ -240,7 +240,7 @@ def task_differences(first: TrialFolder, second: TrialFolder, mazes: Iterable[st
 
 
 def robot_differences(first: TrialFolder, second: TrialFolder) -> list[str]:
-    """The names of the files and settings of the robot itself that are not the same for both."""
+    """The names of the files and settings of the robot itself that differ."""
     one, other = first.configuration, second.configuration
     found = [
         name
@@ -266,5 +266,5 @@ def _settings(one: Configuration, other: Configuration, matters: Callable[[str],
 
 
 def _lines(configuration: Configuration, name: str) -> list[str]:
-    """A file's lines; a profile changes what it amounts to, but not the file."""
+    """A file's lines; a profile is not in them, though it changes the values."""
     return configuration.files.get(name, "").splitlines()

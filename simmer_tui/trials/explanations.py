@@ -1,8 +1,9 @@
-"""Explanations of failed runs: each runs again, with one change at a time; what made it succeed is named.
+"""Explanations of failed runs: each runs again, with one change at a time; changes that make it succeed are
+named.
 
-What made it succeed is then repeated with other errors, beside the unchanged run: `chance_control.py`.
-Results are lines of `why/results.jsonl` in the folder of the trials, so that they can be gone on with. Logs
-of changed runs are not kept: a set's files do not hold such changes.
+Those changes are then repeated with other errors, beside the unchanged run: `chance_control.py`.
+Results are lines of `why/results.jsonl` in the folder of the trials, so that they can be continued. Logs of
+changed runs are not kept: a set's files cannot express such changes.
 """
 
 from __future__ import annotations
@@ -37,9 +38,9 @@ more to control for chance."""
 
 
 class ChangedRun(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """The result of a run with one change. `succeeded` is None if the simulator failed. `part` says what
-    was changed, `codes` which sensors were. `text` is its verdict. `repeat` is 0 with its own errors,
-    else the number of the other errors."""
+    """The result of a run with one change. `succeeded` is None if the simulator failed. `part` is the changed
+    part, `codes` are the changed sensors. `text` is its verdict. `repeat` is 0 with its own errors, else the
+    number of the other errors."""
 
     run: int
     change: str
@@ -63,8 +64,9 @@ _KIND = StoreKind(
 
 @dataclass(frozen=True, slots=True)
 class Explanation:
-    """Why a run failed, by what made it succeed. `confirmed` is True or False where its verdict was only
-    likely and the changes speak for or against it, else None. `controls` are of what made it succeed."""
+    """The explanation of a failed run by the changes that make it succeed. `confirmed` is True or False where
+    its verdict was only likely and the changes confirm or contradict it, else None. `controls` are those of
+    these changes."""
 
     run: int
     text: str
@@ -90,9 +92,9 @@ class Explanations:
             self.done.setdefault((each.run, each.change, each.repeat), each)
 
     def explain(self, most: int, jobs: int) -> Generator[ChangedRun, None, None]:
-        """Run up to `most` failed runs again, without and then with changes, and keep what comes of it.
+        """Run up to `most` failed runs again, without and then with changes, and keep the results.
 
-        Changes come only to those that fail again without one. Raises TrialsError, ConfigurationError.
+        Only runs that fail again without a change get changes. Raises TrialsError, ConfigurationError.
         """
         with contextlib.suppress(FileExistsError):
             self._store.path.mkdir()
@@ -139,7 +141,7 @@ class Explanations:
         missing = [each for each in asked if (each[0], each[1].change, each[2]) not in self.done]
         if not missing:
             return
-        # The number of a trial names its files, and must differ; programs see `repetition`.
+        # The number of a trial names its files, and must be unique; programs see `repetition`.
         trials = [
             replace(_trial(self._folder, number, repeat), number=place, configuration=each.configuration)
             for place, (number, each, repeat) in enumerate(missing, 1)
@@ -183,7 +185,7 @@ def _sensors_read(log: Path) -> set[str] | None:
         return None
 
 
-# -- what the changes say --------------------------------------------------------------------------
+# -- results of changes ----------------------------------------------------------------------------
 
 _SENSORS = frozenset((ChangedPart.SENSOR, ChangedPart.SENSORS))
 _DRIVES = frozenset((ChangedPart.NOISE, ChangedPart.BIAS, ChangedPart.DRIVES))
@@ -217,7 +219,7 @@ def explained(result: TrialResult, changed: Sequence[ChangedRun]) -> Explanation
     controls: list[ChanceControl] = []
     if repeats:
         controls = _controls(saved, changed)
-        text = f"Run {result.number} {_told(len(tried), saved, controls)}"
+        text = f"Run {result.number} {_outcome_text(len(tried), saved, controls)}"
     suspected = str(cause.get("kind", "")) if likely else ""
     confirmed = _confirmed_surely(cause, tried, saved, controls) if likely and repeats else None
     return Explanation(result.number, text, suspected, confirmed, tuple(controls))
@@ -229,8 +231,8 @@ def _confirmed_surely(
     saved: Sequence[ChangedRun],
     controls: Sequence[ChanceControl],
 ) -> bool | None:
-    """`_confirmed` by what saved the run surely: what did so perhaps by chance speaks neither for a cause nor
-    against it."""
+    """`_confirmed` by the changes that are sure: one that may have saved the run by chance neither confirms
+    nor contradicts a cause."""
     sure = {each.change for each in controls if each.is_sure}
     kept = [each for each in saved if each.change in sure]
     return _confirmed(cause, tried, kept) if bool(kept) == bool(saved) else None
@@ -251,7 +253,7 @@ def _controls(saved: Sequence[ChangedRun], changed: Sequence[ChangedRun]) -> lis
     return [each for each in found if each is not None]
 
 
-def _told(tried: int, saved: Sequence[ChangedRun], controls: Sequence[ChanceControl]) -> str:
+def _outcome_text(tried: int, saved: Sequence[ChangedRun], controls: Sequence[ChanceControl]) -> str:
     """The rest of the sentences about a run that fails again without a change."""
     if not tried:
         return "has not been repeated with changes yet."
@@ -280,7 +282,7 @@ def _shown(controls: Sequence[ChanceControl]) -> str:
 
 
 def _simplest(saved: Sequence[ChangedRun]) -> list[ChangedRun]:
-    """The changes that saved a run, without those that only hold another of them."""
+    """The changes that saved a run, without those that contain another of them."""
     parts = {each.part for each in saved}
     alone = {code for each in saved if each.part is ChangedPart.SENSOR for code in each.codes}
     kept: list[ChangedRun] = []
@@ -299,7 +301,7 @@ def _confirmed(
     cause: Mapping[str, object], tried: Sequence[ChangedRun], saved: Sequence[ChangedRun]
 ) -> bool | None:
     """True if only changes of the suspected parts saved the run, False if none of them did; None if that
-    cannot be told."""
+    cannot be decided."""
     parts = next((parts for kind, parts in _BY_KIND.items() if kind.value == cause.get("kind")), None)
     if parts is None:
         return None
@@ -349,10 +351,10 @@ def explanation_tables(folder: TrialFolder) -> list[DataTable]:
     """Tables of explanations and of changed runs; without rows if there are none. Raises TrialsError."""
     found = Explanations(folder)
     explanations = found.explanations()
-    told = [(each.run, each.text, each.suspected or None, each.confirmed) for each in explanations]
+    rows = [(each.run, each.text, each.suspected or None, each.confirmed) for each in explanations]
     controls = [(each.run, control) for each in explanations for control in each.controls]
     changed = [
         (each.run, each.change, each.repeat, each.succeeded, each.text) for each in found.done.values()
     ]
     changed.sort(key=lambda row: (row[0], row[2]))
-    return [WHY_FAILED.filled(told), control_table(controls), CHANGED_RUNS.filled(changed)]
+    return [WHY_FAILED.filled(rows), control_table(controls), CHANGED_RUNS.filled(changed)]

@@ -1,6 +1,6 @@
-"""Causes of failed runs, and the one to fix first; and which sensors and drives were not as they should be.
+"""Causes of failed runs, and the one to fix first; and the findings about sensors and drives.
 
-A run has its findings whether it failed or not: a program may cope with a wrong sensor, or only just.
+A successful run has its findings too: its program may only just tolerate a wrong sensor.
 """
 
 from __future__ import annotations
@@ -109,7 +109,7 @@ def color_of(name: str) -> str:
 
 
 def kind_of(name: str) -> Kind | None:
-    """The kind of a cause's name; None if it is none that we know."""
+    """The kind of a cause's name; None for an unknown name."""
     return next((kind for kind in Kind if kind.value == name), None)
 
 

@@ -20,10 +20,13 @@ from simmer_tui.trials.folder import RUNS, TrialFolder
 from simmer_tui.trials.intervals import counted, histogram
 from simmer_tui.trials.trial import TrialResult
 
+# Height of a row of the legend, points.
 _KEY = 26.0
+# Bounds of the map: points an inch, and points.
 _LARGEST_SCALE, _TALLEST = 10.0, 700.0
 _START, _BLOCK = "#e8f0ff", "#fff3c4"
 _SUCCESS, _FAILURE = "#0a968c", "#f5a500"
+# Height of the tallest bar of a histogram, points.
 _BAR_HEIGHT = 130.0
 
 
@@ -159,12 +162,12 @@ def histogram_figure(successes: Sequence[float], failures: Sequence[float], unit
     return Figure("Histogram", WIDTH, bottom + 40, "".join(parts))
 
 
-# Each page takes time and room, and nobody looks at more runs than these.
+# Each page takes time and space, and nobody reads more pages than these.
 MOST = 60
 """Most pages of a set of trials."""
 # A longer log makes a page that browsers open slowly.
 _LARGEST = 20_000_000
-"""Bytes of a log that a page is made of."""
+"""Largest log that a page is made of, bytes."""
 _SUFFIX = ".html"
 
 
@@ -174,7 +177,7 @@ def log_page(log: Path, name: str, *, commands: bool = True) -> str | None:
         with LogReader(log) as reader:
             return report_page(report_of(reader), name, commands=commands)
     except (RunLogError, ConfigurationError):
-        return None  # it says so itself when it is reported on
+        return None  # `report` gives the message for it
 
 
 def write_run_pages(folder: TrialFolder) -> dict[int, str]:

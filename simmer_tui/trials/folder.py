@@ -1,6 +1,6 @@
-"""The folder that a set of trials lives in: what is to be done, and what has been done.
+"""The folder of a set of trials: the plan and the results.
 
-trials.json     what is to be done, so that it can be gone on with
+trials.json     the plan, so that the trials can be continued
 set/, mazes/    the configuration set and the mazes as they were at the beginning
 points/         of a sweep, the sets whose files a value changes
 results.jsonl   a line a run, appended when it is over
@@ -76,10 +76,10 @@ KIND = StoreKind(
 
 
 class TrialFolder:
-    """An open folder. Make it with `create` or `resume`, or `read` for one that is only looked at."""
+    """An open folder. Make it with `create` or `resume`, or `read` if it is only read."""
 
     def __init__(self, path: Path, plan: TrialPlan, devices: DeviceUse = DeviceUse.RUN) -> None:
-        """With `devices` parsed it can be looked at, and no run be done. Raises ConfigurationError."""
+        """With `devices` parsed it can be read, but no run can be done. Raises ConfigurationError."""
         self.path = path
         self.plan = plan
         self.store = RunStore(path, KIND)
@@ -114,7 +114,7 @@ class TrialFolder:
 
     @classmethod
     def read(cls, path: Path, devices: DeviceUse = DeviceUse.RUN) -> TrialFolder:
-        """A set of trials as far as it is done. Raises TrialsError, ConfigurationError."""
+        """A set of trials with the results so far. Raises TrialsError, ConfigurationError."""
         store = RunStore(path, KIND)
         folder = cls(path, store.read_plan(), devices)
         for where, result in store.lines():
@@ -140,7 +140,7 @@ class TrialFolder:
         return self.runs / f"{self.trial(number).name}{LOG}"
 
     def trial(self, number: int) -> Trial:
-        """A run as it is to be done; numbers begin with 1."""
+        """The plan of one run; numbers begin with 1."""
         plan, names = self.plan, list(self.mazes)
         repetition = plan.repetition(number)
         name = ""
@@ -181,12 +181,12 @@ class TrialFolder:
         return [result.success for result in unbroken(self.results)]
 
     def append(self, result: TrialResult) -> None:
-        """Keep the result of a run: on the disk when this returns. Raises TrialsError."""
+        """Write the result of a run, which is on the disk when this returns. Raises TrialsError."""
         self.store.append(result)
         self.results[result.number] = result
 
     def write_plan(self, plan: TrialPlan) -> None:
-        """Change what is to be done. Raises TrialsError."""
+        """Replace the plan. Raises TrialsError."""
         self.store.write_plan(plan)
         self.plan = plan
 

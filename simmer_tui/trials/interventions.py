@@ -1,9 +1,9 @@
 """Interventions on a failed run: the same program, seed and mission, and one change of the simulator.
 
-What a program would have made of true readings is in no log, because the program decides by them. So it runs
-again, in a simulator that differs in one thing. True is what an ideal sensor says: no random error, no bias.
-Gain, sign, wrap and mounting are those of the nominal set, which the program was written for. A run of its
-own without any change tells whether the program does the same again at all.
+The effect of true readings on a program is in no log, because the program decides by them. So it runs again,
+in a simulator that differs in one thing. True readings are those of an ideal sensor: no random error, no
+bias. Gain, sign, wrap and mounting are those of the nominal set, for which the program was written. A run
+without any change shows whether the program repeats its run at all.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ class ChangedPart(StrEnum):
     NOTHING = "nothing"
     SENSOR = "sensor"
     SENSORS = "sensors"
-    """Several, or all."""
+    """Several sensors, or all."""
     NOISE = "noise"
     BIAS = "bias"
     DRIVES = "drives"
@@ -60,7 +60,7 @@ def interventions(
     Args:
         configuration: The run as it was.
         nominal: The set that its own is a variant of.
-        read: IDs of the sensors that the program read; None if that is not known.
+        read: IDs of the sensors that the program read; None if they are not known.
         suspects: Codes of sensors and drives that a verdict names; several sensors are changed together.
     """
     spec = configuration.simulation
@@ -94,7 +94,7 @@ def interventions(
 
 
 def _different(found: Sequence[Intervention]) -> list[Intervention]:
-    """Those that come to something else than all before them."""
+    """Those with another effect than all before them."""
     kept: list[Intervention] = []
     for each in found:
         if all(_effective(each) != _effective(other) for other in kept):
@@ -114,8 +114,8 @@ _ERRORS = (
 
 
 def _true_sensor(spec: SensorSpec, nominal: Nominal | None) -> SensorSpec:
-    """The sensor as the program takes it to be, without errors. A gain of 0, or another than the nominal
-    one, is an error; its sign is how it is wired."""
+    """The sensor as the program assumes it, without errors. A gain of 0, or another than the nominal one, is
+    an error; its sign is its wiring."""
     rows = () if nominal is None else nominal.spec.sensors
     known = next((row for row in rows if row.code == spec.code and row.kind is spec.kind), None)
     if known is None:
@@ -131,7 +131,7 @@ def _without_noise(spec: SimulationSpec) -> SimulationSpec:
 
 
 def _without_bias(spec: SimulationSpec, nominal: Nominal | None) -> SimulationSpec:
-    """Every drive goes where the nominal one of its code goes, and as far."""
+    """The specification in which every drive moves as the nominal one of its code."""
     rows = {} if nominal is None else {each.code: each for each in nominal.spec.drives}
     drives = tuple(_true_drive(each, rows.get(each.code)) for each in spec.drives)
     return replace(spec, drives=drives, randbias=False)

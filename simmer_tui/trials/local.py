@@ -1,10 +1,10 @@
 """Runs in parallel on this machine: each worker is a process that does one run after the other.
 
-A simulator in the worker itself starts in milliseconds, where a new one for each run would first
-import all it stands on. A worker that dies takes one run with it and is replaced.
+A simulator in the worker itself starts in milliseconds; a new process for each run would first import all its
+modules. A worker that dies loses one run and is replaced.
 
-A pool of our own: that of concurrent.futures breaks when one worker dies and knows no time limit, and
-pebble's notices a worker that ends with exit code 0 only at its time limit.
+The pool is our own. That of concurrent.futures breaks when one worker dies, and has no time limit. Pebble's
+notices a worker that ends with exit code 0 only at its time limit.
 """
 
 from __future__ import annotations
@@ -31,17 +31,17 @@ from simmer_tui.program import Keeper
 from simmer_tui.trials.run import TrialRun, fault_result
 from simmer_tui.trials.trial import Trial, TrialResult
 
-# A run ends within seconds of its limit, more on a machine with too much work.
+# A run ends within seconds of its limit, later on an overloaded machine.
 _OVERDUE = 30.0
-"""Time from the real time limit to the end of a worker that does not answer, seconds. Only a simulator that
+"""Time from the real time limit until a worker that does not answer is killed, seconds. Only a simulator that
 hangs needs it."""
 _PATIENCE = 10.0
-"""Time that workers have to end their runs, seconds. Programs get 1.5 s of it before they are killed."""
+"""Time limit for workers to end their runs, seconds. Programs get 1.5 s of it before they are killed."""
 
 
 @dataclass(frozen=True, slots=True)
 class _Refusal:
-    """No run can be done, and why."""
+    """The reason why no run can be done."""
 
     reason: str
 
@@ -55,8 +55,8 @@ class Make(Protocol):
 def run_locally(
     trials: Iterable[Trial], folder: Path, jobs: int, make: Make = TrialRun
 ) -> Generator[TrialResult, None, None]:
-    """The results of all trials, each when it is there, `jobs` at a time. Logs go to `folder`. A trial is
-    asked for when it can begin, so which are to come may depend on the results.
+    """The results of all trials, each as soon as it is there, `jobs` at a time. Logs are written to `folder`.
+    A trial is taken from the iterator when it can begin, so the next ones may depend on the results.
 
     When the iterator is closed, the runs under way are ended and have no result. Raises TrialsError
     if a run cannot be done at all.
@@ -78,7 +78,7 @@ def run_locally(
                 yield result
                 if worker.is_alive and (trial := next(waiting, None)) is not None:
                     worker.give(trial)
-                else:  # the loop above replaces one that died
+                else:  # the loop above replaces a worker that died
                     worker.dismiss()
                     workers.remove(worker)
     finally:
@@ -98,18 +98,18 @@ class _Worker:
             target=work, args=(other_end, folder, make), name="trials", daemon=True
         )
         self._process.start()
-        other_end.close()  # else the worker's end would never be seen
+        other_end.close()  # otherwise the end of the worker would not close the connection
         self.is_alive = True
         self.give(trial)
 
     def give(self, trial: Trial) -> None:
         self.trial = trial
         self.deadline = time.monotonic() + trial.longest + _OVERDUE
-        with contextlib.suppress(OSError):  # it has died: the connection will say so
+        with contextlib.suppress(OSError):  # it has died: `take` finds the connection closed
             self.connection.send(trial)
 
     def take(self) -> TrialResult:
-        """The result that has come; a fault if it is the worker's end. Raises TrialsError."""
+        """The result that has come; a fault if the worker has ended. Raises TrialsError."""
         try:
             result: TrialResult | _Refusal = self.connection.recv()
         except (EOFError, OSError):
@@ -121,7 +121,7 @@ class _Worker:
         return result
 
     def overdue(self) -> TrialResult | None:
-        """A fault, and the worker's end, if its run should have ended long ago."""
+        """Kill the worker and return a fault, if its run is overdue; else None."""
         if time.monotonic() <= self.deadline:
             return None
         self.kill()
@@ -134,7 +134,7 @@ class _Worker:
         self._process.join()
 
     def dismiss(self) -> None:
-        """Have it end its run, if it does one, and then itself."""
+        """Make it end its run, if there is one, and then itself."""
         if self.is_alive:
             self.connection.close()
 
@@ -147,13 +147,14 @@ class _Worker:
 
 
 def work(connection: Connection, folder: Path, make: Make = TrialRun) -> None:
-    """Work of a worker: the runs that come through `connection`, until it is closed at the other end."""
-    gc.freeze()  # what has been imported stays: collections need not go through it again
+    """Main function of a worker: does the runs that come through `connection`, until it is closed at the
+    other end."""
+    gc.freeze()  # imported modules stay: collections need not traverse them again
     interruptions = _Interruptions()
     trials: queue.SimpleQueue[Trial | None] = queue.SimpleQueue()
 
     def receive() -> None:
-        """An end of the connection, whoever closed or killed what was there, ends the run as well."""
+        """Receive trials; the end of the connection, for any reason, ends the run as well."""
         with contextlib.suppress(EOFError, OSError):
             while True:
                 trials.put(connection.recv())
@@ -169,7 +170,7 @@ def work(connection: Connection, folder: Path, make: Make = TrialRun) -> None:
                 return
             if interruptions.any:  # its program may have been interrupted as well, and shows it
                 return
-            with contextlib.suppress(OSError):  # nobody is there any more; `receive` finds that out
+            with contextlib.suppress(OSError):  # the other end is closed; `receive` handles that
                 connection.send(answer)
 
 
@@ -193,13 +194,13 @@ def _result(
 
 
 class _Interruptions:
-    """Ctrl-C, or the end of who wanted the runs."""
+    """Interruption by Ctrl-C, or by the end of the parent process."""
 
     def __init__(self) -> None:
         self.any = False
         self.run: TrialRun | None = None
-        # Ctrl-C in a terminal is for whoever started the trials, who says what is to become of the
-        # runs. Not ignored but handled: what is ignored, control programs would ignore as well.
+        # Ctrl-C in a terminal is for the process that started the trials, which decides about the runs. It is
+        # handled, not ignored: control programs inherit an ignored signal.
         signal.signal(signal.SIGINT, self._handle)
         platform_has.leave_process_group()  # so that Ctrl-C reaches neither this process nor its programs
 

@@ -15,9 +15,9 @@ from simmer_tui.sim.specs import BLOCK, EMPTY, START, WALL, MazeSpec
 def random_maze(like: MazeSpec, random: np.random.Generator) -> MazeSpec:
     """A maze of the same size with as many walls, start cells and block cells as `like`.
 
-    Every free cell can be reached from every other, sideways and up and down. From an empty
-    rectangle, cells taken at random become walls where that cuts nothing off. The block cells are
-    one connected area, the start cells lie anywhere else. The floor is that of `like`.
+    Every free cell can be reached from every other, sideways and up and down. From an empty rectangle, cells
+    drawn at random become walls if all others stay connected. The block cells are one connected area, the
+    start cells are anywhere else. The floor is that of `like`.
     """
     counts = {value: sum(row.count(value) for row in like.cells) for value in (WALL, START, BLOCK)}
     ground = _Ground(like.rows, like.columns)
@@ -31,7 +31,7 @@ def random_maze(like: MazeSpec, random: np.random.Generator) -> MazeSpec:
             if left and ground.can_spare(cell):
                 ground.free[cell] = 0
                 left -= 1
-            else:  # it may have become one that nothing depends on by the next round
+            else:  # by the next round it may be one that connects nothing
                 refused.append(cell)
         pending = refused
     values = dict.fromkeys(ground.cells, EMPTY) | dict.fromkeys(
@@ -72,7 +72,7 @@ class _Ground:
         return self._connected(neighbours, cell)
 
     def _connected(self, wanted: set[int], without: int) -> bool:
-        """True if some free cells reach each other, by a search from each of them in turn."""
+        """True if some free cells are connected, by a search from each of them in turn."""
         groups = [({cell}, [cell]) for cell in wanted]
         while len(groups) > 1:
             seen, edge = groups.pop(0)
@@ -90,7 +90,7 @@ class _Ground:
         return True
 
     def grown_area(self, size: int, random: np.random.Generator) -> set[int]:
-        """`size` connected free cells, grown from one taken at random."""
+        """`size` connected free cells, grown from one drawn at random."""
         area: set[int] = set()
         edge = [int(random.choice([cell for cell in self.cells if self.free[cell]]))]
         while len(area) < size:
@@ -102,7 +102,7 @@ class _Ground:
 
 
 def maze_text(maze: MazeSpec) -> str:
-    """A maze as maze.csv has it."""
+    """The text of maze.csv for a maze."""
     return "".join(f"{','.join(map(str, row))}\n" for row in maze.cells)
 
 

@@ -1,4 +1,4 @@
-"""One run: a simulator with ports of its own in this process, and the program in another beside it."""
+"""One run: a simulator with ports of its own in this process, and the program in another."""
 
 from __future__ import annotations
 
@@ -40,9 +40,9 @@ LOG, PACKED_LOG, OUTPUT, MAZE = ".jsonl", ".jsonl.gz", ".txt", ".maze.csv"
 """Name endings of a run's log, of its program's output and of a maze of its own."""
 # 2 MB of output at most in memory and on the disk: a program in a loop prints gigabytes.
 _LINES, _LINE_LENGTH = 2000, 1000
-# A look at the file costs a system call; 1000 events are some hundred kilobytes of log at most.
+# A check of the file costs a system call; 1000 events are at most some hundred kilobytes of log.
 _LOOK_EVERY = 1000
-"""Events after which the size of a log is looked at."""
+"""Events after which the size of a log is checked."""
 _SETTLE = 1.0
 """Longest wait for the end of a mission that was asked to end, seconds. It takes milliseconds."""
 _FAREWELL = 1.0
@@ -67,16 +67,16 @@ class Sandbox(Protocol):
         """Start the program, as `Program` does. Raises ProgramError."""
 
     def close(self) -> None:
-        """Leave nothing of it behind."""
+        """Remove all of it."""
 
 
 class Unconfined:
-    """No sandbox: beside us, with all that we can reach."""
+    """No sandbox: the program has the same access as this process."""
 
     take = staticmethod(take_port)
 
     def __init__(self, folder: Path | None, keeper: Keeper | None) -> None:
-        # A worker with a keeper does one run after the other; on a cluster the process is not ours alone.
+        # A worker with a keeper does one run after the other; on a cluster the process also does other work.
         self.start = partial(Program, folder=folder, keeper=keeper, adopts=keeper is not None)
 
     def close(self) -> None:
@@ -95,9 +95,9 @@ class TrialRun:
         most_log: float = math.inf,
         keeper: Keeper | None = None,
     ) -> None:
-        """`folder` takes the run's log, compressed that of a sandboxed program, and its output; the
-        program is started in `start`, or where we are, or in what `sandbox` makes. A log of more bytes than
-        `most_log` is not gone on with."""
+        """`folder` gets the run's log (compressed for a sandboxed program) and its output. The program is
+        started in `start`, by default the working directory, or in the sandbox that `sandbox` makes. Writing
+        of a log stops beyond `most_log` bytes."""
         self._most_log = most_log
         self._events = 0
         self._trial = trial
@@ -127,7 +127,7 @@ class TrialRun:
         return result
 
     def _forget(self) -> None:
-        """Begin anew. Raises InterruptedTrialError."""
+        """Reset for another attempt. Raises InterruptedTrialError."""
         while not self._happened.empty():
             if self._happened.get() is _What.STOP:
                 raise InterruptedTrialError
@@ -136,7 +136,7 @@ class TrialRun:
         self._mission_end = MissionEnd(lambda: self._happened.put(_What.OVER))
 
     def _attempt(self, configuration: Configuration, plan: MissionPlan | None) -> TrialResult:
-        """Do the run by one clock."""
+        """Do the run with one clock."""
         started, used = time.perf_counter(), time.process_time()
         self._sandbox = self._new_sandbox()
         try:
@@ -175,23 +175,23 @@ class TrialRun:
         )
 
     def _keep_output(self, end: _End, history: RunHistory) -> str:
-        """Write the program's output to its file; returns the last of it."""
+        """Write the program's output to its file; returns its last lines."""
         lines = list(self._output)
         if lines:
             self._output_file.write_text("".join(f"{line}\n" for line in lines), "utf-8", newline="\n")
-        # One that was ended at once may have said more or less.
+        # The output of a program that was killed depends on timing.
         if end.exit_code is None and end.ending is not Ending.REAL_TIME_LIMIT:
             return ""
         return last_output(history.programs.items[-1].event) if history.programs.items else ""
 
     def _drive(self, server: Server, configuration: Configuration) -> _End:
-        """Have the program drive the robot until the run ends."""
+        """Let the program drive the robot until the run ends."""
         for leftover in (self._log, self._output_file):  # of a run that was cut off
             leftover.unlink(missing_ok=True)
         server.start_log(str(self._log))
         server.start(lambda event: self._watch(event, server))
         variables = server.environment | {"SIMMER_RUN": str(self._trial.repetition or self._trial.number)}
-        if self._is_confined:  # which does not see our folders
+        if self._is_confined:  # a sandbox does not see our folders
             variables.pop("SIMMER_CONFIG", None)
         if "PYTHONHASHSEED" not in os.environ:  # else sets of text have another order in every process
             variables["PYTHONHASHSEED"] = "0"
@@ -204,7 +204,7 @@ class TrialRun:
                 self._trial.command, variables, self._happened.put, self._take_line, output=output
             )
         except ProgramError as error:
-            # Of many programs one that cannot be started is a failure; the only one of trials is a mistake.
+            # In a grading a program that cannot be started is a failure; in trials it is the user's mistake.
             if not self._is_confined:
                 raise
             ended = not_started(str(error), server.engine.present)
@@ -223,7 +223,7 @@ class TrialRun:
         return end
 
     def _tell_end(self, server: Server, program: RunningProgram, output: ProgramOutput) -> None:
-        """Tell that the program has ended by now, if it has."""
+        """Tell the end of the program, if it has ended by now."""
         code: _What | int = _What.NOTHING
         while not self._happened.empty() and not isinstance(code, int):
             code = self._happened.get()
@@ -231,7 +231,7 @@ class TrialRun:
             server.tell(output.end(code, server.engine.present, stopped=program.stopped))
 
     def _watch(self, event: Event, server: Server) -> None:
-        """Take note, in the robot's thread."""
+        """Handle an event, in the robot's thread."""
         self._events += 1
         is_time = self._most_log < math.inf and self._events % _LOOK_EVERY == 0
         if is_time and self._log.stat().st_size > self._most_log:
@@ -246,10 +246,10 @@ class TrialRun:
         deadline = time.monotonic() + self._trial.time_limit
         what = self._next(deadline)
         if what is _What.OVER:
-            return _End(Ending.FAULT)  # the referee knows better
+            return _End(Ending.FAULT)  # replaced by the referee's result
         end = _End(Ending.REAL_TIME_LIMIT)
         if isinstance(what, int):
-            program.end()  # what it left running has no say any more
+            program.end()  # processes that it left running must not drive any more
             server.drain()
             server.tell(output.end(what, server.engine.present))
             silent = what == 0 and server.is_silent
@@ -257,7 +257,7 @@ class TrialRun:
         return self._give_up(server, end)
 
     def _give_up(self, server: Server, end: _End) -> _End:
-        """End a mission that nobody can finish any more."""
+        """End a mission that cannot be finished any more."""
         if server.referee is not None:
             server.call(server.referee.end, _reason(end, self._trial.time_limit))
             if server.referee.result is Result.UNDER_WAY:
@@ -270,7 +270,7 @@ class TrialRun:
             pass
 
     def _next(self, deadline: float) -> _What | int:
-        """The next that happens, an exit code for the program's end; NOTHING when time is up."""
+        """The next event of the run, an exit code for the program's end; NOTHING when time is up."""
         try:
             what = self._happened.get(timeout=max(deadline - time.monotonic(), 0.0))
         except queue.Empty:
@@ -288,7 +288,7 @@ def _clock(server: Server) -> str:
 
 
 class _What(Enum):
-    """Things that end the wait for a program."""
+    """Events that end the wait for a program."""
 
     OVER = "the mission is over"
     STOP = "the run is not to go on"
@@ -312,8 +312,8 @@ def _reason(end: _End, time_limit: float) -> str:
 
 
 def _judged(end: _End, state: MissionState | None) -> _End:
-    """The end as the result has it: what the mission says counts, without one exit code 0 is success
-    if anything was sent."""
+    """The end of the run in its result: that of the mission; without a mission, exit code 0 is success if a
+    command was sent."""
     if state is None:
         done = end.exit_code == 0 and end.ending is not Ending.SILENCE
         return replace(end, ending=Ending.SUCCESS) if done else end
@@ -358,8 +358,8 @@ def _numbers(pose: Pose) -> tuple[float, float, float]:
 
 
 def fault_result(trial: Trial, reason: str, configuration: Configuration | None = None) -> TrialResult:
-    """The result of a run that the simulator, or the process it was in, did not survive. It began where
-    `configuration` says, by default the trial's."""
+    """The result of a run in which the simulator or its process failed. Its start is that of `configuration`,
+    by default the trial's."""
     settings = (configuration or trial.configuration).settings
     start = (*settings.bot_center, settings.bot_rot)
     return TrialResult(

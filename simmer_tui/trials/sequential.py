@@ -1,10 +1,10 @@
-"""Decision about a program's success rate with as few runs as it takes.
+"""Decision about a program's success rate with as few runs as possible.
 
 Wald's sequential probability ratio test: A. Wald, "Sequential tests of statistical hypotheses", Annals
-of Mathematical Statistics 16 (1945): 117-186. After each run the likelihood ratio of "it succeeds in
-`rate`" to "in `rate - margin`" is looked at; beyond (1 - risk) / risk the program passes, below its
-inverse it fails. A cap ends a walk that is still between the two, by a number of successes. What the cap
-does to both errors is not estimated but computed, by following the distribution of the walk run by run.
+of Mathematical Statistics 16 (1945): 117-186. After each run the likelihood ratio of the success rates `rate`
+and `rate - margin` is compared with two bounds. Above (1 - risk) / risk the program passes, below the inverse
+it fails. A cap ends a walk that is still between the two, by a number of successes. The effect of the cap on
+both errors is computed exactly, from the distribution of the walk after each run.
 """
 
 from __future__ import annotations
@@ -20,13 +20,13 @@ import numpy as np
 from simmer_tui.errors import TrialsError
 from simmer_tui.trials.intervals import IntervalEstimate
 
-# A lower margin takes runs by its square: 0.15 takes 38 of a good program, 0.05 takes 246.
+# Runs grow with the inverse square of the margin: for a good program 0.15 takes 38, 0.05 takes 246.
 MARGIN, RISK = 0.15, 0.05
 # The distribution of a walk of n runs takes n^2 steps, and no course has time for more runs.
 LARGEST_CAP = 5000
 # Where the ratio meets a bound exactly, the rounding of logarithms must not decide.
 _ROUNDING = 1e-9
-# Halves [0, 1] down to the last bit of a double (2^-53), with some to spare.
+# Bisection of [0, 1] down to the last bit of a double (2^-53), with some to spare.
 _HALVINGS = 60
 
 
@@ -41,9 +41,9 @@ class Decision:
 
 @dataclass(frozen=True)
 class SequentialTest:
-    """A test, made by `sequential_test`. After n runs a walk with at most `fail_at[n]` successes fails and
-    one with at least `pass_at[n]` passes; at `cap` the two meet. `false_pass` and `false_fail` are the
-    exact probabilities of a wrong decision at `rate - margin` and at `rate`."""
+    """A test, made by `sequential_test`. After n runs a walk with at most `fail_at[n]` successes fails, one
+    with at least `pass_at[n]` passes. At `cap` the two meet. `false_pass` and `false_fail` are the exact
+    probabilities of a wrong decision at `rate - margin` and at `rate`."""
 
     rate: float
     margin: float
@@ -74,13 +74,13 @@ class SequentialTest:
     def interval(self, runs: int, successes: int) -> IntervalEstimate:
         """The success rate after a decision, with its interval of 95 %.
 
-        The usual intervals take the number of runs for given; here it depends on the results, and they
-        would miss. So all possible ends are put in an order, from an early failure to an early pass
-        (around the boundary, as P. Armitage, "Numerical studies in the sequential estimation of a
-        binomial parameter", Biometrika 45 (1958): 1-15), and the interval holds the rates with which an
-        end at least as good, and one at least as bad, has 2.5 %: exact in the way of Clopper and Pearson,
-        so it holds the truth in at least 95 % of cases. (More successes in the same runs never lead to a
-        worse end, so both probabilities are monotone in the rate.) Raises ValueError for no end.
+        The usual intervals assume a fixed number of runs; here it depends on the results, and they would be
+        wrong. So all possible ends are ordered, from an early failure to an early pass (around the boundary,
+        as P. Armitage, "Numerical studies in the sequential estimation of a binomial parameter", Biometrika
+        45 (1958): 1-15), and the interval has the rates with which an end at least as good, and one at least
+        as bad, has 2.5 % or more. It is exact like that of Clopper and Pearson, so it contains the truth in
+        at least 95 % of cases. (More successes in the same runs never lead to a worse end, so both
+        probabilities are monotone in the rate.) Raises ValueError if these numbers are no end.
         """
         place = self._ends.index((runs, successes))
         return IntervalEstimate(
@@ -104,7 +104,7 @@ class SequentialTest:
 
     @cached_property
     def _ends(self) -> list[tuple[int, int]]:
-        """All ends (runs, successes) that can be, from the worst to the best."""
+        """All possible ends (runs, successes), from the worst to the best."""
 
         def goodness(end: tuple[int, int]) -> tuple[int, int]:
             runs, count = end
@@ -138,7 +138,7 @@ class SequentialTest:
         return math.exp(ways + count * math.log(rate) + (runs - count) * math.log1p(-rate))
 
 
-# Judged: far finer than any number of runs can tell; below it the bounds overflow.
+# Judged: far finer than any number of runs can distinguish; below it the bounds overflow.
 LEAST = 1e-9
 """Least margin and error of a test."""
 
@@ -147,8 +147,8 @@ def sequential_test(
     rate: float, margin: float = MARGIN, risk: float = RISK, cap: int | None = None
 ) -> SequentialTest:
     """The test that passes a program at `rate` and fails one at `rate - margin`, each wrongly with at most
-    `risk`. Without a `cap`, it is the smallest that keeps both to that; with one, the errors are what
-    they are. At the cap the number of successes decides that leaves the larger error smallest.
+    `risk`. Without a `cap`, the smallest one that keeps both errors within `risk` is used; a given cap may
+    enlarge them. At the cap, the number of successes that decides minimizes the larger error.
 
     Raises TrialsError if there is no such test.
     """
@@ -168,7 +168,7 @@ def sequential_test(
     for runs in range(1, (cap or LARGEST_CAP) + 1):
         walks = np.pad(walks * (1 - rates), ((0, 0), (0, 1))) + np.pad(walks * rates, ((0, 0), (1, 0)))
         failing, passing = _bounds(runs, bound, up, down)
-        whole = np.cumsum(walks[:, ::-1], axis=1)[:, ::-1]  # at least so many successes
+        whole = np.cumsum(walks[:, ::-1], axis=1)[:, ::-1]  # the same of at least 0, 1, ... successes
         wrong = np.maximum(
             false_pass + np.append(whole[0], 0.0), false_fail + whole[1, 0] - np.append(whole[1], 0.0)
         )
@@ -192,7 +192,7 @@ def sequential_test(
 
 
 def _bounds(runs: int, bound: float, up: float, down: float) -> tuple[int, int]:
-    """With how many successes of so many runs a walk fails at most, and passes at least."""
+    """The most successes of `runs` with which a walk fails, and the fewest with which it passes."""
     if down == -math.inf:
         return runs - 1, runs if runs * up >= bound - _ROUNDING else runs + 1
     step = up - down

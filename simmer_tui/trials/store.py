@@ -1,13 +1,13 @@
-"""A folder of runs with results: a plan that says which runs, and a line for each that has ended.
+"""A folder of runs with results: a plan of the runs, and a line for each that has ended.
 
-Trials and gradings are such folders. What holds for both is here:
+Trials and gradings are such folders, with these guarantees:
 
-- The plan is written last, so a folder with a plan is complete. A folder whose making was cut short is
+- The plan is written last, so a folder with a plan is complete. A folder whose creation was interrupted is
   made again.
 - A result is on the disk when `append` returns. A last line that a crash cut off is no result; its run is
   done again.
 - Other files appear whole or not at all.
-- Plan and results are typed: what does not fit is one error with the place.
+- Plan and results are typed: a value that does not fit is one error with its place.
 - One process at a time adds results.
 """
 
@@ -96,7 +96,7 @@ class RunStore(Generic[Plan, Line]):
                 raise
 
     def write_plan(self, plan: Plan) -> None:
-        """Write the plan, with the version that did."""
+        """Write the plan, with the version of this package."""
         head = {
             "format": self._kind.format,
             "program": __version__,
@@ -174,7 +174,7 @@ class RunStore(Generic[Plan, Line]):
 
     @contextlib.contextmanager
     def locked(self) -> Iterator[None]:
-        """Keep other processes from adding results meanwhile: two would do the same runs. The system
+        """Prevent other processes from adding results meanwhile: two would do the same runs. The system
         releases the lock of a process that is killed. On Windows there is none."""
         with self.reported("written"):
             file = self.results.open("ab")
@@ -212,7 +212,7 @@ class RunStore(Generic[Plan, Line]):
             raise self._kind.error(f"{shown} is not empty: name a new folder with --out")
 
     def _clear(self) -> None:
-        """Remove what `made` has made, and nothing else."""
+        """Remove only the files of `made`."""
         for name in self._kind.folders:
             shutil.rmtree(self.path / name, ignore_errors=True)
         self._unfinished.unlink(missing_ok=True)

@@ -1,8 +1,8 @@
 """A sweep: the same runs for several values of a setting, or of a column of one sensor or drive.
 
-Its plan is data: a list of points, each the values that stand over the set. Each of the names is
-varied alone, the others stay as the set has them. Every point has runs with the same seeds, so that
-two points differ by the value and by nothing that is drawn (common random numbers).
+Its plan is data: a list of points, each with the values that replace those of the set. Each name is varied
+alone, the others stay as the set has them. Every point has runs with the same seeds, so two points differ by
+the value and not by random draws (common random numbers).
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from simmer_tui.sim.rules import PairRule, did_you_mean
 from simmer_tui.sim.specs import SimulationSpec
 
 SweepPoint = Mapping[str, str]
-"""Values by the dotted name of what has them."""
+"""Values by the dotted name of their setting or column."""
 _TABLES = {
     sensors_csv.FILE: (*sensors_csv.HEADERS, *sensors_csv.optional_headers()),
     drive_csv.FILE: tuple(column.name for column in drive_csv.COLUMNS),
@@ -106,7 +106,7 @@ def _change(
         row = None if table is None else _row(table, owner)
         if table is None or row is None:
             continue
-        # With those of the set's own devices, which stand in its file alone.
+        # With the columns of the set's own devices, which only its own file has.
         known = dict.fromkeys((*headers, *(each.strip() for each in table.rows[0].cells)))
         header = next((each for each in known if column_name(each) == column), None)
         if header is None:
@@ -152,7 +152,7 @@ def _with_cell(table: CsvTable, changed: CsvRow, header: str, value: str) -> str
 
 
 def check_effects(points: Sequence[SweepPoint], configurations: Sequence[Configuration]) -> None:
-    """Raises ConfigurationError if two values come to the same: something else decides."""
+    """Raises ConfigurationError if two values have the same effect: something else decides."""
     problems = []
     for index, one in enumerate(configurations):
         for other in range(index):

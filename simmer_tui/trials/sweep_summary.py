@@ -27,7 +27,7 @@ from simmer_tui.trials.trial import TrialResult, clocks_text
 from simmer_tui.trials.trials_summary import runs_table
 
 WANTED_RATE = 0.9
-"""The success rate that a program is to keep unless it is said."""
+"""Default success rate that a program must keep."""
 CURVES = "sweep.csv"
 SWEEP = DataTable(
     "sweep",
@@ -46,7 +46,7 @@ SWEEP = DataTable(
 
 @dataclass(frozen=True, slots=True)
 class SweepValue:
-    """A value, and its runs; there is at least one."""
+    """A value of a sweep, and its runs; there is at least one."""
 
     value: str
     results: tuple[TrialResult, ...]
@@ -129,7 +129,7 @@ def _row(curve: Curve, point: SweepValue) -> tuple[object, ...]:
 
 
 def answer(curve: Curve, wanted: float) -> str:
-    """Up to which value the program keeps a success rate, as a sentence."""
+    """Sentence about the largest value with which the program keeps a success rate."""
     name, places, kept = escape(curve.name, 60), curve.values, curve.kept(wanted)
     if not curve.is_of_numbers:
         good = ", ".join(escape(place.value, 60) for place in kept) or "none of the values"
@@ -161,11 +161,12 @@ def curves_csv(folder: TrialFolder) -> str:
     return csv_text(SWEEP.filled(rows))
 
 
+# Points: room around the curve, and its height.
 _LEFT, _RIGHT, _TOP, _HEIGHT, _BELOW = 60.0, 40.0, 16.0, 240.0, 44.0
 _CAP = 5.0
 """Half the width of an interval's ends, points."""
 _LABEL = 30.0
-"""Room for the label of a value; one that finds none is left out, and stands in the table."""
+"""Room for the label of a value, points; a label without room is left out, and is in the table."""
 _CURVE = "#3066e4"  # of a robot's path, which the page has in a lighter blue where it is dark
 
 
@@ -181,10 +182,10 @@ def sweep_page(folder: TrialFolder, wanted: float) -> Document:
     found = curves(folder)
     tried = sum(len(curve.values) for curve in found)
     kept = sum(len(curve.kept(wanted)) for curve in found)
-    told = " ".join(answer(curve, wanted) for curve in found)
+    text = " ".join(answer(curve, wanted) for curve in found)
     verdict = VerdictBox(
         key="answer",
-        text=told,
+        text=text,
         headline=f"{kept} of {tried} values keep a success rate of {wanted:g}",
         tone=Tone.GOOD if kept == tried else Tone.MIXED if kept else Tone.BAD,
     )

@@ -1,4 +1,4 @@
-"""One run of a set of trials: as it is to be done, its clock, and the record kept of it."""
+"""One run of a set of trials: its plan, its clock and its result."""
 
 from __future__ import annotations
 
@@ -30,15 +30,15 @@ REAL = "real"
 """The real clock, and `timed` motion by it."""
 # A stream apart from those of drives and sensors, so that a maze changes none of their errors.
 _MAZE_STREAM = tuple(b"maze")
-# A mission that fits into hardly any maze is refused rather than searched for without end.
+# Mazes tried: a mission that fits into hardly any maze is refused rather than searched for without end.
 _TRIES = 200
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Trial:
     """One run. `configuration` has the maze already, unless one is to be made at random. In a sweep
-    `repetition` is which of the runs of its value it is; 0 stands for the run's number. With `drawn_for`
-    the mission is drawn as for that configuration, so that different robots meet the same one. With
+    `repetition` is its number among the runs of its value; 0 stands for the run's number. With `drawn_for`
+    the mission is drawn as for that configuration, so that different robots have the same one. With
     `errors_seed` sensors and drives draw their errors by it; mission and maze stay those of `seed`."""
 
     number: int
@@ -59,7 +59,7 @@ class Trial:
 
     @property
     def longest(self) -> float:
-        """The most real time that it may take, seconds: twice its limit if it may be repeated."""
+        """Largest real time that it may take, seconds: twice its limit if it may be repeated."""
         may_repeat = self.configuration.settings.motion.clock == ELSE_REAL
         return self.time_limit * (2 if may_repeat else 1)
 
@@ -104,8 +104,8 @@ def maze_of(trial: Trial) -> Configuration:
 
 
 def prepare(trial: Trial) -> tuple[Configuration, MissionPlan | None]:
-    """The configuration of a run, with its maze, seed and ports, and what it is to do: None without
-    a mission.toml. Raises ConfigurationError."""
+    """The configuration of a run, with its maze, seed and ports, and its mission plan: None without a
+    mission.toml. Raises ConfigurationError."""
     configuration = maze_of(trial)
     plan = None
     if trial.drawn_for is not None:
@@ -121,7 +121,7 @@ def prepare(trial: Trial) -> tuple[Configuration, MissionPlan | None]:
 
 
 def clock_of(configuration: Configuration) -> str:
-    """The clock that the runs of a set are to have: a choice of the setting `clock`, but not `auto`."""
+    """The clock for the runs of a set: a choice of the setting `clock`, but not `auto`."""
     clock = configuration.settings.motion.clock
     if clock != AUTO_CLOCK:
         return clock
@@ -140,7 +140,7 @@ def timing_of(configuration: Configuration) -> str:
 
 
 def timed_seconds(configuration: Configuration) -> float:
-    """Real time of a mission by its time limit, seconds: 0 unless its runs may go by the real clock."""
+    """Real time of a mission by its time limit, seconds: 0 unless its runs may use the real clock."""
     motion, mission = configuration.settings.motion, configuration.mission
     by_real_clock = timing_of(configuration) == "timed" or clock_of(configuration) == ELSE_REAL
     if not by_real_clock or mission is None:
@@ -156,24 +156,24 @@ class Ending(StrEnum):
     TIME_LIMIT = "time limit"
     EXIT = "program ended"
     SILENCE = "nothing was sent"
-    """The program ended well without one command: it has shown nothing."""
+    """The program ended with exit code 0 without sending a command."""
     REAL_TIME_LIMIT = "real time limit"
     FAULT = "fault"
-    """The simulator itself, or the process that it ran in, failed."""
+    """The simulator itself, or its process, failed."""
 
 
 class TrialResult(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """One run: from where, with what end, how long and how far. Also a line of results.jsonl.
+    """Result of one run: its start, end, time and distance. Also a line of results.jsonl.
 
     `time` is simulated seconds, `distance` inches, `start` and `end` are the robot's x, y and
     heading, `block` and `drop_zone` are x, y. `reached`, `taken` and `delivered` are when the
     mission's goals were met. `exit_code` is None if the program did not end by itself. `cause` is the
     cause of a failure (`report.causes.Kind`), `why` the same in a sentence; both are empty for a success.
     `verdict` is all of it, as `report --json` has it, without the program's output; `findings` are the
-    sensors and drives that were not as they should be, whatever came of it, as it has them too.
-    `clock` is what made simulated time pass: `program`, `real`, or `instant` for commands alone;
-    `clock_note` is why the program's clock was left, or could not be followed. `real_seconds` and
-    `simulator_seconds` (CPU) depend on the machine, all else on the seed.
+    sensors and drives that were not as they should be, as it has them too, also for a success. `clock` is the
+    source of simulated time: `program`, `real`, or `instant` for commands alone. `clock_note` is the reason
+    why the program's clock was not used. `real_seconds` and `simulator_seconds` (CPU) depend on the machine,
+    all else on the seed.
     """
 
     number: Annotated[int, Meta(ge=1)]
@@ -220,7 +220,7 @@ def clocks_text(results: Sequence[TrialResult]) -> str | None:
 
 
 def clock_sentences(configuration: Configuration, results: Sequence[TrialResult]) -> list[str]:
-    """Which clock the runs had, and why some had another than they should."""
+    """Sentences about the clocks of the runs, and why some had another than planned."""
     timings = {REAL: "timed"}
     clocks = sorted({timings.get(each.clock, each.clock) for each in results if each.clock})
     said = [computing_text(each) for each in clocks or [timing_of(configuration)]]

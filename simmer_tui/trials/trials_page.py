@@ -43,7 +43,7 @@ _ENDINGS = {
     Ending.FAULT: ("had a fault of the simulator", Tone.PLAIN),
 }
 """Endings as the bar of outcomes words them, after a number."""
-# In front: what a reader looks for first.
+# In the order in which a reader looks for them.
 _SHOWN = (CAUSES.key, DEVICES.key, WHY_FAILED.key)
 
 
@@ -83,12 +83,12 @@ def _about(folder: TrialFolder, results: Sequence[TrialResult]) -> Paragraph:
     plan = folder.plan
     runs = counted(plan.runs, "run") if len(results) == plan.runs else f"{len(results)} of {plan.runs} runs"
     clocks = clocks_text(results)
-    told = (
+    parts = (
         *(runs, f"set {escape(plan.configuration, 120)}", f"seed {plan.seed}"),
         *((f"clock: {clocks}",) if clocks else ()),
         escape(plan.command, 120),
     )
-    return Paragraph(" · ".join(told), kind="run")
+    return Paragraph(" · ".join(parts), kind="run")
 
 
 def _verdict(results: Sequence[TrialResult], required: float | None) -> VerdictBox:
@@ -97,13 +97,13 @@ def _verdict(results: Sequence[TrialResult], required: float | None) -> VerdictB
     text = f"{headline}: {rated}"
     if required is None:
         tone = Tone.GOOD if successes == len(results) else Tone.MIXED if successes else Tone.BAD
-        told = ""
+        required_text = ""
     else:
         enough = rate(results).value >= required
         headline += ": enough" if enough else ": too few"
         tone = Tone.GOOD if enough else Tone.BAD
-        told = f", {required:g} is required"
-    sentence = f"{capitalized(rated)}{told}."
+        required_text = f", {required:g} is required"
+    sentence = f"{capitalized(rated)}{required_text}."
     causes = counted_causes(results)
     if causes:
         name, group = causes[0]
@@ -138,7 +138,7 @@ def beside(parts: Sequence[DocumentPart], picture: Sequence[DocumentPart]) -> li
 
 
 def _links(results: Sequence[TrialResult], run_pages: Mapping[int, str]) -> list[tuple[Prose, ...]]:
-    """The runs that can be looked at, by cause."""
+    """Links to the runs that have a page, by cause."""
     items: list[tuple[Prose, ...]] = []
     for name, group in counted_causes(results):
         links = [

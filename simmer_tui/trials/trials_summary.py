@@ -40,6 +40,7 @@ from simmer_tui.trials.trial import RANDOM, Ending, TrialResult, clock_sentences
 
 LISTED = 20
 """Most failed runs listed; all of them are in trials.csv."""
+# Slowest successful runs listed.
 SLOWEST = 5
 
 
@@ -168,8 +169,8 @@ def tables(folder: TrialFolder) -> list[DataTable]:
 def runs_table(folder: TrialFolder) -> DataTable:
     """All runs that are done, a row a run by number: trials.csv.
 
-    Nothing in it depends on the machine. In a sweep more columns hold the values that a run had, blank where
-    the set's own.
+    Nothing in it depends on the machine. In a sweep more columns have the values of each run, blank where it
+    had the set's own.
     """
     plan = folder.plan
     varied = list(dict.fromkeys(name for point in plan.points for name in point))
@@ -269,7 +270,7 @@ def _distributions(results: list[TrialResult]) -> DataTable:
 
 
 def _groups(table: DataTable, groups: Mapping[object, list[TrialResult]]) -> DataTable:
-    """A row a group; none if there is but one."""
+    """A row a group; none if there is only one."""
     rows = [(name, *_rated(group)) for name, group in groups.items()]
     return table.filled(rows if len(rows) > 1 else ())
 
@@ -282,7 +283,7 @@ def _mazes(results: list[TrialResult]) -> DataTable:
 
 
 def _starts(results: list[TrialResult]) -> DataTable:
-    """Only where all runs are in the same maze is a place the same place."""
+    """The runs by start cell; only where all runs are in the same maze."""
     groups: dict[object, list[TrialResult]] = {}
     if len({result.maze for result in results}) == 1 and results[0].maze != RANDOM:
         for result in sorted(results, key=lambda each: (-start_cell(each)[1], start_cell(each)[0])):
