@@ -145,10 +145,10 @@ class Linearisation(Struct, frozen=True):
 
 
 _EDGE = 0.5
-"""Second difference of readings, in their unit, above which there is an edge between the places of the
-derivative. Along a wall or around a corner it is a tenth of that."""
+"""Bend of readings (half of their second difference), in their unit, above which there is an edge between the
+places of the derivative. Along a wall or around a corner it is a tenth of that."""
 _SURELY_OFF = 100.0
-"""Factor on the variance at an edge: a standard deviation of ten times the jump. Readings at one edge are not
+"""Factor on the variance at an edge: a standard deviation of ten times the bend. Readings at one edge are not
 independent, since a robot that turns on the spot sees the same edge again and again."""
 _Difference = TypeVar("_Difference", float, FloatArray)
 View = RangeScan | FloorPatch

@@ -242,10 +242,10 @@ class Turning:
         self._blocks: tuple[tuple[slice, BlockPlace], ...] = ()
         """Places of the block at the times of its rays."""
         self._read: set[int | None] = set()
-        """The rays of that revolution that have been read by themselves; None stands for all of it."""
+        """The rays of that revolution that have been read one by one; None means the whole scan."""
 
     def forget(self) -> None:
-        """The robot has been put elsewhere."""
+        """Forget the last revolution, because the robot has been placed elsewhere."""
         self._scan = None
         self._read.clear()
 
