@@ -68,9 +68,9 @@ def prediction(lengths: FloatArray, *, turns: bool | BoolArray) -> tuple[FloatAr
 
     Returns:
         The factor a on the previous error rate, and the remaining share of the variance. The share is 1 +
-            a^2 - 2 a r, with r the correlation of two neighbours, (1 - exp(-l))^2 / 2 (l - 1 + exp(-l)).
-            The factor is the one for which many stretches together have their right variance, l / (l - 1
-            + exp(-l)) of that of independent ones.
+        a^2 - 2 a r, with r the correlation of two neighbours, (1 - exp(-l))^2 / 2 (l - 1 + exp(-l)).
+        The factor is the one for which many stretches together have their right variance, l / (l - 1
+        + exp(-l)) of that of independent ones.
     """
     # At least a hundredth of a length: below it factor and share are differences of nearly equal numbers.
     units = _units(lengths, turns, 1e-2)
