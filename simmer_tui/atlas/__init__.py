@@ -1,1 +1,1 @@
-"""The atlas: what every sensor reads at every pose of a grid, computed once and kept in a file."""
+"""The atlas: expected readings of sensors at every pose of a grid, computed once and stored in a file."""

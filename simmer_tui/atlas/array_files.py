@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 from simmer_tui.atlas.expected_readings import Atlas
 from simmer_tui.errors import AtlasError
 
-# In `create_system` of a zip file: 3 is Unix, whatever machine writes it.
+# `create_system` of a zip file: 3 is Unix, on every machine, so that the bytes are the same.
 _UNIX = 3
-# A matrix of level 4 has its sizes as signed numbers of four bytes.
+# A level 4 matrix stores its sizes as signed numbers of four bytes.
 _MOST_BYTES = 2**31 - 1
 # Precision, the tens digit of a level 4 matrix's type.
 _PRECISIONS = {"float64": 0, "float32": 10, "uint8": 50}
@@ -40,7 +40,7 @@ def npz_bytes(atlas: Atlas) -> bytes:
     file = io.BytesIO()
     with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
         for name, array in arrays.items():
-            # Its date is 1980: that of today would make other bytes of the same atlas.
+            # Its date is 1980: today's date would change the bytes of the same atlas.
             entry = zipfile.ZipInfo(f"{name}.npy")
             entry.compress_type, entry.create_system = zipfile.ZIP_DEFLATED, _UNIX
             data = io.BytesIO()
@@ -52,8 +52,8 @@ def npz_bytes(atlas: Atlas) -> bytes:
 
 
 def mat_bytes(atlas: Atlas) -> bytes:
-    """The file for `load` of MATLAB and Octave, of level 4, which has matrices alone: `ranges` is (poses,
-    sensors) and `free` (poses, 1), rows fastest, so that `reshape(ranges(:, 1), grid)` is a sensor's array;
+    """The file for `load` of MATLAB and Octave, of level 4, which has only matrices. `ranges` is (poses,
+    sensors) and `free` (poses, 1), rows fastest, so that `reshape(ranges(:, 1), grid)` is a sensor's array.
     `grid` is [rows columns headings].
 
     Source of the layout: "MAT-File Format", The MathWorks, "Level 4 MAT-File Format". Raises AtlasError
@@ -79,7 +79,7 @@ def mat_bytes(atlas: Atlas) -> bytes:
 
 
 def _matrix(name: str, values: NDArray[np.generic], sort: int = 0) -> bytes:
-    """One matrix of level 4, its bytes lowest first, column by column."""
+    """One level 4 matrix: little-endian, column by column."""
     kind = _PRECISIONS[values.dtype.name] + sort
     header = struct.pack("<5i", kind, *values.shape, 0, len(name) + 1)
     columns = values.astype(values.dtype.newbyteorder("<")).tobytes(order="F")
@@ -87,7 +87,7 @@ def _matrix(name: str, values: NDArray[np.generic], sort: int = 0) -> bytes:
 
 
 def csv_bytes(atlas: Atlas) -> bytes:
-    """A line a pose, in the order of the arrays. Numbers have the fewest digits that give them again."""
+    """A line a pose, in the order of the arrays. Numbers have the fewest digits that restore them exactly."""
     grid = atlas.grid
     head = io.StringIO()
     # A code may have a comma or a quote in it.

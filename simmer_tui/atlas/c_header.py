@@ -12,14 +12,14 @@ from simmer_tui.errors import AtlasError
 from simmer_tui.version import __version__
 
 MEGA_FLASH = 256 * 1024
-"""Bytes of program memory of an Arduino Mega (ATmega2560), which tables and program share."""
+"""Bytes of program memory of an Arduino Mega (ATmega2560), which the tables share with the program."""
 # avr-gcc refuses an object above 32,767 bytes: its sizes are signed numbers of two bytes.
 _PART = 32_000
 _NO_ECHO = 255
 """The byte for a reading that is infinite."""
 _UNIT = 0.5
-"""Inches of a step of a byte, which reaches to 127 in; longer readings take a multiple of it. An HC-SR04 errs
-by as much at 25 in (2 %)."""
+"""Inches a count of a byte, which reaches 127 in; longer readings use a multiple of it. The error of an
+HC-SR04 is as large at 25 in (2 %)."""
 _A_LINE = 32
 """Numbers in a line: below 132 characters."""
 
@@ -64,7 +64,7 @@ def table_bytes(atlas: Atlas) -> int:
 
 
 def header_bytes(atlas: Atlas) -> bytes:
-    """The header, for C99 and C++11. Raises AtlasError for a reading below 0, which no byte stands for."""
+    """The header, for C99 and C++11. Raises AtlasError for a reading below 0, which a byte cannot store."""
     grid = atlas.grid
     units = [_unit(atlas, sensor) for sensor in range(len(atlas.codes))]
     counts = np.rint(atlas.ranges / np.array(units, np.float32))
@@ -73,7 +73,7 @@ def header_bytes(atlas: Atlas) -> bytes:
     for sensor, each in enumerate(units):
         if each != _UNIT:
             unit = f"(sensor) == {sensor} ? {each:.1f}f : {unit}"
-    # A code of other characters makes no name in C: its sensor goes by its number.
+    # A code with other characters is not a C name: its sensor is named by its number.
     names = [
         f"#define ATLAS_{code} {number}\n"
         for number, code in enumerate(atlas.codes)
@@ -113,7 +113,7 @@ def _unit(atlas: Atlas, sensor: int) -> float:
 
 
 def _tables(name: str, data: NDArray[np.uint8]) -> str:
-    """Arrays of at most `_PART` bytes and the function that reads a byte of them all."""
+    """Arrays of at most `_PART` bytes, and the function that reads one byte of them."""
     text, access = [], []
     parts = range(0, len(data), _PART)
     for number, begin in enumerate(parts):

@@ -1,4 +1,4 @@
-"""Expected readings on a grid of poses: the table in which a histogram filter looks its readings up."""
+"""Expected readings on a grid of poses: the lookup table of a histogram filter."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from simmer_tui.sim.sensors.range_sensors import RangeSensor
 from simmer_tui.sim.specs import CELL_SIZE
 
 MOST_HEADINGS = 360
-"""Headings of a grid: one a degree. A belief that is drawn may have as many."""
+"""Most headings of a grid: one a degree. It is also the limit of a belief that is drawn."""
 _ON_GRID = 1e-6
-"""Inches by which the last edge of a grid may miss the maze's: rounding of a step such as 0.1."""
+"""Inches by which the last edge of a grid may differ from the maze's: rounding of a step such as 0.1."""
 
 
 class PoseGrid(Struct, frozen=True):
@@ -90,8 +90,8 @@ class Atlas(Struct, frozen=True):
 def atlas_codes(simulator: Simulator, names: Sequence[str] = ()) -> tuple[str, ...]:
     """The sensors of an atlas: those named, else all enabled range sensors.
 
-    Raises AtlasError for one that is disabled, named twice or says nothing of the pose, and if there is
-    none; UnknownSensorError for other codes.
+    Raises AtlasError for one that is disabled, named twice or independent of the pose, and if there is none;
+    UnknownSensorError for other codes.
     """
     codes = tuple(names) or tuple(simulator.ranging_codes())
     if not codes:
@@ -117,10 +117,10 @@ def compute_atlas(
     codes: Sequence[str],
     progress: Callable[[int], None] = lambda row: None,
 ) -> Atlas:
-    """Readings as the simulator gives them without noise at time 0, with the block where it is now.
+    """Readings of the simulator without noise at time 0, with the block where it is now.
 
     Args:
-        codes: As `atlas_codes` gives them.
+        codes: From `atlas_codes`.
         progress: Called with the number of rows done, after each.
     """
     world = simulator.world

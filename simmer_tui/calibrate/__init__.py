@@ -1,1 +1,1 @@
-"""The simulator learns a robot: a configuration set from run logs of the real one."""
+"""Calibration: a configuration set from run logs of a real robot."""

@@ -1,14 +1,14 @@
-"""Change detection: which parts of a robot no longer behave as its calibrated set says.
+"""Change detection: the parts of a robot that no longer behave as in its calibrated set.
 
 The estimates from a log are compared with the set's, both with their covariance. For each part (a drive, a
-sensor) the likelihood ratio says what is gained by letting its parameters differ from the set's, all else
-staying as it was learned. Without a change that is chi-square with a degree of freedom for each parameter.
-Holm's procedure (1979) keeps the family-wise rate of false alarms. A part that has changed is freed before
-the others are tested, so that it does not accuse them.
+sensor) the likelihood ratio is the gain when its parameters may differ from the set's, and all others may
+not. Without a change it is chi-square, with a degree of freedom for each parameter. Holm's procedure (1979)
+keeps the family-wise rate of false alarms. The parameters of a changed part are free before the others are
+tested, so that it does not affect their verdicts.
 
-The strength of random biases is the spread between calibrated robots. One robot does not identify it: its
-biases are what they are. From five on it is the spread of their biases beyond what standard errors explain,
-by the moments of DerSimonian and Laird (1986).
+The strength of random biases is the spread between calibrated robots. One robot does not identify it, because
+its biases are constant. From five robots on, it is the spread of their biases minus their standard errors, by
+the moments of DerSimonian and Laird (1986).
 """
 
 from __future__ import annotations
@@ -35,14 +35,14 @@ from simmer_tui.sim.specs import DriveKind
 FALSE_ALARMS = 0.05
 """Share of unchanged robots with the verdict "changed": the usual level of a test."""
 _ANOTHER = 0.001
-"""Share of pairs of logs of one robot that are refused as of two: a refusal costs a user more than an
-accusation, and different robots differ by far."""
+"""Share of pairs of logs of one robot that are refused as logs of two. It is low, because a wrong refusal
+costs a user more than a wrong verdict, and different robots differ by much more."""
 _UNMODELLED = 1.1
-"""Factor on standard errors: over 30 emulated robots 95 % intervals hold the truth in 93 to 95 %
-(docs/calibrate.md), and a set's errors are compared with a log's."""
+"""Factor on standard errors. Over 30 emulated robots 95 % intervals contain the truth in 93 to 95 %
+(docs/calibrate.md), and errors of both set and log enter."""
 _SCALES_KNOWN = 0.3
-"""Factor on the prior spreads of noise scales that come from a calibrated set: the doubt that is left after
-a few hundred movements, so that a short log does not take noise for a change."""
+"""Factor on the prior spreads of noise scales that come from a calibrated set: their uncertainty after a few
+hundred movements. Without it, noise in a short log would count as a change."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,7 +79,7 @@ def check_robot(
         ours, logged = ([each.code for each in getattr(spec, name)] for spec in (there, here))
         if ours != logged:
             raise CalibrationError(f"the log's {name} ({', '.join(logged)}) are not those of the set")
-    # The maze and where the robot starts are the log's; what is to be checked is the set's.
+    # Maze and start are from the log, everything that is checked is from the set.
     spec = replace(here, sensors=there.sensors, drives=there.drives, randbias=False)
     run = dataclasses.replace(run, configuration=replace(run.configuration, simulation=spec))
     found = fit(run, prior_scale=_SCALES_KNOWN, progress=progress)
@@ -89,8 +89,8 @@ def check_robot(
 def require_one_robot(
     runs: Sequence[MeasuredRun], seed: int = 0, progress: Progress = lambda what, share: None
 ) -> None:
-    """Raises CalibrationError if the robot of one run behaves otherwise than that of the longest. Of a
-    run that is too short to be judged by itself nothing is said."""
+    """Raises CalibrationError if the robot of one run behaves differently from that of the longest run. A run
+    that is too short to be tested by itself is skipped."""
     longest = max(runs, key=lambda run: len(run.movements))
     found = fit(longest, seed=seed, progress=progress)
     estimates = estimates_of(found)
@@ -169,14 +169,14 @@ def _misfit(
     difference: FloatArray,
     free: np.ndarray[tuple[int], np.dtype[np.bool_]],
 ) -> float:
-    """The least of (x - difference)' I (x - difference) + x' C^-1 x, the free parameters not held by C:
-    what log and set cannot agree on."""
+    """The least of (x - difference)' I (x - difference) + x' C^-1 x, the free parameters not held by C: the
+    misfit that remains between log and set."""
     held = np.flatnonzero(~free)
     precision = np.zeros_like(covariance)
     if held.size:
         precision[np.ix_(held, held)] = np.linalg.inv(covariance[np.ix_(held, held)])
     pulled = information @ difference
-    # 1e-12 of the diagonal keeps directions regular that neither log nor set knows anything of.
+    # 1e-12 of the diagonal keeps directions regular on which neither log nor set has information.
     total = information + precision + 1e-12 * np.diag(np.diag(information) + 1e-12)
     best = np.linalg.lstsq(total, pulled, rcond=None)[0]
     return float(difference @ pulled - pulled @ best)
@@ -184,7 +184,7 @@ def _misfit(
 
 def _pseudo_inverse(information: FloatArray) -> FloatArray:
     """The inverse, 0 in directions without information; scaled, since inches and degrees differ by 1,000."""
-    # 1e-12 is below any information there is: it keeps the scale of a direction without any finite.
+    # 1e-12 is below any real information: it keeps the scale of a direction without information finite.
     scale: FloatArray = 1.0 / np.sqrt(np.maximum(np.diag(information), 1e-12))
     both: FloatArray = np.outer(scale, scale)
     return np.asarray(both * np.linalg.pinv(both * information, hermitian=True))

@@ -1,4 +1,5 @@
-"""The estimates of a robot's parameters as people are shown them: with intervals, or why there is none."""
+"""The estimates of a robot's parameters, as shown to people: with their intervals, or the reason why there is
+none."""
 
 from __future__ import annotations
 
@@ -19,29 +20,29 @@ from simmer_tui.sim.sensors import Sort
 from simmer_tui.sim.specs import DriveSpec
 
 _ENOUGH = 8
-"""Durations from which a speed or a latency is estimated: below that the median absolute deviation, which
-makes its interval, is itself off by half."""
+"""Least number of durations for an estimate of a speed or a latency. With fewer, the median absolute
+deviation, which determines the interval, is itself wrong by half."""
 _SEEN = 30
-"""Readings from which shares of dropouts and outliers are estimated: with no hit in 30 the 95 % interval
-ends at 8 %."""
+"""Least number of readings for an estimate of the shares of dropouts and outliers: with no hit in 30 the 95 %
+interval ends at 8 %."""
 _NEAR_LIMIT = 0.9
 """Share of Max Range within which a missed wall is a dropout: nearer to the limit an error may hide it."""
 _FROM_ZERO = 0.4
-"""Spread of a noise scale's logarithm from which its interval reaches down to 0: then the variance is
-within two standard errors of it."""
+"""Spread of a noise scale's logarithm from which its interval begins at 0: the variance is then within two
+standard errors of 0."""
 _NO_LINE = "the durations of movements do not show it; drive short and long ones"
 _CLOCK = 5e-4
-"""Least standard error of a duration, seconds: what a scheduler shifts a line of the log by."""
+"""Least standard error of a duration, seconds: a scheduler delays a line of the log by as much."""
 
 
 @dataclass(frozen=True, slots=True)
 class ParameterEstimate:
-    """The estimate of one parameter, or why there is none."""
+    """The estimate of one parameter, or the reason why there is none."""
 
     owner: str
     """ID of a drive or sensor; `link` for the link."""
     field: str
-    """Field of its row; empty if the estimate stands for all that a sensor has no model of."""
+    """Field of its row; empty if the estimate is for a whole sensor without an observation model."""
     label: str
     unit: str
     present: float
@@ -57,7 +58,7 @@ class ParameterEstimate:
 
     @property
     def identified(self) -> bool:
-        """True if the log tells it; else `why_not` has the reason."""
+        """True if the log identifies it; else `why_not` has the reason."""
         return not self.why_not
 
     @property
@@ -81,7 +82,7 @@ class ParameterEstimate:
 
 
 def shown(value: float, low: float, high: float) -> tuple[str, str, str]:
-    """A value and its interval with as many decimals as show half the interval's width to two figures."""
+    """A value and its interval, with enough decimals for two figures of half the interval's width."""
     half = (high - low) / 2
     places = min(max(1 - math.floor(math.log10(half)), 0), 6) if half > 0 else 4
     return f"{value:.{places}f}", f"{low:.{places}f}", f"{high:.{places}f}"
@@ -131,7 +132,7 @@ def unidentified_labels(estimates: Iterable[ParameterEstimate]) -> dict[tuple[st
 
 
 def _silences(run: MeasuredRun) -> dict[str, str]:
-    """Drives and sensors of which the logs say nothing, by ID, and why."""
+    """Drives and sensors without data in the logs: the reason by ID."""
     drives = run.spec.drives
     used = {index for each in run.movements for index, d in each.distances(drives) if d}
     why = {
@@ -149,7 +150,7 @@ def _silences(run: MeasuredRun) -> dict[str, str]:
 
 
 def _without_model(run: MeasuredRun) -> list[ParameterEstimate]:
-    """Sensors whose kind offers no observation model, so that no log identifies them."""
+    """Sensors whose kind has no observation model, so that no log identifies them."""
     observed = observed_sensors(run.spec)
     return [
         _as_it_was(sensor.id, "", "all but time", "", 0.0).unidentified(
@@ -197,7 +198,7 @@ def share_interval(hits: float, count: int) -> tuple[float, float]:
     """The 95 % interval of a share by Jeffreys (Brown, Cai and DasGupta 2001)."""
     if not count:
         return 0.0, 1.0
-    # As they have it, the interval begins at 0 where there is no hit.
+    # By the same source, the interval begins at 0 if there is no hit.
     low = float(betaincinv(hits + 0.5, count - hits + 0.5, 0.025)) if hits >= 0.5 else 0.0
     return low, float(betaincinv(hits + 0.5, count - hits + 0.5, 0.975))
 
@@ -208,9 +209,9 @@ def share_interval(hits: float, count: int) -> tuple[float, float]:
 def timings(run: MeasuredRun) -> list[ParameterEstimate]:
     """Latency of the link, speeds of the drives and read times of the sensors.
 
-    A movement takes |value| / speed and the way there and back; what a line through durations has at
-    0 is the link. Readings that follow each other leave the link out; a program that thinks between
-    them makes read times seem longer, so that the shortest quarter counts.
+    A movement takes |value| / speed plus the latency of the link, there and back. So the latency is the
+    constant of a line through durations. Read times are the gaps between consecutive readings. The shortest
+    quarter counts, because a program that computes between readings makes them longer.
     """
     silence = _silences(run)
     speeds, constants = [], []
@@ -226,11 +227,12 @@ def timings(run: MeasuredRun) -> list[ParameterEstimate]:
         if sensor.enabled and sensor.kind.has("read_time")
     }
     if constants:
-        # A tenth of a millisecond is less than any clock here tells: no drive outweighs all others.
+        # A tenth of a millisecond is below the resolution of these clocks, so that no drive outweighs all
+        # others.
         weights = np.array([1.0 / max(error, 1e-4) ** 2 for _, error in constants])
         both = float(np.average([constant for constant, _ in constants], weights=weights))
         error = max(1.0 / math.sqrt(weights.sum()), _CLOCK)
-        # Two standard errors either way; the constant is the way there and back.
+        # Two standard errors to either side; the constant is the latency there and back.
         latency = latency.about(max(both, 0.0) / 2, 2 * error / 2)
         times = [_read_time(run, time, code, both, error) for code, time in read_times.items()]
     else:
@@ -242,7 +244,7 @@ def timings(run: MeasuredRun) -> list[ParameterEstimate]:
 
 
 def _silenced(estimate: ParameterEstimate, silence: dict[str, str]) -> ParameterEstimate:
-    """An estimate that failed, with the reason that its drive or sensor was never used, if it was not."""
+    """An estimate that failed; if its drive or sensor was never used, with this as the reason."""
     if estimate.identified or estimate.owner not in silence:
         return estimate
     return estimate.unidentified(silence[estimate.owner])
@@ -251,7 +253,8 @@ def _silenced(estimate: ParameterEstimate, silence: dict[str, str]) -> Parameter
 def _speed(
     run: MeasuredRun, index: int, drive: DriveSpec
 ) -> tuple[ParameterEstimate, tuple[float, float] | None]:
-    """Speed of a drive, and the constant part of its durations with its standard error, if it is known."""
+    """Speed of a drive, and the constant part of its durations with its standard error, if there is an
+    estimate."""
     made = [each for each in run.movements if each.drive == index and each.certain]
     rows = [(abs(each.value), each.took) for each in made if math.isfinite(each.took)]
     speed = _as_it_was(drive.kind.value, "speed", "speed", f"{drive.kind.unit}/s", drive.speed)
@@ -264,7 +267,7 @@ def _speed(
         unknown = speed.unidentified("the set has a start lag or an acceleration for it")
         return unknown, _median(took - planned)
     constant, slope, error = line_through(values, took)
-    # A slope within four standard errors of 0 would put no upper end to the speed's interval.
+    # With a slope within four standard errors of 0 the speed's interval would have no upper end.
     if slope <= 0 or 4 * error > slope:
         return speed.unidentified(_NO_LINE), None
     value = 1.0 / slope
@@ -276,7 +279,7 @@ def _speed(
 def _read_time(
     run: MeasuredRun, estimate: ParameterEstimate, code: str, link: float, error: float
 ) -> ParameterEstimate:
-    """Read time of a sensor. `link` is what the way there and back takes, `error` its standard error."""
+    """Read time of a sensor. `link` is the latency there and back, `error` its standard error (seconds)."""
     readings = run.readings.get(code)
     gaps = readings.gaps[np.isfinite(readings.gaps)] if readings is not None else np.zeros(0)
     if len(gaps) < _ENOUGH:
@@ -289,8 +292,8 @@ def _read_time(
 def _median(values: FloatArray) -> tuple[float, float]:
     """The median, and its standard error."""
     median = float(np.median(values))
-    # 1.4826 makes a normal distribution's standard deviation of the median absolute deviation, and
-    # sqrt(pi / 2) = 1.2533 the median's standard error of that: 1.858. 3e-4 s stands for the clock.
+    # For a normal distribution, 1.4826 times the median absolute deviation is the standard deviation, and
+    # sqrt(pi / 2) = 1.2533 times that the median's standard error: together 1.858. 3e-4 s are for the clock.
     return median, 1.85 * float(np.median(np.abs(values - median))) / math.sqrt(len(values)) + 3e-4
 
 
@@ -308,7 +311,7 @@ def line_through(x: FloatArray, y: FloatArray) -> tuple[float, float, float]:
         off = np.abs(y - design @ solution)
         scale = max(1.4826 * float(np.median(off)), _CLOCK)
         weights = np.sqrt(np.minimum(1.0, 2.0 * scale / np.maximum(off, 1e-9)))
-    # As for values spread evenly over their range, whose standard deviation is 1 / sqrt(12) of it.
+    # As for a uniform distribution, whose standard deviation is 1 / sqrt(12) of its range.
     spread = np.ptp(x) / math.sqrt(12) * math.sqrt(len(x))
     return float(solution[0]), float(solution[1]), scale / max(float(spread), 1e-9)
 

@@ -1,9 +1,9 @@
 """A rough path of the robot, by a particle filter over pose, drive biases and contacts.
 
 Each particle is a robot with biases of its own, drawn about those of the set. Those whose biases fit survive
-(Liu and West 2001 call such parameters static). Wheel encoders and the gyro, where they are
-read after each movement, say how far it went better than the process model. A particle whose path
-leads into a wall stops there; a few stop anywhere (the slip hypothesis).
+(Liu and West 2001 call such parameters static). Wheel encoders and the gyro, if read after each movement,
+measure it better than the process model predicts it. A particle whose path leads into a wall stops there; a
+few stop anywhere (the slip hypothesis).
 """
 
 from __future__ import annotations
@@ -27,28 +27,28 @@ from simmer_tui.sim.sensors import CountingSensor, ObservingSensor, World
 # and ten times as much for the rotation of turns: too narrow loses a robot, too wide wastes particles.
 _BIAS_SPREAD = (0.06, 0.06, 0.4)
 _TURN_BIAS_SPREAD = (0.005, 0.005, 0.03)
-# Random errors that particles have at the least, also where a set has none: they keep particles apart.
+# Least random errors of particles, even if a set has none: they keep particles distinct.
 _LEAST_ERROR = (0.02, 0.02, 0.03)
 _TURN_LEAST_ERROR = (0.003, 0.003, 0.01)
 _COUNTER_ERROR = 0.035
-"""A counter's gain and its noise together, before either is known: gains differ by 3 %, noise is 1 to 2 %."""
+"""Relative error of a counter by its gain and noise, before either is known: gains differ by 3 %, noise is 1
+to 2 %."""
 _SLIPS = 0.03
-"""Probability that a movement ends early without a wall that a particle knows of."""
-# With 300 particles nine try it at each movement: enough to survive where it is so, few enough to cost
-# nothing.
+"""Probability that a movement ends early without a wall on the particle's path."""
+# With 300 particles, nine do so at each movement: enough to survive if it is true, and few enough otherwise.
 _TEMPER = 0.6
-"""Power of the likelihood: a sensor's bias stays what it is, so that readings count for less than if their
-errors were independent."""
+"""Power of the likelihood, below 1 because a sensor's bias is constant: errors of its readings are not
+independent."""
 _JITTER = np.array((0.05, 0.05, 0.15))
-"""Standard deviations, inches and degrees, by which resampled particles are moved apart: below what ranges
-tell."""
+"""Standard deviations, inches and degrees, by which resampled particles are moved apart: below the resolution
+of ranges."""
 _BIAS_JITTER = 0.05
-"""The same of their biases, as a share of the drawn ones' spread."""
+"""The same for their biases, as a share of the spread of the drawn ones."""
 
 
 @dataclass(frozen=True)
 class RoughPath:
-    """A chain's path as the particle filter has it."""
+    """A chain's path by the particle filter."""
 
     poses: FloatArray
     """The pose at each stop, (n, 3)."""
@@ -91,7 +91,7 @@ class PathFinder:
         """
         start, spread = np.array(astuple(chain.start)), wide * np.array(chain.spread)
         poses = start + spread * random.standard_normal((count, 3))
-        # The robot stood there, so that it was in no wall, save by what walls are off from the set's.
+        # The robot stood there, so that it was not in a wall, except for the error of the walls in the set.
         free = self._clear.of(poses) > -0.3
         if free.any():
             poses = poses[random.choice(np.flatnonzero(free), count)]
@@ -113,7 +113,7 @@ class PathFinder:
             if read:
                 best = weights.max()
                 share = np.exp(weights - best)
-                # Adding 1e-300 keeps the logarithm finite where no particle fits at all.
+                # Adding 1e-300 keeps the logarithm finite if no particle fits at all.
                 fits += float(np.log(np.average(np.exp(score), weights=share) + 1e-300))
                 readings += read
                 share /= share.sum()
@@ -150,12 +150,12 @@ class PathFinder:
         biases: FloatArray,
         random: np.random.Generator,
     ) -> tuple[FloatArray, BoolArray]:
-        """Poses after the movement to a stop, and those of them that a wall or a slip ended."""
+        """Poses after the movement to a stop, and True for movements that a wall or a slip ended."""
         totals = self._totals(movement, stop, biases, random)
         share, met = self._share_made(movement, poses, totals, random)
         slips = random.random(len(poses)) < _SLIPS
         share = np.where(slips, share * random.random(len(poses)), share)
-        # A disc goes on turning at a wall, by a velocity even while it is pressed.
+        # A disc continues to turn at a wall, by a velocity even while it is pressed.
         turns = movement.is_continuous or self._spec.drives[movement.drive].kind.turns
         done = share[:, None] * totals
         if self._has_gyro or (turns and self._spec.robot.radius is not None):
@@ -166,7 +166,7 @@ class PathFinder:
             left = (1.0 - share) * np.hypot(totals[:, 0], totals[:, 1])
             self._slide(arrived, met, left, random)
         if movement.certain:
-            # Deeper than poses and walls are off: what went through a wall did not go.
+            # Deeper than the errors of poses and walls: a path through a wall is impossible.
             inside = self._clear.of(arrived) < -0.5
             arrived[inside, :2] = poses[inside, :2]
         return arrived, met | slips
@@ -174,7 +174,7 @@ class PathFinder:
     def _totals(
         self, movement: MeasuredMovement, stop: int, biases: FloatArray, random: np.random.Generator
     ) -> FloatArray:
-        """Totals of the movement to a stop, drawn by the process model and by what was counted."""
+        """Totals of the movement to a stop, drawn from the process model and the counters."""
         count, drives = len(biases), self._spec.drives
         totals, spread = movement.asked(drives), np.zeros(3)
         for index, d in movement.distances(drives):
@@ -186,12 +186,13 @@ class PathFinder:
         counted = self._increments(stop - 1, stop)
         wheels = [each for each in counted if each.counter.slips]
         gyro = next((each for each in counted if not each.counter.slips), None)
-        # Three wheels tell all three totals; two would leave one to the process model alone.
+        # Three wheels determine all three totals; two leave one to the process model alone.
         if len(wheels) >= 3:
             totals = _by_wheels(wheels, totals, np.abs(spread), random)
         if gyro is not None:
             turn = gyro.amount / gyro.counter.lever[2]
-            # Besides its gain: 0.3 degrees for rounding, and a drift not yet known of 0.05 degrees a second.
+            # In addition to the gain: 0.3 degrees for rounding, and an unknown drift of 0.05 degrees a
+            # second.
             spread = _COUNTER_ERROR * abs(turn) + 0.3 + 0.05 * gyro.seconds
             totals[:, 2] = turn + spread * random.standard_normal(count)
         return totals
@@ -199,16 +200,16 @@ class PathFinder:
     def _share_made(
         self, movement: MeasuredMovement, poses: FloatArray, totals: FloatArray, random: np.random.Generator
     ) -> tuple[FloatArray, BoolArray]:
-        """Share of each particle's movement that it makes, and those that meet a wall."""
+        """Share of its movement that each particle makes, and True for those that meet a wall."""
         count = len(poses)
         share = np.ones(count)
-        # Without an answer: half of the particles do not move, the others nearly all of the distance: the
-        # fifth root of a uniform number is above 0.87 in half of the cases.
+        # Without an answer half of the particles do not move, and the others move nearly all of the distance:
+        # the fifth root of a uniform number is above 0.87 in half of the cases.
         if not movement.certain:
             share = random.choice((0.0, 1.0), count) * random.random(count) ** 0.2
         segments, bend = movement.law(self._spec.num_segments)
         clear = self._clear.along(poses, totals, segments, bend)
-        # A particle that overlaps a wall a little may go along it, and away from it.
+        # A particle that overlaps a wall slightly may move along it, and away from it.
         blocked = clear < np.minimum(self._clear.of(poses), 0.0)[:, None] - 0.02
         met = np.asarray(blocked.any(axis=1))
         if met.any():
@@ -220,8 +221,8 @@ class PathFinder:
     def _slide(
         self, poses: FloatArray, met: BoolArray, left: FloatArray, random: np.random.Generator
     ) -> None:
-        """Have robots that a velocity presses against a wall slide along it, up to the distance that was
-        left: anywhere around that is no deeper in a wall."""
+        """Let robots that a velocity presses against a wall slide along it, by up to the remaining distance,
+        to any place that is no deeper in a wall."""
         there = poses.copy()
         there[:, :2] += left[:, None] * random.uniform(-1.0, 1.0, (len(poses), 2))
         kept = met & (self._clear.of(there) >= np.minimum(self._clear.of(poses), 0.0) - 0.02)
@@ -240,7 +241,7 @@ class PathFinder:
         return found
 
     def _score(self, stop: int, poses: FloatArray) -> tuple[FloatArray, int]:
-        """Log likelihoods of what was read at a stop, and how many readings that were."""
+        """Log likelihoods of the readings at a stop, and the number of readings."""
         score = np.zeros(len(poses))
         read = 0
         for sensor in self._observers:
@@ -248,7 +249,7 @@ class PathFinder:
             if said is None or not math.isfinite(said[0]) or not is_known_to(self._run, sensor, stop):
                 continue
             expected = sensor.expected(self._world, poses, 0.0)
-            # Where there is nothing in range, a reading is as far off as can be: 1,000 is beyond any maze.
+            # If nothing is in range, a reading has the largest error: 1,000 is beyond any maze.
             expected = np.where(np.isfinite(expected), expected, 1e3)
             score += np.log(sensor.rough_likelihood(said[0], expected))
             read += 1
@@ -257,7 +258,7 @@ class PathFinder:
 
 @dataclass(frozen=True, slots=True)
 class _Increment:
-    """The increment of a counter in some seconds, divided by the gain that the set has."""
+    """The increment of a counter in some seconds, divided by the set's gain."""
 
     counter: CountingSensor
     amount: float
@@ -267,13 +268,13 @@ class _Increment:
 def _by_wheels(
     wheels: list[_Increment], totals: FloatArray, spread: FloatArray, random: np.random.Generator
 ) -> FloatArray:
-    """Totals drawn from what wheels counted, and from the process model in directions that no wheel rolls
-    in: a Kalman update."""
+    """Totals drawn from the counts of wheels, and from the process model in directions in which no wheel
+    rolls: a Kalman update."""
     levers = np.array([each.counter.lever for each in wheels])
     counted = np.array([each.amount for each in wheels])
-    # 0.03 in is a wheel's rounding. The process model counts for half: its bias is not known yet.
+    # 0.03 in is a wheel's rounding. The process model has half the weight: its bias is not known yet.
     noise = (_COUNTER_ERROR * np.abs(counted) + 0.03) ** 2
-    # At least a thousandth of an inch, so that a movement by 0 leaves the matrix regular.
+    # At least a thousandth of an inch, so that the matrix stays regular for a movement by 0.
     prior = np.diag(np.maximum(2.0 * spread, 1e-3) ** 2)
     gain = prior @ levers.T @ np.linalg.inv(levers @ prior @ levers.T + np.diag(noise))
     off = counted + np.sqrt(noise) * random.standard_normal((len(totals), len(counted))) - totals @ levers.T
@@ -281,18 +282,18 @@ def _by_wheels(
 
 
 def _systematic(share: FloatArray, random: np.random.Generator) -> IntArray:
-    """Systematic resampling: as many copies of each as its share wants, up to one."""
+    """Systematic resampling: the copies of each differ from its share by less than one."""
     places = (np.arange(len(share)) + random.random()) / len(share)
     return np.minimum(np.searchsorted(np.cumsum(share), places), len(share) - 1)
 
 
 def world_of(run: MeasuredRun) -> World:
-    """The world that sensors see: the maze, and the block where the set says that it lies."""
+    """The world that sensors see: the maze, and the block at its place in the set."""
     spec = run.spec
     return World(Maze(spec.maze), Block(*spec.block_center, spec.block_size, 0.0))
 
 
 def is_known_to(run: MeasuredRun, sensor: ObservingSensor, stops: IntArray | int) -> BoolArray:
-    """True at stops where it is known what a sensor sees: a block that was moved may be anywhere."""
+    """True at stops where the view of a sensor is known: a moved block may be anywhere."""
     sees_it = run.block_moved_at is not None and sensor.sees_block(run.spec.block_size)
     return np.asarray(stops) <= (run.block_moved_at if sees_it else np.inf)

@@ -1,4 +1,5 @@
-"""The fit: paths and parameters together, noise scales apart, and what the data do not identify.
+"""The fit: paths and parameters together, noise scales separately, and the parameters that the data do not
+identify.
 
 First the particle filter finds each path, then Gauss-Newton refines poses and parameters at once. Noise
 scales follow by Fisher scoring (posterior.py). Intervals are Laplace's; where the residuals of the
@@ -43,58 +44,59 @@ from simmer_tui.sim.angles import BoolArray, FloatArray
 
 PARTICLES = (300, 1500, 4000)
 """Particles at each try."""
-# Judged: 300 do for a robot that was put within an inch and 5 degrees of its start, and cost little beside
-# the fit. Later tries begin with wider starts and need more. Of 30 emulated robots no log was refused.
+# Judged: 300 are enough for a robot that was placed within an inch and 5 degrees of its start, and cost
+# little compared with the fit. Later tries begin with wider starts and need more. Of 30 emulated robots no
+# log was refused.
 WINDOW = 12
-"""Stops of a stretch that is judged by itself."""
-# Some 50 ranges: enough that half of them are outliers only where the path is wrong.
+"""Stops of a stretch that is tested by itself."""
+# Some 50 ranges: with so many, half of them are outliers only if the path is wrong.
 _RANGES = 6
-"""Ranges that it takes to judge a stretch, or to begin at all: twice the numbers of a pose."""
+"""Least number of ranges to test a stretch, or to begin at all: twice the numbers of a pose."""
 _HOPELESS = -3.5
-"""Log likelihood a reading below which a rough path is none; right ones have about -1.5."""
+"""Log likelihood a reading below which a rough path is rejected; right ones have about -1.5."""
 _ODD_AT_MOST, _FARTHEST = 0.2, 4.0
-"""Share of all ranges that may fit no pose, and standard deviations that a path may begin off the
-start, for a path to be believed."""
-# Judged: a robot's sensors have outliers of some percent, while a path a cell off fits few ranges at all. A
-# start 4 standard deviations off comes by chance once in 16,000 logs.
+"""Limits of an accepted path: the share of all ranges that fit no pose, and the distance of its first pose
+from the start, in standard deviations."""
+# Judged: a robot's sensors have outliers of some percent, while a path that is wrong by a cell fits few
+# ranges. A start 4 standard deviations off occurs by chance once in 16,000 logs.
 _ANNEALED = (1.5, 0.7, 0.3)
-"""Standard deviations, inches, added to ranges while a rough path is refined, one after the other."""
-# The rough path is off by about an inch. Halving from there keeps each step within the ranges' linear part.
+"""Standard deviations, inches, added to ranges in the rounds that refine a rough path."""
+# The rough path has an error of about an inch. Halving from there keeps each step where ranges are linear.
 _STEPS = 2
 """Gauss-Newton steps at each of these."""
 _LONGEST_STEP = 6.0
-"""Inches that a step may move a stop: half a cell, so that no pose jumps over a wall."""
+"""Most inches by which a step may move a stop: half a cell, so that no pose jumps over a wall."""
 _DAMPING = 1e-6
-"""Share of the diagonal that is added to the normal equations of a step, against rounding only."""
+"""Share of the diagonal that is added to the normal equations of a step, only against rounding."""
 _MEETS, _CLEARS = -0.08, 0.12
-"""Clearance, inches, below which a planned path is one into a wall, and above which it is no more."""
-# Poses are known to about 0.05 in; the two differ so that a contact does not come and go between rounds.
+"""Clearance, inches, below which a planned path has a contact, and above which it has none any more."""
+# Poses are known to about 0.05 in; the two differ so that a contact does not alternate between rounds.
 _NEAR, _ODD_NEAR, _ODD_ANYWHERE = 0.6, 4.0, 6.0
-"""Inches from a wall within which a movement with residuals of so many standard deviations met it, and
-how many it takes elsewhere."""
-# Of 5,000 normal residuals one beyond 4 comes in three logs, one beyond 6 in 100,000. Walls make the former
-# likely.
+"""A movement within so many inches of a wall met it if its residuals exceed the second number, in standard
+deviations. Elsewhere they must exceed the third."""
+# With 5,000 normal residuals a log, one beyond 4 occurs once in three logs, one beyond 6 once in 100,000.
+# Near a wall a real contact is more likely.
 _ROUNDS = 12
-"""Rounds of Fisher scoring at most: it has converged before, unless two noise scales trade places."""
+"""Most rounds of Fisher scoring: it converges earlier, unless two noise scales alternate."""
 _CONVERGED = 0.06
 """Change of a noise scale's logarithm, twice in a row, below which scoring ends: its standard error is seldom
-below 0.1, and the probes of the traces are random from round to round."""
+below 0.1, and the random vectors of the traces change from round to round."""
 _LARGEST_CHANGE = 0.7
-"""Change of a noise scale's logarithm in a round at most, a factor of two: the likelihood is no parabola
-there."""
+"""Largest change of a noise scale's logarithm in a round, a factor of two: beyond it the likelihood is not a
+parabola."""
 _TRUSTED = 2
-"""Rounds before a large residual may mark a movement as slipped: the noise scales are still off before."""
+"""Rounds before a large residual may mark a movement as slipped: in them the noise scales are still wrong."""
 _LEAST_OUTLIERS = 0.02
-"""Share of outliers at which estimation begins, at the least: with 0 no reading could ever become one."""
+"""Least share of outliers at which estimation begins: from 0 it could never grow."""
 _APPROXIMATED = 2.0
 """Factor on the intervals of errors of drives that moved by velocities."""
-# What the model leaves out there: counters set back to a stop, errors of two drives at once. With it 90 % of
-# ten emulated robots' figures are held.
+# It covers what the model omits there: counters interpolated to a stop, errors of two drives at once. With
+# it, intervals contain 90 % of ten emulated robots' figures.
 _HEAVY_TAILS = 4.5
 """Kurtosis of residuals, 3 for normal ones, from which intervals are widened."""
-# The kurtosis of 200 normal residuals has a standard error of 0.35: 4.5 comes by chance once in 100,000.
+# The kurtosis of 200 normal residuals has a standard error of 0.35: 4.5 occurs by chance once in 100,000.
 _FEW_RESIDUALS = 30
-"""Residuals of a source below which its kurtosis is not judged: there its standard error is 0.9."""
+"""Least number of residuals of a source for a test of its kurtosis: with 30 its standard error is 0.9."""
 
 Progress = Callable[[str, float], None]
 
@@ -109,16 +111,17 @@ class Fit:
     pose_spread: FloatArray
     """Posterior standard deviations of the poses, (stops, 3)."""
     standard_errors: FloatArray
-    """Of the parameters; of one that is not identified its prior's."""
+    """Of the parameters; for one that is not identified, its prior's."""
     noise_scale_errors: FloatArray
     """Of the noise scales' logarithms."""
     identified: BoolArray
     noise_scales_identified: BoolArray
     rows: Rows
     covariance: FloatArray
-    """Of the parameters; that of one that is not identified means nothing."""
+    """Of the parameters; rows and columns of one that is not identified have no meaning."""
     information: FloatArray
-    """Of the parameters, from the data alone, the poses eliminated and the noise scales as estimated."""
+    """Fisher information of the parameters, from the data alone, with the poses eliminated and the noise
+    scales as estimated."""
     model: Model
     misfits: tuple[Misfit, ...] = ()
     """Departures of the robot from the model, the surest first."""
@@ -157,7 +160,7 @@ def fit(
     reason: str | None = None
     for number, count in enumerate(PARTICLES):
         random = np.random.default_rng((seed, number))
-        # Each later try starts half as wide again, for a robot that was put worse than asked.
+        # Each later try starts half as wide again, for a robot that was placed less exactly than requested.
         state, likely = _rough(run, model, count, random, 1.0 + 0.5 * number, progress)
         if likely < _HOPELESS:
             reason = "the ranges fit no path through the maze"
@@ -173,7 +176,7 @@ def fit(
 
 
 def refit(whole: Fit, run: MeasuredRun) -> Fit:
-    """Estimates from the first part of the run, whose path is known roughly by now."""
+    """Estimates from the first part of the run, starting from its path in the whole fit."""
     model = Model(run, whole.space)
     random = np.random.default_rng(0)
     chain = whole.state.chain[: run.stops].copy()
@@ -182,7 +185,7 @@ def refit(whole: Fit, run: MeasuredRun) -> Fit:
     state = replace(
         whole.state, chain=chain, contacts=whole.state.contacts[here], slipped=whole.state.slipped[here]
     )
-    # Half of the rounds: it begins where the whole run's scoring ended.
+    # Half of the rounds: scoring begins at the estimates of the whole run.
     state = _with_noise_scales(model, state, random, rounds=_ROUNDS // 2)
     return _result(model, state, random)
 
@@ -190,17 +193,17 @@ def refit(whole: Fit, run: MeasuredRun) -> Fit:
 def fit_path(
     run: MeasuredRun, space: ParameterSpace, parameters: FloatArray, noise_scales: FloatArray, rough: Iterate
 ) -> Iterate:
-    """The path under given parameters, which stay fixed, from a rough one."""
+    """The path for fixed parameters, refined from a rough one."""
     model = Model(run, space)
     state = replace(rough, parameters=parameters, noise_scales=noise_scales)
-    # Three steps at the end: with fixed parameters each pose has near neighbours alone to agree with.
+    # Three steps at the end: with fixed parameters each pose depends on near neighbours only.
     for annealed in (*_ANNEALED, 0.0, 0.0, 0.0):
         state = with_contacts(model, _stepped(model, state, annealed, np.zeros(len(parameters))))
     return state
 
 
 def fit_tail(run: MeasuredRun, space: ParameterSpace, state: Iterate) -> tuple[FloatArray, FloatArray]:
-    """The pose at the last stop, (3,), and its covariance, the parameters fixed."""
+    """The pose at the last stop, (3,), and its covariance, for fixed parameters."""
     model = Model(run, space)
     posterior = Posterior(model.rows(state, 0.0, np.zeros(len(state.parameters))), model.width)
     columns = PER_STOP * (run.stops - 1) + np.arange(3)
@@ -210,7 +213,7 @@ def fit_tail(run: MeasuredRun, space: ParameterSpace, state: Iterate) -> tuple[F
 
 
 def start_state(run: MeasuredRun, model: Model, paths: list[RoughPath]) -> Iterate:
-    """The first iterate: rough paths, and parameters as the set has them."""
+    """The first iterate: rough paths, and the set's parameters."""
     parameters, noise_scales = model.space.start()
     chain = np.zeros((run.stops, PER_STOP))
     contacts = np.zeros(len(model.before), bool)
@@ -260,7 +263,7 @@ def _stepped(model: Model, state: Iterate, annealed: float, tight: FloatArray | 
 
 
 def _settled(model: Model, state: Iterate) -> Iterate:
-    """The mode of poses and parameters, with the noise scales as they are."""
+    """The mode of poses and parameters, with fixed noise scales."""
     for annealed in (*_ANNEALED, 0.0):
         for _ in range(_STEPS):
             state = _stepped(model, state, annealed)
@@ -269,8 +272,8 @@ def _settled(model: Model, state: Iterate) -> Iterate:
 
 
 def with_contacts(model: Model, state: Iterate) -> Iterate:
-    """The iterate with contacts where planned paths lead into walls, by the poses as they now are."""
-    # Where it stands already counts too: a robot that turns at a wall, or leaves one, meets none.
+    """The iterate with contacts where planned paths lead into walls, from its present poses."""
+    # Its present place counts too: a robot that turns at a wall, or leaves one, has no contact.
     margin = np.minimum(model.clearance.of(state.chain[model.before, :3]), 0.0)
     least = _least_clearance(model, state) - margin
     contacts = np.where(state.contacts, least < _CLEARS, least < _MEETS)
@@ -285,8 +288,8 @@ def _least_clearance(model: Model, state: Iterate) -> FloatArray:
 
 
 def slips_in(model: Model, state: Iterate, rows: Rows) -> BoolArray:
-    """Movements for which process model, wheels and gyro contradict each other: a wall was met that the
-    estimated path just misses, or a wheel lost its grip."""
+    """True for movements for which process model, wheels and gyro contradict each other: the robot met a wall
+    that the estimated path just misses, or a wheel slipped."""
     worst = np.zeros(model.stops)
     sizes = np.abs(rows.residuals) / np.sqrt(rows.variances)
     for family, offset in ((PROCESS, 0), (KINEMATIC, 0), (COUNTER, -1)):
@@ -309,7 +312,7 @@ def _with_noise_scales(
     tight: FloatArray | None = None,
     rounds: int = _ROUNDS,
 ) -> Iterate:
-    """Noise scales by restricted maximum likelihood, poses and parameters following.
+    """Noise scales by restricted maximum likelihood, with poses and parameters refitted.
 
     Args:
         fixed: True for noise scales that stay as they are.
@@ -353,10 +356,10 @@ def _result(model: Model, state: Iterate, random: np.random.Generator) -> Fit:
     identified = np.sqrt(np.diag(posterior.covariance())) < IDENTIFIED * prior_spreads
     present = np.array([each.present for each in space.parameters])
     present_scales = np.array([max(each.present, LEAST_SCALE) for each in space.noise_scales])
-    # However little a log says of a small noise scale, it may say that it is smaller than the set's.
+    # A log with little information on a small noise scale may still show that it is smaller than the set's.
     smaller = state.noise_scales * np.exp(Z_95 * noise_scale_errors) < present_scales
     noise_scales_identified = (noise_scale_errors < IDENTIFIED * log_spreads) | smaller
-    # What is not identified stays as the set has it, and the rest is estimated given that.
+    # Parameters that are not identified keep the set's values, and the rest is estimated given these.
     if not (identified.all() and noise_scales_identified.all()):
         state = replace(
             state,
@@ -364,7 +367,7 @@ def _result(model: Model, state: Iterate, random: np.random.Generator) -> Fit:
             noise_scales=np.where(noise_scales_identified, state.noise_scales, present_scales),
         )
         tight = np.where(identified, prior_spreads, 0.0)
-        # A third of the rounds: only what the unidentified ones took with them has to move.
+        # A third of the rounds: only parameters correlated with the unidentified ones change.
         state = _with_noise_scales(
             model, state, random, fixed=~noise_scales_identified, tight=tight, rounds=_ROUNDS // 3
         )
@@ -403,8 +406,8 @@ def _result(model: Model, state: Iterate, random: np.random.Generator) -> Fit:
 
 
 def _robust_spreads(model: Model, rows: Rows, posterior: Posterior) -> FloatArray:
-    """Standard deviations of the parameters by the sandwich, of those sources alone whose residuals have
-    heavy tails; 0 for the others."""
+    """Standard deviations of the parameters by the sandwich, only from sources whose residuals have heavy
+    tails; 0 for the others."""
     count = len(model.space.parameters)
     chosen = np.zeros((model.width + count, count))
     chosen[model.width :] = np.eye(count)
@@ -417,7 +420,7 @@ def _robust_spreads(model: Model, rows: Rows, posterior: Posterior) -> FloatArra
             mine = (rows.family == family) & (rows.source == source)
             mean = float(squares[mine].mean())
             if mine.sum() > _FEW_RESIDUALS and float((squares[mine] ** 2).mean()) > _HEAVY_TAILS * mean**2:
-                # A residual of nearly 0 by chance is no sign that its row has no error.
+                # A residual may be almost 0 by chance, even if its row has an error.
                 factors[mine] = np.maximum(squares[mine], 1e-3)
                 heavy = True
     if not heavy:
@@ -426,7 +429,7 @@ def _robust_spreads(model: Model, rows: Rows, posterior: Posterior) -> FloatArra
 
 
 def misplaced(run: MeasuredRun, state: Iterate) -> str | None:
-    """The reason why a path cannot be right that begins far from where people put the robot; else None."""
+    """The reason for rejecting a path that begins far from where people placed the robot; else None."""
     for first, chain in zip(run.first_stops(), run.chains, strict=True):
         off = state.chain[first, :3] - np.array(astuple(chain.start))
         if (np.abs(off) > _FARTHEST * np.array(chain.spread)).any():
@@ -438,7 +441,7 @@ def misplaced(run: MeasuredRun, state: Iterate) -> str | None:
 
 
 def lost_stretch(model: Model, rows: Rows) -> str | None:
-    """The reason why a path cannot be right of which a stretch does not fit; else None."""
+    """The reason for rejecting a path with a stretch that does not fit; else None."""
     mine = rows.family == RANGE
     odd = np.bincount(rows.stop[mine], 1.0 - rows.weights[mine], model.stops)
     counts = np.bincount(rows.stop[mine], minlength=model.stops)

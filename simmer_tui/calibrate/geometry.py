@@ -22,15 +22,15 @@ def on_axes(axes: Axes) -> FloatArray:
 
 
 def chord_factor(turn: FloatArray, segments: int | FloatArray) -> tuple[ComplexArray, ComplexArray]:
-    """c(r) for (m,) turns in degrees, and its derivative by a degree; `segments` are those of all, or of
-    each.
+    """c(r) for (m,) turns in degrees, and its derivative by a degree; `segments` is one number for all, or
+    one for each.
 
     The geometric sum is sin(r / 2) / (n sin(r / 2n)) exp(i r (n + 1) / 2n).
     """
     half = np.radians(turn) / 2
     n = np.asarray(segments, float)
     below = n * np.sin(half / n)
-    # Near a straight line by the first terms of the series: at 1e-4 the next one is 1e-16.
+    # Near a straight line, the first terms of the series: at 1e-4 the next one is 1e-16.
     straight = np.abs(below) < 1e-4
     safe = np.where(straight, 1.0, below)
     length = np.where(straight, 1.0 - half**2 * (1 - 1 / n**2) / 6, np.sin(half) / safe)
@@ -50,8 +50,8 @@ def displacement(totals: FloatArray, segments: int | FloatArray) -> ComplexArray
 def moved(
     poses: FloatArray, totals: FloatArray, segments: int | FloatArray, bend: complex | ComplexArray = 0.0
 ) -> FloatArray:
-    """The poses, (m, 3), to which totals lead from (m, 3) poses in free space; `bend` is how far a path that
-    is no arc leads from where the arc would, in the frame of the start."""
+    """The poses, (m, 3), to which totals lead from (m, 3) poses in free space. `bend` is the distance between
+    the ends of a path that is not an arc and of the arc, in the frame of the start."""
     offset = (displacement(totals, segments) + bend) * np.exp(1j * np.radians(poses[:, 2]))
     return np.column_stack((poses[:, 0] + offset.real, poses[:, 1] + offset.imag, poses[:, 2] + totals[:, 2]))
 
@@ -68,18 +68,18 @@ def totals_between(
 
 
 _OUTLINE = 6
-"""Points looked at on each side of a polygon: an inch apart on a robot of 6 in, so that no corner of a wall
-gets deeper between two than half an inch."""
+"""Points tested on each side of a polygon: an inch apart on a robot of 6 in, so that no corner of a wall can
+be deeper than half an inch between two."""
 SHARES = np.arange(1, 9) / 8
-"""Shares of a path at which it is looked at for walls: an inch or two apart on the movements of a course."""
+"""Shares of a path at which it is tested for walls: an inch or two apart on the movements of a course."""
 
 
 class Clearance:
     """Distances of a robot's outline from walls, negative inside one."""
 
     def __init__(self, maze: MazeSpec, robot: RobotSpec) -> None:
-        # A ring of walls around the maze stands for its outside; of two cells, so that the cells around any
-        # cell inside exist.
+        # A ring of walls around the maze represents its outside. It is two cells wide, so that all neighbours
+        # of a cell inside exist.
         self._walls = np.pad(np.array(maze.cells)[::-1] == WALL, 2, constant_values=True)
         self._radius = 0.0
         self._outline = np.zeros((1, 2))

@@ -1,8 +1,8 @@
 """A guided session: movements and readings that identify a robot's parameters, without touching a wall.
 
-It begins with readings at rest, a spin, and a square both ways (as UMBmark has it, Borenstein and Feng
-1996). Then it drives what is known least, from where there is room. A movement is made only if its whole path
-is clear of walls, wherever the robot may stand and whatever its errors may be.
+It begins with readings at rest, a spin, and a square in both directions (UMBmark, Borenstein and Feng 1996).
+Then it uses the drives with the least known parameters, where there is room. A movement is made only if its
+whole path is clear of walls, for every likely pose and error of the robot.
 """
 
 from __future__ import annotations
@@ -31,41 +31,43 @@ from simmer_tui.sim.sensors import Sort, modelled_sensor
 from simmer_tui.sim.specs import Axes, DriveSpec, SensorSpec, SimulationSpec
 
 PLACED = (0.25, 0.25, 2.0)
-"""Standard deviations of the pose in which a person who is asked to puts the robot, inches and degrees."""
+"""Standard deviations of the pose in which a person places the robot on request, inches and degrees."""
 # `where_to_put` asks for a quarter of an inch and 2 degrees.
 MOST = 150
-"""Movements after which a session ends: a quarter of an hour at 6 s a movement, readings included."""
+"""Movements after which a session ends: a quarter of an hour at 6 s a movement, with its readings."""
 LOOKS = 3
-"""Readings of each range sensor and compass at every stop: their median is safe from one outlier."""
+"""Readings of each range sensor and compass at every stop: their median is robust to one outlier."""
 FITS_AT = (20, 45, 70, 90, 105, 120, 135, MOST)
 """Movements after which parameters are estimated: a fit takes seconds, in which the robot waits."""
-# 20 are the spin and most of the square. Sessions that are long enough end between 70 and 150.
+# 20 are the spin and most of the square. Sessions that reach `WANTED` end between 70 and 150.
 WANTED = {"main": 0.01, "angle": 0.3, "range": 0.03}
-"""Median standard errors at which it is enough: bias of each drive along its axis, mounting angles
+"""Median standard errors at which a session may end: bias of each drive along its axis, mounting angles
 (degrees), biases of range sensors (inches)."""
 _CLEAR = 0.4
-"""Inches that must be left on every path the robot may take: what walls are off from the set's, and the
-spacing of the places at which a path is looked at."""
+"""Least clearance, inches, of every path that the robot may take: the error of the walls in the set, and the
+spacing of the places at which a path is tested."""
 _SAMPLES = 80
-"""Paths drawn to judge a movement: one that is unsafe in 4 % of cases passes once in 26."""
+"""Paths drawn to test a movement: one that is unsafe in 4 % of cases passes once in 26."""
 _WIDER = 1.3
-"""Factor on the standard deviations of these paths, and of the learned errors: what the model does not know
-of."""
+"""Factor on the standard deviations of these paths, and of the learned errors, for effects that are not in
+the model."""
 _AMOUNTS = (8.0, 6.0, 4.5, 3.0, 2.0, 1.2)
-"""Inches that translations are tried with: the longest that fit into a cell first, since they tell most."""
+"""Inches that translations are tried with: the longest that fit into a cell first, since they are the most
+informative."""
 _TURNS = (15, 120)
-"""Degrees of a turn, either way: less tells little of its bias, more has no place on the screen's plan."""
+"""Least and greatest degrees of a turn, in either direction: less shows little of its bias, more does not fit
+the screen's plan."""
 _TRIES = 6
-"""Turns that are tried before another drive is chosen: where six of any size are unsafe, most are."""
+"""Turns that are tried before another drive is chosen: if six of any size are unsafe, most are."""
 _WAIT = 0.5
-"""Seconds between two tries of a robot that does not answer: a port takes about as long to come back."""
-# What a drive of a robot that nothing is known of may be off by, an inch driven or a degree turned: twice the
-# biases of strength = [0.05, 1], so that the first movements are short and end clear of walls.
+"""Seconds between two tries of a robot that does not answer: a port needs about as long to reconnect."""
+# Assumed errors of the drives of an unknown robot, an inch driven or a degree turned: twice the biases of
+# strength = [0.05, 1], so that the first movements are short and end clear of walls.
 _ANY_BIAS = (0.08, 0.08, 0.6)
 _ANY_TURN_BIAS = (0.006, 0.006, 0.04)
 
 Ask = Callable[[str], Awaitable[float]]
-"""Sends a command; the robot's answer, NaN if there is none."""
+"""Function that sends a command and returns the robot's answer, NaN if there is none."""
 
 
 @dataclass
@@ -104,17 +106,17 @@ class SessionPlanner:
         sensors = [each for each in self.spec.sensors if each.enabled and not each.kind.is_yes_or_no]
         once = [each.code for each in sensors if each.kind.counts]
         often = [each.code for each in sensors if not each.kind.counts]
-        # Three times as many at the start: readings at rest, in which no movement's error is.
+        # Three times as many at the start: readings at rest are free of movement errors.
         return once + often * (LOOKS if self.count else 3 * LOOKS)
 
     def seen(self, code: str, value: float, time: float) -> None:
-        """A reading at the present stop; of several the middle one counts for the robot's place."""
+        """Add a reading at the present stop; the median of several is used for the robot's pose."""
         self._seen.setdefault(code, []).append(value)
         middle = float(np.median(self._seen[code]))
         self._filter.said.setdefault(code, {})[self.count] = (middle, time)
 
     def settled(self) -> None:
-        """All readings at a stop are there."""
+        """Called after all readings at a stop."""
         if self.count:
             self._filter.go_on(self.count)
         else:
@@ -143,12 +145,12 @@ class SessionPlanner:
         self._filter.movements[self.count] = movement
 
     def learned(self, fit: Fit) -> None:
-        """Plan by new estimates from here on."""
+        """Use new estimates for planning from now on."""
         self.fit = fit
         spec = learned_spec(fit.run.spec, estimates_of(fit))
         before = self._filter
         self._follow(learned_worst_case(spec), fit.poses[-1].copy(), self.count)
-        # Three times what the fit says, at least a tenth of an inch: the filter must not be surer than it is.
+        # Three times the fit's spread, at least a tenth of an inch: the filter must not be overconfident.
         self._filter.covariance = np.diag(np.square(np.maximum(3 * fit.pose_spread[-1], (0.1, 0.1, 0.3))))
         self._filter.said, self._filter.movements = before.said, before.movements
 
@@ -177,14 +179,15 @@ class SessionPlanner:
             return True
         if self.fit is None:
             return False
-        # Offsets only show along walls that are seen askew, for which it would drive on and on.
+        # Offsets show only at walls that are seen obliquely, and waiting for them would need many more
+        # movements.
         needed = np.array([each.sort is not Sort.OFFSET for each in self.fit.space.parameters])
         if not self.fit.identified[needed].all():
             return False
         return all(self.reached[name] <= most for name, most in WANTED.items())
 
     def safe(self, drive: DriveSpec, amount: float) -> bool:
-        """True if no path that a movement may take comes near a wall."""
+        """True if all drawn paths of a movement keep their clearance from walls."""
         pose_filter = self._filter
         asked = amount * drive.gain * on_axes(drive.kind.direction)
         now = next(each for each in pose_filter.spec.drives if each.kind is drive.kind)
@@ -196,13 +199,13 @@ class SessionPlanner:
         poses = pose_filter.pose + _WIDER * noise[:, :3] @ root.T
         totals = asked + d * bias + _WIDER * d * error * noise[:, 3:]
         segments = self.spec.num_segments
-        # A robot near a wall may leave it: what counts is that no path comes nearer than where it stands, by
-        # more than the 0.05 in that poses are known to.
+        # A robot near a wall may leave it: no path may be nearer than the present place, by more than the
+        # 0.05 in to which poses are known.
         here = np.minimum(self._clear.of(poses) - 0.05, _CLEAR)
         return bool((self._clear.along(poses, totals, segments).min(axis=1) >= here).all())
 
     def _need(self, drive: DriveSpec) -> float:
-        """Priority of a drive, the least first: how often it was driven, later how well its bias is known."""
+        """Priority of a drive, the least first: its number of movements, later the precision of its bias."""
         if self.fit is None:
             return float(self.counts[drive.code])
         index = self.spec.drives.index(drive)
@@ -229,7 +232,7 @@ class SessionPlanner:
 
 
 def worst_case(spec: SimulationSpec) -> SimulationSpec:
-    """The set for a robot that nothing is known of: errors that allow for any bias."""
+    """The set for an unknown robot: errors wide enough for any bias."""
 
     def drive(each: DriveSpec) -> DriveSpec:
         more = _ANY_TURN_BIAS if each.kind.turns else _ANY_BIAS
@@ -242,9 +245,9 @@ def worst_case(spec: SimulationSpec) -> SimulationSpec:
 
 
 def learned_worst_case(spec: SimulationSpec) -> SimulationSpec:
-    """A learned set with wider errors, for what the model does not know of."""
+    """A learned set with wider errors, for effects that are not in the model."""
     drives = tuple(
-        # 0.01 degrees besides: a drive's bias, known to 0.004, is part of what may happen.
+        # An additional 0.01 degrees, since a drive's bias is known only to 0.004.
         replace(each, error=Axes(_WIDER * each.error.x, _WIDER * each.error.y, _WIDER * each.error.r + 0.01))
         for each in spec.drives
     )
@@ -252,12 +255,12 @@ def learned_worst_case(spec: SimulationSpec) -> SimulationSpec:
 
 
 def _spin(drives: list[DriveSpec]) -> list[tuple[DriveSpec, float]]:
-    """Half a turn one way and half a turn back, in steps: every sensor looks everywhere from one place."""
+    """Half a turn and back, in steps: every sensor sees all directions from one place."""
     return [(each, amount) for each in drives if each.kind.turns for amount in (45.0,) * 4 + (-60.0,) * 3]
 
 
 def _square(drives: list[DriveSpec]) -> list[tuple[DriveSpec, float]]:
-    """A square both ways, by the drive that goes ahead."""
+    """A square in both directions, by the drive that moves ahead."""
     ahead = [each for each in drives if each.kind.direction.x > 0]
     turn = [each for each in drives if each.kind.turns]
     if not (ahead and turn):
@@ -276,9 +279,9 @@ async def drive_guided(
     """Do a session.
 
     Args:
-        learn: Estimates from what was logged so far; None if it cannot.
-        clock: Gives the time, seconds.
-        show: Is called with what is being done.
+        learn: Returns estimates from the log so far; None if there are none.
+        clock: Returns the time, seconds.
+        show: Called with the present step, as text.
     """
     due = list(FITS_AT)
     while True:
@@ -308,13 +311,13 @@ async def drive_guided(
 
 
 def guided_run(run: MeasuredRun) -> MeasuredRun:
-    """A guided session's log, whose robot was put well."""
+    """A guided session's log: its robot was placed exactly."""
     chains = tuple(dataclasses.replace(chain, spread=PLACED) for chain in run.chains)
     return dataclasses.replace(run, chains=chains)
 
 
 def where_to_put(guide: SessionPlanner) -> str:
-    """The request to the person who puts the robot at its start."""
+    """The request to the person who places the robot at its start."""
     start = guide.start
     return (
         f"Put the robot's centre at x = {start.x:g}, y = {start.y:g} in (from the maze's lower left corner), "

@@ -1,7 +1,7 @@
-"""Measurements from run logs of a real robot: the movements it was asked for, and the readings it gave.
+"""Measurements from run logs of a real robot: its commanded movements, and its readings.
 
-A log of a real robot holds its answers beside what the simulated twin did. Of the twin's path nothing is
-taken: where the real robot went is to be found out.
+A log of a real robot has its answers beside the path of the simulated twin. The twin's path is not used,
+since the real robot's path is unknown.
 """
 
 from __future__ import annotations
@@ -37,18 +37,18 @@ from simmer_tui.sim.records import Status
 from simmer_tui.sim.specs import DriveSpec, SensorSpec, SimulationSpec
 
 START_SPREAD = (1.0, 1.0, 5.0)
-"""Standard deviations in x, y (inches) and heading (degrees) of where people put a robot."""
+"""Standard deviations in x, y (inches) and heading (degrees) of the pose in which people place a robot."""
 # docs/calibrate.md asks for within an inch and 5 degrees.
 
 
 @dataclass(frozen=True, slots=True)
 class MeasuredMovement:
-    """One command to a drive: which (index in the set), how far (times Gain), and whether the robot said
-    that it had made it. `took` is in seconds from sending it to its answer; NaN if not known.
+    """One command to a drive: `drive` is its index in the set, `value` the distance (times Gain). `certain`
+    is True if the robot confirmed it. `took` is in seconds from sending it to its answer; NaN if not known.
 
     Or a stretch of continuous motion: `drive` and `value` are those of the drive that moved most, `parts`
     those of all. `led` are the totals of x, y (inches) and turning (degrees) that were commanded. `bend` is
-    how far that leads from where one arc would, inches in the frame of its start.
+    the distance of its end from that of one arc, inches in the frame of its start.
     """
 
     drive: int
@@ -66,13 +66,13 @@ class MeasuredMovement:
         return self.led is not None
 
     def asked(self, drives: Sequence[DriveSpec]) -> FloatArray:
-        """Totals that were asked for, (3,)."""
+        """Commanded totals, (3,)."""
         if self.led is not None:
             return np.array(self.led)
         return self.value * on_axes(drives[self.drive].kind.direction)
 
     def distances(self, drives: Sequence[DriveSpec]) -> list[tuple[int, float]]:
-        """Drives and the signed distance of each, on which its errors hang, inches or degrees."""
+        """Drives, with the signed distance of each, inches or degrees, on which its errors depend."""
         if self.is_continuous:
             return list(self.parts)
         return [(self.drive, self.value * float(on_axes(drives[self.drive].kind.direction).sum()))]
@@ -86,14 +86,15 @@ class MeasuredMovement:
         return size * np.sqrt(share_of_variance(np.array([distance]), turns=row.kind.turns))
 
     def law(self, segments: int) -> tuple[int, complex]:
-        """Segments of its path in the drive law, of which a command has `segments`, and the path's bend."""
+        """The number of segments of its path in the drive law (`segments` for a command), and the path's
+        bend."""
         return (ARC_SEGMENTS if self.is_continuous else segments), self.bend
 
 
 @dataclass(slots=True)
 class Chain:
-    """Movements without a break: movement k leads from stop k to stop k + 1. `start` is where people put
-    the robot, `spread` how well."""
+    """Movements without a break: movement k leads from stop k to stop k + 1. `start` is the pose in which
+    people placed the robot, `spread` its standard deviations."""
 
     start: Pose
     line: int
@@ -103,19 +104,19 @@ class Chain:
 
 @dataclass(frozen=True, slots=True)
 class Readings:
-    """All readings of one sensor: at which stops (counted through all chains), what it said, and when
-    (seconds since the log's beginning)."""
+    """All readings of one sensor: their stops (counted through all chains), values and times (seconds since
+    the log's beginning)."""
 
     stops: IntArray
     values: FloatArray
     times: FloatArray
     gaps: FloatArray
-    """Seconds since the answer before; NaN where something else came between."""
+    """Seconds since the previous answer; NaN if anything else was logged in between."""
 
 
 @dataclass(frozen=True)
 class MeasuredRun:
-    """All that was logged, with the stops of all chains numbered through."""
+    """The measurements of all logs, with the stops of all chains numbered consecutively."""
 
     configuration: Configuration
     names: tuple[str, ...]
@@ -123,7 +124,7 @@ class MeasuredRun:
     readings: dict[str, Readings]
     """By the sensor's code."""
     block_moved_at: int | None
-    """The stop from which nobody knows where the block is."""
+    """The stop from which the block's place is unknown; None if it is always known."""
     simulated: bool
     """True if the robot was a simulated one, as the logs say."""
     notes: tuple[str, ...] = ()
@@ -131,7 +132,7 @@ class MeasuredRun:
 
     @property
     def spec(self) -> SimulationSpec:
-        """Specification that the robot was driven by."""
+        """Specification of the set with which the robot was driven."""
         return self.configuration.simulation
 
     @property
@@ -168,7 +169,7 @@ class MeasuredRun:
         return np.searchsorted(self.first_stops(), stops, side="right")
 
     def before_stop(self, last: int) -> MeasuredRun:
-        """The part up to a stop, that included."""
+        """The part up to a stop, inclusive."""
         chains, begin = [], 0
         for chain in self.chains:
             count = min(len(chain.movements), last - begin)
@@ -183,7 +184,7 @@ class MeasuredRun:
 
 
 class _Collector(EventHandler[None]):
-    """Collects what logs say, one after the other."""
+    """Collects measurements from logs, one after the other."""
 
     def __init__(self) -> None:
         self.chains: list[Chain] = []
@@ -205,11 +206,11 @@ class _Collector(EventHandler[None]):
         self._last_answer = math.nan
 
     def describe(self, spec: SimulationSpec) -> None:
-        """Say what robot the next log is of."""
+        """Set the robot of the next log."""
         self._spec, self._stretch = spec, VelocityStretch(spec.drives)
 
     def take(self, logged: Logged, real_time: float) -> None:
-        """Take in what a log tells; `real_time` is in seconds since the log's beginning."""
+        """Add a record of a log; `real_time` is in seconds since the log's beginning."""
         self._line, self._real_time = logged.line, real_time
         self.handle(logged.event)
 
@@ -220,7 +221,7 @@ class _Collector(EventHandler[None]):
             self.move_block()
 
     def move_block(self) -> None:
-        """From here on nobody knows where the block is."""
+        """Mark the block's place as unknown from here on."""
         if self.block_moved_at is None:
             self.block_moved_at = self.stop
 
@@ -233,7 +234,7 @@ class _Collector(EventHandler[None]):
         self._leg = None
 
     def _drive_until(self, time: float) -> None:
-        """Count what was commanded up to a simulated time."""
+        """Add the commanded motion up to a simulated time."""
         if self._leg is not None:
             leg, since, line = self._leg
             self._stretch.drive(leg.commanded, time - since)
@@ -241,7 +242,7 @@ class _Collector(EventHandler[None]):
             self._stretch_line = line
 
     def _end_stretch(self) -> None:
-        """Have a stop where the continuous motion is now, if there was any."""
+        """Make a stop at the present point of a continuous motion, if there is one."""
         stretch = self._stretch
         if stretch.has_moved:
             (drive, value), *_ = parts = stretch.distances
@@ -254,7 +255,7 @@ class _Collector(EventHandler[None]):
             self.move_block()
             return
         if self._pending is not None and self._pending[0] == event.number:
-            return  # the twin's path was planned again; the real robot knows nothing of it
+            return  # the twin's path was planned again, which does not concern the real robot
         self.settle(certain=False)
         drive = next(i for i, each in enumerate(self._spec.drives) if each.code == event.command.code)
         value = parse_value(event.command.argument)
@@ -272,7 +273,7 @@ class _Collector(EventHandler[None]):
         moves = self._leg is not None
         self.settle(certain=event.status is not Status.STOPPED, keeps_stretch=moves)
         if event.reading is not None and event.status is Status.READING:
-            # Infinity is what a range sensor says that meets nothing; others never do.
+            # Only range sensors read infinity: they met nothing.
             sensor, said = event.reading.sensor, float(event.reply)
             if math.isfinite(said) or said == getattr(sensor.kind, "missed", None):
                 gap = self._real_time - self._last_answer
@@ -284,15 +285,15 @@ class _Collector(EventHandler[None]):
             self._last_answer = math.nan
 
     def _at_stop(self, sensor: SensorSpec, read: CommandResult) -> float | None:
-        """A reading within a continuous motion as it would have been at the last stop; None if that is too
-        far away. After enough of the motion there is a stop here."""
+        """A reading within a continuous motion, moved back to the last stop; None if that is too far away.
+        After enough motion there is a new stop here."""
         self._drive_until(read.time if read.taken is None else read.taken)
         if self._stretch.is_long:
             self._end_stretch()
         return self._stretch.at_stop(sensor, float(read.reply))
 
     def settle(self, *, certain: bool, took: float = math.nan, keeps_stretch: bool = False) -> None:
-        """The movement that is under way is over, and the continuous one unless `keeps_stretch`."""
+        """End the movement under way, and the continuous motion unless `keeps_stretch`."""
         if not keeps_stretch:
             self._end_stretch()
         if self._pending is not None:
@@ -310,7 +311,7 @@ def read_runs(paths: Iterable[Path]) -> MeasuredRun:
     Raises:
         CalibrationError: for logs with different sets, of a real robot and a simulated one, of the same run,
             or with no movement in them.
-        RunLogError, ConfigurationError: for a file that is no log, or whose set cannot be read.
+        RunLogError, ConfigurationError: for a file that is not a log, or whose set cannot be read.
     """
     collector = _Collector()
     configuration: Configuration | None = None
@@ -359,7 +360,7 @@ def read_runs(paths: Iterable[Path]) -> MeasuredRun:
 
 
 def _refuse_header(log: LogReader, headers: list[Header], names: list[str]) -> None:
-    """Raises CalibrationError if the log's header says that it cannot go with those before it."""
+    """Raises CalibrationError if the log's header does not fit those before it."""
     if log.header in headers:
         first = names[headers.index(log.header)]
         raise CalibrationError(f"{log.shown} is the same run as {first}; name each log once")
@@ -372,7 +373,7 @@ def _refuse_header(log: LogReader, headers: list[Header], names: list[str]) -> N
 
 
 def _differ(one: SimulationSpec, other: SimulationSpec) -> bool:
-    """True if two logs are of robots described in different ways; where they start may differ."""
+    """True if two logs have robots with different descriptions; starts may differ."""
     return any(
         getattr(one, name) != getattr(other, name)
         for name in ("maze", "robot", "sensors", "drives", "num_segments", "block_size")

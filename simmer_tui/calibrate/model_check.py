@@ -1,17 +1,17 @@
 """Tests of the model: motion or readings of a robot that no set can describe, and their effect on estimates.
 
-The model has drives whose biases stay what they are, and grow with what is asked. Tested for are drives that
-weaken over the log, and movements that end short by a constant. Each is one more column of the linearised
-model; its score test (Rao 1948) needs no further fit. All tests of a run together call 1 % of the robots
-of the model misfits, by Holm's procedure (1979). A term that is accepted is estimated as well when the
-others are tested.
+In the model, the biases of drives are constant, and their effect is proportional to the commanded distance.
+The tests are for drives that weaken over the log, and for movements that end short by a constant. Each is one
+more column of the linearised model; its score test (Rao 1948) needs no further fit. All tests of a run
+together have a false-alarm rate of 1 %, by Holm's procedure (1979). An accepted term is estimated as well
+when the others are tested.
 
-Intervals then hold the estimates with and without the accepted terms, as the omitted-variable formula has
-them (Greene, "Econometric Analysis", 2012, section 4.3.2).
+Intervals then contain the estimates with and without the accepted terms, by the omitted-variable formula
+(Greene, "Econometric Analysis", 2012, section 4.3.2).
 
-Readings that were held back test all else: is more than one in ten surely further off than predicted, with
-some slack (`_SLACK`)? Then all intervals are widened by the split-conformal factor. With it nine in ten
-predictions hold (Vovk, Gammerman and Shafer, "Algorithmic Learning in a Random World", 2005).
+Held-back readings test everything else. If significantly more than one in ten are further off than predicted,
+with some slack (`_SLACK`), all intervals are widened by the split-conformal factor. With it nine in ten
+predictions are right (Vovk, Gammerman and Shafer, "Algorithmic Learning in a Random World", 2005).
 """
 
 import math
@@ -31,22 +31,23 @@ from simmer_tui.sim.angles import BoolArray, FloatArray
 from simmer_tui.sim.sensors import Sort
 
 FALSE_MISFIT_RATE = 0.01
-"""Share of robots of the model that a group of tests calls misfits: a verdict must rarely be wrong."""
+"""False-alarm rate of a group of tests, for robots that follow the model: a verdict must rarely be wrong."""
 _UNEVEN = 0.05
-"""Level of the test that sensors sit where the set has them: a false alarm only widens intervals."""
+"""Level of the test that sensors are mounted where the set has them: a false alarm only widens intervals."""
 _FEW = 8
-"""Movements of a drive below which its terms are not tested: a slope over time wants some on either side."""
+"""Least number of a drive's movements for a test of its terms: a slope over time needs some on either
+side."""
 _LEAST = {"": 0.02, "in": 0.05, "deg": 0.5}
-"""Least terms that matter, a share or by unit: what a ruler and a protractor show. On movements of 4 in, and
-turns of 40 degrees, a shortfall is then as much as a drift."""
+"""Least terms that are reported, as a share or by unit: the resolution of a ruler and a protractor. On
+movements of 4 in, and turns of 40 degrees, such a shortfall equals such a drift."""
 _HOLDS = 0.9
-"""Share of the predictions that are to hold: outliers, of some percent, are not to decide."""
+"""Share of predictions that must be right: below 1, so that outliers, some percent, do not decide."""
 _SLACK = 1.25
-"""Factor on their standard deviations within which predictions fit. The filter that makes them is linear and
-takes no account of standard errors: of 40 robots of the model six kinds of sensor had
-a factor of 1.3 or more, the largest 1.41, and none so many readings that it failed."""
+"""Factor on their standard deviations within which predictions fit. Their filter is linear and ignores
+standard errors. Of 40 robots that follow the model, six kinds of sensor had a factor of 1.3 or more, the
+largest 1.41; none had enough readings to fail."""
 _FEW_SCORES = 30
-"""Predictions of a kind of sensor below which they test nothing: three of them are to be further off."""
+"""Least number of a sensor kind's predictions for a test: three of them may be further off."""
 _NORMAL_SCORE = float(ndtri((1.0 + _HOLDS) / 2))
 EVERY_DRIVE = "all drives"
 
@@ -74,7 +75,7 @@ class Misfit:
     """Ends of the 95 % interval."""
     unit: str
     probability: float
-    """Probability of so much by chance."""
+    """Probability of as large a departure by chance."""
 
     @property
     def text(self) -> str:
@@ -96,13 +97,13 @@ class Misfit:
 
 @dataclass(frozen=True)
 class ModelCheck:
-    """The tests of one fit, and what follows for its intervals."""
+    """The tests of one fit, and their effect on its intervals."""
 
     misfits: tuple[Misfit, ...]
     shifts: FloatArray
     """Greatest amounts by which the accepted terms move the parameters, (p,)."""
     log_shifts: FloatArray
-    """The same of the noise scales' logarithms, (k,)."""
+    """The same for the noise scales' logarithms, (k,)."""
 
 
 @dataclass(frozen=True)
@@ -153,15 +154,15 @@ def check_model(model: Model, state: Iterate, rows: Rows, posterior: Posterior) 
 
 
 def accepted(score: FloatArray, information: FloatArray, level: float) -> list[tuple[int, float]]:
-    """Terms that a robot of the model does not have, the surest first, with their probabilities.
+    """Terms that differ from 0, the most significant first, with their probabilities.
 
     Args:
         score: Of each term, (k,).
-        information: Of the terms, all else estimated, (k, k).
-        level: Probability that any is accepted where there is none.
+        information: Of the terms, with all other parameters estimated, (k, k).
+        level: Probability that any is accepted if all are 0.
     """
     found: list[tuple[int, float]] = []
-    # Below 1e-9 no row depends on the term: rounding is left.
+    # Below 1e-9 no row depends on the term: the rest is rounding.
     left = [number for number in range(len(score)) if information[number, number] > 1e-9]
     while left:
         kept = [number for number, _ in found]
@@ -169,7 +170,7 @@ def accepted(score: FloatArray, information: FloatArray, level: float) -> list[t
         across = information[np.ix_(left, kept)] @ inner
         remaining = score[left] - across @ score[kept]
         spare = information[left, left] - np.sum(across * information[np.ix_(left, kept)], axis=1)
-        # A term that those accepted explain to a millionth says nothing more.
+        # A term that the accepted ones explain to a millionth has no information of its own.
         sizes = np.where(spare > 1e-6 * information[left, left], remaining**2 / np.maximum(spare, 1e-12), 0.0)
         best = int(sizes.argmax())
         probability = float(chdtrc(1, sizes[best]))
@@ -180,7 +181,7 @@ def accepted(score: FloatArray, information: FloatArray, level: float) -> list[t
 
 
 def held_back_misfits(scores: Mapping[str, FloatArray]) -> tuple[Misfit, ...]:
-    """Kinds of sensor whose held-back readings are not as predicted, those furthest off first.
+    """Kinds of sensor whose held-back readings differ from their predictions, the largest difference first.
 
     Args:
         scores: Absolute errors of predictions in standard deviations, (n,), by name of the kind.
@@ -189,7 +190,7 @@ def held_back_misfits(scores: Mapping[str, FloatArray]) -> tuple[Misfit, ...]:
     far = _SLACK * _NORMAL_SCORE
     found = []
     for name, each in tested.items():
-        # At most: even if predictions hold no more often than they must.
+        # An upper bound: the probability if predictions are right exactly as often as required.
         probability = float(bdtrc(int((each > far).sum()) - 1, len(each), 1.0 - _HOLDS))
         if probability * len(tested) <= FALSE_MISFIT_RATE:
             value, low, high = conformal_factor(each)
@@ -198,8 +199,8 @@ def held_back_misfits(scores: Mapping[str, FloatArray]) -> tuple[Misfit, ...]:
 
 
 def conformal_factor(scores: FloatArray) -> tuple[float, float, float]:
-    """Factor on standard deviations with which predictions hold as often as they should, and the ends of its
-    95 % interval, by order statistics of the scores, (n,)."""
+    """Factor on standard deviations with which predictions are right as often as required, and the ends of
+    its 95 % interval. By order statistics of the scores, (n,)."""
     ordered, count = np.sort(scores), len(scores)
     ranks = [math.ceil((count + 1) * _HOLDS)]
     ranks += [int(bdtrik(share, count, _HOLDS)) + 1 for share in (0.025, 0.975)]
@@ -212,7 +213,7 @@ def _terms(model: Model, state: Iterate, rows: Rows) -> list[_Term]:
     drives = model.run.spec.drives
     counts = np.bincount(model.drive, minlength=len(drives))
     tested = tuple(index for index in range(len(drives)) if counts[index] >= _FEW)
-    # From -1/2 to 1/2 over the log: a bias is then that of its middle.
+    # From -1/2 to 1/2 over the log, so that a bias is that of its middle.
     place = np.arange(len(model.drive)) / max(len(model.drive) - 1, 1) - 0.5
     lost, short = -place * model.amount, -np.sign(model.amount)
 
@@ -231,7 +232,8 @@ def _terms(model: Model, state: Iterate, rows: Rows) -> list[_Term]:
 
 
 def _column(model: Model, state: Iterate, rows: Rows, amounts: FloatArray) -> FloatArray:
-    """Derivatives of all residuals by a factor on `amounts`, (movements,), by which drives move further."""
+    """Derivatives of all residuals by a factor on `amounts`, (movements,), the additional distances of
+    drives."""
     totals = amounts[:, None] * (_main_axes(model) + model.biases(state))
     made = np.zeros(len(rows.residuals))
     # The rows of the process model come axis by axis.
@@ -242,7 +244,7 @@ def _column(model: Model, state: Iterate, rows: Rows, amounts: FloatArray) -> Fl
 
 
 def _main_axes(model: Model) -> FloatArray:
-    """1 at the axis that each movement is along, (movements, 3)."""
+    """1 at the main axis of each movement, else 0, (movements, 3)."""
     directions = np.array([on_axes(drive.kind.direction) for drive in model.run.spec.drives])
     return np.asarray(np.abs(directions)[model.drive])
 
@@ -259,21 +261,21 @@ def _half_a_drift(model: Model, state: Iterate, drives: tuple[int, ...], value: 
 
 
 def _log_shifts(rows: Rows, before: FloatArray, after: FloatArray) -> FloatArray:
-    """Amounts by which noise scales' logarithms fall where terms explain part of what was noise, (k,), by
-    the residuals with and without them, (rows,)."""
+    """Amounts by which noise scales' logarithms decrease if terms explain part of the noise, (k,), from the
+    residuals with and without them, (rows,)."""
     squares = [np.asarray(rows.shares.T @ each**2) for each in (before, after)]
     ratios = squares[1] / np.maximum(squares[0], 1e-12)
-    # Of what terms explain nothing of, rounding alone is left.
+    # If terms explain nothing of a scale, the rest is rounding.
     return np.where(squares[0] > 0.0, -0.5 * np.log(np.clip(ratios, 1e-6, 1.0)), 0.0)
 
 
 def mounting_spread(
     space: ParameterSpace, values: FloatArray, errors: FloatArray, identified: BoolArray
 ) -> tuple[float, float]:
-    """Standard deviation of where this robot's sensors are mounted, inches, and its degrees of freedom.
+    """Standard deviation of the mounting offsets of this robot's sensors, inches, and its degrees of freedom.
 
-    An offset in the direction that a sensor looks is part of its bias. It is taken to be as large as those
-    across it, which the log shows (by moments, as DerSimonian and Laird 1986 have it).
+    An offset in the direction that a sensor looks is part of its bias. It is assumed as large as the offsets
+    across it, which the log identifies (by the moments of DerSimonian and Laird 1986).
 
     Args:
         values: Of the parameters, (p,); `errors` are their standard errors.
@@ -292,11 +294,11 @@ def mounting_spread(
 def with_mounting(
     space: ParameterSpace, values: FloatArray, errors: FloatArray, identified: BoolArray
 ) -> FloatArray:
-    """Standard errors in which a bias's has the unknown offset in the direction that the sensor looks."""
+    """Standard errors, where those of biases include the unknown offset in the sensor's direction."""
     spread, freedom = mounting_spread(space, values, errors, identified)
     if not spread:
         return errors
-    # Of few sensors the spread itself is little known: Student's quantile in place of the normal one.
+    # With few sensors the spread itself is uncertain: Student's quantile instead of the normal one.
     spread *= float(stdtrit(freedom, 0.975)) / Z_95
     offsets = {each.index for each in space.parameters if each.sort is Sort.OFFSET}
     widened = errors.copy()

@@ -1,9 +1,9 @@
 """Parameters that calibration estimates: those of drives and sensors, and their noise scales.
 
-Each has its row and field in the set, the value that the set has now, and a weak prior about it. A sensor's
-priors are its kind's (sim/sensors). Priors are wide against what robots of a course differ by (drives of
-the strength [0.05, 1] that the manual suggests, sensors of the profiles' data sheets). They keep apart
-what the data hardly can.
+Each has its row and field in the set, the set's present value, and a weak prior about it. A sensor's priors
+are its kind's (sim/sensors). Priors are wide compared with the differences between robots of a course (drives
+of the strength [0.05, 1] that the manual suggests, sensors of the profiles' data sheets). They separate
+parameters that the data hardly separate.
 """
 
 from __future__ import annotations
@@ -33,8 +33,8 @@ from simmer_tui.sim.specs import DriveKind, DriveSpec, SimulationSpec
 
 AXES = ("x", "y", "r")
 IDENTIFIED = 0.5
-"""A parameter is identified if its posterior spread is at most this share of its prior's: the data then
-say three times as much as the prior (precisions add, and 1 / 0.5^2 = 4)."""
+"""A parameter is identified if its posterior spread is at most this share of its prior's: the data then have
+three times the information of the prior (precisions add, and 1 / 0.5^2 = 4)."""
 LEAST_SCALE = 1e-6
 """Least noise scale: estimation works on logarithms."""
 
@@ -43,10 +43,10 @@ LEAST_SCALE = 1e-6
 # are 1.6 to 36 times as wide, since a loose wheel turns a robot more than it shifts it.
 _BIAS_PRIOR = (0.15, 0.15, 0.8)
 _TURN_BIAS_PRIOR = (0.02, 0.02, 0.1)
-# Centre of a drive's error where the set has 0: about those of the bundled drives.
+# Centre of a drive's error if the set has 0: about those of the bundled drives.
 _USUAL_ERROR, _USUAL_TURN_ERROR = 0.02, 0.003
 _ERROR_PRIOR = 1.2
-"""Prior standard deviation of the logarithm of a drive's error: a factor of 3 either way."""
+"""Prior standard deviation of the logarithm of a drive's error: a factor of 3 up or down."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +67,7 @@ class Parameter:
     prior: float
     """Centre of the prior: the set's value, or a usual one for noise scales that the set leaves at 0."""
     spread: float
-    """Prior standard deviation; of a noise scale that of its logarithm."""
+    """Prior standard deviation; for a noise scale, that of its logarithm."""
     unit: str
     place: tuple[float, float] = (0.0, 0.0)
     """Place of the sensor in the set, inches, from which an offset is counted."""
@@ -86,18 +86,18 @@ class Parameter:
     def interval(self, value: float, spread: float) -> tuple[float, float]:
         """The 95 % interval of an estimate.
 
-        Even about a parameter, by factors about a noise scale, whose spread is that of its logarithm.
+        Symmetric about a parameter, by factors about a noise scale, whose spread is that of its logarithm.
         """
         if self.sort is Sort.NOISE:
-            factor = math.exp(min(Z_95 * spread, 50.0))  # e^50 is as good as infinite: no overflow
+            factor = math.exp(min(Z_95 * spread, 50.0))  # e^50 is practically infinite, and does not overflow
             return value / factor, value * factor
         return value - Z_95 * spread, value + Z_95 * spread
 
 
 @dataclass(frozen=True)
 class ParameterSpace:
-    """All parameters of a robot. `parameters` shift or scale what drives and sensors do, `noise_scales` are
-    standard deviations of their random errors."""
+    """All parameters of a robot. `parameters` are biases, gains and the like of drives and sensors,
+    `noise_scales` the standard deviations of their random errors."""
 
     parameters: tuple[Parameter, ...]
     noise_scales: tuple[Parameter, ...]
@@ -144,7 +144,8 @@ class ParameterSpace:
 
 
 def with_values(spec: SimulationSpec, changed: Any) -> SimulationSpec:
-    """A specification with (True for a drive, row, field, value) in it, and no random biases."""
+    """A specification with these values and no random biases. `changed` has (True for a drive, row, field,
+    value) each."""
     drives, sensors = list(spec.drives), list(spec.sensors)
     for is_drive, index, field, value in changed:
         if is_drive:
@@ -166,7 +167,7 @@ def main_axis(kind: DriveKind) -> str:
 
 
 def observed_sensors(spec: SimulationSpec) -> dict[int, Sensor]:
-    """Enabled sensors that calibration has an observation model of, by row."""
+    """Enabled sensors with an observation model, by row."""
     return {
         index: sensor_of(each)
         for index, each in enumerate(spec.sensors)

@@ -1,4 +1,4 @@
-"""An extended Kalman filter of the pose, which predicts readings before it takes them in."""
+"""An extended Kalman filter of the pose, which predicts readings before it uses them."""
 
 from __future__ import annotations
 
@@ -20,21 +20,22 @@ from simmer_tui.sim.specs import SensorKind, SimulationSpec
 AHEAD = (0, 1, 5)
 """Movements ahead that are predicted: the reading itself, the next stop, and a short path."""
 _STEPS = np.diag((0.1, 0.1, 0.5))
-"""Differences in pose over which derivatives are taken: about what the filter's pose is known to."""
+"""Differences in pose, inches and degrees, over which derivatives are taken: about the precision of the
+filter's pose."""
 _GATE = 4.0
-"""Standard deviations beyond which a reading does not update the pose: 1 normal reading in 16,000 is, and
-most outliers are."""
+"""Standard deviations beyond which a reading does not update the pose: 1 normal reading in 16,000 is beyond,
+and most outliers are."""
 _ENOUGH, _FAR_OFF = 3, 2
-"""Ranges that a search for a lost pose takes, and how many of them must be beyond the gate: three ranges make
-a pose, and a single one beyond it is an outlier."""
+"""Least number of ranges for a search for a lost pose, and of ranges beyond the gate: three ranges determine
+a pose, and a single one beyond the gate is an outlier."""
 _SEARCHED = 600
-"""Poses looked at in each round of the search: a fifth of an inch apart, then finer."""
+"""Poses tried in each round of the search: a fifth of an inch apart, then finer."""
 _AROUND = np.array((0.7, 0.7, 2.0))
-"""Standard deviations of the poses looked at, inches and degrees, besides the filter's own: what a contact
-that was missed leaves it off by."""
+"""Standard deviations of the tried poses, inches and degrees, in addition to the filter's own: its error
+after a missed contact."""
 _BETTER = 6.0
-"""Gain in log likelihood that a pose found must bring: with 600 tries, log 600 = 6.4 comes by chance if all
-were independent, and they are not."""
+"""Least gain in log likelihood of a found pose: with 600 independent tries, log 600 = 6.4 would occur by
+chance, and the tries are not independent."""
 
 PredictionErrors = dict[tuple[type[SensorKind], int], list[float]]
 """Absolute errors by kind of sensor and movements ahead."""
@@ -42,8 +43,8 @@ PredictionErrors = dict[tuple[type[SensorKind], int], list[float]]
 
 @dataclass
 class PoseFilter:
-    """An extended Kalman filter of the pose, from stop `begin` on. What is read and done later may be
-    added to `said` (by code and stop: value and time) and `movements` (by the stop they lead to)."""
+    """An extended Kalman filter of the pose, from stop `begin` on. Later readings and movements may be added
+    to `said` (by code and stop: value and time) and `movements` (by the stop they lead to)."""
 
     run: MeasuredRun
     spec: SimulationSpec
@@ -54,7 +55,7 @@ class PoseFilter:
     free: Set[int] = frozenset()
     """Stops that were reached without a contact; counters have scores at these."""
     scores: dict[type[SensorKind], list[float]] = field(default_factory=lambda: defaultdict(list))
-    """Errors of readings that the others at their stop predict, in their standard deviations, by kind."""
+    """Errors of readings, predicted from the others at their stop, in standard deviations, by kind."""
 
     def __post_init__(self) -> None:
         run = self.run
@@ -73,7 +74,7 @@ class PoseFilter:
         self.movements = {offset + k + 1: m for k, m in enumerate(run.chains[-1].movements)}
 
     def go_on(self, stop: int) -> None:
-        """Predict what is read at the next stop, and take it in."""
+        """Predict the readings at the next stop, then update with them."""
         for ahead in AHEAD[1:]:
             if stop - ahead >= self.begin:
                 self._predict_from(stop - ahead, stop)
@@ -84,7 +85,7 @@ class PoseFilter:
     def _process_model(self, stop: int) -> tuple[FloatArray, FloatArray]:
         """Mean and covariance of the totals of the movement to a stop."""
         movement, drives = self.movements[stop], self.spec.drives
-        # 1e-8 keeps the covariance regular where a movement by 0 has no error at all.
+        # 1e-8 keeps the covariance regular if a movement by 0 has no error.
         mean, variances = movement.asked(drives), np.full(3, 1e-8)
         for index, distance in movement.distances(drives):
             mean = mean + distance * on_axes(drives[index].bias)
@@ -92,11 +93,11 @@ class PoseFilter:
         return mean, np.diag(variances)
 
     def _arrive(self, pose: FloatArray, totals: FloatArray, stop: int) -> tuple[FloatArray, float]:
-        """The pose that totals of the movement to a stop lead to, as far as walls let the robot go, and the
-        share of the movement that was left."""
+        """The pose to which totals of the movement to a stop lead, cut at walls, and the remaining share of
+        the movement."""
         segments, bend = self.movements[stop].law(self.spec.num_segments)
         clear = self.clear.along(pose[None], totals[None], segments, bend)[0]
-        # 0.05 in is what poses are off by at a wall; shorter movements are not worth a look.
+        # 0.05 in is the error of poses at a wall; shorter movements are not tested.
         share, least = 1.0, min(float(self.clear.of(pose[None])[0]), 0.0) - 0.05
         if (clear < least).any() and np.hypot(*totals[:2]) > 0.05:
             first = int((clear < least).argmax())
@@ -107,7 +108,7 @@ class PoseFilter:
         return moved(pose[None], done[None], segments, share * bend)[0], 1.0 - share
 
     def _predict_from(self, origin: int, stop: int) -> None:
-        """Predict what is read at a stop from the pose at an earlier one, and note the errors."""
+        """Predict the readings at a stop from the pose at an earlier one, and note the errors."""
         pose, ahead, turned = self.poses[origin], stop - origin, 0.0
         wheels: list[FloatArray] = []
         for step in range(origin + 1, stop + 1):
@@ -153,18 +154,18 @@ class PoseFilter:
         return found
 
     def _move(self, stop: int) -> None:
-        """Propagate the pose by the process model and by what was counted."""
+        """Propagate the pose by the process model and the counters."""
         totals, spread = self._process_model(stop)
         observed = self._counted(stop)
         for each in observed:
             mean, doubt = _updated(totals, spread, [other for other in observed if other is not each])
-            # Wheels that a wall holds do not go together with the turn that was made.
+            # Wheels of a robot at a wall do not match the turn that it made.
             known = stop in self.free
             deviation = np.sqrt(each.variance + each.slope @ doubt @ each.slope) if known else 0.0
             self._note(each.counter, 0, float(each.change - each.slope @ mean), float(deviation))
         gyro = next((each for each in observed if not each.counter.slips), None)
         if not self.movements[stop].certain:
-            # Made in full or not at all: the whole of it is its standard deviation.
+            # Made in full or not at all: its whole length is its standard deviation.
             spread = spread + np.diag(totals**2)
         mean, spread = _updated(totals, spread, observed)
         before = self.pose
@@ -174,7 +175,7 @@ class PoseFilter:
         self._came_from, self._turn_counted = before, gyro is not None
         self._propagate(before, arrived, spread)
         if left:
-            # At a wall a robot comes to rest some 0.3 in off the clearance model, more after a long push.
+            # At a wall a robot stops some 0.3 in off the clearance model, more after a long push.
             self.covariance += np.diag((0.3 + 0.2 * left, 0.3 + 0.2 * left, 0.3)) ** 2
         self.pose = arrived
 
@@ -194,7 +195,7 @@ class PoseFilter:
         self._find_again(stop)
         innovations = self._innovations(stop)
         prior = np.linalg.inv(self.covariance)
-        # Readings far from anything expected say nothing of the pose.
+        # Readings far from their expected values have no information on the pose.
         kept = [each for each in innovations if each.within(_GATE, self.covariance)]
         information = prior + sum(each.information for each in kept)
         score = sum((each.score for each in kept), np.zeros(3))
@@ -228,10 +229,10 @@ class PoseFilter:
         return found
 
     def _find_again(self, stop: int) -> None:
-        """Search for a lost pose where several ranges are far from what was expected.
+        """Search for a lost pose if several ranges are far from their expected values.
 
-        That happens after a wall that was met sooner than thought. Poses around are tried, and anywhere on
-        the path: a filter of one pose never comes back by itself.
+        That happens after an unexpectedly early contact. Poses around and on the path are tried, since a
+        filter with one pose never recovers by itself.
         """
         found = [(sensor, self._reading(sensor, stop)) for sensor in self._observers]
         readings = [(sensor, each) for sensor, each in found if each is not None]
@@ -241,7 +242,7 @@ class PoseFilter:
         away, _ = self._fits(readings, self.pose[None], stop)
         if (np.abs(away[ranging, 0]) > _GATE).sum() < _FAR_OFF:
             return
-        # First widely, then about those that fit best, to 0.15 in and to 0.05 in; the pose as it is stays
+        # First widely, then around those that fit best, to 0.15 in and to 0.05 in; the present pose is always
         # among them.
         poses = self._candidates()
         for finer in (0.15, 0.05):
@@ -254,7 +255,7 @@ class PoseFilter:
         best = int(score.argmax())
         if score[best] - score[0] < _BETTER:
             return
-        # Poses an inch off fit by symmetry, not by being the same place.
+        # Poses an inch off fit because of symmetry.
         near = np.hypot(*(poses[:, :2] - poses[best, :2]).T) < 1.0
         share = np.where(near, np.exp(score - score[best]), 0.0)
         share /= share.sum()
@@ -263,7 +264,7 @@ class PoseFilter:
         self.covariance = (off * share[:, None]).T @ off + np.diag((0.1, 0.1, 0.5)) ** 2
 
     def _candidates(self) -> FloatArray:
-        """Poses that the robot may have if it is lost: around the filter's, and on the path there."""
+        """Candidate poses of a lost robot: around the filter's, and on the path there."""
         noise = self._random.standard_normal((_SEARCHED, 3))
         turned = np.array((1.0, 1.0, 0.3 if self._turn_counted else 1.0))
         spread = np.sqrt(np.diag(self.covariance)) * 2 + _AROUND * turned
@@ -279,28 +280,28 @@ class PoseFilter:
     def _fits(
         self, readings: list[tuple[ObservingSensor, tuple[float, float]]], poses: FloatArray, stop: int
     ) -> tuple[FloatArray, FloatArray]:
-        """Standard deviations that each reading is off at each pose, (readings, poses), and the poses' log
-        likelihoods, outliers allowed for."""
+        """Error of each reading at each pose, in standard deviations, (readings, poses), and the poses' log
+        likelihoods, with outliers."""
         score, off = np.zeros(len(poses)), np.zeros((len(readings), len(poses)))
         for number, (sensor, (value, time)) in enumerate(readings):
             seen = self._expected(sensor, poses, time, stop)
             sigma = sensor.model_error(seen, poses)
-            # Where nothing is in range a reading is as far off as can be: 50 standard deviations.
+            # If nothing is in range, a reading has the largest error: 50 standard deviations.
             away = np.where(np.isfinite(seen), sensor.wrapped(value - seen) / sigma, 50.0)
-            # One reading in twenty may fit no pose: 1e-3 bounds what it takes from the score. exp(-250) is
-            # no underflow yet.
+            # One reading in twenty may fit no pose: 1e-3 limits its effect on the score. exp(-250) does not
+            # underflow.
             score += np.log(0.95 * np.exp(-0.5 * np.minimum(away**2, 500.0)) / sigma + 1e-3)
             off[number] = away
         return off, score
 
     def _expected(self, sensor: ObservingSensor, poses: FloatArray, time: float, stop: int) -> FloatArray:
-        """Readings without random errors, (n,); NaN where it is not known what the sensor sees."""
+        """Readings without random errors, (n,); NaN where the sensor's view is not known."""
         if not is_known_to(self.run, sensor, stop):
             return np.full(len(poses), np.nan)
         return sensor.expected(self.world, poses, time)
 
     def _note(self, sensor: Sensor, ahead: int, off: float, deviation: float = 0.0) -> None:
-        """Note an error of a prediction, with the standard deviation that was expected, if that is known."""
+        """Note an error of a prediction, with its expected standard deviation, if that is known."""
         kind = sensor.spec.kind
         if kind.unit == "deg":
             off = (off + 180.0) % 360.0 - 180.0
@@ -338,12 +339,12 @@ class _Innovation:
         return self.slope * self.off / self.variance
 
     def within(self, gate: float, covariance: FloatArray) -> bool:
-        """True if it is no more standard deviations off than `gate`."""
+        """True if it is at most `gate` standard deviations."""
         return bool(self.off**2 < gate**2 * (self.variance + self.slope @ covariance @ self.slope))
 
 
 def _updated(mean: FloatArray, spread: FloatArray, observed: list[_Counted]) -> tuple[FloatArray, FloatArray]:
-    """A Kalman update of totals by what counters counted of them."""
+    """A Kalman update of totals by counters."""
     if not observed:
         return mean, spread
     slopes = np.array([each.slope for each in observed])

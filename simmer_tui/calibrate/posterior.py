@@ -1,12 +1,13 @@
 """Least squares over many poses and a few parameters: solutions, samples and covariances.
 
-The poses are a chain, each row touching only neighbours, and the parameters touch all. So the normal
-equations are a band with a border: the band is factored by itself, the border by its Schur complement
+The poses are a chain in which each row depends only on neighbours, while parameters affect all rows. So the
+normal equations are a band with a border: the band is factored by itself, the border by its Schur complement
 (Björck, "Numerical Methods for Least Squares Problems", 1996, section 6.3).
 
-The noise scales are the standard deviations of random errors, by restricted maximum likelihood. Their joint
-mode with the poses would let each movement explain itself and end at 0; what the poses take up is accounted
-for by its leverage (Patterson and Thompson 1971). Traces are estimated from random vectors (Hutchinson 1990).
+The noise scales are the standard deviations of random errors, by restricted maximum likelihood. In a joint
+mode with the poses, each movement would explain itself, and they would end at 0. So leverages account for the
+degrees of freedom of the poses (Patterson and Thompson 1971). Traces are estimated from random vectors
+(Hutchinson 1990).
 """
 
 from __future__ import annotations
@@ -25,14 +26,14 @@ from simmer_tui.sim.angles import BoolArray, FloatArray, IntArray
 PROCESS, KINEMATIC, COUNTER, RANGE, OBSERVATION, START, PRIOR = range(7)
 """Families of rows."""
 VarianceShare = tuple[int | IntArray, FloatArray]
-"""A noise scale, or one a row, with its part of each row's variance."""
+"""A noise scale, or one for each row, with its part of each row's variance."""
 JacobianEntry = tuple[IntArray | int, Any] | tuple[IntArray | int, Any, BoolArray]
 """Columns and derivatives of the residuals by them, a row each; with a mask, of the rows where it is True."""
 
 
 @dataclass(frozen=True)
 class Iterate:
-    """Point at which rows are linearised: estimates so far of everything that is unknown."""
+    """Point at which rows are linearised: the present estimates of all unknowns."""
 
     chain: FloatArray
     """Poses and totals, (stops, 6)."""
@@ -41,9 +42,9 @@ class Iterate:
     contacts: BoolArray
     """Movements that met a wall."""
     slipped: BoolArray
-    """Those of them that did by their residuals; the others did by where the robot was."""
+    """Contacts that were detected by their residuals, not by the robot's place."""
     outliers: FloatArray
-    """Share of outliers of each sensor's readings."""
+    """Share of outliers among each sensor's readings."""
 
 
 @dataclass(frozen=True)
@@ -130,7 +131,7 @@ class RowStack:
 
 
 class Posterior:
-    """The normal distribution of the unknowns that weighted, linearised rows give, about their iterate."""
+    """The normal distribution of the unknowns from weighted, linearised rows, about their iterate."""
 
     def __init__(self, rows: Rows, chain: int, damping: float = 0.0) -> None:
         """
@@ -149,8 +150,8 @@ class Posterior:
         keep = band.row >= band.col
         np.add.at(lower, (band.row[keep] - band.col[keep], band.col[keep]), band.data[keep])
         lower[0] *= 1.0 + damping
-        # 1e-12 is below any information there is (1e-7 in at the most exact row gives 1e14): it keeps the
-        # factors from failing where a stop has no row at all.
+        # 1e-12 is below any real information (the most exact row, of 1e-7 in, gives 1e14): without it the
+        # factorisation would fail at a stop without a row.
         lower[0] += 1e-12
         self._band = cholesky_banded(lower, lower=True, check_finite=False)
         self._border: FloatArray = normal[:chain, chain:].toarray()
@@ -181,7 +182,7 @@ class Posterior:
         return np.asarray(cho_solve(self._corner, np.eye(len(self.information))))
 
     def projected(self, vectors: FloatArray) -> FloatArray:
-        """J S J' times (rows, k), with S the covariance of all space: what of it the fit takes up."""
+        """J S J' times (rows, k), with S the covariance of the space: the part that the fit explains."""
         return self.sensitivities(self.whitened.T @ vectors)
 
     def sensitivities(self, chosen: FloatArray) -> FloatArray:
@@ -189,15 +190,16 @@ class Posterior:
         return np.asarray(self.whitened @ self.solve(chosen))
 
     def pose_spread(self, random: np.random.Generator, draws: int = 24) -> FloatArray:
-        """Standard deviations of the chain's space, (chain,), from samples; 24 tell them to 15 %, which is
-        enough for a picture and for a filter that takes three times as much."""
+        """Standard deviations of the chain's space, (chain,), from samples; 24 give them to 15 %, which is
+        enough for a picture and for a filter that uses three times as much."""
         noise = random.standard_normal((self.whitened.shape[0], draws))
         sampled = self.solve(self.whitened.T @ noise)[: self._chain]
         return np.asarray(np.sqrt(np.square(sampled).mean(axis=1)))
 
 
-# Random vectors. The information is for the step's length alone, so that few do. Leverages move the
-# estimates: with 16 vectors a row's is known to a quarter, and a scale's, from some 50 rows, to a thirtieth.
+# Random vectors. The information only determines the step's length, so that few are enough. Leverages affect
+# the estimates: with 16 vectors a row's is known to a quarter, and a scale's, from some 50 rows, to a
+# thirtieth.
 _PROBES, _LEVERAGES = 3, 16
 
 
@@ -218,7 +220,7 @@ def noise_scale_score(
     leverage = (posterior.projected(probes) * probes).mean(axis=1)
     leverage = np.clip(leverage, 0.0, 1.0)
     # By the logarithm of a standard deviation the derivative of a variance is twice its share. The expected
-    # square of a residual is what is left of its variance after the fit: its weight less its leverage.
+    # square of a residual is its variance after the fit: its weight minus its leverage.
     excess = rows.weights * rows.residuals**2 / rows.variances - (rows.weights - leverage)
     gradient = np.asarray(shares.T @ excess)
     columns = shares.tocsc()
@@ -235,7 +237,7 @@ def noise_scale_score(
     squares = np.asarray(shares.T @ left**2)  # scales x (owners * probes)
     information[:, owners] = 2.0 * squares.reshape(len(scales), len(owners), _PROBES).mean(axis=2)
     information = (information + information.T) / 2
-    # For scales without data the information is only rounding; their priors hold them.
+    # For scales without data the information is only rounding; their priors fix them.
     spreads = np.array([each.spread for each in scales])
     centres = np.log(np.array([each.prior for each in scales]))
     information += np.diag(1.0 / spreads**2)
@@ -249,8 +251,8 @@ def outliers_in(rows: Rows, state: Iterate) -> FloatArray:
     for index in range(len(outliers)):
         mine = (rows.family == RANGE) & (rows.source == index)
         count = int(mine.sum())
-        # Half an outlier in one reading more: the middle of Jeffreys' prior, so that no share is ever 0.
+        # Half an outlier and one reading are added: the mean of Jeffreys' prior, so that no share is ever 0.
         if count:
             outliers[index] = (float((1.0 - rows.weights[mine]).sum()) + 0.5) / (count + 1.0)
-    # Above 0.4 the mixture could take the outliers for the readings; below 1e-4 no log tells a share.
+    # Above 0.4 the mixture could swap outliers and readings; below 1e-4 no log identifies a share.
     return np.clip(outliers, 1e-4, 0.4)

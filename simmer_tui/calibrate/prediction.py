@@ -1,8 +1,9 @@
-"""Errors of a set's predictions of readings that it was not made from.
+"""Errors of a set's predictions of held-back readings.
 
 An extended Kalman filter follows the robot through the stretch that was held back, once with each set. It
-predicts each reading from everything before but the reading itself (0 movements ahead), from the stop before
-(1), or from five stops before, by the commands alone. Counters are predicted as what they add since then.
+predicts each reading in three ways: from all earlier data and the others at its stop (0 movements ahead),
+from the stop before (1), or from five stops before, by the commands alone. For counters, the increments since
+then are predicted.
 """
 
 from __future__ import annotations
@@ -20,16 +21,16 @@ from simmer_tui.sim.angles import FloatArray
 from simmer_tui.sim.specs import SensorKind
 
 HELD_BACK = 0.25
-"""Share of the movements, at the end, that is held back: enough of them for medians of five movements ahead,
-while the rest still identifies what the whole does."""
+"""Share of the movements, at the end, that is held back: enough for medians of five movements ahead, while
+the rest still identifies the same parameters."""
 _LEAST = 5
-"""Movements held back below which there is no prediction: the furthest is five movements ahead."""
+"""Least number of held-back movements for a prediction: the furthest is five movements ahead."""
 
 
 @dataclass(frozen=True, slots=True)
 class PredictionAccuracy:
     """Median absolute errors of predictions of one kind of sensor, in its unit, some movements ahead: with
-    the set as it was, and with what was learned from the first part alone."""
+    the old set, and with the estimates from the first part alone."""
 
     kind: type[SensorKind]
     ahead: int
@@ -49,8 +50,8 @@ class HeldBack:
     errors: tuple[PredictionAccuracy, ...]
     """By name of the kind and movements ahead."""
     scores: dict[type[SensorKind], FloatArray] = field(default_factory=dict)
-    """Absolute errors of predictions of the readings that were held back, in their standard deviations, by
-    kind: from what was learned and the other readings at their stop."""
+    """Absolute errors of predictions of held-back readings, in standard deviations, by kind; the predictions
+    use the estimates and the other readings at their stop."""
 
 
 def held_back(fit: Fit) -> HeldBack | None:
@@ -83,7 +84,8 @@ def held_back(fit: Fit) -> HeldBack | None:
 
 
 def widened(fit: Fit, held: HeldBack) -> Fit:
-    """The fit with intervals so wide that the predictions of what was held back hold, if they do not."""
+    """The fit; if predictions of held-back readings are not right often enough, with intervals widened until
+    they are."""
     found = held_back_misfits({kind.name: each for kind, each in held.scores.items()})
     if not found:
         return fit
@@ -105,10 +107,10 @@ def follow(
     noise_scales: FloatArray,
     rough: Iterate,
 ) -> PoseFilter:
-    """A filter that has followed the robot after stop `last` by a set with these parameters.
+    """A filter that has tracked the robot from stop `last` on, by a set with these parameters.
 
     Args:
-        rough: A path up to there, from which that under the set is found.
+        rough: A path up to there, from which the path under the set is refined.
     """
     early = run.before_stop(last)
     path = fit_path(early, fit.space, parameters, noise_scales, rough)

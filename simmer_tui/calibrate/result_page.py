@@ -109,13 +109,13 @@ _WALL_FILL, _PATH, _TOUCH = "#3c3c3c", "#3066e4", svg.CONTACT
 
 
 _MOST_CHANGED = 10
-"""Most changed parameters that stand in front: as many as fit beside the picture."""
+"""Most changed parameters that the page shows first: as many as fit beside the picture."""
 _FITS = "The model fits this robot"
 _FITS_NOT = "The model does not fit this robot"
 
 
 def fit_verdict(misfits: Sequence[Misfit]) -> VerdictBox:
-    """The answer to the question whether the model fits the robot, which stands first."""
+    """The verdict on whether the model fits the robot, the first part of a page."""
     why = "all its tests passed."
     if misfits:
         why = (
@@ -147,7 +147,7 @@ def misfits_table(misfits: Sequence[Misfit]) -> DataTable:
 
 
 def figures_table(estimates: Sequence[ParameterEstimate]) -> DataTable:
-    """Identified parameters: as the set had them, as they are, and their intervals."""
+    """Identified parameters: the set's values, their estimates and intervals."""
     rows = []
     for each in estimates:
         if each.identified:
@@ -161,13 +161,13 @@ def figures_table(estimates: Sequence[ParameterEstimate]) -> DataTable:
 
 
 def unidentified_table(estimates: Sequence[ParameterEstimate]) -> DataTable:
-    """Parameters that the data do not identify, and why, a row a part and reason."""
+    """Parameters that the data do not identify, a row for each part and reason."""
     labels_by_reason = unidentified_labels(estimates)
     return UNIDENTIFIED.filled([(owner, labels, why) for (owner, why), labels in labels_by_reason.items()])
 
 
 def residual_table(fit: Fit) -> DataTable:
-    """Median residuals of movements and readings, with the set as it was and as it is."""
+    """Median residuals of movements and readings, with the old set and with the new one."""
     before_state = fit_path(fit.run, fit.space, *fit.space.of(fit.run.spec), fit.state)
     before, after = fit.model.rows(before_state), fit.rows
     spec, rows = fit.run.spec, []
@@ -220,7 +220,7 @@ def held_back_picture(held: HeldBack) -> Figure:
 
 
 def check_document(parts: Sequence[PartVerdict]) -> Document:
-    """Each part, what the set and the log tell of it, and whether it has changed."""
+    """Each part with its values in set and log, and its verdict."""
     rows = []
     for part in parts:
         verdict = f"{'changed' if part.changed else 'unchanged'} (p = {part.probability:.2g})"
@@ -239,7 +239,7 @@ def check_document(parts: Sequence[PartVerdict]) -> Document:
 
 
 def result_document(fit: Fit, estimates: Sequence[ParameterEstimate], held: HeldBack | None) -> Document:
-    """All that was learned, and how well it predicts, for terminals and programs."""
+    """All estimates, with the accuracy of their predictions, for terminals and programs."""
     tables = (misfits_table(fit.misfits), figures_table(estimates), unidentified_table(estimates))
     misfits, learned, unidentified = ((table,) if table.rows else () for table in tables)
     about = Paragraph(_about(fit, estimates), "about", "run")
@@ -248,7 +248,8 @@ def result_document(fit: Fit, estimates: Sequence[ParameterEstimate], held: Held
 
 
 def result_page(fit: Fit, estimates: Sequence[ParameterEstimate], held: HeldBack | None) -> Document:
-    """The page: does the model fit, what differs from the set, and the path; the rest is folded."""
+    """The page: the verdict on the model, parameters that differ from the set, and the path; the rest is
+    folded."""
     misfits, unidentified = misfits_table(fit.misfits), unidentified_table(estimates)
     changed = [each for each in estimates if each.changed]
     identified = sum(each.identified for each in estimates)
@@ -307,7 +308,7 @@ def _held_back(held: HeldBack | None) -> DataTable | Paragraph:
 
 
 def path_pictures(fit: Fit) -> list[DocumentPart]:
-    """Each chain's path, from dark to light, and where a wall was met."""
+    """Each chain's path, from dark to light, with its contacts."""
     pictures: list[DocumentPart] = []
     maze = fit.run.spec.maze
     scale = WIDTH / maze.width

@@ -1,8 +1,8 @@
-"""The model, row by row: what each movement and each reading says of poses and parameters.
+"""The model, row by row: the residuals of movements and readings, by poses and parameters.
 
-Unknown are, of every stop, the pose (x, y, heading) and the totals of the movement after it (x, y and
-turn: what the wheels do, errors included), six numbers a stop; then the parameters. Each row is a
-residual with its derivatives and its variance:
+The unknowns are six numbers a stop, and the parameters. The six are the pose (x, y, heading) and the totals
+of the movement after it (x, y and turn by the wheels, with errors). Each row is a residual with its
+derivatives and its variance:
 
 process      totals = commanded + d * bias, variance (d (1 + bias) error)^2      (sim/motion.py)
 kinematic    the next pose is where the totals lead; loosely, after a contact
@@ -11,7 +11,7 @@ range        the maze as seen from the pose; a normal error or, now and then, an
 observation  other sensors that observe, such as a compass
 start, prior
 
-What a sensor is expected to read, and how that changes with poses and parameters, is said by its kind
+The expected reading of a sensor, and its derivatives by poses and parameters, are defined by its kind
 (sim/sensors).
 """
 
@@ -47,30 +47,30 @@ from simmer_tui.sim.sensors import CountingSensor, ObservingSensor, Sensor, with
 from simmer_tui.sim.specs import CELL_SIZE, ContactRule
 
 _LIMITS = 2.5
-"""Standard deviations by which a range must be within a sensor's limits to count: beyond them only 1 % of
-readings are cut off, which biases the rest by less than 2 % of a standard deviation."""
+"""Standard deviations by which an expected range must be within a sensor's limits to count. The limits then
+cut off only 1 % of such readings, which biases the rest by less than 2 % of a standard deviation."""
 PER_STOP = 6
 """Unknowns a stop: the pose and the totals of the movement after it."""
 LONGEST_COUNT = 6
 """Movements between two readings of a counter beyond which they are not compared: every row between
 them would touch all of these."""
 _KINEMATIC_SPREADS = (0.002, 0.002, 0.003)
-"""Standard deviations of the kinematic constraints, inches and degrees: they hold exactly. These are small
-against what any sensor tells, and large enough for the normal equations to stay well conditioned."""
+"""Standard deviations of the kinematic constraints, inches and degrees. The constraints are exact: these are
+small compared with any sensor's errors, and large enough for well-conditioned normal equations."""
 FIXED = 1e-7
-"""Standard deviation of a parameter that is to stay where it is."""
+"""Standard deviation of a parameter that must stay fixed."""
 _ALIKE = 3.0
 """Ratio of two stretches' lengths within which the error of one predicts that of the other."""
 _HUBER = 4.0
-"""Standard deviations from which a residual's influence is bounded. Huber's usual 1.345 would cost 5 % of
-what normal residuals tell; counters have few outliers, so that only gross ones need to be held."""
+"""Standard deviations from which a residual's influence is bounded. Huber's usual 1.345 would cost 5 % of the
+efficiency for normal residuals. Counters have few outliers, so that only gross ones need a bound."""
 
 
 class _Part:
     """Motion of one drive in each movement: the one that moved most first.
 
-    `distance` is signed, `variance` that of its random errors of that of one movement as long. A movement
-    with fewer parts has a distance of 0 in the others.
+    `distance` is signed. `variance` is that of its random errors, as a multiple of that of one movement of
+    the same length. A movement with fewer parts has a distance of 0 in the others.
     """
 
     def __init__(self, run: MeasuredRun, space: ParameterSpace, place: int) -> None:
@@ -139,11 +139,11 @@ class Model:
         return biases
 
     def innovations(self, errors: FloatArray) -> FloatArray:
-        """Errors of movements, (movements,), without what those of the movement before lead one to expect."""
+        """Errors of movements, (movements,), minus their prediction from the previous movement's errors."""
         return errors - self._carried * errors[self._previous]
 
     def _stretches_before(self) -> IntArray:
-        # Errors go on by the distance of each drive, whatever moves the robot in between.
+        # Errors continue by the distance of each drive, even if other drives move the robot in between.
         before, latest = np.arange(len(self.drive)), dict[tuple[int, int], int]()
         chains = self.run.chains_of(self.before)
         for number in np.flatnonzero(self.continuous).tolist():
@@ -153,12 +153,12 @@ class Model:
         return before
 
     def _predictions(self) -> tuple[FloatArray, FloatArray]:
-        """Share of each movement's variance that is left where the errors of the movement before are known,
-        (movements,), and the factor from these to those to be expected: 1 and 0 but within a continuous
-        motion."""
+        """Share of each movement's variance that remains if the errors of the previous movement are known,
+        and the factor from these to the expected ones, (movements,) each. They are 1 and 0 outside a
+        continuous motion."""
         distance, before = self.amount, self._previous
         follows = before < np.arange(len(before))
-        # Not from a stretch so short that its error says nothing.
+        # Not from a stretch so short that its error has no information.
         ratio = np.where(follows, distance / np.where(follows, distance[before], 1.0), 0.0)
         follows &= (np.abs(ratio) > 1 / _ALIKE) & (np.abs(ratio) < _ALIKE)
         factor, left = prediction(distance, turns=self._parts[0].turns)
@@ -180,7 +180,7 @@ class Model:
 
         Args:
             annealed: Standard deviation, inches, added to that of every observation.
-            tight: Prior standard deviations in place of the parameters' own; 0 keeps one where it is.
+            tight: Prior standard deviations in place of the parameters' own; 0 fixes one.
         """
         stack = RowStack()
         self._add_process_model(stack, state)
@@ -235,7 +235,7 @@ class Model:
             entries: list[JacobianEntry] = [(column, 1.0), (column[before], -carried, carried != 0.0)]
             shares: list[VarianceShare] = []
             # 0.001 in or degrees at the least, so that a movement by 0 has a variance. Without an answer a
-            # movement may have been made in full or not at all: the whole of it is its standard deviation.
+            # movement may have been made in full or not at all: its whole length is its standard deviation.
             variance = 1e-6 + np.where(self.certain, 0.0, self.amount**2)
             for place, part in enumerate(self._parts):
                 columns, scales = part.bias_columns[:, axis], part.error_columns[:, axis]
@@ -247,7 +247,7 @@ class Model:
                 entries += [(own, -d, d != 0.0), (own[before], carried * d[before], carried != 0.0)]
                 shares.append((scales, random * (1.0 if place else self._left)))
                 if place:
-                    # Of these the movement before says nothing, and its own come in.
+                    # The previous movement does not predict these, so their own variance enters.
                     shares.append((scales[before], carried**2 * random[before]))
             variance = variance + sum(random for _, random in shares)
             residual = self.innovations(residual)
@@ -271,17 +271,17 @@ class Model:
         somewhere, divisor = length > 1e-6, np.maximum(length, 1e-6)
         reached = np.clip((gone * free.conj()).real / divisor**2, 0, 1)
         share = np.where(met & somewhere, reached, 1.0)
-        # A disc completes a turn on the spot, whatever it touches; a polygon's corner may be held by a wall.
-        # By a velocity it does so even while it is pressed.
+        # A disc completes a turn on the spot even at a wall; a wall may block a polygon's corner. By a
+        # velocity it does so even while it is pressed.
         whole = self.turns | (self.continuous & self._turns_freely)
         turned = np.where(met & ~whole, share, 1.0)
         loose = np.where(whole, 0.0 if self._turns_freely else 1.0, 0.4)
         off = gone - share * free
         along = np.where(somewhere, free / divisor, 1.0)
-        # After a contact: anything along the path, little across it, in the frame of the path. The spreads
-        # are judged: 0.4 of the distance asked covers any stop on it, since the share already follows the
-        # poses, and 0.1 across is a wall slid along at 6 degrees; 0.5, 0.4 in and 0.3 degrees are what a
-        # push against the wall shifts.
+        # After a contact, in the frame of the path: any error along it, a small one across it. The spreads
+        # are judged: 0.4 of the commanded distance covers any stop on it, since the share already follows the
+        # poses. 0.1 across is sliding along a wall at 6 degrees. 0.5, 0.4 in and 0.3 degrees are shifts by a
+        # push against the wall.
         off = np.where(met, off * along.conj(), off)
         spreads = (
             np.where(met, np.where(self.turns, 1.0, 0.4 * length + 0.5), _KINEMATIC_SPREADS[0]),
@@ -333,7 +333,7 @@ class Model:
         variance = random + walk + floor
         columns = self._columns[index]
         entries += self._linear_entries(columns, total, seconds)
-        # Between readings at one stop only what grows with time shows.
+        # Between readings at one stop only errors that grow with time show.
         chosen = np.flatnonzero((end > begin) | ("drift" in columns))
         stack.add(
             COUNTER, index, end, residual, variance, entries,
@@ -344,7 +344,8 @@ class Model:
     def _counts_totals(
         self, state: Iterate, sensor: CountingSensor, begin: IntArray, end: IntArray
     ) -> tuple[FloatArray, FloatArray, list[JacobianEntry]]:
-        """Sum of what wheels roll between stops, (n,), sum of its squares by segment, and derivatives."""
+        """Distance that wheels roll between stops, (n,), the sum of its squares by segment, and
+        derivatives."""
         ahead, aside, around = sensor.lever
         rolled = around * state.chain[:, 5]
         straight = ahead * state.chain[:, 3] + aside * state.chain[:, 4]
@@ -358,8 +359,8 @@ class Model:
         return _between(rolled + straight, begin, end), _between(squares, begin, end), entries
 
     def _squares(self, counted: FloatArray, reference: float) -> FloatArray:
-        """Squares of what was counted after each stop, whose `num_segments`-th part is the variance by an
-        error of 1; of a continuous motion it grows with the distance, and is the same over `reference`."""
+        """Squares of the counts after each stop. Divided by `num_segments` they are the variance by an error
+        of 1. For a continuous motion it grows with the distance, and is the same over `reference`."""
         continuous = (self.movement_at >= 0) & self.continuous[self.movement_at]
         squares: FloatArray = np.where(continuous, np.abs(counted) * reference, counted**2)
         return squares
@@ -367,7 +368,7 @@ class Model:
     def _counts_turns(
         self, state: Iterate, sensor: CountingSensor, begin: IntArray, end: IntArray
     ) -> tuple[FloatArray, FloatArray, list[JacobianEntry]]:
-        """The same of a sensor that counts the turn that was made, not what the wheels did."""
+        """The same for a sensor that counts the real turn, not the wheels'."""
         around = sensor.lever[2]
         turned = around * (state.chain[end, 2] - state.chain[begin, 2])
         counted = self._squares(around * state.chain[:, 5], abs(around) * REFERENCE_TURN)
@@ -407,8 +408,8 @@ class Model:
         good = np.isfinite(residual) & np.isfinite(variance)
         for each in (*slopes, *by_parameter.values()):
             good &= np.isfinite(each)
-        # Near its limits a sensor says only what is within them. Those readings are left out by what they
-        # should be: chosen by what they are, what is left would seem too far or too near.
+        # Near its limits a sensor reports only ranges within them. Readings are left out by their expected
+        # values: a choice by their own values would bias the rest.
         good &= sensor.within_limits(expected, _LIMITS * np.sqrt(variance))
         columns = self._columns[index]
         entries: list[JacobianEntry] = [
@@ -430,7 +431,7 @@ def _shares(columns: dict[str, int], **parts: FloatArray) -> list[VarianceShare]
 
 
 def _between(values: FloatArray, begin: IntArray, end: IntArray) -> FloatArray:
-    """Sums of values at stops `begin` to `end`, that excluded."""
+    """Sums of values at stops `begin` to `end`, exclusive."""
     sums = np.concatenate(([0.0], np.cumsum(values)))
     between: FloatArray = sums[end] - sums[begin]
     return between
@@ -439,16 +440,16 @@ def _between(values: FloatArray, begin: IntArray, end: IntArray) -> FloatArray:
 def inlier_probability(
     squares: FloatArray, variances: FloatArray, outliers: float, span: float
 ) -> FloatArray:
-    """Probability that a reading is no outlier.
+    """Probability that a reading is not an outlier.
 
-    By Bayes, from a normal density and one that is even over `span` (Thrun, Burgard and Fox,
+    By Bayes, from a normal density and one that is uniform over `span` (Thrun, Burgard and Fox,
     "Probabilistic Robotics", 2005, section 6.3).
 
     Args:
         squares: Residuals' squares by their variances.
         outliers: Prior probability of an outlier.
     """
-    # exp(-250) is no underflow yet; a weight of 1e-6 keeps the rows' square roots away from 0.
+    # exp(-250) does not underflow; a weight of 1e-6 keeps the rows' square roots away from 0.
     normal = (1.0 - outliers) * np.exp(-0.5 * np.minimum(squares, 500.0)) / np.sqrt(2 * np.pi * variances)
     return np.maximum(normal / (normal + outliers / span), 1e-6)
 
@@ -456,6 +457,6 @@ def inlier_probability(
 def huber_weights(squares: FloatArray) -> FloatArray:
     """Huber's weights of residuals with these squares by their variances: 1 up to `_HUBER` standard
     deviations, then falling so that the influence stays the same."""
-    # No residual is divided by that is exactly 0.
+    # Avoids a division by a residual of exactly 0.
     far = np.sqrt(np.maximum(squares, 1e-12))
     return np.where(far > _HUBER, _HUBER / far, 1.0)

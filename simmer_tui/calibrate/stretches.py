@@ -2,11 +2,11 @@
 
 A velocity has no length known beforehand. The commands to the wheels are in the legs of the simulated twin,
 so that the commanded path is known at any time. It is cut where a sensor was read after `LEAST_DISTANCE`:
-there is a stop, though the robot may not stand. Readings between two stops are left out.
+that place is a stop, although the robot may not stand. Readings between two stops are left out.
 
-Errors follow the distance (sim/distance_errors.py): a first-order autoregressive process, whose
-correlation falls to 1/e over a cell or a quarter turn, and whose spread over that length is that of one
-movement of as much. With l the length in those units the variance over it is
+Errors follow the distance (sim/distance_errors.py): a first-order autoregressive process. Its correlation
+falls to 1/e over a cell or a quarter turn, and its spread over that length is that of one movement of the
+same length. With l the length in those units the variance over it is
 
     (l - 1 + exp(-l)) / exp(-1)        times that over l = 1
 
@@ -27,33 +27,34 @@ from simmer_tui.sim.sensors import CountingSensor, Sensor, modelled_sensor
 from simmer_tui.sim.specs import CELL_SIZE, DriveKind, DriveSpec, SensorSpec
 
 LEAST_DISTANCE, LEAST_TURN = 3.0, 20.0
-"""Inches and degrees after which a reading makes a stop: a quarter of what errors stay alike over, within
-which the path is known better than ranges tell."""
+"""Inches and degrees after which a reading makes a stop: a quarter of the errors' correlation length, within
+which the path is known better than by ranges."""
 _LATER, _GOLDEN = 0.4, 0.618034
-"""Share of these by which a stop may be later, and what it varies by: who asks one sensor after the other has
-not the same one at each stop (the golden ratio's multiples are spread evenly)."""
+"""Share of these by which a stop may be later, and the step by which this varies. So a program that reads its
+sensors in turn does not have the same one at each stop (multiples of the golden ratio are spread evenly)."""
 _THERE, _THERE_TURN = 0.2, 1.5
 """Inches and degrees from a stop within which a range is one at it: less than its error."""
 _NEAR, _NEAR_TURN = 0.5, 3.0
-"""Inches and degrees from a stop within which a counter is set back to what it was there. Gains and biases
-that are not known yet, 5 %, are off by less over these than drives err over a stretch."""
+"""Inches and degrees from a stop within which a counter is corrected to its value there. Over these, the
+error by unknown gains and biases, 5 %, is less than the errors of drives over a stretch."""
 ARC_SEGMENTS = 1000
-"""Segments that stand for a continuous motion in the drive law: over a quarter turn its chord is then off by
-0.05 degrees from that of an arc."""
+"""Segments of a continuous motion in the drive law: over a quarter turn its chord then differs by 0.05
+degrees from that of an arc."""
 _START = Pose(0.0, 0.0, 0.0)
 
 
 REFERENCES = np.array((CELL_SIZE, CELL_SIZE, REFERENCE_TURN))
-"""Lengths over which errors stay alike, by axis, inches or degrees."""
+"""Correlation lengths of errors, by axis, inches or degrees."""
 
 
 def _units(lengths: FloatArray, turns: bool | BoolArray, least: float) -> FloatArray:
-    """Lengths of drives in those over which their errors stay alike, at least `least` of them."""
+    """Lengths of drives in units of their correlation lengths, at least `least`."""
     return np.maximum(np.abs(lengths) / np.where(turns, REFERENCE_TURN, CELL_SIZE), least)
 
 
 def share_of_variance(lengths: FloatArray, *, turns: bool | BoolArray) -> FloatArray:
-    """Variance over (n,) lengths of continuous motion, of that of one movement of as much."""
+    """Variance over (n,) lengths of continuous motion, as a share of that of one movement of the same
+    length."""
     # A millionth of a cell: the limit of 0 is e / 2.
     units = _units(lengths, turns, 1e-6)
     return np.where(
@@ -62,15 +63,15 @@ def share_of_variance(lengths: FloatArray, *, turns: bool | BoolArray) -> FloatA
 
 
 def prediction(lengths: FloatArray, *, turns: bool | BoolArray) -> tuple[FloatArray, FloatArray]:
-    """Share of the errors of (n,) stretches that follows from those of stretches as long before them.
+    """Prediction of the errors of (n,) stretches from those of equally long stretches before them.
 
     Returns:
-        The factor a on the error rate before, and the share of the variance that is left. With r the
-        correlation of two neighbours, (1 - exp(-l))^2 / 2 (l - 1 + exp(-l)), that is 1 + a^2 - 2 a r. The
-        factor is the one for which many stretches together have the variance that they have, l / (l - 1 +
-        exp(-l)) of that of independent ones.
+        The factor a on the previous error rate, and the remaining share of the variance. The share is 1 +
+        a^2 - 2 a r, with r the correlation of two neighbours, (1 - exp(-l))^2 / 2 (l - 1 + exp(-l)).
+        The factor is the one for which many stretches together have their right variance, l / (l - 1
+        + exp(-l)) of that of independent ones.
     """
-    # From a hundredth of a length on: below it factor and share are differences of nearly equal numbers.
+    # At least a hundredth of a length: below it factor and share are differences of nearly equal numbers.
     units = _units(lengths, turns, 1e-2)
     left = units + np.expm1(-units)
     neighbours = np.expm1(-units) ** 2 / (2 * left)
@@ -91,7 +92,7 @@ class VelocityStretch:
         self.clear()
 
     def clear(self) -> None:
-        """There is a stop here."""
+        """Begin again at a new stop."""
         self._stops += 1
         self._pose, self._asked = _START, np.zeros(3)
         self._travelled = self._turn = 0.0
@@ -120,7 +121,7 @@ class VelocityStretch:
         return self._travelled >= LEAST_DISTANCE * later or self._turn >= LEAST_TURN * later
 
     def at_stop(self, sensor: SensorSpec, value: float) -> float | None:
-        """A reading made now as it would have been at the last stop; None if that is too far away."""
+        """A reading made now, corrected to the last stop; None if that is too far away."""
         kind = modelled_sensor(sensor) if issubclass(sensor.kind, Sensor) else None
         near = self._travelled <= _NEAR and self._turn <= _NEAR_TURN
         if isinstance(kind, CountingSensor) and near:
@@ -136,19 +137,19 @@ class VelocityStretch:
 
     @property
     def asked(self) -> tuple[float, float, float]:
-        """Inches ahead and to the left and degrees that were commanded, as the wheels count them."""
+        """Commanded inches ahead and to the left, and degrees, as the wheels count them."""
         x, y, r = self._asked.tolist()
         return x, y, r
 
     @property
     def bend(self) -> complex:
-        """Inches that it leads from where one arc with these totals would, in the frame of its start."""
+        """Distance of its end from that of one arc with these totals, inches in the frame of its start."""
         return complex(self._pose.x, self._pose.y) - complex(displacement(self._asked[None], ARC_SEGMENTS)[0])
 
     @property
     def distances(self) -> tuple[tuple[int, float], ...]:
-        """Drives, by their rows, and the signed distance of each, inches or degrees; first the one that
-        drove most of a cell or a quarter turn."""
+        """Drives, by their rows, and the signed distance of each, inches or degrees; first the one with the
+        greatest share of a cell or a quarter turn."""
 
         def share(part: tuple[int, float]) -> float:
             return abs(part[1]) / (REFERENCE_TURN if self._drives[part[0]].kind.turns else CELL_SIZE)

@@ -1,8 +1,8 @@
-"""Faults that a fit hides: before a set is written, sensors and drives are held against the fitted path.
+"""Faults that a fit hides: before a set is written, sensors and drives are compared with the fitted path.
 
-Of a real robot the truth is not known. But a path rests on all sensors and drives together, and one that is
-swapped, turned or stuck has little weight in it: the fit takes its readings for outliers, or makes a bias of
--2 of it. So each is asked what it would say of that path if it were another, as in a report.
+The true path of a real robot is not known. But the fitted path depends on all sensors and drives together,
+and one that is swapped, turned or stuck has little weight in it. The fit treats its readings as outliers, or
+gives it a bias of -2. So each is compared with that path under every such fault, as in a report.
 """
 
 from __future__ import annotations
@@ -25,18 +25,19 @@ from simmer_tui.report.sensor_sample import Alternative, SensorSample, stuck, tu
 from simmer_tui.sim.angles import BoolArray, FloatArray
 from simmer_tui.sim.sensors import CountingSensor, ObservingSensor, Sensor
 
-# Judged: a robot's gains, biases and mounting, before they are known, make an inch of a foot, and 10 degrees.
+# Judged: unknown gains, biases and mounting have an effect of an inch in a foot, and of 10 degrees.
 _UNKNOWN = {"in": 1.0, "deg": 10.0}
 """Standard deviations of readings against the set's own figures, inches and degrees."""
-# Each movement the other way has a probability of a hundredth: four are one in a hundred million.
+# A movement in the opposite direction has a probability of 0.01 by chance: four have one in a hundred
+# million.
 _FEWEST_MOVEMENTS = 4
-# A robot that a wall held tells nothing of where its drive led.
+# A movement that a wall blocked shows nothing about its drive.
 _MOVED = 0.5
-"""Share of what was asked from which a movement counts as made."""
+"""Share of the commanded distance from which a movement counts as made."""
 
 
 def suspicions(found: Fit) -> tuple[Finding, ...]:
-    """Sensors and drives that the fitted path says are swapped, turned or stuck; with an error of 1 %."""
+    """Sensors and drives that are swapped, turned or stuck by the fitted path, with an error rate of 1 %."""
     before, law = found.model.before, found.model.law
     totals = np.zeros((len(found.poses), 3))
     totals[before + 1] = totals_between(found.poses[before], found.poses[before + 1], *law)
@@ -52,7 +53,7 @@ def suspicions(found: Fit) -> tuple[Finding, ...]:
 
 
 def suspicions_without_path(run: MeasuredRun) -> tuple[Finding, ...]:
-    """The same where no path was found: counting sensors, held against what the drives were asked."""
+    """The same if no path was found: counting sensors, compared with the commanded movements."""
     spec = run.spec
     counters = [each for each in observed_sensors(spec).values() if isinstance(each, CountingSensor)]
     totals = np.zeros((run.stops, 3))
@@ -71,8 +72,8 @@ _S = TypeVar("_S", bound=Sensor)
 def _claims(
     run: MeasuredRun, sensors: list[_S], sample_of: Callable[[_S, Readings, list[_S]], SensorSample]
 ) -> Iterator[Claim]:
-    """Claims on sensors that were read often enough, by their samples, for which those of the same unit are
-    looked at too."""
+    """Claims on sensors that were read often enough, from their samples and those of other sensors with the
+    same unit."""
     for sensor in sensors:
         readings = run.readings.get(sensor.spec.code)
         if readings is not None:
@@ -85,7 +86,7 @@ def _claims(
 def _observed(
     found: Fit, sensor: ObservingSensor, readings: Readings, alike: Sequence[Sensor]
 ) -> SensorSample:
-    """Readings of a sensor beside those expected on the fitted path."""
+    """Readings of a sensor with their expected values on the fitted path."""
     spec, world = sensor.spec, found.model.world
     poses = found.poses[readings.stops]
     expected = sensor.expected(world, poses, 0.0)
@@ -109,9 +110,9 @@ def _counted(
     alike: Sequence[Sensor],
     totals: FloatArray,
 ) -> SensorSample:
-    """By what it counted between readings; `totals` say how far each stop is from the one before, (stops, 3).
-    Wheels that slipped at a wall are left in: a fit takes movements for contacts that a wrong counter denies.
-    """
+    """Increments of a counter between readings, with their expected values; `totals` are the motion from the
+    previous stop to each stop, (stops, 3). Movements with a contact are included, because a fit assumes
+    contacts where a wrong counter contradicts the path."""
     stops = readings.stops
     done = np.cumsum(totals, axis=0)[stops]
     usable: BoolArray = np.diff(run.chains_of(stops)) == 0
@@ -121,7 +122,7 @@ def _counted(
     drift = row.drift * seconds
     values = sensor.wrapped(np.diff(readings.values))[usable]
     expected = row.gain * driven @ sensor.lever + drift
-    # Its gain is not known to a tenth, and the path not to more than a fraction of that.
+    # Its gain is uncertain by a tenth, and the path by a fraction of that.
     spread = np.hypot(0.1 * np.abs(expected), _UNKNOWN[row.unit] / 4)
     sample = SensorSample(sensor, values, expected, spread)
     others = [
@@ -135,10 +136,10 @@ def _counted(
 
 
 def _drives(found: Fit, done: FloatArray) -> Iterator[Claim]:
-    """Drives by the totals of each of their movements on the fitted path, (movements, 3)."""
+    """Claims on drives, from the totals of their movements on the fitted path, (movements, 3)."""
     run = found.run
     asked = np.array([each.value for each in run.movements])
-    # A stretch of continuous motion is no drive's alone.
+    # A stretch of continuous motion does not belong to a single drive.
     number = np.array([-1 if each.is_continuous else each.drive for each in run.movements])
     # Values are times Gain already.
     rows = [replace(each, gain=1.0) for each in run.spec.drives]

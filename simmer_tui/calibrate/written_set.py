@@ -1,7 +1,7 @@
-"""The result as a configuration set: files of the set that ran, with what was learned in their place.
+"""The result as a configuration set: files of the set of the run, with the estimates in their places.
 
-Sources stand beside the figures: in settings.toml as comments, in the CSV files in a last column without
-a name, where the loader lets people keep notes.
+Sources are beside the figures: in settings.toml as comments, in the CSV files in a last column without a
+name, which the loader reads as notes.
 """
 
 from __future__ import annotations
@@ -43,8 +43,8 @@ _OF_THE_RUN = {"sim": True, "randbias": False}
 
 
 class Knowledge(msgspec.Struct, frozen=True, kw_only=True):
-    """Estimates of a robot: parameters by name, their values and covariance, and of noise scales and shares
-    the value with its interval."""
+    """Estimates of a robot: parameters by name, with their values and covariance; noise scales and shares,
+    with value and interval."""
 
     logs: tuple[str, ...] = ()
     misfits: tuple[str, ...] = ()
@@ -73,20 +73,20 @@ def learned_spec(spec: SimulationSpec, estimates: Sequence[ParameterEstimate]) -
 
 
 def _within(field: str, value: float) -> float:
-    """Shares and standard deviations within what sensors.csv allows."""
+    """A share or standard deviation, limited to the range that sensors.csv allows."""
     return min(max(value, 0.0), 1.0) if field in ("error", "dropout", "outlier") else value
 
 
 def device_texts(configuration: Configuration) -> dict[str, str]:
-    """The device files of the set that ran, by their paths in it. A log holds no code, so that
-    RunLogError is raised if one is not where the run had it any more."""
+    """The device files of the run's set, by their paths in it. A log has no code, so that RunLogError is
+    raised if one is no longer in its place."""
     remedy = "put it there, since the set that is written needs it too"
     files = same_files(configuration.device_statuses, configuration.directory, remedy)
     return {file.path: file.text for file in files}
 
 
 def set_texts(fit: Fit, estimates: Sequence[ParameterEstimate]) -> dict[str, str]:
-    """The files of the set by name. Raises what `device_texts` does."""
+    """The files of the set by name. Raises the errors of `device_texts`."""
     run = fit.run
     spec = learned_spec(run.spec, estimates)
     texts = {**run.configuration.files, **device_texts(run.configuration)}
@@ -100,7 +100,7 @@ def set_texts(fit: Fit, estimates: Sequence[ParameterEstimate]) -> dict[str, str
 
 
 def _notes(estimates: Sequence[ParameterEstimate], source: str) -> dict[str, str]:
-    """Notes on rows, by ID: intervals and the logs they are from, or why there is no estimate."""
+    """Notes on rows, by ID: intervals and their logs, or the reason why there is no estimate."""
     intervals: dict[str, list[str]] = {}
     for each in estimates:
         if each.identified:
@@ -129,7 +129,7 @@ def _settings(fit: Fit, estimates: Sequence[ParameterEstimate], source: str) -> 
         item.name: value_of(configuration.settings, item.name) for item in all_settings()
     }
     values |= _PROFILES | _OF_THE_RUN
-    # It says how this robot is: where that is otherwise than the set it was driven by, nothing is wrong.
+    # It describes this robot: a difference from the set it was driven with is not a fault.
     values["nominal"] = ""
     comments = {"randbias": f"{source}: the biases of drive.csv are this robot's own."}
     latency = next((each for each in estimates if each.owner == "link"), None)
@@ -158,7 +158,7 @@ def knowledge_of(fit: Fit, estimates: Sequence[ParameterEstimate]) -> Knowledge:
         logs=tuple(fit.run.names),
         misfits=tuple(each.text for each in fit.misfits),
         parameters=tuple(fit.space.parameters[i].name for i in identified),
-        # Offsets are counted from where the set that is written has the sensors.
+        # Offsets are relative to the sensors' places in the written set.
         values=tuple(
             0.0 if fit.space.parameters[i].sort is Sort.OFFSET else float(fit.state.parameters[i])
             for i in identified
@@ -178,8 +178,8 @@ def knowledge_of(fit: Fit, estimates: Sequence[ParameterEstimate]) -> Knowledge:
 
 
 def write_texts(texts: Mapping[str, str], directory: Path) -> None:
-    """Write files into a folder, which is made if need be. Raises ConfigurationError, before anything
-    is written, if one is there already, or if the folder cannot be written."""
+    """Write files into a folder, which is created if necessary. Raises ConfigurationError, before anything is
+    written, if one already exists, or if the folder cannot be written."""
     write_files(directory, {name: texts[name].encode("utf-8", "surrogatepass") for name in sorted(texts)})
 
 

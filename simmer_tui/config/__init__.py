@@ -11,8 +11,8 @@ __all__ = ["load_default"]
 
 
 def load_default() -> Configuration:
-    """The set that comes with the program, as it is."""
-    # Imported here so that a part of this package can be imported without the whole of it.
+    """The bundled default set, unchanged."""
+    # Imported here so that a part of this package can be imported without the rest.
     from simmer_tui.config.loader import load
     from simmer_tui.config.sets import bundled_folder
 

@@ -1,4 +1,4 @@
-"""CSV files as spreadsheets write them, read into rows that know their lines; their IDs and codes."""
+"""CSV files as spreadsheets write them, read into rows with their line numbers; their IDs and codes."""
 
 import csv
 import io
@@ -18,16 +18,17 @@ from simmer_tui.sim.rules import CodeRule, IntegerRule, Rule, did_you_mean
 
 T = TypeVar("T")
 
-# A number of a spreadsheet of a country that writes 0,5; never with a separator of thousands.
+# A number with a decimal comma, as spreadsheets of some countries write it (0,5); never with a thousands
+# separator.
 _DECIMAL_COMMA = re.compile(r"[+-]?[0-9]*,[0-9]+(?:[eE][+-]?[0-9]+)?")
-# A row that is added last: it comes out whole only if every quote before it is closed.
+# A row added at the end: it is read back unchanged only if every quote before it is closed.
 _END = "end of the file"
 COMMENT = "#"
 """The first character of a row that is a comment."""
 
 
 def read_text(path: Path, problems: list[Problem]) -> str | None:
-    """The text of a UTF-8 file, without its byte-order mark; None, and a problem, if there is none."""
+    """The text of a UTF-8 file, without its byte-order mark; None, and a problem, if it cannot be read."""
     try:
         data = path.read_bytes()
     except FileNotFoundError:
@@ -42,7 +43,7 @@ def read_text(path: Path, problems: list[Problem]) -> str | None:
         problems.append(Problem(path.name, f"cannot be read: {error.strerror or error}"))
         return None
     remedy = 'save it as "CSV UTF-8"' if path.suffix.lower() == ".csv" else "save it as UTF-8"
-    # What spreadsheets save as "Unicode text", and workbooks with the wrong ending.
+    # UTF-16, which spreadsheets save as "Unicode text", and workbooks with the wrong ending.
     if data.startswith((b"\xff\xfe", b"\xfe\xff")) or b"\0" in data:
         problems.append(Problem(path.name, f"is not UTF-8 text but UTF-16 or binary; {remedy}"))
         return None
@@ -74,7 +75,7 @@ class CsvTable(Struct, frozen=True):
     problems: list[Problem]
 
     def complain(self, row: CsvRow, column: int, what: str) -> None:
-        """Add a problem with a cell, whose column is named as spreadsheets do."""
+        """Add a problem with a cell; its column is named by letters, as in spreadsheets."""
         self.problems.append(Problem(f"{self.file}:{row.line}:{column_letters(column)}", what))
 
     def value(self, row: CsvRow, column: int, rule: Rule[T], name: str = "") -> T | None:
@@ -89,7 +90,7 @@ class CsvTable(Struct, frozen=True):
 def column_letters(index: int) -> str:
     """The spreadsheet's name of a column: 0 is A, 25 Z, 26 AA."""
     letters = ""
-    # The digits are 1 to 26: there is no zero.
+    # The digits are 1 to 26, without a zero.
     index += 1
     while index:
         index, digit = divmod(index - 1, 26)
@@ -100,16 +101,15 @@ def column_letters(index: int) -> str:
 def read_csv(path: Path, problems: list[Problem]) -> CsvTable | None:
     """Read a CSV file: UTF-8 with or without mark, any line ends, quotes, spaces around values.
 
-    Semicolons or tabs may stand for the commas, as spreadsheets of many countries write them;
-    with semicolons, a comma inside a number is its decimal point. Rows whose first cell begins with #
-    are comments.
+    Semicolons or tabs may replace the commas, as in spreadsheets of many countries. With semicolons, a comma
+    inside a number is its decimal point. Rows whose first cell begins with # are comments.
     """
     text = read_text(path, problems)
     if text is None:
         return None
     delimiter = delimiter_of(text)
-    # The reader takes a quote that is never closed without complaint, and with it the rest of the
-    # file; the row after the last line then does not come out as it went in.
+    # The reader accepts a quote that is never closed, with the rest of the file inside it. The row after the
+    # last line is then not read back unchanged.
     lines = [*io.StringIO(text, newline=""), "\n", _END]
     reader = csv.reader(lines, delimiter=delimiter, skipinitialspace=True)
     rows: list[CsvRow] = []
@@ -137,7 +137,7 @@ def read_csv(path: Path, problems: list[Problem]) -> CsvTable | None:
 def delimiter_of(text: str) -> str:
     """The character between the cells of a CSV text."""
     lines = [line for line in text.splitlines() if line.strip() and not line.lstrip(' "').startswith(COMMENT)]
-    # A comma in every line speaks for commas: notes may hold semicolons.
+    # A comma in every line means that commas separate cells: notes may contain semicolons.
     for other in (";", "\t"):
         if lines and all(other in line for line in lines) and not all("," in line for line in lines):
             return other
@@ -145,7 +145,7 @@ def delimiter_of(text: str) -> str:
 
 
 def cells_of(text: str) -> list[list[str]]:
-    """The rows of a CSV text that is right, without spaces around cells, blank rows and comments."""
+    """The rows of a valid CSV text, without spaces around cells, blank rows and comments."""
     rows = csv.reader(io.StringIO(text), delimiter=delimiter_of(text), skipinitialspace=True)
     cells = ([cell.strip() for cell in row] for row in rows)
     return [row for row in cells if any(row) and not row[0].startswith(COMMENT)]
@@ -159,7 +159,7 @@ def rows_by_header(text: str) -> list[dict[str, str]]:
 
 def _clean(cells: Sequence[str], delimiter: str) -> tuple[str, ...]:
     cleaned = [cell.strip() for cell in cells]
-    # Only with semicolons is a comma inside a cell a decimal point for certain.
+    # A comma inside a cell is certainly a decimal point only if semicolons separate cells.
     if delimiter == ";":
         cleaned = [cell.replace(",", ".") if _DECIMAL_COMMA.fullmatch(cell) else cell for cell in cleaned]
     while cleaned and not cleaned[-1]:
@@ -170,7 +170,7 @@ def _clean(cells: Sequence[str], delimiter: str) -> tuple[str, ...]:
 def read_grid(table: CsvTable, rule: IntegerRule) -> tuple[tuple[int, ...], ...] | None:
     """A rectangle of whole numbers; None, and problems, if it is not one."""
     before = len(table.problems)
-    # The width that most rows have is taken for the right one, so that a single slip is reported as one.
+    # The most frequent width counts as the right one, so that a single mistake is reported as one.
     width = Counter(len(row.cells) for row in table.rows).most_common(1)[0][0]
     grid: list[tuple[int, ...]] = []
     for row in table.rows:
@@ -183,7 +183,7 @@ def read_grid(table: CsvTable, rule: IntegerRule) -> tuple[tuple[int, ...], ...]
 
 
 class TableRow(Struct, frozen=True):
-    """One row under a header, `FILE:LINE`. `values` holds the text of each known column the file has. Every
+    """One row under a header, `FILE:LINE`. `values` has the text of each known column of the file. Every
     mistake is added to `problems`."""
 
     place: str
@@ -196,8 +196,8 @@ class TableRow(Struct, frozen=True):
         self.problems.append(Problem(f"{self.place}:{column}", what))
 
     def cells(self, columns: Iterable[CsvColumn]) -> dict[str, Any]:
-        """The values of the cells that are filled, by field. One that is wrong, or blank and needed, is a
-        problem; a column that the file lacks is none, because its header is reported already."""
+        """The values of the cells that are filled, by field. A wrong cell, or a blank one that is needed, is
+        a problem. A column missing in the file is not, because its header is already reported."""
         values: dict[str, Any] = {}
         for column in columns:
             text = self.values.get(column.name)
@@ -213,7 +213,7 @@ class TableRow(Struct, frozen=True):
         return all(column.name in self.values for column in columns if column.needed)
 
     def refuse(self, columns: Iterable[str], what: str) -> None:
-        """Report the cells that are filled and must not be."""
+        """Report cells that must be blank and are not."""
         for name in columns:
             if self.values.get(name):
                 self.complain(name, what)
@@ -228,8 +228,7 @@ def headers_of(table: CsvTable) -> tuple[str, ...]:
 def read_table(table: CsvTable, required: Sequence[str], optional: Sequence[str]) -> tuple[TableRow, ...]:
     """The rows under a header row, columns found by name; blank rows are left out.
 
-    Columns without a header are people's own notes. Any other unknown, missing or doubled header
-    is a problem.
+    Columns without a header are notes for people. Any other unknown, missing or doubled header is a problem.
     """
     begin = next(index for index, row in enumerate(table.rows) if row.cells)
     header = table.rows[begin]
@@ -303,8 +302,8 @@ ENABLED = CsvColumn(
 
 
 def read_flags(row: TableRow, codes: dict[str, str]) -> dict[str, Any]:
-    """The code and the flag of a row, by field. The code is entered in `codes` (code to place), so that the
-    next row cannot have it."""
+    """The code and the flag of a row, by field. The code is added to `codes` (code to place), so that no
+    later row can have it."""
     values = row.cells((CODE, ENABLED))
     if "enabled" in values:
         values["enabled"] = values["enabled"] == 1
@@ -314,13 +313,13 @@ def read_flags(row: TableRow, codes: dict[str, str]) -> dict[str, Any]:
     if code in codes:
         what = f'"{code}" is the code of {codes[code]} already; codes must be unique over both files'
         row.complain(POLL_CHARACTER, what)
-    # The first row keeps the code: every later one is told of the same place.
+    # The first row keeps the code: the messages about later ones name its place.
     codes.setdefault(code, row.place)
     return values
 
 
 def claim_id(name: str, row: TableRow, seen: dict[str, int]) -> bool:
-    """True if no earlier row has the ID `name`; `seen` keeps the line of each."""
+    """True if no earlier row has the ID `name`; `seen` has the line of each."""
     if name in seen:
         row.complain(ID, f'"{name}" is in line {seen[name]} already; every ID must occur once')
         return False

@@ -15,13 +15,14 @@ _SIDES = (
     *("front", "front left", "left", "rear left"),
     *("rear", "rear right", "right", "front right"),
 )
-# Inches or degrees that make no difference in words.
+# Inches or degrees below which descriptions show no difference.
 _NEAR = 0.01
 
 
 def describe_code(spec: SimulationSpec, code: str) -> list[str]:
     """Lines about a code, or an ID such as `ultra2`: kind, place, direction (degrees from the front,
-    counter-clockwise), unit, errors, and the value of the command. One line if there is no such code."""
+    counter-clockwise), unit, errors, and the value of the command. If there is no such code, one line that
+    says so."""
     parts = [(each.code, each.id, _sensor_lines(each)) for each in spec.sensors]
     parts += [(each.code, each.kind.value, _drive_lines(each)) for each in spec.drives]
     if spec.gripper is not None:
@@ -45,7 +46,7 @@ def side_of(angle: float) -> str:
 
 
 def _turned(angle: float) -> str:
-    """An angle as degrees from the front, to the side it is nearer on."""
+    """An angle as degrees from the front, to the nearer side."""
     angle = (angle + 180.0) % 360.0 - 180.0
     if abs(angle) < _NEAR:
         return "to the front"
@@ -90,7 +91,8 @@ def _place(sensor: SensorSpec) -> str:
 
 
 def _direction(angle: float) -> str:
-    """A direction from the centre; measured places (2.12, 2.12) lie in an eighth but for rounding."""
+    """A direction from the centre; measured places such as (2.12, 2.12) are in an eighth except for
+    rounding."""
     eighth = round(angle / 45.0) * 45.0
     if abs(angle - eighth) < 0.5:
         return f"to the {side_of(eighth)}"
@@ -128,7 +130,7 @@ def _answer(sensor: SensorSpec) -> str:
     return f"{unit}{since}{limits}"
 
 
-# Fields that have words of their own above.
+# Fields that the lines above already describe.
 _TOLD = {
     *("x", "y", "z", "rotation", "error", "field_of_view", "threshold", "rays"),
     *("min_range", "max_range", "detects_white"),
@@ -136,7 +138,7 @@ _TOLD = {
 
 
 def _errors(sensor: SensorSpec) -> str:
-    """The Percent Error, and whatever else of its columns differs from the default."""
+    """The Percent Error, and all other columns that differ from their defaults."""
     parts = [f"{100 * sensor.error:g} %"] if sensor.kind.has("error") else []
     parts += [shown for column, shown, usual in values_of(sensor) if column.field not in _TOLD and not usual]
     return ", ".join(parts) or "none"

@@ -1,4 +1,4 @@
-"""A device file, run: its module, made of the bytes that were hashed, and the kinds of sensor in it."""
+"""Execution of a device file: its module, from the bytes that were hashed, and its kinds of sensor."""
 
 from __future__ import annotations
 
@@ -25,7 +25,8 @@ from simmer_tui.sim.specs import SensorSpec
 
 
 def kinds_of(file: DeviceFile) -> tuple[type[Sensor], ...]:
-    """The kinds of a file, which runs if it has not run in this process yet. Raises ConfigurationError."""
+    """The kinds of a file, which is run unless it has already run in this process. Raises
+    ConfigurationError."""
     module = run_device(file)
     try:
         return _guarded_kinds(file, module)
@@ -36,10 +37,10 @@ def kinds_of(file: DeviceFile) -> tuple[type[Sensor], ...]:
 
 
 def _guarded_kinds(file: DeviceFile, module: ModuleType) -> tuple[type[Sensor], ...]:
-    """The kinds among the classes of a module, judged and guarded. Raises ConfigurationError."""
+    """The kinds among the classes of a module, checked and guarded. Raises ConfigurationError."""
     classes = dict.fromkeys(each for each in vars(module).values() if isinstance(each, type))
     own = [each for each in classes if each.__module__ == file.module and issubclass(each, Sensor)]
-    # A class that others of the file derive from, without a name of its own, is their common part.
+    # A class without a `name` that others of the file derive from is only their base.
     kinds = [each for each in own if isinstance(getattr(each, "name", None), str)]
     problems: list[Problem] = []
     if not kinds:
@@ -71,7 +72,7 @@ def run_device(file: DeviceFile) -> ModuleType:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             code = compile(tree, file.path, "exec", dont_inherit=True)
-        # Standard output is the command's answer, which scripts read.
+        # Standard output is for the command's answer, which scripts read.
         with contextlib.redirect_stdout(sys.stderr):
             exec(code, module.__dict__)
     except BaseException as error:
@@ -83,7 +84,7 @@ def run_device(file: DeviceFile) -> ModuleType:
 
 
 def _problem(error: Exception) -> Problem:
-    """The problem of a set that a message with place and text tells."""
+    """The problem of a set, from an exception whose message has place and text."""
     where, _, what = str(error).partition(": ")
     return Problem(where, what)
 
@@ -101,7 +102,7 @@ def run_devices(files: Iterable[DeviceFile]) -> None:
 
 @contextlib.contextmanager
 def device_faults(files: Iterable[DeviceFile], problems: list[Problem]) -> Iterator[None]:
-    """Faults of device files in here become problems."""
+    """Context in which faults of device files become problems."""
     paths = [file.path for file in files]
     if not paths:
         yield
@@ -129,7 +130,7 @@ def _place(file: DeviceFile, kind: type) -> str:
 
 
 def _faults(kind: type[Sensor]) -> Iterator[str]:
-    """All that makes a class unfit for a kind of sensor."""
+    """The reasons why a class cannot be a kind of sensor."""
     missing = sorted(getattr(kind, "__abstractmethods__", ()))
     if missing:
         yield f"{kind.__name__} lacks {', '.join(missing)}"
@@ -176,7 +177,7 @@ def _column_faults(kind: type[Sensor]) -> Iterator[str]:
 
 
 def _elsewhere(kind: type[Sensor], module: ModuleType) -> Iterator[str]:
-    """The reasons why a class that is fit cannot be told to a log, or to another process."""
+    """The reasons why a valid class cannot be written to a log, or passed to another process."""
     shown = repr(escape(kind.__name__, 60))
     if vars(module).get(kind.__name__) is not kind:
         yield f"the class {shown} must stand in the file under that name"

@@ -1,6 +1,6 @@
 """A team's own device files, `devices/*.py` in a set: found, refused if unsafe, and read once.
 
-What is read here is what is hashed, parsed, trusted and run: no file is opened a second time.
+The bytes read here are hashed, parsed, trusted and run: no file is opened a second time.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ from simmer_tui.sim.command import escape
 from simmer_tui.sim.rules import describe
 
 FOLDER = "devices"
-"""The folder of a set that device files stand in."""
-# A class of a sensor has 60 lines, 3 kB; a table of numbers in it may have some thousand.
+"""The folder of a set with its device files."""
+# A class of a sensor has 60 lines, 3 kB; a table of numbers in it may have some thousand entries.
 LARGEST = 200_000
 """Largest device file, bytes."""
 # A robot has a dozen sensors.
@@ -28,7 +28,7 @@ MOST = 20
 """Most device files of a set."""
 _NAME = re.compile(r"[A-Za-z0-9_-]{1,60}\.py")
 _MODULE = "simmer_device_"
-"""The beginning of the module names of device files; nothing in the package or its libraries has it."""
+"""The beginning of the module names of device files; no other module has it."""
 
 
 class DeviceFile(Struct, frozen=True):
@@ -39,7 +39,7 @@ class DeviceFile(Struct, frozen=True):
 
     @property
     def sha256(self) -> str:
-        """The hash that trust goes by, 64 hexadecimal digits."""
+        """The hash by which the file is trusted, 64 hexadecimal digits."""
         return hashlib.sha256(self.data).hexdigest()
 
     @property
@@ -49,7 +49,7 @@ class DeviceFile(Struct, frozen=True):
 
     @property
     def module(self) -> str:
-        """The name of its module: by content, so that two files of one name never meet."""
+        """The name of its module, from its content, so that two files with the same name do not collide."""
         return f"{_MODULE}{PurePosixPath(self.path).stem.replace('-', '_')}_{self.sha256[:16]}"
 
 
@@ -82,8 +82,8 @@ def is_device_name(name: str) -> bool:
 
 
 def _unsafe(name: str) -> str:
-    """The reason why a path is refused by its looks; empty if it is not. Rules of all systems count: a
-    set goes from one to the other."""
+    """The reason why a path is refused by its text; empty if it is not. The rules of all systems apply,
+    because sets are copied between systems."""
     parts = {*PurePosixPath(name).parts, *PureWindowsPath(name).parts}
     if name.startswith(("/", "\\", "~")) or PureWindowsPath(name).drive:
         return "is an absolute path"
@@ -106,7 +106,7 @@ def _read(directory: Path, name: str) -> bytes:
     try:
         if not path.resolve().is_relative_to(directory.resolve()):
             raise ValueError("is a link that leads out of the set; put a copy of the file in its place")
-        # Without waiting: a named pipe would hold up every command.
+        # Without waiting: a named pipe would block every command.
         flags = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
         with open(os.open(path, flags), "rb") as file:  # noqa: PTH123 - a descriptor
             if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):

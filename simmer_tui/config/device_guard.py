@@ -1,8 +1,8 @@
 """Guards around the methods of a team's own device: a fault in one becomes a message with file and line.
 
-A method that raises, and one that returns what is no reading, raise `DeviceError` here. The simulator then
-leaves the command without an answer, and the run goes on. What counts motion is asked while movements are
-planned, which must not fail: its fault is kept, and told by its readings.
+A method that raises, and one whose result is not a reading, raise `DeviceError` here. The simulator then
+leaves the command unanswered, and the run continues. Counting sensors are called while movements are planned,
+which must not fail. So their fault is kept, and raised by their readings.
 """
 
 from __future__ import annotations
@@ -24,16 +24,16 @@ from simmer_tui.sim.sensors import CountingSensor, Sensor
 
 # A lidar of the course has 360 rays, and a line sensor 113 test points.
 _MOST_RAYS, _MOST_POINTS = 2000, 10_000
-"""Most rays, and most points of floor, that a reading may show."""
+"""Most rays, and most points of floor, of a reading."""
 _LONGEST = 200
 _MARK = "_simmer_guard"
-"""Attribute of functions that are guarded already."""
+"""Attribute of functions that are already guarded."""
 _FAULT = "_simmer_fault"
-"""Attribute of a counting sensor with the fault that its readings tell."""
+"""Attribute of a counting sensor with the fault that its readings raise."""
 
 
 class _RubbishError(Exception):
-    """A method returned something else than it must; the message says what it must return."""
+    """A method returned a wrong result; the message says what it must return."""
 
 
 def located(path: str, what: str, error: BaseException) -> DeviceError:
@@ -85,7 +85,7 @@ def _guard_class(path: str, owner: type, *, soft: bool) -> None:
 def _guarded(
     path: str, what: str, function: Callable[..., Any], check: Callable[..., Any] | None
 ) -> Callable[..., Any]:
-    """A method that raises DeviceError in place of anything else, and checks what it returns."""
+    """A method that raises DeviceError instead of any other exception, and checks its result."""
 
     @functools.wraps(function)
     def guarded(*given: Any, **named: Any) -> Any:
@@ -103,9 +103,9 @@ def _guarded(
         except _RubbishError as rubbish:
             line = function.__code__.co_firstlineno
             raise DeviceError(f"{path}:{line}: {what} must return {rubbish}") from None
-        # All of them: neither sys.exit() nor an exception that nobody expects may end the simulator.
+        # All exceptions: neither sys.exit() nor an unexpected exception may end the simulator.
         except BaseException as error:
-            # Ctrl-C comes to the main thread alone; elsewhere it is the device's own.
+            # Ctrl-C is raised in the main thread only; in other threads the device raised it.
             if isinstance(error, KeyboardInterrupt) and current_thread() is main_thread():
                 raise
             raise located(path, what, error) from None
@@ -117,7 +117,7 @@ def _guarded(
 
 
 def _softened(function: Callable[..., Any], instead: Callable[..., Any]) -> Callable[..., Any]:
-    """A method that keeps its first fault and goes on with zeros."""
+    """A method that keeps its first fault and continues with zeros."""
 
     @functools.wraps(function)
     def softened(self: Any, *given: Any, **named: Any) -> Any:
@@ -132,7 +132,7 @@ def _softened(function: Callable[..., Any], instead: Callable[..., Any]) -> Call
 
 
 def _tell_faults(kind: type[Sensor]) -> None:
-    """Let readings of a counting kind tell the fault that was kept."""
+    """Make readings of a counting kind raise the fault that was kept."""
     read = kind.reading
     if hasattr(read, "_simmer_tells"):
         return
@@ -173,7 +173,7 @@ def _number(value: object) -> float:
 
 
 def _shown(value: object) -> str:
-    """A wrong result for a message: its type, and of a small plain one its text."""
+    """A wrong result for a message: its type, and for a small plain one its text."""
     name = escape(type(value).__name__, 60)
     if value is None:
         return "None (is a return missing?)"

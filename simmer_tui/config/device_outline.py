@@ -1,6 +1,6 @@
-"""A device file as far as it can be known without running it: its syntax, its kinds, what is unfinished.
+"""Static analysis of a device file: its syntax, its kinds, its unfinished methods.
 
-It is parsed, never executed, so this works for files that nobody has trusted yet.
+It is parsed, never executed, so this works for files that are not trusted yet.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from simmer_tui.sim.specs import SensorKind
 
 
 class DeviceOutline(Struct, frozen=True):
-    """The kinds that a file seems to define, and the places of methods that are not written yet."""
+    """The kinds that a file seems to define, and the places of unfinished methods."""
 
     kinds: tuple[type[SensorKind], ...]
     unfinished: tuple[str, ...]
@@ -30,7 +30,7 @@ def parsed(file: DeviceFile) -> ast.Module:
     """The syntax tree of a file. Raises ConfigurationError with its line and what is wrong."""
     try:
         with warnings.catch_warnings():
-            # Of a string such as "\d": the file's own business.
+            # For a string such as "\d", which is not a problem of the set.
             warnings.simplefilter("ignore")
             return ast.parse(file.text.removeprefix("\ufeff"), file.path)
     except SyntaxError as error:
@@ -43,7 +43,7 @@ def parsed(file: DeviceFile) -> ast.Module:
 
 
 def outline_of(file: DeviceFile, problems: list[Problem]) -> DeviceOutline:
-    """The outline of a file; a file that is no Python is a problem, and has none."""
+    """The outline of a file; a file that is not Python is a problem, and its outline is empty."""
     try:
         module = parsed(file)
         classes = [node for node in module.body if isinstance(node, ast.ClassDef)]
@@ -57,7 +57,7 @@ def outline_of(file: DeviceFile, problems: list[Problem]) -> DeviceOutline:
 
 
 def _kind(node: ast.ClassDef) -> type[SensorKind] | None:
-    """The kind of a class with a name for sensors.csv, as far as literals tell it; any columns will do."""
+    """The kind of a class with a name for sensors.csv, from the literals in it; its columns are not known."""
     told = {name: value for statement in node.body for name, value in _literals(statement)}
     name = told.get("name")
     if not isinstance(name, str) or not is_kind_name(name) or not is_label(node.name):
@@ -65,7 +65,7 @@ def _kind(node: ast.ClassDef) -> type[SensorKind] | None:
     kind = RecordedKind(name=name, title=node.name, any_columns=True)
     wanted = {"meaning": str, "unit": str, "is_yes_or_no": bool, "is_range": bool}
     literals = {key: told[key] for key, sort in wanted.items() if isinstance(told.get(key), sort)}
-    # What would steer a terminal is a fault of the class, told when it runs.
+    # Control characters are a fault of the class, reported when it runs.
     literals = {key: value for key, value in literals.items() if value in (True, False) or is_label(value)}
     return recorded_class(replace(kind, **literals))
 
@@ -80,7 +80,7 @@ def _literals(statement: ast.stmt) -> Iterator[tuple[str, object]]:
 
 
 def _unfinished(file: DeviceFile, classes: list[ast.ClassDef]) -> Iterator[str]:
-    """The methods that do nothing but raise NotImplementedError."""
+    """The methods that only raise NotImplementedError."""
     for node in classes:
         for method in node.body:
             if isinstance(method, ast.FunctionDef) and any(map(_is_open, method.body)):

@@ -1,7 +1,7 @@
-"""Trust in device files, by the SHA-256 of their content, kept for each user.
+"""Trust in device files, by the SHA-256 of their content, stored for each user.
 
-A device file is code of whoever made the set, and it runs with the rights of whoever runs the set. So it
-runs only if that user has said yes to this very content, or trusts all of them for one command.
+A device file is code by the author of the set, and it runs with the rights of the user. So it runs only if
+the user has confirmed exactly this content, or trusts all files for one command.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ if TYPE_CHECKING:  # every command imports this, and few sets have devices
 OPTION = "--trust-devices"
 """The option that trusts all device files of one command."""
 VARIABLE = "SIMMER_TRUSTED_DEVICES"
-"""The environment variable by which a run tells its program the hashes that it trusts, with commas."""
+"""The environment variable with the hashes that a run trusts, separated by commas, for its program."""
 _FILE = "trusted-devices.txt"
 _HASH = re.compile(r"[0-9a-f]{64}\b")
 # A line has some 150 bytes: thousands of files.
@@ -40,27 +40,27 @@ class DeviceUse(StrEnum):
     RUN = "run"
     """They run; one that is not trusted is a mistake of the set."""
     CHECK = "check"
-    """They run if they are trusted already, else they are parsed."""
+    """They run if they are already trusted, else they are parsed."""
     PARSE = "parse"
     """They are parsed, never run: the command reads no sensor."""
     GIVEN = "given"
-    """Their kinds come from elsewhere, a log or files that were read before."""
+    """Their kinds come from another source: a log or files that were read before."""
 
 
 class DeviceTrust(Struct, frozen=True):
-    """The trust of one command: in `everything`, or in what is kept; `ask` may get a yes for a file, of which
-    its user is shown path, hash and first lines."""
+    """The trust of one command: in `everything`, or in stored hashes. `ask` shows the user path, hash and
+    first lines of a file, and may get a yes."""
 
     everything: bool = False
     ask: Callable[[DeviceFile, Path], bool] | None = None
 
 
 TRUST: ContextVar[DeviceTrust] = ContextVar("TRUST", default=DeviceTrust())  # noqa: B039 - frozen
-"""The trust of the command that runs."""
+"""The trust of the present command."""
 
 
 def is_trusted(file: DeviceFile, directory: Path, *, asks: bool = True) -> bool:
-    """True if a device file of a set may run. A yes to the question is kept."""
+    """True if a device file of a set may run. A yes to the question is stored."""
     trust = TRUST.get()
     if trust.everything or file.sha256 in os.environ.get(VARIABLE, "") or file.sha256 in trusted_hashes():
         return True
@@ -87,7 +87,7 @@ def trust_file() -> Path:
 
 
 def trusted_hashes() -> frozenset[str]:
-    """The hashes that the user trusts; none if there is no file of them."""
+    """The hashes that the user trusts; empty if there is no file."""
     try:
         # Without waiting: a named pipe would hold up every command.
         with open(os.open(trust_file(), os.O_RDONLY | getattr(os, "O_NONBLOCK", 0)), "rb") as file:  # noqa: PTH123
@@ -100,26 +100,27 @@ def trusted_hashes() -> frozenset[str]:
 
 
 def _is_own(status: os.stat_result) -> bool:
-    """True for a file that nobody but this user, or the machine's administrator, can have written."""
+    """True for a file that only this user, or the machine's administrator, can have written."""
     if not stat.S_ISREG(status.st_mode):
         return False
     if not hasattr(os, "geteuid"):
-        return True  # Windows keeps data folders to their users itself
+        return True  # Windows itself restricts data folders to their users
     return status.st_uid in (0, os.geteuid()) and not status.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
 
 
 def remember(file: DeviceFile, directory: Path) -> None:
-    """Keep the hash of a file, with a note for people. One that cannot be kept is asked for again."""
+    """Store the hash of a file, with a note for people. If it cannot be stored, the question is asked
+    again."""
     path = trust_file()
     line = f"{file.sha256}  {file.path} in {escape(str(directory.resolve()), 300)}\n"
     try:
         path.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
         if path.exists() and not _is_own(path.stat()):
-            # Its lines may be another's, so none of them is kept.
+            # Another user may have written its lines, so none of them is kept.
             path.unlink()
         if path.exists() and not path.read_bytes().endswith(b"\n"):
             line = f"\n{line}"  # behind a line that was cut off
-        # For the user only: whoever can write here decides what runs.
+        # For the user only: write access here decides which code runs.
         with open(os.open(path, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o600), "ab") as kept:  # noqa: PTH123
             kept.write(line.encode())
     except OSError:

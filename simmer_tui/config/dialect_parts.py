@@ -24,7 +24,7 @@ MOST_FRAMES = 1000
 READING = frozenset(("time", "contact"))
 """Names that every expression may use."""
 Names = Mapping[str, Known]
-"""The values of a message, with what is known of each."""
+"""The values of a message, with the static knowledge of each."""
 P = ParamSpec("P")
 T = TypeVar("T")
 
@@ -49,12 +49,12 @@ class Parts(Struct, frozen=True):
 
     @property
     def lidars(self) -> dict[str, SensorSpec]:
-        """The sensors whose reading is many numbers, by code."""
+        """The sensors whose reading is a list of numbers, by code."""
         return {each.code: each for each in self.sensors if each.enabled and each.kind.is_scan}
 
     @property
     def behind(self) -> dict[str, tuple[str, ...]]:
-        """The codes of the sensors behind ray, scan and contact, as far as there are such."""
+        """The codes of the sensors that ray, scan and contact read, as far as there are any."""
         found: dict[str, tuple[str, ...]] = {}
         for sensor in self.sensors:
             for function in sensor.kind.stands_for if sensor.enabled else ():
@@ -79,13 +79,13 @@ class Parts(Struct, frozen=True):
 
     @property
     def commands(self) -> frozenset[str]:
-        """Codes of all that a step may do."""
+        """Codes of all commands that a step may have."""
         codes = {WAIT, *self.speeds, *(each.code for each in self.velocities if each.enabled)}
         return frozenset(codes | ({self.gripper.code} if self.gripper and self.gripper.enabled else set()))
 
 
 def without_gaps(parts: Iterable[T | None]) -> tuple[T, ...]:
-    """The parts that could be read."""
+    """The parts without None, which stands for one that could not be read."""
     return tuple(each for each in parts if each is not None)
 
 
@@ -95,7 +95,7 @@ def is_whole(value: object) -> TypeGuard[int]:
 
 
 class RuleParts:
-    """Reads the parts of rules. What cannot be read is a problem, and left out."""
+    """Reads the parts of rules. A part that cannot be read is a problem, and left out."""
 
     def __init__(self, file: TomlFile, parts: Parts) -> None:
         self._file = file
@@ -157,7 +157,7 @@ class RuleParts:
         return made if len(made) == len(values) else None
 
     def _check_length(self, reply: BinaryReply, place: str) -> None:
-        """A frame whose length its own header cannot hold, or whose type, is a problem."""
+        """Report a frame whose length or type does not fit into its header."""
         framing = self._framing
         if not framing.head:
             return
@@ -193,7 +193,7 @@ class RuleParts:
     def _expression(
         self, given: object, place: str, names: Names, *, reads: bool = True
     ) -> Expression | None:
-        """An expression. One that decides whether or when something is done must not read sensors."""
+        """An expression. One that is a condition or a time must not read sensors."""
         if given is None:
             return None
         if not isinstance(given, str):
@@ -217,7 +217,7 @@ class RuleParts:
             self._file.complain(place, what + (hint or f"; there are {', '.join(sorted(known))}"))
 
     def _known(self, names: Names) -> Names:
-        """Kinds of all names. The state may become anything."""
+        """Kinds of all names. A value of the state may have any kind."""
         numbers = dict.fromkeys((*self._parts.readable, *READING), NUMBER)
         lists = {code: Known(ValueKind.LIST, length=each.rays) for code, each in self._parts.lidars.items()}
         return {**numbers, **lists, **dict.fromkeys(self._state, ANY), **names}

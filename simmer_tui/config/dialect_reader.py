@@ -47,7 +47,7 @@ from simmer_tui.sim.command import parse_value
 from simmer_tui.sim.rules import did_you_mean
 from simmer_tui.sim.specs import VelocityKind
 
-# A page of rules for each of the public teams had at most 40 commands.
+# The rules of the public teams have at most 40 commands each.
 MOST_RULES = 500
 """Tables [[command]] of a file, and [[stream]]."""
 _MARKS_OF = {FrameKind.LINE: ("end",), FrameKind.BRACKET: ("open", "close")}
@@ -66,7 +66,7 @@ def load_dialect(directory: Path, parts: Parts, problems: list[Problem]) -> Dial
     """The dialect.toml of a set; mistakes go to `problems`."""
     before = len(problems)
     file = TomlFile.read(directory / FILE, problems)
-    # What is missing in a file that cannot be read is no mistake of its own.
+    # If the file cannot be read, missing parts are not reported as well.
     if len(problems) > before:
         return DialectRules()
     rules = _Reader(file, parts).rules()
@@ -76,10 +76,10 @@ def load_dialect(directory: Path, parts: Parts, problems: list[Problem]) -> Dial
 
 
 class _Reader(RuleParts):
-    """Reads one file. What cannot be read is a problem, and left out."""
+    """Reads one file. A part that cannot be read is a problem, and left out."""
 
     def rules(self) -> DialectRules:
-        """All of the file."""
+        """The rules of the whole file."""
         file, parts = self._file, self._parts
         file.check_names(file.tree, TABLES, listed_as="tables")
         protocol = self._protocol()
@@ -123,7 +123,7 @@ class _Reader(RuleParts):
     # -- [frame] and [state] -----------------------------------------------------------------------
 
     def _protocol(self) -> CourseProtocol | None:
-        """The course's protocol that the dialect is, if it is one; it needs nothing else."""
+        """The course's protocol, if the dialect is one; it needs no other keys."""
         given = self._file.table("frame")
         kind = str(given.get("kind")).strip().lower()
         if kind not in tuple(CourseProtocol):
@@ -190,7 +190,7 @@ class _Reader(RuleParts):
         kind = self._type(given, prefix)
         if not {"match", "type"} & set(given):
             complain(f"{prefix}match", "is missing; it says which message this is for")
-        # A value that only some of its texts have is none to go by.
+        # A value that only some of the patterns have cannot be used.
         known = self._names_of(patterns, unpack, fields)
         for name in known:
             if name in self._parts.readable:
@@ -219,7 +219,7 @@ class _Reader(RuleParts):
         return rule
 
     def _names_of(self, patterns: Sequence[Pattern], unpack: str, fields: Sequence[str]) -> dict[str, Known]:
-        """The values of a message. One that only some of its texts have is none to go by."""
+        """The values of a message, without those that only some of its patterns have."""
         packed = zip(fields, pack_codes(unpack), strict=False)
         found = {name: TEXT if code in "spc" else NUMBER for name, code in packed}
         shared = frozenset.intersection(*(each.names for each in patterns)) if patterns else frozenset()
@@ -326,7 +326,7 @@ class _Reader(RuleParts):
         prefix = f"stream.{number}."
         self._file.check_names(given, STREAM_KEYS, prefix)
         every = given.get("every")
-        # A robot's loop at 2 kHz; faster ones fill any line.
+        # The loop of a robot at 2 kHz; faster streams fill any line.
         if (
             isinstance(every, bool)
             or not isinstance(every, int | float)
@@ -343,7 +343,7 @@ class _Reader(RuleParts):
     # -- together ----------------------------------------------------------------------------------
 
     def _find_hidden(self, rules: Sequence[MessageRule]) -> None:
-        """A command whose own example an earlier one takes is never done."""
+        """Report commands that never match, because an earlier one matches their own example."""
         for rule in rules:
             earlier = rules[: rule.number - 1]
             for pattern in rule.patterns:
@@ -393,7 +393,7 @@ def _check_code(code: str, known: Collection[str]) -> None:
 
 
 def _takes_frames(earlier: MessageRule, rule: MessageRule) -> bool:
-    """True if an earlier command takes all frames of a later one that has no pattern."""
+    """True if an earlier command matches all frames of a later one that has no pattern."""
     if earlier.condition is not None or earlier.type != rule.type or earlier.patterns:
         return False
     same = bool(rule.unpack) and struct.calcsize(earlier.unpack) == struct.calcsize(rule.unpack)
@@ -424,7 +424,7 @@ def _bare(text: str) -> str:
 
 
 def _listed(given: object) -> object:
-    """A text alone as a list."""
+    """A single text as a list; other values unchanged."""
     return [given] if isinstance(given, str) else given
 
 

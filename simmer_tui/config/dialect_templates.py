@@ -134,7 +134,7 @@ type = 4
 do = "stop"
 """
 TEMPLATES: Mapping[str, str] = {"line": _LINE, "bracket": _BRACKET, "byte": _BYTE, "binary": _BINARY}
-"""A small language by kind. SENSOR, FORWARD and TURN stand for codes of the set."""
+"""A small language for each kind. SENSOR, FORWARD and TURN are replaced by codes of the set."""
 
 
 def with_dialect(files: Mapping[str, bytes], kind: str) -> dict[str, bytes]:

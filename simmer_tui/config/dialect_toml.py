@@ -12,10 +12,10 @@ from simmer_tui.sim.rules import FlagRule, IntegerRule, NumberRule, RawTextRule,
 from simmer_tui.sim.values import Value
 
 FILE = "dialect.toml"
-# An hour: what is longer in a protocol is a mistake in the unit.
+# An hour: a longer time in a protocol is a mistake in the unit.
 LONGEST_TIME = 3600.0
 """Longest time in a rule, seconds."""
-# The header of a message: a line end, or a few bytes that cannot come by chance.
+# A mark of a message: a line end, or a few bytes that cannot occur by chance.
 _MARK = RawTextRule(8)
 _SECONDS = NumberRule(0, LONGEST_TIME)
 
@@ -43,12 +43,12 @@ FRAME = (
     _key("open", _MARK, "bracket: what begins a message"),
     _key("close", _MARK, "bracket: what ends a message"),
 )
-"""The keys of [frame], by field of `Framing`: what a message to the robot is."""
+"""The keys of [frame], by field of `Framing`: the form of messages to the robot."""
 REPLY = (
     _key("end", _MARK, "added to every text reply"),
     _key("missing", RawTextRule(40), "what a reading without a finite value becomes"),
 )
-"""The keys of [reply]: what all replies have in common."""
+"""The keys of [reply]: common properties of all replies."""
 ROBOT = (
     _key(
         *("busy", _one_of(Busy.WAIT, Busy.REPLACE, Busy.DROP)),
@@ -61,9 +61,9 @@ ROBOT = (
     _key("halts_after", _SECONDS, "time without any byte after which an untimed run stops; 0: never", "s"),
     _key("runs_on", FlagRule(), "an untimed run goes on when the program has left"),
 )
-"""The keys of [robot], by field of `RobotRules`: how the robot's own program takes messages."""
+"""The keys of [robot], by field of `RobotRules`: properties of the robot's own program."""
 HEAD_KEYS = ("head", "names", "body")
-"""Keys of [frame] for binary frames: struct format, its fields, and which of them is the content's length."""
+"""Keys of [frame] for binary frames: struct format, its fields, and the field with the content's length."""
 COMMAND_KEYS = {
     "match": "the message: text with {name} where a value stands, or a list of such texts",
     "type": "binary: value of the header's field type",

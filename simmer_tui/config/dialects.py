@@ -1,7 +1,7 @@
 """One table of dialects: the languages that programs speak to the robot, and the ports they need.
 
 A new dialect is three files: its codec `protocol/NAME.py`, its link `links/NAME_link.py`, and its row here.
-The server, the options, the settings, the variables of programs, `check` and `doctor` ask this table.
+The server, the options, the settings, the variables of programs, `check` and `doctor` use this table.
 """
 
 from msgspec import Struct
@@ -9,11 +9,12 @@ from msgspec import Struct
 # The default limit of Linux (net.core.somaxconn), which cuts it where it is lower. Packet clients open a
 # connection per message: 128 were full after 30 ms of a busy machine.
 BACKLOG = 4096
-"""Connections to a port that the system keeps until they are accepted."""
-# All that wait on the reply port are accepted before a client's first reply. 128 take 15 ms; 4,096 took
-# 0.35 s, and more descriptors than the 1024 that a process has by default.
+"""Most connections to a port that wait in the system until they are accepted."""
+# All connections that wait on the reply port are accepted before a client's first reply. 128 take 15 ms;
+# 4,096 took 0.35 s, and more descriptors than the 1024 that a process has by default.
 REPLY_BACKLOG = 128
-"""Connections to the reply port of the binary dialects that the system keeps until they are accepted."""
+"""Most connections to the reply port of the binary dialects that wait in the system until they are
+accepted."""
 
 
 class DialectPort(Struct, frozen=True):
@@ -27,7 +28,7 @@ class DialectPort(Struct, frozen=True):
 
     @property
     def variable(self) -> str:
-        """The variable of the environment that tells programs its number."""
+        """The environment variable with its number, for programs."""
         return f"SIMMER_{self.setting.upper()}"
 
     @property
@@ -41,9 +42,9 @@ class Dialect(Struct, frozen=True):
 
     `link` is the function `(LinkContext) -> Link` that serves the ports, and `typed` the function
     `(text, ServerSettings) -> (bytes, ReplyForm)` that writes a command as programs do. Both are
-    `module:name`, since only what is served is imported. `summary` is its line in `check`, with the settings
-    of `[server]` in braces. One without a `typed` is served always, beside those that carry commands; without
-    its port the robot is still served, with `warning`.
+    `module:name`, since only served dialects are imported. `summary` is its line in `check`, with the
+    settings of `[server]` in braces. A dialect without `typed` is always served, in addition to those with
+    commands. If its port is not available, the robot is still served, with `warning`.
     """
 
     ports: tuple[DialectPort, ...]
@@ -63,16 +64,17 @@ PACKETS = DialectPort("packets", "packet_port", 61200, "port that takes packets,
 PACKET_REPLIES = DialectPort(
     "packet replies", "packet_reply_port", 61201, "port that sends the replies to packets, 0 for any free one"
 )
-# Ours alone: the next one after the MATLAB ports.
+# Only of this simulator: the next port after the MATLAB ones.
 BELIEFS = DialectPort("beliefs", "belief_port", 9002, "port where programs say what they believe, 0 for any")
 
-# The next of ours. Always the same, so that an IDE's settings (`simmer-tui env`) stay right.
+# The next port of this simulator. It is fixed, so that an IDE's settings (`simmer-tui env`) stay right.
 SERIAL = DialectPort("serial", "dialect_port", 9003, "port of programs that open a serial port, 0 for any")
 
 TEAM = "dialect"
 """The name of the team's own language, which a set with a dialect.toml has."""
 DIALECTS: dict[str, Dialect] = {
-    # First: what is typed is written as MATLAB programs write it, unless only packets are served.
+    # First in the table, so that typed commands are written as MATLAB programs write them, unless only
+    # packets are served.
     "binary": Dialect(
         (COMMANDS, REPLIES),
         "simmer_tui.links.binary_link:BinaryLink",
@@ -92,7 +94,7 @@ DIALECTS: dict[str, Dialect] = {
         "Dialect: dialect.toml, for programs that open a serial port; line speed: {line}. Motion is timed.",
         "simmer_tui.protocol.binary:typed",
     ),
-    # Without `typed`: it carries no commands, so that it is no choice of `listeners`.
+    # Without `typed`: it has no commands, so that it is not a choice of `listeners`.
     "beliefs": Dialect(
         (BELIEFS,),
         "simmer_tui.links.belief_link:BeliefLink",
@@ -100,7 +102,7 @@ DIALECTS: dict[str, Dialect] = {
         warning="no beliefs will be shown",
     ),
 }
-"""The dialects by name, as `listeners` has it. The first one served writes what is typed."""
+"""The dialects by name, as in `listeners`. The first one served writes typed commands."""
 
 
 def choices() -> tuple[str, ...]:

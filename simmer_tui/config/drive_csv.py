@@ -51,7 +51,7 @@ _ONLY_OTHERS = (*_ONLY_MOVEMENTS, columns.SPEED.name, *_ONLY_GRIPPER)
 
 
 class DriveRows(Struct, frozen=True):
-    """The rows of drive.csv by what they are for."""
+    """The rows of drive.csv by their purpose."""
 
     drives: tuple[DriveSpec, ...] = ()
     gripper: GripperSpec | None = None
@@ -102,7 +102,7 @@ def _read_row(
 
 
 def _read_id(row: TableRow, seen: dict[str, int]) -> str | None:
-    """The ID of a row; None, and a problem, if it is wrong or not the first of its name."""
+    """The ID of a row; None, and a problem, if it is wrong or an earlier row has it."""
     if ID not in row.values:
         return None
     try:

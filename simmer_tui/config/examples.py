@@ -1,4 +1,4 @@
-"""Sample programs as files: where they are, and how they are copied out."""
+"""Sample programs as files: their folder, and copying them."""
 
 import shlex
 import sys
@@ -9,11 +9,11 @@ from simmer_tui import platform_has
 from simmer_tui.config.sets import unreadable, write_files
 
 EXAMPLE = "wander.py"
-"""The sample program to begin with: it reads, drives around, and says where it believes to be."""
+"""The first sample program: it reads, drives around, and sends its believed pose."""
 CLIENT = "client.py"
-"""The client library, which lies in the package itself."""
+"""The client library, which is in the package itself."""
 _PROGRAMS = (EXAMPLE, "solve.py", "robot_emulator.py")
-"""Samples that stand alone, the modules of solve.py (`solve_*.py`) beside it."""
+"""Samples of one file; the modules of solve.py (`solve_*.py`) are beside it."""
 _FOLDERS = ("course", "c", "matlab", "arduino")
 """Programs of the course, those in other languages, and sketches for the robot itself."""
 _SUFFIXES = (".py", ".c", ".h", ".m", ".ino", ".md", ".toml")
@@ -34,7 +34,7 @@ def example_command() -> str:
 
 
 def example_files() -> dict[str, bytes]:
-    """All sample programs and the client library, by path in the folder that people get.
+    """All sample programs and the client library, by path in the folder of copies.
 
     Raises ConfigurationError if one cannot be read.
     """
@@ -50,8 +50,8 @@ def example_files() -> dict[str, bytes]:
 
 
 def copy_examples(destination: Path) -> tuple[Path, ...]:
-    """Copy the sample programs into a folder, which is made if need be. Those that are there already,
-    unchanged, are left alone.
+    """Copy the sample programs into a folder, which is created if necessary. Existing files without changes
+    are skipped.
 
     Returns the new files. Raises ConfigurationError, before anything is written, if a file that differs would
     be overwritten.
@@ -67,4 +67,4 @@ def _is_there(path: Path, data: bytes) -> bool:
     try:
         return path.read_bytes() == data
     except OSError:
-        return False  # missing, or in the way: writing tells
+        return False  # missing, or not a file: writing then reports it

@@ -1,4 +1,4 @@
-"""Reads an exchange with a real robot, as `--record` keeps it: one JSON line for each piece."""
+"""Reads an exchange with a real robot, recorded by `--record`: one JSON line for each piece."""
 
 import json
 from pathlib import Path
@@ -9,7 +9,7 @@ from simmer_tui.sim.command import escape
 
 # An hour of a robot that sends at 9600 baud has 60 MB of lines.
 LARGEST = 100_000_000
-"""Bytes of a file."""
+"""Largest file, bytes."""
 
 
 def read_exchange(path: Path) -> tuple[float, list[Exchanged]]:

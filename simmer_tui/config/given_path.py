@@ -9,8 +9,8 @@ from simmer_tui.sim.command import escape
 
 
 def given_path(text: str, home: Path | None = None) -> Path:
-    """A path relative to `home`, or to where we are. Where / separates folders, one with backslashes that is
-    not there as it stands was written on Windows."""
+    """A path relative to `home`, or to the working directory. On systems where / separates folders, a path
+    with backslashes that does not exist as written is read as one from Windows."""
     home = home or Path()
     path = home / text
     if os.sep == "\\" or "\\" not in text or path.exists():
@@ -19,7 +19,7 @@ def given_path(text: str, home: Path | None = None) -> Path:
 
 
 def drive_hint(text: str) -> str:
-    """The reason why a path with a drive letter is not here; empty on Windows and for other paths."""
+    """The reason why a path with a drive letter does not exist; empty on Windows and for other paths."""
     drive = PureWindowsPath(text).drive
     if not drive or os.sep == "\\":
         return ""
@@ -27,7 +27,7 @@ def drive_hint(text: str) -> str:
 
 
 def other_case(path: Path) -> str:
-    """The name of the file that differs from a path in upper and lower case alone; empty if there is none."""
+    """The name of the file that differs from a path only in upper and lower case; empty if there is none."""
     try:
         names = sorted(each.name for each in path.parent.iterdir())
     except OSError:

@@ -1,4 +1,4 @@
-"""Names of keys as settings.toml gives them, and the check that every key means one thing only."""
+"""Names of keys in settings.toml, and the check that no key has two meanings."""
 
 import string
 import unicodedata
@@ -23,7 +23,7 @@ TAKEN = {
     "f2": "show the next page",
     **dict.fromkeys("1234", "show a page"),
 }
-"""Keys that cannot be given another meaning, with theirs."""
+"""Keys with a fixed meaning, each with its meaning."""
 # Textual shortens some of the names that Unicode gives to signs.
 _REPLACED = {
     "solidus": "slash",
@@ -36,7 +36,7 @@ _REPLACED = {
 
 
 def key_name(character: str) -> str:
-    """The name of a character's key: a letter or digit itself, else as Unicode calls it."""
+    """The name of a character's key: a letter or digit itself, else its Unicode name."""
     # Unicode would call the letter a "latin small letter a".
     if character.isalnum():
         return character
@@ -64,16 +64,16 @@ def keys_of(keys: KeySettings, action: str) -> list[str]:
 
 
 def key_names(text: str) -> list[str]:
-    """Names of keys from their comma-separated list. A single sign is taken for its name, `+` for `plus`."""
+    """Names of keys from their comma-separated list. A single sign is replaced by its name, `+` by `plus`."""
     named = [name.strip() for name in text.split(",")]
     return [key_name(name) if len(name) == 1 else name for name in named if name]
 
 
 def yielding_defaults(given: Mapping[str, str]) -> dict[str, str]:
-    """The keys of actions that none were given for, where they are fewer than usual.
+    """The keys of actions without given keys, if they are fewer than by default.
 
-    `given` are the keys that were, by action. Default keys yield to them. So a file in which a key means
-    something stays valid when a later version gives that key to a new action.
+    `given` are the given keys, by action. They have priority over default keys. So a file that uses a key
+    stays valid if a later version gives that key to a new action.
     """
     taken: set[str] = set()
     for action, text in given.items():
@@ -88,7 +88,7 @@ def yielding_defaults(given: Mapping[str, str]) -> dict[str, str]:
 
 
 def _meant(action: str, names: Iterable[str]) -> dict[str, str]:
-    """The keys that an action takes by these names, each with an addition to its meaning."""
+    """The keys of an action by these names, each with an addition to its meaning."""
     taken = {}
     for name in names:
         taken[name] = ""
@@ -113,7 +113,7 @@ def key_problems(keys: KeySettings, places: Mapping[str, str]) -> Iterator[Probl
                 what = meaning + addition
                 if each in used:
                     yield Problem(place, f'needs the key "{each}" to {what}: it is there to {used[each]}')
-                # The first action keeps the key, so that each later one is told of it.
+                # The first action keeps the key; messages about later ones name it.
                 used.setdefault(each, what)
 
 

@@ -52,23 +52,23 @@ class Configuration(Struct, frozen=True):
     simulation: SimulationSpec
     settings: Settings
     files: Mapping[str, str] = field(default_factory=dict)
-    """The text of the set's files by name, as they were when it was read; a run log keeps them."""
+    """The text of the set's files by name, at the time of reading; a run log contains them."""
     mission: MissionSpec | None = None
     """The contents of mission.toml, if the set has one."""
     dialect: DialectRules | None = None
     """The contents of dialect.toml, if the set has one."""
     devices: tuple[DeviceFile, ...] = ()
-    """The device files of the set, as they were when it was read."""
+    """The device files of the set, at the time of reading."""
     device_statuses: tuple[DeviceStatus, ...] = ()
-    """For each of them, whether it ran, and what is unfinished."""
+    """The state of each device file."""
 
     @property
     def texts(self) -> dict[str, str]:
-        """All files of the set by their paths in it, with those of devices: enough to make it anew."""
+        """All files of the set by their paths in it, with those of devices: enough to write the set again."""
         return {**self.files, **{device.path: device.text for device in self.devices}}
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """The parts to pickle: with devices their files come first, whose classes the rest needs."""
+        """The parts to pickle. Device files come first, since the rest needs their classes."""
         if not self.devices:
             return type(self), astuple(self)
         return _unpickled, (self.devices, pickle.dumps(astuple(self)))
@@ -89,8 +89,9 @@ def load(
     *,
     devices: DeviceUse = DeviceUse.RUN,
 ) -> Configuration:
-    """Read the set in `directory`, `overrides` (by dotted name of the setting) over settings.toml.
-    `kinds` are the sensors that sensors.csv may name beside those of the set's own `devices`.
+    """Read the set in `directory`; `overrides` (by dotted name of the setting) replace values of
+    settings.toml. `kinds` are the kinds that sensors.csv may name, in addition to those of the set's own
+    `devices`.
 
     Raises ConfigurationError with every mistake in all the files and overrides.
     """
@@ -98,19 +99,19 @@ def load(
         where = escape(str(directory), 200)
         what = "is not a folder; simmer-tui init DIR writes a complete set to start from"
         raise ConfigurationError([Problem(where, what)])
-    # All files are read whatever is wrong with one, so that a person sees every mistake at once.
+    # All files are read even if one is wrong, so that a person sees every mistake at once.
     problems: list[Problem] = []
     # Shared by sensors and drives: a code means one thing to a program.
     codes: dict[str, str] = {}
     maze = load_maze(directory, problems)
     robot = load_robot(directory, problems)
     later: list[Problem] = []
-    # Read before the sensors, whose kinds they name; their mistakes are told behind those of the CSV files.
+    # Read before the sensors, whose kinds they name; their mistakes are listed after those of the CSV files.
     loaded = load_settings(directory, overrides or {}, later)
     try:
         own = set_devices(directory, loaded, kinds, devices)
     except ConfigurationError as error:
-        # Without their kinds every row of theirs would seem wrong, so the sensors wait.
+        # Without their kinds every row of theirs would seem wrong, so the sensors are not read.
         raise ConfigurationError([*problems, *later, *error.problems]) from None
     kinds = own.kinds
     sensors = own.load_sensors(directory, codes, problems)
@@ -129,7 +130,7 @@ def load(
     if problems or maze is None or robot is None:
         raise ConfigurationError(problems)
     simulation = _simulation(settings, maze, robot, sensors, rows)
-    # Places are looked at only in a set that is right otherwise: a wrong maze would make them all wrong.
+    # Places are checked only in a set without other mistakes: with a wrong maze they would all be wrong.
     misplaced = [Problem(loaded.places[name], what) for name, what in placement_problems(simulation)]
     if mission is not None:
         misplaced += _undoable(mission, mission_file, simulation)
@@ -157,8 +158,8 @@ def _dialect(
     overrides: Mapping[str, Override],
     problems: list[Problem],
 ) -> tuple[DialectRules | None, Settings]:
-    """The dialect of a set, if it has one, and the settings with it: programs speak that alone, and motion is
-    timed."""
+    """The dialect of a set, if it has one, and the settings with it: programs use only this dialect, and
+    motion is timed."""
     listeners = settings.server.listeners
     dialect = None
     if (directory / dialect_toml.FILE).exists():
@@ -183,7 +184,7 @@ def _dialect(
 
 
 def _undoable(mission: MissionSpec, file: TomlFile, simulation: SimulationSpec) -> Iterator[Problem]:
-    """The reasons why a mission cannot be drawn or done."""
+    """The reasons why a mission cannot be drawn or completed."""
     # It imports shapely's geometry, and few sets need it.
     from simmer_tui.config.mission_plan import mission_problems
 
@@ -228,6 +229,6 @@ def _simulation(
 
 
 def _texts(directory: Path) -> dict[str, str]:
-    """The files of a set that has been read, to the letter: line ends and byte-order marks stay."""
+    """The files of a set, unchanged: line ends and byte-order marks stay."""
     paths = [directory / name for name in (*FILES, FLOOR_FILE, MISSION_FILE, dialect_toml.FILE)]
     return {path.name: path.read_bytes().decode() for path in paths if path.is_file()}

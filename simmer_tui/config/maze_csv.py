@@ -9,7 +9,7 @@ from simmer_tui.sim.specs import BLOCK, EMPTY, START, TILES_PER_CELL, WALL, Maze
 
 FILE = "maze.csv"
 FLOOR_FILE = "floor.csv"
-# Judged: far beyond the course's 8 by 4 cells, and still drawn and searched without a wait.
+# Judged: far beyond the course's 8 by 4 cells, and still drawn and searched without noticeable delay.
 MAX_CELLS = 100
 """The most cells a side of the maze may have."""
 
@@ -21,7 +21,7 @@ CELLS = {
     START: ("robot start", "free; a mission may start in its middle, and a drop zone is one of these"),
     BLOCK: ("block", "free; the loading zone, in which a mission lays the block"),
 }
-"""By the value of a cell its name and its meaning."""
+"""Name and meaning of a cell, by its value."""
 
 _CELL = IntegerRule(WALL, BLOCK, listed(f"{value} ({name})" for value, (name, _) in CELLS.items()))
 _TILE = IntegerRule(0, 1, "0 (black) or 1 (white)")
@@ -43,7 +43,7 @@ def read_cells(path: Path, problems: list[Problem]) -> Grid | None:
         return None
     rows, columns = len(table.rows), max(len(row.cells) for row in table.rows)
     if rows > MAX_CELLS or columns > MAX_CELLS:
-        # One problem and not one a cell: such a file is hardly a maze.
+        # One problem, not one for each cell: such a file is probably not a maze.
         what = f"has {rows} rows and {columns} columns; a maze has at most {MAX_CELLS} of each"
         problems.append(Problem(path.name, what))
         return None

@@ -1,4 +1,4 @@
-"""A mission's start pose, block and drop zone, drawn from the seed where the set leaves them open."""
+"""A mission's start pose, block and drop zone; those that the set does not give are drawn from the seed."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from simmer_tui.sim.specs import BLOCK, CELL_SIZE, START, MazeSpec, SimulationSp
 MISSION_STREAM = "mission"
 _QUARTERS = (0.0, 90.0, 180.0, 270.0)
 _HALF = CELL_SIZE / 2
-# Random headings tried before a robot too long for most of them takes a multiple of 90 degrees.
+# Random headings that are tried; after them a robot that is too long for most gets a multiple of 90 degrees.
 _TRIES = 100
 # Square inches below which there is no room for the block's centre.
 _LEAST_ROOM = 1e-6
@@ -47,8 +47,8 @@ class Cell(Struct, frozen=True):
 
 
 class MissionPlan(Struct, frozen=True):
-    """One run's mission. `start_known` is True if mission.toml gives the whole start pose, so that a
-    control program may know it too. `contacts` is None where any number is allowed."""
+    """One run's mission. `start_known` is True if mission.toml gives the whole start pose, so that a control
+    program may know it too. `contacts` is None if any number is allowed."""
 
     start: Pose
     start_known: bool
@@ -60,8 +60,8 @@ class MissionPlan(Struct, frozen=True):
 
 
 def draw_mission(mission: MissionSpec, simulation: SimulationSpec, seed: int) -> MissionPlan:
-    """A mission with all that it leaves open drawn. The random stream is its own: the same seed gives the
-    same plan, and nothing that the simulator draws changes. Neither robot nor block is put in a wall.
+    """A mission with its open values drawn. It has a random stream of its own: the same seed gives the same
+    plan, and draws of the simulator do not change. Neither robot nor block is placed in a wall.
 
     `mission` must be one without problems (`mission_problems`).
     """
@@ -84,8 +84,8 @@ def draw_mission(mission: MissionSpec, simulation: SimulationSpec, seed: int) ->
 
 
 def mission_problems(mission: MissionSpec, simulation: SimulationSpec) -> list[tuple[str, str]]:
-    """The reasons why a mission cannot be drawn or done: pairs of the key in mission.toml (empty for the
-    whole) and the reason."""
+    """The reasons why a mission cannot be drawn or completed: pairs of the key in mission.toml (empty for the
+    whole mission) and the reason."""
     gripper = simulation.gripper
     no_gripper = (
         "a mission needs a gripper: an enabled row grip in drive.csv (simmer-tui init DIR --mission writes a "
@@ -112,7 +112,7 @@ def cells_of(maze: MazeSpec, value: int) -> list[Cell]:
 
 
 class _Ground:
-    """The places that robot and block of a mission can have."""
+    """The possible places of a mission's robot and block."""
 
     def __init__(self, mission: MissionSpec, simulation: SimulationSpec) -> None:
         self._mission = mission
@@ -136,7 +136,7 @@ class _Ground:
         return not robot_problem(self._maze, self._walls, self._outline, Pose(*place, heading))
 
     def _headings(self, place: Place) -> list[float]:
-        """The headings at a place to choose from; where any will do, the multiples of 90."""
+        """The headings to choose from at a place; if any is allowed, the multiples of 90."""
         heading = self._mission.heading
         wanted = _QUARTERS if isinstance(heading, Heading) else (heading,)
         return [each for each in wanted if self._fits(place, each)]
@@ -163,7 +163,7 @@ class _Ground:
     # -- the block ---------------------------------------------------------------------------
 
     def _all_rooms(self) -> list[BaseGeometry]:
-        """The areas that the block's centre may be in, one a cell of value 3."""
+        """The areas in which the block's centre may be, one for each cell of value 3."""
         # Obstacles are grown by half the block and the clearance, so that the block is a point.
         keep_off = self._simulation.block_size / 2 + self._mission.clearance
         walls = self._maze.walls
@@ -233,7 +233,7 @@ def _cell_around(place: Place) -> Cell:
 
 
 def _draw_place(rooms: Sequence[BaseGeometry], random: np.random.Generator) -> Place:
-    """A place anywhere in some areas, all of it equally likely."""
+    """A random place, uniform over some areas."""
     areas = np.array([room.area for room in rooms])
     room = rooms[int(random.choice(len(rooms), p=areas / areas.sum()))]
     low_x, low_y, high_x, high_y = room.bounds

@@ -1,6 +1,6 @@
-"""mission.toml, the optional file of a set that says what the robot is to do.
+"""mission.toml, the optional file of a set with the robot's task.
 
-Annotations are evaluated here: they hold the descriptions of the keys.
+Annotations are evaluated here: they contain the descriptions of the keys.
 """
 
 from enum import StrEnum
@@ -33,11 +33,11 @@ _NUMBER_OF_CONTACTS = WordOrRule((ANY,), (None,), other=IntegerRule(0, 1_000_000
 class MissionSpec(Struct, frozen=True, kw_only=True):
     """mission.toml: fetch the block and set it down in the drop zone.
 
-    Places are in inches, global; None stands for one that is drawn anew for every run: the `start`
-    the middle of a cell of value 2, the `block` anywhere in the cells of value 3 with `clearance`
-    inches between it and any wall, the `drop_zone` a cell of value 2, another than the start's if
-    there is one. A `drop_zone` that is given is the cell around that place. `time_limit` is in
-    simulated seconds. `contacts` is the number of contacts with a wall that are allowed, None for any.
+    Places are in inches, global; None means one that is drawn for every run. The `start` is then the middle
+    of a cell of value 2. The `block` is anywhere in the cells of value 3, with `clearance` inches between it
+    and any wall. The `drop_zone` is a cell of value 2, if possible not the start's. A given `drop_zone` is
+    the cell around that place. `time_limit` is in simulated seconds. `contacts` is the allowed number of
+    contacts with a wall, None for any.
     """
 
     start: Annotated[

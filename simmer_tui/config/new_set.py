@@ -1,9 +1,9 @@
-"""The files of a new set, as people get them to edit: explained, with schemas, and with a mission if asked.
+"""The files of a new set for editing: with comments, schemas and, on request, a mission.
 
-Comments stand after the rows, so that the first line of a file stays its header and the rows of a maze
-stay where they were. The JSON schemas of settings.toml and mission.toml are made of their rules, so that
-editors complete and check. A file names its schema in a comment, `#:schema .schema/settings.json`: Even
-Better TOML in VS Code and taplo on the command line read that.
+Comments are after the rows, so that the first line of a file stays its header and the rows of a maze stay in
+place. The JSON schemas of settings.toml and mission.toml are made from their rules; editors complete and
+check by them. A file names its schema in a comment, `#:schema .schema/settings.json`: Even Better TOML in VS
+Code and taplo on the command line read that.
 """
 
 import csv
@@ -33,17 +33,17 @@ _LOAD = "load"
 
 
 def explained(files: Mapping[str, bytes], nominal: str = "") -> dict[str, bytes]:
-    """The files of a set with comments that say what their values mean, and with the schemas of the
-    TOML files among them, which these name. What has comments keeps them as they are.
+    """The files of a set with comments that explain their values, and with the schemas of its TOML files,
+    which these name. Existing comments stay unchanged.
 
     Args:
         files: Texts by file name.
-        nominal: Name of the set that they were copied from; one that a set names already stays.
+        nominal: Name of the set that they were copied from; an existing name stays.
     """
     made: dict[str, bytes] = {}
     for name, data in files.items():
         if name.endswith(".py"):
-            made[name] = data  # a device, whose hash is trusted
+            made[name] = data  # a device, whose hash must not change
             continue
         text = text_of(name, data)
         if name == dialect_toml.FILE:
@@ -62,7 +62,7 @@ def explained(files: Mapping[str, bytes], nominal: str = "") -> dict[str, bytes]
 
 
 def text_of(name: str, data: bytes) -> str:
-    """The text of a file. Raises ConfigurationError if it is none."""
+    """The text of a file. Raises ConfigurationError if it is not text."""
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError:
@@ -70,8 +70,8 @@ def text_of(name: str, data: bytes) -> str:
 
 
 def with_mission(files: Mapping[str, bytes]) -> dict[str, bytes]:
-    """The files of a set with all that a mission needs: a gripper, a load sensor and a mission.toml. What is
-    missing is taken from the bundled set `mission`."""
+    """The files of a set with the parts that a mission needs: a gripper, a load sensor and a mission.toml.
+    Missing parts are copied from the bundled set `mission`."""
     model = read_files(bundled_sets()[MISSION_SET])
     texts = {name: text_of(name, data) for name, data in files.items() if not name.endswith(".py")}
     drives, sensors = drive_csv.FILE, sensors_csv.FILE
@@ -92,13 +92,13 @@ def with_mission(files: Mapping[str, bytes]) -> dict[str, bytes]:
 
 
 def _free_code(wanted: str, taken: Collection[str]) -> str:
-    """The code wanted, or one with another digit: there are more than a set has sensors of a letter."""
+    """The wanted code, or one with another digit: there are more digits than sensors with the same letter."""
     others = (f"{letter}{digit}" for letter in (wanted[0], "x", "z") for digit in "1234567890")
     return next(code for code in (wanted, *others) if code not in taken)
 
 
 def _with_row(text: str, row: Mapping[str, str]) -> str:
-    """A table with a row more, and the columns that it needs; comments stay behind the rows."""
+    """A table with one more row, and the columns that it needs; comments stay after the rows."""
     comments = [line for line in text.splitlines() if line.lstrip(' "').startswith(COMMENT)]
     table = cells_of(text)
     header = table[0]
@@ -131,7 +131,7 @@ def _comments(name: str, text: str) -> Iterable[str]:
 
 FOLDER = ".schema"
 """The folder of a set with the schemas of its files."""
-# Keywords are those of draft 7, which both editors know.
+# Keywords are those of draft 7, which both editors support.
 _DRAFT = "http://json-schema.org/draft-07/schema#"
 _DIRECTIVE = "#:schema "
 

@@ -1,7 +1,7 @@
-"""The nominal set of a run: the one that its own set is a variant of.
+"""The nominal set of a run: its own set is a variant of it.
 
-A set names it in settings.toml (`nominal`); `init` writes that. A set without the name is taken for a
-variant of the bundled set with the same sensors and drives, most rows of which it has unchanged.
+A set names it in settings.toml (`nominal`); `init` writes that. A set without the name counts as a variant of
+the bundled set with the same sensors and drives, if most rows are the same.
 """
 
 from __future__ import annotations
@@ -18,22 +18,22 @@ from simmer_tui.config.sets import bundled_sets, find_set, set_name
 from simmer_tui.errors import ConfigurationError
 from simmer_tui.sim.specs import SimulationSpec
 
-# Where these are set, profiles stand in place of rows; both sets get the same.
+# With these settings, profiles replace values of rows; both sets get the same.
 _PROFILES = ("realistic", "sensor_profile", "drive_profile", "link_profile")
-# Judged: a set of which more than half is otherwise is another robot.
+# Judged: a set with more than half of its rows different describes another robot.
 _SAME = 0.5
 
 
 class Nominal(Struct, frozen=True):
-    """A nominal set: its name and what it describes."""
+    """A nominal set: its name and its specification."""
 
     name: str
     spec: SimulationSpec
 
 
 def nominal_of(configuration: Configuration, chosen: str | None = None) -> Nominal | None:
-    """The nominal set of a run with this configuration, None if there is none that can be read; by default
-    the one that the run's set names, else the bundled one that it is a variant of.
+    """The nominal set of a run with this configuration, None if there is none that can be read. By default it
+    is the one that the run's set names, else the bundled one of which it is a variant.
 
     Raises ConfigurationError if a `chosen` one cannot be read.
     """
@@ -44,10 +44,10 @@ def nominal_of(configuration: Configuration, chosen: str | None = None) -> Nomin
         try:
             return _read(named, configuration)
         except ConfigurationError:
-            # A folder that is no longer there, or on another machine.
+            # A folder that no longer exists, or is on another machine.
             return None
     bundled = bundled_sets()
-    # Nearly every run has a bundled set: then one is enough to see that nothing differs.
+    # Nearly every run has a bundled set: comparing with that one is then enough.
     names = [configuration.name] if configuration.name in bundled else list(bundled)
     candidates = [_read(name, configuration) for name in names]
     shares = [_alike(configuration.simulation, each.spec) for each in candidates]
@@ -58,7 +58,7 @@ def nominal_of(configuration: Configuration, chosen: str | None = None) -> Nomin
 def _read(name: str, configuration: Configuration) -> Nominal:
     folder = find_set(name)
     chosen = tuple(getattr(configuration.settings, name) for name in _PROFILES)
-    # Bundled sets do not change, and trials ask for one after each run.
+    # Bundled sets do not change, and trials need one after each run.
     return (_loaded_once if folder in bundled_sets().values() else _loaded)(folder, chosen)
 
 

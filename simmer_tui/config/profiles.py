@@ -1,9 +1,9 @@
 """Profiles: the errors of common drives, sensors and links, which override the values of a set.
 
-Each is a bundled TOML file, in `profiles/drive`, `profiles/sensors` or `profiles/link` beside
-the default set. A drive profile has a table for each ID of drive.csv and the `strength` of the random
-bias; a sensor profile says which `kind` it is for and has values named as the fields of `SensorSpec`; a
-link profile has those of the table [link] of settings.toml.
+Each is a bundled TOML file, in `profiles/drive`, `profiles/sensors` or `profiles/link` beside the default
+set. A drive profile has a table for each ID of drive.csv and the `strength` of the random bias; a sensor
+profile has its `kind` and values named as the fields of `SensorSpec`; a link profile has those of the table
+[link] of settings.toml.
 """
 
 from collections.abc import Collection, Iterable, Mapping
@@ -42,7 +42,7 @@ _TITLE = Value(TextRule(), name="title")
 _ENABLED = Value(FlagRule(), name="enabled", field="enabled")
 _STRENGTH = Value(next(item.rule for item in all_settings() if item.name == "strength"), name="strength")
 _SETTINGS_TABLE = "link."
-# The IDs every drive profile must have a table for; of others it may say nothing.
+# The IDs for which every drive profile must have a table; others are optional.
 _COURSE = (DriveKind.UP, DriveKind.DOWN, DriveKind.LEFT, DriveKind.RIGHT, DriveKind.ROT)
 
 
@@ -53,13 +53,13 @@ def _key(field: str) -> str:
 
 
 _MOVEMENT = tuple(replace(column, name=_key(column.field)) for column in MOVEMENT if column is not DRIVE_GAIN)
-# Of what a movement leaves out of these, the row's own value stays.
+# If a movement leaves one of these out, the row's own value stays.
 _PACE = ("start_lag", "acceleration")
 
 
 class DriveProfile(Struct, frozen=True):
-    """A drive: `strength` as in settings.toml, and what it says of each movement, by field of `DriveSpec`.
-    A movement it disables has no other values."""
+    """A drive: `strength` as in settings.toml, and its values for each movement, by field of `DriveSpec`. A
+    disabled movement has no other values."""
 
     name: str
     title: str
@@ -85,7 +85,7 @@ class SensorProfile(Struct, frozen=True):
     values: Mapping[str, Any]
 
     def over(self, sensors: Iterable[SensorSpec]) -> tuple[SensorSpec, ...]:
-        """The sensors with this profile's values where they are of its kind."""
+        """The sensors; those of this profile's kind with its values."""
         return tuple(with_values(s, self.values) if s.kind is self.kind else s for s in sensors)
 
 
@@ -97,7 +97,7 @@ def with_profiles(
     problems: list[Problem],
     kinds: SensorKinds,
 ) -> tuple[Settings, tuple[SensorSpec, ...], tuple[DriveSpec, ...]]:
-    """A set with the profiles that its settings name. What options have `given` wins over them."""
+    """A set with the profiles that its settings name. Values `given` by options have priority."""
     settings, places = loaded.settings, loaded.places
     chosen = sensor_profiles(settings.sensor_profile, places["sensor_profile"], sensors, problems, kinds)
     if settings.realistic:
@@ -177,9 +177,9 @@ def sensor_profiles(
     problems: list[Problem],
     kinds: SensorKinds = KINDS,
 ) -> tuple[SensorProfile, ...]:
-    """Read sensor profiles. One for a kind that none of the sensors is of, and a second for a kind,
-    are problems too."""
-    # Else a row may be missing for its mistakes.
+    """Read sensor profiles. A profile for a kind without sensors, and a second one for the same kind, are
+    problems too."""
+    # Otherwise a row may be missing because of its mistakes.
     is_whole = not problems
     profiles: dict[type[SensorKind], SensorProfile] = {}
     present = {sensor.kind for sensor in sensors}
@@ -202,8 +202,8 @@ def sensor_profiles(
 def _sensor_profile(
     name: str, place: str, problems: list[Problem], kinds: SensorKinds
 ) -> SensorProfile | None:
-    """Read one. It may have a value of any column but where on the robot the sensor is (its height, on which
-    a line sensor's view depends, it may have)."""
+    """Read one sensor profile. It may have a value of any column except the sensor's place. Its height is
+    allowed, because a line sensor's view depends on it."""
     before = len(problems)
     file = _file(SENSOR, name, place, problems)
     if file is None:
@@ -220,8 +220,8 @@ def _sensor_profile(
 
 
 def usual_sensors(sensors: Iterable[SensorSpec], chosen: Iterable[SensorProfile]) -> tuple[str, ...]:
-    """The names of the profiles that `realistic` adds to those `chosen`: one for each kind that some
-    sensor is of and that has none yet."""
+    """The names of the profiles that `realistic` adds to those `chosen`: one for each kind with sensors and
+    without a profile."""
     left = {sensor.kind.name for sensor in sensors} - {profile.kind.name for profile in chosen}
     return tuple(name for kind, name in _USUAL_SENSORS.items() if kind in left)
 

@@ -13,9 +13,9 @@ _CIRCLE, _RECTANGLE, _POLYGON = range(3)
 
 _SHAPE = IntegerRule(0, 2, "0 (circle), 1 (rectangle) or 2 (polygon)")
 _SIZES = {_CIRCLE: ("diameter (in)",), _RECTANGLE: ("x-size (in)", "y-size (in)")}
-# A robot that is larger than a cell could not drive through a corridor of the maze.
+# A robot larger than a cell could not drive through a corridor of the maze.
 _SIZE = NumberRule(0, CELL_SIZE, low_open=True)
-# An outline around the origin that fits the square cannot reach further.
+# An outline around the origin that fits into the square has no points beyond.
 _COORDINATE = NumberRule(-CELL_SIZE, CELL_SIZE)
 
 ROWS = {
@@ -24,7 +24,7 @@ ROWS = {
     "y-size (in)": "of a rectangle its width from side to side; a circle does without",
     "vertices": "of a polygon, in place of the sizes: a row a corner, x (ahead) and y (left) in B and C",
 }
-"""The meaning of each row, whose values stand in column B. Lengths are inches."""
+"""The meaning of each row, whose values are in column B. Lengths are inches."""
 
 Vertex = tuple[float, float]
 
@@ -52,7 +52,7 @@ def _read_cell(table: CsvTable, index: int, column: int, name: str, rule: Rule[T
 
 
 def _refuse_further_rows(table: CsvTable) -> bool:
-    """Values below row 3 are most likely the vertices of a polygon whose shape is not set to 2."""
+    """Report values below row 3: they are probably the vertices of a polygon whose shape is not set to 2."""
     further = [row for row in table.rows[3:] if row.cell(_B) or row.cell(_C)]
     if further:
         what = "a circle or rectangle ends with row 3; only shape 2, a polygon, has more rows"

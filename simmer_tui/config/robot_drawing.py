@@ -13,15 +13,15 @@ _COLUMNS, _ROWS = 25, 11
 _PER_INCH = 2.0
 # Inches shown to either side of the middle of such a robot.
 _ROOM = 7.0
-# The sign along which a sensor looks, and its length, inches.
+# Character and length, inches, of the line along which a sensor looks.
 _BEAM = (".", 2.5)
-# Points of an outline: enough that no character between two of them stays blank.
+# Points of an outline: with so many, no character between two of them stays blank.
 _OUTLINE_STEPS = 240
 
 _WIDE_COLUMNS, _WIDE_ROWS = 41, 17
 # Inches shown to either side of the middle of a robot of the usual size, with all of its sensors.
 _WIDE_ROOM = 5.6
-# Inches from a sensor that looks somewhere to its code, along what it looks at.
+# Inches from a sensor with a direction to its code, along that direction.
 _LABEL_AWAY = 1.7
 # Eighths of a turn from the front, counter-clockwise; the front is up.
 _ARROWS, _PLAIN_ARROWS = "↑↖←↙↓↘→↗", "^\\</v\\>/"
@@ -30,8 +30,8 @@ _GAP = 2
 
 
 def robot_drawing(spec: SimulationSpec, *, ascii_only: bool = False) -> list[str]:
-    """The robot with its enabled sensors, each an arrow in its direction with its code beside it. Next to
-    the picture the directions in words, and the motions of its drives."""
+    """The robot with its enabled sensors, each an arrow in its direction with its code beside it. Next to the
+    picture are the directions in words, and the motions of its drives."""
     words = _words(spec)
     picture = _picture(spec, _PLAIN_ARROWS if ascii_only else _ARROWS)
     height = max(len(picture), len(words))
@@ -43,7 +43,7 @@ def robot_drawing(spec: SimulationSpec, *, ascii_only: bool = False) -> list[str
 
 
 def sensor_drawing(robot: RobotSpec, sensor: SensorSpec) -> list[str]:
-    """One sensor, in ASCII: the outline `o`, the middle `+`, the sensor `#` and what it looks along."""
+    """One sensor, in ASCII: the outline `o`, the middle `+`, the sensor `#` and the line of its direction."""
     grid = _Grid(_ROWS, _COLUMNS, _scale(robot, [sensor], _PER_INCH, _ROOM - _BEAM[1]))
     grid.draw_outline(robot)
     if sensor.kind.has("rotation"):
@@ -56,7 +56,7 @@ def sensor_drawing(robot: RobotSpec, sensor: SensorSpec) -> list[str]:
 
 
 def _scale(robot: RobotSpec, sensors: Iterable[SensorSpec], per_inch: float, room: float) -> float:
-    """Columns an inch at which the robot and its sensors have room."""
+    """Columns an inch at which the robot and its sensors fit into the drawing."""
     reach = robot.radius or max((math.hypot(*vertex) for vertex in robot.vertices), default=3.0)
     far = max((math.hypot(sensor.x, sensor.y) for sensor in sensors), default=0.0)
     return per_inch * min(1.0, room / max(reach, far, 0.1))
@@ -78,7 +78,7 @@ class _Grid:
             self._cells[row][column] = sign
 
     def write(self, x: float, y: float, text: str) -> None:
-        """Centre a text at a place, or as near to it as there is room; nothing is written over."""
+        """Centre a text at a place, or as near to it as there is room; no character is overwritten."""
         row, column = self.cell(x, y)
         places = [
             (at, left)
@@ -112,7 +112,7 @@ def _picture(spec: SimulationSpec, arrows: str) -> list[str]:
     room = _WIDE_ROOM - _LABEL_AWAY
     grid = _Grid(_WIDE_ROWS, _WIDE_COLUMNS, _scale(spec.robot, sensors, _WIDE_COLUMNS / 2 / _WIDE_ROOM, room))
     grid.draw_outline(spec.robot)
-    # What looks ahead comes last, so that its arrow stands where a wheel sits in the same place.
+    # Sensors that look ahead are drawn last, so that their arrow replaces a wheel at the same place.
     for sensor in sorted(sensors, key=lambda sensor: sensor.kind.is_range):
         if _has_direction(sensor):
             grid.put(sensor.x, sensor.y, arrows[eighth_of_turn(sensor.rotation)])
@@ -137,7 +137,7 @@ def _by_place(sensors: Sequence[SensorSpec]) -> dict[tuple[float, float, float |
 
 
 def _words(spec: SimulationSpec) -> list[str]:
-    """The directions of sensors and the motions of drives, those alike on one line."""
+    """The directions of sensors and the motions of drives, equal ones on one line."""
     directions: dict[str, list[str]] = {}
     for sensor in spec.sensors:
         if sensor.enabled:
@@ -158,7 +158,7 @@ def movement_commands(spec: SimulationSpec) -> list[tuple[str, str]]:
 
 
 def _named(codes: Sequence[str]) -> str:
-    """Codes, `i1 to i4` for many that follow each other."""
+    """Codes in words, `i1 to i4` for many consecutive ones."""
     first, last = codes[0], codes[-1]
     is_row = first[1:].isdigit() and [*codes] == [
         f"{first[0]}{int(first[1:]) + i}" for i in range(len(codes))
@@ -167,7 +167,7 @@ def _named(codes: Sequence[str]) -> str:
 
 
 def _has_direction(sensor: SensorSpec) -> bool:
-    """True if it looks, or rolls, in one direction."""
+    """True if the sensor looks, or rolls, in one direction."""
     kind = sensor.kind
     return kind.is_range or (kind.counts and kind.has("rotation"))
 

@@ -34,7 +34,7 @@ HEADERS = (ID, POLL_CHARACTER, ENABLED.name, *(column.name for column in BASE))
 
 
 def meanings(kinds: SensorKinds = KINDS) -> dict[str, str]:
-    """The help of each column by its header; in brackets what a blank cell of an optional one means."""
+    """The help of each column by its header; in brackets the meaning of a blank cell of an optional one."""
     named = "; ".join(f"{kind.name} ({kind.meaning})" for kind in kinds.values())
     columns = [*(CODE, ENABLED, *BASE), *(column for kind in kinds.values() for column in kind.columns)]
     return {
@@ -44,7 +44,7 @@ def meanings(kinds: SensorKinds = KINDS) -> dict[str, str]:
 
 
 def optional_headers(kinds: SensorKinds = KINDS) -> tuple[str, ...]:
-    """The headers a file may have besides, in the order in which people are told of them."""
+    """The optional headers of a file, in the order in which lists show them."""
     headers = dict.fromkeys(column.name for kind in kinds.values() for column in kind.columns)
     return tuple(header for header in headers if header not in HEADERS)
 
@@ -62,7 +62,7 @@ def load_sensors(
     seen: dict[str, int] = {}
     optional = optional_headers(kinds)
     if any(kind.any_columns for kind in kinds.values()):
-        # Of a device file that was not run: its kinds may have any column.
+        # For a device file that was not run: its kinds may have any column.
         optional += tuple(name for name in headers_of(table) if name not in (*HEADERS, *optional))
     owners = _owners(kinds)
     cells: dict[type[SensorKind] | None, _Cells] = {}
@@ -81,7 +81,7 @@ def load_sensors(
 
 
 class _Cells(NamedTuple):
-    """The columns that rows of a kind have, and by header the kinds that other columns are for."""
+    """The columns of rows of a kind, and for other columns, by header, the kinds that use them."""
 
     kind: str
     columns: tuple[CsvColumn, ...]
@@ -98,9 +98,9 @@ class _Cells(NamedTuple):
 def _cells_of(
     kind: type[SensorKind] | None, owners: Mapping[str, Sequence[str]], optional: tuple[str, ...]
 ) -> _Cells:
-    """The columns of a kind, and of the base those that it has no use for, where any number will do. In a row
+    """The columns of a kind, and the base columns that it does not use, which may have any number. In a row
     whose kind cannot be read (None), only those common to all kinds are checked."""
-    # Files may fill these columns for every kind, with numbers that mean nothing to it.
+    # Files may fill these columns for every kind, with numbers that it does not use.
     usable = {column.name: replace(column, rule=NumberRule(), needed=False) for column in BASE}
     if kind is not None and kind.any_columns:
         return _Cells(kind.name, tuple(usable[header] for header in HEADERS if header in usable), {})
@@ -137,7 +137,7 @@ def _spec(kind: type[SensorKind], number: int, row: TableRow, values: dict[str, 
 
 
 def _read_id(row: TableRow, kinds: SensorKinds, seen: dict[str, int]) -> tuple[type[SensorKind], int] | None:
-    """The kind and the number in an ID; None, and a problem, if it is wrong or there already."""
+    """The kind and the number in an ID; None, and a problem, if it is wrong or an earlier row has it."""
     text = row.values.get(ID)
     if text is None:
         return None

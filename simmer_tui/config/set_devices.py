@@ -1,6 +1,6 @@
-"""The kinds of sensor that a set brings with it: those of its device files, run or parsed; and their sensors.
+"""A set's own kinds of sensor, from its device files, run or parsed; and their sensors.
 
-Modules that read and run them are imported when they are needed: few sets have devices.
+Modules that read and run device files are imported on demand, since few sets have devices.
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ SETTING = "sensors.devices"
 
 
 class DeviceStatus(Struct, frozen=True):
-    """The state of a set's device file: True in `ran` if it was run and so checked, the names of its kinds,
-    and its unfinished methods, each with its place."""
+    """The state of a set's device file: `ran` is True if it was run and so checked. With it are the names of
+    its kinds, and its unfinished methods, each with its place."""
 
     path: str
     sha256: str
@@ -39,7 +39,7 @@ class DeviceStatus(Struct, frozen=True):
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """The checks that were left out, and the methods that are unfinished, a line each."""
+        """The skipped checks, and the unfinished methods, a line each."""
         left_out = "not trusted, so only parsed: its columns, cells and readings are not checked"
         unfinished = [f"unfinished: {each} raises NotImplementedError" for each in self.unfinished]
         return (*(() if self.ran else (left_out,)), *unfinished)
@@ -54,7 +54,8 @@ class SetDevices(Struct, frozen=True):
 
     @property
     def run_files(self) -> tuple[DeviceFile, ...]:
-        """The files if they ran; those that were only parsed must not run elsewhere either."""
+        """The files if they ran, else none: files that were only parsed must not run in other processes
+        either."""
         return self.files if all(each.ran for each in self.statuses) else ()
 
     def load_sensors(
@@ -86,8 +87,8 @@ def set_devices(directory: Path, loaded: LoadedSettings, kinds: SensorKinds, use
     Args:
         directory: The folder of the set.
         loaded: Its settings, which name them.
-        kinds: The kinds that there are without them.
-        use: The use that is made of the files.
+        kinds: The kinds that exist without them.
+        use: The command's use of the files.
 
     Raises:
         ConfigurationError: with every mistake in them.
@@ -129,7 +130,8 @@ def set_devices(directory: Path, loaded: LoadedSettings, kinds: SensorKinds, use
 
 
 def _found(file: DeviceFile, outline: DeviceOutline, problems: list[Problem]) -> tuple[type[SensorKind], ...]:
-    """The kinds of a file that is run; those of its outline, and the problems, if it cannot be."""
+    """The kinds of a file, which is run. If it cannot be run, the kinds of its outline; its problems are
+    added."""
     from simmer_tui.config.device_code import kinds_of
 
     try:

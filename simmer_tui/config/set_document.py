@@ -23,7 +23,7 @@ from simmer_tui.sim.sensors import KINDS
 from simmer_tui.sim.specs import CELL_SIZE, SensorSpec
 from simmer_tui.sim.values import Value
 
-# Values of these are in the unit of the reading, or of the drive, which has a column of its own.
+# Values of these are in the unit of the reading, or of the drive; the unit has its own column.
 _PER_TIME = {"drift": "drift_per_s", "speed": "speed_per_s", "acceleration": "acceleration_per_s2"}
 
 _FORMATS = {"unit": UNIT, **dict.fromkeys(("start", "block", "drop_zone"), PLACE)}
@@ -88,7 +88,8 @@ TABLES = (
 
 
 def settings_table() -> DataTable:
-    """The table of all settings, without rows: an added dialect brings settings of its own."""
+    """The table of all settings, without rows. A function, because an added dialect has settings of its
+    own."""
     return DataTable("settings", "Settings", tuple(map(_setting_column, all_settings())), record=True)
 
 
@@ -106,7 +107,7 @@ def problems_document(problems: Iterable[Problem]) -> Document:
 
 
 def set_document(configuration: Configuration) -> Document:
-    """All that a set describes."""
+    """A whole set as tables."""
     spec, settings, mission = configuration.simulation, configuration.settings, configuration.mission
     start = Pose(*spec.bot_center, spec.bot_rot)
     drives = [
@@ -147,7 +148,7 @@ def set_document(configuration: Configuration) -> Document:
 
 
 def _sensors_table(sensors: Sequence[SensorSpec]) -> DataTable:
-    """The table of sensors, with the columns of the set's own devices behind the others."""
+    """The table of sensors, with the columns of the set's own devices after the others."""
     keys = {key for column in SENSORS.columns for key in column.keys}
     own = {column.field: column for sensor in sensors for column in sensor.kind.columns}
     further = [column for column in own.values() if _key(column.field, column.unit) not in keys]
@@ -169,7 +170,7 @@ def _plain(value: object) -> object:
 
 def _values(spec: object, values: Iterable[Value]) -> list[object]:
     """Values of a sensor, a drive or the gripper; None for one that its kind does not have."""
-    # A kind's own column may be of another kind; only `error.x` and its like have a dot.
+    # A sensor may lack a column of another kind; only `error.x` and similar fields have a dot.
     return [
         attrgetter(value.field)(spec) if hasattr(spec, value.field.partition(".")[0]) else None
         for value in values

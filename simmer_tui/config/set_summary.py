@@ -38,8 +38,9 @@ from simmer_tui.sim.velocity_commands import WAIT, velocity_shape
 
 # 100 columns with the frame.
 MAX_WIDTH = 98
-"""The widest a drawn maze may be, characters without its frame; a larger maze is drawn smaller."""
-# Characters across and down a cell; the first that fits is taken. A character is about twice as high as wide.
+"""Greatest width of a drawn maze, characters without its frame; a larger maze is drawn smaller."""
+# Characters across and down a cell; the first pair that fits is used. A character is about twice as high as
+# wide.
 _SCALES = ((8, 4), (6, 3), (4, 2), (2, 1), (1, 1))
 
 
@@ -161,7 +162,7 @@ def _outline(robot: RobotSpec) -> str:
 
 
 def _table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
-    """Rows in aligned columns, or a line saying that there are none."""
+    """Rows in aligned columns, or a line that says there are none."""
     if not rows:
         return ["  none"]
     lines = [header, *rows]
@@ -193,7 +194,7 @@ def _sensor_notes(sensor: SensorSpec) -> list[str]:
 
 
 def _devices(configuration: Configuration) -> list[str]:
-    """The set's own device files: their kinds, their hashes, and all that is not checked or not finished."""
+    """The set's own device files: their kinds, their hashes, skipped checks and unfinished methods."""
     if not configuration.device_statuses:
         return []
     lines = ["", "Devices of its own"]
@@ -261,7 +262,7 @@ def _settings(configuration: Configuration) -> list[str]:
 
 
 def _ports(settings: Settings) -> list[str]:
-    """A line for each dialect served, those first that every server has."""
+    """A line for each served dialect, first the ones that every server has."""
     table = "server."
     names = (item.name for item in all_settings() if item.name.startswith(table))
     values = {name.removeprefix(table): value_of(settings, name) for name in names}

@@ -1,4 +1,4 @@
-"""Warnings about a set: no mistakes, but perhaps not as its author expects."""
+"""Warnings about a set: values that are valid, but perhaps unexpected for its author."""
 
 from collections.abc import Iterator
 
@@ -8,14 +8,14 @@ from simmer_tui.sim.sensors import Lidar
 
 # SLAMTEC's data sheet of the RPLIDAR A1M8: 8000 samples a second.
 MOST_SAMPLES = 8000
-"""Rays a second above which a lidar is better than those of the public teams."""
+"""Rays a second above which a lidar exceeds those of the public teams."""
 # Programs of packet dialects call recv(1024) once: 140 rays of 7 characters.
 MOST_IN_A_PACKET = 150
-"""Rays of which a packet may be read whole by one call."""
+"""Most rays of a packet that one such call reads completely."""
 _SLOW_LINK = "hc-05"
 # 9600 baud with a start and a stop bit.
 _BYTES_A_SECOND = 960
-# Judged: a program that waits so long for each scan drives past what it should see.
+# Judged: a robot whose program waits so long for each scan drives past the things it should see.
 _LONG = 0.5
 """Seconds on a real robot's line from which a scan is slow."""
 _SIZES = {"float32": 4, "float64": 8}

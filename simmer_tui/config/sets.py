@@ -1,4 +1,4 @@
-"""Configuration sets as folders: which there are, how to find one, how to copy one out."""
+"""Configuration sets as folders: listing, finding and copying them."""
 
 from collections.abc import Mapping
 from functools import cache
@@ -15,7 +15,7 @@ from simmer_tui.sim.rules import did_you_mean
 FILES = (maze_csv.FILE, robot_csv.FILE, sensors_csv.FILE, drive_csv.FILE, settings_file.FILE)
 """The five files of every set."""
 DEFAULT = "default"
-"""The name of the bundled set that is used when there is no other."""
+"""The name of the bundled set that is used if no other is found."""
 MISSION_SET = "mission"
 """The name of the bundled set that missions use when no other is named."""
 LOCAL_FOLDER = "config"
@@ -35,16 +35,16 @@ def bundled_sets() -> Mapping[str, Path]:
     return _sets_in(bundled_folder())
 
 
-# They do not change while the program runs, and trials ask for them after each run.
+# They do not change while the program runs, and trials need them after each run.
 @cache
 def _sets_in(folder: Path) -> Mapping[str, Path]:
-    """A folder's own set and those in its folders, by name."""
+    """The set in a folder itself and those in its subfolders, by name."""
     others = sorted(path.parent for path in folder.glob(f"*/{maze_csv.FILE}"))
     return {DEFAULT: folder, **{path.name: path for path in others}}
 
 
 def set_name(directory: Path) -> str:
-    """A set's name for people: that of a bundled set, else the folder."""
+    """A set's display name: that of a bundled set, else the folder."""
     resolved = directory.resolve()
     for name, path in bundled_sets().items():
         if path.resolve() == resolved:
@@ -55,8 +55,8 @@ def set_name(directory: Path) -> str:
 def find_set(name_or_path: str | None) -> Path:
     """The folder of a set, by path or by the name of a bundled one.
 
-    None stands for `config` in the working directory if it holds any of the five files, else for
-    the bundled default. Raises ConfigurationError if there is no such set.
+    None means `config` in the working directory if it has any of the five files, else the bundled default.
+    Raises ConfigurationError if there is no such set.
     """
     if name_or_path is None:
         local = Path(LOCAL_FOLDER)
@@ -70,7 +70,7 @@ def find_set(name_or_path: str | None) -> Path:
             return _set_in(folder)
         is_other = folder.exists()
     except (OSError, ValueError) as error:
-        # A name too long for the system, or with a NUL, is no folder either.
+        # A name that is too long for the system, or has a NUL, is not a folder either.
         raise ConfigurationError([Problem(shown, f"cannot be a folder: {error}")]) from None
     sets = bundled_sets()
     if is_other:
@@ -85,8 +85,8 @@ def find_set(name_or_path: str | None) -> Path:
 def find_mission_set(name_or_path: str | None) -> Path:
     """The folder of a set for missions, by path or by the name of a bundled one.
 
-    None stands for `config` in the working directory if it has a mission.toml, as in the folder of a
-    course, else for the bundled set `mission`. Raises ConfigurationError if there is no such set.
+    None means `config` in the working directory if it has a mission.toml, as in the folder of a course, else
+    the bundled set `mission`. Raises ConfigurationError if there is no such set.
     """
     if name_or_path is not None:
         return find_set(name_or_path)
@@ -95,18 +95,18 @@ def find_mission_set(name_or_path: str | None) -> Path:
 
 
 def _has_set(folder: Path) -> bool:
-    """True if a folder holds any of the five files."""
+    """True if a folder has any of the five files."""
     return any((folder / name).is_file() for name in FILES)
 
 
 def _set_in(folder: Path) -> Path:
-    """The folder itself, or `config` in it where only that holds a set, as in the folder of a course."""
+    """The folder itself, or `config` in it if only that has a set, as in the folder of a course."""
     inner = folder / LOCAL_FOLDER
     return inner if _has_set(inner) and not _has_set(folder) else folder
 
 
 def init_set(destination: Path, source: Path) -> tuple[Path, ...]:
-    """Copy the files of the set in `source`, to the letter, into `destination`, which is made if need be.
+    """Copy the files of the set in `source`, unchanged, into `destination`, which is created if necessary.
 
     Returns the new files. Raises ConfigurationError, before anything is written, if a file would
     be overwritten.
@@ -123,7 +123,7 @@ def read_files(source: Path) -> dict[str, bytes]:
     if not paths:
         raise ConfigurationError([Problem(escape(str(source), 200), "holds no files of a set to copy")])
     try:
-        # Windows reads Sensors.CSV as sensors.csv, and other systems do not: a copy has the usual names.
+        # Windows finds Sensors.CSV as sensors.csv, and other systems do not: a copy has the usual names.
         files = {_usual_name(path.name): path.read_bytes() for path in paths}
     except OSError as error:
         raise unreadable(error, source) from None
@@ -148,10 +148,10 @@ def _usual_name(name: str) -> str:
 
 
 def write_files(destination: Path, files: Mapping[str, bytes]) -> tuple[Path, ...]:
-    """Write files (by name, which may have a folder) into a folder that is made if need be; returns
+    """Write files (by name, which may have a folder) into a folder, which is created if necessary; returns
     their paths. Raises ConfigurationError, before anything is written, if one would be overwritten."""
     shown = escape(str(destination), 200)
-    # Before anything is written: half a set beside half of another would be worse than none.
+    # Before anything is written: a mixture of two sets would be worse than none.
     present = [name for name in files if (destination / name).exists()]
     if present:
         what = f"has {', '.join(present)} already; nothing is overwritten, name another folder"

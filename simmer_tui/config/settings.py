@@ -1,8 +1,8 @@
-"""Every setting, once: name, type, default, unit, help and allowed values.
+"""All settings, each defined once: name, type, default, unit, help and allowed values.
 
-The reader of settings.toml, its JSON schema, the command-line options and their help, the comments of
-new sets and the reference are made from the fields below. A new setting is one field; a new table is one
-class and one field of `Settings`. Annotations are evaluated here: they hold the descriptions.
+The reader of settings.toml, its JSON schema, the command-line options and their help, the comments of new
+sets and the reference are made from the fields below. A new setting is one field; a new table is one class
+and one field of `Settings`. Annotations are evaluated here: they contain the descriptions.
 """
 
 import functools
@@ -28,17 +28,17 @@ from simmer_tui.sim.rules import (
 from simmer_tui.sim.specs import WheelLayout
 from simmer_tui.sim.values import CourseRule, Value
 
-# A start bit, eight data bits and a stop bit: 8N1, as every Arduino has it.
+# A start bit, eight data bits and a stop bit: 8N1, the default of every Arduino.
 BITS_OF_A_BYTE = 10
 """Bits on a serial line for each byte."""
 MAX_SEED = 2**63 - 1
 """The largest seed: TOML promises integers of 64 bits, signed."""
 AUTO_CLOCK = "auto"
-"""The clock that suits: see the setting."""
+"""The clock that fits the program: see the setting."""
 ELSE_REAL = "program, else real"
-"""The program's clock, and the real one for programs that cannot run under it."""
+"""The program's clock, or the real one for programs that cannot run with it."""
 CLOCKS = ("real", "program", ELSE_REAL)
-"""The clocks that can be asked for."""
+"""The clocks that can be chosen."""
 # The headings in `--help` of settings outside tables, by the first setting under each.
 _HEADINGS = {
     "bot_center": "start positions",
@@ -48,12 +48,13 @@ _HEADINGS = {
 
 
 class Setting(Value, frozen=True, kw_only=True):
-    """One setting as readers and options see it. In the fields below without what follows from the field.
+    """One setting, for readers and options. In the fields below, attributes that follow from the field are
+    left out.
 
-    `name` is dotted for one in a table (`server.port`). `group` is its heading in `--help`, for one in
-    a table the table's name. `option` is its long option, by default that of `_OPTIONS` for its table; one
-    that ends in a hyphen comes before the name. `metavar` is the rule's unless given. `alone` is the value of
-    the option without one; empty where it needs one.
+    `name` is dotted for one in a table (`server.port`). `group` is its heading in `--help`, for one in a
+    table the table's name. `option` is its long option, by default that of `_OPTIONS` for its table; if it
+    ends in a hyphen, the name is appended. `metavar` is the rule's unless given. `alone` is the value if the
+    option is given without one; empty if it needs one.
     """
 
     group: str = ""
@@ -64,12 +65,12 @@ class Setting(Value, frozen=True, kw_only=True):
 
 _Pair = tuple[float, float]
 _Names = tuple[str, ...]
-# Only tables whose names would be wrong or unclear alone: `track` is --wheels-track, `fps` is --fps.
+# Only for tables whose setting names are unclear alone: `track` is --wheels-track, `fps` is --fps.
 _OPTIONS = {"wheels": "--wheels-", "link": "--link-", "web": "--web-", "keys": "--key-"}
-"""The beginning of the options of a table's settings, where it is not `--`."""
-# Names of [serial] that other tables have too, or that say too little alone.
+"""The beginning of the options of a table's settings, if it is not `--`."""
+# Names of [serial] that other tables have too, or that are unclear alone.
 _SERIAL = "--serial-"
-# Of a course's robot they are the team's: they only say how its program talks.
+# Free for a course's robot: they only concern the communication of its program.
 _talk = functools.partial(Setting, course=CourseRule.FREE)
 
 
@@ -93,17 +94,17 @@ def _flag(help_text: str, option: str = "") -> Setting:
 
 
 def _key(help_text: str) -> Setting:
-    """The keys of one action, comma-separated names as Textual has them; empty for none."""
+    """The keys of one action, comma-separated Textual names; empty for none."""
     return _text(help_text, "KEYS")
 
 
 def _choice(words: str, help_text: str, option: str = "") -> Setting:
-    """One of a few words, given with spaces between them."""
+    """One of a few words; `words` has them separated by spaces."""
     return Setting(ChoiceRule(tuple(words.split())), help_text, option=option)
 
 
 def _text(help_text: str, metavar: str = "", option: str = "", *, blank: bool = True) -> Setting:
-    """A line of text, which may be empty unless it must not be `blank`."""
+    """A line of text, which may be empty if `blank`."""
     return Setting(TextRule(blank), help_text, option=option, metavar=metavar)
 
 
@@ -206,7 +207,7 @@ class MotionSettings(Struct, frozen=True, kw_only=True):
 
     @property
     def is_by_program(self) -> bool:
-        """True if time is the program's clock."""
+        """True if simulated time follows the program's clock."""
         return self.clock in ("program", ELSE_REAL)
 
 
@@ -286,9 +287,9 @@ class SerialSettings(Struct, frozen=True, kw_only=True):
 
 
 OFF = "off"
-"""The value of a port that is not taken."""
+"""The value of a port that is not used."""
 WEB_PORT = "9080"
-"""The usual port of the page; beside those of programs, which begin at 9000."""
+"""The usual port of the page, near those of programs, which begin at 9000."""
 
 
 class WebSettings(Struct, frozen=True, kw_only=True):
@@ -315,7 +316,7 @@ class WebSettings(Struct, frozen=True, kw_only=True):
 
 
 class ScreenSettings(Struct, frozen=True, kw_only=True):
-    """Looks of the terminal app, and lengths of its keys' drives."""
+    """Appearance of the terminal app, and lengths of its keys' drives."""
 
     fps: Annotated[int, _whole(1, 20, "pictures a second")] = 15
     pace: Annotated[
@@ -437,19 +438,19 @@ class Settings(Struct, frozen=True, kw_only=True):
 
     @property
     def uses_profiles(self) -> bool:
-        """True if a profile takes the place of values of the set."""
+        """True if a profile replaces values of the set."""
         return bool(self.realistic or self.sensor_profile or self.drive_profile or self.link_profile)
 
 
 def all_settings() -> tuple[Setting, ...]:
     """Every setting, those outside tables first, in the order of the fields."""
-    # The table is the key of the cache, so that an added dialect brings its ports.
+    # The table is the key of the cache, so that an added dialect adds its ports.
     return _all_settings(tuple(dialects.DIALECTS.items()))
 
 
 @functools.cache
 def _all_settings(_: tuple[tuple[str, dialects.Dialect], ...]) -> tuple[Setting, ...]:
-    """The settings with a table of dialects, by which they are cached: options ask for them many times."""
+    """The settings with a table of dialects, by which they are cached: options request them many times."""
     return tuple(_described(Settings(), "", ""))
 
 
@@ -459,7 +460,7 @@ def _described(defaults: Struct, prefix: str, group: str) -> Iterator[Setting]:
         if isinstance(default, Struct):
             yield from _described(default, f"{name}.", name)
             continue
-        # Settings outside tables have no table's name to stand under.
+        # Settings outside tables need a heading, since they have no table's name.
         group = _HEADINGS.get(name, group) if not prefix else group
         # Ports of dialects that are not built in are settings like the others, without a field each.
         if name == "added_ports":
@@ -469,7 +470,7 @@ def _described(defaults: Struct, prefix: str, group: str) -> Iterator[Setting]:
                     yield _completed(_port(port), port.setting, port.default, prefix, group)
             continue
         item: Setting = annotation.__metadata__[0]
-        # The dialects are asked here and not where the field is: one may be added at any time.
+        # The dialects are read here, not at the field, because one may be added at any time.
         if name == "listeners":
             item = replace(item, rule=SeveralRule(dialects.choices()))
         yield _completed(item, name, default, prefix, group)
@@ -500,7 +501,7 @@ def value_of(settings: Struct, name: str) -> Any:
 
 
 def settings_from(values: Mapping[str, Any], usual: Settings = Settings()) -> Settings:  # noqa: B008 - frozen
-    """Settings with `values` (checked, by dotted name) in place of the `usual` ones."""
+    """Settings with `values` (checked, by dotted name) instead of the `usual` ones."""
     tables: dict[str, dict[str, Any]] = {}
     for name, value in values.items():
         table, _, key = name.rpartition(".")
@@ -514,7 +515,7 @@ def settings_from(values: Mapping[str, Any], usual: Settings = Settings()) -> Se
 
 
 def with_any_ports(server: ServerSettings) -> ServerSettings:
-    """The same settings, with any free number for every port, and no path that others may have."""
+    """The same settings, with any free number for every port, and no path that another process may use."""
     known, settings = ServerSettings.__annotations__, [port.setting for port in dialects.all_ports()]
     added = tuple((name, 0) for name in settings if name not in known)
     numbers: dict[str, Any] = {name: 0 for name in settings if name in known}

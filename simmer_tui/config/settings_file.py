@@ -17,7 +17,7 @@ FILE = "settings.toml"
 
 
 class Override(Struct, frozen=True):
-    """A setting given outside the file: by which option, and its value.
+    """A setting given outside the file: its option and its value.
 
     Text is read as the command line gives it (`6,42`); any other type is checked as TOML's is.
     """
@@ -27,7 +27,7 @@ class Override(Struct, frozen=True):
 
 
 class LoadedSettings(Struct, frozen=True):
-    """The settings, and for each (dotted name) the place a person would change it."""
+    """The settings, and for each (dotted name) the place where a person would change it."""
 
     settings: Settings
     places: Mapping[str, str]
@@ -36,7 +36,7 @@ class LoadedSettings(Struct, frozen=True):
 def load_settings(
     directory: Path, overrides: Mapping[str, Override], problems: list[Problem]
 ) -> LoadedSettings:
-    """Read settings.toml in `directory` and lay the overrides over it.
+    """Read settings.toml in `directory` and apply the overrides.
 
     Mistakes go to `problems`; a setting with one keeps its default. A setting absent from the
     file has its default.
@@ -57,11 +57,11 @@ def load_settings(
         if name in overrides:
             places[name] = overrides[name].option
             _take_option(item, overrides[name], values, problems)
-    # After the options: each of these goes by what was given there.
+    # After the options, because each of these depends on given values.
     _apply_seed_option(overrides, values, problems)
     _apply_serial_option(overrides, values, problems)
     if values.get("motion.clock") in ("program", ELSE_REAL):
-        values["motion.motion"] = "timed"  # what a clock that moves while the program waits is for
+        values["motion.motion"] = "timed"  # a clock that moves while the program waits needs it
     _apply_keys(values)
     settings = settings_from(values)
     _check_together(settings, places, problems)
@@ -77,7 +77,7 @@ def _take_option(item: Setting, override: Override, values: dict[str, Any], prob
 
 
 def _flatten(tree: Mapping[str, Any], names: Iterable[str], prefix: str = "") -> Iterator[tuple[str, Any]]:
-    """The values by dotted name; only tables that exist are descended into."""
+    """The values by dotted name; only known tables are descended into."""
     for key, value in tree.items():
         name = prefix + key
         if isinstance(value, dict) and any(known.startswith(f"{name}.") for known in names):
@@ -92,7 +92,7 @@ def _report_unknown(name: str, known: Iterable[str], file: TomlFile) -> None:
     if name in tables:
         file.complain(name, f"is a table of settings, written [{name}] on a line of its own")
         return
-    # The first of those that end alike: settings outside tables come before the others.
+    # The first of those with the same last part: settings outside tables come before the others.
     full_names = {each.rpartition(".")[2]: each for each in reversed([*known])}
     leaf = name.rpartition(".")[2]
     same_leaf = full_names.get(leaf)
@@ -106,7 +106,7 @@ def _report_unknown(name: str, known: Iterable[str], file: TomlFile) -> None:
 def _apply_seed_option(
     overrides: Mapping[str, Override], values: dict[str, Any], problems: list[Problem]
 ) -> None:
-    """A seed given as an option is meant to be used, so it turns the unrepeatable errors off."""
+    """Turn unrepeatable errors off if a seed is given as an option: it is meant to be used."""
     if "seed" not in overrides:
         return
     if "randerror" in overrides and values.get("randerror", False):
@@ -119,7 +119,7 @@ def _apply_seed_option(
 def _apply_serial_option(
     overrides: Mapping[str, Override], values: dict[str, Any], problems: list[Problem]
 ) -> None:
-    """A robot's port given as an option is meant to be used, so the robot is not simulated."""
+    """Turn the simulated robot off if a robot's port is given as an option: it is meant to be used."""
     if "serial.port" not in overrides or not values.get("serial.port"):
         return
     if "sim" in overrides and values.get("sim", False):
@@ -130,7 +130,7 @@ def _apply_serial_option(
 
 
 def _apply_keys(values: dict[str, Any]) -> None:
-    """A key that was given to one action is no longer another's by default."""
+    """Remove given keys from the defaults of other actions."""
     given = {name.removeprefix("keys."): keys for name, keys in values.items() if name.startswith("keys.")}
     if any(keys != getattr(KeySettings(), name) for name, keys in given.items()):
         # Most runs leave the keys as they are.
@@ -140,7 +140,7 @@ def _apply_keys(values: dict[str, Any]) -> None:
 
 
 def _check_together(settings: Settings, places: Mapping[str, str], problems: list[Problem]) -> None:
-    """Checks that involve more than one value, or what this version supports."""
+    """Check combinations of values, and values that this version does not support."""
     if not settings.sim and not settings.serial.port:
         what = (
             "means the real robot, which needs its serial port: --serial PORT, or port in [serial] "
@@ -165,8 +165,8 @@ _NONE: Mapping[str, Any] = MappingProxyType({})
 
 
 def settings_text(values: Mapping[str, Any]) -> str:
-    """settings.toml with every setting, `values` (by dotted name) in place of the defaults. Raises KeyError
-    for a name that is no setting."""
+    """settings.toml with every setting, `values` (by dotted name) instead of the defaults. Raises KeyError
+    for a name that is not a setting."""
     known = {item.name for item in all_settings()}
     for name in values:
         if name not in known:
@@ -175,8 +175,8 @@ def settings_text(values: Mapping[str, Any]) -> str:
 
 
 def with_all_settings(text: str, values: Mapping[str, Any] = _NONE) -> str:
-    """A settings.toml with the settings that it lacks at the end of their tables, so that a new setting needs
-    no line in the bundled sets. A text that is no TOML, or lacks nothing, stays to the letter."""
+    """A settings.toml with missing settings added at the end of their tables, so that a new setting needs no
+    line in the bundled sets. A text that is not TOML, or lacks nothing, stays unchanged."""
     # Some milliseconds, which a start saves.
     import json
     import tomllib
@@ -195,7 +195,7 @@ def with_all_settings(text: str, values: Mapping[str, Any] = _NONE) -> str:
     for item in missing:
         table, _, key = item.name.rpartition(".")
         lines = sections.setdefault(table, [f"[{table}]"])
-        # Exactly one blank line stands between what was there and what is added.
+        # Exactly one blank line is between the old lines and the added ones.
         while lines[-1:] == [""]:
             lines.pop()
         lines += [] if lines == [f"[{table}]"] else [""]

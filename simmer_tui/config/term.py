@@ -1,6 +1,7 @@
-"""The folder of a course: a set with its mission, samples, and what a repository of students needs besides.
+"""The folder of a course: a set with its mission, samples, and further files for a repository of students.
 
-What is not made of other files lies in the folder `term` of the bundled sets, by the names that people get.
+Files that are not made from others are in the folder `term` of the bundled sets, under the names of the
+copies.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from simmer_tui.config.sets import LOCAL_FOLDER, bundled_folder, unreadable
 from simmer_tui.version import requirement
 
 SAMPLES, SUBMISSION = "samples", "submission"
-"""Folders of the sample programs and of what students hand in."""
+"""Folders of the sample programs and of students' submissions."""
 PROGRAM = "main.py"
 """The program in a submission that is run."""
 _TEMPLATE = "term"

@@ -19,7 +19,7 @@ _ERROR_PLACE = re.compile(r" \(at (?:line (\d+), column \d+|end of document)\)")
 
 
 class TomlFile:
-    """A TOML file taken apart.
+    """A parsed TOML file.
 
     Args:
         file: Its name in messages.
@@ -41,7 +41,7 @@ class TomlFile:
 
     @property
     def mistakes(self) -> int:
-        """Count of the problems that were found by now."""
+        """Number of problems found so far."""
         return len(self._problems)
 
     def place(self, name: str) -> str:
@@ -61,8 +61,8 @@ class TomlFile:
     def check_names(
         self, names: Iterable[str], known: Collection[str], prefix: str = "", listed_as: str = "known"
     ) -> None:
-        """Add a problem for each name that is none of the `known` ones. They are listed in it, unless one of
-        them seems to be meant or `listed_as` is empty."""
+        """Add a problem for each name that is not one of the `known` ones. The problem lists them, unless one
+        of them seems to be meant or `listed_as` is empty."""
         listing = f" ({listed_as}: {', '.join(known)})" if listed_as else ""
         for name in names:
             if name not in known:
@@ -102,7 +102,7 @@ class TomlFile:
             known: The values that the table may have.
             tree: The table; by default the top of the file.
             prefix: The table's name in messages, with its dot.
-            others: Names of tables that may stand beside the values.
+            others: Names of tables that are allowed beside the values.
             needed: True if all of `known` must be given.
         """
         tree = self.tree if tree is None else tree
@@ -117,7 +117,7 @@ class TomlFile:
             if name in described:
                 self.take(described[name], given, prefix + name, values)
             else:
-                # A file that must be complete names what it lacks already.
+                # If all values are needed, the problems above already name the missing ones.
                 self.check_names([name], names, prefix, "" if needed else "known")
         return values
 
@@ -130,7 +130,7 @@ class TomlFile:
 
 
 def _parsed(text: str, file: str, problems: list[Problem]) -> dict[str, Any]:
-    """The values of a TOML text; empty, and a problem, if it is none."""
+    """The values of a TOML text; empty, and a problem, if it is not TOML."""
     # A third of a millisecond, which a start without TOML files saves.
     import tomllib
 
@@ -144,7 +144,7 @@ def _parsed(text: str, file: str, problems: list[Problem]) -> dict[str, Any]:
         what = escape(_ERROR_PLACE.sub("", message), 120)
         problems.append(Problem(f"{file}:{line}", f"is not TOML here: {what}"))
     except (ValueError, RecursionError) as error:
-        # tomllib lets these two through: a number of thousands of digits, brackets nested as deep.
+        # Errors that tomllib does not catch: a number of thousands of digits, and brackets nested as deep.
         problems.append(Problem(file, f"is not TOML that can be read: {escape(str(error), 120)}"))
     return {}
 

@@ -1,1 +1,1 @@
-"""A team's own language, as the dialect.toml of its set has it: rules, and the device that follows them."""
+"""A team's own language, from the dialect.toml of its set: the rules, and the device that follows them."""

@@ -38,21 +38,21 @@ from simmer_tui.errors import ExpressionError
 from simmer_tui.sim.command import escape
 from simmer_tui.sim.sensors import Lidar, sensor_of
 
-# The bytes of noise that a notice shows: a line of the event list.
+# Bytes of noise that a notice shows, so that it fits in a line of the event list.
 _SHOWN = 60
-# A busy machine holds a process up for some tenths of a second. After it has slept, nobody wants all that its
-# robot would have sent meanwhile.
+# A busy machine delays a process by some tenths of a second. After a machine has slept, the messages of that
+# time are useless.
 LATEST = 1.0
-"""Seconds by which a message of a stream may be late; later ones are left out."""
+"""Seconds by which a message of a stream may be late; later ones are not sent."""
 WATCHDOG = "watchdog"
 """Source of the end of an untimed run that `halts_after` ends."""
 
 
 class Timer(Protocol):
-    """A call that is due later."""
+    """A scheduled call."""
 
     def cancel(self) -> None:
-        """Do not make it."""
+        """Cancel the call."""
 
 
 class MoveEnd(Protocol):
@@ -60,7 +60,7 @@ class MoveEnd(Protocol):
 
     @property
     def refused(self) -> str:
-        """The reason it was not begun; empty if it was."""
+        """The reason why it did not begin; empty if it did."""
 
     @property
     def touched(self) -> bool:
@@ -68,7 +68,7 @@ class MoveEnd(Protocol):
 
     @property
     def stopped(self) -> bool:
-        """True if something else has ended it."""
+        """True if it ended neither by itself nor by an obstacle, but was stopped."""
 
 
 class DeviceHost(Protocol):
@@ -80,33 +80,33 @@ class DeviceHost(Protocol):
     def call_later(self, seconds: float, call: Callable[[], None]) -> Timer: ...
 
     def read(self, codes: Sequence[str], done: Callable[[Mapping[str, FieldValue]], None]) -> None:
-        """Read sensors at this moment; `done` is called when their Read Times are over."""
+        """Read sensors now; `done` is called when their Read Times are over."""
 
     def move(self, command: str, done: Callable[[MoveEnd], None]) -> None:
         """Do a movement of known length."""
 
     def drive(self, velocity: tuple[float, float, float] | None, seconds: float | None) -> str:
-        """Drive at a velocity (in/s, in/s, deg/s) for a time, or until told otherwise. Returns the reason it
-        is refused, or nothing."""
+        """Drive at a velocity (in/s, in/s, deg/s) for a time, or until the next command. Returns the reason
+        it is refused, or an empty text."""
 
     def halt(self, by: str = "") -> None:
-        """End all motion; `by` is who does, if no message does."""
+        """End all motion; `by` is the source, if it is not a message."""
 
     def send(self, data: bytes, *, droppable: bool = False) -> None:
-        """Send bytes to the program. What is `droppable` is left out if too much waits."""
+        """Send bytes to the program. `droppable` ones are left out if too many bytes wait."""
 
     def done(self, message: bytes, meaning: str) -> None:
-        """Tell which message has come, and what it does."""
+        """Tell that a message was received, with its meaning."""
 
     def tell(self, text: str) -> None:
-        """Tell of a fault of the program, or of the rules."""
+        """Tell a fault of the program, or of the rules."""
 
     def mention(self, text: str) -> None:
-        """Tell of something that is no fault of either."""
+        """Tell a fact that is a fault of neither."""
 
 
 class _Task(Struct, eq=False):
-    """A message of `size` bytes that is being done: its values, and the steps that are left."""
+    """A message of `size` bytes that is being carried out: its values, and its remaining steps."""
 
     rule: MessageRule
     values: Mapping[str, FieldValue]
@@ -116,7 +116,7 @@ class _Task(Struct, eq=False):
     over: bool = False
     timer: Timer | None = None
     velocity: tuple[float, float, float] | None = None
-    """That of the run under way."""
+    """Velocity of the run under way: in/s, in/s, deg/s."""
 
 
 class _TaskScope(Struct):
@@ -147,7 +147,7 @@ class DialectDevice:
     Args:
         rules: The rules.
         host: The robot and the wire.
-        heard: Called with the rule and the values of each message before it is done.
+        heard: Called with the rule and the values of each message before it is carried out.
     """
 
     def __init__(
@@ -186,23 +186,23 @@ class DialectDevice:
 
     @property
     def unfinished(self) -> bool:
-        """True if a part of a message waits for the rest."""
+        """True if a message has been received in part."""
         return self._deframer.unfinished
 
     @property
     def moves(self) -> bool:
-        """True while a message with a movement is done, or the robot drives until told otherwise."""
+        """True while a message with a movement is carried out, or an untimed run is under way."""
         return self._moving is not None or self._runs
 
     @property
     def doing(self) -> Mapping[str, FieldValue] | None:
-        """The values of the message whose movement is under way, as `heard` was given them."""
+        """The values of the message whose movement is under way, the same object that `heard` got."""
         return self._moving.values if self._moving is not None else None
 
     # -- the wire ----------------------------------------------------------------------------------
 
     def opened(self) -> None:
-        """A program has opened the port."""
+        """Called when a program opens the port."""
         self._open = True
         boot = self._rules.robot.boot
         self._streams = [None] * len(self._rules.streams)
@@ -223,7 +223,7 @@ class DialectDevice:
             self._next_tick(index, stream, 0)
 
     def closed(self) -> None:
-        """The program has closed the port."""
+        """Called when the program closes the port."""
         self._open = False
         for noise in self._deframer.end():
             self._tell_noise(noise)
@@ -236,7 +236,7 @@ class DialectDevice:
             self._halt()
 
     def received(self, data: bytes) -> None:
-        """Bytes have come in."""
+        """Called with received bytes."""
         if self._deaf:
             boot = self._rules.robot.boot
             what = f"the robot boots for {boot:g} s after the port was opened"
@@ -303,7 +303,7 @@ class DialectDevice:
         self._admit(task)
 
     def _admit(self, task: _Task) -> None:
-        """Begin a message, or have it wait, as its `busy` says."""
+        """Begin a message, queue it, drop it, or let it replace others, by its `busy`."""
         rule, robot = task.rule, self._rules.robot
         usual = robot.reads
         if rule.moves:
@@ -319,10 +319,10 @@ class DialectDevice:
             self._wait(task, self._waiting if rule.moves else self._questions)
 
     def _is_blocked(self, rule: MessageRule, policy: Busy) -> bool:
-        """True if a message may not begin now."""
+        """True if a message may not begin now, because of the messages under way."""
         asked, moving = self._asked is not None, self._moving is not None
         if policy is Busy.NOW:
-            # Where only the robot says "now", one question is answered after the other.
+            # If "now" is only the robot's default, questions are answered one after the other.
             return asked and not rule.moves and rule.busy is None
         return moving or (asked and (not rule.moves or self._rules.robot.reads is Busy.WAIT))
 
@@ -336,7 +336,7 @@ class DialectDevice:
         queue.append(task)
 
     def _replace(self, task: _Task) -> None:
-        """End the movement under way and all that waits, and begin another."""
+        """End the movement under way, drop waiting messages, and begin another."""
         before = self._moving
         if before is not None and self._goes_on(before, task):
             self._waiting.clear()
@@ -346,7 +346,7 @@ class DialectDevice:
         self._begin(task)
 
     def _goes_on(self, before: _Task, task: _Task) -> bool:
-        """True if a message runs the drive that runs already: it goes on without a new start."""
+        """True if a message runs the drive that already runs: it then continues without a new start."""
         first = next(iter(task.rule.steps), None)
         if before.velocity is None or not isinstance(first, RunStep) or task.rule.takes is not None:
             return False
@@ -356,7 +356,7 @@ class DialectDevice:
             return False
 
     def _begin(self, task: _Task) -> None:
-        """Begin a message whose turn has come."""
+        """Begin a message."""
         if task.rule.moves:
             if not task.rule.stops:
                 self._moving = task
@@ -384,7 +384,7 @@ class DialectDevice:
             self._reply(task, task.rule.reply, then=lambda: self._next_step(task))
 
     def _next_step(self, task: _Task) -> None:
-        """Do the next step; after the last one the message is done."""
+        """Do the next step; after the last one the message is over."""
         task.velocity = None
         while not task.over:
             step = next(task.steps, None)
@@ -477,12 +477,12 @@ class DialectDevice:
         self._go_on()
 
     def _break_off(self, task: _Task) -> None:
-        """Something else has ended a message."""
+        """End a message that a stop or another message has interrupted."""
         self._end(task)
         self._reply(task, task.rule.stopped)
 
     def _give_up(self, task: _Task, fault: str) -> None:
-        """A message cannot be done."""
+        """End a message that cannot be carried out."""
         self._faults.note(fault)
         self._end(task)
         self._go_on()
@@ -497,7 +497,7 @@ class DialectDevice:
             self._asked = None
 
     def _go_on(self) -> None:
-        """Begin what waits."""
+        """Begin waiting messages."""
         ready = self._rules.robot.reads is Busy.NOW or self._moving is None
         if ready and self._asked is None and self._questions:
             self._begin(self._questions.popleft())
@@ -505,7 +505,7 @@ class DialectDevice:
             self._begin(self._waiting.popleft())
 
     def _halt(self, by: _Task | None = None, source: str = "") -> None:
-        """A stop, perhaps a step of a message: the motion ends, and nothing that waits begins."""
+        """Stop, perhaps as a step of a message: end the motion, and drop waiting messages."""
         self._waiting.clear()
         task = self._moving
         if task is not None and task is not by:
@@ -530,8 +530,8 @@ class DialectDevice:
         droppable: bool = False,
         then: Callable[[], None] = lambda: None,
     ) -> None:
-        """Send replies, then call `then`: at once, or when their sensors have been read. `place` is that in
-        the file."""
+        """Send replies, then call `then`: at once, or when their sensors have been read. `place` is
+        `FILE:LINE`."""
         codes = self._sensors_in([each for reply in replies for each in reply.expressions], values)
 
         def made(readings: Mapping[str, FieldValue]) -> None:
@@ -550,8 +550,8 @@ class DialectDevice:
     def _sensors_in(
         self, expressions: Sequence[Expression], values: Mapping[str, FieldValue]
     ) -> tuple[str, ...]:
-        """The sensors that expressions read; those of `named` are in the message, in the state, or in
-        the expression."""
+        """The sensors that expressions read. Those of `named` are in the message, in the state, or in the
+        expression."""
         found = dict.fromkeys(self._rules.sensors_in(expressions))
         for each in expressions:
             if "named" not in each.sensing:
@@ -564,7 +564,7 @@ class DialectDevice:
     def sense(
         self, function: str, arguments: Sequence[FieldValue], readings: Mapping[str, FieldValue]
     ) -> FieldValue:
-        """The result of ray or scan, of the lidar that stands behind it. Raises ExpressionError."""
+        """The result of ray or scan, from the lidar that they use. Raises ExpressionError."""
         code = next(iter(self._rules.behind.get(function, ())), "")
         lidar, ranges = self._lidars.get(code), readings.get(code)
         if lidar is None or not isinstance(ranges, tuple):
@@ -575,7 +575,7 @@ class DialectDevice:
         return tuple(ranges[lidar.nearest_ray(each)] for each in bearings)
 
     def named(self, codes: Sequence[str], readings: Mapping[str, FieldValue]) -> str:
-        """`u0:3.00,u1:12.50`: readings beside the codes they were asked by. Raises ExpressionError."""
+        """`u0:3.00,u1:12.50`: readings with the codes of their request. Raises ExpressionError."""
         items = []
         for code in codes:
             value = readings.get(code) if code in self._rules.codes else None
@@ -612,7 +612,7 @@ class DialectDevice:
     # -- streams -----------------------------------------------------------------------------------
 
     def _next_tick(self, index: int, stream: StreamRule, tick: int) -> None:
-        # Each at its own multiple of the period: those that a busy machine has held up are sent at once.
+        # Each at its own multiple of the period: messages that a busy machine has delayed are sent at once.
         left = self._begun + (tick + 1) * stream.every - self.host.now
         if left < -LATEST:
             skipped = math.floor(-left / stream.every)

@@ -1,4 +1,4 @@
-"""The rules of a dialect.toml: which message does what, and is answered how."""
+"""The rules of a dialect.toml: messages, their steps and their replies."""
 
 import re
 import struct
@@ -18,16 +18,16 @@ AnyReply = TextReply | BinaryReply
 
 
 class Busy(StrEnum):
-    """Fate of a message while another one's steps are under way."""
+    """Treatment of a message while another one's steps are under way."""
 
     NOW = "now"
-    """It is done at once, beside them."""
+    """It is carried out at once, beside them."""
     WAIT = "wait"
     """It waits for their end, as with a sketch that uses delay()."""
     REPLACE = "replace"
-    """It ends them, and all that waits."""
+    """It ends them, and drops waiting messages."""
     DROP = "drop"
-    """It is lost."""
+    """It is dropped."""
 
 
 class CourseProtocol(StrEnum):
@@ -46,7 +46,7 @@ class MoveStep(Struct, frozen=True):
 
 
 class RunStep(Struct, frozen=True):
-    """A drive at its Speed, the other way with `-`: for `seconds`, or until it is stopped."""
+    """A drive at its Speed, in the opposite direction with `-`: for `seconds`, or until it is stopped."""
 
     drive: TextReply
     seconds: Expression | None = None
@@ -84,10 +84,10 @@ def expressions_of(step: Step) -> Sequence[Expression]:
 
 
 class MessageRule(Struct, frozen=True, kw_only=True):
-    """A [[command]]: the messages that it is for, and what they do.
+    """A [[command]]: the messages that it matches, and their steps.
 
-    `place` is where it stands, `FILE:LINE`. A binary rule has the `type` of its frames, and takes the
-    content apart with the struct format `unpack` into `names`.
+    `place` is `FILE:LINE`. A binary rule has the `type` of its frames, and unpacks the content with the
+    struct format `unpack` into `names`.
     """
 
     number: int
@@ -111,7 +111,7 @@ class MessageRule(Struct, frozen=True, kw_only=True):
 
     @property
     def stops(self) -> bool:
-        """True if it does nothing but stop the robot."""
+        """True if it only stops the robot."""
         return any(isinstance(step, StopStep) for step in self.steps) and all(
             isinstance(step, StopStep | AssignStep) for step in self.steps
         )
@@ -134,7 +134,7 @@ class MessageRule(Struct, frozen=True, kw_only=True):
         return f"{kind}: {content}" if kind and content else kind or content
 
     def values(self, frame: Frame) -> dict[str, FieldValue] | None:
-        """The values in a message, or None if the rule is not for it."""
+        """The values in a message, or None if the rule does not match it."""
         if self.type is not None and frame.head.get(TYPE) != self.type:
             return None
         if self.unpack:
@@ -155,11 +155,11 @@ def _unpacked(shape: str, names: tuple[str, ...], content: bytes) -> dict[str, F
 
 
 TYPE = "type"
-"""The field of a binary header that tells one kind of message from another."""
+"""The field of a binary header that is the type of message."""
 
 
 class StreamRule(Struct, frozen=True):
-    """A [[stream]]: what the robot sends by itself, every so many seconds."""
+    """A [[stream]]: messages that the robot sends by itself, every `seconds`."""
 
     every: float
     send: tuple[AnyReply, ...]
@@ -168,10 +168,10 @@ class StreamRule(Struct, frozen=True):
 
 
 class RobotRules(Struct, frozen=True):
-    """[robot]: how the robot's own program takes messages. Times are in seconds.
+    """[robot]: properties of the robot's own program. Times are in seconds.
 
     `buffer` is in bytes. `halts_after` is the silence that stops an untimed run, 0 for never. With `runs_on`
-    such a run goes on when the program has left.
+    such a run continues after the program has disconnected.
     """
 
     busy: Busy = Busy.WAIT
@@ -188,7 +188,7 @@ class DialectRules(Struct, frozen=True, kw_only=True):
 
     framing: Framing = Framing()
     protocol: CourseProtocol | None = None
-    """The course's protocol that it is; then there are no rules."""
+    """The course's protocol, if the dialect is one; then there are no rules."""
     reply_end: str = ""
     missing: str = "inf"
     robot: RobotRules = RobotRules()
@@ -203,9 +203,9 @@ class DialectRules(Struct, frozen=True, kw_only=True):
     yes_or_no: frozenset[str] = frozenset()
     """The codes of those that read 1 or 0."""
     behind: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
-    """The codes of the sensors that ray, scan and contact stand for, as far as there are such."""
+    """The codes of the sensors that ray, scan and contact read, as far as there are any."""
     lidars: Mapping[str, SensorSpec] = field(default_factory=dict)
-    """The sensors whose reading is many numbers, by code."""
+    """The sensors whose reading is a list of numbers, by code."""
     speeds: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
     """The velocity of each drive at its Speed, by code: x and y in in/s, rotation in deg/s."""
     velocity: str = ""
@@ -223,7 +223,7 @@ class DialectRules(Struct, frozen=True, kw_only=True):
         yield from ((self.unknown_place, each) for reply in self.unknown for each in reply.expressions)
 
     def without_sensor(self, names: Iterable[str]) -> Iterator[tuple[str, str]]:
-        """Those of some names that expressions use though no sensor stands behind them, with their place."""
+        """Those of some names that expressions use although no sensor provides them, with their place."""
         wanted = frozenset(names) - self.behind.keys()
         for place, expression in dict.fromkeys(self.placed_expressions):
             for name in sorted(wanted & (expression.sensing | expression.names)):
@@ -240,7 +240,7 @@ class DialectRules(Struct, frozen=True, kw_only=True):
         Args:
             frame: The message.
             scope: Makes the names that a condition may use from the values.
-            failed: Called for a rule whose condition cannot be evaluated; it is passed over.
+            failed: Called for a rule whose condition cannot be evaluated; the rule is skipped.
         """
         for rule in self.rules:
             values = rule.values(frame)
@@ -269,6 +269,6 @@ class DialectRules(Struct, frozen=True, kw_only=True):
 
     @property
     def types(self) -> frozenset[int]:
-        """The types of binary frames that a rule is for; none if a rule is for any."""
+        """The types of binary frames that rules match; empty if a rule matches any type."""
         kinds = [rule.type for rule in self.rules]
         return frozenset() if None in kinds else frozenset(kind for kind in kinds if kind is not None)

@@ -1,4 +1,4 @@
-"""An exchange with a real robot against the rules of its dialect: where these answer otherwise. Sans-IO."""
+"""Comparison of an exchange with a real robot with the rules of its dialect. Sans-IO."""
 
 import heapq
 import itertools
@@ -18,17 +18,17 @@ from simmer_tui.dialect.templates import TextReply
 from simmer_tui.errors import ExpressionError
 from simmer_tui.sim.command import escape, parse_command, parse_value
 
-# A sketch's loop, and an adapter that passes bytes on every 16 ms.
+# Enough for the loop of a sketch, and an adapter that passes bytes on every 16 ms.
 LATE = 0.1
-"""Seconds by which a reply may come later or earlier than the dialect says."""
-# What was asked at the very end may be answered after it.
+"""Seconds by which a reply may be later or earlier than by the dialect."""
+# The last messages may be answered after the end of the record.
 PATIENCE = 1.0
 """Seconds before the end of an exchange in which a reply may still be missing."""
 
 
 class Exchanged(Struct, frozen=True):
-    """A piece of an exchange: its line in the file, when it went over the port (seconds), its bytes, and true
-    if the robot sent them."""
+    """A piece of an exchange: its line in the file, its time on the port (seconds), its bytes, and True if
+    the robot sent them."""
 
     line: int
     time: float
@@ -37,7 +37,7 @@ class Exchanged(Struct, frozen=True):
 
 
 class OtherAnswer(Struct, frozen=True, order=True):
-    """Something that the dialect has otherwise than the robot, with the line of the exchange."""
+    """A difference between dialect and robot, with the line of the exchange."""
 
     line: int
     text: str
@@ -60,7 +60,7 @@ class _Later:
 
 
 class _PlannedHost:
-    """A robot that moves at its drives' Speed, in a time that the exchange moves."""
+    """A robot that moves at its drives' Speed; the exchange sets its time."""
 
     def __init__(self, rules: DialectRules, told: Callable[[str], None]) -> None:
         self.now = 0.0
@@ -72,7 +72,7 @@ class _PlannedHost:
         self._stopped: Callable[[], None] = lambda: None
 
     def pass_time(self, until: float) -> None:
-        """Do what is due by a time."""
+        """Make the scheduled calls until a time."""
         while self._due and self._due[0][0] <= until:
             self.now, _, later = heapq.heappop(self._due)
             if later.call is not None:
@@ -103,17 +103,17 @@ class _PlannedHost:
             self._stopped()
 
     def send(self, data: bytes, *, droppable: bool = False) -> None:
-        """The dialect's answer, looked up in what the robot answered."""
+        """Search the robot's answers for the dialect's answer."""
 
     def mention(self, text: str) -> None:
-        """Not needed: it is nothing that the robot says."""
+        """Ignored: the robot sends nothing for it."""
 
     def done(self, message: bytes, meaning: str) -> None:
-        """Not needed: the rule of each message is given to `heard`."""
+        """Ignored: `heard` gets the rule of each message."""
 
 
 class _Asked(Struct, frozen=True):
-    """A message: its line, when it was sent, the delay of its answer by the dialect, and its values."""
+    """A message: its line, its time (seconds), the delay of its answer by the dialect, and its values."""
 
     line: int
     time: float
@@ -145,7 +145,7 @@ class Comparison:
         self._reader = ReplyReader(rules, self._device.state)
 
     def differences(self, pieces: Sequence[Exchanged]) -> list[OtherAnswer]:
-        """All that is otherwise, in the order of the lines."""
+        """All differences, in the order of the lines."""
         last = -math.inf
         for piece in pieces:
             if piece.time - last > SILENCE:
@@ -212,7 +212,7 @@ class Comparison:
             self._found.add(OtherAnswer(asked.line, text))
 
     def _find_late(self) -> None:
-        """Messages that are answered later, or earlier, than the dialect says."""
+        """Messages that are answered later, or earlier, than by the dialect."""
         for shown, delays in self._delays.items():
             measured = statistics.median(delay for delay, _, _ in delays)
             takes = statistics.median(takes for _, takes, _ in delays)

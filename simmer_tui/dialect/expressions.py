@@ -1,6 +1,7 @@
 """Expressions of a dialect.toml: arithmetic on a message's values and on sensors. None of it is executed.
 
-The text is parsed with `ast` and walked by hand: only what stands in `_OPERATORS` and `FUNCTIONS` is done.
+The text is parsed with `ast` and walked by hand: only the entries of `_OPERATORS` and `FUNCTIONS` are
+evaluated.
 """
 
 import ast
@@ -13,24 +14,23 @@ from simmer_tui.errors import ExpressionError
 
 RealNumber = float | int
 FieldValue = RealNumber | str | tuple["FieldValue", ...]
-"""Result of an expression: a number, a text, or a list. A number that is not finite stands for one that is
-missing."""
+"""Result of an expression: a number, a text, or a list. A number that is not finite means a missing one."""
 
 CONSTANTS: Mapping[str, float] = {"cm": 2.54, "mm": 25.4, "m": 0.0254}
 """Factors from inches to other units of length."""
-# A page of text: no rule of the public teams has more than 90 characters.
+# Far more than needed: no rule of the public teams has more than 90 characters.
 LONGEST = 1000
 """Characters of an expression."""
-# A walk takes about a microsecond a node, and no expression may take more than a millisecond.
+# Evaluation takes about a microsecond a node, and no expression may take more than a millisecond.
 MOST_NODES = 200
 """Parts of an expression: names, numbers, operators, calls."""
 # 2**64 is the greatest number with a use in a protocol.
 LARGEST_EXPONENT = 64
 """Greatest exponent of `**`."""
-# An expression of 200 parts may hold 60 texts at a time, which must stay below 64 KB.
+# An expression of 200 parts may have 60 texts at a time, which must stay below 64 KB.
 LONGEST_TEXT = 1000
 """Characters of a text that an expression may make."""
-# Above it not every whole number is a float; whole numbers without a bound would grow with each `**`.
+# Above it not every whole number is a float. Without a bound, whole numbers would grow with each `**`.
 _EXACT = 2**53
 
 
@@ -57,7 +57,7 @@ def _shown(value: FieldValue) -> str:
 
 
 def _bounded(value: RealNumber) -> RealNumber:
-    """A whole number with a bound: beyond it, a float."""
+    """A number; as a float, if it is a whole number beyond the bound."""
     return float(value) if isinstance(value, int) and abs(value) > _EXACT else value
 
 
@@ -128,29 +128,29 @@ FUNCTIONS: Mapping[str, tuple[Callable[..., FieldValue], int, int]] = {
     "pick": (_pick, 2, 100),
     "len": (_length, 1, 1),
 }
-"""Functions by name, with the least and the greatest count of their arguments."""
+"""Functions by name, with the least and the greatest number of their arguments."""
 # Measured: a ray takes 0.09 ms, and a scan of 360 rays 0.35 ms.
 SENSING: Mapping[str, tuple[int, int]] = {"ray": (1, 1), "scan": (3, 4), "named": (1, 4)}
-"""Functions that ask the robot, with the count of their arguments and their cost, in rays."""
+"""Functions that read the robot's sensors, with the number of their arguments and their cost, in rays."""
 _MOST_SENSING = 4
 # One a degree. Lidars of the public teams have 360 to 1,450 rays a turn, in frames of few: more take longer
 # than an expression may.
 MOST_RAYS = 360
 """Rays of one scan."""
-# Calculated one by one in 0.1 us each: half of what an expression may take. A sensor has 2,000 rays at most.
+# At 0.1 us each, half of the time that an expression may take. A sensor has at most 2,000 rays.
 MOST_CALCULATED = 8000
-"""Values of lists that one evaluation may calculate with."""
+"""Values of lists with which one evaluation may calculate."""
 
 
 class _Bounded:
-    """A scope, and how many values of lists may still be calculated with in it."""
+    """A scope, with the number of values of lists that may still be calculated."""
 
     def __init__(self, scope: Scope) -> None:
         self.value, self.call = scope.value, scope.call
         self.left = MOST_CALCULATED
 
     def take(self, values: tuple[FieldValue, ...]) -> tuple[FieldValue, ...]:
-        """The values of a list that is calculated with. Raises ExpressionError beyond the limit."""
+        """The values of a list, counted against the limit. Raises ExpressionError beyond it."""
         self.left -= len(values)
         if self.left < 0:
             raise ExpressionError(f"calculates with more than {MOST_CALCULATED} values of lists")
@@ -199,8 +199,8 @@ class Expression:
         """The texts in it."""
 
     def value(self, scope: Scope) -> FieldValue:
-        """Its value. Division by zero gives a missing number, and so does a place that a list does not have.
-        Raises ExpressionError."""
+        """Its value. Division by zero gives a missing number, and so does an index beyond a list. Raises
+        ExpressionError."""
         return _value(self.tree, _Bounded(scope))
 
     def number(self, scope: Scope) -> float:
@@ -272,7 +272,7 @@ def _named(node: ast.Name, scope: _Bounded) -> FieldValue:
 
 
 def _calculated(node: ast.BinOp, scope: _Bounded) -> FieldValue:
-    """A list and a number are calculated value by value, all else as it is."""
+    """The result of an operator; with a list and a number, value by value."""
     left, made, right = _value(node.left, scope), type(node.op), _value(node.right, scope)
     if isinstance(left, tuple) and isinstance(right, int | float):
         return tuple(_combined(each, made, right) for each in scope.take(left))
@@ -300,7 +300,7 @@ def _signed(node: ast.UnaryOp, scope: _Bounded) -> FieldValue:
 
 
 def _joined(node: ast.BoolOp, scope: _Bounded) -> FieldValue:
-    """`and` or `or`, as in Python: the value that decides."""
+    """The result of `and` or `or`: as in Python, the value that decides."""
     every = isinstance(node.op, ast.And)
     value: FieldValue = 0
     for part in node.values:
@@ -334,7 +334,7 @@ def _item(node: ast.Subscript, scope: _Bounded) -> FieldValue:
     sequence, index = _value(node.value, scope), _number(_value(node.slice, scope))
     if isinstance(sequence, int | float):
         raise ExpressionError(f"{_shown(sequence)} is not a list")
-    # A message may name any place, and its sender waits for an answer: it gets a missing number.
+    # A message may have any index, and its sender waits for an answer: it gets a missing number.
     return sequence[int(index)] if 0 <= index < len(sequence) else math.nan
 
 
@@ -349,9 +349,9 @@ _VALUES: Mapping[type[ast.AST], Callable[[Any, _Bounded], FieldValue]] = {
     ast.Call: _result,
     ast.Subscript: _item,
 }
-"""The parts that have a value, and what computes it."""
+"""Functions that compute the values of parts, by their type."""
 _BESIDE = (ast.operator, ast.unaryop, ast.boolop, ast.cmpop, ast.expr_context)
-"""Parts that only say what is done with others."""
+"""Types of parts without a value, such as operators."""
 
 
 def listed_codes(value: FieldValue) -> tuple[str, ...]:

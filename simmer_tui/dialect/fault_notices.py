@@ -4,16 +4,17 @@ from collections.abc import Callable
 
 UNKNOWN_MESSAGE = "unknown"
 """Beginning of the meaning of a message that no command matches; the nearest command follows."""
-# More are a program that speaks another language, which twenty lines show as well as a thousand.
+# A program with more faults uses another language, which twenty lines show as well as a thousand.
 MOST_TOLD = 20
 """Different faults that are told while a port is open."""
 
 
 class FaultNotices:
-    """Tells each fault of a program, or of the rules, when it comes first, and at the end how often it came.
+    """Tells each fault of a program, or of the rules, at its first occurrence, and at the end its number of
+    occurrences.
 
     Args:
-        tell: Takes a sentence.
+        tell: Called with a sentence.
     """
 
     def __init__(self, tell: Callable[[str], None]) -> None:
@@ -23,7 +24,7 @@ class FaultNotices:
         self._untold = 0
 
     def note(self, text: str, alike: object = None) -> None:
-        """A fault has come. Those with an equal `alike`, by default the text, are the same one."""
+        """Count a fault. Faults with an equal `alike`, by default the text, are the same."""
         key = text if alike is None else alike
         if key not in self._counts and len(self._counts) >= MOST_TOLD:
             self._untold += 1
@@ -34,7 +35,7 @@ class FaultNotices:
             self._tell(text)
 
     def end(self) -> None:
-        """Tell how often the faults came that came again, and forget them."""
+        """Tell the number of occurrences of each repeated fault, and forget them all."""
         for key, count in self._counts.items():
             if count > 1:
                 self._tell(f"{count} times in all: {self._texts[key]}")

@@ -24,8 +24,8 @@ class Framing(Struct, frozen=True):
 
     `end` ends a line, or must follow the content of a binary frame. `silence` is the time in seconds after
     which bytes without an end are a message, or are dropped; 0 is never. `longest` is in bytes. `head` is the
-    struct format of a binary header with the fields `names`; `body` is the name of the one that is the
-    content's length, or a fixed length.
+    struct format of a binary header with the fields `names`. `body` is the content's length, or the name of
+    the field that has it.
     """
 
     kind: FrameKind = FrameKind.LINE
@@ -49,7 +49,7 @@ class Framing(Struct, frozen=True):
 
 
 class Frame(Struct, frozen=True):
-    """A message: its bytes as they came, its content, and the fields of a binary header."""
+    """A message: its bytes as received, its content, and the fields of a binary header."""
 
     data: bytes
     content: bytes
@@ -69,11 +69,11 @@ class Noise(Struct, frozen=True):
 
 
 class Deframer:
-    """Takes messages out of a stream of bytes.
+    """Splits a stream of bytes into messages.
 
     Args:
         framing: How they are framed.
-        types: The values of a binary frame's `type` that are known; with none, every one is.
+        types: The known values of a binary frame's `type`; if empty, all are known.
         type_field: The name of that field.
     """
 
@@ -93,7 +93,7 @@ class Deframer:
         return bool(self._held)
 
     def receive(self, data: bytes) -> list[Frame | Noise]:
-        """Messages that the stream brings with these bytes."""
+        """The messages that these bytes complete."""
         self._held += data
         by_kind = {
             FrameKind.LINE: self._lines,
@@ -104,7 +104,7 @@ class Deframer:
         return list(_joined(by_kind[self._framing.kind]()))
 
     def silence(self) -> list[Frame | Noise]:
-        """Nothing has come for `silence` seconds: a line is complete, anything else is dropped."""
+        """Called after `silence` seconds without bytes: a line is complete, anything else is dropped."""
         data = self._rest()
         if self._framing.kind is FrameKind.LINE:
             content = data.strip()
@@ -112,7 +112,7 @@ class Deframer:
         return [Noise(data, _WITHOUT_END)] if data else []
 
     def end(self) -> list[Noise]:
-        """The stream is over: what is left was never complete."""
+        """Called at the end of the stream: the rest is incomplete, and returned as noise."""
         data = self._rest()
         return [Noise(data, _WITHOUT_END)] if data.strip() else []
 
@@ -140,7 +140,7 @@ class Deframer:
                 yield Noise(data, _too_long(longest))
             elif content:
                 yield Frame(data, content)
-        # As long as it may be and the bytes of an end that has only begun.
+        # The longest content, and the bytes of an end that is incomplete.
         if len(self._held) > longest + len(end) or (self._skipping and self._held):
             self._skipping = True
             yield Noise(self._take(len(self._held) - len(end) + 1), _too_long(longest))
@@ -178,7 +178,7 @@ class Deframer:
             wrong = self._wrong(head, length)
             whole = size + length + len(framing.end)
             if not wrong and len(self._held) < whole:
-                # A wrong end is seen as soon as its first byte is there.
+                # A wrong end is detected at its first byte.
                 return
             if not wrong and bytes(self._held[size + length : whole]) != framing.end:
                 wrong = f"no {framing.end!r} behind the content"
@@ -197,7 +197,7 @@ class Deframer:
         return ""
 
     def _to_next_end(self) -> bytes:
-        """The bytes up to the next end; all there are, without one."""
+        """The bytes up to the next end; all bytes, if there is none."""
         end = self._framing.end
         at = self._held.find(end) if end else -1
         return self._take(len(self._held) if at < 0 else at + len(end))
@@ -208,7 +208,7 @@ def _too_long(longest: int) -> str:
 
 
 def _joined(parts: Iterator[Frame | Noise]) -> Iterator[Frame | Noise]:
-    """The same with noise that follows noise for the same reason joined to one burst."""
+    """The same, with consecutive noise of the same reason joined to one burst."""
     for why, same in groupby(parts, lambda part: part.why if isinstance(part, Noise) else None):
         if why is None:
             yield from same

@@ -1,8 +1,8 @@
-"""The rules of a dialect.toml turned round: the message for a command of ours, as far as there is one.
+"""The inverse of a dialect.toml's rules: the message for a command of ours, if there is one.
 
-A rule can be turned round if it has one step, a movement or a run, and at most one number to be found, on
-which the step depends as `a*n + b`; or if it has no step and a reading stands alone in a field of its reply.
-A message is looked up again after it has been made: it must be this rule's, and do what was asked.
+A rule can be inverted in two cases. It has one step, a movement or a run, and at most one unknown number, on
+which the step depends as `a*n + b`. Or it has no step, and a reading is alone in a field of its reply. Each
+message is checked by the rules after it has been made: it must match this rule, and do what was requested.
 """
 
 import itertools
@@ -32,17 +32,17 @@ from simmer_tui.sim.command import parse_command, parse_value
 
 Velocity = tuple[float, float, float]
 _NUMBERS = ("number", "int", "digit")
-# The grid of choices of a public team's rule has 4 places.
+# The choices of a public team's rule have 4 combinations.
 MOST_CHOICES = 256
 """Combinations of a rule's choices that are tried."""
-# Four decimals of an inch or a degree are less than any robot's resolution.
+# A robot's resolution is coarser than four decimals of an inch or a degree.
 _DECIMALS = 4
 
 
 class Turned(Struct, frozen=True):
     """A message that does what a command asks.
 
-    `number` is the one that stands in it, NaN if there is none. `rule` is the rule it is for.
+    `number` is the one in it, NaN if there is none. `rule` is the rule that it matches.
     """
 
     data: bytes
@@ -50,27 +50,27 @@ class Turned(Struct, frozen=True):
     rule: MessageRule
     number: float = math.nan
     seconds: float = 0.0
-    """Time that a run for a time takes."""
+    """Duration of a timed run."""
 
 
 class _Found(Struct, frozen=True):
-    """A movement that a message makes: its direction, how far, and until when."""
+    """The movement of a message: its direction, distance and duration."""
 
     direction: Velocity | str
-    """The code of what has no direction, such as the gripper."""
+    """A unit velocity, or the code of a part without one, such as the gripper."""
     distance: float
     """Signed along the direction; infinite for a run without an end."""
     seconds: float = 0.0
-    """Time of a run."""
+    """Duration of a run."""
 
 
 class InverseRules:
-    """The rules of a dialect, turned round. `state` is that of the robot at the moment, by name."""
+    """The inverse of a dialect's rules. In all methods, `state` is the robot's present state, by name."""
 
     def __init__(self, rules: DialectRules) -> None:
         self._rules = rules
 
-    # -- what there is -------------------------------------------------------------------------------
+    # -- messages for commands -----------------------------------------------------------------------
 
     def stop(self, state: Mapping[str, FieldValue]) -> Turned | None:
         """The message of a rule that is a plain stop."""
@@ -83,11 +83,12 @@ class InverseRules:
     def drive(self, code: str, value: float, state: Mapping[str, FieldValue]) -> Turned | str:
         """The message for a movement of known length, or the reason there is none."""
         made = self._moves(code, value, state)
-        # A robot's own words for the other way, before a negative number that its sketch may not expect.
+        # The robot's own word for the opposite direction is tried before a negative number, which its sketch
+        # may not expect.
         return min(made, key=lambda each: each.number < 0, default=self._why_no(code))
 
     def code_of(self, velocity: Velocity) -> tuple[str, float] | None:
-        """The drive that goes in the direction of a velocity, and 1 or -1 for the other way."""
+        """The drive along a velocity, and 1 for its direction or -1 for the opposite one."""
         size = math.hypot(*velocity)
         if not size:
             return None
@@ -100,8 +101,8 @@ class InverseRules:
         return None
 
     def held(self, code: str, value: float, state: Mapping[str, FieldValue]) -> Turned | str:
-        """The message for a key that drives while it is held: until told otherwise, if a rule does that,
-        else as far as `value`, else as far as the robot goes by itself."""
+        """The message for a key that drives while it is held. It is an untimed run, if a rule has one; else a
+        movement by `value`, else one of the rule's own length."""
         wanted = self._direction(code, value)
         if wanted is None:
             return self._why_no(code)
@@ -123,7 +124,7 @@ class InverseRules:
         return f"no message of the dialect without a movement is answered with {code} alone in a field"
 
     def dictionary(self) -> Iterator[tuple[str, str]]:
-        """Each command of ours for which there is a message, with that; the stop first."""
+        """Each command of ours for which there is a message, with the message; the stop first."""
         state = self._rules.state
         stop = self.stop(state)
         if stop is None:
@@ -148,7 +149,7 @@ class InverseRules:
     # -- movements -----------------------------------------------------------------------------------
 
     def _direction(self, code: str, value: float) -> Velocity | str | None:
-        """The unit velocity of a drive, the other way for a negative value; another code is itself."""
+        """The unit velocity of a drive, reversed for a negative value; any other code is returned itself."""
         speed = self._rules.speeds.get(code)
         if speed is None:
             return code
@@ -170,7 +171,7 @@ class InverseRules:
     def _solved(
         self, form: "_Form", wanted: Velocity | str, distance: float, state: Mapping[str, FieldValue]
     ) -> Turned | None:
-        """The message that goes so far, with the number found that it needs."""
+        """The message that moves by this distance, with its number solved for."""
         numbers = form.numbers
         if len(numbers) > 1:
             return None
@@ -189,7 +190,7 @@ class InverseRules:
             if text is None:
                 return None
             texts[name] = text
-            # A whole number is as near as the robot's own language allows.
+            # With whole numbers, the robot's language allows no more exact distance.
             slack = abs(line[0]) * (0.5 if kind in ("int", "digit") else 10.0**-_DECIMALS) + SAME
         turned = self._message(form, texts, state)
         found = self._does(turned, state) if turned is not None else None
@@ -243,7 +244,7 @@ class InverseRules:
     def _message(
         self, form: "_Form", numbers: Mapping[str, str], state: Mapping[str, FieldValue]
     ) -> Turned | None:
-        """The message with these numbers; None if one is missing, or an earlier rule takes it."""
+        """The message with these numbers; None if one is missing, or an earlier rule matches it."""
         try:
             content, text = form.content(numbers)
             data = self._framed(form.rule, content)
@@ -266,7 +267,7 @@ class InverseRules:
         return content if framing.kind is FrameKind.BYTE else content + framing.end
 
     def _frame(self, data: bytes) -> Frame | None:
-        """Meaning of a message to the robot; None if that is not one whole message."""
+        """The frame that the robot would read from these bytes; None if they are not one whole message."""
         frames = Deframer(self._rules.framing, self._rules.types, TYPE).receive(data)
         only = frames[0] if len(frames) == 1 else None
         return only if isinstance(only, Frame) and only.data == data else None
@@ -305,7 +306,7 @@ class _Form(Struct, frozen=True):
         return {**values, **numbers}
 
     def content(self, numbers: Mapping[str, str]) -> tuple[bytes, str]:
-        """The content of a message with these numbers, and the message for people. Raises KeyError,
+        """The content of a message with these numbers, and the message as people read it. Raises KeyError,
         ValueError or struct.error if there is none."""
         rule, kinds = self.rule, self.kinds
         if rule.unpack:
@@ -330,7 +331,7 @@ def _forms(rule: MessageRule) -> Iterator[_Form]:
 
 
 def _along(found: _Found | None, wanted: Velocity | str) -> float:
-    """Length of a movement in a direction; NaN if it goes elsewhere, or there is none."""
+    """Length of a movement in a direction; NaN for another direction, or no movement."""
     if found is None:
         return math.nan
     if isinstance(wanted, str) or isinstance(found.direction, str):
@@ -342,7 +343,7 @@ def _along(found: _Found | None, wanted: Velocity | str) -> float:
 
 
 def _written(number: float, kind: str) -> str | None:
-    """A number as a message has it; None if it cannot."""
+    """A number as written in a message; None if the kind does not allow it."""
     if not math.isfinite(number):
         return None
     if kind == "number":

@@ -1,4 +1,4 @@
-"""Kinds of expressions, told from their text: mistakes that no message is needed to find."""
+"""Kinds of expressions, from their text: mistakes that can be found without a message."""
 
 import ast
 from collections.abc import Iterator, Mapping
@@ -11,7 +11,7 @@ from simmer_tui.dialect.templates import Field
 
 
 class ValueKind(StrEnum):
-    """ValueKind of a value."""
+    """Kind of a value."""
 
     NUMBER = "a number"
     TEXT = "a text"
@@ -20,8 +20,8 @@ class ValueKind(StrEnum):
 
 
 class Known(Struct, frozen=True):
-    """Knowledge of a name before any message comes: its kind, all its values if they are few, and of a
-    sensor that reads a list its length."""
+    """Static knowledge of a name: its kind, all its values if they are few, and for a sensor that reads a
+    list its length."""
 
     kind: ValueKind = ValueKind.ANY
     values: tuple[FieldValue, ...] = ()
@@ -63,7 +63,7 @@ def mistakes(expression: Expression, names: Mapping[str, Known]) -> Iterator[str
 
 
 class _Reader:
-    """Goes through an expression, and notes what cannot be done with its values."""
+    """Walks through an expression, and notes operations that its values do not allow."""
 
     def __init__(self, names: Mapping[str, Known]) -> None:
         self._names = names
@@ -145,7 +145,7 @@ class _Reader:
                 self.mistakes.append(f"pick({each:g}, ...) has {len(values)} values, counted from 0")
 
     def _numbers(self, node: ast.expr) -> tuple[RealNumber, ...]:
-        """The numbers that a part may be, as far as they are certain."""
+        """The possible numbers of a part, if they are certain (of a remainder the greatest); else empty."""
         match node:
             case ast.Constant(value=int() | float() as number):
                 return (number,)
@@ -170,7 +170,7 @@ class _Reader:
                 self.mistakes.append(
                     f"the list has {length} values, counted from 0; there is none at {each:g}"
                 )
-        # A list of the set's is a sensor's, of numbers; one of a message may be of texts.
+        # A list from the set is a sensor's, with numbers; one from a message may have texts.
         if of_scan or length is not None:
             return ValueKind.NUMBER
         return ValueKind.TEXT if found is ValueKind.TEXT else ValueKind.ANY

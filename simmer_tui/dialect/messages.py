@@ -32,7 +32,7 @@ def nearest(text: str, rules: DialectRules) -> str:
 
 
 def does(step: Step) -> str:
-    """A step as it is written."""
+    """A step, as written in the file."""
     match step:
         case dialect_rules.MoveStep(command=command):
             return command.source
@@ -46,7 +46,8 @@ def does(step: Step) -> str:
 
 
 class _Example:
-    """Values for the example of a reply: a reading is 12.3, or 1, all else as file and example have it."""
+    """Values for the example of a reply: a reading is 12.3, or 1; other values are from the file and the
+    example."""
 
     def __init__(self, rules: DialectRules, values: dict[str, FieldValue]) -> None:
         self._values: dict[str, FieldValue] = {"time": 12.3, "contact": 0, "tick": 0, "k": 0, "text": "text"}
@@ -68,7 +69,7 @@ class _Example:
 
 
 def dictionary(rules: DialectRules) -> Iterator[tuple[str, str, str]]:
-    """Each message with what it does, and an example of its reply."""
+    """Each message with its steps, and an example of its reply."""
     for rule in rules.rules:
         steps = ", ".join(map(does, rule.steps))
         takes = f"after {rule.takes.source} s" if rule.takes is not None else ""

@@ -1,4 +1,4 @@
-"""Patterns of a dialect.toml: a message with `{name}` where a value stands.
+"""Patterns of a dialect.toml: a message with `{name}` in place of each value.
 
     {n} number    {n:int} whole number    {n:digit} one digit    {n:word}    {n:text}    {n:list} codes: u0,u1
     {n=300} optional, with its default    {n:f=0|d=1} one of these words, which stands for that value
@@ -13,7 +13,7 @@ from simmer_tui.dialect.expressions import FieldValue
 from simmer_tui.sim.command import NUMBER
 from simmer_tui.sim.rules import did_you_mean
 
-# Possessive: what a field has taken it keeps, so that no message takes more than one look at each character.
+# Possessive: a field never gives characters back, so that matching takes linear time.
 _FIELDS = {
     "number": rf"(?>{NUMBER.pattern})",
     "int": r"(?>[+-]?[0-9]+)",
@@ -27,7 +27,7 @@ _EXAMPLES: Mapping[str, str] = {
 }  # fmt: skip
 _NAME = re.compile(r"[A-Za-z_]\w*", re.ASCII)
 _FIELD = re.compile(r"\{([^{}]*)\}")
-# An argument of thousands of digits would be a number that Python refuses to make.
+# Python refuses to convert numbers of thousands of digits.
 _LONGEST_NUMBER = 40
 """Characters of a number in a message."""
 
@@ -68,7 +68,7 @@ class Pattern:
         """A message that matches."""
         if list(self.kinds.values()).count("text") > 1:
             raise ValueError("has two fields of text; where the first one ends would not be clear")
-        # A text before a blank does not end with one: else a run of blanks were gone through again and again.
+        # A text before a blank does not end with one: else each blank of a run would be searched again.
         made = (made + _literal(rest)).replace(r".*)\s++", r"(?:.*(?<!\s))?)\s++")
         self._pattern = re.compile(made, re.DOTALL)
         self.names = frozenset(self.kinds)
@@ -112,7 +112,7 @@ class Pattern:
         return f"(?P<{name}>(?>{'|'.join(map(re.escape, longest_first))}))", next(iter(words))
 
     def filled(self, texts: Mapping[str, str]) -> str:
-        """The message with a text for each field; one that is not named has its default."""
+        """The message with a text for each field; a field without one has its default."""
         texts = {**self.defaults, **texts}
         return _FIELD.sub(lambda field: texts[re.split("[:=]", field[1])[0]], self.source)
 
@@ -148,7 +148,7 @@ def _converted(kind: str, text: str) -> FieldValue:
 
 
 def _plain(text: str) -> FieldValue:
-    """The number that a text is, whole where it is written so, or the text."""
+    """The number in a text, an int if it is written as one; else the text."""
     if NUMBER.fullmatch(text) is None or len(text) > _LONGEST_NUMBER:
         return text
     return int(text) if text.lstrip("+-").isdigit() else float(text)

@@ -1,4 +1,4 @@
-"""Readings told from replies: expressions turned round, as far as they are `a*reading + b`."""
+"""Readings from replies: the inverse of expressions, if they are `a*reading + b`."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -8,9 +8,9 @@ from simmer_tui.dialect.expressions import Expression, FieldValue
 from simmer_tui.dialect.templates import BinaryReply
 from simmer_tui.errors import ExpressionError
 
-# Two sides of one equation in floating point, some operations apart.
+# Above the rounding of a few floating-point operations.
 SAME = 1e-6
-"""Difference of two numbers that are the same but for rounding."""
+"""Greatest difference of two numbers that are equal except for rounding."""
 
 
 class MessageScope:
@@ -29,7 +29,7 @@ class MessageScope:
 
 
 def straight_line(function: Callable[[float], float]) -> tuple[float, float] | None:
-    """a and b of a function that is `a*n + b` with a that is not 0; None for any other."""
+    """The a and b of a function `a*n + b` with a not 0; None for any other function."""
     try:
         low, high = function(1.0), function(2.0)
         a = high - low
@@ -44,7 +44,7 @@ def straight_line(function: Callable[[float], float]) -> tuple[float, float] | N
 
 
 def readable(rule: MessageRule, codes: frozenset[str], state: Mapping[str, FieldValue]) -> frozenset[str]:
-    """The sensors whose readings can be told from the reply of a rule."""
+    """The sensors whose readings can be computed from the reply of a rule."""
     values: dict[str, FieldValue] = dict.fromkeys(rule.names, 0)
     if rule.patterns:
         values |= rule.patterns[0].match(rule.patterns[0].example) or {}

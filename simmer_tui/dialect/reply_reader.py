@@ -1,6 +1,6 @@
-"""A real robot's replies, found in the bytes that it sends by the rules of its dialect. Sans-IO.
+"""Parser of a real robot's replies by the rules of its dialect. Sans-IO.
 
-A reply is looked for among those that are due: of messages that were sent, in their order, and of streams.
+A reply is matched with the pending ones: those of sent messages, in their order, and of streams.
 """
 
 import itertools
@@ -19,24 +19,24 @@ from simmer_tui.dialect.templates import BinaryReply, Field, TextReply
 
 # At 9600 baud a byte takes 1 ms, and USB adapters pass bytes on every 16 ms.
 SILENCE = 0.05
-"""Seconds without a byte after which what has come is a reply, with its end or without."""
-# A robot that answers nothing must not use up the memory; a buffer of 64 bytes holds fewer messages.
+"""Seconds without a byte after which the received bytes are a reply, even without its end."""
+# A robot that answers nothing must not fill the memory; a buffer of 64 bytes has fewer messages.
 MOST_DUE = 64
-"""Replies that are due at most; the oldest are given up."""
+"""Most pending replies; beyond it the oldest are dropped."""
 # A line of 360 rays with 7 characters each.
 LONGEST = 4096
 """Bytes of a reply; longer ones are only passed on."""
-# Each text may end anywhere, so that every further one multiplies the places to be tried.
+# Each text may end anywhere, so that every further one multiplies the possible matches.
 MOST_TEXTS = 2
-"""Fields of a reply that are no numbers; one with more is only passed on."""
+"""Most fields of a reply that are not numbers; a reply with more is only passed on."""
 _NUMBER = rb"[ ]*([+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?"
 _WORDS = rb"|inf|-inf|nan|ovf"
 _TEXT = rb"([^\r\n]{0,400}?)"
 
 
 class Heard(Struct, frozen=True):
-    """A reply of the robot. `readings` are those that can be told from it, by the sensor's code, infinite
-    for one that is missing. `rule` and `part` (`reply`, `done`, `stopped` or `stream`) say whose it is; an
+    """A reply of the robot. `readings` are those that it contains, by the sensor's code, infinite for a
+    missing one. `rule` and `part` (`reply`, `done`, `stopped` or `stream`) are those that it matches; an
     unknown one has neither."""
 
     data: bytes
@@ -44,17 +44,17 @@ class Heard(Struct, frozen=True):
     rule: MessageRule | None = None
     readings: Mapping[str, float] = field(default_factory=dict)
     values: Mapping[str, FieldValue] | None = None
-    """Those of the message that it answers, as they were given to `asked`."""
+    """Values of the message that it answers, the same object that `asked` got."""
 
     @property
     def ends(self) -> bool:
-        """True if it says that a movement is over."""
+        """True if it is the reply at the end of a movement."""
         return self.part in ("done", "stopped")
 
 
 class Due(Struct, eq=False):
-    """A reply that is due: its templates, those that have come already left out. `rule` and `values` are its
-    message's; a stream has a rule of no message."""
+    """A pending reply: its remaining templates. `rule` and `values` are its message's; the rule of a stream
+    has no message."""
 
     rule: MessageRule
     part: str
@@ -68,7 +68,7 @@ class ReplyReader:
 
     Args:
         rules: The dialect.
-        state: Its state, which the messages change meanwhile.
+        state: Its state, which messages change.
     """
 
     def __init__(self, rules: DialectRules, state: Mapping[str, FieldValue]) -> None:
@@ -93,11 +93,11 @@ class ReplyReader:
 
     @property
     def waits(self) -> bool:
-        """True if bytes have come whose end has not."""
+        """True if a reply has been received in part."""
         return bool(self._buffer) or (self._deframer is not None and self._deframer.unfinished)
 
     def asked(self, rule: MessageRule, values: Mapping[str, FieldValue]) -> None:
-        """A message has been sent: its replies are due."""
+        """Add the replies of a sent message to the pending ones."""
         for part, replies in (("reply", rule.reply), ("done", rule.done), ("stopped", rule.stopped)):
             if replies:
                 self.due.append(self._made_due(rule, part, replies, values))
@@ -109,7 +109,7 @@ class ReplyReader:
         return Due(rule, part, [*replies], values, [self._pattern(each) for each in replies])
 
     def forget(self, rule: MessageRule) -> None:
-        """The replies of a message are not waited for any more."""
+        """Remove the replies of a message from the pending ones."""
         self.due = [each for each in self.due if each.rule is not rule]
 
     def receive(self, data: bytes) -> list[Heard]:
@@ -121,7 +121,7 @@ class ReplyReader:
         return list(self._lines(at_end=False))
 
     def silence(self) -> list[Heard]:
-        """Nothing has come for `SILENCE` seconds."""
+        """Called after `SILENCE` seconds without bytes. Returns the replies that end by it."""
         if self._deframer is not None:
             return [Heard(each.data) for each in self._deframer.silence()]
         return list(self._lines(at_end=True))
@@ -143,13 +143,13 @@ class ReplyReader:
             yield Heard(self._take(size))
 
     def _first(self, *, at_end: bool) -> Heard | None:
-        """The reply at the beginning of what has come, if it is one that is due."""
+        """The reply at the beginning of the received bytes, if it matches a pending one."""
         window = bytes(self._buffer[:LONGEST])
         for due in (*self.due, *self._streams):
             match = due.patterns[0].match(window) if due.patterns else None
             if match is None or not match.end():
                 continue
-            # A number at the very end may go on: 12. and then 5.
+            # A number at the very end may continue: 12. and then 5.
             if match.end() == len(window) and not at_end and not self._is_closed(due):
                 continue
             template = due.templates[0]
@@ -172,7 +172,7 @@ class ReplyReader:
         return taken
 
     def _settle(self, due: Due) -> None:
-        """A reply has come: it is due no more."""
+        """Remove a received reply from the pending ones."""
         if due.part == "stream":
             return
         del due.templates[0], due.patterns[0]
@@ -186,7 +186,7 @@ class ReplyReader:
         self.due = [each for each in self.due if each not in gone]
 
     def _pattern(self, reply: AnyReply) -> re.Pattern[bytes]:
-        """The bytes of a text reply, a group for each field."""
+        """Regular expression of a text reply, with a group for each field."""
         if isinstance(reply, BinaryReply):
             return re.compile(rb"(?!)")
         texts = [part for part in reply.parts if isinstance(part, Field) and not self._is_number(part)]
@@ -248,7 +248,7 @@ class ReplyReader:
 
 
 def _solved(text: str, line: tuple[float, float]) -> float:
-    """The reading that a field shows."""
+    """The reading in a field, from its text."""
     try:
         return (float(text) - line[1]) / line[0]
     except ValueError:  # ovf, which an Arduino prints for what is too great

@@ -10,18 +10,18 @@ from msgspec import Struct
 from simmer_tui.dialect.expressions import Expression, FieldValue, RealNumber, Scope
 from simmer_tui.errors import ExpressionError
 
-# Python's format language: of it what makes numbers and texts no longer than a line.
+# The part of Python's format language whose results fit in a line.
 _FORMAT = re.compile(r"(?:.?[<>=^])?[ +-]?#?0?(\d*),?(?:\.(\d+))?[a-zA-Z%]?", re.DOTALL)
 # A field of a protocol; without a limit {u0:100000000.2f} would be a reply of 100 MB.
 _WIDEST = 99
 """Greatest width of a format."""
-# A double has 17 digits; more of them take longer than all the rest of an expression.
+# A double has 17 digits; more digits take more time than the rest of an expression.
 _FINEST = 17
 """Greatest precision of a format."""
 # A list of 360 distances takes 6,000.
 LONGEST_FIELD = 32_768
 """Characters of a field of a reply, and bytes of a packed content."""
-# The bar for a text; a robot's line takes a minute for so much at 9600 baud.
+# At 9600 baud, a robot's line takes a minute for so many.
 LONGEST_REPLY = 65_536
 """Characters of a reply, and bytes of all replies to a message."""
 _WHOLE = "bcdoxX"
@@ -29,7 +29,7 @@ _TEXT = "s"
 
 
 class Field(Struct, frozen=True):
-    """`{expression:format}` of a reply; with a `joint` it is a list, joined by that."""
+    """`{expression:format}` of a reply; with a `joint` it is a list, joined by this text."""
 
     expression: Expression
     format: str = ""
@@ -38,7 +38,7 @@ class Field(Struct, frozen=True):
     def text(self, scope: Scope, missing: str) -> str:
         """The field as text. A value that is not finite is `missing`. Raises ExpressionError."""
         value, text, joint = self.expression.value(scope), "", ""
-        # One text that grows: all of them beside each other would be several times as large.
+        # One growing text: a list of all texts would take several times the memory.
         for each in value if self.joint is not None and isinstance(value, tuple) else (value,):
             text += joint + self._one(each, missing)
             if len(text) > LONGEST_FIELD:
@@ -65,7 +65,7 @@ def _fitting(value: RealNumber, wanted: str) -> RealNumber | str:
 
 
 class TextReply(Struct, frozen=True):
-    """A text reply: plain parts and fields in turn."""
+    """A text reply: alternately plain parts and fields."""
 
     source: str
     parts: tuple[str | Field, ...]
@@ -132,7 +132,7 @@ def pack_codes(pack: str) -> Iterator[str]:
 
 
 def text_reply(source: str) -> TextReply:
-    """A reply taken apart. Raises ValueError with the first mistake."""
+    """A parsed reply. Raises ValueError with the first mistake."""
     reply, mistakes = parsed_reply(source)
     if mistakes:
         raise ValueError(mistakes[0])
@@ -140,7 +140,7 @@ def text_reply(source: str) -> TextReply:
 
 
 def parsed_reply(source: str) -> tuple[TextReply, list[str]]:
-    """A reply taken apart, without the parts that cannot be read, and what is wrong with these."""
+    """A parsed reply, without the parts that cannot be parsed, and the mistakes in these."""
     parts: list[str | Field] = []
     mistakes: list[str] = []
     plain, at = "", 0
@@ -193,7 +193,7 @@ def _field(inside: str) -> Field:
 
 
 def _parted(text: str, mark: str) -> tuple[str, str | None]:
-    """A text before a mark, and after it; brackets and quotes keep what is in them together."""
+    """The text before a mark, and after it; a mark inside brackets or quotes does not count."""
     depth = 0
     for at, character in _unquoted(text):
         depth += (character in "([") - (character in ")]")
@@ -203,7 +203,7 @@ def _parted(text: str, mark: str) -> tuple[str, str | None]:
 
 
 def _unquoted(text: str, begin: int = 0) -> Iterator[tuple[int, str]]:
-    """The characters of a text that stand in no quotes, from a place on, each with its place."""
+    """The characters of a text outside quotes, from an index on, each with its index."""
     quote = ""
     for at in range(begin, len(text)):
         character = text[at]
@@ -216,7 +216,7 @@ def _unquoted(text: str, begin: int = 0) -> Iterator[tuple[int, str]]:
 
 
 def check_pack(pack: str, count: int) -> None:
-    """Raise ValueError if a struct format is none, or takes another number of values."""
+    """Raise ValueError if a struct format is invalid, or has another number of values."""
     try:
         size = struct.calcsize(pack)
     except struct.error as error:

@@ -1,2 +1,2 @@
-"""Imports configuration sets from what teams have: a simmer-python `config.py`, or a MATLAB `Main.m`
-with its `config` folder."""
+"""Import of configuration sets from teams' files: a simmer-python `config.py`, or a MATLAB `Main.m` with its
+`config` folder."""

@@ -1,8 +1,8 @@
 """A team's device classes (`devices/*.py` of simmer-python), read for their numbers and never executed.
 
-A description in `config.py` names what differs from the class. The rest of a sensor's numbers stand in the
-class: as `info.get("num_rays", 13)`, as `self.min_range = 1.1`, as a default of an argument, as a
-constant of the class or the file, or in a dict of such that `__init__` uses.
+A description in `config.py` has the values that differ from the class. The other numbers of a sensor are in
+the class. They are written as `info.get("num_rays", 13)`, as `self.min_range = 1.1`, or as a default of an
+argument. They may also be constants of the class or the file, or be in a dict that `__init__` uses.
 """
 
 import ast
@@ -18,7 +18,7 @@ from simmer_tui.importer.python_values import Located
 from simmer_tui.sim.command import escape
 
 FOLDER = "devices"
-# A robot has a dozen devices; a folder of thousands is something else.
+# A robot has a dozen devices; a folder with thousands of files is something else.
 _MOST_FILES, _MOST_BYTES = 100, 200_000
 # Names of one number, the one of `config.py` first.
 _NAMES = {
@@ -35,7 +35,7 @@ _CANONICAL = {alias: name for name, aliases in _NAMES.items() for alias in alias
 
 
 class ClassNumber(Struct, frozen=True):
-    """A number of a device class and the place where it stands."""
+    """A number of a device class, with its place."""
 
     value: float
     where: str
@@ -51,8 +51,8 @@ def class_number(numbers: ClassNumbers, name: str) -> ClassNumber | None:
 
 
 def read_device_classes(folder: Path) -> Mapping[str, ClassNumbers]:
-    """The classes of `devices/*.py` beside a `config.py`. Files that are no Python are left out,
-    and classes that are nested too deeply."""
+    """The classes of `devices/*.py` beside a `config.py`. Files that are not Python are left out, and classes
+    that are nested too deeply."""
     classes: dict[str, _DeviceClass] = {}
     for path in _files(folder / FOLDER):
         name = f"{FOLDER}/{escape(path.name, 60)}"
@@ -64,7 +64,7 @@ def read_device_classes(folder: Path) -> Mapping[str, ClassNumbers]:
         constants, tables = read_module(module).names, _tables(module.body)
         for node in ast.walk(module):
             if isinstance(node, ast.ClassDef):
-                # A file may have a thousand branches or signs within each other.
+                # A file may have a thousand nested branches or signs.
                 with contextlib.suppress(RecursionError):
                     classes[node.name] = _DeviceClass(node, name, constants, tables)
     return {name: _with_bases(name, classes) for name in classes}
@@ -78,7 +78,7 @@ def _files(folder: Path) -> list[Path]:
 
 
 def _with_bases(name: str, classes: "Mapping[str, _DeviceClass]") -> dict[str, ClassNumber]:
-    """Numbers of a class, those of its bases among them."""
+    """Numbers of a class, including those of its bases."""
     found: dict[str, ClassNumber] = {}
     seen: set[str] = set()
     waiting = [name]
@@ -87,7 +87,7 @@ def _with_bases(name: str, classes: "Mapping[str, _DeviceClass]") -> dict[str, C
         if name in seen or name not in classes:
             continue
         seen.add(name)
-        # The class itself is asked first, so that its bases only add.
+        # The class itself is read first, so that its bases only add numbers.
         found = classes[name].numbers | found
         waiting.extend(classes[name].bases)
     return found
@@ -129,7 +129,7 @@ class _DeviceClass:
                 self._add(argument.arg, default)
 
     def _read_body(self, body: Iterable[ast.stmt]) -> None:
-        """Take in the assignments of a body, those below an `if` or `try` too."""
+        """Read the assignments of a body, including those below an `if` or `try`."""
         for statement in body:
             if isinstance(statement, ast.If):
                 self._read_body((*statement.body, *statement.orelse))
@@ -142,7 +142,7 @@ class _DeviceClass:
                 self._read_value(name, value)
 
     def _read_tables(self, function: ast.FunctionDef) -> None:
-        """Take in the dicts that a function uses (`{**DEFAULTS, **info}`); what is known already stays."""
+        """Read the dicts that a function uses (`{**DEFAULTS, **info}`); known numbers stay."""
         before = dict(self.numbers)
         for node in ast.walk(function):
             match node:

@@ -1,7 +1,7 @@
 """Skeletons of a team's own device classes: files with their literal numbers, to be finished.
 
-The class was written for another simulator and is never executed. So its numbers, and the places of its
-devices on the robot, are all that can be taken over. What it reads is left to its team.
+The class was written for another simulator and is never executed. So only its numbers, and the places of its
+devices on the robot, are imported. Its team has to write its measurement.
 """
 
 from __future__ import annotations
@@ -72,13 +72,13 @@ def with_skeletons(imported: Imported) -> tuple[Imported, dict[str, bytes]]:
 
 
 def _left_to_do(device: OwnDevice, path: str, row: str) -> Problem:
-    """The note about a device with a skeleton, in place of the one that it was left out."""
+    """The note about a device with a skeleton, instead of the note that it was left out."""
     what = f"{device.title} of the team's own: {path} has its numbers; write observe in it (row {row})"
     return Problem(device.note.where, what)
 
 
 def _kind_name(title: str, taken: Sequence[str]) -> str:
-    """The type in sensors.csv for a class; empty if its name cannot stand in a file."""
+    """The kind in sensors.csv for a class; empty if its name cannot be used in a file."""
     if not title.isascii() or not title.isidentifier() or keyword.iskeyword(title) or len(title) > 60:
         return ""
     letters = re.sub("[^a-z]", "", title.lower())[: _LONGEST_KIND - 3]
@@ -92,7 +92,7 @@ def _kind(title: str, name: str) -> type[SensorKind]:
 
 
 def _text(title: str, kind: str, path: str, devices: Iterable[OwnDevice]) -> str:
-    """The file of a class. Only numbers, names and places that were checked go into it."""
+    """The file of a class. It contains only checked numbers, names and places."""
     lines = [""]
     source = "its class in devices/*.py and from config.py"
     for device in devices:

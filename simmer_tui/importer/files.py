@@ -13,9 +13,9 @@ from simmer_tui.sim.command import escape
 
 
 def read_path(path: Path) -> Imported:
-    """Read a `config.py`, a `Main.m`, or the folder that holds one of them.
+    """Read a `config.py`, a `Main.m`, or the folder with one of them.
 
-    Raises ConfigurationError, also if what is there is some other program.
+    Raises ConfigurationError, also if the file is some other program.
     """
     shown = escape(str(path), 200)
     if path.is_dir():
@@ -29,7 +29,7 @@ def read_path(path: Path) -> Imported:
         raise ConfigurationError([Problem(shown, what)])
     text = text_of_file(path)
     name = escape(path.name, 60)
-    # A folder of a team may hold many programs; only one of them describes a robot.
+    # A folder of a team may have many programs; only one of them describes a robot.
     check_is_configuration(text, name)
     return read_simmer_python(text, name, read_device_classes(path.parent))
 

@@ -1,6 +1,6 @@
-"""The result of an import, and what both readers need to build it: notes, fields of devices, free places.
+"""The result of an import, and common parts of both readers: notes, fields of devices, free places.
 
-The other simulators let robot and block overlap a wall; here nothing starts so.
+The other simulators let robot and block overlap a wall; here neither may start so.
 """
 
 import math
@@ -59,8 +59,8 @@ class OwnDevice(Struct, frozen=True):
 class Imported(Struct, frozen=True):
     """A configuration set read from another program's files.
 
-    `settings` holds what differs from the defaults, by dotted name (`server.packet_port`). `left_out`
-    lists, by file and line, what has no equivalent here and how the set differs for it.
+    `settings` has the values that differ from the defaults, by dotted name (`server.packet_port`). `left_out`
+    lists, by file and line, parts without an equivalent here, and the resulting differences of the set.
     """
 
     maze: MazeSpec
@@ -70,14 +70,14 @@ class Imported(Struct, frozen=True):
     settings: Mapping[str, SettingValue]
     left_out: tuple[Problem, ...]
     devices: tuple[OwnDevice, ...] = ()
-    """Devices of the team's own classes, which the sensors do not have."""
+    """Devices of the team's own classes, which are not among the sensors."""
 
 
 def free_number(kind: type[SensorKind], code: str, taken: Iterable[SensorSpec]) -> int:
     """The number for a sensor's ID: the digit its code ends with if it is free (`u0` is `ultra0`),
     else the lowest free one."""
     numbers = {sensor.number for sensor in taken if sensor.kind is kind}
-    # Teams count their sensors in the codes, and look for `ultra0` under `u0`.
+    # Teams number their sensors in the codes, and expect `ultra0` under `u0`.
     if code[-1].isdigit() and int(code[-1]) not in numbers:
         return int(code[-1])
     return next(number for number in range(len(numbers) + 1) if number not in numbers)
@@ -87,16 +87,17 @@ MAX_TRIES = 200
 """Most cells tried for a place: each try builds a maze, and a course has 32 cells."""
 
 POSITIONS = ("block_center", "bot_center")
-"""The settings that are places. The block comes first: a solid one can be where the robot starts."""
+"""The settings that are places. The block comes first, because a solid block may be where the robot
+starts."""
 # The cells to try, those meant for it first.
 _CELLS = {"block_center": (BLOCK, EMPTY, START), "bot_center": (START, EMPTY, BLOCK)}
 
 
 def settled(imported: Imported, origins: Mapping[str, str]) -> Imported:
-    """The import with robot and block in the middle of a free cell where they overlapped a wall.
+    """The import, with robot and block moved to the middle of a free cell if they overlapped a wall.
 
-    `origins` maps the settings `bot_center` and `block_center` to their place in the team's file.
-    What has no free cell stays where it is.
+    `origins` maps the settings `bot_center` and `block_center` to their place in the team's file. Without a
+    free cell, the place stays.
     """
     problems = _problems(imported)
     for name in POSITIONS:
@@ -106,7 +107,7 @@ def settled(imported: Imported, origins: Mapping[str, str]) -> Imported:
         for x, y in _middles(imported.maze, _CELLS[name]):
             moved = replace(imported, settings={**imported.settings, name: (x, y)})
             found = _problems(moved)
-            # The other place is judged again: a block that moved may have freed the start, or taken it.
+            # The other place is checked again: a moved block may have freed the start, or blocked it.
             if name not in found:
                 problems = found
                 note = Problem(origins.get(name, name), f"{what.partition(';')[0]}; moved to ({x:g}, {y:g})")
@@ -140,7 +141,7 @@ _ANY_NUMBER = NumberRule()
 
 
 class Notes:
-    """Collects what has no equivalent, by line."""
+    """Collects notes on parts without an equivalent, by line."""
 
     def __init__(self, file: str) -> None:
         self._file = file
@@ -153,7 +154,7 @@ class Notes:
         return note
 
     def where(self, line: int, name: str) -> str:
-        """`file:line:name`, without what is 0 or empty."""
+        """`file:line:name`, without parts that are 0 or empty."""
         return ":".join(part for part in (self._file, str(line or ""), escape(name, 40)) if part)
 
     def in_order(self) -> tuple[Problem, ...]:
@@ -162,7 +163,7 @@ class Notes:
 
 
 class Fields:
-    """The dict that describes one device, read field by field; what cannot be used is noted."""
+    """The dict that describes one device, read field by field; unusable fields are noted."""
 
     def __init__(
         self,
@@ -194,7 +195,7 @@ class Fields:
         }
 
     def silent(self) -> "Fields":
-        """The same fields, of which nothing is noted."""
+        """The same fields, without notes."""
         return Fields(self.code, self.line, self._fields, Notes(""), self.class_numbers)
 
     def note(self, key: str, what: str) -> Problem:
@@ -214,12 +215,12 @@ class Fields:
 
     def number(self, key: str, default: float, rule: Rule[float] = _ANY_NUMBER) -> float:
         """A number, or the default if it is absent or not one the rule allows."""
-        # Adding 0 makes 0.0 of -0.0, which nobody writes.
+        # Adding 0 turns -0.0, which nobody writes, into 0.0.
         return self.checked(key, default, rule) + 0.0
 
     def checked(self, key: str, default: N, rule: Rule[N]) -> N:
-        """A value of the description, or else of the device's class, or else the default; the default too if
-        the rule does not allow it."""
+        """A value of the description, else of the device's class, else the default. If the rule does not
+        allow it, the default."""
         value = self.value(key)
         own = class_number(self.class_numbers, key) if value is None else None
         if value is None and own is None:
@@ -245,7 +246,7 @@ class Fields:
         return {axis: fields.number(axis, 0.0) for axis in ("x", "y", "rotation")}
 
     def point(self, key: str) -> tuple[float, float]:
-        """A place on the robot in its own frame; the centre if there is none."""
+        """A place on the robot in its own frame; the centre if none is given."""
         value = self.value(key)
         point = pair(value)
         if point is None and value is not None:

@@ -1,10 +1,9 @@
-"""Python source read for its values, without running any of it.
+"""Values of Python source, read without running it.
 
-Understood are literals, names assigned before, arithmetic, `[...]`, `{...}` and their
-comprehensions, subscripts, and `for` loops that fill a list. So is a short list of functions of
-Python, `math` and `numpy`. Any other call (`Ultrasonic(u0_info)`) becomes a `Call` record. What is not
-understood becomes an `Unreadable` with its line; so does every name that such a statement may have
-changed.
+Understood are literals, names assigned before, arithmetic, `[...]`, `{...}` and their comprehensions,
+subscripts, and `for` loops that fill a list. So is a short list of functions of Python, `math` and `numpy`.
+Any other call (`Ultrasonic(u0_info)`) becomes a `Call` record. Other expressions become an `Unreadable` with
+their line; so does every name that such a statement may have changed.
 """
 
 import ast
@@ -38,8 +37,8 @@ from simmer_tui.importer.python_values import (
 from simmer_tui.sim.command import escape
 
 MAX_STEPS = 100_000
-"""Most expressions evaluated in one file, each turn of a comprehension counted: a short file can ask for
-any amount of work."""
+"""Most expressions evaluated in one file, counting each turn of a comprehension: a short file can require any
+amount of work."""
 MAX_DEPTH = 60
 """Deepest nesting of expressions: each level takes several frames of Python's 1,000."""
 
@@ -86,15 +85,15 @@ _UNARY: Mapping[type[ast.unaryop], Callable[[Any], Any]] = {
 }
 
 
-# Statements that make a loop more than all its statements, turn after turn.
+# Statements with which not every turn of a loop executes all its statements.
 _JUMPS = (ast.Break, ast.Continue)
 
 
 class Source(Struct):
     """The values a file assigns at its top level.
 
-    `used` holds the names that some expression refers to or some loop counts with. `skipped` holds
-    (line, reason) of the statements that were not understood, each once.
+    `used` has the names in expressions and the variables of loops. `skipped` has (line, reason) of the
+    statements that were not understood, each once.
     """
 
     names: dict[str, Located] = field(default_factory=dict)
@@ -103,7 +102,7 @@ class Source(Struct):
 
 
 def read_source(text: str, file: str) -> Source:
-    """Read Python source. Raises ConfigurationError if it is no Python at all."""
+    """Read Python source. Raises ConfigurationError if it is not Python."""
     return read_module(parsed(text, file))
 
 
@@ -117,10 +116,10 @@ def read_module(module: ast.Module) -> Source:
 
 
 def parsed(text: str, file: str) -> ast.Module:
-    """The tree of Python source. Raises ConfigurationError if it is no Python at all."""
+    """The tree of Python source. Raises ConfigurationError if it is not Python."""
     try:
         with warnings.catch_warnings():
-            # Of a backslash in a text of theirs, say.
+            # For example, of a backslash in a text of the file.
             warnings.simplefilter("ignore")
             # Parsing runs nothing of the file.
             return ast.parse(text)
@@ -128,7 +127,7 @@ def parsed(text: str, file: str) -> ast.Module:
         place = f"{file}:{error.lineno}" if error.lineno else file
         raise ConfigurationError([Problem(place, f"is not Python here: {escape(error.msg)}")]) from error
     except (ValueError, RecursionError, MemoryError) as error:
-        # What the parser raises for null bytes and for brackets nested by the thousand.
+        # Errors of the parser for null bytes and for thousands of nested brackets.
         raise ConfigurationError([Problem(file, f"is not Python that can be read: {error}")]) from error
 
 
@@ -141,8 +140,8 @@ def read_expression(text: str) -> Any:
 
 
 class _Reader(ast.NodeVisitor):
-    """Reads statements and expressions, each by its method; what has none is not understood, and a statement
-    that is not understood is skipped."""
+    """Reads statements and expressions, each type by its method. A type without one is not understood, and a
+    statement that is not understood is skipped."""
 
     def __init__(self) -> None:
         self.source = Source()
@@ -151,7 +150,7 @@ class _Reader(ast.NodeVisitor):
         self._depth = 0
 
     def read(self, statement: ast.stmt) -> None:
-        """Take in one statement of the top level."""
+        """Read one statement of the top level."""
         self.source.used |= {
             node.id
             for node in ast.walk(statement)
@@ -218,7 +217,7 @@ class _Reader(ast.NodeVisitor):
                 self.generic_visit(statement)
 
     def visit_For(self, statement: ast.For) -> None:
-        """Follow a loop turn by turn. Where that goes wrong, nothing that it changes is trusted."""
+        """Execute a loop turn by turn. If that fails, all names that it changes become unreadable."""
         if statement.orelse or any(isinstance(node, _JUMPS) for node in ast.walk(statement)):
             self.generic_visit(statement)
         self.source.used |= _touched(statement.target)
@@ -229,7 +228,7 @@ class _Reader(ast.NodeVisitor):
                 self._follow(inner)
 
     def _add(self, to: list[Any], method: str, item: ast.expr) -> None:
-        """`list.append` and `list.extend`; the list is changed where it stands, whatever its names."""
+        """`list.append` and `list.extend`; the list object itself changes, for all its names."""
         value = self.evaluate(item)
         more = [value] if method == "append" else list(value) if isinstance(value, list | range) else None
         if more is None or len(to) + len(more) > MAX_ITEMS:
@@ -240,7 +239,7 @@ class _Reader(ast.NodeVisitor):
         word = "a call" if isinstance(statement, ast.Expr) else type(statement).__name__.lower()
         why = f"{word} on line {statement.lineno} is not followed"
         self.source.skipped[statement.lineno, f"{word} is not followed"] = None
-        # A value that such a statement may have changed must not be taken for what it was.
+        # Old values of names that such a statement may have changed must not be used.
         for name in _touched(statement):
             self.source.names[name] = Located(Unreadable(why), statement.lineno)
 
@@ -274,7 +273,7 @@ class _Reader(ast.NodeVisitor):
     def evaluate(self, node: ast.expr) -> Any:
         """The value of an expression. Raises NotUnderstoodError."""
         self._count_step()
-        # Sooner than Python's own limit, whose error could come anywhere.
+        # Before Python's own limit, whose error could occur anywhere.
         if self._depth >= MAX_DEPTH:
             raise NotUnderstoodError("it is nested too deeply")
         self._depth += 1
@@ -283,7 +282,7 @@ class _Reader(ast.NodeVisitor):
         finally:
             self._depth -= 1
         if isinstance(value, list):
-            # Or lists of lists of lists would fill the memory.
+            # Otherwise lists of lists of lists would fill the memory.
             self._steps += len(value) // 100
         return value
 
@@ -377,7 +376,7 @@ class _Reader(ast.NodeVisitor):
         """One turn for each element of a comprehension's list, its variables set."""
         if len(generators) != 1 or generators[0].ifs:
             raise NotUnderstoodError("only a comprehension with one for and no if is understood")
-        # Worked out before the names are put aside: it is evaluated outside the comprehension.
+        # Evaluated before the names are saved, because it is outside the comprehension.
         values = self._values(generators[0].iter)
         outside = dict(self.source.names)
         try:
@@ -388,7 +387,7 @@ class _Reader(ast.NodeVisitor):
             self.source.names = outside
 
     def _values(self, node: ast.expr) -> list[Any]:
-        """The values that a loop or comprehension goes through, as they are when it begins."""
+        """The values of a loop or comprehension, copied at its beginning."""
         values = self.evaluate(node)
         if not isinstance(values, list | range | dict):
             raise NotUnderstoodError("a loop needs a list, a range or a dict")
@@ -449,7 +448,7 @@ def _takes(dotted: str, arguments: tuple[Any, ...]) -> bool:
 
 
 def _touched(node: ast.AST) -> set[str]:
-    """The names a statement may change: assigned ones, and those whose parts or methods it uses."""
+    """The names that a statement may change: assigned ones, and those whose parts or methods it uses."""
     names: set[str] = set()
     for part in ast.walk(node):
         match part:

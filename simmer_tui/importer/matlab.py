@@ -1,7 +1,7 @@
-"""The MATLAB SimMeR's `Main.m` with its `config` folder made a configuration set.
+"""Import of the MATLAB SimMeR's `Main.m` with its `config` folder.
 
-The CSV files are of our own form and frame; `Main.m` holds the rest in plain assignments. From the
-other scripts of the folder follows how replies are written.
+The CSV files have our own form and frame; `Main.m` has the rest in plain assignments. The other scripts of
+the folder determine the form of replies.
 """
 
 import re
@@ -40,10 +40,10 @@ _TAKEN = (
     *("bot_center", "bot_rot", "block_center", "blocksize", "num_segments", "strength", "step_time"),
     *("randerror", "randbias", "plot_robot", "plot_sense"),
 )
-# A name, one `=` and no second one: a comparison is no assignment.
+# A name and a single `=`: a comparison is not an assignment.
 _ASSIGNMENT = re.compile(r"\s*([A-Za-z]\w*)\s*=(?!=)\s*([^;]*)")
 _STRING = r"""(?:'[^'\n]*'|"[^"\n]*")"""
-# A quote after a letter is MATLAB's transpose and opens no text.
+# A quote after a letter is MATLAB's transpose and does not begin a text.
 _COMMENT = re.compile(rf"(?P<code>(?:{_STRING}|\w'|[^'\"%\n])*)(?:%.*)?")
 _PORTS = re.compile(r"""tcp_setup\s*\(\s*['"]server['"]\s*,\s*(\d{1,5})\s*,\s*(\d{1,5})\s*\)""")
 _PRECISION = re.compile(
@@ -59,8 +59,8 @@ def read_matlab(folder: Path, file: str = FILE) -> Imported:
     """Make a configuration set of a folder with `Main.m` (or another `file`) and `config`, or the CSV
     files beside the script.
 
-    Raises ConfigurationError if the script or the folder cannot be read, or the script sets nothing
-    of what the simulator's own does.
+    Raises ConfigurationError if the script or the folder cannot be read, or the script sets none of the
+    simulator's variables.
     """
     lines = list(_code(folder / file))
     config = _folder_of_csv_files(folder)
@@ -96,7 +96,7 @@ def read_matlab(folder: Path, file: str = FILE) -> Imported:
 
 
 def _folder_of_csv_files(folder: Path) -> Path:
-    """The folder `config`, or where there is none the script's own, if one of the files is in it."""
+    """The folder `config`, else the script's own folder, if one of the files is in it."""
     if (folder / CONFIG_FOLDER).is_dir():
         return folder / CONFIG_FOLDER
     if any((folder / name).is_file() for name in _CSV_FILES):
@@ -193,7 +193,7 @@ def _replies(folder: Path, notes: Notes) -> dict[str, SettingValue]:
                 (reads if call.lower() == "fread" else writes)[_WIDTH[precision.lower()]] += 1
             streams = streams or re.search(r"\btcpip\s*\(", line) is not None
             little = little or re.search(r"\btcpclient\s*\(", line) is not None
-    # What a program expects shows in its reads; where there are none, the simulator's writes tell.
+    # The reads of a program show the form that it expects; without any, the simulator's writes do.
     votes = (reads or writes).most_common()
     if not votes:
         notes.add(0, "fread", "and fwrite with double or single were not found; replies are doubles")

@@ -12,9 +12,9 @@ from simmer_tui.errors import NotUnderstoodError
 from simmer_tui.sim.command import escape
 
 MAX_NUMBER = 1e300
-"""Largest number: so far below the largest float that sums of a list stay finite."""
+"""Largest number: far enough below the largest float that sums of a list stay finite."""
 MAX_ITEMS = 100_000
-"""Longest list or text. A file that is read costs at most some megabytes."""
+"""Longest list or text. So a file takes at most some megabytes."""
 
 _OPERATORS: Mapping[type[ast.operator], Callable[[Any, Any], Any]] = {
     ast.Add: operator.add,
@@ -34,14 +34,14 @@ class Unreadable(Struct, frozen=True):
 
 
 class Located(Struct, frozen=True):
-    """A value and the line it stands on. The values of a dict are located too."""
+    """A value with its line. The values of a dict are located too."""
 
     value: Any
     line: int
 
 
 class Call(Struct, frozen=True):
-    """A call that was not made: the callee's last name (`Ultrasonic`) and what it was given."""
+    """A call that was not made: the callee's last name (`Ultrasonic`) and its arguments."""
 
     name: str
     arguments: tuple[Any, ...]
@@ -59,7 +59,7 @@ def numbers_only(arguments: tuple[Any, ...]) -> tuple[Any, ...]:
 
 
 def as_text(value: Any) -> str:
-    """A number or text as text; of lists, a text could grow without bound. Raises NotUnderstoodError."""
+    """A number or text as text; not lists, whose text could grow without bound. Raises NotUnderstoodError."""
     if isinstance(value, bool | int | float | str):
         return str(value)
     raise NotUnderstoodError("only a number can be made text")
@@ -73,14 +73,14 @@ def as_key(value: Any) -> Any:
 
 
 def readable(value: Any) -> Any:
-    """The value, or NotUnderstoodError with the reason why there is none."""
+    """The value. Raises NotUnderstoodError with the reason if it is an `Unreadable`."""
     if isinstance(value, Unreadable):
         raise NotUnderstoodError(value.why)
     return value
 
 
 def item_of(container: Any, index: Any) -> Any:
-    """One item of a list or dict that were read. Raises NotUnderstoodError."""
+    """One item of a list or dict that was read. Raises NotUnderstoodError."""
     if isinstance(container, dict) and isinstance(index, bool | int | float | str) and index in container:
         return readable(container[index].value)
     if isinstance(container, list) and isinstance(index, int) and -len(container) <= index < len(container):
@@ -105,21 +105,21 @@ def arithmetic(op: ast.operator, left: Any, right: Any) -> Any:
 
 
 class Vector(list[Any]):
-    """A `Vector2`: a list of two numbers that is added and stretched as vectors are."""
+    """A `Vector2`: a list of two numbers that is added and multiplied as a vector."""
 
     def rotated(self, angle: float) -> "Vector":
-        """Turned by so many degrees from its x towards its y, as `Vector2.rotate` does it."""
+        """The vector turned by an angle in degrees from x towards y, as by `Vector2.rotate`."""
         x, y = self
         cosine, sine = math.cos(math.radians(angle)), math.sin(math.radians(angle))
         return Vector((x * cosine - y * sine, x * sine + y * cosine))
 
 
 def vector(arguments: tuple[Any, ...]) -> Any:
-    """The `Vector2` of some arguments; of others than two numbers, just a list."""
+    """The `Vector2` of two numbers; of other arguments, just a list."""
     numbers = arguments[0] if len(arguments) == 1 else list(arguments)
     if isinstance(numbers, list) and len(numbers) == 2 and all(isinstance(n, int | float) for n in numbers):
         return Vector(numbers)
-    # What it is used for says what is wrong.
+    # The later use of the list reports the mistake.
     return numbers
 
 
@@ -137,14 +137,14 @@ def _vector_arithmetic(op: ast.operator, left: Any, right: Any) -> Vector:
 
 
 def _linspace(start: Any, stop: Any, /, num: Any = 50, *, endpoint: Any = True) -> tuple[Any, Any, Any]:
-    """Start, step and number of what `linspace` yields; 50 is numpy's number where none is given."""
+    """Start, step and count of the numbers of `linspace`; 50 is numpy's default count."""
     parts = num - 1 if endpoint else num
-    # One number is the start alone, so that there is no step to divide by.
+    # A single number is the start, without a step to divide by.
     return start, (stop - start) / max(parts, 1), num
 
 
 def _arange(start: Any, stop: Any = None, step: Any = 1, /) -> tuple[Any, Any, Any]:
-    """The same of `arange`."""
+    """The same for `arange`."""
     start, stop = (0, start) if stop is None else (start, stop)
     return start, step, max(0, checked(math.ceil, checked(operator.truediv, stop - start, step)))
 
@@ -172,7 +172,7 @@ def evenly_spaced(dotted: str, numbers: tuple[Any, ...], keywords: Mapping[str, 
 
 
 def checked(function: Callable[..., Any], *arguments: Any) -> Any:
-    """The result of a function if it has one that is real and within bounds. Raises NotUnderstoodError."""
+    """The result of a function, if it is real and within bounds. Raises NotUnderstoodError."""
     try:
         value = function(*arguments)
         if isinstance(value, int | float) and abs(value) > MAX_NUMBER:
@@ -181,7 +181,7 @@ def checked(function: Callable[..., Any], *arguments: Any) -> Any:
             raise NotUnderstoodError("a list is too long")
     except (TypeError, ValueError, ArithmeticError) as error:
         raise NotUnderstoodError(escape(str(error))) from error
-    # (-8) ** 0.5 is one, for instance.
+    # For example, (-8) ** 0.5 is complex.
     if isinstance(value, complex):
         raise NotUnderstoodError("a number is not real")
     return value

@@ -49,7 +49,7 @@ def _velocities(imported: Imported) -> tuple[VelocitySpec, ...]:
 
 
 def write_set(imported: Imported, directory: Path) -> tuple[Path, ...]:
-    """Write the five files into `directory`, which is made if need be; returns their paths.
+    """Write the five files into `directory`, which is created if necessary; returns their paths.
 
     Raises ConfigurationError, before anything is written, if a file would be overwritten, or if
     the folder cannot be written.
@@ -65,7 +65,7 @@ def sensors_csv_text(specs: tuple[SensorSpec, ...]) -> str:
     headers = [header for header in sensors_csv.optional_headers(kinds) if header in present]
     rows: list[list[float | str]] = [[*sensors_csv.HEADERS, *headers]]
     for spec, cells in zip(specs, optional, strict=True):
-        # Every row says where its sensor sits, even if that changes nothing.
+        # Every row has its sensor's place, even if that has no effect.
         used = [each for each in BASE if each not in (FIELD_OF_VIEW, THRESHOLD) or spec.kind.has(each.field)]
         fixed = _cells(spec, (CODE, ENABLED, *BASE), tuple(used))
         rows.append([spec.id, *fixed, *(cells.get(header, "") for header in headers)])
@@ -75,7 +75,7 @@ def sensors_csv_text(specs: tuple[SensorSpec, ...]) -> str:
 def drive_csv_text(
     specs: tuple[DriveSpec, ...], gripper: GripperSpec | None = None, velocities: Sequence[VelocitySpec] = ()
 ) -> str:
-    """drive.csv for these drives, without the columns that are optional and say nothing here."""
+    """drive.csv for these drives, without optional columns that are not used here."""
     unused = [] if any(spec.start_lag or spec.acceleration for spec in specs) else [START_LAG, ACCELERATION]
     unused += [REACH, WIDTH] if gripper is None else []
     _, *columns = (column for column in drive_csv.COLUMNS if column not in unused)
@@ -88,7 +88,7 @@ def drive_csv_text(
 
 
 def _cells(spec: Struct, columns: Iterable[CsvColumn], used: tuple[CsvColumn, ...]) -> Iterator[float | str]:
-    """The cells of a row under some columns, blank where the row has no use for one."""
+    """The cells of a row under some columns, blank where the row does not use one."""
     for column in columns:
         yield attrgetter(column.field)(spec) if column in (CODE, ENABLED, *used) else ""
 
@@ -103,7 +103,7 @@ def _csv(rows: Iterable[Iterable[float | str]]) -> str:
 def _cell(value: float | str) -> str:
     if isinstance(value, str):
         return value
-    # Whole numbers without `.0`, as people write them; repr keeps every bit of the others.
+    # Whole numbers without `.0`, as people write them; repr keeps other numbers exact.
     return str(int(value)) if value == int(value) and abs(value) < 1e15 else repr(float(value))
 
 
@@ -124,7 +124,7 @@ def _robot_rows(spec: RobotSpec) -> list[list[float | str]]:
 
 
 def _optional_cells(spec: SensorSpec) -> dict[str, float | str]:
-    """The optional columns in which a sensor differs from one whose cells are blank."""
+    """The optional columns with values that differ from those of blank cells."""
     plain = spec.kind.spec_type(kind=spec.kind, number=0, code="")
     cells: dict[str, float | str] = {}
     for column in spec.kind.columns:

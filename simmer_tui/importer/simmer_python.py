@@ -1,4 +1,4 @@
-"""A simmer-python `config.py` made a configuration set.
+"""Import of a simmer-python `config.py`.
 
 Frames there: x to the right and y *down* from the maze's top-left corner, the robot's front is its
 +y and its left is its +x, angles turn clockwise. Here, with H the maze's height, a place (x, y) is
@@ -26,7 +26,7 @@ from simmer_tui.sim.specs import EMPTY, DriveSpec, MazeSpec, RobotSpec
 FILE = "config.py"
 
 _KNOWN = {item.name: item for item in all_settings()}
-# Names whose value is taken over as it is, and the setting it goes to.
+# Names whose value is used unchanged, with their setting.
 _DIRECT = {
     "block_size": "blocksize",
     "num_segments": "num_segments",
@@ -51,7 +51,7 @@ _READ = frozenset(
 )
 # Names of the settings that are places; where a file has two, the last one counts.
 _PLACES = {"bot_center": ("start_position", "robot_start_position"), "block_center": ("block_position",)}
-# Names by which a file is known for a `config.py`, beside its tables of devices.
+# Names that identify a `config.py`, in addition to its tables of devices.
 _SIGNS = (
     *("walls", "robot_outline", "wall_segment_length", "floor_segment_length", "block_size"),
     *("robot_start_position", "start_position", "robot_start_rotation", "start_rotation", "block_position"),
@@ -67,14 +67,14 @@ _ALWAYS: dict[str, Any] = {
     "frame_end": "]",
     "sim": True,
 }
-# Names of screen colours and the like, on which nothing here depends.
+# Names of screen colours and the like, which have no effect here.
 _IDLE = re.compile(
     r".*_(color|thickness|pixels|filename)|foldername|ppi|timeout|str_encoding|maze_dim_[xy]"
     r"|simulate_list|comport_.*"
 )
 
 
-# Frames a second of that simulator, where its file gives none.
+# Frames a second of that simulator, if its file gives none.
 _FRAME_RATE = 60
 _RATES = NumberRule(1, 1000)
 # The values of cells, which are the same there.
@@ -82,15 +82,15 @@ _CELLS = tuple(CELLS)
 
 
 def check_is_configuration(text: str, file: str = FILE) -> None:
-    """Raise ConfigurationError unless the text sets two or more of what every `config.py` does: a
-    team's other programs use a name of these now and then, for something else."""
+    """Raise ConfigurationError unless the text sets two or more of the names in every `config.py`: other
+    programs of a team sometimes use one of these names for something else."""
     names = read_source(text, file).names
     found = [name for name in _SIGNS if name in names]
     for name in ("sensors", "drives", "motors"):
         table = names[name].value if name in names else None
         if isinstance(table, dict) and any(isinstance(item.value, Call) for item in table.values()):
             found.append(name)
-    # One such name alone is in many programs: `start_position`, say.
+    # Many programs have a single such name, for example `start_position`.
     if len(found) < 2:
         what = "is no configuration: it sets no walls, start, sensors and drives"
         raise ConfigurationError([Problem(file, f"{what}; name the {FILE} of simmer-python")])
@@ -99,7 +99,7 @@ def check_is_configuration(text: str, file: str = FILE) -> None:
 def read_simmer_python(
     text: str, file: str = FILE, classes: Mapping[str, ClassNumbers] = MappingProxyType({})
 ) -> Imported:
-    """Make a configuration set of the text of a `config.py`, which is parsed and never executed.
+    """Import the text of a `config.py`, which is parsed and never executed.
 
     `file` is its name in `left_out`, `classes` are numbers of the device classes beside it.
     Raises ConfigurationError if the text is not Python.
@@ -141,7 +141,7 @@ def _table(source: Source, name: str, notes: Notes) -> dict[Any, Located]:
 
 
 def _usable(source: Source, name: str, meant: Setting, notes: Notes) -> Any:
-    """The value of a name if the setting it is meant for takes it; else None, and a note."""
+    """The value of a name if its setting allows it; else None, and a note."""
     located = source.names.get(name)
     if located is None:
         return None
@@ -174,7 +174,7 @@ def _maze(source: Source, notes: Notes) -> MazeSpec:
 
 
 def _grid_fault(rows: Any) -> str:
-    """The reason why a value is no grid of cells; empty if it is one."""
+    """The reason why a value is not a grid of cells; empty if it is one."""
     if isinstance(rows, Unreadable):
         return f"cannot be read: {rows.why}"
     if not isinstance(rows, list) or not all(isinstance(row, list) for row in rows):
@@ -208,7 +208,7 @@ def _robot(source: Source, notes: Notes) -> RobotSpec:
 
 
 def _sized(source: Source, notes: Notes) -> RobotSpec:
-    """The rectangle of files that give no outline; their height lies along the direction of travel."""
+    """The rectangle for files without an outline; their height is along the direction of travel."""
     height, width = (
         _number(source, name, 6.0, NumberRule(0, 12, low_open=True), "6 in", notes)
         for name in ("robot_height", "robot_width")
@@ -217,8 +217,7 @@ def _sized(source: Source, notes: Notes) -> RobotSpec:
 
 
 def _number(source: Source, name: str, default: float, rule: NumberRule, shown: str, notes: Notes) -> float:
-    """A number of the file; the default, which the note has as `shown`, where there is none that the rule
-    allows."""
+    """A number of the file; without one that the rule allows, the default, which the note has as `shown`."""
     located = source.names.get(name, Located(default, 0))
     try:
         return rule.check(located.value)
@@ -250,7 +249,7 @@ def _settings(source: Source, maze: MazeSpec, notes: Notes) -> dict[str, Setting
     for name in ("start_rotation", "robot_start_rotation"):
         rotation = _usable(source, name, _KNOWN["bot_rot"], notes)
         if rotation is not None:
-            # -R - 90, brought to (-180, 180].
+            # -R - 90, wrapped to (-180, 180].
             settings["bot_rot"] = 180.0 - (270.0 + rotation) % 360.0
     for name, setting in _DIRECT.items():
         value = _usable(source, name, _KNOWN[setting], notes)
@@ -266,8 +265,8 @@ def _settings(source: Source, maze: MazeSpec, notes: Notes) -> dict[str, Setting
 
 
 def _clearance(source: Source, drives: tuple[DriveSpec, ...], notes: Notes) -> float:
-    """The gap to a wall, inches, that a movement leaves there: it ends with the last frame in which the robot
-    touches nothing, on average half of a frame's distance before the wall."""
+    """The gap to a wall, inches, at which a movement of that simulator ends. It ends with the last frame in
+    which the robot touches nothing, on average half of a frame's distance before the wall."""
     rate = _number(source, "frame_rate", _FRAME_RATE, _RATES, f"{_FRAME_RATE}", notes)
     fastest = max((drive.speed for drive in drives if not drive.kind.turns), default=0.0)
     # Clearances are rounded as lengths in files of ours are, and above the most that the setting takes
@@ -291,7 +290,7 @@ def _place(
 
 
 def _list_the_rest(source: Source, notes: Notes) -> None:
-    """Note what stands in the file and was not taken over."""
+    """Note the names of the file that were not imported."""
     idle: list[tuple[str, int]] = []
     for name, located in source.names.items():
         if name in _READ:

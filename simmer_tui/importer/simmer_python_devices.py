@@ -18,7 +18,7 @@ _SHARE = NumberRule(0, 1)
 # Degrees of a vertical field of view; one of 180 has no slope.
 _WIDEST = 179.0
 _LENGTH = NumberRule(0)
-# Fields that a class of theirs knows: those of any device, those of one that shows its measurement, its own.
+# Fields that a class of theirs uses: those of any device, those of one that shows its measurement, its own.
 _USUAL = frozenset(
     {"id", "visible", "color", "outline", "outline_thickness", "position", "rotation", "error"}
 )
@@ -44,10 +44,10 @@ def read_sensors(
     classes: Mapping[str, ClassNumbers] = MappingProxyType({}),
     own: list[OwnDevice] | None = None,
 ) -> tuple[SensorSpec, ...]:
-    """The sensors of a table of devices, motors being wheel encoders.
+    """The sensors of a table of devices; motors become wheel encoders.
 
-    `codes` holds the codes in use and is added to; `taken` are the sensors there are already, `classes`
-    numbers of the team's device classes. Devices of these that no kind here stands for are added to `own`.
+    `codes` has the codes in use and is added to; `taken` are the existing sensors, `classes` numbers of the
+    team's device classes. Devices of classes without a kind here are added to `own`.
     """
     kinds = {device: kind for kind in KINDS.values() for device in kind.devices}
     sensors: tuple[SensorSpec, ...] = ()
@@ -65,7 +65,7 @@ def read_sensors(
             ]
         if parts:
             fields.note("", "; ".join(parts))
-    # After the known ones, so that a row that is proposed has a number that is still free.
+    # After the known ones, so that a proposed row has a number that is still free.
     for call, fields in foreign:
         what = f"{escape(call.name, 40)} {_OWN}; left out"
         silent = fields.silent()
@@ -81,11 +81,11 @@ def read_sensors(
 
 
 def _origins(fields: Fields, spec: SensorSpec, guessed: bool) -> Iterator[str]:
-    """Sources of a row's numbers that do not stand in its description."""
+    """Sources of a row's numbers that are not in its description."""
     if fields.of_class:
         listed = [f"{key} {each.value:g} ({each.where})" for key, each in fields.of_class.items()]
         yield f"numbers of {spec.id} from its class: {', '.join(listed)}"
-    # What simmer-python's own classes have is known; of a team's own class a number is a guess.
+    # Numbers of simmer-python's own classes are known; a number of a team's own class is a guess.
     if guessed and fields.assumed:
         listed = [f"{key} {value:g}" for key, value in fields.assumed.items()]
         why = "that are assumed, because no file gives them as numbers"
@@ -106,10 +106,10 @@ def _devices(
     foreign: list[tuple[Call, Fields]] | None = None,
     own: Mapping[str, ClassNumbers] = MappingProxyType({}),
 ) -> Iterator[tuple[Call, Fields]]:
-    """The devices of known classes under codes that can be used; the others are noted.
+    """The devices of known classes with usable codes; the others are noted.
 
-    With `foreign`, a class of time-of-flight sensors counts as known. Devices of other classes that could
-    be read are then added to that list in place of being noted.
+    With `foreign`, a class of time-of-flight sensors counts as known. Readable devices of other classes are
+    then added to that list instead of being noted.
     """
     for key, located in table.items():
         name = str(key)
@@ -136,7 +136,7 @@ def _devices(
 
 
 def _device(key: Any, device: Any) -> Call:
-    """An entry of a table as a device. Raises ValueError with the reason why it is none under its code."""
+    """An entry of a table as a device. Raises ValueError with the reason why it is not one."""
     try:
         CodeRule().check(key)
     except ValueError as error:
@@ -149,7 +149,7 @@ def _device(key: Any, device: Any) -> Call:
 
 
 def _fields_of(device: Call) -> dict[Any, Located] | None:
-    """The dict a device is made from: its argument, or its keywords."""
+    """The dict from which a device is made: its argument, or its keywords."""
     given = device.arguments[0] if device.arguments else None
     if given is None and "info" in device.keywords:
         given = device.keywords["info"].value
@@ -161,7 +161,7 @@ def _fields_of(device: Call) -> dict[Any, Located] | None:
 def _placed(
     fields: Fields, kind: type[SensorKind], taken: tuple[SensorSpec, ...], values: Mapping[str, Any]
 ) -> SensorSpec:
-    """A sensor where its description says: their front is +y, their left +x, their turns clockwise."""
+    """A sensor at the place of its description: their front is +y, their left +x, their turns clockwise."""
     left, forward = fields.point("position")
     number = free_number(kind, fields.code, taken)
     return SensorSpec(kind=kind, number=number, code=fields.code, x=forward + 0.0, y=left + 0.0, **values)
@@ -172,8 +172,8 @@ def _turn(fields: Fields) -> float:
 
 
 def _doubled(fields: Fields, default: float) -> float:
-    """The error that a sensor has there: since Dec 2023 it is drawn with a standard deviation of 2,
-    so it is twice what the file says."""
+    """The error of a sensor there: since Dec 2023 it is drawn with a standard deviation of 2, so it is twice
+    the file's value."""
     error = 2 * fields.number("error", default, _SHARE)
     if error > 1:
         fields.note("error", f"doubled, as it is there, would be {error:g}; 1 is taken")
@@ -200,7 +200,7 @@ def _ultrasonic(fields: Fields, block_size: float) -> dict[str, Any]:
         "z": fields.number("height", block_size, _LENGTH),
         "rotation": _turn(fields),
         "error": _doubled(fields, 0.02),
-        # Their rays stand in the middles of equal parts of the beam, ours from edge to edge.
+        # Their rays are in the middles of equal parts of the beam, ours go from edge to edge.
         "field_of_view": beam * (rays - 1) / rays,
         "vertical_field_of_view": min(beam, _WIDEST),
         "rays": rays,
@@ -228,7 +228,7 @@ def _gyroscope(fields: Fields, _: float) -> dict[str, Any]:
 
 def _compass(fields: Fields, _: float) -> dict[str, Any]:
     return {
-        # Headings there are -heading - 90 of ours: gain and rotation make the one of the other.
+        # Headings there are -heading - 90 of ours: gain and rotation convert one into the other.
         "rotation": 90.0,
         "gain": -1.0,
         "bias": fields.number("bias", 0.1),
@@ -238,7 +238,7 @@ def _compass(fields: Fields, _: float) -> dict[str, Any]:
 
 
 def _usual(fields: Fields, _: float) -> dict[str, Any]:
-    """A device of which nothing but its place, direction and error counts here: a motor, say."""
+    """A device of which only place, direction and error are used here, such as a motor."""
     return {"error": fields.number("error", 0.0, _SHARE), "rotation": _turn(fields)}
 
 
@@ -265,7 +265,7 @@ def read_drives(table: dict[Any, Located], notes: Notes) -> tuple[DriveSpec, ...
     return tuple(drives)
 
 
-# The axis that a drive moves along, there and here; of those ahead and back it is their y and our x.
+# The axis along which a drive moves, there and here; for ahead and back it is their y and our x.
 _AXES = {DriveKind.ROT: ("rotation", "r"), DriveKind.UP: ("x", "y"), DriveKind.DOWN: ("x", "y")}
 
 
@@ -307,7 +307,7 @@ def _direction(left: float, forward: float, turning: float) -> DriveKind | None:
 
 
 def _compare_wheels(fields: Fields, kind: DriveKind) -> None:
-    """Note each motor whose count would differ: there a list gives its sign, here its place does."""
+    """Note each motor whose count would differ: there a list determines its sign, here its place."""
     motors, signs = fields.value("motors"), fields.value("motor_direction")
     if not isinstance(motors, list) or not isinstance(signs, list):
         return
@@ -325,7 +325,7 @@ def _compare_wheels(fields: Fields, kind: DriveKind) -> None:
             DriveKind.DOWN: -math.sin(heading),
             DriveKind.ROT: left * math.cos(heading) - forward * math.sin(heading),
         }[kind]
-        # Rounding of a cosine by far; wheels across the way count nothing.
+        # Far above the rounding of a cosine; wheels perpendicular to the motion count nothing.
         if travel * sign < 1e-9:
             what = f"motor {number + 1} of the list counts by its place and direction here, not by {sign:g}"
             fields.note("motor_direction", what)

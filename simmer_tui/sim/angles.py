@@ -9,7 +9,7 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 
-# For so few angles one after the other is quicker than all at once.
+# For at most so many angles a loop is quicker than array operations.
 _FEW = 32
 _QUADRANTS = {0.0: (1.0, 0.0), 90.0: (0.0, 1.0), 180.0: (-1.0, 0.0), 270.0: (0.0, -1.0)}
 
@@ -27,7 +27,7 @@ def eighth_of_turn(degrees: float) -> int:
 
 
 def cos_sin(degrees: float) -> tuple[float, float]:
-    """Cosine and sine of an angle in degrees; a robot facing a wall squarely has no rounding."""
+    """Cosine and sine of an angle in degrees, exact at multiples of 90."""
     # fmod is exact, so that whole turns change no bit of the result.
     angle = math.fmod(degrees, 360.0)
     if angle < 0.0:
@@ -56,7 +56,7 @@ def cos_sin_array(degrees: FloatArray) -> tuple[FloatArray, FloatArray]:
     cos = np.fromiter(map(math.cos, radians), np.float64, count).reshape(angle.shape)
     sin = np.fromiter(map(math.sin, radians), np.float64, count).reshape(angle.shape)
     quarters = angle / 90.0
-    # Rounding may take in a hair's breadth more.
+    # Rounding may include angles slightly beyond.
     near = quarters == np.rint(quarters)
     for index in zip(*np.nonzero(near), strict=True):
         cos[index], sin[index] = cos_sin(float(angle[index]))

@@ -8,8 +8,8 @@ v being the point's own velocity at the start. A disc of radius R meets a corner
 
     ((d^2 - R^2) w^2 / 4 + w d . v' + v^2) h^2 + 2 (d . v) h + (d^2 - R^2) = 0.
 
-Both are quadratic in h. Between two such moments nothing changes, so that one look there tells free from
-overlapping, as in `contact.py`.
+Both are quadratic in h. Between two such moments nothing changes, so that one test in between distinguishes
+free from overlapping, as in `contact.py`.
 """
 
 from itertools import pairwise
@@ -27,8 +27,8 @@ from simmer_tui.sim.pose import Pose
 
 
 class ArcContact(Struct, frozen=True):
-    """The moment at which a robot on an arc meets an obstacle: its number h, and a pose a little later in
-    which it would overlap it."""
+    """The contact of a robot on an arc with an obstacle: its number h, and a pose a little later, at which
+    they would overlap."""
 
     h: float
     beyond: Pose
@@ -103,7 +103,8 @@ def _disc_at_corners(
 ) -> FloatArray:
     """Numbers h up to `last` at which a disc whose centre lies `apart` (c, 2) from corners touches them."""
     distance = distances(apart[:, 0], apart[:, 1])
-    # As a product: the difference of two squares would lose the digits that tell touching from not.
+    # As a product: the difference of two squares would lose the digits that distinguish touching from not
+    # touching.
     gap = (distance - radius) * (distance + radius)
     x, y = velocity.tolist()
     ahead = apart[:, 0] * x + apart[:, 1] * y

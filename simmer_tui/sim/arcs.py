@@ -6,10 +6,9 @@ With w the turning rate in radians, v the global velocity at the start, v' that 
 
     p(t) = p0 + (h v + (w h^2 / 2) v') / (1 + w^2 h^2 / 4).
 
-This follows from sin(w t) / w and (1 - cos(w t)) / w by the half-angle formulas. It has no distant
-centre of rotation and no case of its own for straight lines, so that no digit is lost at any rate.
-Tangent and arctangent are the standard library's, one number at a time: numpy's own differ between
-processors.
+This follows from sin(w t) / w and (1 - cos(w t)) / w by the half-angle formulas. It has no distant centre of
+rotation, and no special case for straight lines. So no digits are lost at any rate. Tangent and arctangent
+are the standard library's, one number at a time: numpy's own differ between processors.
 """
 
 import math
@@ -57,7 +56,7 @@ class Arc(Struct, frozen=True, dict=True):
     """A motion of `duration` seconds from a pose at a constant twist, at most `LARGEST_TURN` degrees.
 
     `velocity` is the centre's at the start, global, in/s; `rate` the turning rate, deg/s. A `spin`, deg/s,
-    turns the robot as well, but not its way: a disc that slides along a wall goes straight however it turns.
+    turns the robot as well, but not its path: a disc that slides along a wall goes straight however it turns.
     """
 
     start: Pose
@@ -75,7 +74,7 @@ class Arc(Struct, frozen=True, dict=True):
 
     @classmethod
     def standing(cls, pose: Pose) -> "Arc":
-        """The motion of a robot that stands for as long as it may."""
+        """The motion of a robot that stands, without end."""
         return cls(pose, (0.0, 0.0), 0.0, math.inf)
 
     @property
@@ -92,7 +91,7 @@ class Arc(Struct, frozen=True, dict=True):
 
     @property
     def length(self) -> float:
-        """Length of the centre's way, inches."""
+        """Length of the centre's path, inches."""
         x, y = self.velocity
         return math.sqrt(x * x + y * y) * self.duration
 
@@ -102,7 +101,7 @@ class Arc(Struct, frozen=True, dict=True):
         return self.pose_after(self.duration)
 
     def half_tangent(self, seconds: float) -> float:
-        """The number h of a time since the start: 2 tan(w t / 2) / w, in seconds too."""
+        """The number h of a time since the start: 2 tan(w t / 2) / w, also in seconds."""
         w = self.turn_rate
         return 2.0 * math.tan(w * seconds / 2.0) / w if w else seconds
 
@@ -122,8 +121,8 @@ class Arc(Struct, frozen=True, dict=True):
         return Pose(x, y, self.start.heading + (self.rate + self.spin) * self.seconds_at(h))
 
     def seconds_in_box(self, low: tuple[float, float], high: tuple[float, float]) -> float | None:
-        """Seconds after the start at which the centre first is in a box, its edges included; None if it never
-        is."""
+        """Seconds after the start at which the centre first is in a box, its edges included; None for
+        never."""
         last = self.half_tangent(self.duration) if self.duration < math.inf else 0.0
         w, (vx, vy) = self.turn_rate, self.velocity
         moments = [0.0, last]
@@ -163,8 +162,8 @@ class TimedArc(Struct, frozen=True):
 
 
 def poses_along(arcs: Iterable[tuple[TimedArc, int]], times: FloatArray) -> FloatArray:
-    """Poses, (n, 3), at n simulated times along arcs, each with how many of the times, in turn, are its own:
-    the numbers of `Arc.pose_after`, bit for bit."""
+    """Poses, (n, 3), at n simulated times along arcs: the numbers of `Arc.pose_after`, bit for bit. Each arc
+    comes with the number of times on it, in order."""
     there = [(each, count) for each, count in arcs if count]
     table = np.array([each.parameters for each, _ in there])
     rows = np.repeat(table.T, [count for _, count in there], axis=1)
@@ -194,7 +193,7 @@ def _tangents(angles: FloatArray) -> FloatArray:
     return np.fromiter(map(math.tan, angles.tolist()), np.float64, len(angles))
 
 
-# Rounding of a place on an edge, and far less than any robot is placed by.
+# Inches. More than the rounding of a place on an edge, and far less than the precision of any robot's place.
 _EDGE = 1e-9
 
 

@@ -9,8 +9,8 @@ from simmer_tui.sim.angles import FloatArray, cos_sin
 
 
 class Block(Struct, frozen=True):
-    """A square of side `size` around (x, y), inches, turned by `heading` degrees. One of size 0 is
-    no block at all: nothing sees, meets or takes it."""
+    """A square of side `size` around (x, y), inches, turned by `heading` degrees. A size of 0 means no block:
+    nothing sees, touches or grasps it."""
 
     x: float
     y: float
@@ -28,7 +28,7 @@ class Block(Struct, frozen=True):
         """Distance from (x, y) along the unit vector (dx, dy) to the block's boundary, infinite if
         the ray misses. From inside it is the distance to the far side."""
         x, y = x - self.x, y - self.y
-        # A turned block is met in its own frame; one that is not turned keeps its coordinates to the bit.
+        # Rays meet a turned block in its own frame. An unturned block keeps its coordinates bit for bit.
         if self.heading:
             cos, sin = cos_sin(self.heading)
             x, y = cos * x + sin * y, cos * y - sin * x

@@ -1,8 +1,7 @@
 """Columns of sensors.csv and drive.csv as data. Readers, new sets and a course's rules go by them.
 
-The course's sensors.csv has ten columns; the last seven of them, `BASE`, stand here with the optional
-ones. A kind of sensor lists those that mean something to it; it may narrow one with
-`msgspec.structs.replace`, or bring one of its own.
+The course's sensors.csv has ten columns; the last seven of them, `BASE`, stand here with the optional ones. A
+kind of sensor lists those that it uses; it may narrow one with `msgspec.structs.replace`, or define its own.
 """
 
 import re
@@ -18,14 +17,14 @@ from simmer_tui.sim.values import CourseRule, Value
 class CsvColumn(Value, frozen=True, kw_only=True):
     """A column of a CSV file; `name` is its header.
 
-    Its help becomes a comment in new sets and a row of the reference. A `default` of None stands for that of
-    the field.
+    Its help becomes a comment in new sets and a row of the reference. A `default` of None means the field's
+    default.
     """
 
     label: str = ""
     """The name in the summary of a set, if it is not the noun."""
     needed: bool = False
-    """True if a blank cell is a mistake; else it stands for the default."""
+    """True if a blank cell is a mistake; otherwise it means the default."""
 
 
 # Other brackets of a header, as in `Percent Error (0-1)` and `Drift (per s)`, hold no unit of the value.
@@ -33,7 +32,7 @@ _UNIT = re.compile(r"\((in|deg|s|Hz|deg/sqrt s)\)$")
 
 
 def _column(header: str, rule: Rule[Any], course: CourseRule, help_text: str, **others: Any) -> CsvColumn:
-    """A column whose unit stands in its header, as does the field unless it is given."""
+    """A column whose unit is in its header, and so is the field unless it is given."""
     found = _UNIT.search(header)
     field = header.partition(" (")[0].lower().replace(" ", "_").replace("-", "_")
     usual: dict[str, Any] = {"name": header, "field": field, "course": course}
@@ -78,8 +77,8 @@ FIELD_OF_VIEW = _base(
 THRESHOLD = _base("Threshold", _SHARE, _FREE, "share of the seen floor that must have the colour for a 1")
 
 BASE = (X, Y, Z, ROTATION, ERROR, FIELD_OF_VIEW, THRESHOLD)
-"""The columns that every file has after ID, Poll Character and Enabled. A kind without use for one of
-these takes any number there, or a blank."""
+"""The columns that every file has after ID, Poll Character and Enabled. A kind that does not use one of these
+accepts any number there, or a blank."""
 
 GAIN = _column("Gain", _ANY, _SAME, "what the value is multiplied by (1)")
 ABSOLUTE_ERROR = _column(
@@ -163,14 +162,14 @@ MISSED = _column(
 )
 
 ELECTRONICS = (GAIN, ABSOLUTE_ERROR, BIAS, DRIFT, RESOLUTION, WRAP)
-"""The columns of what is done to the value of any sensor that measures."""
+"""The columns of the electronics of any sensor that measures."""
 COMMON = (ERROR, *ELECTRONICS, READ_TIME)
-"""The columns of which a cell is checked even in a row whose kind cannot be read."""
+"""The columns whose cells are checked even in a row of an unknown kind."""
 MOUNTING = (X, Y, ROTATION, DETECTS, ANSWER)
 """The columns that say how a sensor is mounted or wired, not what it is. Profiles do not have such values."""
 
 TRANSLATION_SPEED = 6.0
-"""Speed of a translation unless its row says otherwise, in/s: what the course's robot does."""
+"""Speed of a translation unless its row says otherwise, in/s: that of the course's robot."""
 ROTATION_SPEED = 120.0
 """Speed of a rotation unless its row says otherwise, deg/s."""
 

@@ -5,15 +5,15 @@ import re
 from msgspec import Struct
 
 NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?", re.ASCII)
-"""A decimal number as people and MATLAB's num2str write it; Python's float takes far more."""
+"""A decimal number as people and MATLAB's num2str write it; Python's float accepts far more."""
 
 
 class Command(Struct, frozen=True):
     """One command: its text as sent, the two-character `code`, and the text after the separator.
 
-    `source` says who sent it (`client`, `console`, ...). `problem` is set when the text cannot
-    be a command at all. One that `stops` ends all motion, whatever its code: a dialect has a word
-    for it. Text from outside may hold any character; show `shown`, not `text`.
+    `source` is its sender (`client`, `console`, ...). `problem` is set when the text cannot be a command at
+    all. A command with `stops` ends all motion, whatever its code, because dialects have their own word for
+    it. Text from outside may contain any character; show `shown`, not `text`.
     """
 
     text: str
@@ -43,15 +43,15 @@ def escape(text: str, limit: int = 80) -> str:
 
 
 def printable(text: str) -> str:
-    """Text with control characters escaped, all of it, other scripts kept: none may steer a terminal
-    or spoil a page, whoever wrote it."""
+    """The whole text with control characters escaped, because they could control a terminal or break a page.
+    Other scripts stay."""
     if text.isprintable():
         return text
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
 
 
 def parse_command(text: str, source: str = "client") -> Command:
-    """Take a command apart. Never fails: what cannot be a command comes back with `problem` set.
+    """Parse a command. Never fails: text that cannot be a command is returned with `problem` set.
 
     The first two characters are the code, the third is a separator of any kind, the rest the
     value. Spaces around the whole are not part of it.
@@ -71,7 +71,7 @@ def parse_value(argument: str | None) -> float | str:
     """
     if argument is None or not argument.strip():
         return "the value is missing, as in d1-3"
-    # `float` alone takes nan, inf and 1_000, which no program of the course sends on purpose.
+    # `float` alone accepts nan, inf and 1_000, which no program of the course sends on purpose.
     if NUMBER.fullmatch(argument.strip()) is None:
         return f"'{escape(argument, 24)}' is not a finite decimal number, such as 3, -2.5 or 1e-3"
     return float(argument)

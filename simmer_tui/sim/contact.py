@@ -1,9 +1,9 @@
 """The first contact of a moving footprint with an obstacle on its path, exactly.
 
-The path is a chain of segments; each turns the robot about its centre, then moves it straight.
-On such a leg the footprint can only begin to overlap an obstacle at a moment when a vertex of one
-crosses an edge of the other. All these moments have closed forms. Between two of them nothing
-changes, so one look in between tells free from overlapping; a motion that only touches stays free.
+The path is a chain of segments; each turns the robot about its centre, then moves it straight. On such a leg
+the footprint can only begin to overlap an obstacle at a moment when a vertex of one crosses an edge of the
+other. All these moments have closed forms. Between two of them nothing changes, so one test in between
+distinguishes free from overlapping. A motion that only touches stays free.
 """
 
 import math
@@ -22,11 +22,11 @@ from simmer_tui.sim.pose import Pose
 
 TOUCHING = 1e-9
 """A footprint this close to an obstacle, inches, may be touching it."""
-# A path of 1e6 segments is looked at in parts: arrays of a whole one would take gigabytes, and most paths
-# meet their obstacle early.
+# A path of up to 1e6 segments is searched in parts of so many: arrays of the whole would take gigabytes, and
+# most paths meet their obstacle early.
 _CHUNK = 128
 _TURN = 2.0 * math.pi
-# Rounding of a cosine, by far: what is just beyond a sweep is sorted out by its angle.
+# Far above the rounding of a cosine. Points just beyond a sweep are then excluded by their angle.
 _SLACK = 1e-9
 _Near = tuple[Edges, FloatArray]
 """Faces and corners within reach, as `Obstacles.near` has them."""
@@ -37,8 +37,8 @@ _Events = tuple[NDArray[np.intp], FloatArray]
 
 
 class Met(Struct, frozen=True):
-    """The place of a path where the robot meets an obstacle, and a pose a little further on, in
-    which it would overlap it."""
+    """The place of a path where the robot meets an obstacle, and a pose a little further on, at which they
+    would overlap."""
 
     stop: PathPosition
     beyond: Pose
@@ -54,7 +54,7 @@ def first_contact(
     maze's diagonal), inches.
     """
     lengths = np.array(path.lengths())
-    # The first leg that is longer than the maze ends at a wall for certain, so that none after it is reached.
+    # A leg longer than the maze certainly ends at a wall, so that no leg after it is reached.
     gone = np.flatnonzero(lengths[after.segment :] > size)
     last = after.segment + int(gone[0]) + 1 if len(gone) else path.segments
     for begin in range(after.segment, last, _CHUNK):
@@ -69,12 +69,12 @@ def first_contact(
 def _contact_within(
     body: Footprint, obstacles: Obstacles, path: Path, begin: int, shares: FloatArray, after: PathPosition
 ) -> Met | None:
-    """The first contact in the segments from `begin` on; `shares` (k,) is what to look at of their straight
-    legs."""
+    """The first contact in the segments from `begin` on; `shares` (k,) are the fractions of their straight
+    legs to search."""
     end = begin + len(shares)
     points = path.points[begin : end + 1]
     centres, moves = points[:-1], np.diff(points, axis=0) * shares[:, None]
-    # Only what is within reach of the legs' ends can be met: of a large maze most faces drop out here.
+    # Only faces within reach of the legs' ends can be met: in a large maze most drop out here.
     margin = body.reach + TOUCHING
     ends = np.concatenate((centres, centres + moves))
     near = obstacles.near(ends.min(axis=0) - margin, ends.max(axis=0) + margin)
@@ -83,7 +83,7 @@ def _contact_within(
     cos, sin = (each[begin : end + 1] for each in path.directions)
     straight_events = _straight_events(body, near, centres, moves, (cos[1:], sin[1:]))
     found = [(2 * segments + 1, fractions) for segments, fractions in straight_events]
-    # A full circle is all there is to look at of a turn.
+    # After a full circle a turn repeats itself.
     share = min(1.0, 360.0 / abs(path.turn)) if path.turn else 1.0
     if path.turn and len(body.vertices):
         swept = math.radians(path.turn * share)
@@ -109,7 +109,7 @@ def _first_overlap(
     body: Footprint, obstacles: Obstacles, path: Path, at: int, events: FloatArray, *, straight: bool
 ) -> Met | None:
     """The first of a leg's events after which the robot overlaps an obstacle. Between two of them nothing
-    changes, so the middle stands for all of it."""
+    changes, so the middle represents the whole interval."""
     for free, following in pairwise(events.tolist()):
         for fraction in ((free + following) / 2, following):
             beyond = path.pose(at, 1.0, fraction) if straight else path.pose(at, fraction, 0.0)
@@ -124,8 +124,8 @@ def _still_to_come(events: FloatArray, done: float) -> FloatArray:
 
 
 def _turned_on(events: FloatArray, done: float) -> FloatArray:
-    """The same for a turn, in which each event comes again after every full circle (the last one
-    looked at): those of the circle that begins at the fraction done."""
+    """The same for a turn, in which each event repeats after every full circle: the events of the circle that
+    begins at the fraction done."""
     circle = float(events[-1])
     if circle == 1.0:
         return _still_to_come(events, done)
@@ -145,7 +145,7 @@ def _straight_events(
     if len(footprint.vertices):
         cos, sin = headings
         yield _crossings(_turned(footprint.vertices, cos, sin) + centres[:, None, :], moves, faces)
-        # Seen from the robot the corners move, the other way round.
+        # Seen from the robot the corners move, in the opposite direction.
         apart = _turned(corners - centres[:, None, :], cos, -sin)
         away = _turned(-moves[:, None, :], cos, -sin)[:, 0, :]
         yield _crossings(apart, away, footprint.edges)
@@ -154,7 +154,7 @@ def _straight_events(
 def _turning_events(
     footprint: Footprint, near: _Near, centres: FloatArray, swept: float, headings: _Directions
 ) -> Iterator[_Events]:
-    """Events on the turning legs: fractions of the turn that is looked at, `swept` radians."""
+    """Events on the turning legs: fractions of the turn that is searched, `swept` radians."""
     (faces, corners), (cos, sin), edges = near, headings, footprint.edges
     across, along = faces.places(centres)
     yield from _sweeps(_turned(footprint.vertices, cos, sin), swept, faces, faces.offset - across, along)
@@ -210,9 +210,9 @@ def _sweeps(
     and meet edges whose lines are `apart` (k or 1, e) from the centre along their normals; a
     point's place along edge e is `tangent . p + shift`.
 
-    A point at distance rho meets the line where its place along the normal is `apart`, so that along
-    the tangent it is h or -h with h = sqrt(rho^2 - apart^2). How far it has to turn for that is one
-    arctangent, taken by the standard library: numpy's own differs between processors.
+    A point at distance rho meets the line where its place along the normal is `apart`, so that along the
+    tangent it is h or -h with h = sqrt(rho^2 - apart^2). The angle to turn is one arctangent, by the standard
+    library: numpy's own differs between processors.
     """
     radius = distances(points[..., 0], points[..., 1])[:, :, None]
     ahead, along = edges.places(points)
@@ -231,7 +231,7 @@ def _sweeps(
             met &= sense * cross >= 0.0
         found = np.nonzero(met)
         turned = [math.atan2(sense * y, x) % _TURN for y, x in zip(cross[found], dot[found], strict=True)]
-        # A turn of next to nothing meets nothing.
+        # A turn of almost 0 meets nothing.
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             fraction = np.array(turned) / angle
         yield found[0][fraction <= 1.0], fraction[fraction <= 1.0]

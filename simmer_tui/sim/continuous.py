@@ -1,12 +1,12 @@
-"""Continuous motion: wheels that turn until told otherwise, exactly and without a tick.
+"""Continuous motion: wheels that turn until the next command, exactly and without a tick.
 
-Between two events the robot's true velocity is constant, and its way is one arc: a leg. Events are a
-change of the velocity, a step of a ramp, the end of a stretch of errors, a contact, and a choice at a wall.
-Legs are laid one after the other, only as far as time is asked for; whoever looks in between reads off
-the leg under way and changes nothing.
+Between two events the robot's true velocity is constant, and its path is one arc: a leg. Events are a change
+of the velocity, a step of a ramp, the end of a stretch of errors, a contact, and a choice at a wall. Legs are
+planned one after the other, only as far as time is asked for. A query in between is computed from the leg
+under way and changes nothing.
 
-At a wall, with wheels that go on turning, the robot is pressed: errors on other axes are dropped to the end
-of the stretch, and the first move that is not blocked happens (`wall_moves.py`); without one it stands.
+At a wall, with wheels that still turn, the robot is pressed. Errors on other axes are dropped to the end of
+the stretch, and the first move that is not blocked happens (`wall_moves.py`). If all are blocked, it stands.
 """
 
 import math
@@ -29,49 +29,49 @@ from simmer_tui.sim.specs import Axes, ContactRule, DriveKind, SimulationSpec
 from simmer_tui.sim.velocity_plan import VelocityPlan, VelocityTarget
 from simmer_tui.sim.wall_moves import wall_moves
 
-# A robot that chatters along a wall bumps many times a second; people call that one contact.
+# A robot that chatters along a wall touches it many times a second; people see one contact.
 SAME_CONTACT = 0.1
 """Seconds after the last pressed moment within which a further contact belongs to the same one."""
 
 
 class MotionListener(Protocol):
-    """Listener to a continuous motion, told in order."""
+    """Listener to the events of a continuous motion, in order."""
 
     def leg_begun(self, leg: Leg) -> None:
-        """A leg begins, and goes on to its end unless something comes between."""
+        """A leg begins. It lasts to its end unless an event cuts it short."""
 
     def leg_ended(self, leg: Leg) -> None:
-        """A leg is over, and this is how it went."""
+        """A leg is over; `leg` is as it really went."""
 
     def velocity_expired(self, time: float) -> None:
-        """The time of a velocity is over, before its last leg."""
+        """A velocity has timed out. Called before `leg_ended` of its last leg."""
 
 
 class _WallState(Struct):
-    """A robot's dealings with what it touches, in simulated seconds."""
+    """State of a robot's contact with a wall; times are simulated seconds."""
 
     dropped: bool = False
     """True while errors on other axes are dropped."""
     dropped_until: float = math.inf
-    """Time at which they come back if no stretch ends before."""
+    """Time at which these errors return if no stretch ends before."""
     hold_until: float = -math.inf
-    """Time until which a choice holds."""
+    """Time until which the chosen move stays."""
     stopped: bool = False
-    """True if a contact has ended the motion until something changes."""
+    """True if a contact has ended the motion until the velocity or the surroundings change."""
     pressed_last: float = -math.inf
-    """Time at which it was pressed last."""
+    """Time at which the robot was pressed last."""
     contact_at: float = -math.inf
-    """Time of the last contact that was told."""
+    """Time of the last contact that listeners got."""
 
     def renew(self) -> None:
-        """Something has changed: all choices are made again."""
+        """Reset all choices after a change."""
         self.dropped, self.dropped_until = False, math.inf
         self.hold_until, self.stopped = -math.inf, False
 
 
 class _FreePlace(Struct):
-    """A place whose distance from the nearest of some obstacles, inches, is known: what stays nearer to it
-    needs no search."""
+    """A place with its distance from the nearest obstacle, inches. Motion within that distance needs no
+    search."""
 
     obstacles: Obstacles | None = None
     x: float = 0.0
@@ -86,13 +86,13 @@ class _FreePlace(Struct):
         return math.sqrt(x * x + y * y) + arc.length + around.footprint.reach + TOUCHING < self.clearance
 
     def look(self, arc: Arc, around: CollisionChecker) -> None:
-        """Remember the place where an arc begins."""
+        """Store the place where an arc begins."""
         self.obstacles, self.x, self.y = around.obstacles, arc.start.x, arc.start.y
         self.clearance = around.obstacles.clearance(self.x, self.y)
 
 
 class ContinuousMotion:
-    """A robot that drives at a velocity until told otherwise, and tells a listener of it."""
+    """A robot that drives at a velocity until the next command, and reports its legs to a listener."""
 
     def __init__(
         self,
@@ -132,8 +132,8 @@ class ContinuousMotion:
     def command(
         self, time: float, pose: Pose, target: VelocityTarget, expires: float, *, noise: bool
     ) -> bool:
-        """Take a velocity at a simulated time to which the motion has been advanced; `pose` is the robot's
-        then. The same velocity only renews `expires`. Gives True if it changes."""
+        """Accept a velocity at a simulated time to which the motion has been advanced; `pose` is the robot's
+        then. The same velocity only renews `expires`. Returns True if the velocity changes."""
         self._expires = expires
         self._release = replace(target, twist=STILL)
         if not self._plan.command(time, target):
@@ -158,8 +158,8 @@ class ContinuousMotion:
         self.leg, self._expires = None, math.inf
 
     def look_again(self, time: float, pose: Pose, *, noise: bool) -> None:
-        """Lay the rest of the leg under way again: at a simulated time the surroundings of the robot, or its
-        errors, have changed."""
+        """Plan the rest of the leg under way again, because the surroundings of the robot, or its errors,
+        changed at this simulated time."""
         if self.leg is not None:
             self._cut(time)
             self._noise = noise
@@ -176,7 +176,7 @@ class ContinuousMotion:
         return min(self.leg.end_time, self._plan.due, self._expires)
 
     def step(self) -> None:
-        """Go on to the next event, and lay the leg after it."""
+        """Advance to the next event, and plan the leg after it."""
         assert self.leg is not None, "nothing is commanded"
         time = self.due
         pose = self.leg.pose_at(time)
@@ -200,7 +200,7 @@ class ContinuousMotion:
         leg = self.leg
         if leg is None:
             return
-        # One that has not gone on for any time never was: another takes its place.
+        # A leg of no duration is not reported: another replaces it.
         if time <= leg.start_time:
             return
         leg = leg.cut(time)
@@ -214,10 +214,10 @@ class ContinuousMotion:
         self.leg = None
         self._listener.leg_ended(leg)
 
-    # -- laying legs ---------------------------------------------------------------------------------
+    # -- planning legs -------------------------------------------------------------------------------
 
     def _lay(self, time: float, pose: Pose) -> None:
-        """Lay the leg that begins at a simulated time."""
+        """Plan the leg that begins at a simulated time."""
         self.leg = None
         if not self._plan.moves:
             return
@@ -241,15 +241,15 @@ class ContinuousMotion:
         self._begin(here, way, end, pressed=True)
 
     def _begin(self, here: "_Here", way: "_Way", until: float, *, pressed: bool = False) -> None:
-        """The leg under way is this one; what lasts as long as it may ends at `until` exactly."""
+        """Make this the leg under way. A leg that nothing cuts short ends at `until` exactly."""
         arc, time = way.arc, here.time
-        # Only the turn of a robot that goes as its wheels turn has all its errors.
+        # Only the turn of a robot that is not pressed has all its errors.
         free = self._plan.twist.moves and not pressed
         counts = here.true.counts(None if free else arc.rate + arc.spin)
         whole = arc.duration >= until - time
         arc = replace(arc, duration=until - time) if whole else arc
         end = until if whole else time + arc.duration
-        # A robot that stands until something changes has no last moment, and needs none.
+        # A robot that stands until something changes has no end time, and needs none.
         last = arc.end if end < math.inf else arc.start
         contact = None
         if way.met is not None and not whole and not pressed:
@@ -291,7 +291,7 @@ class ContinuousMotion:
             end = time + self._errors.left(part)
             if end > time:
                 return end
-            # What is left of it is less than the time of hours can tell: it is over.
+            # The rest of the stretch is below the rounding of simulated time: it is over.
             self._errors.go_on((part,), 0.0, (part.drive.kind,))
 
     def _clear(self, arc: Arc, seconds: float, around: CollisionChecker) -> "_Way":
@@ -314,7 +314,7 @@ class ContinuousMotion:
         return _Way(replace(arc, duration=after if moved > AT_ONCE else 0.0), met)
 
     def _touch(self, here: "_Here", way: "_Way") -> None:
-        """The motion is blocked at its first instant: what follows by the contact rule begins."""
+        """Apply the contact rule to a motion that is blocked at its first instant."""
         wall, met = self._wall, way.met
         assert met is not None, "something blocks it"
         if self._rule is ContactRule.STOP:
@@ -322,12 +322,12 @@ class ContinuousMotion:
         else:
             wall.dropped = True
             if not self._noise:
-                # No stretch ends without noise: errors stay dropped for as much way as one has.
+                # Without noise no stretch ends: errors stay dropped for the length of one stretch.
                 lengths = (self._errors.length(part.drive.kind) / part.pace for part in self._parts)
                 wall.dropped_until = here.time + min(lengths, default=self._period)
         contact = self._contact(here.time, here.pose, met, here)
         if contact is not None:
-            # It stood beside the obstacle already: a leg without a way brings the contact.
+            # It already touched the obstacle: a leg of length 0 reports the contact.
             arc = replace(way.arc, duration=0.0)
             counts = here.true.counts()
             leg = Leg(arc, here.time, here.time, here.pose, self._plan.twist, counts, contact=contact)
@@ -335,12 +335,13 @@ class ContinuousMotion:
             self._listener.leg_ended(leg)
 
     def _pressed(self, here: "_Here") -> tuple["_Way", float]:
-        """The way of a robot that is pressed, and the time to which it may last."""
+        """The arc of a robot that is pressed, and the time to which it may last."""
         wall, time, pose, around = self._wall, here.time, here.pose, here.around
         if wall.stopped:
             return _Way(Arc.standing(pose)), here.until
         until = min(here.until, wall.dropped_until)
-        # A contact has ended a choice before its time: until then it stands, so that choices are few.
+        # A contact has ended a move early: the robot stands for the rest of that time, so that choices are
+        # few.
         if time < wall.hold_until:
             return _Way(Arc.standing(pose)), min(until, wall.hold_until)
         hold_until = time + self._period
@@ -354,7 +355,7 @@ class ContinuousMotion:
 
 
 class _Here(Struct, frozen=True):
-    """The moment from which a leg is laid: simulated time, pose, the time to which it lasts at most."""
+    """The start of a leg: simulated time, pose, the time to which it lasts at most."""
 
     time: float
     pose: Pose
@@ -371,5 +372,5 @@ class _Way(Struct, frozen=True):
 
     @property
     def blocked(self) -> bool:
-        """True if it leads nowhere."""
+        """True if the arc is blocked at its first instant."""
         return self.met is not None and not self.arc.duration

@@ -1,8 +1,8 @@
-"""Errors of continuous motion, which hang on the distance that is driven, not on commands.
+"""Errors of continuous motion, which depend on the distance driven, not on commands.
 
-A program that sends its velocity again fifty times a second must not drive better for it. So each kind
-of movement (forward, back, left, right, turning) has a distance of its own, cut into stretches. Stretch j
-has error rates that follow a first-order autoregressive process (Box and Jenkins, Time Series Analysis):
+Repeating a velocity fifty times a second must not make driving more exact. So each kind of movement (forward,
+back, left, right, turning) has a distance of its own, cut into stretches. Stretch j has error rates that
+follow a first-order autoregressive process (Box and Jenkins, Time Series Analysis):
 
     r_0 = e_0,   r_j = phi r_(j-1) + sqrt(1 - phi^2) e_j,   phi = exp(-1 / n)
 
@@ -10,8 +10,8 @@ with n stretches a `CELL_SIZE` (or a quarter turn) and e_j normal draws for x, y
 
     c = n / sqrt(n + 2 sum over m from 1 to n - 1 of (n - m) phi^m)
 
-the spread over a cell is that of one movement of a cell. The process is stationary, so that it does not
-matter where in a stretch a program begins.
+the spread over a cell is that of one movement of a cell. The process is stationary, so that the place in a
+stretch where a program begins does not matter.
 """
 
 import math
@@ -27,13 +27,14 @@ from simmer_tui.sim.sensors import CountingSensor
 from simmer_tui.sim.specs import CELL_SIZE, Axes, DriveKind, DriveSpec
 
 REFERENCE_TURN = 90.0
-"""Degrees of turning over which errors have the spread of one movement of as much: a corner of the maze."""
+"""Degrees of turning over which errors have the spread of one movement by this angle: a corner of the
+maze."""
 _NO_DRAWS = (0.0, 0.0, 0.0)
 
 
 class Component(Struct, frozen=True):
-    """One kind of movement within a twist: its row, and its signed speed with Gain, in/s or deg/s. The
-    distance it counts goes on by `pace`, the amount of what was commanded, a second."""
+    """One kind of movement within a twist: its row, and its signed speed with Gain, in/s or deg/s. Its
+    distance grows by `pace`, the absolute commanded speed."""
 
     drive: DriveSpec
     speed: float
@@ -41,8 +42,8 @@ class Component(Struct, frozen=True):
 
 
 def components(twist: Twist, drives: Mapping[DriveKind, DriveSpec]) -> tuple[Component, ...]:
-    """The kinds of movement in a twist. A direction without a row of its own is the negative of the other's;
-    one with neither is driven without error and is left out."""
+    """The kinds of movement in a twist. A direction without a row uses the negative of the opposite row. With
+    neither row it is driven without error and left out."""
     parts = []
     for value, ahead, back in (
         (twist.x, DriveKind.RIGHT, DriveKind.LEFT),
@@ -60,7 +61,7 @@ class _Stretch(Struct):
     """The present stretch of one kind of movement."""
 
     driven: float = 0.0
-    """Inches or degrees driven of it."""
+    """Inches or degrees of the stretch driven so far."""
     rates: tuple[float, float, float] = _NO_DRAWS
     """Error rates r_j of x, y and turning."""
     first: bool = True
@@ -92,7 +93,7 @@ class DistanceErrors:
         return self._lengths[kind.turns]
 
     def begin(self, part: Component) -> None:
-        """A kind of movement is about to go on: what has not been drawn of its stretch is."""
+        """Draw the errors of a movement kind's stretch that have not been drawn yet, before it continues."""
         stretch = self._stretches.setdefault(part.drive.kind, _Stretch())
         if stretch.drawn:
             return
@@ -116,8 +117,8 @@ class DistanceErrors:
         return (self.length(part.drive.kind) - stretch.driven) / part.pace
 
     def go_on(self, parts: Iterable[Component], seconds: float, ended: Iterable[DriveKind]) -> None:
-        """The robot has driven so for some seconds, to the very end of the stretches of the kinds `ended`."""
-        # Not by adding up: a sum would miss the end by rounding, and make a stretch of next to nothing.
+        """Count some seconds of driving, exactly to the end of the stretches of the kinds `ended`."""
+        # Not added up: a sum would miss the end by rounding, and leave a stretch of almost 0.
         over = frozenset(ended)
         for part in parts:
             stretch = self._stretches[part.drive.kind]
@@ -137,8 +138,8 @@ class DistanceErrors:
 
 
 class TrueVelocity:
-    """The true velocity of a robot whose wheels are told a twist, by the kinds of movement in it: each adds
-    its speed d on its own axis and errors d (B + (1 + B) P c r) on every axis."""
+    """The true velocity of a robot with a commanded twist. Each kind of movement in it adds its speed d on
+    its own axis and errors d (B + (1 + B) P c r) on every axis."""
 
     def __init__(
         self,
@@ -172,8 +173,8 @@ class TrueVelocity:
         return Twist(x + speed * abs(own.x), y + speed * abs(own.y), r + speed * abs(own.r))
 
     def counts(self, pressed_turn: float | None = None) -> dict[str, float]:
-        """Rates of odometers (in/s) and gyros (deg/s), by sensor ID. Wheels turn whether the robot
-        moves or not; of a pressed robot gyros count the rate at which it turns all the same, `own`'s or 0."""
+        """Rates of odometers (in/s) and gyros (deg/s), by sensor ID. Wheels turn even if the robot does not
+        move. Gyros of a pressed robot count its real turning rate, `own`'s or 0."""
         return {
             sensor.spec.id: self._rolled(sensor) if sensor.slips else self._turned(sensor, pressed_turn)
             for sensor in self._errors.sensors

@@ -8,10 +8,11 @@ from functools import cache
 
 import numpy as np
 
-# Of 120,000 sines and cosines 76 differ in their last bit between processors with fused multiply-add and
-# those without, in one library: so many angles have five such on average.
+# In one library, 76 of 120,000 sines and cosines differ in their last bit between processors with and without
+# fused multiply-add. So many angles have five such values on average.
 _ANGLES = 4000
-# Draws of the generator's ziggurat go to its tail, where it calls logarithms, about once in 4,000.
+# About one in 4,000 draws of the generator's ziggurat is in its tail, where it calls logarithms: five on
+# average.
 _DRAWS = 20_000
 
 
@@ -20,7 +21,7 @@ def math_fingerprint() -> str:
     """Sixteen hexadecimal digits of a hash over values of the functions that a simulation calls.
 
     IEEE 754 leaves the last bit of sine, cosine and their like to the library, and libraries choose their
-    way by the processor. Machines with one fingerprint simulate a run the same, bit for bit.
+    method by the processor. Machines with the same fingerprint simulate a run the same, bit for bit.
     """
     # Angles of whole turns and their parts, in radians, from a step that divides none of them.
     angles = [math.radians(0.0907 * step) for step in range(1, _ANGLES + 1)]
@@ -30,6 +31,6 @@ def math_fingerprint() -> str:
     draws = np.random.default_rng(0).standard_normal(_DRAWS)
     found = hashlib.sha256()
     for array in (values, *arrays, draws):
-        # One order of bytes, so that the machine's own does not count.
+        # A fixed byte order, so that the machine's own does not matter.
         found.update(array.astype("<f8").tobytes())
     return found.hexdigest()[:16]

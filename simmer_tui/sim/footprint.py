@@ -68,8 +68,8 @@ class Edges(Struct, frozen=True, dict=True):
 
 
 class Part(Struct, frozen=True):
-    """A part of the robot in the global frame: every point within `margin` inches of the geometry
-    belongs to it. `held` says that it is the block between the gripper's jaws."""
+    """A part of the robot in the global frame: every point within `margin` inches of the geometry belongs to
+    it. `held` is True for the block between the gripper's jaws."""
 
     geometry: BaseGeometry
     margin: float = 0.0
@@ -77,8 +77,8 @@ class Part(Struct, frozen=True):
 
 
 class Footprint(Struct, frozen=True, dict=True):
-    """A disc of `radius` around the origin (0 for none) and any number of polygons, in the robot's
-    frame. The robot's body is their union; `holding` says that the last polygon is a held block."""
+    """A disc of `radius` around the origin (0 for none) and any number of polygons, in the robot's frame. The
+    robot's body is their union; `holding` is True if the last polygon is a held block."""
 
     radius: float = 0.0
     polygons: tuple[FloatArray, ...] = ()
@@ -122,7 +122,7 @@ class Footprint(Struct, frozen=True, dict=True):
     def shapes(self, pose: Pose) -> list[Part]:
         """The parts at a pose, a held block last."""
         parts = [Part(shapely.Polygon(polygon)) for polygon in self.placed(pose)]
-        # The body comes before a held block in every list of parts: ties are decided for it.
+        # The body comes before a held block in every list of parts: it wins ties.
         if self.radius:
             parts.insert(0, Part(shapely.Point(pose.x, pose.y), self.radius))
         if self.holding:

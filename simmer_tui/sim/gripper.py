@@ -12,7 +12,7 @@ from simmer_tui.sim.specs import GripperSpec
 class Gripper:
     """Open jaws, closed ones, or closed ones with the block between them.
 
-    `body` is what can run into a wall: the robot's `footprint`, and the block while it is held.
+    `body` is everything that can touch a wall: the robot's `footprint`, and the block while it is held.
     """
 
     def __init__(self, footprint: Footprint, walls: Obstacles) -> None:
@@ -28,13 +28,12 @@ class Gripper:
         return lying if self.held is None else in_global_frame(self.held, pose)
 
     def move(self, spec: GripperSpec, close: bool, lying: Block, pose: Pose, time: float) -> Grip:
-        """Close or open the jaws. They take the block only as they close: closed ones must open
-        first."""
+        """Close or open the jaws. They grasp the block only as they close: closed ones must open first."""
         block = self.block(lying, pose)
         missed = missed_by(spec, self._footprint, pose, block) if close and block.size else None
         if not close:
             self.held, self.body = None, self._footprint
-        # Closed jaws that are told to close again do not reach for anything.
+        # Closed jaws that get another command to close grasp nothing.
         elif not self.closed and missed == (0.0, 0.0):
             held = in_robot_frame(block, pose)
             body = Footprint(self._footprint.radius, (*self._footprint.polygons, held.corners()), True)
@@ -47,7 +46,7 @@ class Gripper:
 
 
 def can_take(spec: GripperSpec, footprint: Footprint, pose: Pose, block: Block) -> bool:
-    """True if the block's centre is in the gripper's window."""
+    """True if the block's centre is in the gripper's window, so that closing jaws grasp it."""
     return bool(block.size) and missed_by(spec, footprint, pose, block) == (0.0, 0.0)
 
 

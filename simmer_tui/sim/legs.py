@@ -12,7 +12,7 @@ from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.specs import Axes, DriveKind
 from simmer_tui.sim.trajectory import Trajectory
 
-# A quarter turn by so many straight pieces is within 1 % of its radius of the arc.
+# A quarter turn is then 15 pieces, within 1 % of the radius of the arc.
 _DRAWN = 6.0
 """Degrees of an arc that are drawn as one straight piece."""
 
@@ -27,11 +27,11 @@ class Leg(Struct, frozen=True):
     last_pose: Pose
     """The pose at its end."""
     commanded: Twist
-    """The velocity that the wheels were told."""
+    """The velocity that was commanded."""
     counts: Mapping[str, float] = {}
     """Rates of odometers (in/s) and gyros (deg/s), by sensor ID; empty where they are not known."""
     pressed: bool = False
-    """True if an obstacle keeps the robot from going as its wheels turn."""
+    """True if an obstacle keeps the robot from moving as its wheels turn."""
     contact: Contact | None = None
     """The contact at its end."""
 
@@ -52,13 +52,13 @@ class Leg(Struct, frozen=True):
         return self.arc.pose_after(max(time - self.start_time, 0.0))
 
     def travelled(self, time: float) -> float:
-        """Inches that the robot's centre has gone by a simulated time."""
+        """Inches that the robot's centre has travelled by a simulated time."""
         x, y = self.arc.velocity
         speed = math.sqrt(x * x + y * y)
         return speed * max(min(time, self.end_time) - self.start_time, 0.0) if speed else 0.0
 
     def arrival(self, time: float) -> tuple[Pose, float]:
-        """The pose at a simulated time, and the length of the way to there, inches."""
+        """The pose at a simulated time, and the distance travelled until then, inches."""
         return self.pose_at(time), self.travelled(time)
 
     def centres(self, time: float) -> list[tuple[float, float]]:
@@ -81,8 +81,8 @@ class Leg(Struct, frozen=True):
         return (self.arc.rate + self.arc.spin) * seconds, ahead * seconds, aside * seconds
 
     def as_movement(self) -> Trajectory:
-        """The leg as a movement of one segment, for those who ask about a movement: it turns, then goes
-        straight to where the leg ends."""
+        """The leg as a movement of one segment, for code that needs a movement: it turns, then goes straight
+        to where the leg ends."""
         asked, pose = self.commanded, self.last_pose
         turned, ahead, aside = self.moved(self.end_time)
         if abs(asked.x) >= abs(asked.y) and asked.x:
@@ -97,7 +97,7 @@ class Leg(Struct, frozen=True):
         return Trajectory(path, kind, totals, self.start_time, self.duration, self.contact)
 
     def cut(self, time: float) -> "Leg":
-        """The same leg, over at a simulated time; before its end there has been no contact."""
+        """The same leg, cut short at a simulated time; before its own end it has no contact."""
         if time >= self.end_time:
             return self
         return replace(self, end_time=time, last_pose=self.pose_at(time), contact=None)

@@ -21,7 +21,7 @@ ON_WALL = 1e-6
 # Beyond this distance from the lines between cells, inches, only a point's own cell matters.
 _FROM_LINE = 2e-6
 _TO_LINE = CELL_SIZE - _FROM_LINE
-# Twice `ON_WALL`, so that rounding on the way to the cell's number cannot skip the careful look.
+# Twice `ON_WALL`, so that rounding in the cell's number cannot skip the exact test.
 _FROM_MIDDLE = CELL_SIZE / 2 - _FROM_LINE
 # Rays that are cast at once: some ten arrays of 64 KB stay in a processor's cache.
 _CHUNK = 8192
@@ -34,7 +34,7 @@ def generated_floor(rows: int, columns: int) -> NDArray[np.uint8]:
     Equals MATLAB's `rng(5489,'twister'); randi([0 1],512,1)`, filled column by column.
     """
     shape = (rows * TILES_PER_CELL, columns * TILES_PER_CELL)
-    # The old generator of NumPy is the same Mersenne twister, and draws the same doubles, as MATLAB's.
+    # NumPy's old generator is the same Mersenne twister as MATLAB's, and draws the same doubles.
     draws = np.random.RandomState(FLOOR_SEED).random_sample(shape[0] * shape[1])
     return np.floor(2 * draws).astype(np.uint8).reshape(shape, order="F")
 
@@ -166,8 +166,8 @@ class Maze:
 
     def are_walls(self, x: FloatArray, y: FloatArray) -> NDArray[np.bool_]:
         """`is_wall` for arrays of points, both (n,)."""
-        # Points outside are moved to the middle of a cell, so that no index leaves the grid, and are wall in
-        # the end.
+        # Points outside are moved to the middle of a cell, so that no index leaves the grid. The result says
+        # wall for them.
         inside = (x > ON_WALL) & (x < self.width - ON_WALL) & (y > ON_WALL) & (y < self.height - ON_WALL)
         x, y = np.where(inside, x, CELL_SIZE / 2), np.where(inside, y, CELL_SIZE / 2)
         column, row = np.floor(x / CELL_SIZE), np.floor(y / CELL_SIZE)
@@ -186,7 +186,7 @@ class Maze:
             return True
         if not (ON_WALL < low[1] <= high[1] < self.height - ON_WALL):
             return True
-        # A hair more than `is_wall` looks at beside a line between cells.
+        # Slightly more than the distance from a line at which `is_wall` tests both cells.
         left, below = (int((each - _FROM_LINE) // CELL_SIZE) + 1 for each in low)
         right, above = (int((each + _FROM_LINE) // CELL_SIZE) + 1 for each in high)
         return bool(self.walls[below : above + 1, left : right + 1].any())
@@ -227,7 +227,7 @@ class Maze:
         (x, y, dx, dy), walls = rays, self._flat
         distances = np.empty(len(x))
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            # A direction of 0 divides by 0 on purpose: such a ray never gets to the next line, at infinity.
+            # A direction of 0 divides by 0 on purpose: the next line of such a ray is at infinity.
             period_x, period_y = np.abs(CELL_SIZE / dx), np.abs(CELL_SIZE / dy)
             next_x = np.where(dx == 0.0, np.inf, ((column + (dx > 0.0)) * CELL_SIZE - x) / dx)
             next_y = np.where(dy == 0.0, np.inf, ((row + (dy > 0.0)) * CELL_SIZE - y) / dy)
@@ -245,7 +245,7 @@ class Maze:
                 beside = walls[cell + step_x] | walls[cell + step_y]
                 stopped = stopped | (corner & beside)
             distances[index[stopped]] = distance[stopped]
-            # Rays that have ended are left out of the next step: the arrays shrink as the walk goes on.
+            # Rays that have ended are left out of the next step, so that the arrays shrink.
             going = np.flatnonzero(~stopped)
             by_x, by_y, index, cell = by_x[going], by_y[going], index[going], ahead[going]
             step_x, step_y = step_x[going], step_y[going]
@@ -261,12 +261,12 @@ class Maze:
         (n,): |dx| on an upright face, |dy| on a level one, the greater at a wall's corner."""
         steps_x, steps_y = (x + distances * dx) / CELL_SIZE, (y + distances * dy) / CELL_SIZE
         lines_x, lines_y = np.rint(steps_x), np.rint(steps_y)
-        # Which of the two lines between cells a ray ends on shows by which is nearer.
+        # A ray ends on the nearer of the two lines between cells.
         off_x, off_y = np.abs(steps_x - lines_x), np.abs(steps_y - lines_y)
         across, along = np.abs(dx), np.abs(dy)
         cosines = np.where(off_x < off_y, across, along)
         for index in np.flatnonzero(np.maximum(off_x, off_y) < ON_WALL / CELL_SIZE).tolist():
-            # Where lines cross, the cells beside the one that the ray comes from tell the faces.
+            # Where lines cross, the cells beside the ray's own decide which faces there are.
             column = int(lines_x[index]) + int(dx[index] < 0.0)
             row = int(lines_y[index]) + int(dy[index] < 0.0)
             upright = self.walls[row, column + (1 if dx[index] > 0.0 else -1)]
@@ -278,7 +278,7 @@ class Maze:
         return cosines
 
     def black(self, points: FloatArray) -> NDArray[np.bool_]:
-        """Which of the (n, 2) points lie on, or at the edge of, a black tile. The outside is not
+        """True for each of the (n, 2) points that is on, or at the edge of, a black tile. The outside is not
         black."""
         scaled = points / TILE_SIZE
         high = np.floor(scaled)

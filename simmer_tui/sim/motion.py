@@ -1,4 +1,4 @@
-"""From a drive command to a trajectory: errors drawn, path laid out, contact found."""
+"""From a drive command to a trajectory: drawn errors, path, contact."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ from simmer_tui.sim.specs import Axes, ContactRule, DriveKind, DriveSpec
 from simmer_tui.sim.trajectory import Trajectory, VelocityProfile
 
 AT_ONCE = 1e-6
-"""Length, inches, below which the rest of a command counts as none: a wall touched a hair later."""
+"""Length, inches, below which the rest of a command counts as 0."""
 _AT_ITS_START = PathPosition(0, 1.0, 0.0)
 
 
 class CollisionChecker(Struct, frozen=True):
-    """Finds contacts of the robot, its footprint or with a held block its body, with obstacles."""
+    """Finds contacts of the robot's footprint, or of its body with a held block, with obstacles."""
 
     footprint: Footprint
     obstacles: Obstacles
@@ -35,7 +35,8 @@ class CollisionChecker(Struct, frozen=True):
 
     @property
     def size(self) -> float:
-        """The maze's diagonal, inches: no free straight way is longer, so that nothing beyond is searched."""
+        """The maze's diagonal, inches: no free straight path is longer, so that nothing beyond is
+        searched."""
         return math.hypot(self.maze.width, self.maze.height)
 
     def first(self, path: Path, after: PathPosition = START) -> Met | None:
@@ -43,15 +44,15 @@ class CollisionChecker(Struct, frozen=True):
         return first_contact(self.footprint, self.obstacles, path, self.size, after)
 
     def blocked_at_once(self, rest: Path) -> bool:
-        """True if a straight rest of a movement leads nowhere."""
+        """True if a straight rest of a movement is blocked from its start."""
         length = math.dist(*rest.places)
         fraction = min(AT_ONCE / length, 1.0) if length else 1.0
         return self.obstacles.overlap(self.footprint, rest.pose(0, 1.0, fraction))
 
 
 class Planner:
-    """Plans movements of `segments` equal parts, drawing errors from the random streams. `rule` says
-    which contacts end them, `clearance` how far before a contact the robot stands still, inches."""
+    """Plans movements of `segments` equal parts, with errors from the random streams. `rule` decides which
+    contacts end them. `clearance` is the distance before a contact at which the robot stops, inches."""
 
     def __init__(
         self,
@@ -85,7 +86,7 @@ class Planner:
         return replace(laid, profile=profile)
 
     def counted(self, trajectory: Trajectory, sensors: Iterable[CountingSensor], noise: bool) -> Trajectory:
-        """The same with what odometers and gyros will count, their errors drawn here."""
+        """The same with the future counts of odometers and gyros, whose errors are drawn here."""
         wheels: dict[str, FloatArray] = {}
         turns: dict[str, FloatArray] = {}
         path = trajectory.path
@@ -99,19 +100,19 @@ class Planner:
     def standing(
         self, pose: Pose, time: float, duration: float, sensors: Iterable[CountingSensor]
     ) -> Trajectory:
-        """No movement, for as long as something else takes (seconds). Nothing is drawn."""
+        """No movement for a duration (seconds), while the robot does something else. Nothing is drawn."""
         wheels = {each.spec.id: np.zeros((1, 2)) for each in sensors if each.slips}
         turns = {each.spec.id: np.zeros(1) for each in sensors if not each.slips}
         return replace(standing(pose, time, duration), wheels=wheels, turns=turns)
 
     def checked(self, trajectory: Trajectory, checker: CollisionChecker) -> Trajectory:
-        """The same with the contact, if the path runs into something, and what follows from it."""
+        """The same with the first contact on its path, if there is one, and its consequences."""
         return self._met(trajectory, checker.first(trajectory.path), checker)
 
     def checked_again(self, trajectory: Trajectory, time: float, checker: CollisionChecker) -> Trajectory:
-        """The same after an obstacle has appeared or gone at a simulated time: the rest of the way
-        is checked again, without new draws. A movement that has ended stays ended, and errors that
-        were dropped stay dropped."""
+        """The same after an obstacle has appeared or gone at a simulated time: the rest of the path is
+        checked again, without new draws. A movement that has ended stays ended, and errors that were dropped
+        stay dropped."""
         held_at, contact = trajectory.held_at, trajectory.contact
         if held_at is not None and held_at <= time:
             return trajectory
@@ -130,7 +131,7 @@ class Planner:
     def _kept_clear(
         self, path: Path, stop: PathPosition, checker: CollisionChecker, after: PathPosition = START
     ) -> PathPosition:
-        """The place where the robot stands still that would touch an obstacle at `stop`."""
+        """The place where a robot stops that would touch an obstacle at `stop`."""
         if not self._clearance:
             return stop
         return path.before(stop, self._clearance, checker.footprint.reach, after)
@@ -138,8 +139,8 @@ class Planner:
     def _met(
         self, trajectory: Trajectory, met: Met | None, checker: CollisionChecker, after: PathPosition = START
     ) -> Trajectory:
-        """The movement, ended or changed by the first contact on its path if there is one. What lies
-        before `after` is past."""
+        """The movement, ended or changed by the first contact on its path if there is one. The path before
+        `after` is not searched."""
         if met is None:
             return replace(trajectory, contact=None, rest=None, rest_stop=None)
         path, reached = trajectory.path, met.stop
@@ -147,7 +148,7 @@ class Planner:
         touch = checker.obstacles.touch(checker.footprint, met_at, met.beyond)
         # The part of a segment that the command asked for: a rotation's turn, a translation's translation.
         commanded = (reached.turned < 1.0) == trajectory.turning
-        # Asked where it would touch: from further back the rest always leads somewhere.
+        # Tested at the place of contact: from further back the rest is never blocked at once.
         beyond = rest_of(trajectory, reached)
         at_once = beyond is None or (commanded and (trajectory.turning or checker.blocked_at_once(beyond)))
         stop = self._kept_clear(path, reached, checker, after)
@@ -188,12 +189,12 @@ def rebuilt(
     cut: float | None = None,
     profile: VelocityProfile | None = None,
 ) -> Trajectory:
-    """A movement as it was, from what a log says of it, without any search or draw.
+    """A logged movement, rebuilt without any search or draw.
 
-    `totals` are the whole command's, errors included. `contact` is its first contact, `stop` where
-    an obstacle held it on what was left after its errors were dropped (`Trajectory.rest_stop`),
-    `cut` the simulated time at which it was cut short, `profile` its drive's. What odometers and
-    gyros counted is left out.
+    `totals` are the whole command's, errors included. `contact` is its first contact. `stop` is the place
+    where an obstacle stopped it on the rest of the command, after its errors were dropped
+    (`Trajectory.rest_stop`). `cut` is the simulated time at which it was cut short, `profile` its drive's.
+    Counts of odometers and gyros are left out.
     """
     x, y, turn = totals.x / segments, totals.y / segments, totals.r / segments
     path = Path.laid_when_asked(start, x, y, turn, segments)
@@ -204,7 +205,7 @@ def rebuilt(
 
 
 def standing(pose: Pose, time: float, duration: float, cut: float | None = None) -> Trajectory:
-    """No movement for a while (seconds), perhaps `cut` short at a simulated time."""
+    """No movement for `duration` seconds, perhaps `cut` short at a simulated time."""
     return replace(_laid(pose, None, Axes(), 1, time, duration), cut=cut)
 
 

@@ -1,4 +1,5 @@
-"""Random streams: one seed, and an independent stream for each consumer of random numbers."""
+"""Random streams: one seed, and an independent stream for each sensor, drive or other user of random
+numbers."""
 
 from __future__ import annotations
 
@@ -34,7 +35,7 @@ def stream(seed: int, name: str) -> np.random.Generator:
 
 
 class Streams(dict[str, "np.random.Generator"]):
-    """The generators of one seed by name, each made when it first draws: start-up needs none."""
+    """The generators of one seed by name. Each is made at its first draw, since start-up needs none."""
 
     def __init__(self, seed: int) -> None:
         super().__init__()
@@ -63,8 +64,8 @@ def random_bias(seed: int, strength: tuple[float, float]) -> dict[DriveKind, Axe
 
 
 class RandomBias(Mapping[DriveKind, Axes]):
-    """The same, drawn when it is first read: a run that never drives needs no draws, and a start should not
-    wait for the generator's import."""
+    """The same, drawn when it is first read. A run that never drives needs no draws, and the import of the
+    generator would delay the start."""
 
     def __init__(self, seed: int, strength: tuple[float, float]) -> None:
         self._seed = seed

@@ -1,6 +1,6 @@
 """Obstacles for the robot: walls, the outside of the maze, and the block if it is solid.
 
-By them robot and block are checked before they are placed somewhere.
+Robot and block are checked against them before they are placed.
 """
 
 import math
@@ -47,7 +47,7 @@ class Obstacles(Struct, frozen=True, dict=True):
     cells: tuple[int, int]
     """Rows and columns of the maze."""
     block: BaseGeometry | None = None
-    """The block, if it is solid: then the tree's last geometry stands for it."""
+    """The block, if it is solid; it is then the tree's last geometry."""
 
     @classmethod
     def of_maze(cls, walls: NDArray[np.bool_]) -> "Obstacles":
@@ -63,7 +63,8 @@ class Obstacles(Struct, frozen=True, dict=True):
         return cls(Edges.between(start, end), corners, tree, (rows - 2, columns - 2))
 
     def with_block(self, block: Block) -> "Obstacles":
-        """The same and a solid block; one that is hardly there has no edges that point anywhere."""
+        """The same and a solid block. A block of almost size 0 has no edges, since their directions are
+        undefined."""
         if block.size <= 2 * SKIN:
             return self
         corners = block.corners()
@@ -145,7 +146,7 @@ class Obstacles(Struct, frozen=True, dict=True):
         nearest, least = pairs[0], math.inf
         for part, index in pairs:
             gap = float(shapely.distance(part.geometry, self.tree.geometries[index])) - part.margin
-            # Only what is nearer beyond rounding takes the place of an earlier part.
+            # Only a part that is nearer by more than rounding replaces an earlier one.
             if gap < least - 2 * SKIN:
                 nearest, least = (part, index), gap
         return nearest
@@ -172,8 +173,8 @@ class Obstacles(Struct, frozen=True, dict=True):
         return self.block is not None and index == len(self.tree.geometries) - 1
 
     def _point(self, part: Part, index: int) -> tuple[float, float]:
-        """The point of an obstacle nearest to a part of the robot, on its outline, which lies a hair
-        outside that of the tree's geometry."""
+        """The point of an obstacle nearest to a part of the robot, on its outline, which is `SKIN` outside
+        that of the tree's geometry."""
         ends = shapely.get_coordinates(shapely.shortest_line(part.geometry, self.tree.geometries[index]))
         x, y = ends[1].tolist()
         if self.block is not None and self._is_block(index):
@@ -235,7 +236,7 @@ def _boxes(walls: NDArray[np.bool_]) -> list[BaseGeometry]:
 
 
 def robot_problem(maze: Maze, obstacles: Obstacles, footprint: Footprint, pose: Pose) -> str:
-    """Why the robot cannot stand at a pose, or an empty string."""
+    """Reason why the robot cannot stand at a pose, or an empty string."""
     if not all(math.isfinite(value) for value in (pose.x, pose.y, pose.heading)):
         return "x, y and heading must be finite numbers"
     outside = _outside(maze, pose.x, pose.y)
@@ -249,8 +250,8 @@ def robot_problem(maze: Maze, obstacles: Obstacles, footprint: Footprint, pose: 
 
 
 def block_problem(maze: Maze, obstacles: Obstacles, block: Block) -> str:
-    """Why the block cannot stand where it is, or an empty string. `obstacles` are the walls.
-    Where there is none, it is nowhere in the way."""
+    """Reason why the block cannot stand where it is, or an empty string. `obstacles` are the walls. Without a
+    block there is no problem."""
     if not block.size:
         return ""
     if not (math.isfinite(block.x) and math.isfinite(block.y)):

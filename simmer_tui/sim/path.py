@@ -13,8 +13,8 @@ from simmer_tui.sim.pose import Pose
 
 
 class PathPosition(Struct, frozen=True, order=True):
-    """A place on a path: in which segment (from 0), after which fraction of its turn and its
-    translation. Ordered along the path."""
+    """A place on a path: its segment (from 0), and the fractions of that segment's turn and translation.
+    Ordered along the path."""
 
     segment: int
     turned: float
@@ -25,8 +25,8 @@ START = PathPosition(0, 0.0, 0.0)
 
 
 class _LaidPlaces(Sequence[tuple[float, float]]):
-    """The places of a path whose segments all turn and go alike. They are computed once, when one after the
-    first is asked for."""
+    """The places of a path whose segments are all alike. They are computed once, at the first access to one
+    after the first."""
 
     __slots__ = ("_asked", "_places", "_segments")
 
@@ -77,7 +77,7 @@ class Path(Struct, frozen=True, dict=True):
     start: float
     turn: float
     places: Sequence[tuple[float, float]]
-    """Plain numbers: most paths have few segments, and most questions are about one place."""
+    """Plain numbers, not arrays: most paths have few segments, and most queries are about one place."""
 
     @classmethod
     def laid(cls, start: Pose, x: float, y: float, turn: float, segments: int) -> "Path":
@@ -92,8 +92,8 @@ class Path(Struct, frozen=True, dict=True):
 
     @classmethod
     def laid_when_asked(cls, start: Pose, x: float, y: float, turn: float, segments: int) -> "Path":
-        """`laid`, the same numbers bit for bit, but its places are computed when one is asked for: a log has
-        millions of paths, and of most of them nobody asks for more than the first."""
+        """`laid`, the same numbers bit for bit, but its places are computed at the first access. A log has
+        millions of paths, and for most of them only the first place is used."""
         return cls(start.heading, turn, _LaidPlaces(start, x, y, turn, segments))
 
     @property
@@ -135,7 +135,7 @@ class Path(Struct, frozen=True, dict=True):
         return lengths
 
     def length_to(self, stop: PathPosition) -> float:
-        """Length of the way to a place, inches."""
+        """Length of the path to a place, inches."""
         lengths = self.lengths()
         return math.fsum(lengths[: stop.segment]) + stop.translated * lengths[stop.segment]
 
@@ -185,18 +185,17 @@ class Path(Struct, frozen=True, dict=True):
 class Contact(Struct, frozen=True):
     """The first contact of a movement with an obstacle.
 
-    `pose` is the robot's pose at contact, `point` the place of the obstacle it touches (global,
-    inches). `segment` counts from 0; `turned` and `translated` are the fractions of that segment's
-    two parts that were done. `time` is simulated time.
+    `pose` is the robot's pose at contact, `point` the place of the obstacle it touches (global, inches).
+    `segment` counts from 0; `turned` and `translated` are the fractions of that segment's turn and
+    translation that were done. `time` is simulated time.
 
-    `ended` says whether the contact ended the movement, there or in what was left of the command
-    after its errors were dropped. `drift` says that an error alone brought the robot there, not the
-    commanded motion: it was met in the turn of a translation or by the translation of a rotation,
-    or else in the translation of a translation while the commanded motion by itself, without the
-    errors on other axes, would have gone on from there by more than a millionth of an inch.
-    `held_block` says that the held block touches, not the robot's body. `cell` is whose wall it is:
-    (row from the top, column from the left), counted from 1 as in maze.csv; row 0 and the row after
-    the last, column 0 and the column after the last are the outside. None for a solid block.
+    `ended` is True if the contact ended the movement, there or on the rest of the command after its errors
+    were dropped. `drift` is True if an error alone, not the commanded motion, led to the contact. That is the
+    case in the turn of a translation and in the translation of a rotation. It is also the case in the
+    translation of a translation, if the commanded motion without errors on other axes could continue from
+    there by more than a millionth of an inch. `held_block` is True if the held block touches, not the robot's
+    body. `cell` is the wall's cell: (row from the top, column from the left), counted from 1 as in maze.csv.
+    Row 0, column 0, and the row and the column after the last are the outside. None for a solid block.
     """
 
     pose: Pose

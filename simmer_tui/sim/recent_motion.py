@@ -1,8 +1,8 @@
 """The last seconds of a robot and its block, for sensors that look back.
 
-A lidar takes its time for a turn: each ray has a moment of its own, and needs the pose of that moment.
-Pieces of motion are kept as long as such a sensor may ask for them. Between two pieces the robot stands,
-and before the first one it stood there always.
+A turn of a lidar takes time: each ray is sent at its own moment, and needs the pose at that moment. Pieces of
+motion are kept as long as such a sensor may need them. Between two pieces, and before the first one, the
+robot stands.
 """
 
 from collections import deque
@@ -45,11 +45,11 @@ class RecentMotion:
         self._blocks: deque[BlockPlace] = deque()
 
     def forget(self) -> None:
-        """The robot has been put somewhere: it counts as if it had stood there always."""
+        """Forget all motion after the robot has been placed: it counts as if it had always stood there."""
         self._pieces.clear()
 
     def went(self, piece: Piece) -> None:
-        """A piece of motion is over."""
+        """Add a piece of motion that is over."""
         if not self._span:
             return
         self._pieces.append(piece)
@@ -58,8 +58,8 @@ class RecentMotion:
             self._pieces.popleft()
 
     def block_is(self, place: BlockPlace) -> None:
-        """The block is somewhere from now on: it has been put there, taken or let go."""
-        # What was before the run began counts no more.
+        """Add a place of the block, from now on: it was moved, grasped or released."""
+        # Places before the run began are dropped.
         if not self._span or place.since <= 0.0:
             self._blocks.clear()
         self._blocks.append(place)
@@ -68,8 +68,8 @@ class RecentMotion:
             self._blocks.popleft()
 
     def poses(self, times: FloatArray, now: Pose, under_way: Piece | None) -> FloatArray:
-        """The poses, (n, 3), at n ascending simulated times up to the present. The robot is at a pose now,
-        perhaps amid a piece of motion."""
+        """The poses, (n, 3), at n ascending simulated times up to the present. `now` is its present pose,
+        `under_way` the piece of motion that has not ended, if any."""
         pieces = [*self._pieces, *([] if under_way is None else [under_way])]
         if not pieces:
             return np.tile((now.x, now.y, now.heading), (len(times), 1))

@@ -17,8 +17,8 @@ from simmer_tui.sim.trajectory import Trajectory
 class RangeScan(Struct, frozen=True):
     """The rays of one range reading.
 
-    `origin` is the sensor's place (inches, global), `bearings` the directions of the rays
-    (degrees, global) and `distances` how far each went (inches; infinite if it hit nothing).
+    `origin` is the sensor's place (inches, global), `bearings` the directions of the rays (degrees, global)
+    and `distances` their lengths (inches; infinite if a ray hit nothing).
     """
 
     origin: tuple[float, float]
@@ -27,8 +27,8 @@ class RangeScan(Struct, frozen=True):
 
 
 class FloorPatch(Struct, frozen=True):
-    """The floor below a line sensor: a disc (global, inches), its (n, 2) test points, and which
-    of them lie on black, (n,) bool."""
+    """The floor below a line sensor: a disc (global, inches), its (n, 2) test points, and True for those on
+    black, (n,) bool."""
 
     centre: tuple[float, float]
     radius: float
@@ -42,8 +42,8 @@ class LidarScan(Struct, frozen=True):
     `revolution` counts from time 0, -1 is the one before it. `ranges` are the distances that the sensor
     reported (inches; infinite where it missed), `bearings` the directions of the rays in the robot's frame
     (degrees), and `true` the distances from where the robot was at the moment of each ray. `poses` are those
-    poses, (n, 3): x and y in inches, heading in degrees. What is not known is empty: `true` of a scan in a
-    log, and both of a real robot's whose rays are others than the set's.
+    poses, (n, 3): x and y in inches, heading in degrees. Unknown arrays are empty: `true` of a scan in a log,
+    and both of a real robot whose rays differ from the set's.
     """
 
     revolution: int
@@ -54,7 +54,7 @@ class LidarScan(Struct, frozen=True):
 
 
 def ray_bearings(like: NDArray[np.float64], count: int) -> NDArray[np.float64]:
-    """The directions of so many rays that go around as others do, degrees."""
+    """The directions of `count` rays, degrees, evenly spaced in the same sense of rotation as `like`."""
     if len(like) == count:
         return like
     turn = -360.0 if len(like) < 2 or like[1] < like[0] else 360.0
@@ -65,8 +65,8 @@ def ray_bearings(like: NDArray[np.float64], count: int) -> NDArray[np.float64]:
 class Reading(Struct, frozen=True):
     """One reading of one sensor.
 
-    `true` is what a perfect sensor would say (for ir the fraction of test points it reacts to),
-    `value` what this one said. `view` is the geometry it rests on, where there is any.
+    `true` is the value of a perfect sensor (for ir the fraction of test points it reacts to), `value` the
+    value that was read. `view` is the geometry of the reading, if there is any.
     """
 
     sensor: SensorSpec
@@ -74,18 +74,19 @@ class Reading(Struct, frozen=True):
     true: float
     view: RangeScan | FloorPatch | None = None
     took: float = 0.0
-    """Seconds of simulated time from the look to the answer: the sensor's Read Time."""
+    """Seconds of simulated time from the measurement to the answer: the sensor's Read Time."""
     scan: LidarScan | None = None
-    """The numbers of a reading that is many; `value` is then the one that tables and panels show."""
+    """The rays, if the reading is a whole scan; `value` is then the one number that tables and panels
+    show."""
 
 
 class Grip(Struct, frozen=True):
-    """An action of the gripper: its simulated time, True if it closed or opened, True if it holds
-    the block after it, and where the block then is: x, y (inches) and heading, global.
+    """An action of the gripper: its simulated time, `closed` (False if it opened), `holding` after it, and
+    where the block then is: x, y (inches) and heading, global.
 
-    `missed` says, if it closed and took nothing, how far the block's centre was outside the window,
-    inches in the robot's frame: beyond it (negative: too near), and to the left (negative: to the
-    right). Both are 0 for jaws that were closed already.
+    `missed` is set if it closed without the block. It is the distance of the block's centre from the window,
+    inches in the robot's frame: beyond it (negative: too near), and to the left (negative: to the right).
+    Both are 0 for jaws that were closed already.
     """
 
     time: float
@@ -96,10 +97,10 @@ class Grip(Struct, frozen=True):
 
 
 class VelocityChange(Struct, frozen=True):
-    """A velocity that a command set: what the robot was told (in/s, deg/s, its own frame), the simulated
-    time at which it ends by itself (infinite: never), False for `changed` if it was in force already, the
-    rim speed of each wheel that slips, in/s, True for `times_out` if it ends only since it is not sent
-    again, and the share of what was asked that the robot can do (`limited`)."""
+    """A velocity that a command set, in/s and deg/s in the robot's frame, with the simulated time at which it
+    ends by itself (infinite: never). `changed` is False if it was already in force. `slip` is the rim speed
+    of each wheel that slips, in/s. `times_out` is True if it ends only because it is not sent again.
+    `limited` is the share of the request that the robot can do."""
 
     twist: Twist
     expires: float
@@ -120,7 +121,7 @@ class Status(StrEnum):
     UNKNOWN = "unknown"
     """No such code, or a disabled one."""
     REFUSED = "refused"
-    """Malformed: empty, cut short, or with a value that is no finite number."""
+    """Malformed: empty, cut short, or with a value that is not a finite number."""
     UNANSWERED = "unanswered"
     """A real robot did not answer, or a team's own device failed."""
 
@@ -132,12 +133,12 @@ TOO_MANY_WAIT = "too many commands of its sender wait already"
 
 
 class CommandResult(Struct, frozen=True):
-    """The result of one command: all that a watcher needs to log it, draw it or answer it.
+    """The result of one command: everything needed to log it, draw it or answer it.
 
-    `number` counts commands from 1, `time` is the simulated time of the reply, `reply` the number
-    on the wire (infinity for a movement, NaN for a refusal, which `reason` explains). `before` and
-    `pose` are the robot's pose before and after; of a movement that has merely been accepted both
-    are the pose it begins at. `trajectory` is how a movement went, once it is done.
+    `number` counts commands from 1, `time` is the simulated time of the reply, `reply` the number on the wire
+    (infinity for a movement, NaN for a refusal, which `reason` explains). `before` and `pose` are the robot's
+    pose before and after; of a movement that has only been accepted both are the pose it begins at.
+    `trajectory` is the movement as it really went, once it is done.
     """
 
     number: int
@@ -153,7 +154,7 @@ class CommandResult(Struct, frozen=True):
     grip: Grip | None = None
     """The gripper's action, if the command was for it; the robot stands still meanwhile."""
     taken: float | None = None
-    """Simulated time at which the command was taken up; None stands for `time`."""
+    """Simulated time at which the command began; None means `time`."""
     link: float = 0.0
     """Simulated seconds that command and reply spent on the link."""
     velocity: VelocityChange | None = None
@@ -163,8 +164,8 @@ class CommandResult(Struct, frozen=True):
 
     @property
     def ranges(self) -> NDArray[np.float64] | None:
-        """The numbers of the reply, inches, if they are many: those of a scan that was asked for as a whole.
-        Of one ray, as in `sc-90`, the reply is one number."""
+        """The ranges of the reply, inches, if a whole scan was requested, else None. The reply to one ray, as
+        in `sc-90`, is one number."""
         reading = self.reading
         return None if reading is None or reading.scan is None else reading.scan.ranges
 
@@ -178,7 +179,8 @@ class CommandResult(Struct, frozen=True):
 
     @property
     def contact(self) -> Contact | None:
-        """The first contact of the movement, if there was one; it says whether it ended the movement."""
+        """The first contact of the movement, if there was one; `Contact.ended` is True if it ended the
+        movement."""
         return self.trajectory.contact if self.trajectory is not None else None
 
     def __repr__(self) -> str:

@@ -17,11 +17,11 @@ from simmer_tui.sim.command import NUMBER, escape
 
 T = TypeVar("T")
 
-# Thirty digits at most: Python refuses to convert texts of more than 4,300, and no value here needs them.
+# At most 30 digits: Python refuses to convert texts of more than 4,300, and no value here needs as many.
 WHOLE_NUMBER = re.compile(r"[+-]?[0-9]{1,30}")
 MAX_TEXT = 255
 """Most characters of a text: the longest file name that file systems take."""
-# In place of a value that a rule does not take; None is a value.
+# In place of a value that a rule refuses; None is a value.
 _REFUSED: Any = object()
 
 
@@ -51,7 +51,7 @@ def describe(value: object) -> str:
     if isinstance(value, dict):
         return "a table"
     if isinstance(value, list | tuple):
-        # Longer lists and nested ones would fill the line of the message.
+        # Longer and nested lists would fill the line of the message.
         if len(value) <= 4 and not any(isinstance(item, list | tuple | dict) for item in value):
             return f"[{', '.join(describe(item) for item in value)}]"
         return f"a list of {len(value)} values"
@@ -108,7 +108,7 @@ class Rule(Struct, Generic[T], frozen=True):
         return accepted
 
     def _parsed(self, text: str) -> object:
-        """The typed value that a text stands for; the text itself if it stands for none."""
+        """The typed value of a text; the text itself if it has none."""
         return text
 
     def _accepted(self, value: object) -> Any:
@@ -121,7 +121,7 @@ def _number(text: str) -> object:
 
 
 class NumberRule(Rule[float], frozen=True):
-    """A finite number from `low` to `high`; an open end excludes the bound itself."""
+    """A finite number from `low` to `high`; an open interval excludes the bound itself."""
 
     low: float = -math.inf
     high: float = math.inf
@@ -189,7 +189,7 @@ class NumberOrOffRule(Rule[float], frozen=True):
         return "off" if text.strip().lower() == "off" else _number(text)
 
     def _accepted(self, value: object) -> Any:
-        # 0 is taken as well because that is what the setting holds when it is off.
+        # 0 is allowed as well, because it is the setting's value when it is off.
         is_off = value == "off" or (value == 0 and not isinstance(value, bool))
         return 0.0 if is_off else NumberRule(self.low, self.high)._accepted(value)
 
@@ -218,7 +218,7 @@ class PortOrOffRule(Rule[str], frozen=True):
 
 
 class IntegerRule(Rule[int], frozen=True):
-    """A whole number from `low` to `high`; `meaning` says it in other words."""
+    """A whole number from `low` to `high`; `meaning` describes it in words."""
 
     low: int
     high: int
@@ -289,7 +289,7 @@ class ChoiceRule(Rule[str], frozen=True):
 
 
 class WordRule(ChoiceRule, frozen=True):
-    """One of a few words, in any case, each with the value that it stands for."""
+    """One of a few words, in any case, each with its value."""
 
     meant: tuple[Any, ...] = ()
 
@@ -303,7 +303,7 @@ class WordRule(ChoiceRule, frozen=True):
 
 
 class WordOrRule(WordRule, frozen=True, kw_only=True):
-    """One of a few words, each with the value that it stands for, or a value of another rule."""
+    """One of a few words, each with its value, or a value of another rule."""
 
     other: Rule[Any]
 
@@ -397,7 +397,7 @@ class TextRule(Rule[str], frozen=True):
 
 
 class RawTextRule(Rule[str], frozen=True):
-    """A text of up to `longest` characters, whichever they are: what goes over a wire."""
+    """A text of up to `longest` characters of any kind, as sent over a wire."""
 
     longest: int = 256
 

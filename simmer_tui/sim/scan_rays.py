@@ -1,4 +1,4 @@
-"""The rays of a scan in the maze's frame, and what stands out in a scan."""
+"""The rays of a scan in the maze's frame, and the nearest and farthest echo of a scan."""
 
 import numpy as np
 from msgspec import Struct
@@ -10,8 +10,8 @@ from simmer_tui.sim.specs import SensorSpec
 
 
 class ScanRays(Struct, frozen=True, eq=False):
-    """Rays of a scan that had an echo, in the maze's frame: where each was sent from, (n, 2) inches, its
-    direction as a unit vector, (n, 2), and the range that the sensor told, (n,) inches."""
+    """Rays of a scan that had an echo, in the maze's frame: their origins, (n, 2) inches, their directions as
+    unit vectors, (n, 2), and the ranges that the sensor reported, (n,) inches."""
 
     origins: FloatArray
     ways: FloatArray
@@ -34,7 +34,7 @@ class ScanExtremes(Struct, frozen=True):
 
 
 def rays_of(scan: LidarScan, sensor: SensorSpec, pose: Pose) -> ScanRays:
-    """Rays of a scan that a sensor read. Where it is not known where each was sent from, all were sent from
+    """Rays of a scan that a sensor read. If their origins are not known, all are taken as sent from
     `pose`."""
     echo = has_echo(scan)
     from_here = np.array([(pose.x, pose.y, pose.heading)])
@@ -51,7 +51,7 @@ def rays_of(scan: LidarScan, sensor: SensorSpec, pose: Pose) -> ScanRays:
 
 def has_echo(scan: LidarScan) -> BoolArray:
     """True for rays that met something, (n,)."""
-    # Some lidars say 0 where they missed; no range of theirs is that short.
+    # Some lidars report 0 for a miss; none measures a range that short.
     echo: BoolArray = np.isfinite(scan.ranges) & (scan.ranges > 0.0)
     return echo
 

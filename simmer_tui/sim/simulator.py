@@ -1,4 +1,4 @@
-"""The simulated robot: commands in, outcomes out. No clock, no sockets, no files."""
+"""The simulated robot: commands in, results out. No clock, no sockets, no files."""
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
@@ -32,7 +32,7 @@ from simmer_tui.sim.specs import Axes, DriveKind, DriveSpec, GripperSpec, Sensor
 from simmer_tui.sim.trajectory import Trajectory
 from simmer_tui.sim.velocity_commands import WAIT, VelocityControl, VelocityRequest, parse_wait
 
-# 16 miles, beyond any maze by far; at 1e6 in a coordinate still has nine decimals.
+# 16 miles, far beyond any maze; at 1e6 in a coordinate still has nine decimals.
 LARGEST_VALUE = 1e6
 """Greatest movement one command may ask for, inches or degrees (times Gain)."""
 _STILL_MOVING = "the robot is still moving"
@@ -46,13 +46,13 @@ class Simulator:
         outcome = simulator.execute("u1")
         outcome.reply, outcome.reading.true
 
-    `execute` does a whole command and moves simulated time on by what it takes. For motion in
-    real time there are the pieces: `advance` sets the time, `begin` starts a command (a movement
-    then goes on by itself as time advances), `stop` ends a movement.
+    `execute` does a whole command and advances simulated time by its duration. Motion in real time uses the
+    steps: `advance` sets the time, `begin` starts a command (a movement then continues as time advances),
+    `stop` ends a movement.
     """
 
     def __init__(self, spec: SimulationSpec, seed: int = 0) -> None:
-        """`seed` rules all randomness. Raises PlacementError if robot or block stand in a wall."""
+        """`seed` determines all randomness. Raises PlacementError if robot or block overlap a wall."""
         self.spec = spec
         self.maze = Maze(spec.maze)
         self.footprint = Footprint.of(spec.robot)
@@ -150,7 +150,7 @@ class Simulator:
 
     @property
     def velocity(self) -> Twist:
-        """The velocity that the robot was told last and drives at until told otherwise: in/s and deg/s."""
+        """The velocity commanded last, in force until the next command: in/s and deg/s."""
         return self._continuous.commanded
 
     @property
@@ -165,7 +165,7 @@ class Simulator:
 
     @property
     def moving(self) -> bool:
-        """True if a drive command is under way (also while a wall holds the robot)."""
+        """True if a drive command is under way (also while a wall blocks the robot)."""
         return self.trajectory is not None
 
     @property
@@ -175,7 +175,7 @@ class Simulator:
 
     @property
     def block(self) -> Block:
-        """The block's present pose; while it is held it goes with the robot."""
+        """The block's present pose; while it is held it moves with the robot."""
         return self._gripper.block(self._world.block, self.pose)
 
     @property
@@ -185,7 +185,7 @@ class Simulator:
 
     @property
     def body(self) -> Footprint:
-        """The body that can run into a wall: the robot's footprint, and the block while it is held."""
+        """The body that can touch a wall: the robot's footprint, and the block while it is held."""
         return self._gripper.body
 
     def is_drive(self, command: Command) -> bool:
@@ -212,8 +212,8 @@ class Simulator:
     # -- commands ----------------------------------------------------------------------------
 
     def execute(self, command: Command | str) -> CommandResult:
-        """Do one command from beginning to end. Simulated time jumps to the end of a movement, and on
-        by a sensor's Read Time."""
+        """Do one command from beginning to end. Simulated time jumps to the end of a movement, or advances by
+        a sensor's Read Time."""
         if isinstance(command, str):
             command = parse_command(command)
         self.begin_pass((command,))
@@ -224,7 +224,7 @@ class Simulator:
         return self.finish(outcome) if takes or outcome.waits else outcome
 
     def begin(self, command: Command | str) -> CommandResult:
-        """Read a sensor, or plan a movement and set it going at the present simulated time.
+        """Read a sensor, or plan a movement and start it at the present simulated time.
 
         A movement gives `ACCEPTED`, and `trajectory` is its plan; while one is under way another is
         refused as `BUSY`. Malformed and unknown commands give NaN, change nothing and draw no
@@ -234,7 +234,7 @@ class Simulator:
             command = parse_command(command)
         self.commands += 1
         before = self.pose
-        # Stopping comes before all checks: it must work whatever the robot is doing.
+        # A stop comes before all checks: it must always work.
         if command.stops:
             self.stop()
             return replace(self._taken(command, before, Status.STOPPED), pose=self.pose)
@@ -266,7 +266,7 @@ class Simulator:
         try:
             reading = self._read(sensor, before) if turning is None else self._scanned(turning, command)
         except DeviceError as error:
-            # The run goes on: a program may ask others, or again.
+            # The run continues: a program may read other sensors, or read again.
             return self._refused(command, before, str(error), Status.UNANSWERED)
         if isinstance(reading, str):
             return self._refused(command, before, reading)
@@ -275,13 +275,13 @@ class Simulator:
         )
 
     def refuse(self, command: Command) -> CommandResult:
-        """The outcome of a command that is not looked at, since too many wait: `BUSY`."""
+        """The result of a command that is not examined, because too many wait: `BUSY`."""
         self.commands += 1
         return self._refused(command, self.pose, TOO_MANY_WAIT, Status.BUSY)
 
     def finish(self, outcome: CommandResult) -> CommandResult:
-        """The outcome of a whole command from the one that began it. Simulated time goes on to the
-        end of the movement, unless it is over already, or by what the reading takes."""
+        """The result of a whole command, from the result of `begin`. Simulated time advances to the end of
+        the movement, unless it is already over, or by the reading's duration."""
         if outcome.reading is not None or outcome.waits:
             self.advance(outcome.time + outcome.duration)
             return replace(outcome, time=self.time, pose=self.pose, taken=outcome.time)
@@ -301,7 +301,7 @@ class Simulator:
 
     def advance(self, time: float) -> None:
         """Set simulated time, which never goes back. A movement that ends by then is over."""
-        # Clocks of callers may be behind by a little; simulated time never is.
+        # Clocks of callers may be slightly behind; simulated time never goes back.
         self.time = max(time, self.time)
         if self._continuous.leg is not None:
             while self._continuous.due <= self.time:
@@ -329,7 +329,7 @@ class Simulator:
         return True
 
     def release(self) -> None:
-        """Let a velocity end as if it had been told to stand, with its lag and its ramp."""
+        """End a velocity as a command of velocity 0 would, with its lag and its ramp."""
         self._continuous.release(self.time, self.pose)
 
     # -- what people may change ---------------------------------------------------------------
@@ -359,7 +359,7 @@ class Simulator:
             if blocked:
                 raise PlacementError(f"the block at ({x:g}, {y:g}) would overlap the robot")
         self._set_block(block)
-        # What was drawn stays: moving the block must not change the errors of a run.
+        # Drawn errors stay: moving the block must not change the errors of a run.
         if self.trajectory is not None and self.spec.block_solid:
             checker = CollisionChecker(self.footprint, self._obstacles, self.maze)
             self.trajectory = self._planner.checked_again(self.trajectory, self.time, checker)
@@ -370,7 +370,7 @@ class Simulator:
         self.bias = {**self.bias, **bias}
         self._drive_on()
 
-    # -- truth, for programs that learn or localize --------------------------------------------
+    # -- true values, for programs that learn or localize --------------------------------------
 
     def true_value(self, code: str) -> float:
         """The reading of a sensor now, without random error. Raises UnknownSensorError."""
@@ -454,8 +454,8 @@ class Simulator:
         return Reading(spec, value, true, view, spec.read_time)
 
     def wait_for_scan(self, command: Command) -> None:
-        """A command is about to come in instant motion. If it asks a lidar for what has been read already,
-        time goes on until the next revolution is complete."""
+        """Called before a command in instant motion. If it requests rays of a lidar that were already read,
+        time advances until the next revolution is complete."""
         turning = self._turning.get(command.code)
         if turning is None or command.problem or not turning.lidar.spec.enabled:
             return
@@ -464,7 +464,7 @@ class Simulator:
             self.advance(turning.waits_until(self.time, ray))
 
     def _scanned(self, turning: Turning, command: Command) -> Reading | str:
-        """A reading of a lidar, or why a command to it is refused."""
+        """A reading of a lidar, or the reason why the command is refused."""
         ray = turning.ray(command.argument)
         if isinstance(ray, str):
             return ray
@@ -496,22 +496,22 @@ class Simulator:
     # -- continuous motion ---------------------------------------------------------------------
 
     def begin_pass(self, commands: Sequence[Command]) -> None:
-        """Commands are about to come at one moment, in instant motion. While the robot drives, a program's
-        loop takes time: it goes on by `loop_time` if one of the codes has come since it last moved."""
+        """Called before commands of one moment, in instant motion. While the robot drives, a program's loop
+        takes time: time advances by `loop_time` if one of the codes was already sent since it last did."""
         asked = self._asked
         if self._asked_at != self.time:
             asked.clear()
-        # A program that looks twice at one thing expects that something may have changed.
+        # A program that reads a sensor twice expects that something may have changed.
         if self._continuous.leg is not None and any(command.code in asked for command in commands):
             self.advance(self.time + self.spec.loop_time)
             asked.clear()
-        # A loop, not a set of its own: nearly always it is one command, and this runs for each.
+        # A loop, not another set: nearly always it is one command, and this runs for each.
         for command in commands:
             asked.add(command.code)
         self._asked_at = self.time
 
     def _begin_continuous(self, command: Command, pose: Pose) -> CommandResult:
-        """Wait, or take a velocity."""
+        """Begin a wait, or a velocity."""
         if command.code == WAIT:
             seconds = parse_wait(command.argument)
             if isinstance(seconds, str):
@@ -530,7 +530,7 @@ class Simulator:
     def _take_velocity(self, request: VelocityRequest, pose: Pose) -> VelocityChange:
         timeout = self.spec.velocity_timeout or math.inf
         twist = request.target.twist
-        # A robot that is told to stand has nothing that could end.
+        # A velocity of 0 has no end.
         expires = self.time + min(request.seconds, timeout) if twist.moves else math.inf
         changed = self._continuous.command(self.time, pose, request.target, expires, noise=self._noise)
         return VelocityChange(
@@ -538,7 +538,7 @@ class Simulator:
         )
 
     def _drive_on(self) -> None:
-        """Something has changed that a robot under way has to do with."""
+        """Plan a motion under way again after a change that concerns it."""
         self._continuous.look_again(self.time, self.pose, noise=self._noise)
 
     # The simulator listens to its own continuous motion first.
@@ -560,7 +560,7 @@ class Simulator:
             self.listener.leg_ended(leg)
 
     def velocity_expired(self, time: float) -> None:
-        """The time of a velocity is over."""
+        """A velocity has timed out."""
         if self.listener is not None:
             self.listener.velocity_expired(time)
 
@@ -574,7 +574,7 @@ class Simulator:
         self.trajectory = self._planner.checked(trajectory, self._checker(pose))
 
     def _grip(self, spec: GripperSpec, close: bool, pose: Pose) -> Grip:
-        """The jaws act at once; the robot then stands still for as long as they take."""
+        """The jaws act at once; the robot then stands still for their duration."""
         grip = self._gripper.move(spec, close, self._world.block, pose, self.time)
         block = grip.block
         self._set_block(Block(block.x, block.y, self.spec.block_size, block.heading))
@@ -587,8 +587,8 @@ class Simulator:
         return World(self.maze, self._gripper.block(self._world.block, pose), held=True)
 
     def _obstacles_at(self, pose: Pose) -> Obstacles:
-        """Obstacles for a robot that sets off at a pose. A block just let go may overlap the robot,
-        if only by rounding; it is no obstacle until the robot has left it."""
+        """Obstacles for a robot that starts at a pose. A block just released may overlap the robot, if only
+        by rounding. It is no obstacle until the robot has left it."""
         solid = self.spec.gripper is not None and self._obstacles is not self.walls
         return self.walls if solid and self._obstacles.overlap(self.body, pose) else self._obstacles
 
@@ -635,7 +635,8 @@ class Simulator:
 
 
 def _amount(drive: DriveSpec | GripperSpec, argument: str | None) -> float | str:
-    """The value that a command asks of a drive (times Gain) or the gripper, or why it is refused, as text."""
+    """The value that a command requests of a drive (times Gain) or the gripper, or as text the reason why it
+    is refused."""
     value = parse_value(argument)
     if isinstance(value, str):
         return value

@@ -1,9 +1,8 @@
 """Frozen descriptions of everything that is simulated: maze, robot, sensors, drives.
 
-Units are inches, degrees and seconds. Lengths given as (x, y) are in the robot's frame (+X front,
-+Y left) unless a docstring says otherwise. These values carry no behaviour; whoever makes them
-(the configuration loader, a notebook) is responsible for their being in range, and
-`Simulator` refuses a start that overlaps a wall.
+Units are inches, degrees and seconds. Lengths given as (x, y) are in the robot's frame (+X front, +Y left)
+unless a docstring says otherwise. These values have no behaviour. Their maker (the configuration loader, a
+notebook) ensures that they are in range. `Simulator` refuses a start that overlaps a wall.
 """
 
 import math
@@ -27,8 +26,8 @@ WALL, EMPTY, START, BLOCK = range(4)
 class MazeSpec(Struct, frozen=True):
     """The maze: one integer a cell (`WALL`, `EMPTY`, `START`, `BLOCK`), the first row on top.
 
-    `floor` holds the tiles, the first row on top, 0 black and 1 white; None stands for the
-    course's generated pattern.
+    `floor` has the tiles, the first row on top, 0 black and 1 white; None means the course's generated
+    pattern.
     """
 
     cells: tuple[tuple[int, ...], ...]
@@ -87,8 +86,8 @@ class RobotSpec(Struct, frozen=True):
 
 
 class SensorKind:
-    """A kind of sensor, as it describes itself. Kinds are classes, never objects of this one; how
-    they work is in `simmer_tui.sim.sensors`."""
+    """Description of a kind of sensor. Kinds are subclasses, never objects of this class; their behaviour is
+    in `simmer_tui.sim.sensors`."""
 
     name: ClassVar[str]
     """The start of an ID in sensors.csv: `ultra` of `ultra1`."""
@@ -97,7 +96,7 @@ class SensorKind:
     unit: ClassVar[str] = ""
     """Unit of a reading, such as `in` or `deg`; empty for a yes or no."""
     columns: ClassVar[tuple[CsvColumn, ...]]
-    """The columns of sensors.csv that mean something to it."""
+    """The columns of sensors.csv that it uses."""
     spec_type: "ClassVar[type[SensorSpec]]"
     """The class of a row: `SensorSpec`, or one derived from it with further fields."""
     is_range: ClassVar[bool] = False
@@ -115,12 +114,12 @@ class SensorKind:
     feels_floor: ClassVar[bool] = False
     """True if its reading depends on the colour of the floor."""
     stands_for: ClassVar[tuple[str, ...]] = ()
-    """The functions of a dialect's expressions that such a sensor is needed for: ray, scan, contact."""
+    """The functions of a dialect's expressions that need such a sensor: ray, scan, contact."""
     devices: ClassVar[tuple[str, ...]] = ()
     """The classes of a simmer-python `config.py` that are this kind there."""
     is_opaque: ClassVar[bool] = False
-    """True for a team's own device: only the simulation asks how it works. Reports and calibration go by its
-    logged readings, so that they say the same with the device file and without it."""
+    """True for a team's own device: only the simulation runs its code. Reports and calibration use its logged
+    readings, so that they give the same results without the device file."""
     any_columns: ClassVar[bool] = False
     """True if its columns are not known: sensors.csv may have any, and their cells are not read."""
 
@@ -131,7 +130,7 @@ class SensorKind:
 
     @staticmethod
     def contradiction(spec: "SensorSpec") -> tuple[tuple[CsvColumn, ...], str] | None:
-        """Columns of a row that cannot be true together, and what is wrong with them."""
+        """Columns of a row that contradict each other, and the reason; None if there are none."""
         return None
 
 
@@ -166,7 +165,7 @@ class SensorSpec(Struct, frozen=True, kw_only=True):
     detects_white: bool = False
     vertical_field_of_view: float = 0.0
     """Degrees from edge to edge; 0 for a sensor that sees a block by height alone."""
-    # What follows is explained, with its sources, in docs/sensors.md. 0 means that there is none.
+    # The following fields are explained, with their sources, in docs/sensors.md. 0 means none.
     read_time: float = 0.0
     """Seconds of simulated time that a reading takes."""
     dropout: float = 0.0
@@ -176,7 +175,7 @@ class SensorSpec(Struct, frozen=True, kw_only=True):
     incidence_limit: float = 0.0
     """Degrees from a wall's normal beyond which a ray has no echo."""
     cross_talk: float = 0.0
-    """Probability that it takes another sensor's sound, if that comes first, for its own."""
+    """Probability that another sensor's sound, if it arrives first, is read as its own echo."""
     ticks_per_inch: float = 0.0
     random_walk: float = 0.0
     """Degrees in a second, growing with the square root of time."""
@@ -184,7 +183,7 @@ class SensorSpec(Struct, frozen=True, kw_only=True):
     soft_iron: float = 0.0
     """Greatest deviation of a compass, degrees: once, and twice, a turn."""
     analog: bool = False
-    """True if a line sensor replies with the share it sees, 0 to 1, instead of yes or no."""
+    """True if a line sensor replies with the fraction of its test points, 0 to 1, instead of yes or no."""
 
     @property
     def id(self) -> str:
@@ -203,8 +202,8 @@ class SensorSpec(Struct, frozen=True, kw_only=True):
 
 
 class Axes(Struct, frozen=True, gc=False):
-    """One number an axis of motion: x and y (translation) and r (rotation). A struct because reading a log
-    makes one a movement."""
+    """One number for each axis of motion: x and y (translation) and r (rotation). A struct, for speed:
+    reading a log makes one for each movement."""
 
     x: float = 0.0
     y: float = 0.0
@@ -254,10 +253,10 @@ class ContactRule(StrEnum):
     """The effect of a contact on a movement."""
 
     DRIVE = "drive"
-    """It ends it only where the commanded motion itself cannot go on: errors on other axes, which
-    only press the robot against a wall, are dropped for the rest of the command."""
+    """The contact ends the movement only if the commanded motion itself is blocked. Errors on other axes,
+    which only press the robot against a wall, are dropped for the rest of the command."""
     STOP = "stop"
-    """It ends it."""
+    """The contact ends the movement."""
 
 
 class DriveSpec(Struct, frozen=True, kw_only=True):
@@ -293,7 +292,7 @@ class VelocityKind(StrEnum):
     """A command of continuous motion; the value is the ID in drive.csv."""
 
     values: tuple[str, ...]
-    """Names of its values, without the time after which it ends; of rim speeds there is one a wheel."""
+    """Names of its values, without the time after which it ends; rim speeds are one for each wheel."""
 
     def __new__(cls, value: str, values: tuple[str, ...] = ()) -> Self:
         """A member with its row of the table below."""
@@ -344,12 +343,11 @@ class WheelsSpec(Struct, frozen=True, kw_only=True):
 class SimulationSpec(Struct, frozen=True, kw_only=True):
     """Everything a `Simulator` needs but the seed.
 
-    `bot_center` and `block_center` are in the global frame (origin at the maze's bottom-left
-    corner); `bot_rot` is the start heading, degrees counter-clockwise from +X. `strength` holds
-    the random bias of translations and of rotations; it is drawn only when `randbias` is set.
-    `contact` says which contacts end a movement, `clearance` how far before them the robot stands still
-    (inches, along its own path; of a turn, along its rim's). A `block_size` of 0 means that there is
-    no block.
+    `bot_center` and `block_center` are in the global frame (origin at the maze's bottom-left corner);
+    `bot_rot` is the start heading, degrees counter-clockwise from +X. `strength` holds the random bias of
+    translations and of rotations; it is drawn only when `randbias` is set. `contact` is the rule by which
+    contacts end a movement. `clearance` is the distance before a contact at which the robot stops (inches
+    along its own path; in a turn, along its rim's). A `block_size` of 0 means that there is no block.
     """
 
     maze: MazeSpec
@@ -370,10 +368,10 @@ class SimulationSpec(Struct, frozen=True, kw_only=True):
     velocities: tuple[VelocitySpec, ...] = ()
     wheels: WheelsSpec | None = None
     velocity_timeout: float = 0.0
-    """Seconds after which a velocity ends that is not sent again; 0 for never."""
+    """Seconds after which a velocity ends unless it is sent again; 0 for never."""
     loop_time: float = 0.02
     """Seconds that a pass of a program's loop takes in instant motion while its robot drives."""
     wall_friction: float = 0.3
-    """Friction of a robot that slides along a wall, of the speed into it."""
+    """Friction of a robot that slides along a wall: speed lost, as a share of the speed into the wall."""
     control_period: float = 0.02
     """Seconds of a step of the robot's speed control."""

@@ -1,4 +1,4 @@
-"""A planned movement and its speed: everything about it is a function of the time since it began."""
+"""A planned movement and its speed, as functions of the time since it began."""
 
 import math
 from collections.abc import Mapping
@@ -15,10 +15,9 @@ from simmer_tui.sim.specs import Axes, DriveKind
 
 
 class VelocityProfile(Struct, frozen=True):
-    """A trapezoid of speed over time: still for `lag` seconds, then ever faster up to `speed`, then
-    ever slower to the end, both at `acceleration` (0: at once). `way` (0 or more) is what is asked for
-    in inches or degrees; a short one never gets to full speed. Nothing asked for takes no time.
-    """
+    """Trapezoidal speed over time: 0 for `lag` seconds, then a ramp up to `speed`, and a ramp down to the
+    end, both at `acceleration` (0: at once). `way` (0 or more) is the commanded distance in inches or
+    degrees. A short one never reaches full speed; one of 0 takes no time."""
 
     way: float
     speed: float
@@ -30,12 +29,12 @@ class VelocityProfile(Struct, frozen=True):
         """The greatest speed that is reached."""
         if not self.acceleration:
             return self.speed
-        # A way shorter than both ramps is a triangle: v^2 = 2 a (way / 2) at its top.
+        # A distance shorter than both ramps gives a triangle: v^2 = 2 a (way / 2) at its top.
         return min(self.speed, math.sqrt(self.way * self.acceleration))
 
     @property
     def _ramp(self) -> float:
-        """Seconds of getting faster, and as many of getting slower."""
+        """Seconds of each ramp, up and down."""
         return self._top / self.acceleration if self.acceleration else 0.0
 
     @property
@@ -44,7 +43,7 @@ class VelocityProfile(Struct, frozen=True):
         return self.lag + self.way / self._top + self._ramp if self.way else 0.0
 
     def fraction_at(self, elapsed: float) -> float:
-        """The fraction of the way that is done so many seconds after the command."""
+        """The fraction of the distance that is done so many seconds after the command."""
         gone, left = elapsed - self.lag, self.duration - elapsed
         if gone <= 0.0:
             return 0.0
@@ -59,7 +58,7 @@ class VelocityProfile(Struct, frozen=True):
         return top * (gone - ramp / 2.0) / self.way
 
     def time_at(self, fraction: float) -> float:
-        """Seconds after the command at which a fraction (0 to 1) of the way is done."""
+        """Seconds after the command at which a fraction (0 to 1) of the distance is done."""
         if not self.way:
             return 0.0
         ramp, top = self._ramp, self._top
@@ -76,18 +75,16 @@ _NOTHING: Mapping[str, FloatArray] = MappingProxyType({})
 
 
 class Trajectory(Struct, frozen=True):
-    """One movement, planned once, noise and contact included.
+    """One movement, planned once, with noise and contact.
 
-    `path` is where the robot would go if nothing were in the way, `contact` where it first meets
-    an obstacle. There the movement ends, unless its errors were dropped: then the robot goes on
-    along `rest`, a path of one segment, to its end or to `rest_stop`, where an obstacle holds it
-    for good.
+    `path` is the robot's path without any obstacle, `contact` its first contact with one. There the movement
+    ends, unless its errors were dropped. Then the robot continues along `rest`, a path of one segment, to its
+    end or to `rest_stop`, where an obstacle stops it.
 
-    `kind` is the drive's (None for a robot that stands still for a while), `totals` how far the
-    whole command leads on each axis, errors included (inches and degrees, in the robot's frame);
-    each segment does its share. The wheels turn for the whole `duration` (seconds of simulated time
-    from `start_time`) unless the movement was `cut` short at that simulated time; evenly, or at a
-    `profile` of their own.
+    `kind` is the drive's (None for a robot that stands still). `totals` are the motion of the whole command
+    on each axis, with errors (inches and degrees, in the robot's frame); each segment does its share. The
+    wheels turn for the whole `duration` (seconds of simulated time from `start_time`) unless the movement was
+    `cut` short at that simulated time. Their speed is constant, or follows `profile`.
     """
 
     path: Path
@@ -113,7 +110,7 @@ class Trajectory(Struct, frozen=True):
 
     @property
     def turning(self) -> bool:
-        """Which part of a segment takes the time: the turn, or else the translation."""
+        """True if the turn of a segment takes the time, False if the translation does."""
         return self.kind is not None and self.kind.turns
 
     @property
@@ -129,7 +126,7 @@ class Trajectory(Struct, frozen=True):
 
     @property
     def held_at(self) -> float | None:
-        """Simulated time from which an obstacle holds the robot for the rest of the command, or None."""
+        """Simulated time from which an obstacle blocks the robot for the rest of the command, or None."""
         contact = self.contact
         if contact is None or not contact.ended:
             return None
@@ -142,7 +139,7 @@ class Trajectory(Struct, frozen=True):
     def progress(self, time: float) -> PathPosition:
         """Position that the wheels have reached at a simulated time."""
         parts, segments = self._parts(time), self.path.segments
-        # The end is the end of the last segment and not the start of one that does not exist.
+        # The end is the end of the last segment, not the start of one more.
         if parts >= segments:
             return PathPosition(segments - 1, 1.0, 1.0)
         segment = int(parts)
@@ -150,7 +147,7 @@ class Trajectory(Struct, frozen=True):
         return PathPosition(segment, fraction, 0.0) if self.turning else PathPosition(segment, 1.0, fraction)
 
     def place(self, time: float) -> tuple[Path, PathPosition]:
-        """The path the robot itself is on at a simulated time, and how far it has come on it."""
+        """The path that the robot itself is on at a simulated time, and its position there."""
         contact = self.contact
         if contact is None:
             return self.path, self.progress(time)
@@ -191,7 +188,7 @@ class Trajectory(Struct, frozen=True):
         return poses.T
 
     def time_of(self, stop: PathPosition) -> float:
-        """Simulated time at which the robot gets to a place on its path."""
+        """Simulated time at which the robot reaches a place on its path."""
         return self._time_after(self._parts_before(stop))
 
     def rolled(self, sensor: str, time: float) -> float:
@@ -208,12 +205,12 @@ class Trajectory(Struct, frozen=True):
         return float(parts[:segment].sum() + fraction * parts[segment])
 
     def travelled(self, time: float) -> float:
-        """Length of the way the robot's centre has gone, inches."""
+        """Distance travelled by the robot's centre, inches."""
         return self._length_to(*self.place(time))
 
     def moved(self, time: float) -> tuple[float, float, float]:
         """Real motion by a simulated time, in the robot's frame: degrees turned, inches ahead and to the
-        left. Each segment brings the same."""
+        left. Each segment adds the same."""
         return self._moved_to(*self.place(time))
 
     def travel(self, time: float) -> tuple[float, tuple[float, float, float]]:
@@ -258,7 +255,7 @@ class Trajectory(Struct, frozen=True):
         return self._own_length_to(at)
 
     def _own_length_to(self, at: PathPosition) -> float:
-        """Length of the way to a place on `path`, whose translations are all the same."""
+        """Length of the path to a place on `path`, whose translations are all the same."""
         if self.kind is None:
             # It stands still.
             return self.path.length_to(at)
@@ -272,7 +269,7 @@ class Trajectory(Struct, frozen=True):
             return (turned, *path.along(at))
         x, y = self.move
         contact = self.contact
-        # Wheels turn as commanded until a contact; from there on only what the robot slid counts.
+        # Wheels turn as commanded until a contact; after it only the distance that the robot slid counts.
         if path is self.path or contact is None:
             gone = at.segment + at.translated
             return turned, gone * x, gone * y
@@ -310,7 +307,7 @@ class Trajectory(Struct, frozen=True):
         contact = self.contact
         if path is self.path or contact is None:
             return at.segment, at.turned
-        # What is left of a translation after its contact turns nothing.
+        # The rest of a translation after its contact does not turn the robot.
         if not self.turning:
             return contact.segment, contact.turned
         begun = self._parts_before(contact.place)

@@ -1,7 +1,7 @@
 """The description of a value: a setting, a key of a TOML file or a column of a CSV file.
 
-Readers, options, JSON schemas, comments in new sets, reference pages, a course's rules and calibration
-all ask these records, so that each fact about a value is said once.
+Readers, options, JSON schemas, comments in new sets, reference pages, a course's rules and calibration all
+use these records, so that each fact about a value is stated once.
 """
 
 from collections.abc import Mapping
@@ -18,25 +18,25 @@ class CourseRule(StrEnum):
     """The values that a team's robot may have in place of the course's."""
 
     FREE = "free"
-    """Any: it says how a part is mounted or adjusted, which is the team's."""
+    """Any value: mounting and adjustment are the team's choice."""
     AT_LEAST = "at least"
     """The course's or more: the value of an error."""
     AT_MOST = "at most"
-    """The course's or less: the value of a limit, where 0 stands for none."""
+    """The course's or less: the value of a limit, where 0 means none."""
     SAME = "same"
-    """The course's only: with a great gain, or much iron around a compass, the errors that come after it
-    are small."""
+    """The course's only: with a large gain, or much iron around a compass, the errors after it would be
+    relatively small."""
     SHIFT = "shift"
     """The course's or more, whatever the sign; the course's only where a range is limited, because a shift
-    brings into it what lies beyond."""
+    would extend the range."""
 
 
 class Value(Struct, frozen=True):
-    """A value: its name in the file (a TOML key or the header of a column), and all there is to know of it.
+    """A value: its name in the file (a TOML key or the header of a column), and its description.
 
-    `field` is the field of the spec that it fills, dotted for one inside another (`error.x`). `noun` is
-    its name in a sentence, if that is not the field's. What calibration may estimate is said by the kinds of
-    sensors, since priors differ between them.
+    `field` is the field of the spec that it fills, dotted for one inside another (`error.x`). `noun` is its
+    name in a sentence, if that is not the field's. The kinds of sensors list the values that calibration may
+    estimate, because their priors differ.
     """
 
     rule: Rule[Any]
@@ -62,7 +62,7 @@ S = TypeVar("S", bound=Struct)
 
 
 def with_values(spec: S, values: Mapping[str, Any]) -> S:
-    """A struct with other values, by field; `error.x` is the field x of its field error."""
+    """A copy of a struct with other values, by field; `error.x` is the field x of its field error."""
     changed: dict[str, Any] = {}
     for name, value in values.items():
         field, _, inner = name.partition(".")

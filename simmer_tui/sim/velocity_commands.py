@@ -1,10 +1,10 @@
-"""Commands of continuous motion: their values, and the velocity that they ask for.
+"""Commands of continuous motion: their values, and the velocity that they request.
 
     vv-VX;VY;OMEGA[;T]     the whole velocity         ww-W1;...;Wn[;T]     rim speeds, one a wheel
     vx-V[;T] vy-V[;T] vr-V[;T]     one component, the others as they are     wt-S     wait
 
-Speeds are in/s and deg/s in the robot's frame. Commas do as well, but in packets, where
-they are between commands.
+Speeds are in/s and deg/s in the robot's frame. Commas are allowed as well, except in packets, where they
+separate commands.
 """
 
 import math
@@ -23,19 +23,19 @@ from simmer_tui.sim.wheels import WheelKinematics
 
 WAIT = "wt"
 """Code of the command that waits, in every set."""
-# As of a movement: 1e6 in/s crosses a maze in a ten-thousandth of a second.
+# The same limit as for a movement: at 1e6 in/s a robot crosses a maze in a ten-thousandth of a second.
 LARGEST_SPEED = 1e6
 """Greatest speed one command may ask for, in/s or deg/s."""
 _BETWEEN = re.compile("[;,]")
-# An hour: longer than any mission. Who waits longer has most likely given milliseconds.
+# An hour: longer than any mission. A longer wait was most likely meant in milliseconds.
 LONGEST_WAIT = 3600.0
 """Longest wait of one command, seconds."""
 
 
 class VelocityRequest(Struct, frozen=True):
-    """A velocity as a command asked for it and as the robot can do it; `seconds` until it ends, infinite
-    if it has no end of its own; `slip` of each wheel, in/s; `limited` is the share of what was asked that the
-    robot can do, of rim speeds that of the wheel that is cut most."""
+    """A requested velocity, and the velocity that the robot can do. `seconds` are the time until it ends,
+    infinite without a T; `slip` is each wheel's, in/s. `limited` is the share of the request that the robot
+    can do; for rim speeds, the share of the wheel that is cut most."""
 
     target: VelocityTarget
     seconds: float = math.inf
@@ -54,15 +54,15 @@ def parse_wait(argument: str | None) -> float | str:
 
 
 class VelocityControl:
-    """The velocities that a robot can be told, by its rows of drive.csv and its wheels."""
+    """Parser of velocity commands, by a robot's rows of drive.csv and its wheels."""
 
     def __init__(self, drives: Sequence[DriveSpec], wheels: WheelsSpec | None) -> None:
         self._drives: Mapping[DriveKind, DriveSpec] = {each.kind: each for each in drives if each.enabled}
         self._wheels = WheelKinematics.of(wheels) if wheels is not None else None
 
     def parse(self, spec: VelocitySpec, argument: str | None, commanded: Twist) -> VelocityRequest | str:
-        """The request of a command for a robot that was told to go at `commanded` before, or the reason it
-        is refused."""
+        """The request of a command for a robot whose velocity was `commanded` before, or the reason it is
+        refused."""
         numbers = _numbers(argument)
         if isinstance(numbers, str):
             return numbers
@@ -96,7 +96,7 @@ class VelocityControl:
         return VelocityRequest(self._target(made, before), seconds, limited=share)
 
     def _target(self, twist: Twist, before: Twist) -> VelocityTarget:
-        """A velocity with the lag and the ramp of the rows that it or the one before it uses."""
+        """A velocity with the lag and the ramp of the rows that it or the previous one uses."""
         used = {
             part.drive.kind: part.drive for each in (before, twist) for part in components(each, self._drives)
         }
@@ -137,7 +137,7 @@ def _shape(spec: VelocitySpec, names: Sequence[str]) -> str:
 
 
 def _names(kind: VelocityKind, wheels: WheelKinematics | None) -> tuple[str, ...]:
-    """Names of a command's values; of rim speeds there is one a wheel."""
+    """Names of a command's values; rim speeds are one for each wheel."""
     if kind is not VelocityKind.WHEELS or wheels is None:
         return kind.values
     return tuple(f"W{number}" for number in range(1, len(wheels.wheels) + 1))

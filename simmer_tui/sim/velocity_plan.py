@@ -1,8 +1,8 @@
-"""The velocity that a robot's wheels are told over time: commands, their lag, their ramp and their end.
+"""The commanded velocity of a robot's wheels over time: commands, their lag, their ramp and their end.
 
-A command takes effect after its lag. All components then change linearly and arrive together, after the
-time that the slowest needs at its acceleration: T = max |du_a| / acceleration_a. The ramp is a staircase of
-control periods with the mean of each, as every board's speed control is.
+A command takes effect after its lag. All components then change linearly and reach their values together,
+after T = max |du_a| / acceleration_a seconds. As in every board's speed control, the ramp is a staircase: one
+step a control period, at its mean.
 """
 
 import math
@@ -26,8 +26,8 @@ class VelocityTarget(Struct, frozen=True):
 
 
 def ramp_of(drives: Iterable[DriveSpec]) -> tuple[float, Twist]:
-    """Lag, seconds, and acceleration that rows of drives have together: the greatest lag, and on each axis
-    the least acceleration."""
+    """Common lag, seconds, and acceleration of rows of drives: the greatest lag, and on each axis the least
+    acceleration."""
     lag, least = 0.0, [math.inf, math.inf, math.inf]
     for drive in drives:
         lag = max(lag, drive.start_lag)
@@ -54,7 +54,7 @@ class _Ramp(Struct, frozen=True):
 
 
 class VelocityPlan:
-    """The velocity in force, and when it changes next."""
+    """The velocity in force, and its next changes."""
 
     def __init__(self, control_period: float) -> None:
         self._period = control_period
@@ -68,14 +68,14 @@ class VelocityPlan:
 
     @property
     def moves(self) -> bool:
-        """True if the robot is told to move, or soon will be."""
+        """True if a velocity other than 0 is in force, or soon will be."""
         return self.twist.moves or self.commanded.moves or bool(self._targets)
 
     def command(self, time: float, target: VelocityTarget) -> bool:
-        """Take a command at a simulated time. Gives True if it changes what was commanded before."""
+        """Add a command at a simulated time. Returns True if it changes the commanded velocity."""
         if target.twist == self.commanded:
             return False
-        # A lag is a delay, not a pause: commands that come faster than it take effect one after the other.
+        # A lag is a delay, not a pause: commands that arrive faster than it take effect one after the other.
         earliest = self._targets[-1][0] if self._targets else time
         self._targets.append((max(time + target.lag, earliest), target))
         self.commanded = target.twist

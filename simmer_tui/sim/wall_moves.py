@@ -1,9 +1,9 @@
-"""The moves that are left to a robot whose wheels turn while it touches something.
+"""The possible moves of a robot whose wheels turn while it touches an obstacle.
 
-Wheels slip alike in all directions, so that friction on the floor acts against the slip. Without friction
-on the wall the balance of forces along it gives the commanded velocity's own part along the wall; a wall's
-friction takes off as much of it as it is of the part into the wall, and the robot stands where it hits
-the wall nearly squarely.
+Wheels slip alike in all directions, so that friction on the floor acts against the slip. Without friction on
+the wall, the balance of forces along it gives the commanded velocity's component along the wall. Friction
+reduces it by `friction` times the component into the wall. So a robot that hits the wall nearly squarely
+stands.
 """
 
 import math
@@ -20,13 +20,13 @@ from simmer_tui.sim.obstacles import Obstacles
 from simmer_tui.sim.path import distances
 from simmer_tui.sim.pose import Pose
 
-# Twice, since the place of a contact is itself good to TOUCHING.
+# Twice, since the place of a contact is itself exact only to TOUCHING.
 _NEAR = 2.0 * TOUCHING
 
 
 class WallMove(Struct, frozen=True):
-    """A move at a wall: global velocity (in/s), turning rate of its way and turning on the spot beside it
-    (deg/s). `brief` ones hold for a control period only, then the choice is made again."""
+    """A move at a wall: global velocity (in/s), turning rate of its path, and additional turning on the spot
+    (deg/s). `brief` moves last one control period only, then the choice is made again."""
 
     velocity: tuple[float, float]
     rate: float
@@ -34,15 +34,15 @@ class WallMove(Struct, frozen=True):
     brief: bool = True
 
     def arc(self, pose: Pose, seconds: float) -> Arc:
-        """The motion of a robot at a pose by it."""
+        """The arc of this move from a pose."""
         return Arc(pose, self.velocity, self.rate, seconds, self.spin)
 
 
 def wall_moves(
     body: Footprint, obstacles: Obstacles, pose: Pose, own: Twist, friction: float
 ) -> Iterator[WallMove]:
-    """The moves to try, in this order: as commanded, by `own`, its errors on other axes dropped; turning on
-    the spot; sliding along what it touches, the fastest first. A disc turns as commanded while it slides."""
+    """The moves to try, in this order: `own`, the commanded motion without errors on other axes; turning on
+    the spot; sliding along the obstacle, the fastest first. A disc turns as commanded while it slides."""
     arc = Arc.of(pose, own, 0.0)
     yield WallMove(arc.velocity, own.r, brief=False)
     is_disc = not len(body.vertices)
@@ -58,8 +58,8 @@ def wall_moves(
 def _slides(
     tangents: FloatArray, velocity: tuple[float, float], friction: float
 ) -> list[tuple[float, float]]:
-    """Velocities along (n, 2) tangents, the fastest first: of the velocity's part along each as much as
-    friction with the part across leaves."""
+    """Velocities along (n, 2) tangents, the fastest first: the component along each, reduced by friction from
+    the component across."""
     vx, vy = velocity
     slides = []
     for x, y in tangents.tolist():
@@ -74,8 +74,8 @@ def _slides(
 
 
 def _tangents(body: Footprint, obstacles: Obstacles, pose: Pose) -> FloatArray:
-    """Directions along what the robot touches, (n, 2): faces of obstacles, its own edges at corners, and
-    across the line from its centre to a corner that a disc touches."""
+    """Directions along obstacles that the robot touches, (n, 2). They are faces of obstacles, its own edges
+    at corners, and the normal of the line from a disc's centre to a corner."""
     place = np.array((pose.x, pose.y))
     margin = body.reach + _NEAR
     faces, corners = obstacles.near(place - margin, place + margin)

@@ -1,10 +1,10 @@
 """Wheels of a robot: rim speeds from its velocity and back.
 
-Wheel i at (x_i, y_i) rolls along its direction rotation_i; rollers at the angle gamma_i (0 for plain and
-omni wheels) leave the floor a hold along g_i = direction(rotation_i + gamma_i) alone. With the body's
-velocity u = (vx, vy, omega) the wheel's place moves by v_i = (vx - omega y_i, vy + omega x_i), and its
-rim by w_i = (v_i . g_i) / cos(gamma_i): w = J u. Speeds that no motion of the body fits are taken by
-least squares, u = (J'J)^-1 J'w, so that the wheels slip as little as they can.
+Wheel i at (x_i, y_i) rolls along its direction rotation_i; rollers at the angle gamma_i (0 for plain and omni
+wheels) transmit force along g_i = direction(rotation_i + gamma_i) only. With the body's velocity u = (vx, vy,
+omega) the wheel's place moves by v_i = (vx - omega y_i, vy + omega x_i), and its rim by w_i = (v_i . g_i) /
+cos(gamma_i): w = J u. If no motion of the body fits the speeds, u is their least-squares solution, u =
+(J'J)^-1 J'w: the least slip.
 """
 
 import math
@@ -60,7 +60,7 @@ class WheelKinematics(Struct, frozen=True, dict=True):
 
     @cached_property
     def _rows(self) -> tuple[tuple[float, float, float], ...]:
-        """J, one row a wheel: what its rim does for vx, vy (in/s) and omega (rad/s)."""
+        """J, one row a wheel: its rim speed per unit of vx, vy (in/s) and omega (rad/s)."""
         rows = []
         for wheel in self.wheels:
             cos, sin = cos_sin(wheel.rotation + wheel.rollers)
@@ -94,7 +94,7 @@ class WheelKinematics(Struct, frozen=True, dict=True):
         return Twist(solved[0], 0.0, solved[1] / _DEGREE)
 
     def slip(self, speeds: Sequence[float]) -> tuple[float, ...]:
-        """Rim speed of each wheel that no motion of the body takes up, in/s."""
+        """Slip of each wheel, in/s: the rim speed that remains after the twist that fits best."""
         fitted = self.speeds(self.twist(speeds))
         return tuple(asked - rolls for asked, rolls in zip(speeds, fitted, strict=True))
 

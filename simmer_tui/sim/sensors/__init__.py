@@ -1,7 +1,7 @@
 """The kinds of sensor. Each is one class: its columns, true value, errors, unit and geometry.
 
-Whoever reads names of kinds from files takes a mapping such as `KINDS`; `sensor_kinds` makes one
-with kinds of your own:
+Functions that read names of kinds from files take a mapping such as `KINDS`; `sensor_kinds` makes one with
+kinds of your own:
 
     load(folder, kinds=sensor_kinds(Thermometer))
 """
@@ -34,7 +34,7 @@ from simmer_tui.sim.sensors.yes_or_no import LoadSensor as LoadSensor
 from simmer_tui.sim.specs import SensorKind
 
 SensorKinds = Mapping[str, type[SensorKind]]
-"""Kinds by name, in the order in which people are told of them."""
+"""Kinds by name, in the order in which lists show them."""
 
 _BUILT_IN: tuple[type[SensorKind], ...] = (
     Ultrasonic,
@@ -49,7 +49,7 @@ _BUILT_IN: tuple[type[SensorKind], ...] = (
 
 
 def sensor_kinds(*more: type[SensorKind]) -> SensorKinds:
-    """The kinds there are and `more`, by name; none of it can be changed."""
+    """The built-in kinds and `more`, by name, as a read-only mapping."""
     return MappingProxyType({kind.name: kind for kind in (*_BUILT_IN, *more)})
 
 

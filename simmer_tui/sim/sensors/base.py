@@ -1,12 +1,12 @@
-"""The base of all sensors: errors laid over a true value, and the ways that such a value comes about.
+"""The base of all sensors: the errors added to a true value, and the two sources of that value.
 
-A sensor either observes, its true value following from the world and the robot's pose, or counts,
-adding up what movements bring. Each kind is one class, and one object of it works for one row of
+A sensor either observes or counts. The true value of an observing one follows from the world and the robot's
+pose; a counting one adds up movements. Each kind is one class, and one object of it works for one row of
 sensors.csv.
 
-Its observation model says what calibration may estimate about it, and from which readings: a kind lists its
-parameters and noise scales, each with a prior. `ObservingSensor.linearised` and `CountingSensor.lever` say
-what a reading is expected to be and how it changes with pose and parameters.
+Its observation model is for calibration: a kind lists the parameters and noise scales that may be estimated,
+each with a prior. `ObservingSensor.linearised` and `CountingSensor.lever` give the expected reading and its
+derivatives by pose and parameters.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from simmer_tui.sim.trajectory import Trajectory
 
 
 class World(Struct, frozen=True):
-    """The world that a sensor can see: the maze and the block in it, which is `held` or lies there."""
+    """The world that a sensor can see: the maze and its block, which is `held` or lies in the maze."""
 
     maze: Maze
     block: Block
@@ -53,7 +53,7 @@ class World(Struct, frozen=True):
         return distances
 
     def fans(self, rays: Rays, block_from: float) -> FloatArray:
-        """The same for many places at once: (n,) distances, 0 from a wall."""
+        """The same for many places at once: (n,) distances, 0 for rays that start on a wall."""
         distances = self.maze.cast_many(*rays)
         if block_from < math.inf:
             to_block = self.block.cast_many(*rays)
@@ -77,7 +77,7 @@ class World(Struct, frozen=True):
 
 
 class Sort(StrEnum):
-    """Sort of parameter; calibration is judged sort by sort."""
+    """Sort of parameter; calibration is judged for each sort."""
 
     BIAS = "bias"
     GAIN = "gain"
@@ -96,22 +96,22 @@ class Prior(Struct, frozen=True):
     label: str
     sort: Sort
     spread: float
-    """Prior standard deviation: in `unit`, of a gain as a share of it, of a noise scale that of its
+    """Prior standard deviation, in `unit`; for a gain a share of it, for a noise scale that of its
     logarithm."""
     unit: str = ""
     usual: float = 0.0
-    """Of a noise scale: the prior's centre where the set has 0, which has no logarithm."""
+    """For a noise scale: the prior's centre where the set has 0, which has no logarithm."""
     step: float = 0.0
     """Difference over which the derivative of a reading is taken; 0 if readings are linear in it."""
 
 
 OFFSET = "offset"
-"""The parameter that is no field: inches that a sensor is mounted to the left of its place in the set, as it
-looks. An offset along the way it looks cannot be told from its bias."""
+"""The parameter that is not a field: inches by which a sensor is mounted to the left of its place in the set,
+seen in its own direction. An offset along its direction cannot be distinguished from its bias."""
 
 
 def with_parameters(spec: SensorSpec, values: Mapping[str, float]) -> SensorSpec:
-    """A row with parameters in it, an offset across the way the sensor then looks."""
+    """A row with these parameters; an offset is perpendicular to the sensor's direction after them."""
     offset = values.get(OFFSET, 0.0)
     made = replace(spec, **{field: value for field, value in values.items() if field != OFFSET})
     if offset:
@@ -135,34 +135,34 @@ class Linearisation(Struct, frozen=True):
     true: FloatArray
     """(n,)."""
     proportional: FloatArray
-    """The value that the Percent Error is a share of, (n,)."""
+    """The value that the Percent Error multiplies, (n,)."""
     by_pose: FloatArray
     """Derivatives by x, y (inches) and heading (degrees), (3, n)."""
     curvature: FloatArray
-    """Variance that stands for what a linear model misses: bends and jumps, (n,)."""
+    """Variance added for the error of the linear model at bends and jumps, (n,)."""
     by_parameter: dict[str, FloatArray] = field(default_factory=dict)
     """Derivatives by parameters that have a `step`, by field."""
 
 
 _EDGE = 0.5
-"""Bend of readings, in their unit, from which there is an edge between the places that derivatives are taken
-at: along a wall or around a corner they bend by a tenth of that."""
+"""Bend of readings (half of their second difference), in their unit, above which there is an edge between the
+places of the derivative. Along a wall or around a corner it is a tenth of that."""
 _SURELY_OFF = 100.0
-"""Factor on the variance there: ten times the jump. On which side of an edge a sensor looks says as much as
-its own bend allows only once; a robot that turns on the spot sees the same edge again and again."""
+"""Factor on the variance at an edge: a standard deviation of ten times the bend. Readings at one edge are not
+independent, since a robot that turns on the spot sees the same edge again and again."""
 _Difference = TypeVar("_Difference", float, FloatArray)
 View = RangeScan | FloorPatch
-"""The geometry a reading may rest on: rays, or a patch of floor."""
+"""The geometry of a reading: rays, or a patch of floor."""
 
 
 class Sensor(SensorKind):
-    """A sensor at work. A kind says in class variables what `SensorKind` asks for."""
+    """A sensor in use. A kind sets the class variables of `SensorKind`."""
 
     spec_type: ClassVar[type[SensorSpec]] = SensorSpec
     missed: ClassVar[float] = 0.0
     """Value of a missed reading."""
     pings: ClassVar[bool] = False
-    """True if it sends sound that reaches others."""
+    """True if it sends sound that other sensors can receive."""
     parameters: ClassVar[tuple[Prior, ...]] = ()
     """Parameters that calibration may estimate; a kind with none is reported as not identifiable."""
     noise_scales: ClassVar[tuple[Prior, ...]] = ()
@@ -175,8 +175,8 @@ class Sensor(SensorKind):
         self.spec = spec
 
     def reading(self, true: float, random: np.random.Generator | None, time: float) -> float:
-        """A reading of a true value at a simulated time, with the sensor's errors in the order it
-        applies them. Without `random` there is no random error."""
+        """A reading of a true value at a simulated time, with the sensor's errors in their order. Without
+        `random` there is no random error."""
         spec = self.spec
         value = self.proportional(true, random) * spec.gain
         if random is not None and spec.absolute_error:
@@ -188,8 +188,8 @@ class Sensor(SensorKind):
         return true if random is None else true * (1.0 + self.spec.error * random.standard_normal())
 
     def reported(self, value: float) -> float:
-        """A value as the sensor's electronics report it: wrapped, rounded, limited to its range. A
-        wrapped value stays below `Wrap` itself, when it is rounded up, too."""
+        """A value as the sensor's electronics report it: wrapped, rounded, limited to its range. A wrapped
+        value stays below `Wrap`, even if it is rounded up."""
         spec = self.spec
         if not math.isfinite(value):
             return value
@@ -205,16 +205,16 @@ class Sensor(SensorKind):
         return math.inf if value > spec.max_range else value
 
     def ideal(self, true: float) -> float:
-        """The value as the sensor would have it without any error, before its electronics."""
+        """The value without any error, before the sensor's electronics."""
         return true
 
     def anywhere(self, fraction: float) -> float:
-        """An outlier: the value that far along the range of what it may say."""
+        """An outlier: the value at this fraction (0 to 1) of the sensor's range."""
         return fraction
 
     def error(self, true: float, reply: float) -> float:
-        """Error of a reply against what the sensor should have said of a true value, in its unit;
-        infinity if it saw something where nothing was in range, or the reverse."""
+        """Error of a reply, in the sensor's unit: its difference from the errorless reading of a true value.
+        Infinity if it saw something where nothing was in range, or the reverse."""
         expected = self.reported(self.ideal(true) * self.spec.gain)
         if expected == reply:
             return 0.0
@@ -228,7 +228,7 @@ class Sensor(SensorKind):
 
     @property
     def period(self) -> float:
-        """Readings that differ by this are the same; 0 if none are."""
+        """Period of the readings: those that differ by it are the same; 0 if there is none."""
         return self.spec.wrap
 
     def wrapped(self, difference: _Difference) -> _Difference:
@@ -237,24 +237,25 @@ class Sensor(SensorKind):
         return (difference + period / 2) % period - period / 2 if period else difference
 
     def worst_case(self) -> SensorSpec:
-        """The row with errors that allow for any robot: a guided session begins with it."""
+        """The row with errors wide enough for any robot, for the start of a guided session."""
         # 10 % is more than gains of wheels and gyros of a course's robots differ by.
         return replace(self.spec, error=max(self.spec.error, 0.1))
 
 
 class ObservingSensor(Sensor, ABC):
-    """A sensor whose true value follows from the world and where the robot is in it."""
+    """A sensor whose true value follows from the world and the robot's pose."""
 
     steps: ClassVar[tuple[float, float, float]] = (0.12, 0.12, 0.6)
-    """Differences in x, y and heading over which derivatives are taken: about what poses are known to
-    while calibration converges. Smaller ones take a corner's edge for a slope."""
+    """Differences in x, y (inches) and heading (degrees) over which derivatives are taken: about the
+    uncertainty of poses while calibration converges. Smaller ones read a corner's edge as a slope."""
     annealing: ClassVar[float] = 1.0
-    """An inch of uncertainty about the pose in the sensor's unit, while calibration converges."""
+    """Readings' uncertainty, in the sensor's unit, for an inch of uncertainty of the pose while calibration
+    converges."""
 
     @abstractmethod
     def observe(self, world: World, pose: Pose) -> tuple[float, View | None]:
-        """The reading of a perfect sensor in `world` with the robot at `pose`, and the geometry
-        this rests on, if there is any."""
+        """The reading of a perfect sensor in `world` with the robot at `pose`, and the geometry of that
+        reading, if there is any."""
 
     def true_values(self, world: World, poses: FloatArray) -> FloatArray:
         """True values, (n,), at (n, 3) poses of x, y and heading."""
@@ -269,17 +270,17 @@ class ObservingSensor(Sensor, ABC):
         """True values at (n, 3) poses and their derivatives, by central differences."""
         offsets = np.diag(self.steps)
         shifts = np.concatenate((np.zeros((1, 3)), offsets, -offsets))
-        # All in one call: calls are what takes time.
+        # All in one call, because the calls take the time.
         around = (poses + shifts[:, None, :]).reshape(-1, 3)
         middle, *sides = self.true_values(world, around).reshape(len(shifts), -1)
         slopes = [(sides[k] - sides[k + 3]) / (2 * self.steps[k]) for k in range(3)]
-        # Half of the second difference is what the tangent misses one step away.
+        # Half of the second difference is the error of the tangent one step away.
         bends = np.array([0.5 * (sides[k] + sides[k + 3] - 2 * middle) for k in range(3)])
         by_parameter = {}
         for prior in self.parameters:
             if prior.field == OFFSET:
-                # As if the whole robot stood as far to the sensor's left: an edge then counts as uncertain
-                # for the one as for the other.
+                # The whole robot is moved as far to the sensor's left, so that an edge is as uncertain for
+                # the offset as for the pose.
                 cos, sin = cos_sin_array(poses[:, 2] + self.spec.rotation)
                 by_parameter[OFFSET] = cos * slopes[1] - sin * slopes[0]
             elif prior.step:
@@ -310,27 +311,28 @@ class ObservingSensor(Sensor, ABC):
         return abs(self.anywhere(1.0) - self.anywhere(0.0)) or 1.0
 
     def model_error(self, expected: FloatArray, poses: FloatArray) -> FloatArray:
-        """Standard deviations of readings where a pose is searched for, (n,); 0.1 is the grid of the
-        search, in the sensor's unit."""
+        """Standard deviations of readings in a search for a pose, (n,); 0.1 is for the grid of the search, in
+        the sensor's unit."""
         return np.hypot(self.spec.error * np.abs(expected), self.spec.absolute_error + 0.1)
 
     def rough_likelihood(self, reading: float, expected: FloatArray) -> FloatArray:
         """Likelihoods, up to a factor, of a reading before gain, bias and mounting are known, (n,)."""
-        # Gains differ by some 6 %; biases, and what a few degrees of mounting make, by 0.7 in. A reading in
-        # twelve may fit no model (an edge, a dropout, an outlier), and is then anything within 4 m.
+        # Gains differ by some 6 %. Biases, and the effect of a few degrees of mounting, are 0.7 in. One
+        # reading in twelve may fit no model (an edge, a dropout, an outlier), and is then uniform within 4 m.
         spread = 0.06 * expected + 0.7
         away = (reading - expected) / spread
         return 0.92 * np.exp(-0.5 * away**2) / (2.5066 * spread) + 0.08 / 157.0
 
 
 class CountingSensor(Sensor, ABC):
-    """A sensor that adds up what movements bring; its Percent Error enters as it counts."""
+    """A sensor that adds up movements; its Percent Error applies to each increment."""
 
     counts = True
     slips: ClassVar[bool]
-    """True if it counts on while a wall holds the robot. It then has increments for the turn and
-    for the translation of each segment, (n, 2); else for the turn alone, (n,)."""
-    # Wheels wear and are measured with a ruler: 15 %. Noise scales are known to a factor of exp(1.2), 3.
+    """True if it still counts while a wall blocks the robot. It then has increments for the turn and for the
+    translation of each segment, (n, 2); else for the turn alone, (n,)."""
+    # Wheels wear and are measured with a ruler: a prior of 15 %. Noise scales are known to a factor of
+    # exp(1.2), about 3.
     parameters: ClassVar[tuple[Prior, ...]] = (Prior("gain", "gain", Sort.GAIN, 0.15),)
     noise_scales: ClassVar[tuple[Prior, ...]] = (
         Prior("error", "percent error", Sort.NOISE, 1.2, usual=0.02),
@@ -353,7 +355,7 @@ class CountingSensor(Sensor, ABC):
 
     @cached_property
     def lever(self) -> FloatArray:
-        """Counts of an inch ahead, an inch to the left and a degree turned, (3,)."""
+        """Count for an inch ahead, an inch to the left and a degree turned, (3,)."""
         return np.array([self.counted_on(0, 1, 0), self.counted_on(0, 0, 1), self.counted_on(1, 0, 0)])
 
     def change(self, begin: tuple[float, float], end: tuple[float, float]) -> float:
@@ -366,20 +368,20 @@ class CountingSensor(Sensor, ABC):
 
 
 def modelled_sensor(spec: SensorSpec) -> Sensor:
-    """The sensor of a row as analyses of a run know it: of an opaque kind, one that neither observes nor
-    counts. Raises TypeError if its kind is no class of `Sensor`."""
+    """The sensor of a row for analyses of a run; for an opaque kind, one that neither observes nor counts.
+    Raises TypeError if its kind is no class of `Sensor`."""
     return Sensor(spec) if spec.kind.is_opaque else _shared_sensor(spec)
 
 
-# Trials ask for all sensors of a set several times a run. A set has some ten.
+# Trials request all sensors of a set several times a run. A set has some ten.
 @lru_cache(maxsize=128)
 def _shared_sensor(spec: SensorSpec) -> Sensor:
-    """The sensor of a row, which all analyses share: it keeps nothing of what it has measured."""
+    """The sensor of a row, shared by all analyses: it keeps no state of its readings."""
     return sensor_of(spec)
 
 
 def sensor_of(spec: SensorSpec) -> Sensor:
-    """The sensor at work for a row. Raises TypeError if its kind is no class of `Sensor`."""
+    """A new sensor for a row. Raises TypeError if its kind is no class of `Sensor`."""
     kind = spec.kind
     if not issubclass(kind, Sensor):
         raise TypeError(f"{kind.__name__} says what a sensor is, but not how it works")

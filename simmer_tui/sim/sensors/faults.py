@@ -16,17 +16,18 @@ SPEED_OF_SOUND = 343.0 / 0.0254
 
 
 class Pings(Struct):
-    """The bursts of sound of a run: by sensor ID when the last one was sent, until when its sensor
-    listens (simulated time), and how far away what sends it back is (inches)."""
+    """The bursts of sound of a run. For each sensor ID: the time of the last one, the end of its sensor's
+    listening (both simulated time), and the distance of its reflector (inches)."""
 
     sent: dict[str, tuple[float, float, float]] = field(default_factory=dict)
 
     def overheard(self, sensor: str, own: float, time: float) -> float | None:
-        """The echo, inches, that a sensor which sends at `time` takes for its own, if one sent before by
-        another sensor, that still listens, reaches it before its own from `own` inches away.
+        """Cross-talk of a sensor that sends at `time`: the distance, inches, that it reads from another
+        sensor's earlier sound. None unless that sensor still listens, and the sound arrives before the own
+        echo from `own` inches away.
 
-        The other's sound has gone to its surface and comes back from this sensor's: (d1 + d2) / c
-        after it was sent; read as an echo of its own that is (d1 + d2 - c dt) / 2.
+        The other's sound goes to its own reflector and returns from this sensor's: (d1 + d2) / c after it was
+        sent. Read as an own echo, it gives (d1 + d2 - c dt) / 2.
         """
         heard = [
             (other + own - SPEED_OF_SOUND * (time - begin)) / 2
@@ -56,19 +57,21 @@ class Faults:
                 heard = self._pings.overheard(spec.id, own, time)
                 if heard is not None and self._random.random() < spec.cross_talk:
                     true = heard
-            # Its own distance, not what it read: the sound comes back from where the sensor points.
+            # The true distance, not the reading: the sound returns from the surface that the sensor points
+            # at.
             self._pings.sent[spec.id] = (time, time + spec.read_time, own)
         value = self._sensor.reading(true, random, time)
         if not (spec.dropout or spec.outlier):
             return value
-        # Always three draws: so one fault's probability does not move the others of the same seed.
+        # Always three draws, so that one fault's probability does not change the other faults of the same
+        # seed.
         missing, off, where = self._random.random(3).tolist()
         if missing < spec.dropout:
             return self._sensor.missed
         return self._sensor.anywhere(where) if off < spec.outlier else value
 
     def _walk(self, strength: float, time: float) -> float:
-        """A random walk: what is added in t seconds has the standard deviation strength sqrt(t)."""
+        """A random walk: its increment over t seconds has the standard deviation strength sqrt(t)."""
         if time > self._walked_at:
             step = strength * math.sqrt(time - self._walked_at)
             self._walked += step * float(self._random.standard_normal())

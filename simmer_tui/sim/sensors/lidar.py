@@ -1,8 +1,8 @@
 """The lidar: a range all around, ray by ray as its head turns.
 
-It turns always, before time 0 too. Ray i of N of revolution m is sent at (m + i / N) / rate, from where
-the robot is at that moment: a robot that turns meanwhile gets a bent picture. A reading is the last
-revolution that is complete.
+It always turns, before time 0 too. Ray i of N of revolution m is sent at (m + i / N) / rate, from where the
+robot is at that moment: a robot that turns meanwhile gets a bent picture. A reading is the last revolution
+that is complete.
 """
 
 from __future__ import annotations
@@ -42,12 +42,12 @@ class LidarSpec(SensorSpec, frozen=True, kw_only=True):
     scan_rate: float = 5.5
     clockwise: bool = True
     missed_as_zero: bool = False
-    """True if a ray that met nothing says 0 and not infinity, as the RPLIDAR's own software has it."""
+    """True if a ray that met nothing reads 0 and not infinity, as in the RPLIDAR's own software."""
 
 
 class Lidar(RangeSensor):
-    """Distances all around, inches. Where one number stands for all of them it is that of the first ray of
-    the turn, which looks along its Rotation."""
+    """Distances all around, inches. Where a reading is one number, it is that of the first ray of the turn,
+    which points along its Rotation."""
 
     name = "lidar"
     is_scan = True
@@ -76,7 +76,7 @@ class Lidar(RangeSensor):
         """The part of a revolution that is over at each ray, (rays,)."""
 
     def fan(self) -> FloatArray:
-        """The one ray that stands for all."""
+        """Bearing of the first ray, which represents all."""
         return np.zeros(1)
 
     def combined(self, distances: Sequence[float]) -> float:
@@ -96,7 +96,7 @@ class Lidar(RangeSensor):
     def complete_at(self, revolution: int) -> float:
         """The simulated time from which a revolution is complete."""
         time = (revolution + 1) / self.spec.scan_rate
-        # The quotient may be rounded to a hair before it.
+        # The quotient may be rounded to slightly before it.
         while self.revolution_at(time) < revolution:
             time = math.nextafter(time, math.inf)
         return time
@@ -119,7 +119,7 @@ class Lidar(RangeSensor):
         spec = self.spec
         if not (spec.x or spec.y):
             return poses[:, 0], poses[:, 1]
-        # A robot that stands has one heading, and a revolution many rays.
+        # A robot that stands has one heading for all rays of a revolution.
         still = bool((poses[:, 2] == poses[0, 2]).all())
         cos, sin = cos_sin_array(poses[:1, 2] if still else poses[:, 2])
         return poses[:, 0] + cos * spec.x - sin * spec.y, poses[:, 1] + sin * spec.x + cos * spec.y
@@ -144,7 +144,7 @@ class Lidar(RangeSensor):
         if not seen or bool((poses == poses[0]).all()):
             yield slice(None), World(maze, place.at(Pose(*poses[0].tolist())), held=place.held)
             return
-        # The block goes with the robot.
+        # The block moves with the robot.
         for ray, pose in enumerate(poses.tolist()):
             yield slice(ray, ray + 1), World(maze, place.at(Pose(*pose)), held=True)
 
@@ -164,10 +164,10 @@ class Lidar(RangeSensor):
     def ranges_said(
         self, true: FloatArray, moments: FloatArray, random: np.random.Generator | None
     ) -> FloatArray:
-        """The ranges that it reports of true distances, (rays,), at their simulated times. All draws of one
-        sort come together: those of the Percent Error, of the Absolute Error, of the Dropout."""
+        """The ranges that it reports for true distances, (rays,), at their simulated times. All draws of one
+        sort are made together: those of the Percent Error, of the Absolute Error, of the Dropout."""
         spec, rays = self.spec, len(true)
-        # A gain may be any number, also one that nothing is within range with.
+        # A gain may be any number, even one with which nothing is within range.
         with np.errstate(over="ignore", invalid="ignore"):
             said = true if random is None else true * (1.0 + spec.error * random.standard_normal(rays))
             said = said * spec.gain
@@ -179,7 +179,7 @@ class Lidar(RangeSensor):
         if random is not None and spec.dropout:
             np.putmask(said, random.random(rays) < spec.dropout, math.inf)
         if self.least_cosine:
-            # Where nothing echoes no error makes a range.
+            # Without an echo no error makes a range.
             said[np.isinf(true)] = math.inf
         if spec.missed_as_zero:
             said[np.isinf(said)] = 0.0
@@ -191,7 +191,7 @@ class Lidar(RangeSensor):
         values = np.maximum(values, spec.min_range)
         if spec.resolution:
             values = np.rint(values / spec.resolution) * spec.resolution
-        # What is no number any more is out of range too.
+        # NaN is out of range too.
         np.putmask(values, ~(values <= spec.max_range), math.inf)
         return values
 
@@ -208,7 +208,7 @@ def _meet(block: Block, rays: Rays, distances: FloatArray, block_from: float) ->
     x, y, dx, dy = rays
     to_x, to_y = block.x - x, block.y - y
     ahead, aside = to_x * dx + to_y * dy, to_y * dx - to_x * dy
-    # Most rays pass it by, or end before it: its corners are 0.7072 of a side from its centre.
+    # Most rays miss it, or end before it: its corners are 0.7072 of a side from its centre.
     reach = 0.71 * block.size
     near = np.flatnonzero((np.abs(aside) <= reach) & (distances >= ahead - reach) & (ahead >= -reach))
     if not len(near):
@@ -219,7 +219,7 @@ def _meet(block: Block, rays: Rays, distances: FloatArray, block_from: float) ->
 
 
 def _same(poses: FloatArray, others: FloatArray) -> bool:
-    # The last one of a robot in motion differs, which takes one look.
+    # The last pose of a robot in motion differs, so that one comparison is enough.
     return bool((poses[-1] == others[-1]).all()) and np.array_equal(poses, others)
 
 
@@ -232,7 +232,7 @@ class Now(Struct, frozen=True):
 
 
 class Turning:
-    """A lidar at work during one run: its last revolution, and which of its rays have been read."""
+    """A lidar during one run: its last revolution, and the rays of it that have been read."""
 
     def __init__(self, lidar: Lidar, maze: Maze, recent: RecentMotion) -> None:
         self.lidar = lidar
@@ -242,23 +242,23 @@ class Turning:
         self._blocks: tuple[tuple[slice, BlockPlace], ...] = ()
         """Places of the block at the times of its rays."""
         self._read: set[int | None] = set()
-        """The rays of that revolution that have been read by themselves; None stands for all of it."""
+        """The rays of that revolution that have been read one by one; None means the whole scan."""
 
     def forget(self) -> None:
-        """The robot has been put elsewhere."""
+        """Forget the last revolution, because the robot has been placed elsewhere."""
         self._scan = None
         self._read.clear()
 
     def waits_until(self, time: float, ray: int | None) -> float:
-        """The simulated time at which there is a revolution of which a ray, or the whole (None), has not been
-        read yet: `time` itself, or when the next one is complete."""
+        """The simulated time of a revolution whose ray, or whole scan (None), has not been read yet: `time`
+        itself, or the time when the next one is complete."""
         lidar, scan = self.lidar, self._scan
         if lidar.spec.read_time or scan is None or ray not in self._read:
             return time
         return max(time, lidar.complete_at(scan.revolution + 1))
 
     def ray(self, argument: str | None) -> int | str | None:
-        """The ray that a command asks for by a bearing, None for all of them, or why it is refused."""
+        """The ray that a command requests by a bearing, None for all of them, or the reason for refusal."""
         if argument is None:
             return None
         bearing = parse_value(argument)
@@ -279,7 +279,7 @@ class Turning:
         return Reading(spec, value, true, self._view(scan, index), spec.read_time, whole)
 
     def scan(self, now: Now, random: np.random.Generator | None) -> LidarScan:
-        """The last complete revolution. One that was asked for before is the same again."""
+        """The last complete revolution. Further requests return the same object."""
         lidar, before = self.lidar, self._scan
         revolution = lidar.revolution_at(now.time)
         if before is not None and before.revolution == revolution:
@@ -288,7 +288,7 @@ class Turning:
         poses = self._recent.poses(moments, now.pose, now.under_way)
         blocks = tuple(self._recent.blocks(moments))
         if before is not None and blocks == self._blocks and _same(poses, before.poses):
-            # A robot at rest sees the same.
+            # A robot at rest sees the same again.
             true = before.true
         else:
             true = lidar.distances(self._maze, poses, blocks)

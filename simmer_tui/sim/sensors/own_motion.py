@@ -31,14 +31,14 @@ class Odometer(CountingSensor):
     )
 
     def increments(self, turn: float, move: tuple[float, float], draws: FloatArray) -> FloatArray:
-        """For each segment what its turn and its translation roll, inches: (n, 2)."""
+        """Inches that each segment's turn and translation roll, (n, 2)."""
         parts = self.counted_on(turn, 0.0, 0.0), self.counted_on(0.0, *move)
         return np.array(parts) * (1.0 + self.spec.error * draws)
 
     def ideal(self, true: float) -> float:
-        """Whole ticks, where it counts such: a new one at each edge that goes by."""
+        """Whole ticks, if it counts ticks: a new one at each edge that passes."""
         ticks = self.spec.ticks_per_inch
-        # Down, not to the nearest: an edge counts when it has gone by.
+        # Rounded down, not to the nearest: an edge counts when it has passed.
         return math.floor(true * ticks) / ticks if ticks else true
 
     def counted(self, trajectory: Trajectory, time: float) -> float:
@@ -51,7 +51,8 @@ class Odometer(CountingSensor):
 
     @cached_property
     def _wheel(self) -> tuple[float, float, float]:
-        """The direction v it rolls in, and what a whole turn rolls, by its lever q x v."""
+        """The rolling direction v, and the inches that a whole turn of the robot rolls, by the lever q x
+        v."""
         spec = self.spec
         cos, sin = cos_sin(spec.rotation)
         return cos, sin, 2.0 * math.pi * (spec.x * sin - spec.y * cos)
@@ -79,7 +80,7 @@ class Gyro(CountingSensor):
     least_error = 0.003
 
     def increments(self, turn: float, move: tuple[float, float], draws: FloatArray) -> FloatArray:
-        """For each segment what it turns, degrees: (n,)."""
+        """Degrees that each segment turns, (n,)."""
         return turn * (1.0 + self.spec.error * draws)
 
     def counted(self, trajectory: Trajectory, time: float) -> float:
@@ -109,15 +110,15 @@ class Compass(ObservingSensor):
         Prior("error", "percent error", Sort.NOISE, 1.5, usual=0.01),
     )
     least_error = 0.05
-    # Degrees: an inch beside a wall one foot away.
+    # Degrees for an inch: the angle of an inch at a distance of one foot.
     annealing = 5.0
 
     def observe(self, world: World, pose: Pose) -> tuple[float, None]:
         return pose.heading + self.spec.rotation, None
 
     def proportional(self, true: float, random: np.random.Generator | None) -> float:
-        """With the deviation by iron around it: that which is magnetic itself turns with the robot
-        and errs once a turn, that which only bends the earth's field twice a turn."""
+        """The value with its deviation by iron. Magnetic iron turns with the robot: its error has one period
+        a turn. Iron that only bends the earth's field has two."""
         value = super().proportional(true, random)
         spec = self.spec
         if spec.hard_iron or spec.soft_iron:
@@ -132,7 +133,7 @@ class Compass(ObservingSensor):
 
     @property
     def period(self) -> float:
-        """A whole turn: headings of a log may be whole turns off what the robot counts."""
+        """A whole turn: headings of a log may differ by whole turns from the robot's count."""
         return self.spec.wrap or 360.0
 
     @property
@@ -157,14 +158,14 @@ class Compass(ObservingSensor):
         return Linearisation(self.true_values(world, poses), true, by_pose, np.zeros(len(poses)))
 
     def model_error(self, expected: FloatArray, poses: FloatArray) -> FloatArray:
-        # A degree at the least: a search's grid of headings is no finer.
+        # At least a degree: a search's grid of headings is no finer.
         return np.hypot(max(self.spec.absolute_error, 1.0), self.spec.error * np.abs(poses[:, 2]))
 
     def rough_likelihood(self, reading: float, expected: FloatArray) -> FloatArray:
-        # 20 degrees: a bias not yet known, and iron; one reading in ten may be anything.
+        # 20 degrees, for a bias not yet known, and iron. One reading in ten may have any value.
         away = self.wrapped(reading - expected)
         return 0.9 * np.exp(-0.5 * (away / 20.0) ** 2) + 0.1
 
     def worst_case(self) -> SensorSpec:
-        # Half of its bias' prior: it is to correct a heading that is lost, not to hold one that is known.
+        # Half of its bias' prior: it must correct a lost heading, not fix a known one.
         return replace(self.spec, error=0.0, absolute_error=15.0)

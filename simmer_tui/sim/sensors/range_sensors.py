@@ -21,7 +21,7 @@ USUAL_RANGE = 157.5
 """Greatest outlier of a sensor without Max Range, inches: 4 m, as an HC-SR04 has it (Elecfreaks)."""
 
 MOUNTED = 0.5
-"""Prior standard deviation of where a person mounts a sensor, inches: by eye and with a ruler."""
+"""Prior standard deviation of a sensor's place, inches: people mount it by eye and with a ruler."""
 
 
 class RangeSensor(ObservingSensor):
@@ -37,16 +37,16 @@ class RangeSensor(ObservingSensor):
         *(columns.VERTICAL_FOV, columns.READ_TIME, columns.DROPOUT, columns.OUTLIER),
         columns.INCIDENCE_LIMIT,
     )
-    # Wider than the profiles' data sheets have parts differ (gains 3 %, offsets 0.5 in) and than people
-    # mount them (a few degrees, half an inch). Derivatives by how it is mounted are taken over as much as
-    # those by the pose.
+    # Wider than the differences of parts in the profiles' data sheets (gains 3 %, offsets 0.5 in) and of
+    # people's mounting (a few degrees, half an inch). Derivatives by the mounting use the same steps as those
+    # by the pose.
     parameters: ClassVar[tuple[Prior, ...]] = (
         Prior("gain", "gain", Sort.GAIN, 0.1),
         Prior("bias", "bias", Sort.BIAS, 1.5, "in"),
         Prior("rotation", "mounting angle", Sort.ANGLE, 8.0, "deg", step=0.6),
         Prior(OFFSET, "mounting offset", Sort.OFFSET, MOUNTED, "in"),
     )
-    # Known to a factor of exp(1.2), 3, or exp(1.5), 4.5; where a set has none, those of an HC-SR04.
+    # Known to a factor of exp(1.2), about 3, or exp(1.5), about 4.5; if a set has none, those of an HC-SR04.
     noise_scales: ClassVar[tuple[Prior, ...]] = (
         Prior("error", "percent error", Sort.NOISE, 1.2, usual=0.02),
         Prior("absolute_error", "absolute error", Sort.NOISE, 1.5, "in", usual=0.1),
@@ -65,9 +65,9 @@ class RangeSensor(ObservingSensor):
         """Of the angle between a ray and a face's normal, for an echo; 0 if there always is one."""
 
     def fan(self) -> FloatArray:
-        """Directions of the rays of one reading, degrees from the way it looks."""
+        """Directions of the rays of one reading, degrees from the sensor's direction."""
         half = self.spec.field_of_view / 2
-        # linspace(-h, h, 1) is -h; a single ray looks straight ahead.
+        # linspace(-h, h, 1) is -h, but a single ray points straight ahead.
         return np.linspace(-half, half, self.spec.rays) if self.spec.rays > 1 else np.zeros(1)
 
     @staticmethod
@@ -79,20 +79,20 @@ class RangeSensor(ObservingSensor):
 
     @abstractmethod
     def combined(self, distances: Sequence[float]) -> float:
-        """The range that one fan of rays amounts to."""
+        """The range of one fan of rays, inches."""
 
     @abstractmethod
     def combined_many(self, fans: FloatArray) -> FloatArray:
         """The same for (n, rays) distances: (n,)."""
 
     def observe(self, world: World, pose: Pose) -> tuple[float, RangeScan]:
-        """The true range, inches, and the rays it rests on."""
+        """The true range, inches, and its rays."""
         spec = self.spec
         cos, sin = cos_sin(pose.heading)
         x = pose.x + cos * spec.x - sin * spec.y
         y = pose.y + sin * spec.x + cos * spec.y
         bearings = tuple([bearing + pose.heading for bearing in self.bearings])
-        # A sensor in a wall has no way for its rays to go.
+        # Rays of a sensor in a wall have length 0.
         if world.maze.is_wall(x, y):
             return 0.0, RangeScan((x, y), bearings, (0.0,) * len(bearings))
         directions = [(cos * a - sin * b, sin * a + cos * b) for a, b in self._directions]
@@ -105,7 +105,7 @@ class RangeSensor(ObservingSensor):
         return self.combined(distances), RangeScan((x, y), bearings, tuple(distances))
 
     def ranges(self, world: World, poses: FloatArray) -> FloatArray:
-        """The true ranges, (n,), at (n, 3) poses of x, y and heading; what `observe` says, bit for bit."""
+        """The true ranges, (n,), at (n, 3) poses of x, y and heading; those of `observe`, bit for bit."""
         cos, sin = cos_sin_array(poses[:, 2])
         x = poses[:, 0] + cos * self.spec.x - sin * self.spec.y
         y = poses[:, 1] + sin * self.spec.x + cos * self.spec.y
@@ -142,7 +142,7 @@ class RangeSensor(ObservingSensor):
         return self.spec.max_range if math.isfinite(self.spec.max_range) else USUAL_RANGE
 
     def worst_case(self) -> SensorSpec:
-        # What its priors allow for: gains 5 % off, biases half an inch.
+        # The spread of its priors: gains 5 %, biases half an inch.
         return replace(self.spec, error=math.hypot(self.spec.error, 0.05), absolute_error=0.6)
 
     def block_from(self, size: float) -> float:
@@ -157,7 +157,7 @@ class RangeSensor(ObservingSensor):
         return above / self._slope if self._slope else math.inf
 
     def echoes(self, world: World, rays: Rays, distances: FloatArray, block_from: float) -> FloatArray:
-        """The distances of rays, infinite where one meets a face too obliquely to send an echo back."""
+        """The distances of rays, infinite where one meets a face too obliquely for an echo."""
         cosines = world.incidence(rays, distances, block_from)
         return np.where(cosines >= self.least_cosine, distances, math.inf)
 
@@ -167,7 +167,7 @@ class RangeSensor(ObservingSensor):
         return self.reported(spec.min_range + fraction * (self.span - spec.min_range))
 
     def reported(self, value: float) -> float:
-        """No distance is below 0, and where nothing echoes it is infinite, whatever the errors."""
+        """No distance is below 0, and without an echo it is infinite, whatever the errors."""
         reported = super().reported(value)
         if reported > 0.0:
             return reported
@@ -205,12 +205,12 @@ class TimeOfFlight(RangeSensor):
     def combined(self, distances: Sequence[float]) -> float:
         """The mean distance, inches."""
         if self.least_cosine:
-            # The mean of the echoes there are.
+            # The mean of the echoes only.
             distances = [each for each in distances if math.isfinite(each)]
             if not distances:
                 return math.inf
         return math.fsum(distances) / len(distances)
 
     def combined_many(self, fans: FloatArray) -> FloatArray:
-        # Summed exactly, as `combined` does: numpy's sum depends on how it is cut up.
+        # Summed exactly, as in `combined`: numpy's sum depends on the grouping of its terms.
         return np.array([self.combined(fan) for fan in fans.tolist()])

@@ -1,6 +1,6 @@
-"""Kinds of sensor of which only a description is there: those of a log, and of files that were only parsed.
+"""Kinds of sensor that are only described: those of a log, and of files that were only parsed.
 
-Such a kind has a name, a meaning, a unit and columns. It cannot read anything. Its readings come from a log.
+Such a kind has a name, a meaning, a unit and columns. It makes no readings; its readings are in a log.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ from simmer_tui.sim.rules import NumberRule, RawTextRule, Rule, WordRule
 from simmer_tui.sim.sensors.base import Sensor
 from simmer_tui.sim.specs import SensorKind, SensorSpec
 
-# A cell of a table: what is longer is no value of a sensor.
+# Characters of a cell of a table: no value of a sensor is longer.
 _LONGEST_CELL = 1000
-# A line of a table, with room for numbers beside it.
+# Characters that fit in a line of a table, with room for numbers beside it.
 _LONGEST_LABEL = 100
 _KIND = re.compile(r"[a-z]{1,20}")
 _GIVEN = ("kind", "number", "code", "enabled")
@@ -32,12 +32,12 @@ _GIVEN = ("kind", "number", "code", "enabled")
 _SAME = ("name", "meaning", "unit", "is_range", "is_yes_or_no", "counts")
 """Attributes that a kind and its description share."""
 _PLACED = (X, Y, Z, ROTATION, ERROR)
-"""The columns that a kind is shown with whose columns are not known."""
+"""The columns of a kind whose own columns are not known."""
 
 
 class RecordedColumn(Struct, frozen=True, omit_defaults=True):
     """A column of a kind, as a log describes it: its header, the field it fills, and its default. `words` are
-    those that stand for True and False, if they do."""
+    those for True and False, if it has such words."""
 
     header: str
     field: str
@@ -64,7 +64,7 @@ class RecordedKind(Struct, frozen=True, omit_defaults=True, kw_only=True):
 
 
 class RecordedSensor(Sensor):
-    """A sensor that nothing but a description is known of."""
+    """A sensor of which only a description is known."""
 
     is_opaque = True
 
@@ -78,7 +78,7 @@ def described(kind: type[SensorKind]) -> RecordedKind:
 
 
 def is_label(text: object) -> bool:
-    """True for a line of text that may stand on a terminal and in a log."""
+    """True for a line of text that is safe on a terminal and in a log."""
     return type(text) is str and text.isprintable() and len(text) <= _LONGEST_LABEL
 
 
@@ -88,7 +88,7 @@ def is_kind_name(text: object) -> bool:
 
 
 def _is_field(name: str) -> bool:
-    """True for a field that a column may fill: one of every row, or a further one."""
+    """True for a field that a column may fill: one of `SensorSpec`, or an additional one."""
     if name in {each.name for each in fields(SensorSpec)}:
         return name not in _GIVEN
     return name.isidentifier() and not name.startswith("__") and not hasattr(SensorSpec, name)
@@ -122,8 +122,8 @@ def _plain(default: object) -> float | str | bool | None:
 
 @lru_cache(maxsize=256)
 def recorded_class(kind: RecordedKind) -> type[RecordedSensor]:
-    """A class of a kind that is only described. The same description gives the same
-    class, so that rows of two sets compare. Raises ValueError for a description that fits no class."""
+    """A class of a kind that is only described. The same description gives the same class, so that rows of
+    two sets can be compared. Raises ValueError for a description that fits no class."""
     if not (is_kind_name(kind.name) and is_label(kind.title) and kind.title.isidentifier()):
         raise ValueError("a kind of sensor whose name is no name")
     if not all(map(is_label, (kind.meaning, kind.unit))):

@@ -53,19 +53,19 @@ class LineSensor(ObservingSensor):
 
     def reported(self, value: float) -> float:
         """1 from the threshold on, else 0; of an analog sensor the fraction itself, 0 to 1."""
-        # Errors may lead beyond all or nothing, which no sensor reports.
+        # Errors may lead below 0 or above 1, which no sensor reports.
         fraction = min(max(value, 0.0), 1.0)
         if self.spec.analog:
             return super().reported(fraction)
         return 1.0 if fraction >= self.spec.threshold else 0.0
 
     def anywhere(self, fraction: float) -> float:
-        """Any fraction; of a yes or no, either as often as the other."""
+        """Any fraction; for a yes or no, each with probability 0.5."""
         return self.reported(fraction) if self.spec.analog else float(fraction < 0.5)
 
 
 class LoadSensor(ObservingSensor):
-    """True if the gripper holds something. Its Percent Error is how often it says the opposite."""
+    """True if the gripper holds something. Its Percent Error is the probability of the opposite answer."""
 
     name = "load"
     meaning = "1 while the gripper holds something"
