@@ -233,7 +233,8 @@ class PoseFilter:
         That happens after a wall that was met sooner than thought. Poses around are tried, and anywhere on
         the path: a filter of one pose never comes back by itself.
         """
-        found = [(sensor, self._reading(sensor, stop)) for sensor in self._observers]
+        known = [each for each in self._observers if is_known_to(self.run, each, stop)]
+        found = [(sensor, self._reading(sensor, stop)) for sensor in known]
         readings = [(sensor, each) for sensor, each in found if each is not None]
         ranging = np.array([sensor.spec.kind.is_range for sensor, _ in readings], bool)
         if ranging.sum() < _ENOUGH:
