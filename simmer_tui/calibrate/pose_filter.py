@@ -234,7 +234,8 @@ class PoseFilter:
         That happens after an unexpectedly early contact. Poses around and on the path are tried, since a
         filter with one pose never recovers by itself.
         """
-        found = [(sensor, self._reading(sensor, stop)) for sensor in self._observers]
+        known = [each for each in self._observers if is_known_to(self.run, each, stop)]
+        found = [(sensor, self._reading(sensor, stop)) for sensor in known]
         readings = [(sensor, each) for sensor, each in found if each is not None]
         ranging = np.array([sensor.spec.kind.is_range for sensor, _ in readings], bool)
         if ranging.sum() < _ENOUGH:

@@ -207,6 +207,20 @@ def test_a_pose_that_is_a_little_off_is_not_searched_for(known: Synthetic) -> No
     assert np.hypot(*(made.pose - stands)[:2]) < 0.2
 
 
+def test_a_pose_is_not_searched_for_by_sensors_that_see_a_moved_block(known: Synthetic) -> None:
+    """Nobody knows what they should read, however far it is from what they would without the block."""
+    made = filter_at(known, (30.0, 20.0, 10.0), (RIGHT, 4.0))
+    moved = replace(made.run, block_moved_at=0)
+    spec = structs.replace(made.spec, block_size=4.0)
+    made = PoseFilter(moved, spec, made.pose, made.covariance, 0)
+    ranging = [each.code for each in spec.sensors if each.kind.is_range]
+    made.said.update({code: {1: (5.0, 2.0)} for code in ranging})
+    made.go_on(1)
+    angle = math.radians(10.0)
+    there = (30.0 + 4.0 * math.cos(angle), 20.0 + 4.0 * math.sin(angle), 10.0)
+    assert made.pose == pytest.approx(there)
+
+
 def test_a_path_is_found_by_an_example(known: Synthetic) -> None:
     """By wheels, gyro and ranges, from 60 particles."""
     path = PathFinder(known.run).find(known.run.chains[0], 0, 60, np.random.default_rng(7), wide=1.5)
