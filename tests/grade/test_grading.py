@@ -98,7 +98,7 @@ def test_graded_twice_the_same_table_and_with_another_seed_another_grading(
         run_grade([str(file), "--out", str(tmp_path / name), *seed])
         tables.append((tmp_path / name / "grades.csv").read_text())
     assert tables[0] == tables[1]
-    assert GradeFolder.read(tmp_path / "three").seed > 2**64  # but for once in 10^19
+    assert GradeFolder.read(tmp_path / "three").plan.seed > 2**64  # but for once in 10^19
 
 
 @pytest.mark.slow
