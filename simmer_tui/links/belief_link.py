@@ -20,7 +20,7 @@ from simmer_tui.belief_grid import Bounds, GridBelief, grid_belief
 from simmer_tui.config.dialects import BELIEFS
 from simmer_tui.engine import Engine
 from simmer_tui.errors import UnknownSensorError
-from simmer_tui.events import Belief, EventHandler
+from simmer_tui.events import LARGEST, Belief, EventHandler
 from simmer_tui.links.grid_parser import JSON_NUMBERS, parse_grid
 from simmer_tui.links.link import LinkContext
 from simmer_tui.links.peer import MOST_WAITING, Peer, ReadBudget
@@ -105,7 +105,6 @@ MOST_PARTICLES = 5000
 # particles with all their digits would be three times as large.
 DECIMALS = 2
 """Decimals of a belief, inches and degrees."""
-_LARGEST = 1e12  # beyond it adding 0.01 to a float loses digits, and run logs refuse it
 
 
 _FIELDS = ("x", "y", "heading", "spread", "particles", "grid", "note")
@@ -157,8 +156,8 @@ def _number(value: Any, name: str) -> float:
         number = math.inf
     if not math.isfinite(number):
         raise ValueError(f"{name} must be finite")
-    if abs(number) > _LARGEST:
-        raise ValueError(f"{name} must be between -{_LARGEST:g} and {_LARGEST:g}")
+    if abs(number) > LARGEST:
+        raise ValueError(f"{name} must be between -{LARGEST:g} and {LARGEST:g}")
     return round(number, DECIMALS) + 0.0  # the sum makes 0.0 of -0.0
 
 
@@ -184,7 +183,7 @@ def _rounded(values: list[Any]) -> list[float]:
     if JSON_NUMBERS.issuperset(map(type, values)):
         with contextlib.suppress(OverflowError):  # an integer beyond all bounds
             numbers = np.array(values, dtype=np.float64)
-            if (np.abs(numbers) <= _LARGEST).all():
+            if (np.abs(numbers) <= LARGEST).all():
                 rounded: list[float] = (np.round(numbers, DECIMALS) + 0.0).tolist()
                 return rounded
     return [_number(value, "a particle's number") for value in values]
