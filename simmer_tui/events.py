@@ -30,6 +30,10 @@ from simmer_tui.sim.records import CommandResult as CommandResult  # the event o
 from simmer_tui.sim.records import Grip
 from simmer_tui.sim.trajectory import Trajectory
 
+# Beyond this, adding 0.01 to a float loses digits: no maze and no run comes near it.
+LARGEST = 1e12
+"""Limit of all times (seconds), places (inches) and headings (degrees)."""
+
 
 class NoticeKind(StrEnum):
     """Subject of a notice."""

@@ -40,7 +40,7 @@ from simmer_tui.dialect.dialect_rules import (
 )
 from simmer_tui.dialect.frames import FrameKind, Framing
 from simmer_tui.dialect.kinds import ANY, LIST, NUMBER, TEXT, Known, ValueKind, kind_of
-from simmer_tui.dialect.patterns import Pattern
+from simmer_tui.dialect.patterns import NAME, Pattern
 from simmer_tui.dialect.templates import check_pack, pack_codes
 from simmer_tui.errors import Problem
 from simmer_tui.sim.command import parse_value
@@ -54,7 +54,6 @@ _MARKS_OF = {FrameKind.LINE: ("end",), FrameKind.BRACKET: ("open", "close")}
 """The marks that a message of a kind must have."""
 _KINDS = {"number": NUMBER, "int": NUMBER, "digit": NUMBER, "list": LIST, "word": TEXT, "text": TEXT}
 """The kinds of values by the kinds of a pattern's fields."""
-_NAME = re.compile(r"[A-Za-z_]\w*", re.ASCII)
 _ASSIGNED = re.compile(r"([A-Za-z_]\w*)\s*=(?!=)(.*)", re.ASCII | re.DOTALL)
 _RUN = re.compile(r"run\s+(.+?)(?:\s+for\s+(.+?)\s*s)?", re.DOTALL)
 _PAUSE = re.compile(r"pause\s+(.+)", re.DOTALL)
@@ -157,7 +156,7 @@ class _Reader(RuleParts):
         complain = self._file.complain
         if not isinstance(head, str):
             complain("frame.head", 'must be a struct format, such as "<BB"')
-        elif not _is_texts(names) or not all(_NAME.fullmatch(each) for each in names):
+        elif not _is_texts(names) or not all(NAME.fullmatch(each) for each in names):
             complain("frame.names", 'must be a list of names, such as ["type", "size"]')
         elif self._made("frame.head", _header, head, len(names)) is None:
             pass  # it has its problem
@@ -170,7 +169,7 @@ class _Reader(RuleParts):
     def _read_state(self) -> Iterator[tuple[str, expressions.FieldValue]]:
         for name, value in self._file.table("state").items():
             place = f"state.{name}"
-            if not _NAME.fullmatch(name) or name in expressions.CONSTANTS or name in READING:
+            if not NAME.fullmatch(name) or name in expressions.CONSTANTS or name in READING:
                 self._file.complain(place, "is no name for a value of the state")
             elif name in self._parts.readable:
                 self._file.complain(place, "is the code of a sensor; take another name")
@@ -373,7 +372,7 @@ def _unpack(text: object) -> tuple[str, tuple[str, ...]]:
         return "", ()
     shape, colon, names = str(text).partition(":")
     fields = tuple(names.split())
-    if not isinstance(text, str) or not colon or not all(map(_NAME.fullmatch, fields)):
+    if not isinstance(text, str) or not colon or not all(map(NAME.fullmatch, fields)):
         raise ValueError('must be a struct format and names, such as "<hh: x y"')
     check_pack(shape.strip(), len(fields))
     return shape.strip(), fields

@@ -25,7 +25,8 @@ _FIELDS = {
 _EXAMPLES: Mapping[str, str] = {
     "number": "7.5", "int": "7", "digit": "7", "word": "word", "text": "text", "list": "u0,u1",
 }  # fmt: skip
-_NAME = re.compile(r"[A-Za-z_]\w*", re.ASCII)
+NAME = re.compile(r"[A-Za-z_]\w*", re.ASCII)
+"""Name of a field, or of a value of a dialect."""
 _FIELD = re.compile(r"\{([^{}]*)\}")
 # Python refuses to convert numbers of thousands of digits.
 _LONGEST_NUMBER = 40
@@ -76,7 +77,7 @@ class Pattern:
 
     def _field(self, inside: str) -> tuple[str, str]:
         """The regular expression of a field, and an example."""
-        name = _NAME.match(inside)
+        name = NAME.match(inside)
         if name is None:
             raise ValueError(f"{{{inside}}}: a field begins with a name, such as {{n}} or {{n:int}}")
         rest = inside[name.end() :]

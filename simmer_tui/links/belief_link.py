@@ -20,7 +20,7 @@ from simmer_tui.belief_grid import Bounds, GridBelief, grid_belief
 from simmer_tui.config.dialects import BELIEFS
 from simmer_tui.engine import Engine
 from simmer_tui.errors import UnknownSensorError
-from simmer_tui.events import Belief, EventHandler
+from simmer_tui.events import LARGEST, Belief, EventHandler
 from simmer_tui.links.grid_parser import JSON_NUMBERS, parse_grid
 from simmer_tui.links.link import LinkContext
 from simmer_tui.links.peer import MOST_WAITING, Peer, ReadBudget
@@ -108,7 +108,6 @@ MOST_PARTICLES = 5000
 # with all digits would be three times as large.
 DECIMALS = 2
 """Decimals of a belief, inches and degrees."""
-_LARGEST = 1e12  # for larger floats adding 0.01 loses digits, and run logs refuse them
 
 
 _FIELDS = ("x", "y", "heading", "spread", "particles", "grid", "note")
@@ -159,8 +158,8 @@ def _number(value: Any, name: str) -> float:
         number = math.inf
     if not math.isfinite(number):
         raise ValueError(f"{name} must be finite")
-    if abs(number) > _LARGEST:
-        raise ValueError(f"{name} must be between -{_LARGEST:g} and {_LARGEST:g}")
+    if abs(number) > LARGEST:
+        raise ValueError(f"{name} must be between -{LARGEST:g} and {LARGEST:g}")
     return round(number, DECIMALS) + 0.0  # the sum makes 0.0 of -0.0
 
 
@@ -186,7 +185,7 @@ def _rounded(values: list[Any]) -> list[float]:
     if JSON_NUMBERS.issuperset(map(type, values)):
         with contextlib.suppress(OverflowError):  # an integer too large for a float
             numbers = np.array(values, dtype=np.float64)
-            if (np.abs(numbers) <= _LARGEST).all():
+            if (np.abs(numbers) <= LARGEST).all():
                 rounded: list[float] = (np.round(numbers, DECIMALS) + 0.0).tolist()
                 return rounded
     return [_number(value, "a particle's number") for value in values]

@@ -9,14 +9,13 @@ from collections.abc import Mapping
 from msgspec import Struct
 
 from simmer_tui.sim.command import escape, parse_value
+from simmer_tui.sim.simulator import LARGEST_VALUE
 
 # Request line of RFC 9112, section 3: a browser, curl, or a health check.
 _HTTP = re.compile(r"[A-Z]{3,8} \S* ?HTTP/\d")
 _JSON = re.compile(r'\s*\{\s*"')
 # Far below any intended movement. Bytes in the wrong order give such numbers.
 _TINY = 1e-30
-# The limit of a drive's value (`simulator.LARGEST_VALUE`), beyond which nothing is driven.
-_HUGE = 1e6
 
 
 class Diagnosis(Struct, frozen=True):
@@ -110,5 +109,5 @@ def is_nonsense(argument: str | None) -> bool:
         return True
     value = parse_value(argument)
     return not isinstance(value, str) and (
-        abs(value) > _HUGE or 0 < abs(value) < _TINY or not math.isfinite(value)
+        abs(value) > LARGEST_VALUE or 0 < abs(value) < _TINY or not math.isfinite(value)
     )

@@ -11,6 +11,7 @@ from msgspec.structs import astuple, replace
 
 from simmer_tui.errors import RunLogError
 from simmer_tui.events import (
+    LARGEST,
     Action,
     ActionDone,
     Belief,
@@ -31,7 +32,6 @@ from simmer_tui.events import (
 )
 from simmer_tui.run.state import Checkpoint, MissionProgress, MissionSums, TimeSpent
 from simmer_tui.runlog.log_records import (
-    LARGEST,
     NO_REPLY,
     SHARED_WITH_CHECKPOINT,
     SHARED_WITH_CONTACT,

@@ -18,14 +18,11 @@ import msgspec
 
 from simmer_tui.actions import argument_count
 from simmer_tui.belief_grid import GridBelief
-from simmer_tui.events import ActionName, Goal, NoticeKind, Result, VelocityEnd
+from simmer_tui.events import LARGEST, ActionName, Goal, NoticeKind, Result, VelocityEnd
 from simmer_tui.runlog.typed_json import TypedJson
 from simmer_tui.sim.command import escape
 from simmer_tui.sim.records import Status
 
-# Beyond this, adding 0.01 to a float loses digits: no maze and no run comes near it.
-LARGEST = 1e12
-"""Limit of all times (seconds), places (inches) and headings (degrees)."""
 USUAL_SOURCE = "client"
 """Source of a command whose record names none."""
 # msgspec leaves out a field that holds the same object as its default, not one that is only equal.

@@ -92,7 +92,9 @@ def test_rows_of_a_run_are_those_that_were_kept(robot: str) -> None:
     model = Model(run, parameters_of(run))
     tight = np.where(np.arange(len(state.parameters)) % 3, 0.5, 0.0)
     found = {}
-    made = {"plain": model.rows(state)} | ({"tight": model.rows(state, 0.7, tight)} if robot == "disc" else {})
+    made = {"plain": model.rows(state)} | (
+        {"tight": model.rows(state, 0.7, tight)} if robot == "disc" else {}
+    )
     for name, rows in made.items():
         found[name] = {
             "residuals": rows.residuals,
