@@ -112,10 +112,10 @@ class ContinuousMotion:
         self._listener = listener
         self._plan = VelocityPlan(spec.control_period)
         self.leg: Leg | None = None
-        """The leg under way, None while the robot is not told to move."""
+        """The leg under way, None while no velocity is in force."""
         self._parts: tuple[Component, ...] = ()
         self._stretch_ends: tuple[tuple[DriveKind, float], ...] = ()
-        """Times at which stretches of errors end, if the leg under way lasts so long."""
+        """Times at which stretches of errors end, if the leg under way is long enough."""
         self._noise = True
         self._expires = math.inf
         self._release = VelocityTarget(STILL)
