@@ -143,7 +143,7 @@ class ContinuousMotion:
         if self.leg is None or self._plan.due <= time:
             self._cut(time)
             self._change(time)
-            self._lay(time, pose)
+            self._plan_leg(time, pose)
         return True
 
     def release(self, time: float, pose: Pose) -> None:
@@ -164,7 +164,7 @@ class ContinuousMotion:
             self._cut(time)
             self._noise = noise
             self._wall.renew()
-            self._lay(time, pose)
+            self._plan_leg(time, pose)
 
     # -- time ----------------------------------------------------------------------------------------
 
@@ -187,7 +187,7 @@ class ContinuousMotion:
             self._plan.command(time, self._release)
         if self._plan.due <= time:
             self._change(time)
-        self._lay(time, pose)
+        self._plan_leg(time, pose)
 
     def _change(self, time: float) -> None:
         """The velocity in force changes: choices at a wall are made again."""
@@ -216,7 +216,7 @@ class ContinuousMotion:
 
     # -- planning legs -------------------------------------------------------------------------------
 
-    def _lay(self, time: float, pose: Pose) -> None:
+    def _plan_leg(self, time: float, pose: Pose) -> None:
         """Plan the leg that begins at a simulated time."""
         self.leg = None
         if not self._plan.moves:
