@@ -2,11 +2,11 @@
 
     python benchmarks/bench_beliefs.py [--quick] [--json FILE]
 
-The simulator runs headless in a process of its own, and its processor time is read before each `u1` is
-sent and when its reply has come: what it did meanwhile is what delays a program, on however busy a
-machine. Goal: 20 ms at the 99th percentile. Only Linux tells another process's time.
+The simulator runs headless in a process of its own. Its processor time is read before each `u1` is sent and
+after its reply. That time is the delay of a program, even on a busy machine. Goal: 20 ms at the 99th
+percentile. Linux only, because of the other process's time.
 
-Grids of 1,944 states at 10 Hz, packed and as nested lists: share of a core that parser, log and history take.
+Grids of 1,944 states at 10 Hz, packed and as nested lists: share of a core used by parser, log and history.
 Goals: 0.3 % and 1 %.
 """
 
@@ -64,7 +64,7 @@ def tell(port: int, begun: Barrier) -> None:
 
 
 def measure(count: int) -> dict[str, float]:
-    """Milliseconds of the simulator's processor time: of a `u1` in quiet and in the flood."""
+    """Milliseconds of the simulator's processor time for a `u1`, without and with the flood of beliefs."""
     command = [sys.executable, "-m", "simmer_tui", "--no-ui", "--port", "0", "--quiet"]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
     assert process.stdout is not None
@@ -106,7 +106,7 @@ def measure(count: int) -> dict[str, float]:
 
 
 def grid_shares(count: int) -> dict[str, float]:
-    """Per cent of a core that grids at 10 Hz take, by the way they are written."""
+    """Per cent of a core for grids at 10 Hz, by their format."""
     table = np.random.default_rng(5).random(SHAPE)
     rows, columns, headings = SHAPE
     text = base64.b64encode(table.astype("<f4").tobytes()).decode()

@@ -28,7 +28,7 @@ from typing import Any
 
 from msgspec.structs import replace
 
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as simmer-tui calibrate has it, before numpy comes
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as in simmer-tui calibrate, before numpy is imported
 import numpy as np
 from msgspec import structs
 
@@ -56,13 +56,13 @@ ROOT = Path(__file__).resolve().parent.parent
 CODES = ("u1", "u2", "u3", "u4", "u5", "c1", "o1", "o2", "o3", "o4", "g1", "t1")
 LATENCY = 0.01
 WORST = 1.3
-"""PredictionErrors of predictions, as multiples of those with the true set, that no robot is to exceed."""
+"""Greatest allowed errors of predictions of any robot, as multiples of those with the true set."""
 DIRECTIONS = (Sort.BIAS, Sort.GAIN, Sort.ANGLE, Sort.DRIFT)
 
 
 @dataclass
 class Learned:
-    """One robot: what it is, what was found, or why not."""
+    """One robot: its true set, and the fit or the reason why there is none."""
 
     number: int
     configured: SimulationSpec
@@ -78,7 +78,7 @@ class Learned:
 
 @dataclass
 class Goal:
-    """A goal, and what was reached."""
+    """A goal, and the figure reached."""
 
     name: str
     reached: str
@@ -142,7 +142,7 @@ def true_value(estimate: ParameterEstimate, hidden: SimulationSpec) -> float:
     rows: dict[str, Any] = {each.kind.value: each for each in hidden.drives}
     rows |= {each.id: each for each in hidden.sensors}
     value: Any = rows[estimate.owner]
-    # Its sensors stand where the set says.
+    # Its sensors are mounted where the set has them.
     if estimate.field == OFFSET:
         return 0.0
     for part in estimate.field.split("."):
@@ -151,7 +151,7 @@ def true_value(estimate: ParameterEstimate, hidden: SimulationSpec) -> float:
 
 
 def coverage(robots: list[Learned], report: Report) -> None:
-    """Report the shares of 95 % intervals that hold the truth."""
+    """Report the shares of 95 % intervals that contain the truth."""
     hits: dict[str, list[bool]] = defaultdict(list)
     worst = 1.0
     for robot in robots:
@@ -214,7 +214,7 @@ def accuracy(robots: list[Learned], report: Report) -> None:
 
 
 def predictions(robots: list[Learned], report: Report, what: str) -> None:
-    """Errors of predictions against those of the true set."""
+    """Report errors of predictions, compared with those of the true set."""
     keys = sorted({key for robot in robots for key in robot.ratios})
     middles, above = [], []
     for kind, ahead in keys:
@@ -356,7 +356,7 @@ def check_part(options: argparse.Namespace, folder: Path, report: Report, robots
 
 
 def faults_part(options: argparse.Namespace, folder: Path, report: Report) -> None:
-    """Robots with faults that the model does not know: what happens."""
+    """Learn robots with faults that are not in the model."""
     for name, oddities in (
         ("wheels lose 5 % on every other cell", Oddities(slip=0.05)),
         ("2 % of ranges are the reading before", Oddities(stale=0.02)),
@@ -376,7 +376,7 @@ def faults_part(options: argparse.Namespace, folder: Path, report: Report) -> No
 
 
 def guided_part(options: argparse.Namespace, folder: Path, report: Report) -> None:
-    """Guided sessions, with a robot that a person has put well."""
+    """Guided sessions, with a robot that a person has placed exactly."""
     counts, contacts, told, held = [], 0, [], []
     reached: dict[str, list[float]] = defaultdict(list)
     for number in range(options.guided):

@@ -2,13 +2,13 @@
 
     python benchmarks/bench_clock.py [--quick] [--json FILE]
 
-The app runs on a pty that answers as a terminal with synchronized updates does, so that a picture is what
-stands there at the end of one. Of 200 pictures for each of three programs those are counted in which the
-robot in the maze stands or looks elsewhere than the pose line says, or the code at the bright ray is not
-that of the sensor shown as read last (goal 0). Then `wander.py` drives as fast as it can: bytes a second and
-the fraction of a processor that the screen's thread takes at 120 x 36 (goals 24 KB, 10 %) and 200 x 60
-(50 KB, 13 %), and at the default pace pictures a second (goal 15), the median and the 90th percentile of the
-gaps between them (67 and 90 ms) and bytes (32 KB). Needs Linux for /proc, and the packages of the tests.
+The app runs on a pty that answers like a terminal with synchronized updates, so that a picture is the screen
+at the end of one. 200 pictures for each of three programs are checked for contradictions (goal 0). One is a
+robot in the maze with another pose than the pose line. The other is a bright ray whose code is not that of
+the sensor shown as read last. Then `wander.py` drives as fast as it can: bytes a second and the fraction of a
+processor that the screen's thread takes at 120 x 36 (goals 24 KB, 10 %) and 200 x 60 (50 KB, 13 %), and at
+the default pace pictures a second (goal 15), the median and the 90th percentile of the gaps between them (67
+and 90 ms) and bytes (32 KB). Needs Linux for /proc, and the packages of the tests.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ from pathlib import Path
 import pyte
 
 ROOT = Path(__file__).parent.parent
-sys.path.insert(0, str(ROOT))  # what reads a picture's cells is the tests'
+sys.path.insert(0, str(ROOT))  # the reader of a picture's cells is one of the tests'
 
 from simmer_tui.client import Robot  # noqa: E402
 from simmer_tui.sim.specs import CELL_SIZE  # noqa: E402
@@ -52,10 +52,10 @@ MAIN = [sys.executable, "-m", "simmer_tui", "--seed", "7", "--belief-port", "0"]
 WANDER = [sys.executable, str(ROOT / "scripts" / "wander.py"), "--seed", "7"]
 UPDATE_ENDS = b"\x1b[?2026l"
 STARTS_WITHIN = 60.0
-"""Seconds; a busy machine needs some."""
+"""Seconds until the app must have started, on a busy machine."""
 # A pixel of the picture at 10 columns a cell is 0.6 in wide and the pose has one decimal.
 _AWAY, _ASIDE = 1.5, 15.0
-"""Inches and degrees by which robot and pose line may differ: what can be read off a picture."""
+"""Inches and degrees by which robot and pose line may differ: the resolution of a picture."""
 
 
 class Terminal:
@@ -64,7 +64,7 @@ class Terminal:
     def __init__(
         self, size: tuple[int, int], *options: str, each: Callable[[bytes], None] = lambda update: None
     ) -> None:
-        """`each` is called with what was written up to the end of each update."""
+        """`each` is called with the bytes written up to the end of each update."""
         self.commands, self.replies = _free_ports(2)
         self.master, slave = os.openpty()
         fcntl.ioctl(slave, termios.TIOCSWINSZ, struct.pack("HHHH", size[1], size[0], 0, 0))
@@ -83,7 +83,7 @@ class Terminal:
         os.close(slave)
         self.bytes = 0
         self.drawn: list[float] = []
-        """When each picture was whole."""
+        """Time at which each picture was complete."""
         self._each = each
         self._held = b""
         self._over = False
@@ -171,7 +171,7 @@ def program(app: Terminal, spins: bool = False) -> Iterator[None]:
         thread.join()
 
 
-# -- whether a picture is of one moment ------------------------------------------------------------
+# -- pictures that contradict themselves -----------------------------------------------------------
 
 
 class Judge:
@@ -184,10 +184,10 @@ class Judge:
         self.judged = 0
         self.wrong: list[str] = []
         self.counts = False
-        """True while pictures are judged."""
+        """True while pictures are counted."""
 
     def take(self, update: bytes) -> None:
-        """Take an update, whole."""
+        """Process a complete update."""
         before = [*self.screen.display]
         self._stream.feed(UNKNOWN_TO_PYTE.sub(b"", update))
         if self.counts and self.screen.display != before:
@@ -231,7 +231,7 @@ class Judge:
 
 
 def measure_agreement(pictures: int) -> dict[str, float]:
-    """Parts of the pictures that contradict themselves, for three programs."""
+    """Shares of the pictures that contradict themselves, for three programs."""
     figures: dict[str, float] = {}
     cases = (("wander", "off", False), ("wander at pace", "4", False), ("spin", "off", True))
     for name, pace, spins in cases:
@@ -250,7 +250,7 @@ def measure_agreement(pictures: int) -> dict[str, float]:
     return figures
 
 
-# -- what pictures cost ----------------------------------------------------------------------------
+# -- the cost of pictures --------------------------------------------------------------------------
 
 
 def measure_cost(size: tuple[int, int], pace: str, seconds: float) -> dict[str, float]:

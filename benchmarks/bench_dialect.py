@@ -4,8 +4,8 @@
 
 Three figures. An exchange of 50 bytes through pyserial and the hook, less one over a bare pair of sockets
 between two processes: the goal is 0.3 ms. Real time of 2,000 simulated seconds of a program that mostly
-sleeps, by its clock: the goal is 6 s. Exchanges while a stream of 240 messages a second comes in: all of the
-stream arrives, and an exchange takes no more than 1 ms longer.
+sleeps, by its clock: the goal is 6 s. Exchanges during a stream of 240 messages a second: the goal is that
+all of the stream arrives, and an exchange takes at most 1 ms longer.
 """
 
 from __future__ import annotations
@@ -116,7 +116,7 @@ def sleeper(folder: Path, simulated: float) -> dict[str, float]:
 
 
 def beside_stream(folder: Path, seconds: float) -> dict[str, float]:
-    """Times of exchanges with and without a stream beside them, and the share of the stream that came."""
+    """Times of exchanges with and without a stream, and the share of the stream that arrived."""
     options = ("--line", "instant")
     alone = median_ms(run(folder, HOOKED, f"{seconds} pause", *options))
     output = run(folder, HOOKED, f"{seconds} pause", *options, dialect=DIALECT + STREAM_RULE)
@@ -133,7 +133,7 @@ def main() -> int:
     parser.add_argument("--json", metavar="FILE", type=Path, help="write the figures to a file too")
     options = parser.parse_args()
     seconds = 1.0 if options.quick else 5.0
-    # The same length for both: the goal is for 2,000 seconds, start included.
+    # The same length for both: the goal is for 2,000 seconds, with the start.
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         subprocess.run(

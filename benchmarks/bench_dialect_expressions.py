@@ -1,4 +1,4 @@
-"""Time and memory of expressions that are as hard as a dialect.toml may have them.
+"""Time and memory of the most expensive expressions that a dialect.toml may have.
 
     python benchmarks/bench_dialect_expressions.py [--quick] [--json FILE]
 
@@ -44,7 +44,7 @@ HARD: dict[str, Callable[[int], str]] = {
     "a scan": lambda n: f"scan(0, 1, {MOST_RAYS})",
     "rays": lambda n: "ray(1)" + "+ray(2)" * min(n, 3),
 }
-"""Expressions of a size; each is taken as large as is not refused."""
+"""Expressions of a size; the largest one that is not refused is measured."""
 FIELDS = {
     "a scan in words": f"{{scan(0, 1, {MOST_RAYS}):.17f|,}}",
     "a long number": "{f:99.17f}",
@@ -53,7 +53,7 @@ FIELDS = {
 
 
 class Names:
-    """Values, and a simulated robot whose lidar has been read: a reply reads it once, whatever it asks."""
+    """Values, and a simulated robot whose lidar has been read: a reply reads it once, for all its fields."""
 
     def __init__(self) -> None:
         spec = load(find_set("lidar")).simulation
@@ -72,12 +72,12 @@ class Names:
 
 
 def cost(work: Callable[[], object], rounds: int) -> tuple[float, int]:
-    """The least seconds of several rounds, since others use the machine too, and the most bytes."""
+    """The least seconds of several rounds, since other processes use the machine too, and the most bytes."""
 
     def done() -> None:
         try:
             work()
-        except ExpressionError:  # what is refused while it is worked out has its cost as well
+        except ExpressionError:  # an expression that is refused during evaluation has its cost as well
             return
 
     best = min(_timed(done) for _ in range(rounds))
@@ -105,7 +105,7 @@ def hardest(text: Callable[[int], str]) -> Expression:
 
 
 def costs(rounds: int) -> dict[str, tuple[float, int]]:
-    """Seconds and bytes of all."""
+    """Seconds and bytes of all expressions and fields."""
     names = Names()
     made = {name: hardest(text) for name, text in HARD.items()}
     found = {name: cost(lambda each=each: each.value(names), rounds) for name, each in made.items()}  # type: ignore[misc]

@@ -2,10 +2,10 @@
 
     python benchmarks/bench_first_drive.py [--quick] [--json FILE]
 
-The folder has the package's wheel and all that it needs, and no index is asked. Done by pip in an
-environment that `python -m venv` makes, as the README says, and by uv. The time is from before the
-environment is made until the client's first movement has ended. CPU time of the processes is told beside
-it: on a busy machine only that means something. Goal: 10 s.
+The folder has the package's wheel and all its dependencies, and no index is used. It is done by pip in an
+environment of `python -m venv`, as in the README, and by uv. The time is from before the environment is made
+until the client's first movement has ended. CPU time of the processes is printed beside it: on a busy machine
+only that is meaningful. Goal: 10 s.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ def call(*command: str) -> None:
 
 
 def wheels(folder: Path) -> Path:
-    """A folder with the package's wheel and all that it needs."""
+    """A folder with the package's wheel and all its dependencies."""
     call(sys.executable, "-m", "build", "--wheel", "--no-isolation", "--outdir", str(folder), str(ROOT))
     (wheel,) = folder.glob("*.whl")
     pip = (sys.executable, "-m", "pip", "download", "-qq", "--disable-pip-version-check")

@@ -116,7 +116,7 @@ def median_milliseconds(action: Callable[[int], object], repeats: int) -> float:
 
 
 class Screen:
-    """Does what the widget does between two frames, without an app around it."""
+    """The widget's work between two frames, without an app around it."""
 
     def __init__(self, painter: Painter, viewport: Viewport, scenes: list[Scene]) -> None:
         self.painter = painter
@@ -198,7 +198,7 @@ def bytes_on_pty(frames: int, columns: int, rows: int, *, deltas: bool) -> int:
     while True:
         try:
             total += len(os.read(master, 1 << 16))
-        except OSError:  # how Linux reports that the far side is gone
+        except OSError:  # how Linux reports that the other side is closed
             break
     os.close(master)
     if child.wait() != 0:

@@ -2,8 +2,8 @@
 
     python benchmarks/bench_history.py [--commands N]
 
-A real run's events are applied over and over, their numbers and times going on, to a reducer with a history.
-Goal: at most 30 MB at 200,000 commands and not more after them, whatever the run is made of.
+A real run's events are applied again and again to a reducer with a history, with increasing numbers and
+times. Goal: at most 30 MB at 200,000 commands and not more after them, for every kind of run.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ RUNS = {
 
 
 def events_of(pattern: tuple[str, ...]) -> list[Event]:
-    """Events of a simulator that some hundred commands were given to."""
+    """Events of a simulator that did some hundred commands."""
     simulator = Simulator(load_default().simulation, 7)
     engine = Engine(simulator)
     told: list[Event] = []
@@ -51,7 +51,7 @@ def events_of(pattern: tuple[str, ...]) -> list[Event]:
 
 
 def laps(events: list[Event], commands: int) -> Callable[[Reducer], None]:
-    """Applies the events over and over, until there were so many commands."""
+    """Function that applies the events again and again, up to a number of commands."""
 
     def apply(reducer: Reducer) -> None:
         done = 0
@@ -68,7 +68,7 @@ def laps(events: list[Event], commands: int) -> Callable[[Reducer], None]:
 
 
 def measured(pattern: tuple[str, ...], commands: int) -> tuple[float, float]:
-    """Megabytes that the history takes, and microseconds of a core that it adds to a command."""
+    """Megabytes of the history, and microseconds of a core that it adds to a command."""
     events = events_of(pattern)
     run = laps(events, commands)
     beginning = checkpoint_of(Simulator(load_default().simulation, 7))
@@ -95,7 +95,7 @@ def main() -> None:
     parser.add_argument("--quick", action="store_true", help="fewer commands")
     parser.add_argument("--json", metavar="FILE", type=Path, help="write the figures to a file too")
     options = parser.parse_args()
-    # A tenth more than are kept, so that the oldest rows have gone.
+    # A tenth more than are kept, so that the oldest rows are dropped.
     commands = options.commands or (20_000 if options.quick else 220_000)
     figures = {}
     print(f"{commands:,} commands    MB   us a command")

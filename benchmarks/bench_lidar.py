@@ -1,9 +1,9 @@
-"""Cost of a lidar's scan, as a ratio to so many single rays of `cast_rays` in one call.
+"""Cost of a lidar's scan, as a ratio to as many single rays of `cast_rays` in one call.
 
     python benchmarks/bench_lidar.py [--quick] [--json FILE]
 
-A scan adds to its rays the pose of the robot at the moment of each, the errors and the record. Where nothing
-has moved since the scan before, it casts no ray. Goal: a ratio of 1.3, at rest and in motion.
+A scan adds to its rays the pose of the robot at the moment of each, the errors and the record. If nothing has
+moved since the previous scan, it casts no ray. Goal: a ratio of 1.3, at rest and in motion.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ RATIO_GOAL = 1.3
 RAYS = (72, 360, 1450)
 STATES = ("at rest", "put elsewhere", "turning", "driving", "movements")
 PLACE = Pose(66.0, 18.0, 33.0)
-# A curve of less than 3 in, so that it never meets a wall.
+# A curve of less than 3 in, without contact with a wall.
 VELOCITIES = {"turning": "vv-0;0;126.5", "driving": "vv-3;0;60"}
 
 
@@ -42,17 +42,17 @@ def robot(rays: int) -> Simulator:
 
 
 def moved(simulator: Simulator, state: str, number: int) -> None:
-    """Move a robot as it goes between two scans, one turn of its lidar apart."""
+    """Move a robot as between two scans, one turn of its lidar apart."""
     if state == "put elsewhere":
         simulator.teleport(Pose(PLACE.x + 0.01 * (number % 50), PLACE.y, PLACE.heading + number))
     elif state == "movements":
         simulator.execute("r1-7" if number % 2 else "r1--7")
-    # A hair more than a turn, or rounding leaves the same one.
+    # Slightly more than a turn, so that rounding does not leave the same one.
     simulator.advance(simulator.time + 1.001 / 5.5)
 
 
 def measured(state: str, rays: int, rounds: int) -> tuple[float, float]:
-    """Seconds of the fastest scan, and of so many rays in one call."""
+    """Seconds of the fastest scan, and of as many rays in one call."""
     simulator = robot(rays)
     if state in VELOCITIES:
         simulator.execute(VELOCITIES[state])
@@ -65,7 +65,7 @@ def measured(state: str, rays: int, rounds: int) -> tuple[float, float]:
         assert reading.scan is not None
         origins = np.ascontiguousarray(reading.scan.poses[:, :2])
         bearings = reading.scan.poses[:, 2] + reading.scan.bearings
-        # Each comes once after a motion: a loop over the same rays would be quicker, from the cache.
+        # Each is measured once after a motion: a loop over the same rays would be faster, from the cache.
         moved(simulator, state, 2 * number + 1)
         casts.append(_timed(lambda: simulator.cast_rays(origins, bearings, 2.0)))  # noqa: B023
     return min(scans), min(casts)

@@ -2,10 +2,10 @@
 
     python benchmarks/bench_misfit.py [--quick] [--robots N] [--faulty N] [--movements N] [--json FILE]
 
-Robots of the model are to be told as not fitting in at most 5 %. Of robots with a fault 95 % intervals are to
-hold at least 90 % of biases, gains, angles and offsets, or the robot is told as not fitting: sensors mounted
-half an inch and 5 degrees off (standard deviations, each way), drives that weaken by 12 % over the log,
-movements that end 0.2 in short, and a robot that only ever turns.
+Goals: of robots that follow the model, at most 5 % are reported as not fitting. For robots with a fault, 95 %
+intervals contain at least 90 % of biases, gains, angles and offsets, or the robot is reported as not fitting.
+The faults: sensors mounted half an inch and 5 degrees off (standard deviations, each way), drives that weaken
+by 12 % over the log, movements that end 0.2 in short, and a robot that only turns.
 """
 
 import argparse
@@ -19,7 +19,7 @@ from pathlib import Path
 
 from msgspec.structs import replace
 
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as simmer-tui calibrate has it, before numpy comes
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as in simmer-tui calibrate, before numpy is imported
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
@@ -42,7 +42,8 @@ KINDS = (FITS, "sensors mounted off", "drives weaken", "movements end short", "t
 
 @dataclass(frozen=True)
 class Judged:
-    """One robot: whether it was told as not fitting, and its shares of places and of error sizes held."""
+    """One robot: True in `told` if it was reported as not fitting. With it are the shares of intervals of
+    parameters (`places`) and of noise scales (`sizes`) that contain the truth."""
 
     told: bool
     places: float
@@ -51,7 +52,7 @@ class Judged:
 
 
 def mounted_off(spec: SimulationSpec, random: np.random.Generator) -> SimulationSpec:
-    """A robot whose range sensors sit elsewhere than the set says, and look elsewhere."""
+    """A robot whose range sensors have other places and directions than in the set."""
     sensors = []
     for each in spec.sensors:
         x, y, turned = random.normal(0.0, (0.5, 0.5, 5.0)).tolist()
@@ -62,7 +63,7 @@ def mounted_off(spec: SimulationSpec, random: np.random.Generator) -> Simulation
 
 
 def judge(kind: str, number: int, movements: int, folder: Path) -> Judged:
-    """Draw a robot, drive it, learn it, and hold what was learned against what it is."""
+    """Draw a robot, drive it, learn it, and compare the estimates with its true parameters."""
     random = np.random.default_rng((7, number))
     configured, hidden = placed(load(bundled_folder()).simulation, random)
     hidden = draw_robot(random, hidden)
@@ -119,7 +120,7 @@ def main() -> int:
                 float(np.mean([getattr(each, name) for each in good])) if good else 0.0
                 for name in ("places", "sizes")
             )
-            # A log of few movements may accuse nobody of anything, and proves nothing.
+            # With few movements, a test that reports nothing is no evidence.
             is_met = told <= 0.05 * count if kind == FITS else told == len(good) or places >= 0.9
             met = met and (is_met or options.quick)
             figures[kind] = {"robots": count, "refused": count - len(good), "told": told}

@@ -32,7 +32,7 @@ BODIES = {
     "L": RobotSpec.polygon(((3, 3), (0, 3), (0, 0), (-3, 0), (-3, -3), (3, -3))),
 }
 STRETCH = 1.2
-"""Inches of an arc: what a stretch of errors ends."""
+"""Inches of an arc: the length of a stretch of errors."""
 SECONDS = 12.0
 """Simulated seconds of a program."""
 
@@ -65,7 +65,7 @@ def searched(body: Footprint, walls: Obstacles, chosen: list[Arc]) -> None:
 
 
 def driven(simulator: Simulator, programs: int) -> None:
-    """Programs that drive about at random, each for `SECONDS`."""
+    """Run programs that drive at random, each for `SECONDS`."""
     for seed in range(programs):
         simulator.reset(seed)
         numbers = random.Random(seed)

@@ -2,11 +2,11 @@
 
     python benchmarks/bench_packets.py [--quick] [--json FILE]
 
-Both servers run in processes of their own and get the same: connect, send `[u0]`, close, connect to
-the second port, read, close. They are driven in turn, and the median of the ratios of neighbouring
-runs is printed. Goal: 0.6. A third server lets all users of the machine in, as `--any-user` does:
-asking the system who connects may cost programs 5 %. Those that students write wait at least 40 ms
-between request and reply; what it costs a client that never waits is printed too.
+Both servers run in processes of their own and get the same: connect, send `[u0]`, close, connect to the
+second port, read, close. They are measured in turn, and the median of the ratios of neighbouring runs is
+printed. Goal: 0.6. A third server accepts all users of the machine, as with `--any-user`. The look-up of the
+connecting user may cost programs 5 %. Students' programs wait at least 40 ms between request and reply; the
+cost for a client that never waits is printed too.
 """
 
 from __future__ import annotations
@@ -28,11 +28,11 @@ REQUEST = b"[u0]"
 GOAL = 0.6
 OWNER_GOAL = 1.05
 WAIT = 0.04
-"""Seconds that the quickest of students' programs wait between request and reply."""
+"""Seconds that the fastest of students' programs waits between request and reply."""
 
 
 class Kept:
-    """The least that brings requests and reads together, whichever comes first."""
+    """The simplest matching of requests and reads, in any order."""
 
     def __init__(self) -> None:
         self._requests: deque[bytes] = deque()
@@ -54,7 +54,7 @@ class Kept:
 
 
 class Requests(asyncio.Protocol):
-    """Keeps what comes."""
+    """Protocol that stores requests."""
 
     def __init__(self, kept: Kept) -> None:
         self._kept = kept
@@ -64,7 +64,7 @@ class Requests(asyncio.Protocol):
 
 
 class Replies(asyncio.Protocol):
-    """Gives back the oldest of what was kept, and closes."""
+    """Protocol that sends the oldest stored request back, and closes."""
 
     def __init__(self, kept: Kept) -> None:
         self._kept = kept
@@ -119,7 +119,7 @@ def served(name: str) -> Iterator[tuple[int, int]]:
 
 
 def exchange(ports: tuple[int, int], wait: float = 0.0) -> int:
-    """One request and its reply; returns how many reads it took."""
+    """One request and its reply; returns the number of reads."""
     with socket.create_connection(("127.0.0.1", ports[0])) as sender:
         sender.sendall(REQUEST)
     if wait:
@@ -146,10 +146,10 @@ def measure(repeats: int, count: int) -> dict[str, float]:
     reads: dict[str, list[float]] = {name: [] for name in names}
     with contextlib.ExitStack() as stack:
         ports = {name: stack.enter_context(served(name)) for name in names}
-        for ports_of_one in ports.values():  # to warm up
+        for ports_of_one in ports.values():  # warm-up
             rate(ports_of_one, count)
         for repeat in range(repeats):
-            turn = repeat % len(names)  # who comes after whom makes a difference
+            turn = repeat % len(names)  # the order makes a difference
             for name in names[turn:] + names[:turn]:
                 per_second, per_request = rate(ports[name], count)
                 rates[name].append(per_second)

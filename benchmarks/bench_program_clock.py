@@ -3,7 +3,7 @@
     python benchmarks/bench_program_clock.py [--quick] [--json FILE]
 
 The program sleeps 20 ms a pass, reads two sensors, tells its belief and sets a velocity. The start of program
-and simulator, measured by a run of no length in the same minute, is taken off. The goal is 20.
+and simulator, measured by a run of length 0 in the same minute, is subtracted. The goal is 20.
 """
 
 from __future__ import annotations

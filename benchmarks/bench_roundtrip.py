@@ -2,12 +2,12 @@
 
     python benchmarks/bench_roundtrip.py [--quick] [--json FILE]
 
-Simulator and echo run in processes of their own, on one processor; this one drives them in
-turn, from the same processor too, so that what is compared is the work done and not how fast the
-system wakes a processor. The median of the ratios of neighbouring runs is printed. Goal: 0.6.
+Simulator and echo run in processes of their own, on one processor; this process measures them in turn, on the
+same processor. So the figures compare work, not the time until the system wakes a processor. The median of
+the ratios of neighbouring runs is printed. Goal: 0.6.
 
-A bare echo asks the system for 256 KB at every receive. With glibc that costs it half its speed
-until a block as large has once been freed; the second ratio is to an echo in that state.
+A bare echo asks the system for 256 KB at every receive. With glibc that halves its speed until a block of
+that size has been freed once; the second ratio is to an echo after that.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ GOAL = 0.6
 
 
 class Echo(asyncio.Protocol):
-    """The least that answers."""
+    """The simplest echo."""
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         assert isinstance(transport, asyncio.Transport)
@@ -66,7 +66,7 @@ def serve_simulator() -> None:
 
 
 def use_one_processor() -> None:
-    """Stay on one processor, the same for all (where the system can do it: Linux)."""
+    """Use one processor, the same for all processes (Linux only)."""
     if hasattr(os, "sched_setaffinity"):
         os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
 

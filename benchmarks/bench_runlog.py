@@ -1,15 +1,15 @@
-"""Cost of logging, and the time until a long log can be moved about in.
+"""Cost of logging, and the time to open a long log and seek in it.
 
     python benchmarks/bench_runlog.py [--quick] [--against DIR] [--json FILE]
 
-Round trips over TCP with a log and without take turns in the same run, so that machines can be
-compared by the ratio. The long log is made of the lines of a real run, their times and numbers
-changed; it is opened as `replay` does, in a process of its own to see its memory. Goal: a report of a
-million commands takes at most 9 s of an idle core.
+Round trips over TCP with and without a log alternate in the same run, so that the ratio is comparable between
+machines. The long log is made of the lines of a real run with changed times and numbers. It is opened as by
+`replay`, in a process of its own to measure its memory. Goal: a report of a million commands takes at most
+9 s of an idle core.
 
-With --against, `report --json` of a failed mission with beliefs, of 100,000 commands, takes turns with that
-of another checkout in DIR (`git worktree add DIR 592ca20`: before sensors and drives were held against the
-truth). Each reads a log that it has written itself, of the same run. Goal: 1.3 times its processor time.
+With --against, `report --json` of a failed mission with beliefs, of 100,000 commands, alternates with that of
+another checkout in DIR (`git worktree add DIR 592ca20`: before sensors and drives were compared with the
+truth). Each reads its own log of the same run. Goal: 1.3 times its processor time.
 """
 
 from __future__ import annotations
@@ -99,7 +99,7 @@ def _rate(client: socket.socket, seconds: float) -> float:
 
 
 _LONG_MISSION = {"time_limit": "1e9", "contacts": "1000000", "start": "[30.0, 42.0]", "heading": "0.0"}
-"""Lines of mission.toml for a mission that ends by its program alone."""
+"""Lines of mission.toml for a mission that only its program ends."""
 _WANDER = f"{sys.executable} {ROOT / 'scripts' / 'wander.py'} --steps {{}} --start 30,42,0 --seed 3"
 _STEP = len(PATTERN)  # commands that wander.py sends a step: nine sensors and a movement
 
@@ -126,7 +126,8 @@ def against(other: Path, folder: Path, rounds: int) -> dict[str, float]:
 
 
 def _mission_log(tree: Path, place: Path) -> Path:
-    """The log of 100,000 commands of wander.py in a mission that it does not do, written by a checkout."""
+    """The log of 100,000 commands of wander.py in a mission that it does not complete, written by a
+    checkout."""
     log = place.with_suffix(".jsonl")
     _simmer_tui(tree, "init", str(place), "--from", "mission")
     mission = place / "mission.toml"
@@ -158,7 +159,7 @@ def _children_time() -> float:
 
 
 def make_long_log(path: Path, commands: int) -> None:
-    """A log of so many commands: a real run's lines over and over, the clock going on."""
+    """Write a log of so many commands: a real run's lines again and again, with increasing times."""
     configuration = load_default()
     simulator = Simulator(configuration.simulation, 7)
     engine = Engine(simulator)
@@ -181,7 +182,7 @@ def make_long_log(path: Path, commands: int) -> None:
 
 
 def _template(line: str) -> tuple[str, dict[str, float]]:
-    """A line whose times and number can be filled in, and what they are."""
+    """A line as a template for its times and number, with their values."""
     values: dict[str, float] = {}
 
     def take(found: re.Match[str]) -> str:
@@ -193,7 +194,7 @@ def _template(line: str) -> tuple[str, dict[str, float]]:
 
 
 def _peak_memory() -> float:
-    """The most memory this process has held, MB."""
+    """Peak memory of this process, MB."""
     if sys.platform == "linux":
         status = Path("/proc/self/status").read_text()
         return int(status.split("VmHWM:")[1].split()[0]) / 1024
@@ -204,7 +205,7 @@ def _peak_memory() -> float:
 
 
 def open_long_log(path: Path) -> dict[str, float]:
-    """Seconds to open a log and to seek in it, and the memory it takes."""
+    """Seconds to open a log and to seek in it, and its memory."""
     begin = time.perf_counter()
     log = RunLogIndex(path)
     opened = time.perf_counter() - begin
@@ -244,8 +245,8 @@ def _bytes_a_command(path: Path) -> float:
 
 
 def stream_long_log(path: Path) -> dict[str, float]:
-    """Seconds and memory of what `report` does with it, and how often that is the time that json takes
-    to decode its lines."""
+    """Seconds and memory of `report` for a log, and the ratio of its time to json's time for decoding the
+    lines."""
     from simmer_tui.cli.log_commands import build_report
 
     busy = time.process_time()

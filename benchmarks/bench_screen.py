@@ -2,15 +2,15 @@
 
     python benchmarks/bench_screen.py [--quick] [--json FILE]
 
-The app runs on a pty of 120 x 36, read by a thread as a terminal would. Printed are round trips a
-second of `u1` with the app open as a ratio to headless (goal 0.7; in turn, in one run), the
-longest stall of a client while the terminal reads nothing for 5 s (goal below 50 ms), and the app's
-fraction of a processor when nothing happens (goal 1 %) and at 10 frames a second with the robot
-turning and its rays drawn (goal 10 %), with its memory. At last a client drives and reads as fast as
-it can: bytes a second (goal 25 KB), pictures of the maze a second (8 are shown; goal 7) and the fraction of a
-processor that the screen's own thread takes (goal 12 %); the same of a robot that follows a wall, steered
-50 times a second (goals 24 KB, 10 %), and of one that reads each scan of a lidar as well, 5.5 a second, by
-turns with and without (goals the same). Needs Linux for /proc.
+The app runs on a pty of 120 x 36, read by a thread as a terminal would. Printed are round trips a second of
+`u1` with the app open as a ratio to headless (goal 0.7; in turn, in one run), the longest stall of a client
+while the terminal reads nothing for 5 s (goal below 50 ms), and the app's fraction of a processor when
+nothing happens (goal 1 %) and at 10 frames a second with the robot turning and its rays drawn (goal 10 %),
+with its memory. Finally a client drives and reads as fast as it can: bytes a second (goal 25 KB), pictures of
+the maze a second (8 are shown; goal 7) and the fraction of a processor that the screen's own thread takes
+(goal 12 %); the same for a robot that follows a wall, steered 50 times a second (goals 24 KB, 10 %). Then
+with each scan of a lidar as well, 5.5 a second, alternately with and without (goals the same). Needs Linux
+for /proc.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ COLUMNS, ROWS = 120, 36
 STARTS_WITHIN = 60.0
 """Seconds; a busy machine needs some."""
 SHOWN_WITHIN = 2.0
-"""Seconds for which a key is waited for."""
+"""Seconds to wait for a key's effect."""
 SCANS_A_SECOND = 5.5
 """Turns of a lidar's head."""
 LIDAR = "lidar1,sc,1,0,0,4,0,0.01,,\n"
@@ -64,7 +64,7 @@ class Screen:
                 "TERM": "xterm-256color",
                 "COLORTERM": "truecolor",
                 "LC_ALL": "C.UTF-8",
-                # Where these are set, as readline does it below pytest, they go before the pty's own size.
+                # If these are set, as by readline below pytest, they have priority over the pty's own size.
                 "COLUMNS": str(COLUMNS),
                 "LINES": str(ROWS),
             }
@@ -90,7 +90,7 @@ class Screen:
             self._wait_until_it_runs()
 
     def _wait_until_it_runs(self) -> None:
-        """It listens before it draws, and takes keys only then."""
+        """Wait for the first picture: the app listens before it draws, and reads keys only after."""
         end = time.perf_counter() + STARTS_WITHIN
         while self.process.poll() is None and time.perf_counter() < end:
             if self.pictures:
@@ -114,12 +114,12 @@ class Screen:
                 )
 
     def watch(self, shown: Callable[[bytes], bool]) -> None:
-        """From here on look for something that is written."""
+        """Begin to look for written bytes."""
         self._shown.clear()
         self._watched = shown
 
     def seen_at(self) -> float:
-        """When it was written; waits for it. NaN if it was not."""
+        """Time at which they were written; waits for them. NaN if they were not."""
         return self._seen_at if self._shown.wait(SHOWN_WITHIN) else math.nan
 
     def processor_seconds(self) -> float:
@@ -134,7 +134,7 @@ class Screen:
         return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
     def megabytes(self) -> float:
-        """Memory held now."""
+        """Present memory, MB."""
         pages = int(Path(f"/proc/{self.process.pid}/statm").read_text().split()[1])
         return pages * os.sysconf("SC_PAGE_SIZE") / 1e6
 
@@ -207,7 +207,7 @@ def rate(client: socket.socket, seconds: float) -> float:
 
 
 def measure_rates(seconds: float, repeats: int) -> tuple[float, float, float]:
-    """Headless and with the app open, and the median of the ratios of neighbours."""
+    """Rates headless and with the app open, and the median of the ratios of neighbours."""
     pairs = []
     with headless() as port, screen() as app, connected(port) as plain, connected(app.port) as watched:
         for repeat in range(repeats + 1):
@@ -219,7 +219,7 @@ def measure_rates(seconds: float, repeats: int) -> tuple[float, float, float]:
 
 
 def measure_stall(seconds: float) -> float:
-    """The longest a client waited, seconds, while the terminal read nothing."""
+    """The longest wait of a client, seconds, while the terminal read nothing."""
     longest = 0.0
     with screen("--fps", "20") as app, connected(app.port) as client:
         rate(client, 1.0)
@@ -292,7 +292,7 @@ class Follower:
 
 
 def skip_scan(client: socket.socket) -> None:
-    """Ask for a scan: the reply is how many numbers there are, and the numbers."""
+    """Request a scan: the reply is the count of numbers, and the numbers."""
     left = 8 * int(ask(client, b"sc\n"))
     while left:
         left -= len(client.recv(left))
@@ -307,7 +307,7 @@ def measure_follower(seconds: float) -> dict[str, float]:
 
 
 def measure_scans(seconds: float, repeats: int) -> dict[str, float]:
-    """The same with and without the scans of a lidar, by turns: the medians."""
+    """The same with and without the scans of a lidar, alternately: the medians."""
     found: dict[str, list[float]] = {}
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "set"
@@ -315,7 +315,8 @@ def measure_scans(seconds: float, repeats: int) -> dict[str, float]:
         with (path / "sensors.csv").open("a", encoding="utf-8") as file:
             file.write(LIDAR)
         for turn in range(2 * repeats):
-            # Anew each time: who follows a wall for long goes over its own trail, where less changes.
+            # A new app each time: a robot that follows a wall for long drives over its own trail, where less
+            # changes.
             scans = turn % 2 > 0
             with screen("--motion", "timed", "--config", str(path)) as app, connected(app.port) as client:
                 follower = Follower(app, client)
@@ -362,8 +363,8 @@ def measure_full_speed(seconds: float) -> dict[str, float]:
 def take_keys(app: Screen, focus: bytes, stroke: bytes, shown: Callable[[bytes], bool]) -> None:
     """Bring the keys to one part of the screen; returns when a stroke there is shown.
 
-    A terminal tells the escape key from the start of a sequence by the time that passes after it, so
-    an app that was held up for as long takes it and the key after it for one, and has to be told again.
+    An app distinguishes the escape key from the start of a sequence by the time after it. An app that is
+    delayed for as long reads it and the next key as one sequence, so the keys must be sent again.
     """
     end = time.perf_counter() + STARTS_WITHIN
     while time.perf_counter() < end:
@@ -378,8 +379,8 @@ def take_keys(app: Screen, focus: bytes, stroke: bytes, shown: Callable[[bytes],
 
 def measure_keys(keys: int, busy: bool) -> dict[str, float]:
     """From a key to the first bytes that show it, seconds at the 95th percentile: a letter typed into the
-    console, and a key that turns the robot; with a client at full speed if `busy`. Where more than one
-    key in ten is never shown, these count with the time they were waited for."""
+    console, and a key that turns the robot; with a client at full speed if `busy`. If more than one key in
+    ten is never shown, these count with their whole waiting time."""
     figures = {}
     with screen() as app, connected(app.port) as client:
         over = threading.Event()
@@ -405,8 +406,8 @@ def measure_keys(keys: int, busy: bool) -> dict[str, float]:
                     started = time.perf_counter()
                     os.write(app.master, strokes[number % 2])
                     wait = app.seen_at() - started
-                    # On a busy machine the rest of one picture may be taken for the next, and then two
-                    # strokes, there and back, are one picture in which nothing changes.
+                    # On a busy machine the rest of one picture may count as the next one. Then two strokes,
+                    # there and back, are one picture in which nothing changes.
                     if not math.isnan(wait):
                         waits.append(wait)
                 if len(waits) < 0.9 * keys:

@@ -1,4 +1,4 @@
-"""Round trips a second through the bridge to a robot, against those of the bare serial port.
+"""Round trips a second through the bridge to a robot, compared with those of the bare serial port.
 
     python benchmarks/bench_serial.py [--quick] [--json FILE]
 
@@ -67,7 +67,7 @@ def bare(port: str, trips: int) -> float:
 
 
 def bridged(port: str, trips: int) -> float:
-    """Round trips a second through the bridge, watchers and simulated twin and all."""
+    """Round trips a second through the bridge, with watchers and simulated twin."""
     return asyncio.run(_bridged(port, trips))
 
 

@@ -2,8 +2,8 @@
 
     python benchmarks/bench_sim.py [--quick] [--json FILE]
 
-Each figure is the median of several runs, and stands beside a yardstick measured in between: calls
-of an empty Python function, or numpy's hypot by the element, so that machines can be compared.
+Each figure is the median of several runs, beside a baseline measured in between: calls of an empty Python
+function, or numpy's hypot for each element. So figures are comparable between machines.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ RAYS = 100_000
 
 
 def nothing() -> None:
-    """The yardstick of what is done one by one."""
+    """The baseline for single calls."""
 
 
 def per_second(work: Callable[[], object], seconds: float) -> float:
@@ -39,7 +39,7 @@ def per_second(work: Callable[[], object], seconds: float) -> float:
 
 
 def works() -> list[tuple[str, Callable[[], object], int, Callable[[], object], float]]:
-    """Measurements to make: name, work, number of things it does at once, yardstick, goal."""
+    """Measurements: name, work, number of items in one call, baseline, goal."""
     configuration = load_default().simulation
     still, moving, driven = (Simulator(configuration, seed=1) for _ in range(3))
     reading = parse_command("u1")

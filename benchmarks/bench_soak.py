@@ -2,12 +2,12 @@
 
     python benchmarks/bench_soak.py [--commands N | --quick] [--json FILE]
 
-The simulator runs headless in a process of its own. One client asks `u1` on the command port, N
-times: a tenth of them in quiet, then with the others at work: beliefs, `xx` and garbage without end,
-half requests, connections that close one side and read nothing, connections opened and reset by the
-score. Printed: the time of a round trip in quiet and in the soak (median, p99, longest), the
-simulator's memory at a tenth and at the end, and how long it takes to end after SIGTERM.
-Goals: p99 below 20 ms, memory flat within a tenth, the end within 2 s. POSIX only.
+The simulator runs headless in a process of its own. One client asks `u1` on the command port, N times: a
+tenth of them alone, then with the others: endless beliefs, `xx` and garbage, half requests, connections that
+close one side and read nothing, and many connections that are opened and reset. Printed are the time of a
+round trip alone and in the soak (median, p99, longest), the simulator's memory at a tenth and at the end, and
+the time to end after SIGTERM. Goals: p99 below 20 ms, memory flat within a tenth, the end within 2 s. POSIX
+only.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ FLOODS = {
 
 
 def misbehave(port: int, data: bytes, begun: Barrier) -> None:
-    """Send without end and read nothing; come again whenever it is closed."""
+    """Send without end and read nothing; reconnect whenever the connection is closed."""
     begun.wait()
     while True:
         with contextlib.suppress(OSError), socket.create_connection(("127.0.0.1", port)) as sock:
@@ -71,7 +71,7 @@ def come_and_go(port: int, begun: Barrier) -> None:
 
 
 def memory(pid: int) -> float:
-    """Resident megabytes of a process; NaN where the system does not say."""
+    """Resident megabytes of a process; NaN if the system does not report it."""
     try:
         pages = int(Path(f"/proc/{pid}/statm").read_text().split()[1])
     except OSError:
@@ -127,7 +127,7 @@ def soak(commands: int) -> dict[str, float]:
             others += [rude.Process(target=way, args=given, daemon=True) for way, given in ways]
         for each in others:
             each.start()
-        begun.wait()  # starting them takes more of the processor than what they do
+        begun.wait()  # their start takes more of the processor than their work
         times = ask(client, max(100, commands // 10))
         early = memory(process.pid)
         times += ask(client, max(100, commands - 2 * (commands // 10)))

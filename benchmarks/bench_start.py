@@ -2,9 +2,8 @@
 
     python benchmarks/bench_start.py [--quick] [--json FILE]
 
-The time goes from starting the process to its line that clients may connect. CPU at rest and
-resident memory are read from /proc, so on Linux only. Goals: ratio 1.7, nothing measurable at
-rest, 90 MB.
+The time is from starting the process to its line that clients may connect. CPU at rest and resident memory
+are read from /proc, so on Linux only. Goals: ratio 1.7, nothing measurable at rest, 90 MB.
 """
 
 from __future__ import annotations
@@ -20,12 +19,12 @@ from pathlib import Path
 
 RATIO_GOAL, MEMORY_GOAL = 1.7, 90.0
 ENVIRONMENT = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
-"""Both are compiled once, as they are where they are installed."""
+"""Without this variable both are compiled once, as in an installation."""
 COMMAND = (sys.executable, "-m", "simmer_tui", "--no-ui", "--port", "0")
 
 
 def imports() -> float:
-    """Seconds to import what the simulation stands on."""
+    """Seconds to import the simulation's dependencies."""
     started = time.perf_counter()
     subprocess.run([sys.executable, "-c", "import numpy, shapely"], env=ENVIRONMENT, check=True)
     return time.perf_counter() - started

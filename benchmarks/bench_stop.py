@@ -1,8 +1,8 @@
-"""Time that the simulator takes to end after SIGTERM, whatever the program beside it does.
+"""Time until the simulator has ended after SIGTERM, beside several kinds of programs.
 
     python benchmarks/bench_stop.py [--quick] [--json FILE]
 
-The goal is 2 s in every case; the program and all that it started are gone by then. Unix only.
+The goal is 2 s in every case; the program and all processes that it started have ended by then. Unix only.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ PROGRAMS = {
 
 
 def full_pipe() -> tuple[int, int]:
-    """A pipe that takes nothing more."""
+    """A full pipe, to which every write blocks."""
     reading, writing = os.pipe()
     os.set_blocking(writing, False)
     with contextlib.suppress(BlockingIOError):
@@ -40,7 +40,7 @@ def full_pipe() -> tuple[int, int]:
 
 
 def seconds_to_end(code: str, blocked: bool) -> float:
-    """From the signal to the end of all who have the program's output."""
+    """Seconds from the signal to the end of all processes with the program's output."""
     command = shlex.join([sys.executable, "-c", code])
     ends = full_pipe() if blocked else ()
     process = subprocess.Popen(

@@ -2,8 +2,8 @@
 
     python benchmarks/bench_stop_queue.py [--quick] [--json FILE]
 
-The drives have all been taken in, a thousand of them wait, the others were answered busy. The goal is a
-99th percentile of 50 ms.
+The drives have all been received, a thousand of them wait, the others were answered busy. The goal is a 99th
+percentile of 50 ms.
 """
 
 from __future__ import annotations
@@ -34,14 +34,14 @@ PLACES = {
 
 
 class Watch:
-    """A way to a robot that answers nothing, and the moments that count."""
+    """A link to a robot that answers nothing, with the measured times."""
 
     name = "mute"
 
     def __init__(self) -> None:
         self.refused = 0
         self.stopped_at = 0.0
-        """The moment that counts, noted by the thread that stops: the one that waits wakes up later."""
+        """Time of the stop, noted by the thread that stops: the waiting one wakes up later."""
         self.stopped = threading.Event()
         self.taken_in = threading.Event()
 
@@ -74,7 +74,7 @@ class Watch:
 
 
 def seconds_to_stop(settings: dict[str, object]) -> float:
-    """From the sending of the stop to the moment that counts."""
+    """Seconds from sending the stop until the robot stands or the bytes are sent."""
     given = {"server.port": 0, "server.listeners": "binary,packets", **settings}
     watch = Watch()
     configuration = load(bundled_folder(), {name: Override("--it", value) for name, value in given.items()})

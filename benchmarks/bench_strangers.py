@@ -2,13 +2,13 @@
 
     python benchmarks/bench_strangers.py [--quick] [--json FILE]
 
-A stranger's program connects, sends a drive and closes at once, plainly or by a reset: before anybody
-else has come, and while the owner sends packets, talks binary or tells beliefs. Goal: no drive is done,
-and no connection of the owner is refused. The owner's connections are of four kinds; once more they are
-counted with a look-up that answers as kernels before 6.17 do, which say nothing of a socket that its
-program has closed. Connections that are reset at once cannot be told from a stranger's: with the token
-they are let in. Printed at last: what it costs the server's processor to ask whose a connection is. Only
-root can be two users; others get the owner's figures.
+A stranger's program connects, sends a drive and closes at once, plainly or by a reset. It does so before
+anybody else has connected, and while the owner sends packets, binary commands or beliefs. Goal: no drive is
+done, and no connection of the owner is refused. The owner's connections are of four kinds. They are counted
+again with a look-up as in kernels before 6.17, which has no answer for a socket that its program has closed.
+Connections that are reset at once cannot be distinguished from a stranger's; with the token they are
+accepted. The last figure is the cost of the look-up to the server's processor. Only root can be two users;
+others get the owner's figures.
 """
 
 from __future__ import annotations
@@ -110,7 +110,7 @@ class Counted:
         return subprocess.Popen([sys.executable, "-c", CLIENT, *map(str, told)])
 
     def settle(self) -> None:
-        """Wait until all that was sent has been taken in."""
+        """Wait until all that was sent has been processed."""
         self.server.drain()
 
 
@@ -125,7 +125,7 @@ def served(any_user: bool = False, token: str = "") -> Iterator[Counted]:
 
 @contextmanager
 def older_kernel() -> Iterator[None]:
-    """Look-ups that answer as kernels before 6.17 do."""
+    """Context with look-ups that answer like kernels before 6.17."""
     ask = OwnerLookup.ask
 
     def asked(self: OwnerLookup, sock: socket.socket, there: tuple[str, int]) -> FarSocket | None:
@@ -150,7 +150,7 @@ def lost_by_owner(way: tuple[str, str, str], count: int, token: str = "") -> int
 
 
 def attack(way: tuple[str, str, str], count: int, owner: tuple[str, str, str] | None) -> tuple[int, int]:
-    """Drives that a stranger did, and connections that the owner lost meanwhile."""
+    """Number of a stranger's drives that were done, and of connections that the owner lost meanwhile."""
     with served() as counted:
         stop = threading.Event()
         sent = 0
@@ -171,7 +171,7 @@ def attack(way: tuple[str, str, str], count: int, owner: tuple[str, str, str] | 
 
 
 def price(count: int, repeats: int) -> float:
-    """Microseconds of the server's processor that a connection costs because it is asked whose it is."""
+    """Microseconds of the server's processor for the look-up of a connection's user."""
     spent: dict[bool, list[float]] = {False: [], True: []}
     way = OWNERS["packets, closed at once"]
     with served(any_user=True) as open_to_all, served() as checked:

@@ -6,11 +6,10 @@ The first figures are the CPU time of a run of a program with two commands, in s
 simmer_tui.client'`, the least that such a program costs. It is the slope between 4 and 24 runs, user and
 system time with all children, once for runs that succeed and once for runs that fail, which have a page each.
 
-The program of the first table reads the sensors and turns a little some 200 times, so that little
-but the simulator and the connection is measured; --run measures another one with the bundled
-mission. The mazes are random ones with the fraction of walls of the course's, 4 x 8 to 40 x 80 cells.
-The simulator's fraction is its CPU time, links and run log included, over the time of the runs; what
-is left is the program's.
+The program of the first table reads the sensors and turns a little some 200 times, so that mainly the
+simulator and the connection are measured. --run measures another one with the bundled mission. The mazes are
+random ones with the course's fraction of walls, 4 x 8 to 40 x 80 cells. The simulator's fraction is its CPU
+time, with links and run log, over the time of the runs; the rest is the program's.
 """
 
 from __future__ import annotations
@@ -58,7 +57,7 @@ with Robot() as robot:
 """
 FEW, MANY = 4, 24
 REPEATS = 5
-"""Measurements of which the median counts: other processes disturb caches and the clock of the processor."""
+"""Measurements for each median: other processes disturb caches and the clock of the processor."""
 ROOT = Path(__file__).resolve().parent.parent
 
 
@@ -103,7 +102,7 @@ def measure(command: str, configuration: str, size: tuple[int, int], runs: int, 
 
 
 def cpu_seconds(words: list[str]) -> float:
-    """User and system time of a process and of all that it waited for."""
+    """User and system time, seconds, of a process and of all that it waited for."""
     import resource  # not on Windows
 
     before = resource.getrusage(resource.RUSAGE_CHILDREN)

@@ -2,10 +2,10 @@
 
     python benchmarks/bench_web.py [--quick] [--json FILE]
 
-One simulator with `--web` is driven on one connection, in turns with no viewer and with 50 of them, which
-are sockets of another process that read and throw away. The median of the ratios of neighbouring turns is
-printed, and the memory that viewers cost. Goals: 0.9 of the round trips, 60 MB. In timed motion, as a class
-looks on, and in instant motion.
+One simulator with `--web` is used on one connection, alternately with no viewer and with 50. Viewers are
+sockets of another process that read and discard. The median of the ratios of neighbouring turns is printed,
+and the memory for viewers. Goals: 0.9 of the round trips, 60 MB. Both in timed motion, as in a class, and in
+instant motion.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ SECONDS = 60.0
 
 
 def view(port: int) -> None:
-    """Be viewers: connect for each line of standard input that says so, leave for one that says otherwise."""
+    """Process with the viewers: they connect or disconnect by each line of standard input."""
     selector = selectors.DefaultSelector()
     selector.register(sys.stdin, selectors.EVENT_READ)
     viewers: list[socket.socket] = []
@@ -46,13 +46,13 @@ def view(port: int) -> None:
                 for each in viewers:
                     selector.register(each, selectors.EVENT_READ)
                 print(len(viewers), flush=True)
-                break  # what else was selected may be closed
+                break  # other selected sockets may be closed
             if isinstance(key.fileobj, socket.socket) and not key.fileobj.recv(1 << 18):
                 selector.unregister(key.fileobj)
 
 
 def joined(port: int) -> socket.socket:
-    """A viewer that has the run so far."""
+    """A viewer that has received the run so far."""
     made = socket.create_connection(("127.0.0.1", port), SECONDS)
     key = base64.b64encode(os.urandom(16)).decode()
     made.sendall(
@@ -86,7 +86,7 @@ class Simulator:
         self.viewers = subprocess.Popen(viewers, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
 
     def look(self, *, on: bool) -> None:
-        """Have viewers join, or leave."""
+        """Let viewers connect, or disconnect."""
         assert self.viewers.stdin is not None
         assert self.viewers.stdout is not None
         self.viewers.stdin.write("join\n" if on else "leave\n")
@@ -94,7 +94,7 @@ class Simulator:
         assert int(self.viewers.stdout.readline()) == (VIEWERS if on else 0)
 
     def ask(self, text: bytes) -> float:
-        """The number that a command is answered with."""
+        """The number in the reply to a command."""
         self.client.sendall(text + b"\n")
         data = b""
         while len(data) < 8:
@@ -116,7 +116,7 @@ class Simulator:
         return int(status.partition("VmRSS:")[2].split()[0]) / 1024
 
     def close(self) -> None:
-        """End it."""
+        """End the simulator."""
         self.client.close()
         for process in (self.viewers, self.process):
             process.kill()
@@ -127,7 +127,7 @@ def measure(turns: int, seconds: float, *options: str) -> dict[str, float]:
     """Medians: round trips a second without viewers and with them, the ratio, and MB that viewers cost."""
     run = Simulator(*options)
     try:
-        run.rate(2 * seconds)  # warms up, and fills what is kept of readings
+        run.rate(2 * seconds)  # warms up, and fills the kept readings
         alone, watched, ratios, before = [], [], [], run.memory
         most = before
         for _ in range(turns):

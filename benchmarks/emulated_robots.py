@@ -1,8 +1,8 @@
-"""Robots with hidden parameters, and run logs of them as the serial bridge writes them, in no time.
+"""Robots with hidden parameters, and their run logs as the serial bridge writes them, without waiting.
 
-The bridge, its framing and the run log are the real ones; only the wire is a function call and the clock
-that of the emulated robot. What the robot is like is known here, so that what `simmer-tui calibrate`
-makes of a log can be held against it.
+The bridge, its framing and the run log are the real ones; only the wire is a function call and the clock that
+of the emulated robot. The robot's parameters are known here, so that the results of `simmer-tui calibrate`
+can be compared with them.
 """
 
 from __future__ import annotations
@@ -38,8 +38,8 @@ _FORM = ReplyForm(ReplyFormat.FLOAT64, "big")
 
 
 def draw_robot(random: np.random.Generator, spec: SimulationSpec) -> SimulationSpec:
-    """A robot like that of the set, none of whose parameters is as the set has it. Biases are as far from
-    0 as `strength` has the simulator draw them."""
+    """A robot like that of the set, but with all parameters different. Biases have the spread with which the
+    simulator draws them by `strength`."""
     drives = []
     for drive in spec.drives:
         if drive.kind.turns:
@@ -91,8 +91,8 @@ def _drawn_sensor(random: np.random.Generator, sensor: SensorSpec) -> SensorSpec
 
 
 def placed(spec: SimulationSpec, random: np.random.Generator) -> tuple[SimulationSpec, SimulationSpec]:
-    """The spec as configured, at one of some starts, and as a person put the robot there: within an inch
-    and 5 degrees."""
+    """The spec with one of some starts, and the same with the pose in which a person placed the robot: within
+    an inch and 5 degrees."""
     x, y, heading = STARTS[random.integers(len(STARTS))]
     configured = replace(spec, bot_center=(x, y), bot_rot=heading)
     dx, dy = np.clip(random.normal(0.0, 0.5, 2), -1.0, 1.0)
@@ -101,7 +101,8 @@ def placed(spec: SimulationSpec, random: np.random.Generator) -> tuple[Simulatio
 
 
 class FunctionLink:
-    """A `RobotLink` to a robot in this process. `clock` is its time, which passes only while it works."""
+    """A `RobotLink` to a robot in this process. `clock` is its time, seconds, which passes only while it
+    works."""
 
     name = "emulated"
 
@@ -134,7 +135,7 @@ class FunctionLink:
 
 @dataclass(frozen=True)
 class Session:
-    """A client of the bridge, who may ask for one thing after the other."""
+    """A client of the bridge, which sends one command after the other."""
 
     robot: Robot
     bridge: SerialBridge
@@ -162,8 +163,8 @@ def record(
     latency: float = 0.0,
     wire_of: Callable[[Robot], FunctionLink] = FunctionLink,
 ) -> Robot:
-    """Have `program` (a coroutine function of a session) drive a robot through the serial bridge, and
-    log it to `path`. `wire_of` makes the wire to it. Returns the robot, as it stands at the end."""
+    """Let `program` (a coroutine function of a session) drive a robot through the serial bridge, and log it
+    to `path`. `wire_of` makes the wire to it. Returns the robot in its final state."""
     link = LinkDelay(latency, 0.0, seed)
     robot = Robot("float64", "big", seed, None, hidden, oddities, link)
     wire = wire_of(robot)
@@ -186,7 +187,7 @@ def record(
 
 
 def set_with(spec: SimulationSpec, folder: Path | None = None) -> Configuration:
-    """The default set, but for where the robot starts."""
+    """The default set, with another start of the robot."""
     configuration = load(folder or bundled_folder())
     x, y = spec.bot_center
     settings = replace(configuration.settings, bot_center=(x, y), bot_rot=spec.bot_rot)
@@ -197,9 +198,8 @@ def set_with(spec: SimulationSpec, folder: Path | None = None) -> Configuration:
 def wandering(
     movements: int, seed: int, codes: Sequence[str], drives: Sequence[str] = ("w1", "s1", "a1", "d1", "r1")
 ) -> Program:
-    """A program that goes to and fro, each drive as often as the others, polling all `codes` after each
-    movement. It keeps away from walls by what its sensors say, as well as a student's does: the robot
-    touches some all the same."""
+    """A program that drives to and fro, with each drive equally often, polling all `codes` after each
+    movement. It avoids walls by its sensors as well as a student's program: the robot still touches some."""
 
     async def program(session: Session) -> None:
         random = np.random.default_rng(seed)
@@ -223,13 +223,13 @@ def wandering(
 def _next_move(
     left: Sequence[str], readings: dict[str, float], random: np.random.Generator
 ) -> tuple[str, float]:
-    """A drive that there is room for, of those left, and how far."""
+    """A drive with room for it, of the remaining ones, and its amount."""
 
     def room(*codes: str, off: float) -> float:
         seen = [readings[code] for code in codes if math.isfinite(readings.get(code, math.nan))]
         return max(min(seen, default=6.0) - off, 0.0)
 
-    # What the sensors at 45 degrees see of a side wall is 1.41 times as far as it is.
+    # Sensors at 45 degrees measure 1.41 times the distance of a side wall.
     ahead, behind = room("u1", "u5", off=1.5), room("u3", off=1.5)
     leftward, rightward = room("u2", off=2.2) / 1.42, room("u4", off=2.2) / 1.42
     space = {"d1": ahead, "a1": behind, "w1": leftward, "s1": rightward}

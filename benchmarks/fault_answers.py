@@ -1,4 +1,4 @@
-"""Answers that count: what a cause of a report may say of a run with a fault, and the fault itself.
+"""Accepted answers of a report on a run with a fault, and the fault itself.
 
 `fault_kinds.py` has the kinds of faults, in these terms.
 """
@@ -14,9 +14,9 @@ from typing import Any
 SOLVE, STEP7, STEP6, PLAIN = "solve", "step7", "step6", "plain"
 PROGRAMS = (SOLVE, STEP7, STEP6, PLAIN)
 DELIVERING = (SOLVE, STEP7, PLAIN)
-"""Those that set the block down: step 6 of the course takes it and is done."""
+"""Programs that set the block down: step 6 of the course only takes it."""
 LOCALIZING = (SOLVE, STEP7, STEP6)
-"""Those that are not told where they start, and ask the compass."""
+"""Programs without a known start, which read the compass."""
 
 RANGES = ("u1", "u2", "u3", "u4", "u5", "t1")
 DRIVE_NAMES = {"d1": "right", "r1": "rot", "w1": "up", "p1": "grip"}
@@ -45,7 +45,7 @@ EXPLAINED = frozenset(
         STUCK,
     )
 )
-"""Causes that a sensor or drive can be the reason for; with that one named as culprit they are right."""
+"""Causes for which a sensor or drive can be the reason; they are right if they name it as culprit."""
 
 
 @dataclass(frozen=True)
@@ -65,7 +65,7 @@ class Answer:
     printed: str = ""
 
     def matches(self, cause: Mapping[str, Any], report: Mapping[str, Any]) -> bool:
-        """True if a cause of a report says this."""
+        """True if a cause of a report matches this answer."""
         if self.kinds and cause["kind"] not in self.kinds:
             return False
         named = set(cause["culprits"])
@@ -88,7 +88,7 @@ def says(
     words: tuple[str, ...] = (),
     printed: str = "",
 ) -> Answer:
-    """An answer, see there."""
+    """An `Answer` with these fields."""
     return Answer(frozenset(kinds), culprits, others, findings, words, printed)
 
 
@@ -106,15 +106,14 @@ class Hand:
     turn: float = 0.0  # deg, with the action "turn"
     shift: float = 0.0  # in, with the actions "teleport" and "block"; 0: to another cell
     holding: bool = False
-    """True if the moment is when the gripper holds the block."""
+    """True if the moment is the one at which the gripper holds the block."""
 
 
 @dataclass(frozen=True)
 class Expected:
-    """Answers that are right, and those that are right in part.
+    """Right answers, and answers that are right in part.
 
-    `admitted` are right, too, but were written down only when a table had been seen: the tables count
-    them apart.
+    `admitted` are right, too, but were added after a table had been seen: the tables count them separately.
     """
 
     right: tuple[Answer, ...] = ()
@@ -124,7 +123,7 @@ class Expected:
 
 @dataclass(frozen=True)
 class Case:
-    """A fault as it is put into one run, and what counts."""
+    """A fault in one run, and the expected answers."""
 
     expected: Expected
     rules: tuple[dict[str, Any], ...] = ()
@@ -132,7 +131,7 @@ class Case:
     cells: tuple[tuple[str, str, str, str], ...] = ()
     """Cells of the set that differ from the bundled one: file, code, column and value."""
     known: tuple[tuple[str, str, str, str], ...] = ()
-    """Cells that differ in what the program knows of its robot."""
+    """Cells that differ in the program's own copy of the set."""
     mirrored: bool = False
     """True if the program's map has left and right exchanged."""
     settings: Mapping[str, object] = field(default_factory=dict)
@@ -140,7 +139,7 @@ class Case:
     program: Mapping[str, Any] = field(default_factory=dict)
     """See `fault_program.py`."""
     script: str = ""
-    """Run in place of the program, as arguments of Python."""
+    """Arguments of Python that are run instead of the program."""
     environment: Mapping[str, str] = field(default_factory=dict)
     outcomes: frozenset[str] = frozenset(("failed", "crashed"))
 
@@ -155,7 +154,7 @@ Kind = Callable[[random.Random], Case]
 
 @dataclass(frozen=True)
 class Fault:
-    """A kind of fault: its programs, and whether the faults of `tests/report/faulty.py` have it."""
+    """A kind of fault: its programs, and True if `tests/report/faulty.py` has it too."""
 
     draw: Kind
     programs: tuple[str, ...] = PROGRAMS

@@ -1,4 +1,4 @@
-"""Faults of sensors and drives: on the wire, where the log cannot see them, and in the set, where it can.
+"""Faults of sensors and drives: on the wire, where the log does not show them, and in the set, where it does.
 
 A function draws one kind of fault for a run; `fault_kinds.py` has the common grounds and the table.
 """
@@ -49,7 +49,7 @@ def on_wire(codes: tuple[str, ...], *more: Answer) -> Expected:
         ),
         partly=(
             says(*EXPLAINED, NOT_DONE, culprits=guilty, others=True),
-            # That it cannot be told is right, whom it names is not.
+            # A report that says it cannot decide is right; one that names a culprit is not.
             says(APART),
             # True of the log, if without its reason.
             says(LOST, UNSURE, NOWHERE, MISSED, CLEARANCE, culprits=NOBODY),

@@ -1,8 +1,8 @@
-"""Single runs with a fault: flown into a log by the simulator as users run it, and read by `report --json`.
+"""Single runs with a fault: logged by the simulator as users run it, and read by `report --json`.
 
-A run is a pair of files in the folder of its kind: NAME.jsonl, the log, and NAME.flight.json, what became of
-it by the referee, not by the report that is judged. Both are kept, so that a table can be gone on with, and
-the same logs read again by a newer report.
+A run is a pair of files in the folder of its kind: NAME.jsonl, the log, and NAME.flight.json, its outcome by
+the referee, not by the report under test. Both are kept, so that a table can be continued, and a newer report
+can read the same logs again.
 """
 
 from __future__ import annotations
@@ -48,9 +48,10 @@ _CENTRE = re.compile(r"(bot|block)_center *= *\[([\d.]+), *([\d.]+)\]")
 CLEAN = "clean"
 CELL = 12.0  # in
 LOADING = 3  # the value of the loading zone's cells in maze.csv
-# In packets a run takes four times the CPU time: one of so many is enough to see that they are passed on.
+# With packets a run takes four times the CPU time: one of so many runs is enough to test that they are passed
+# on.
 PACKETS_EVERY = 4
-# The numerics of the programs are small: threads would only wait for each other.
+# The arrays of the programs are small: threads would only wait for each other.
 _CALM = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "PYTHONHASHSEED": "0"}
 
 
@@ -63,21 +64,21 @@ class Flight:
     exit_code: int
     time: float
     struck: bool
-    """True if the person's hand could do what it was to, or there was none."""
+    """True if the person's action was possible, or there was none."""
 
     def failed(self, program: str) -> bool:
-        """True if the program has not done what it was to do: step 6 only takes the block."""
+        """True if the program has not completed its task: step 6 only takes the block."""
         return not (self.taken if program == STEP6 else self.success)
 
 
 def case_of(kind: str, seed: int) -> Case:
-    """The fault of a kind as it is put into the run with a seed; none into a clean one."""
+    """The fault of a kind in the run with a seed; a clean run has none."""
     fault = {**KINDS, **TOLD, **INDEPENDENT}.get(kind)
     return Case(Expected()) if fault is None else fault.draw(random.Random(f"{kind} {seed}"))
 
 
 def flown(folder: Path, kind: str, program: str, seed: int, *, again: bool = False) -> Flight:
-    """Result of a run, which is flown unless it was before."""
+    """Result of a run, which is done unless its files exist."""
     name = folder / kind.replace(":", "").replace(" ", "-") / f"{program}-{seed}"
     told = name.with_suffix(".flight.json")
     if not again and told.exists() and log_of(folder, kind, program, seed).exists():
@@ -94,7 +95,7 @@ def log_of(folder: Path, kind: str, program: str, seed: int) -> Path:
 
 
 def report_of(log: Path) -> dict[str, Any]:
-    """Answer of `simmer-tui report LOG --json`, with the keys that are judged there in any case."""
+    """Answer of `simmer-tui report LOG --json`, with defaults for the keys that are graded."""
     said = io.StringIO()
     with contextlib.redirect_stdout(said):
         code = simmer_tui(["report", str(log), "--json"])
@@ -157,7 +158,7 @@ def _command(case: Case, program: str, environment: dict[str, str]) -> str:
 
 @contextlib.contextmanager
 def _as_surroundings(environment: dict[str, str]) -> Iterator[None]:
-    """The environment that the program inherits, without what would tell it of other runs."""
+    """Context with the environment that the program inherits, without variables of other runs."""
     before = dict(os.environ)
     os.environ.update(environment)
     try:
@@ -168,7 +169,7 @@ def _as_surroundings(environment: dict[str, str]) -> Iterator[None]:
 
 
 def _set_of(name: Path, case: Case, program: str, seed: int) -> Path:
-    """The folder of the robot's set: the bundled one, or one that was made from it."""
+    """The folder of the robot's set: the bundled one, or a changed copy of it."""
     if not case.cells and program != PLAIN:
         return bundled_sets()[MISSION_SET]
     folder = _made(name.with_suffix(".set"), case.cells)
@@ -187,7 +188,7 @@ def _known_set(name: Path, case: Case) -> Path:
         lines = maze.read_text("utf-8").splitlines()
         turned = [line if line.startswith("#") else ",".join(line.split(",")[::-1]) for line in lines]
         maze.write_text("\n".join(turned) + "\n", "utf-8")
-        # Robot and block stand elsewhere then, or the set would be refused.
+        # Robot and block are moved too, or the set would be refused.
         settings = folder / "settings.toml"
         settings.write_text(_CENTRE.sub(_mirrored_centre, settings.read_text("utf-8")), "utf-8")
     return folder
@@ -199,7 +200,7 @@ def _mirrored_centre(line: re.Match[str]) -> str:
 
 
 def _made(folder: Path, changed: Sequence[tuple[str, str, str, str]]) -> Path:
-    """A folder with the bundled set, but other values in some cells."""
+    """A folder with the bundled set and other values in some cells."""
     shutil.rmtree(folder, ignore_errors=True)
     with contextlib.redirect_stdout(io.StringIO()):
         simmer_tui(["init", str(folder), "--from", MISSION_SET])
@@ -233,7 +234,7 @@ def _with_cells(text: str, cells: list[tuple[str, str, str]]) -> str:
 
 
 def _give_start(folder: Path, draw: random.Random) -> None:
-    """Have mission.toml say where the robot starts, as a program without a search for it needs."""
+    """Write the robot's start into mission.toml, for a program that does not search for it."""
     cells = read_cells((folder / "maze.csv"), [])
     assert cells is not None, "the bundled maze can be read"
     starts = [(x, y) for y, row in enumerate(cells[::-1]) for x, value in enumerate(row) if value == 2]
@@ -246,7 +247,7 @@ def _give_start(folder: Path, draw: random.Random) -> None:
 
 
 class _HandOf:
-    """A person who waits for the moment, and then puts robot or block elsewhere."""
+    """A person who waits for the moment, and then moves robot or block."""
 
     def __init__(self, server: Server, hand: Hand | None, draw: random.Random) -> None:
         self._server, self._hand, self._draw = server, hand, draw
@@ -254,7 +255,7 @@ class _HandOf:
         self._asked = hand is None
 
     def watch(self, event: Event) -> None:
-        """See whether the moment has come, in the robot's thread."""
+        """Check for the moment, in the robot's thread."""
         hand, simulator = self._hand, self._server.simulator
         if self._asked or hand is None or simulator.moving:
             return
@@ -281,7 +282,7 @@ class _HandOf:
                 return
 
     def _tries(self, hand: Hand) -> list[Action]:
-        """The actions that will do, the best first: a place may be too near a wall."""
+        """The possible actions, the best first: a place may be too near a wall."""
         simulator = self._server.simulator
         pose = simulator.pose
         if hand.action == "turn":

@@ -2,9 +2,9 @@
 
     python benchmarks/faults.py --table independent
 
-All that counts here was written down before a single run of it was flown, and nothing was admitted later. The
-common grounds are those of `fault_kinds.py`. A program that misunderstands its own sensors, drives or units
-leaves the same log as a change on the wire, so the same answers count for it.
+All expected answers here were written before the first run, and none was added later. The common grounds are
+those of `fault_kinds.py`. A program that misunderstands its own sensors, drives or units leaves the same log
+as a change on the wire, so the same answers count for it.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ _MOVED = says(words=PERSON)
 """Somebody moved the robot or the block by hand."""
 
 _OF_THE_COURSE = (STEP7, STEP6)
-"""Those that learn from the simulator which set their robot has, and can be told a wrong one."""
+"""Programs that get their robot's set from the simulator, and can be given a wrong one."""
 
 
 # -- the program ------------------------------------------------------------------------------

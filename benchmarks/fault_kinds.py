@@ -1,8 +1,8 @@
-"""The kinds of faults, and what of a report counts as right, in part and wrong for each.
+"""The kinds of faults, with the right, partly right and wrong answers of a report for each.
 
-All this was written down before any report of such a run was read. A kind is a function that draws a `Case`
-from a run's own random numbers; its docstring says why what counts as right does so. What is named and
-counts neither as right nor as in part is wrong; where no cause is named, the report is silent.
+All this was written before any report of such a run was read. A kind is a function that draws a `Case` from a
+run's own random numbers; its docstring has the reason for the right answers. A named cause that is neither
+right nor right in part is wrong; a report without a cause is silent.
 
 Common grounds:
 
@@ -76,21 +76,21 @@ TOLD: dict[str, Fault] = {
     "told: belief turned by 180": Fault(people.belief_turned, (SOLVE, STEP7)),
     "told: belief frozen": Fault(people.belief_frozen, (SOLVE, STEP7), known=True),
 }
-"""Faults of runs that succeed, counted apart: right is a success without a cause, with a note of the crash,
-and with an episode that says how far the belief was off."""
+"""Faults of runs that succeed, counted separately. A right report has a success without a cause, a note of
+the crash, and an episode with the error of the belief."""
 
 
 def right_if_told(name: str, report: Mapping[str, Any]) -> bool:
-    """True if the report of a run of `TOLD` says what was wrong."""
+    """True if the report of a run of `TOLD` names the fault."""
     verdict = report["verdict"]
     if verdict["outcome"] != "succeeded" or verdict["cause"] is not None:
         return False
     if name == "told: crash after success":
         return any("KeyError" in note or "crash" in note.lower() for note in verdict["notes"])
-    # "frozen" was admitted when a table had been seen: it says more than "lost".
+    # "frozen" was added after a table had been seen: it is more specific than "lost".
     lost = [each for each in report["episodes"] if each["kind"] in ("lost", "frozen")]
     if name == "told: belief turned by 180":
-        # It may never have been localized: then nothing could be lost, and no episode may say that it was.
+        # It may never have been localized: then it cannot be lost, and no episode may say so.
         known = any(each["kind"] == "localized" for each in report["episodes"])
         return any(abs(each["off_deg"] or 0.0) > 150.0 for each in lost) or not known
     return any((each["off_in"] or 0.0) > 1.0 or abs(each["off_deg"] or 0.0) > 10.0 for each in lost)

@@ -1,4 +1,4 @@
-"""A program with a fault of its own: runs a script that drives a robot, and interferes.
+"""A program with a fault of its own: runs a script that drives a robot, and adds the fault.
 
     python benchmarks/fault_program.py '{"crash": "KeyError", "after": 120}' scripts/solve.py
 
@@ -84,7 +84,7 @@ class Interference:
         """True while the fault itself drives the robot."""
 
     def install(self) -> None:
-        """Come between the script and every robot."""
+        """Wrap the methods of every robot of the script."""
         for name in ("read", "drive", "send"):
             setattr(Robot, name, self._around(getattr(Robot, name)))
 
@@ -124,7 +124,7 @@ class Interference:
 
 
 def exception(name: str) -> Exception:
-    """An exception as programs have it."""
+    """An exception as in real programs."""
     words = {"KeyError": "heading", "ZeroDivisionError": "division by zero"}
     kind: type[Exception] = getattr(builtins, name)
     return kind(words.get(name, "the block is not where it was"))
@@ -136,7 +136,7 @@ def main(arguments: list[str]) -> None:
     Interference(fault).install()
     sys.argv = arguments[1:]
     sys.path.insert(0, str(Path(script).resolve().parent))
-    # A script says by SystemExit that it is done; what comes after is the fault.
+    # A script ends by SystemExit; the fault follows.
     with contextlib.suppress(SystemExit) if "crash_at_end" in fault else contextlib.nullcontext():
         runpy.run_path(script, run_name="__main__")
     if "crash_at_end" in fault:

@@ -6,10 +6,10 @@ Started by the simulator as if it were the program: it listens on ports of its o
 program in the environment, passes output through, and ends as the program ends, exit code and signal
 alike. Both protocols and the belief port go through it. Standard library only, so that it starts in 30 ms.
 
-A rule is a JSON object: `on` is "command", "reply" or "belief"; `do` is one of the functions below;
-`codes` are those it applies to (none: all), `from` is the number of the first command, or belief, that
-it applies to (0: from the beginning), `value` is what the function takes.
-With `every` it applies to one command in so many.
+A rule is a JSON object: `on` is "command", "reply" or "belief"; `do` is one of the functions below; `codes`
+are those it applies to (none: all), `from` is the number of the first command, or belief, that it applies to
+(0: from the beginning), `value` is the function's argument. With `every` it applies to one command in so
+many.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from typing import Any
 Rule = dict[str, Any]
 
 _NUMBER = struct.Struct(">d")  # the simulator's default: big-endian doubles
-_ENDED = math.inf  # what is answered to a movement that has ended
+_ENDED = math.inf  # the answer to a movement that has ended
 _REAL_LIMIT = 240.0
 """Seconds after which a program that hangs is killed. The slowest run took 10 s on a quiet machine."""
 _ANSWER_LIMIT = 30.0  # s, for a reply of the simulator: as long as the programs wait themselves
@@ -52,7 +52,7 @@ class Cut(Exception):  # noqa: N818 - no error of the proxy's: what it is to do
 
 
 class Faults:
-    """The rules, and what they have seen."""
+    """The rules, and their state."""
 
     def __init__(self, rules: Sequence[Rule]) -> None:
         self._rules = rules
@@ -61,9 +61,10 @@ class Faults:
         self._frozen: bytes | None = None
 
     def command(self, text: str) -> str | None:
-        """The command that is passed on for one of the program's, None if it is swallowed.
+        """The command that is passed on for one of the program's, None if it is dropped.
 
-        Raises Cut."""
+        Raises Cut.
+        """
         self._commands += 1
         for rule in self._applying("command", text[:2], self._commands):
             if rule["do"] == "cut":
@@ -122,7 +123,8 @@ class Proxy:
         self._links: dict[socket.socket, Callable[[socket.socket], None]] = {}
         """Handlers of sockets that have something to read."""
         self._first: list[socket.socket] = []
-        """The connections with beliefs: what was said on them before a command is passed on before it."""
+        """The connections with beliefs, which are served first: a belief sent before a command is passed on
+        before it."""
         self._partners: dict[socket.socket, socket.socket] = {}
         self._unread: dict[socket.socket, bytes] = {}
         self._answers = b""
@@ -135,7 +137,7 @@ class Proxy:
         self._listen("SIMMER_BELIEF_PORT", self._accept_beliefs)
 
     def serve(self, ended: socket.socket) -> None:
-        """Pass on, until `ended` can be read and nothing else is left."""
+        """Pass messages on, until `ended` can be read and nothing else is left."""
         over = False
         while True:
             sockets = [*self._first, *(each for each in self._links if each not in self._first)]

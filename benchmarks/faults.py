@@ -9,13 +9,13 @@ people's hands and by programs. `fault_kinds.py` has the kinds and what counts a
 down before any result was seen; `report --json` is compared with that, key by key. `--table independent` has
 the kinds of `fault_independent.py` instead, one program a seed, with seeds of its own.
 
-Only runs count that fail, with a seed with which the same program does its work where there is no fault.
-They are counted as right, right in part, wrong (something else was named) and silent (nothing was), and
-`contradicted` where the cause named is one that its own counterfactual speaks against. The clean runs
-are counted apart: how many have a cause, a finding, or an alarm about a belief.
+Only failed runs count, with seeds with which the same program succeeds without a fault. They are counted as
+right, right in part, wrong (something else was named), silent (nothing was named) and `contradicted` (a
+counterfactual contradicts the named cause). The clean runs are counted separately: how many have a cause, a
+finding, or an alarm about a belief.
 
-Logs are kept in --keep, and what is there is not flown again, unless with --again: the same logs can be
-read by a newer report. A run takes 1 to 3 s of a processor, a whole table of 10 seeds an hour.
+Logs are kept in --keep, and existing runs are not repeated, unless with --again. So a newer report can read
+the same logs. A run takes 1 to 3 s of a processor, a whole table of 10 seeds an hour.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ from simmer_tui.report.counterfactuals import Change, Counterfactual
 RIGHT, PARTLY, WRONG, SILENT = "right", "partly", "wrong", "silent"
 GRADES = (RIGHT, PARTLY, WRONG, SILENT)
 ALL = {**KINDS, **INDEPENDENT}
-"""The kinds of both tables. Their names differ, as their logs stand in one folder."""
+"""The kinds of both tables. Their names differ, because their logs are in one folder."""
 CLEAN_SEEDS = 25
 """Clean runs of each program: 100 with all four, and enough of them succeed for 10 seeds."""
 WOULD_HAVE_SAVED = {
@@ -52,8 +52,8 @@ WOULD_HAVE_SAVED = {
     "held block": (Change.NO_BLOCK,),
     "lost": (Change.BELIEVED,),
 }
-"""Changes of which one would have saved a run that failed by such a cause. Said here apart from
-the package, so that its own check is checked as well."""
+"""Changes of which one would have saved a run that failed by such a cause. They are repeated here,
+independent of the package, so that its own check is tested as well."""
 
 
 class Task(NamedTuple):
@@ -92,8 +92,8 @@ class Outcome:
 def grade(report: Mapping[str, Any], case: Case, *, crash_decides: bool = True) -> str:
     """The grade of a report of a run that failed.
 
-    A fault of sensors, drives or people may make a program crash, which then is what the run ended by. With
-    `crash_decides` that is right in part, and right where the second cause is; this was admitted when a
+    A fault of sensors, drives or people may make a program crash, which then ends the run. With
+    `crash_decides` that cause is right in part, and right if the second cause is; this was added after a
     table had been seen.
     """
     verdict = report["verdict"]
@@ -108,7 +108,7 @@ def grade(report: Mapping[str, Any], case: Case, *, crash_decides: bool = True) 
     crashed = says(CRASHED, printed="Traceback").matches(cause, report)
     if crash_decides and crashed and first != RIGHT:
         return RIGHT if other == RIGHT else PARTLY
-    # A second cause that is wrong spoils the first, one that is right mends it in part.
+    # With a wrong second cause the first is not right either; with a right one it is right in part.
     if first == RIGHT:
         return PARTLY if other == WRONG else RIGHT
     return PARTLY if PARTLY in (first, other) or other == RIGHT else WRONG
@@ -121,7 +121,7 @@ def _grade_cause(cause: Mapping[str, Any], report: Mapping[str, Any], case: Case
 
 
 def contradicted(verdict: Mapping[str, Any]) -> bool:
-    """True if a cause is named that its own counterfactuals speak against."""
+    """True if a counterfactual contradicts the named cause."""
     for cause in (verdict["cause"], verdict["second_cause"]):
         tried = (
             []
@@ -139,7 +139,7 @@ def contradicted(verdict: Mapping[str, Any]) -> bool:
 
 
 def outcome_of(task: Task, keep: Path, *, again: bool = False) -> Outcome:
-    """Fly a run, unless it was before, and grade its report."""
+    """Do a run, unless its files exist, and grade its report."""
     flight = flown(keep, *task, again=again)
     report = report_of(log_of(keep, *task))
     verdict, episodes = report["verdict"], [each["kind"] for each in report["episodes"]]
@@ -171,14 +171,14 @@ def outcome_of(task: Task, keep: Path, *, again: bool = False) -> Outcome:
 
 
 class Pilots:
-    """Processes that fly runs, with a last moment after which no more are begun."""
+    """Processes that do runs, with a time after which no more are begun."""
 
     def __init__(self, keep: Path, jobs: int, *, again: bool, until: float) -> None:
         self._keep, self._again, self._until = keep, again, until
         self._pool = ProcessPoolExecutor(jobs, initializer=_silence)
 
     def outcomes(self, tasks: Iterable[Task], known: bool = False) -> Iterator[Outcome]:
-        """Results of the tasks, those that fail to fly left out; `known` ones are never flown again."""
+        """Results of the tasks, without those that cannot be run; `known` ones are never repeated."""
         flights = [
             self._pool.submit(self._fly, self._keep, self._again and not known, self._until, task)
             for task in tasks
@@ -208,7 +208,7 @@ class Pilots:
 
 
 def _silence() -> None:
-    """Send the output of this process and of its programs to nowhere."""
+    """Discard the output of this process and of its programs."""
     nowhere = os.open(os.devnull, os.O_WRONLY)
     for stream in (1, 2):
         os.dup2(nowhere, stream)
@@ -216,13 +216,13 @@ def _silence() -> None:
 
 @dataclass(frozen=True)
 class Table:
-    """Kinds of faults that are flown together.
+    """Kinds of faults of one table.
 
     Args:
-        kinds: what is graded.
-        told: what runs that succeed are to say.
-        first_seed: the first of the clean runs' seeds.
-        rotates: one program a seed, each in its turn; else all programs.
+        kinds: The kinds that are graded.
+        told: The faults of runs that succeed.
+        first_seed: The first of the clean runs' seeds.
+        rotates: True for one program a seed, in turn; else all programs.
     """
 
     kinds: Mapping[str, Fault]
@@ -233,7 +233,7 @@ class Table:
 
 TABLES = {
     "first": Table(KINDS, TOLD),
-    # Seeds that the first table has not: a diagnosis may have been made to fit those.
+    # Other seeds than the first table's: the diagnosis may be fitted to those.
     "independent": Table(INDEPENDENT, {}, first_seed=101, rotates=True),
 }
 
@@ -252,7 +252,7 @@ def rotating_tasks_of(kinds: Sequence[str], seeds: Mapping[str, Sequence[int]], 
 
 
 def tasks_of(kinds: Iterable[str], seeds: Mapping[str, Sequence[int]], count: int) -> list[Task]:
-    """All runs of a table, seed by seed, so that one that is cut short has all kinds."""
+    """All runs of a table, seed by seed, so that an interrupted table has all kinds."""
     known = {**KINDS, **TOLD}
     return [
         Task(kind, program, usable[number])
@@ -267,7 +267,7 @@ def tasks_of(kinds: Iterable[str], seeds: Mapping[str, Sequence[int]], count: in
 
 
 def tables(outcomes: Sequence[Outcome]) -> str:
-    """The tables of kinds, of programs, of what is told beside, and of the clean runs."""
+    """The tables of kinds, of programs, of successful runs with a fault, and of the clean runs."""
     graded = [each for each in outcomes if each.kind in ALL]
     kinds = [kind for kind in ALL if any(each.kind == kind for each in graded)]
     lines = ["", _row("kind", "runs", "failed", *GRADES, "% right", "contradicted")]
@@ -302,7 +302,7 @@ def _counts(name: str, outcomes: Sequence[Outcome]) -> str:
 
 
 def misses(outcomes: Sequence[Outcome], keep: Path) -> str:
-    """A line for each report that is wrong, silent or contradicted: its log, what it said, what was true."""
+    """A line for each report that is wrong, silent or contradicted: its log, its answer and the truth."""
     return "\n".join(
         f"{log_of(keep, each.kind, each.program, each.seed)} {each.grade}"
         f"{' contradicted' if each.contradicted else ''}\n"

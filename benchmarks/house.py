@@ -1,4 +1,4 @@
-"""The structure of the package in figures: how much code there is, and how often a thing is said.
+"""The structure of the package in figures: amount of code, comments and repetitions.
 
     python benchmarks/house.py [--names] [--functions] [--events] [FOLDER]
 
@@ -7,7 +7,7 @@ How it counts, by `ast` and `tokenize`, over every `*.py` file of `simmer_tui/`:
 - *logical code lines*: lines with at least one token that is neither comment nor part of a docstring;
   blank lines do not count. A docstring is the first expression of a module, class or function if it is a
   string, and a string alone on its line below an assignment (the documentation of an attribute).
-- *comments*: lines that hold nothing but a comment, as a share of all lines.
+- *comments*: lines with only a comment, as a share of all lines.
 - *docstrings*: lines of docstrings as defined above, as a share of all lines.
 - *modules that match events by type*: modules outside `runlog/` with a `case Class()` pattern for a member of
   `Event` in events.py; those with an `isinstance` test for one are counted beside them.
@@ -41,7 +41,7 @@ _WITHOUT_CODE = (
 
 
 def docstring_lines(tree: ast.Module) -> set[int]:
-    """Numbers of the lines that docstrings stand on."""
+    """Numbers of the lines of docstrings."""
     lines: set[int] = set()
     for node in ast.walk(tree):
         body = getattr(node, "body", None)
@@ -60,7 +60,7 @@ def docstring_lines(tree: ast.Module) -> set[int]:
 
 
 def code_and_comment_lines(text: str, docstrings: set[int]) -> tuple[set[int], set[int]]:
-    """Numbers of the lines with code, and of those with nothing but a comment."""
+    """Numbers of the lines with code, and of those with only a comment."""
     code: set[int] = set()
     comments: set[int] = set()
     for token in tokenize.generate_tokens(io.StringIO(text).readline):

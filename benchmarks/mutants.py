@@ -1,4 +1,4 @@
-"""Mutation test: small faults drawn by a seed, and whether the quick tests find them.
+"""Mutation test: small faults drawn by a seed, and the ones that the quick tests miss.
 
     python benchmarks/mutants.py map                        # which test runs which line, by coverage: once
     python benchmarks/mutants.py map tests/sim tests/grade  # only these tests
@@ -7,14 +7,14 @@
 
 Faults are those of cosmic-ray: an operator, comparison, number, constant or loop is changed. One is drawn for
 each place, all places with the same chance, from the rooms that decide numbers (`ROOMS`). Annotations and the
-options of classes (`frozen=True`) are left out, since they change nothing that runs, and so is what is no
+options of classes (`frozen=True`) are left out, since they do not affect a run. So are changes that are not
 Python any more.
 
-Each fault stands alone in a copy of the repository. The quick tests that run its statement are run, those of
-its room first and then the shortest, until one fails. A statement that runs while a module is imported
+Each fault is tested alone in a copy of the repository. The quick tests that run its statement are run, those
+of its room first and then the shortest, until one fails. A statement that runs while a module is imported
 (constants, defaults) is tried by the tests that run any other line of the module; one that no test runs in
-its own process by the tests of the room. A fault that no test finds survives. The tests that found faults are
-run without any fault at the end: what fails there as well has found nothing.
+its own process by the tests of the room. A fault that no test finds survives. At the end, the tests that
+found faults are run without any fault: one that also fails then has found nothing.
 """
 
 from __future__ import annotations
@@ -140,7 +140,7 @@ def draw(count: int, seed: int) -> list[Mutant]:
 
 
 def map_tests(tests: list[str]) -> None:
-    """Run quick tests once with coverage, and keep which test ran which line."""
+    """Run quick tests once with coverage, and store the tests of each line."""
     COVERED.mkdir(exist_ok=True)
     command = [sys.executable, "-m", "pytest", "-n", "2", "--cov=simmer_tui", "--cov-context=test"]
     command += ["--cov-report=", f"--junit-xml={COVERED / 'durations.xml'}", *tests]
@@ -149,7 +149,7 @@ def map_tests(tests: list[str]) -> None:
 
 
 def statements(source: str) -> dict[int, range]:
-    """The lines of the statement that a line belongs to, of a compound one those before its body."""
+    """The lines of each line's statement; for a compound one, those before its body."""
     found: dict[int, range] = {}
     for node in ast.walk(ast.parse(source)):  # from the outside in: the innermost statement stays
         if isinstance(node, ast.stmt):
@@ -160,14 +160,14 @@ def statements(source: str) -> dict[int, range]:
 
 
 def test_of(context: str) -> str:
-    """The test that a context of coverage names; all cases of its function, if the name of its own has what
-    pytest does not find again."""
+    """The test in a context of coverage; all cases of its function, if pytest cannot select the case by its
+    name."""
     test = context.rpartition("|")[0]
     return test if re.fullmatch(r"[\w./:-]+(\[[\w.-]+\])?", test) else test.partition("[")[0]
 
 
 class Coverage:
-    """The tests that run the lines of the files, and what each takes."""
+    """The tests that run the lines of the files, and the seconds of each."""
 
     def __init__(self) -> None:
         from xml.etree import ElementTree
@@ -208,7 +208,7 @@ class Coverage:
         return sorted(found, key=lambda test: (not test.startswith(own), self.seconds(test), test))
 
     def most(self, tests: list[str], count: int, seconds: float) -> list[str]:
-        """The first of some tests, as many as a count and a time allow."""
+        """The first of some tests, within a count and a time."""
         chosen: list[str] = []
         for test in tests[:count]:
             seconds -= self.seconds(test)
@@ -219,7 +219,7 @@ class Coverage:
 
 
 def room_of(mutant: Mutant) -> str:
-    """The room or the module of the package that a fault stands in."""
+    """The room or the module of the package with a fault."""
     return mutant.path.split("/")[1].removesuffix(".py")
 
 
@@ -249,7 +249,7 @@ class _FirstFailure:
 
 def _in_copy(copy: Path, tests: list[str], every: bool, told: Connection) -> None:
     """Run tests in a copy and tell the first that fails ("" if none does), in a process of its own."""
-    os.setsid()  # what the tests start ends with them
+    os.setsid()  # processes that the tests start end with them
     os.chdir(copy)
     sys.path.insert(0, str(copy))
     sys.dont_write_bytecode = True
@@ -268,7 +268,7 @@ def _in_copy(copy: Path, tests: list[str], every: bool, told: Connection) -> Non
 def failing(copy: Path, tests: list[str], expected: float, every: bool = False) -> str:
     """The first of some tests that fails in a copy, or "" if none does.
 
-    They have three times what they take, and a minute: a fault that makes them hang is found.
+    Their time limit is three times their usual time, and a minute: a fault that makes them hang is found.
     """
     listening, telling = multiprocessing.Pipe(duplex=False)
     process = multiprocessing.get_context("forkserver").Process(
@@ -304,11 +304,11 @@ def found_by(copy: Path, mutant: Mutant, known: Coverage) -> str:
         return ""
     finally:
         path.write_text(before, "utf-8")
-        os.utime(path, ns=(times.st_atime_ns, times.st_mtime_ns))  # its compiled form holds again
+        os.utime(path, ns=(times.st_atime_ns, times.st_mtime_ns))  # its compiled form is valid again
 
 
 def shown(mutant: Mutant) -> str:
-    """A fault in a line: where it is, what stood there and what stands there instead."""
+    """A fault in a line: its place, the old code and the new code."""
     line = (ROOT / mutant.path).read_text("utf-8").splitlines()[mutant.line - 1].strip()
     return f"{mutant.path}:{mutant.line} {mutant.operator.removeprefix('core/')}: {line[:90]}"
 

@@ -1,12 +1,12 @@
-"""A mission done by a program that tells nobody where it believes to be, and needs no numpy.
+"""A mission by a program that sends no beliefs, and needs no numpy.
 
     simmer-tui --no-ui --config SET --mission --run "python benchmarks/plain_mission.py"
 
-`faults.py` drives it as the kind of program of which a report knows nothing but its commands. The set's
-mission.toml must give the whole start pose (SIMMER_START). Odometers and gyro carry the pose on, and an
-extended Kalman filter corrects it by the range sensors (Thrun, Burgard, Fox, Probabilistic Robotics,
-2005, chapter 3.3). The robot keeps its heading and drives ahead and to its left, so that it need not turn
-with the block; it turns only to look for the block and to take it.
+`faults.py` runs it as a program of which a report knows only the commands. The set's mission.toml must give
+the whole start pose (SIMMER_START). Odometers and gyro update the pose, and an extended Kalman filter
+corrects it by the range sensors (Thrun, Burgard, Fox, Probabilistic Robotics, 2005, chapter 3.3). The robot
+keeps its heading and drives ahead and to its left, so that it does not turn with the block. It turns only to
+look for the block and to take it.
 
 With SIMMER_PROTOCOL=packets it speaks packets, else binary.
 """
@@ -21,7 +21,7 @@ from collections.abc import Sequence
 
 from simmer_tui.client import Robot
 
-# The robot and the maze of the bundled set "mission": this program is told neither.
+# The robot and the maze of the bundled set "mission": this program gets neither from the simulator.
 MAZE = (
     (3, 3, 1, 1, 0, 2, 0, 2),
     (3, 3, 0, 1, 1, 1, 1, 1),
@@ -36,13 +36,13 @@ RANGES = {
 }
 """Range sensors that look over the block: x and y on the robot, inches, and direction, degrees."""
 FAN = (-2.5, 0.0, 2.5)  # deg, rays of a sensor; the nearest counts
-COUNTERS = ("o3", "o4", "o1", "o2", "g1")  # the wheels of a pair sit on opposite sides: turning cancels
+COUNTERS = ("o3", "o4", "o1", "o2", "g1")  # the wheels of a pair are on opposite sides: turning cancels
 CELL, RADIUS, BLOCK, GAP = 12.0, 3.0, 3.0, 0.3  # in
 GRIP = RADIUS + GAP + BLOCK / 2  # in, from the robot's centre to that of a block it takes
 MIDDLE = (RADIUS + GAP + BLOCK - RADIUS) / 2  # in, from the robot's centre to the middle of both
 STRIDE, CLOSE, STRAIGHT = 4.0, 0.5, 1.5  # in, in, deg
-AWAY = 4.0  # in, before the place to grip at, from where it looks again
-GATE = 4.0  # standard deviations beyond which a reading is not believed
+AWAY = 4.0  # in, before the place to grip at, where it looks again
+GATE = 4.0  # standard deviations beyond which a reading is ignored
 TRIES = 3
 
 Cell = tuple[int, int]
@@ -76,7 +76,7 @@ def cast(x: float, y: float, bearing: float) -> float:
 
 
 def turned(forward: float, left: float, heading: float) -> Place:
-    """A way in the robot's frame as x and y in the maze's."""
+    """A vector in the robot's frame, as x and y in the maze's."""
     cos, sin = math.cos(math.radians(heading)), math.sin(math.radians(heading))
     return cos * forward - sin * left, sin * forward + cos * left
 
@@ -96,7 +96,7 @@ class Estimate:
         self._covariance = [[0.01, 0.0, 0.0], [0.0, 0.01, 0.0], [0.0, 0.0, 0.25]]
 
     def predict(self, forward: float, left: float, turn: float) -> None:
-        """The robot has moved, by its counters."""
+        """Add a movement of the robot, by its counters."""
         way = turned(forward, left, self.pose[2] + turn / 2)
         # The heading's error moves the place to the side: d(way)/d(heading), a degree being pi / 180.
         slope = (-math.radians(way[1]), math.radians(way[0]))
@@ -104,7 +104,7 @@ class Estimate:
         jacobian = [[1.0, 0.0, slope[0]], [0.0, 1.0, slope[1]], [0.0, 0.0, 1.0]]
         half = [[sum(jacobian[i][k] * old[k][j] for k in range(3)) for j in range(3)] for i in range(3)]
         new = [[sum(half[i][k] * jacobian[j][k] for k in range(3)) for j in range(3)] for i in range(3)]
-        # As solve.py has them: 1.5 % of the way and 1.2 % of the turn, and a little that is always there.
+        # As in solve.py: 1.5 % of the distance and 1.2 % of the turn, and a small constant part.
         along = (0.015 * math.hypot(forward, left) + 0.02) ** 2
         for index, more in enumerate((along, along, (0.012 * abs(turn) + 0.1) ** 2)):
             new[index][index] += more
@@ -112,7 +112,7 @@ class Estimate:
         self.pose = [self.pose[0] + way[0], self.pose[1] + way[1], self.pose[2] + turn]
 
     def update(self, code: str, reading: float) -> None:
-        """A range sensor was read."""
+        """Correct the pose by a reading of a range sensor."""
         foreseen = expected(self.pose, code)
         if not math.isfinite(reading):
             return
@@ -136,18 +136,18 @@ class Estimate:
 
 
 class Mission:
-    """The robot, and what it has to do."""
+    """The robot, and its task."""
 
     def __init__(self, robot: Robot, start: Sequence[float]) -> None:
         self.robot = robot
         self.estimate = Estimate(start)
         self._counted = robot.read(*COUNTERS)
 
-    # The gripper is told by `send`: in packets, `drive` asks for the end of a movement by a drive of 0, which
-    # opens it again.
+    # The gripper is moved by `send`: in packets, `drive` asks for the end of a movement by a drive of 0,
+    # which would open it again.
 
     def move(self, code: str, value: float) -> None:
-        """One movement, and what the counters make of it."""
+        """Do one movement, and update the pose by the counters."""
         self.robot.drive(code, round(value, 2))
         now = self.robot.read(*COUNTERS)
         a, b, c, d, turn = (new - old for new, old in zip(now, self._counted, strict=True))
@@ -169,7 +169,7 @@ class Mission:
             self.look()
 
     def go(self, place: Place, heading: float, close: float = CLOSE) -> bool:
-        """Go straight to a place with this heading; False if it does not get there."""
+        """Go straight to a place with this heading; False if it does not reach it."""
         for _ in range(40):
             self.face(heading)
             x, y, at = self.estimate.pose
@@ -194,7 +194,8 @@ class Mission:
         )
 
     def scan(self, turns: Sequence[float]) -> Place | None:
-        """Turn, looking low and high; where the block is, or None if it was not seen."""
+        """Turn, reading the low and the high sensor. Returns the block's place, or None if it was not
+        seen."""
         seen = []
         for turn in turns:
             self.move("r1", turn)
@@ -222,7 +223,7 @@ class Mission:
         return None
 
     def fetch(self) -> bool:
-        """Find the block and take it; whether the gripper holds it."""
+        """Find the block and take it; True if the gripper holds it."""
         block = self.search()
         if block is None:
             return False
@@ -244,11 +245,11 @@ class Mission:
         return self.holds()
 
     def holds(self) -> bool:
-        """True if most of nine readings of the load sensor say so: single ones err now and then."""
+        """True if most of nine readings of the load sensor are 1: single ones are sometimes wrong."""
         return sum(self.robot.read(*["l1"] * 9)) > 4.5
 
     def run(self, zone: Place) -> bool:
-        """Do all of it; whether the block has been delivered."""
+        """Do the whole mission; True if the block has been delivered."""
         for _ in range(TRIES):
             if self.fetch():
                 heading = 90.0 * round(self.estimate.pose[2] / 90)
@@ -276,14 +277,14 @@ ZONE = [(x, y) for y, row in enumerate(MAZE[::-1]) for x, value in enumerate(row
 
 
 def in_zone(place: Place) -> bool:
-    """True if a block may be there, or what was seen of it."""
+    """True if a block, or a point of it, may be there."""
     return any(
         max(abs(a - b) for a, b in zip(place, centre(cell), strict=True)) < CELL / 2 + BLOCK for cell in ZONE
     )
 
 
 def route(start: Cell, goal: Cell) -> list[Cell]:
-    """A shortest way, both ends included; empty if there is none."""
+    """A shortest path, both ends included; empty if there is none."""
     towards, waiting = {goal: goal}, deque([goal])
     while waiting:
         x, y = waiting.popleft()
@@ -310,7 +311,7 @@ def room(place: Place) -> float:
 
 
 def approach(block: Place) -> tuple[float, Place]:
-    """The heading to take the block with, and where the robot then is: with most room."""
+    """The heading at which to take the block, and the robot's place then: those with most room."""
     plans = []
     for heading in (0.0, 90.0, 180.0, 270.0):
         for beside in (0.0, 0.6, -0.6, 1.2, -1.2):

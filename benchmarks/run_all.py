@@ -2,8 +2,8 @@
 
     python benchmarks/run_all.py [--quick] [--json FOLDER]
 
-Each can be run by itself too. What they compare with they measure in the same run, so that the
-ratios they print mean something on any machine; on a busy one they do not.
+Each can be run by itself too. They measure their baselines in the same run, so that their ratios are
+meaningful on any machine that is not busy.
 """
 
 from __future__ import annotations

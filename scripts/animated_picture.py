@@ -4,9 +4,9 @@
     python scripts/animated_picture.py [--seed N] [--pace X] [--size COLUMNSxROWS] FOLDER
     python scripts/animated_picture.py --still [--seed N] FOLDER
 
-Writes `mission-dark.svg` and `mission-light.svg`. The app runs here without a terminal; a few times a
-second what its screen shows is kept. A piece of a row that stays the same from picture to picture is
-written once, with the time it is to be seen. Viewers that do not animate show a moment of the run.
+Writes `mission-dark.svg` and `mission-light.svg`. The app runs here without a terminal; its screen is
+captured a few times a second. A piece of a row that is the same in several pictures is written once, with the
+times at which it is visible. Viewers that do not animate show a moment of the run.
 
 With `--still`: the pictures of docs/screen.md, each a moment of such a run, at three sizes, in light
 colours and in plain ASCII, and of its replay.
@@ -43,11 +43,11 @@ from simmer_tui.tui.textual_internals import rows_of
 WIDTH, HEIGHT, BASELINE, LETTER = 8.4, 17.0, 13.0, 14.0
 """Of a cell, pixels: its size, where letters stand, their size."""
 A_SECOND = 5
-"""Pictures."""
+"""Pictures a second."""
 LINGER = 3.0
 """Seconds that the last one stays."""
 POSTER = 0.45
-"""Share of the run at which the moment is that a viewer without animation shows."""
+"""Moment that a viewer without animation shows, as a share of the run."""
 QUADRANTS = " ▘▝▀▖▌▞▛▗▚▐▜▄▙▟█"
 STILLS = {
     "small": ((80, 24), "dark", GlyphMode.QUADRANT),
@@ -56,10 +56,10 @@ STILLS = {
     "light": ((120, 36), "light", GlyphMode.QUADRANT),
     "ascii": ((80, 24), "dark", GlyphMode.ASCII),
 }
-"""A picture of docs/screen.md: its size, its theme, and the run that it shows."""
+"""Pictures of docs/screen.md by name: size in columns and rows, theme, and characters of the maze."""
 STILL_PACE = 10.0
 LAST_LOOKS = 20
-"""Looks for the end of the mission after the program has ended."""
+"""Further pictures after the program has ended, to show the end of the mission."""
 Piece = tuple[int, int, str, str, str, bool]
 """A part of a row: row, column, text, colours of letters and ground, bold."""
 
@@ -92,7 +92,7 @@ async def pictures(app: SimmerApp, server: Server, size: tuple[int, int]) -> lis
 
 
 def pieces(rows: Sequence[Sequence[Segment]]) -> Iterator[Piece]:
-    """The parts of one look that are drawn; blocks of floor, too, which stand side by side."""
+    """The parts of one picture that are drawn, including blocks of floor, which are side by side."""
     for row, strip in enumerate(rows):
         column = 0
         for segment in strip:
@@ -110,7 +110,7 @@ def _colour(style: Style, *, front: bool) -> str:
 
 
 def animation(seen: Sequence[frozenset[Piece]], size: tuple[int, int], ground: str) -> str:
-    """An SVG that shows one look after the other, for ever."""
+    """An SVG that shows one picture after the other, in an endless loop."""
     spans: Mapping[tuple[int, int], list[Piece]] = _spans(seen)
     length = len(seen) / A_SECOND + LINGER
     moves = (
@@ -149,7 +149,7 @@ def animation(seen: Sequence[frozenset[Piece]], size: tuple[int, int], ground: s
 
 
 def _spans(seen: Sequence[frozenset[Piece]]) -> Mapping[tuple[int, int], list[Piece]]:
-    """The pieces by when they are to be seen, from one look up to another."""
+    """The pieces by the pictures, from first up to last, in which they are visible."""
     spans = defaultdict(list)
     since: dict[Piece, int] = {}
     for number, look in enumerate((*seen, frozenset())):
@@ -204,7 +204,7 @@ def _drawn(piece: Piece, paper: str) -> str:
 
 
 def _box(x: float, y: float, width: float, height: float, fill: str) -> str:
-    # A hair too large: without it lines show between cells where a picture is scaled.
+    # Slightly too large: otherwise lines show between cells of a scaled picture.
     return f'<rect x="{x:.1f}" y="{y:g}" width="{width + 0.3:.1f}" height="{height + 0.3:g}" fill="{fill}"/>'
 
 
@@ -242,7 +242,7 @@ def draw_replay(seed: int, size: tuple[int, int]) -> str:
         async with app.run_test(size=size) as pilot:
             await pilot.pause()
             run.move_to(POSTER * run.duration)
-            # Numbers come half a second apart.
+            # Digits are typed half a second apart.
             await asyncio.sleep(1.0)
             return frozenset(pieces(rows_of(app.screen)))
 

@@ -25,7 +25,7 @@ PAGES = {
     "phone": ((390, 844), True, ()),
     "drive": ((1280, 800), True, ("--web-control",)),
 }
-"""By name the size of the window, True for the dark, and further options."""
+"""Pictures by name: the size of the window, True for the dark theme, and further options."""
 
 
 def take(page: Tab, name: str) -> None:

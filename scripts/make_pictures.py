@@ -14,7 +14,7 @@ import tempfile
 from dataclasses import replace
 from pathlib import Path
 
-sys.path.append(str(Path(__file__).resolve().parent.parent))  # a clone's root; what is installed comes first
+sys.path.append(str(Path(__file__).resolve().parent.parent))  # a clone's root; an installed one is first
 from simmer_tui.cli.log_commands import build_report
 from simmer_tui.document import svg
 from simmer_tui.report.figure import maze_figure
@@ -33,7 +33,7 @@ def step_of(program: Path) -> str:
 
 
 def picture(program: Path, folder: Path) -> str:
-    """Run a step and draw what it did. Raises CalledProcessError if it failed."""
+    """Run a step and draw its path. Raises CalledProcessError if it failed."""
     number = step_of(program)
     log = folder / f"step{number}.jsonl"
     ports = ["--port", "0", "--reply-port", "0", "--belief-port", "0"]

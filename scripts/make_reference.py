@@ -2,7 +2,8 @@
 
     python scripts/make_reference.py
 
-Run it after a change of options, settings, columns, orders, keys or messages; a test says when it is due.
+Run it after a change of options, settings, columns, orders, keys or messages; a test fails when it is
+necessary.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ import sys
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
-sys.path.append(str(Path(__file__).resolve().parent.parent))  # a clone's root; what is installed comes first
+sys.path.append(str(Path(__file__).resolve().parent.parent))  # a clone's root; an installed one is first
 from simmer_tui.calibrate import result_page
 from simmer_tui.cli import log_commands, machine_commands
 from simmer_tui.cli.command_line import ExitCode, default_text
@@ -42,13 +43,13 @@ from simmer_tui.tui.key_table import ANYWHERE, IN_LOG, WITH_THE_MOUSE
 ROOT = Path(__file__).resolve().parent.parent
 PAGES = ROOT / "docs" / "reference"
 NOTE = "<!-- Made by scripts/make_reference.py from the code: change it there. -->\n"
-_SETTING = "setting."  # what the options of settings are stored under
+_SETTING = "setting."  # prefix under which the options of settings are stored
 _ERRORS = "Error"
 _COMPLAINTS = {"Problem": -1, "complain": -1, "refuse": 1}
 """Calls that report a problem, and the number of the argument with the message."""
 _OF_PYTHON = ("AssertionError", "AttributeError")
 """Errors that no user meets."""
-_PLACE = "..."  # what stands for a value in a message
+_PLACE = "..."  # placeholder for a value in a message
 
 Rows = Iterable[tuple[str, ...]]
 
@@ -167,7 +168,7 @@ def settings() -> str:
 
 
 def files() -> str:
-    """The files of a set: what each value, row, column and key says."""
+    """The files of a set: the meaning of each value, row, column and key."""
     maze = ((str(value), name, meaning) for value, (name, meaning) in maze_csv.CELLS.items())
     keys = ((_code(key.name), key.rule.allowed, key.help) for key in mission_toml.KEYS)
     kinds = ((_code(kind.name), kind.meaning, kind.unit or "1 or 0") for kind in KINDS.values())
@@ -350,7 +351,7 @@ _ROOMS = {
     "tui": "Orders in the console",
     "cli": "The command line",
 }
-"""Parts of the package by what people know them as."""
+"""Names of the parts of the package for people."""
 
 
 def _messages_of(path: Path) -> Iterator[str]:
@@ -375,7 +376,7 @@ def _messages_of(path: Path) -> Iterator[str]:
 
 
 def _told(node: ast.expr, names: dict[str, list[str]]) -> Iterator[str]:
-    """Messages that say something: more than a value that is passed on."""
+    """Messages with text of their own, not only a value that is passed on."""
     for text in _texts(node, names):
         words = " ".join(text.split())
         if sum(part.isalpha() for part in words.replace(_PLACE, " ").split()) > 1:
@@ -397,7 +398,7 @@ def _texts(node: ast.expr, names: dict[str, list[str]]) -> list[str]:
 
 
 def _escaped(text: str) -> str:
-    """Text that Markdown leaves as it is."""
+    """Text, escaped so that Markdown leaves it unchanged."""
     return "".join(f"\\{each}" if each in "\\`*_{}[]<>#|" else each for each in text)
 
 

@@ -4,10 +4,10 @@
     python scripts/release.py 0.1.0 --dry-run
     python scripts/release.py 0.1.0
 
-All is done in a clone of its own first: version, changelog and CITATION.cff, commit and tag, both packages
-built twice with the same bytes, their metadata checked, and the wheel installed from a folder alone. Only
-then the commit and its tag come here, are pushed, and the packages uploaded. With --dry-run nothing leaves
-the clone.
+Everything is first done in a clone: version, changelog and CITATION.cff, commit and tag. Both packages are
+built twice with the same bytes, their metadata is checked, and the wheel is installed from a folder without
+an index. Only then are the commit and its tag fetched into this repository and pushed, and the packages
+uploaded. With --dry-run nothing leaves the clone.
 """
 
 from __future__ import annotations
@@ -31,11 +31,11 @@ REPOSITORY = "https://github.com/simmer-tui/simmer-tui"
 
 
 class ReleaseError(Exception):
-    """Something that has to be put right before a release; the message says what."""
+    """A problem that must be fixed before a release; the message describes it."""
 
 
 def as_numbers(version: str) -> tuple[int, ...]:
-    """A version such as 0.10.2 in its order."""
+    """The numbers of a version such as 0.10.2, for comparison."""
     return tuple(map(int, version.split(".")))
 
 
@@ -45,8 +45,8 @@ def released_versions(changelog: str) -> list[str]:
 
 
 def released_changelog(text: str, version: str, day: str) -> str:
-    """The changelog with what was unreleased under a version. Raises ReleaseError if there is nothing, or the
-    version is not newer than those before."""
+    """The changelog with the unreleased entries under a version. Raises ReleaseError if there are none, or
+    the version is not newer than those before."""
     before, heading, rest = text.partition(UNRELEASED)
     entries = re.split(r"^(?:## |\[Unreleased\]:)", rest, maxsplit=1, flags=re.M)[0]
     if not heading or "\n- " not in entries:
@@ -82,8 +82,8 @@ def run(command: Sequence[str], folder: Path, environment: Mapping[str, str] | N
 
 
 def build(source: Path, out: Path, epoch: int) -> list[Path]:
-    """Build wheel and source package of a folder, with no file newer than `epoch`. What builds them is
-    installed beside this script's Python, so this needs no network. Returns both."""
+    """Build wheel and source package of a folder, with no file newer than `epoch`. The build tools are
+    installed for this script's Python, so this needs no network. Returns both."""
     environment = {**os.environ, "SOURCE_DATE_EPOCH": str(epoch)}
     command = [sys.executable, "-m", "build", "--no-isolation", "--outdir", str(out), str(source)]
     run(command, source, environment)
@@ -106,14 +106,14 @@ def checked_packages(source: Path, out: Path, epoch: int) -> list[Path]:
 
 
 def wheelhouse(wheel: Path, folder: Path, *more: str) -> Path:
-    """A folder with a wheel and all that it needs, and `more`, downloaded or taken from pip's cache."""
+    """A folder with a wheel, its dependencies and `more`, downloaded or from pip's cache."""
     command = [sys.executable, "-m", "pip", "download", "-q", "--disable-pip-version-check"]
     run([*command, "-d", str(folder), str(wheel), *more], folder.parent)
     return folder
 
 
 def installed_version(house: Path, folder: Path) -> str:
-    """The version that the command says once the package is installed from a folder alone."""
+    """The version that the command prints after the package is installed from a folder only."""
     venv.create(folder, with_pip=True)
     commands = folder / ("Scripts" if os.name == "nt" else "bin")
     pip = [str(commands / "python"), "-m", "pip", "install", "-q", "--disable-pip-version-check"]
@@ -157,7 +157,7 @@ def check_repository(repository: Path, version: str) -> None:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Returns the exit code: 1 if something has to be put right first."""
+    """Returns the exit code: 1 if a problem must be fixed first."""
     parser = argparse.ArgumentParser(description="Make a release.")
     parser.add_argument("version", help="three numbers, such as 0.1.0")
     parser.add_argument("--dry-run", action="store_true", help="all but the upload, and nothing stays here")

@@ -1,15 +1,15 @@
-"""Be a robot's microcontroller on a serial port: for tests, and for people without a robot.
+"""Emulate a robot's microcontroller on a serial port: for tests, and for people without a robot.
 
 Makes a serial port of its own and prints its name (Linux, macOS):
 
     python samples/robot_emulator.py
     simmer-tui --serial /dev/pts/3
 
-With `--port COM7` it talks on a port there is, with `--tcp 5000` to `--serial socket://localhost:5000`.
-The robot in it is a small simulation of its own: the default set's, which answers at once, or with
-`--config SET` that of a set, which takes the time that its drives, sensors and link take. Give it a set
-that nobody has seen, and `simmer-tui calibrate` has something to find out. `--slip`, `--stale`,
-`--weaken` and `--shortfall` are faults that no set can say.
+With `--port COM7` it uses an existing port, with `--tcp 5000` it serves `--serial socket://localhost:5000`.
+The robot in it is a small simulation of its own. It is the default set's, which answers at once, or with
+`--config SET` that of a set, with the durations of its drives, sensors and link. Give it a set with hidden
+values, and `simmer-tui calibrate` can estimate them. `--slip`, `--stale`, `--weaken` and `--shortfall` are
+faults that no set can describe.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
 
-sys.path.append(str(Path(__file__).resolve().parent.parent))  # a clone's root; what is installed comes first
+sys.path.append(str(Path(__file__).resolve().parent.parent))  # a clone's root; an installed one is first
 from msgspec import structs
 from msgspec.structs import replace
 
@@ -44,8 +44,8 @@ from simmer_tui.sim.sensors import CountingSensor, sensor_of
 from simmer_tui.sim.specs import CELL_SIZE, DriveSpec
 
 GRACE = 0.005  # s of silence after which bytes without an end are a command
-WHEEL_RADIUS = 3.0  # in from the robot's centre to its wheels, the default set's
-LONGEST = 256  # bytes of a command; a real microcontroller has less room still
+WHEEL_RADIUS = 3.0  # in, from the robot's centre to its wheels, as in the default set
+LONGEST = 256  # bytes of a command; a real microcontroller has even less memory
 GREETING = b"\xf8\x00SimMeR robot, firmware 1.0\r\nready\r\n"
 FLOATS = {("float64", "big"): ">d", ("float64", "little"): "<d"}
 FLOATS |= {("float32", "big"): ">f", ("float32", "little"): "<f"}
@@ -53,11 +53,11 @@ FLOATS |= {("float32", "big"): ">f", ("float32", "little"): "<f"}
 
 @dataclass(frozen=True)
 class Oddities:
-    """Traits of a real robot that no set describes. On every other cell of the maze, as on a
-    chessboard, wheels lose the fraction `slip` of each translation begun there, which encoders count
-    all the same. A range reading is, with probability `stale`, that of the time before. Each movement is
-    weaker than the one before by the fraction `weaken`, as the battery runs down, and ends `shortfall`
-    inches short, a turn by as much of the wheels' way."""
+    """Traits of a real robot that no set describes. On every other cell of the maze, as on a chessboard,
+    wheels lose the fraction `slip` of each translation begun there, although encoders count it. A range
+    reading is, with probability `stale`, the previous one. Each movement is weaker than the previous one by
+    the fraction `weaken`, as by a battery running down. It ends `shortfall` inches short, for a turn measured
+    at the wheels."""
 
     slip: float = 0.0
     stale: float = 0.0
@@ -66,7 +66,7 @@ class Oddities:
 
 
 class Robot:
-    """Bytes of commands in, bytes of replies out. Knows no port."""
+    """Robot without a port: bytes of commands in, bytes of replies out."""
 
     def __init__(
         self,
@@ -78,8 +78,8 @@ class Robot:
         oddities: Oddities | None = None,
         link: LinkDelay | None = None,
     ) -> None:
-        """`reply` is float64, float32 or text; commands in brackets are always answered in
-        brackets. With `constant` every sensor reads that."""
+        """`reply` is float64, float32 or text; commands in brackets are always answered in brackets. With
+        `constant` every sensor reads this value."""
         self._number = struct.Struct(FLOATS[reply, byte_order]) if reply != "text" else None
         self._constant = constant
         self.simulator = Simulator(simulation or load_default().simulation, seed)
@@ -100,13 +100,13 @@ class Robot:
         return self.simulator.time
 
     def take_time(self) -> float:
-        """Seconds that what was done since the last call took, on the link and on the robot."""
+        """Duration, seconds, of all work since the last call, on the link and on the robot."""
         taken, self._since = self.simulator.time - self._since, self.simulator.time
         return taken
 
     @property
     def waiting(self) -> bool:
-        """True if bytes have come that silence would make a command."""
+        """True if received bytes would become a command by silence."""
         return bool(self._buffer) and not self._buffer.startswith(b"[")
 
     def receive(self, data: bytes) -> list[bytes]:
@@ -125,7 +125,7 @@ class Robot:
             replies.append(self._framed(command[1:]) if in_brackets else self._plain(command))
 
     def silence(self) -> list[bytes]:
-        """Nothing more comes: what is there is a command."""
+        """Called after silence: the received bytes are a command."""
         command, self._buffer = self._buffer, b""
         return [self._plain(command)] if command.strip() else []
 
@@ -169,12 +169,12 @@ class Robot:
         return outcome
 
     def _pass_on(self) -> None:
-        """A message takes its time on the link."""
+        """Add the time of a message on the link."""
         if self._link is not None:
             self.simulator.advance(self.simulator.time + self._link.way())
 
     def _slipping(self, text: str) -> CommandResult:
-        """Do a command; of a translation on slippery ground only a part."""
+        """Do a command; for a translation on slippery ground, only a part of it."""
         command, simulator = parse_command(text), self.simulator
         drive = self._drives.get(command.code)
         if command.problem or drive is None:
@@ -197,7 +197,7 @@ class Robot:
         return outcome
 
     def _weakened(self, command: Command, drive: DriveSpec) -> Command:
-        """The movement that a weak battery, and wheels that start late, make of a command."""
+        """The command with the effects of a weak battery, and of wheels that start late."""
         odd, asked = self._oddities, parse_value(command.argument)
         if not (odd.weaken or odd.shortfall) or not isinstance(asked, float):
             return command
@@ -208,7 +208,7 @@ class Robot:
 
 
 class Wire(Protocol):
-    """Port that bytes come from and go to. `read` returns none after `timeout` seconds without any."""
+    """Port for reading and writing bytes. `read` returns none after `timeout` seconds without any."""
 
     def read(self, timeout: float | None) -> bytes: ...
 
@@ -216,7 +216,7 @@ class Wire(Protocol):
 
 
 class PtyWire:
-    """A serial port made for the occasion. Unix only."""
+    """A new serial port, a pty. Unix only."""
 
     def __init__(self) -> None:
         import pty
@@ -237,7 +237,7 @@ class PtyWire:
 
 
 class SerialWire:
-    """A serial port there is, or a URL that pyserial opens."""
+    """An existing serial port, or a URL that pyserial opens."""
 
     def __init__(self, name: str, baud: int) -> None:
         import serial
@@ -278,7 +278,7 @@ class TcpWire:
 
     def write(self, data: bytes) -> None:
         if self._connection is not None:
-            with contextlib.suppress(OSError):  # it has left; the next read finds out
+            with contextlib.suppress(OSError):  # it has disconnected; the next read detects that
                 self._connection.sendall(data)
 
 
@@ -376,7 +376,7 @@ def _fraction(text: str) -> float:
 
 
 def opened(options: argparse.Namespace) -> tuple[Wire, str]:
-    """The wire that the options ask for, and what to call it from the other end."""
+    """The wire of the options, and its name at the other end."""
     if options.tcp is not None:
         tcp = TcpWire(options.tcp)
         return tcp, f"socket://127.0.0.1:{tcp.port}"

@@ -3,15 +3,15 @@
     simmer-tui --mission --run "python samples/solve.py"
     simmer-tui --mission --realistic --drive-profile diff-dc --run "python samples/solve.py"
 
-A sample to learn from. It knows the maze and the robot (the configuration set, and the profiles chosen),
-not where it starts nor where the block lies. Readings take time, so it reads what it needs, where it
-needs it. How it goes about it, and where to read on:
+A sample to learn from. It knows the maze and the robot (the configuration set, and the chosen profiles), but
+not its start or the block's place. Readings take time, so it reads only the sensors that it needs. Its
+modules:
 
-- `solve_beliefs.py`: a particle filter says where the robot is, a grid of guesses where the block is;
-  both know which reading would tell them most;
-- `solve_pilot.py`: drives in small steps, learns the drives' biases, corrects what went wrong;
-- `solve_way.py`: takes it from place to place, and the block with it;
-- `solve_ground.py`: knows the cells, the ways between them and how much room there is.
+- `solve_beliefs.py`: a particle filter for the robot's pose, and a grid of guesses for the block's place;
+  both compute which reading is the most informative;
+- `solve_pilot.py`: drives in small steps, learns the drives' biases, corrects errors;
+- `solve_way.py`: brings the robot from place to place, with the block or without;
+- `solve_ground.py`: the cells, the routes between them and the room there.
 
 Needs numpy and SimMeR-TUI, installed or in this clone.
 """
@@ -28,7 +28,7 @@ from pathlib import Path
 import numpy as np
 from msgspec.structs import replace
 
-sys.path.append(str(Path(__file__).resolve().parent.parent))  # a clone's root; what is installed comes first
+sys.path.append(str(Path(__file__).resolve().parent.parent))  # a clone's root; an installed one is first
 
 from solve_beliefs import BlockFinder, FloatArray, Localizer, mean_angle
 from solve_ground import ENOUGH, Body, Ground, cell_at, centre
@@ -60,18 +60,18 @@ LOADING = 3  # the value of the loading zone's cells in maze.csv
 GAP = 0.3  # in, between robot and block when the gripper closes
 RUN_UP = 3.0  # in, from where the robot aims to where it grips
 FOUND = 0.7  # in, spread of the guesses at which the block counts as found
-BLUR = 0.2  # in, by which the block may lie elsewhere in the gripper
+BLUR = 0.2  # in, uncertainty of the block's place in the gripper
 ROUNDS = 4  # tries at localizing, searching, gripping
 LOOKS = 60  # readings of one search
 
 
 class Mission:
-    """The robot, and what it knows."""
+    """The robot, and its beliefs."""
 
     def __init__(self, robot: RobotLike, spec: SimulationSpec, random: np.random.Generator) -> None:
         self.robot = robot
         self.ground = Ground(spec.maze)
-        simulator = Simulator(spec)  # never driven: it only works out what sensors would see
+        simulator = Simulator(spec)  # never driven: it only computes expected readings
         footprint = simulator.footprint
         self.body = Body(self.ground, footprint.reach)
         self.localizer = Localizer(simulator, self.ground, RANGES, random)
@@ -81,11 +81,11 @@ class Mission:
         self.zone = self.ground.cells(LOADING)
         self.finder = BlockFinder(simulator, self.ground, (HIGH, LOW), spec.block_size, self.zone)
         self.block_size = spec.block_size
-        # Sound that meets a face at an angle does not come back: then look at blocks squarely.
+        # Sound that meets a face at an angle has no echo: then look at blocks squarely.
         self.headings = range(-180, 180, 90 if simulator.sensor(LOW).incidence_limit else 15)
 
     def run(self, drop_zone: FloatArray) -> bool:
-        """Do everything. Whether the block has been delivered, as far as the program knows."""
+        """Do the whole mission. True if the block has been delivered, as far as the program knows."""
         for _ in range(ROUNDS):
             try:
                 if not self.localizer.settled and not self.localize():
@@ -103,7 +103,7 @@ class Mission:
     # -- where am I? -------------------------------------------------------------------------
 
     def localize(self) -> bool:
-        """Turn around on the spot, looking; where that is not enough, do it again elsewhere."""
+        """Turn around on the spot and read sensors; if that is not enough, do it again at another place."""
         readings = np.array([self.robot.read(COMPASS) for _ in range(25)])
         heading = mean_angle(readings, np.full(25, 1 / 25)) % 360.0
         # The compass of the course reads heading times (1 + error): far from 0 it is less exact.
@@ -129,7 +129,7 @@ class Mission:
     # -- the block ----------------------------------------------------------------------------
 
     def fetch(self) -> bool:
-        """Find the block and take it. Whether the gripper holds it."""
+        """Find the block and take it. True if the gripper holds it."""
         for _ in range(ROUNDS):
             if not self.search():
                 continue
@@ -155,8 +155,8 @@ class Mission:
         return False
 
     def search(self) -> bool:
-        """Look where the answer is hardest to foretell until it is clear where the block is. From
-        where nothing more is to be learned go where there is."""
+        """Make the most informative readings until the block's place is clear. If no reading here is
+        informative, go to another place."""
         for _ in range(LOOKS):
             if self.finder.spread < FOUND:
                 return True
@@ -175,8 +175,8 @@ class Mission:
         return False
 
     def best_look(self, place: FloatArray, heading: float) -> tuple[float, float]:
-        """The heading to look to from a place, and how much it would tell, bits; a quarter turn less is
-        worth twice as many."""
+        """The best heading for a reading at a place, and its information, bits; a quarter turn less is worth
+        twice as many."""
         looks = {
             turn: self.finder.surprise(np.array((*place, heading + turn))) for turn in range(-176, 177, 8)
         }
@@ -184,7 +184,7 @@ class Mission:
         return heading + turn, looks[turn]
 
     def promise(self, spot: FloatArray) -> float:
-        """Information in looks from a place, bits for each second it takes to get there; 0 if little."""
+        """Information of readings at a place, bits for each second of the way there; 0 if little."""
         way = self.ground.route(cell_at(self.pilot.place), cell_at(spot))
         if len(way) < 2:
             return 0.0
@@ -192,8 +192,7 @@ class Mission:
         return bits / (1.0 + 3.0 * len(way)) if bits > 0.25 else 0.0
 
     def watch(self) -> None:
-        """See how far the low sensor sees, and where that is less than the walls are far, whether the
-        high one sees them."""
+        """Read the low sensor. If its range is shorter than that of the walls, read the high one too."""
         pose = self.localizer.pose
         wall = self.finder.wall(pose)
         low = self.robot.read(LOW)
@@ -202,8 +201,8 @@ class Mission:
         self.finder.update(pose, wall, low)
 
     def best_approach(self, block: FloatArray) -> float:
-        """The heading to take a block with: where robot and block have most room, and then the one
-        that leads straight to it from here."""
+        """The heading at which to take a block: the one with most room for robot and block, and among equal
+        ones that straight from here."""
         straight = bearing(block - self.pilot.place)
 
         def room(heading: float) -> float:
@@ -217,11 +216,11 @@ class Mission:
         return max(map(float, self.headings), key=room)
 
     def loaded(self) -> bool:
-        """True if the gripper holds something; the sensor may err now and then."""
+        """True if the gripper holds something; the sensor is sometimes wrong."""
         return self.pilot.mean(LOAD, 9) > 0.5
 
     def say(self, text: str) -> None:
-        """Tell what goes on, here and in the simulator's app."""
+        """Show the present step, here and in the simulator's app."""
         self.pilot.note = text
         print(text, flush=True)
 
@@ -238,7 +237,7 @@ def place(text: str) -> FloatArray:
 
 
 def in_maze(spec: SimulationSpec, path: Path) -> SimulationSpec:
-    """The robot in the maze of a file like maze.csv; the block and its start are put where they can be.
+    """The robot in the maze of a file like maze.csv, with block and start at possible places.
 
     Raises ConfigurationError.
     """

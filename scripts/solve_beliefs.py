@@ -1,8 +1,8 @@
-"""Beliefs of the program: the robot's pose, and where the block lies.
+"""Beliefs of the program: the robot's pose, and the block's place.
 
-Both are the same idea. Keep many guesses; for each, work out what the sensors would say if it were
-true; give the guesses that explain the readings more weight. And both know which reading is worth its
-time: the one whose answer is hardest to foretell, because the guesses differ about it (`surprise`).
+Both use the same idea. Keep many guesses; for each, compute the expected readings; give guesses that explain
+the readings more weight. Both also choose the most informative reading: the one whose answer the guesses
+predict most differently (`surprise`).
 """
 
 from __future__ import annotations
@@ -18,21 +18,21 @@ from simmer_tui.sim import Block, SensorSpec, Simulator
 FloatArray = NDArray[np.float64]
 
 MANY, SOME, FEW = 12_000, 3_000, 500  # particles: at first, while unsure, when sure
-SAMPLE = 150  # particles that are asked which sensor to read
-SURE = 1.5  # in, spread of the particles below which few will do
+SAMPLE = 150  # particles for the choice of a sensor to read
+SURE = 1.5  # in, spread of the particles below which few are enough
 BLURS = (0.15, 0.3, 0.6, 1.2, 2.4)  # in, errors of range sensors beyond those in sensors.csv
 LEAST_EFFECTIVE = 0.05  # fraction of the particles that must still count after a reading
 DOUBTFUL = 0.5  # fraction of explained readings at which a belief is in doubt
-OUTLIER = 1e-3  # likelihood of a reading that nothing explains, so that one of them proves nothing
-MISSED = 0.1  # likelihood that nothing is heard where there should be an echo
+OUTLIER = 1e-3  # likelihood of an unexplained reading, so that a single one has little effect
+MISSED = 0.1  # likelihood of no echo where there should be one
 UNFORESEEN = 0.02  # likelihood of an echo where there should be none
 
 
 class Localizer:
     """A particle filter: each particle is a pose (x, y, heading) the robot may have.
 
-    `ranges` are the codes of the range sensors to localize by. They must look over the block,
-    whose place is unknown; `simulator` is only asked what they would see.
+    `ranges` are the codes of the range sensors to localize by. They must look over the block, whose place is
+    unknown; `simulator` only gives expected readings.
     """
 
     def __init__(
@@ -45,17 +45,18 @@ class Localizer:
         self.forget()
 
     def forget(self) -> None:
-        """It may be anywhere: `scatter` comes next."""
+        """Drop all particles; call `scatter` next."""
         self.particles: FloatArray = np.empty((0, 3))
         self._weights: FloatArray = np.empty(0)
         self.fit = 0.0
         """Share of the last readings that the belief explains, 0 to 1."""
 
     def scatter(self, radius: float, heading: float, deviation: float) -> None:
-        """Start anew: anywhere a robot of `radius` inches fits, with about this heading (degrees)."""
+        """Restart with particles anywhere a robot of `radius` inches fits, with about this heading
+        (degrees)."""
         corners = (centre(cell) - CELL / 2 for cell in self._ground.cells())
         room = np.array(list(corners))
-        # More than are wanted: most places in a corridor are too close to a wall.
+        # More than needed: most places in a corridor are too close to a wall.
         x_y = room[self._random.integers(len(room), size=4 * MANY)]
         x_y = x_y + self._random.uniform(0.0, CELL, x_y.shape)
         x_y = x_y[self._ground.clearance(x_y) >= radius][:MANY]
@@ -77,12 +78,12 @@ class Localizer:
 
     @property
     def settled(self) -> bool:
-        """True if the robot knows where it is."""
+        """True if the spread is small enough for a known pose."""
         off = wrapped(self.particles[:, 2] - self._mean_heading())
         return self.spread < 0.7 and float(self._weights @ off**2) < 4.0**2 and self.fit > DOUBTFUL
 
     def predict(self, forward: float, left: float, turn: float) -> None:
-        """The robot has moved, by its odometers (inches) and its gyroscope (degrees).
+        """Move the particles, by the odometers (inches) and the gyroscope (degrees).
 
         Every particle does the same, each with an error of its own.
         """
@@ -90,15 +91,15 @@ class Localizer:
         along = forward + (0.015 * abs(forward) + 0.02) * self._random.standard_normal(count)
         aside = left + (0.015 * abs(left) + 0.02) * self._random.standard_normal(count)
         turned = turn + (0.012 * abs(turn) + 0.1) * self._random.standard_normal(count)
-        # The robot turns evenly on its way, so that its mean heading is the one halfway.
+        # The robot turns evenly during a movement, so that its mean heading is the one halfway.
         middle = np.radians(self.particles[:, 2] + turned / 2)
         self.particles[:, 0] += np.cos(middle) * along - np.sin(middle) * aside
         self.particles[:, 1] += np.sin(middle) * along + np.cos(middle) * aside
         self.particles[:, 2] += turned
 
     def worth(self, turn: float = 0.0) -> FloatArray:
-        """Information in a reading of each sensor after a turn on the spot, bits: what
-        normal errors leave of what normal guesses differ by, 1/2 log2(1 + (spread / error)^2)."""
+        """Information in a reading of each sensor after a turn on the spot, bits: 1/2 log2(1 + (spread /
+        error)^2), for normal guesses and errors."""
         places = (self._random.uniform() + np.arange(SAMPLE)) / SAMPLE
         sample = self.particles[self._chosen(places)] + (0.0, 0.0, turn)
         bits = []
@@ -120,8 +121,8 @@ class Localizer:
         foreseen, heard = np.isfinite(expected), np.isfinite(readings)
         off = np.where(foreseen & heard, readings, 0.0) - np.where(foreseen & heard, expected, 0.0)
         deviations = np.where(foreseen, deviations, 1.0)
-        # No particle is exactly right, so that exact sensors would rule out all of them. Blur the
-        # readings no more than it takes to keep some.
+        # No particle is exactly right, so that exact sensors would rule out all of them. Blur the readings by
+        # just enough to keep some.
         for blur in BLURS:
             likelihood = np.exp(-0.5 * off**2 / (deviations**2 + blur**2)) + OUTLIER
             likelihood = np.where(foreseen & ~heard, MISSED, likelihood)
@@ -162,10 +163,10 @@ class Localizer:
 
 
 class BlockFinder:
-    """Belief of where the block lies: a grid of guesses all over the cells of value 3, each with a weight.
+    """Belief of the block's place: a grid of guesses over all cells of value 3, each with a weight.
 
-    `sensors` are the codes of two range sensors in the same place: one looks over the block, the other
-    sees it. `simulator` is only asked how far the walls are.
+    `sensors` are the codes of two range sensors in the same place: one looks over the block, the other sees
+    it. `simulator` only gives the distances of walls.
     """
 
     STEP = 0.5  # in, between guesses
@@ -190,7 +191,7 @@ class BlockFinder:
         self.forget()
 
     def forget(self) -> None:
-        """It may be anywhere."""
+        """Give all guesses equal weights."""
         self.weights: FloatArray = np.full(len(self.guesses), 1.0 / len(self.guesses))
 
     @property
@@ -200,11 +201,11 @@ class BlockFinder:
 
     @property
     def spread(self) -> float:
-        """Their standard deviation, inches."""
+        """The standard deviation of the guesses, inches."""
         return float(np.sqrt((self.weights @ (self.guesses - self.place) ** 2).sum()))
 
     def surprise(self, pose: FloatArray) -> float:
-        """Information that a look from a pose would give, bits."""
+        """Information of a reading at a pose, bits."""
         likely = self.weights > 0.01 * self.weights.max()
         weights = self.weights[likely]
         expected = np.minimum(self._ranges(pose, self.guesses[likely], 5), self.wall(pose))
@@ -215,7 +216,8 @@ class BlockFinder:
         return float(self._simulator.true_ranges(pose[None, :], (self._high,))[0, 0])
 
     def update(self, pose: FloatArray, wall: float, low: float) -> None:
-        """Weigh the guesses by what the low sensor reads from a pose, with a wall so far away behind."""
+        """Weigh the guesses by a reading of the low sensor at a pose; `wall` is the distance of the wall
+        behind."""
         expected = np.minimum(self._ranges(pose, self.guesses, self._sensor.rays), wall)
         foreseen = np.isfinite(expected)
         near = np.where(foreseen, expected, 0.0)
@@ -235,7 +237,7 @@ class BlockFinder:
         origin = pose[:2] + rotated(np.array((sensor.x, sensor.y)), pose[2])
         bearings = pose[2] + sensor.rotation + np.linspace(-0.5, 0.5, rays) * sensor.field_of_view
         walls = self._simulator.cast_rays(np.tile(origin, (rays, 1)), bearings)
-        # A ray and a block anywhere are a block at the origin and a ray from elsewhere.
+        # The ray is shifted so that the block is at the origin.
         x, y = (origin - guesses).T
         every = np.ones(len(x))
         nearest = np.full(len(x), np.inf)
@@ -250,7 +252,7 @@ class BlockFinder:
 
 
 def surprise(expected: FloatArray, weights: FloatArray) -> float:
-    """Entropy of a reading, bits, over what the guesses expect, rounded."""
+    """Entropy of a reading, bits, over the rounded expectations of the guesses."""
     rounded = np.where(np.isfinite(expected), np.round(expected), -1.0).astype(np.intp) + 1
     shares = np.bincount(rounded, weights)
     shares = shares[shares > 0.0]
@@ -258,18 +260,18 @@ def surprise(expected: FloatArray, weights: FloatArray) -> float:
 
 
 def effective(weights: FloatArray) -> float:
-    """Effective number of particles: so many of equal weight would say as much as these."""
+    """Effective number of particles: the number of equal weights with the same information."""
     return 1.0 / float(weights @ weights)
 
 
 def mean_angle(degrees: FloatArray, weights: FloatArray) -> float:
-    """The mean of angles, of which 359 and 1 is 0."""
+    """The circular mean of angles, degrees: of 359 and 1 it is 0."""
     angles = np.radians(degrees)
     return float(np.degrees(np.arctan2(weights @ np.sin(angles), weights @ np.cos(angles))))
 
 
 def wrapped(degrees: FloatArray) -> FloatArray:
-    """Angles brought to -180 up to 180."""
+    """Angles wrapped to -180 up to 180."""
     return np.asarray((degrees + 180.0) % 360.0 - 180.0)
 
 

@@ -1,4 +1,4 @@
-"""The maze as a route planner sees it: cells, ways between them, and how far the walls are."""
+"""The maze for a route planner: cells, routes between them, and distances of walls."""
 
 from __future__ import annotations
 
@@ -49,11 +49,11 @@ class Ground:
         return {near for cell in cells for near in self.neighbours(cell)} - set(cells)
 
     def route(self, start: Cell, goal: Cell) -> list[Cell]:
-        """A shortest way from start to goal, both included, from cell to neighbouring cell; empty if
-        there is none.
+        """A shortest path from start to goal, both included, from cell to neighbouring cell; empty if there
+        is none.
 
-        Breadth-first search, from the goal backwards: what leads from a cell to the goal is then
-        the way that the search came by.
+        Breadth-first search, from the goal backwards: the path of the search to a cell is then the path from
+        the cell to the goal.
         """
         if not self.is_free(goal):
             return []
@@ -80,7 +80,7 @@ class Ground:
 
 
 class Body:
-    """The body that must not touch a wall: the robot, a circle, and the block while it holds one ahead."""
+    """The body that must not touch a wall: the robot, a circle, and the block while it is held."""
 
     def __init__(self, ground: Ground, radius: float) -> None:
         self._ground = ground
@@ -92,7 +92,8 @@ class Body:
         return len(self._corners) > 0
 
     def take(self, pose: FloatArray, block: FloatArray, size: float) -> None:
-        """It holds, at a pose, a block that lies along the maze's walls with its centre at a place."""
+        """Add a held block, parallel to the maze's walls, with its centre at a place, to the robot at a
+        pose."""
         half = size / 2
         off = np.array([(x, y) for x in (-half, half) for y in (-half, half)]) + block - pose[:2]
         cos, sin = np.cos(np.radians(pose[2])), np.sin(np.radians(pose[2]))
@@ -109,7 +110,7 @@ class Body:
         return min(free, float(self._ground.clearance(corners.reshape(-1, 2)).min()))
 
     def room_ahead(self, start: FloatArray, end: FloatArray) -> float:
-        """The same on the straight way from one place to another."""
+        """The same on the straight line from one place to another."""
         line = start + np.linspace(0.0, 1.0, 12)[:, None] * (end - start)
         way = end - start
         return self.room(line, np.full(12, np.degrees(np.arctan2(way[1], way[0]))))

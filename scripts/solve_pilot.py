@@ -1,7 +1,7 @@
-"""Driving: small moves, each measured, each correcting the one before.
+"""Driving: small moves, each measured, each correcting the previous one.
 
-Any robot that drives forward and turns can do it. A reading costs time, so that the pilot asks only
-the sensors whose answers it cannot foretell; while it knows well enough where it is, it asks one.
+Any robot that drives forward and turns can do it. A reading costs time, so the pilot reads only sensors whose
+readings it cannot predict. While its pose is known well enough, it reads one.
 """
 
 from __future__ import annotations
@@ -14,23 +14,25 @@ import numpy as np
 from solve_beliefs import DOUBTFUL, FloatArray, Localizer, rotated
 from solve_ground import Body
 
-RANGES = ("u1", "u2", "u3", "u4", "t1")  # all those that look over the block
+RANGES = ("u1", "u2", "u3", "u4", "t1")  # all that look over the block
 ALONG, ASIDE, GYROSCOPE = ("o3", "o4"), ("o1", "o2"), "g1"
 FORWARD, TURN = "d1", "r1"
 DRIVES = (FORWARD, TURN)
 STRIDE = 5.0  # in, the largest move before the robot looks again
-STRAIGHT = 1.5  # deg, off the way, that are not worth a turn
-WORTH, MOST = 0.7, 3  # bits that a reading must promise; readings a look
+STRAIGHT = 1.5  # deg, off the direction, that are not worth a turn
+WORTH, MOST = 0.7, 3  # expected bits of a reading that is made; most readings a look
 UNSURE = 0.6  # in, spread of the belief at which the robot turns to see more
 PEEKS = (30.0, -30.0)  # deg
-MARGIN = 0.4  # in, to the wall, with which the robot dares to turn
+MARGIN = 0.4  # in, least clearance for a turn
 AXES = {FORWARD: 0, TURN: 2}  # of (forward, left, turn)
-LEAST_UNIT = 0.2  # inches or degrees a unit; the worst drive that still moves, judged
-PRIOR = np.array((4.0, 100.0))  # in2, deg2: how far to drive until its own bias is believed
+LEAST_UNIT = 0.2  # inches or degrees a unit of the worst drive that still moves, judged
+PRIOR = np.array(
+    (4.0, 100.0)
+)  # in2, deg2: sum of squared moves at which measured biases have half the weight
 
 
 class LostError(Exception):
-    """The readings do not fit the place where the robot seems to be."""
+    """The readings do not fit the believed pose."""
 
 
 class RobotLike(Protocol):
@@ -52,7 +54,7 @@ class RobotLike(Protocol):
 class DriveModel:
     """True effect of one inch or degree of each drive, learned while driving.
 
-    Each drive has a bias of its own: driving forward also turns the robot a little, say. `per_unit`
+    Each drive has a bias of its own: for example, driving forward also turns the robot a little. `per_unit`
     of a drive is the motion (forward, left, turn) that one unit of it makes.
     """
 
@@ -66,7 +68,7 @@ class DriveModel:
         }
 
     def learn(self, drive: str, value: float, motion: FloatArray) -> None:
-        """Least squares over all that the drive has done so far, beginning with no bias."""
+        """Least squares over all movements of the drive so far, beginning with no bias."""
         self._weights[drive] += value**2
         self._sums[drive] = self._sums[drive] + value * motion
 
@@ -74,14 +76,14 @@ class DriveModel:
         return np.asarray(self._sums[drive] / self._weights[drive])
 
     def command(self, drive: str, motion: float) -> float:
-        """Value of a command that makes a motion on the drive's own axis. A robot that does not move at all
-        would be asked for more and more: the value is at most five times the motion."""
+        """Value of a command that makes a motion on the drive's own axis. The value is at most five times the
+        motion, because it would grow without bound for a robot that does not move."""
         unit = float(self.per_unit(drive)[AXES[drive]])
         return motion / math.copysign(max(abs(unit), LEAST_UNIT), unit)
 
     def course(self, distance: float) -> float:
-        """The pose after `distance` inches of driving, degrees to the left of the heading at first: the
-        bias to that side, and half of what the robot turns on the way."""
+        """The pose after `distance` inches of driving, degrees to the left of the heading at first: the bias
+        to that side, and half of the robot's turn during the movement."""
         forward, left, turn = self.per_unit(FORWARD)
         return math.degrees(math.atan2(left, forward)) + float(turn) * distance / 2
 
@@ -113,8 +115,8 @@ class Pilot:
     # -- looking -------------------------------------------------------------------------------
 
     def look(self, least: float = WORTH) -> None:
-        """Read the sensors that promise to tell something, at least the one that promises most (so that
-        a robot that is carried elsewhere notices), and show what comes of it."""
+        """Read the sensors with enough expected information, at least the best one, so that a moved robot is
+        detected. Then show the belief."""
         bits = self.localizer.worth()
         best = [index for index in np.argsort(-bits) if bits[index] > 0.0][:MOST]
         chosen = [index for index in best if index == best[0] or bits[index] >= least]
@@ -125,7 +127,7 @@ class Pilot:
         self.robot.believe(x, y, heading, self.localizer.spread, self.localizer.particles[:200], self.note)
 
     def peek(self) -> None:
-        """While the belief is too vague, turn to where the sensors would tell more."""
+        """While the spread of the belief is too large, turn to more informative headings."""
         if self.localizer.spread < UNSURE:
             return
         safe = [turn for turn in PEEKS if self._room(turn) > MARGIN]
@@ -139,7 +141,7 @@ class Pilot:
         return self.body.room_to_turn(self.place, self.heading, turn)
 
     def _check(self) -> None:
-        """Look again where most readings do not fit; where they still do not, the robot is lost."""
+        """Read again if most readings do not fit; if they still do not, the robot is lost."""
         for _ in range(2):
             if self.localizer.fit <= DOUBTFUL:
                 self.look(least=0.0)
@@ -149,11 +151,11 @@ class Pilot:
     # -- moving --------------------------------------------------------------------------------
 
     def drive(self, distance: float) -> None:
-        """Drive forward, or back, without looking."""
+        """Drive forward, or back, without readings."""
         self._do(FORWARD, self._model.command(FORWARD, distance))
 
     def turn(self, angle: float) -> None:
-        """Turn on the spot, without looking."""
+        """Turn on the spot, without readings."""
         self._do(TURN, self._model.command(TURN, angle))
 
     def _do(self, drive: str, value: float) -> None:
@@ -201,8 +203,7 @@ class Pilot:
     def _counters(self) -> FloatArray:
         """Odometers and gyroscope: inches forward and to the left, degrees turned.
 
-        The two wheels of a pair sit on opposite sides: what turning adds to one it takes from the
-        other.
+        The two wheels of a pair are on opposite sides, so that the effects of turning cancel.
         """
         read = self.robot.read
         return np.array((sum(map(read, ALONG)) / 2, sum(map(read, ASIDE)) / 2, read(GYROSCOPE)))

@@ -1,4 +1,4 @@
-"""The way from place to place: straight where there is room, with turns where there is room for them."""
+"""Travel from place to place: straight where there is room, with turns where there is room for them."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from solve_beliefs import FloatArray
 from solve_ground import ENOUGH, Body, Cell, Ground, cell_at, centre
 from solve_pilot import LostError, Pilot, bearing, direction
 
-CLEAR = 0.8  # in, to the walls, that a straight way must have
-DETOURS = 3  # at most, on a way
+CLEAR = 0.8  # in, least clearance of a straight line
+DETOURS = 3  # most detours of one journey
 
 
 class Travel:
-    """Takes the robot, with the block ahead or without, to where it is wanted.
+    """Brings the robot to a place, with the block or without.
 
-    `ahead` is how far ahead of the robot's centre a block is held.
+    `ahead` is the distance of a held block's centre from the robot's, inches.
     """
 
     def __init__(self, pilot: Pilot, ground: Ground, body: Body, ahead: float) -> None:
@@ -27,8 +27,8 @@ class Travel:
         self._ahead = ahead
 
     def to(self, target: FloatArray) -> None:
-        """Go to a place from bend to bend of the way, past those that can be cut. With the block ahead,
-        stop where there is room for both to turn, and with the block in the middle of the target."""
+        """Go to a place from bend to bend of the route, skipping bends that can be cut. With the block, stop
+        where there is room for both to turn, and with the block in the middle of the target."""
         cells = self._ground.route(cell_at(self._pilot.place), cell_at(target))
         if not cells:
             raise LostError("there is no way from here")
@@ -48,7 +48,7 @@ class Travel:
             self._pilot.go(stop, tolerance=0.5)
 
     def _stop(self, points: Sequence[FloatArray], index: int) -> FloatArray:
-        """A place to stop at for one of the points of a way."""
+        """A place to stop at for one of the points of a route."""
         place, point = self._pilot.place, points[index]
         arrival = bearing(point - place)
         if not self._body.loaded:
@@ -59,12 +59,12 @@ class Travel:
         return point - min(self._ahead, float(np.hypot(*(point - place)))) * direction(arrival)
 
     def _is_clear(self, start: FloatArray, stop: FloatArray) -> bool:
-        """True if the straight way from one place to another has room enough."""
+        """True if the straight line from one place to another has room enough."""
         return self._body.room_ahead(start, stop) > CLEAR
 
     def _detour(self, point: FloatArray) -> FloatArray:
-        """The place to go to first if a point cannot be reached straight: most room on
-        the way there, for the turn, and for the way on."""
+        """The intermediate place if a point cannot be reached straight: the one with most room on the way
+        there, for the turn, and on the way from there."""
         place = self._pilot.place
         steps = np.arange(-12.0, 12.1, 1.5)
         spots = place + np.array([(x, y) for x in steps for y in steps if x or y])
@@ -85,7 +85,8 @@ class Travel:
         return max(spots, key=room, default=point)
 
     def _aim(self, target: FloatArray) -> None:
-        """Turn to a place the way that has more room, after going on or back if there is too little."""
+        """Turn to a place in the direction with more room, after driving forward or back if there is too
+        little."""
         start, heading = self._pilot.place, self._pilot.heading
         plans = []
         for on in np.arange(-10.0, 10.1, 0.5).tolist():
@@ -99,7 +100,7 @@ class Travel:
         _, on, turn = max(plans)
         if on:
             self._pilot.go(start + on * direction(heading), tolerance=0.5, backwards=on < 0)
-        while abs(turn) > 60.0:  # in parts, so that it is this way round
+        while abs(turn) > 60.0:  # in parts, so that it turns in this direction
             self._pilot.turn(math.copysign(60.0, turn))
             self._pilot.look()
             turn -= math.copysign(60.0, turn)
@@ -107,5 +108,5 @@ class Travel:
 
 
 def bent(before: Cell, cell: Cell, after: Cell) -> bool:
-    """True if three cells on a way are not in a line."""
+    """True if three cells of a route are not in a line."""
     return (before[0] + after[0], before[1] + after[1]) != (2 * cell[0], 2 * cell[1])

@@ -1,8 +1,8 @@
 """Wander through the maze without hitting a wall: a sample to start your own program from.
 
-Each step reads the sensors and makes one move: forward where there is room, else a turn towards the
-clearer side, or back where it is boxed in. It looks again before the next. On the way it keeps track
-of its own position by dead reckoning and shows it in the simulator.
+Each step reads the sensors and makes one move: forward where there is room, else a turn towards the clearer
+side, or back where it is boxed in. It reads again before the next. It computes its own position by dead
+reckoning and shows it in the simulator.
 
 Needs Python's standard library and simmer_tui/client.py, installed, in this clone, or copied beside
 this file.
@@ -19,7 +19,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-sys.path.append(str(Path(__file__).resolve().parent.parent))  # a clone's root; what is installed comes first
+sys.path.append(str(Path(__file__).resolve().parent.parent))  # a clone's root; an installed one is first
 try:
     from simmer_tui.client import Robot, RobotError
 except ModuleNotFoundError:
@@ -30,15 +30,15 @@ FORWARD, TURN = "d1", "r1"
 STRIDE, TURN_STEP = 2, 30  # in, degrees
 CLEAR_AHEAD, CLEAR_DIAGONAL = 6, 3.5  # in; room for a stride, and for its errors
 NEAR, CLEAR_BEHIND = 1.5, 4  # in; a wall nearer than NEAR is too near to turn beside it
-ODOMETER_OFFSET = 3  # in; o3 sits this far left of the centre, so that it counts turns too
+ODOMETER_OFFSET = 3  # in; o3 is this far left of the centre, so that it counts turns too
 
 
 @dataclass
 class DeadReckoning:
     """The pose of the robot by its gyroscope g1 and its odometer o3.
 
-    x and y in inches and heading in degrees, in the global frame; `spread` is how far off the
-    position may be by now, in inches.
+    x and y in inches and heading in degrees, in the global frame; `spread` is the uncertainty of the
+    position, in inches.
     """
 
     x: float
@@ -49,7 +49,7 @@ class DeadReckoning:
     odometer: float | None = None
 
     def update(self, gyroscope: float, odometer: float) -> None:
-        """Go from the last readings to these; the first readings only set the zero."""
+        """Update by the change since the last readings; the first readings only set the zero."""
         if self.gyroscope is not None and self.odometer is not None:
             turned = gyroscope - self.gyroscope
             # A wheel left of the centre runs backwards while the robot turns left.
@@ -63,8 +63,8 @@ class DeadReckoning:
 
 @dataclass
 class Wanderer:
-    """Decides the next move. `order` breaks ties. `sense` is the way it turns, 1 to the left and -1 to
-    the right, or 0 while it drives; `backed_out` says that its last move was back."""
+    """Decides the next move. `order` breaks ties. `sense` is the direction in which it turns, 1 to the left
+    and -1 to the right, or 0 while it drives; `backed_out` is True if its last move was back."""
 
     order: random.Random
     sense: int = 0
@@ -77,7 +77,7 @@ class Wanderer:
         if clear and not self.backed_out:
             self.sense = 0
             return FORWARD, STRIDE
-        if self.sense == 0:  # it turns on the same way until there is room
+        if self.sense == 0:  # it turns in the same direction until there is room
             self.sense = self.order.choice((1, -1)) if left == right else 1 if left > right else -1
         boxed_in = min(ahead, left, right) < NEAR and readings["u3"] > CLEAR_BEHIND
         self.backed_out = boxed_in and not self.backed_out

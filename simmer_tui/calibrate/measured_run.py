@@ -193,7 +193,7 @@ class _Collector(EventHandler[None]):
         self.block_moved_at: int | None = None
         self._stretch, self._stretch_line = VelocityStretch(()), 0
         self._leg: tuple[Leg, float, int] | None = None
-        """Leg under way, until when it counts, and its line."""
+        """Leg under way, the simulated time to which its motion has been added, and its line in the log."""
         self._pending: tuple[int, MeasuredMovement, float] | None = None
         self._last_answer = math.nan
 

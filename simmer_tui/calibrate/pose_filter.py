@@ -68,7 +68,7 @@ class PoseFilter:
         self.poses = {self.begin: self.pose}
         self._came_from = self.pose
         self._turn_counted = False
-        """True if a gyro counted the last turn, so that the heading is known even where the path is not."""
+        """True if a gyro counted the last turn, so that the heading is known even if the path is not."""
         self._random = np.random.default_rng(self.begin)
         offset = run.stops - 1 - len(run.chains[-1].movements)
         self.movements = {offset + k + 1: m for k, m in enumerate(run.chains[-1].movements)}

@@ -158,7 +158,7 @@ class Posterior:
         corner: FloatArray = normal[chain:, chain:].toarray()
         self._carried: FloatArray = self._along(self._border)
         self.information: FloatArray = corner - self._border.T @ self._carried
-        """Of the parameters, the poses eliminated."""
+        """Information of the parameters, with the poses eliminated."""
         self._corner = cho_factor(self.information + 1e-12 * np.eye(len(corner)), lower=True)
 
     def _along(self, right: FloatArray) -> FloatArray:

@@ -121,14 +121,14 @@ class _Ground:
         self._walls = Obstacles.of_maze(self._maze.walls)
         self._outline = Footprint.of(simulation.robot)
         self._apart = self._outline.reach + simulation.block_size / math.sqrt(2)
-        """Robot and block this far from each other do not meet, however they are turned, inches."""
+        """Distance, inches, at which robot and block do not touch at any heading."""
         self._rooms = [] if mission.block is not None else self._all_rooms()
         cells = cells_of(simulation.maze, START)
         self.drop_zones = cells if mission.drop_zone is None else [_cell_around(mission.drop_zone)]
         places = [(cell.x, cell.y) for cell in cells] if mission.start is None else [mission.start]
         self._standing = [place for place in places if self._headings(place)]
         self.starts = [place for place in self._standing if self._leaves_block(place)]
-        """Places to start from, with room for the block elsewhere."""
+        """Start places that leave room for the block."""
 
     # -- the start ---------------------------------------------------------------------------
 

@@ -32,7 +32,7 @@ class TomlFile:
         self._lines = key_lines(text)
         self._problems = problems
         self.tree = _parsed(text, file, problems) if text else {}
-        """The values as tomllib has them."""
+        """The values, as parsed by tomllib."""
 
     @classmethod
     def read(cls, path: Path, problems: list[Problem]) -> "TomlFile":

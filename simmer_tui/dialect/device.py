@@ -160,14 +160,14 @@ class DialectDevice:
         self.host = host
         self.state: dict[str, FieldValue] = dict(rules.state)
         self.unknown = 0
-        """Count of messages that no command matches."""
+        """Number of messages that no command matches."""
         self._rules = rules
         made = {code: sensor_of(spec) for code, spec in rules.lidars.items()}
         self._lidars = {code: each for code, each in made.items() if isinstance(each, Lidar)}
         self._deframer = Deframer(rules.framing, rules.types, TYPE)
         self._open = False
         self._deaf = False
-        """True while the robot boots: what comes is lost."""
+        """True while the robot boots: received bytes are lost."""
         self._silence: Timer | None = None
         self._watchdog: Timer | None = None
         self._streams: list[Timer | None] = []
@@ -175,12 +175,12 @@ class DialectDevice:
         """The time when they began."""
         self._moving: _Task | None = None
         self._asked: _Task | None = None
-        """A message without a movement that is being done."""
+        """The message without a movement that is being carried out."""
         self._waiting: deque[_Task] = deque()
         self._questions: deque[_Task] = deque()
-        """Those that wait for their turn: with a movement, and without."""
+        """Waiting messages: with a movement (`_waiting`), and without."""
         self._runs = False
-        """True while the robot drives until told otherwise."""
+        """True while an untimed run is under way."""
         self._faults = FaultNotices(host.tell)
         self._mentions = FaultNotices(host.mention)
 

@@ -131,13 +131,13 @@ class Comparison:
 
     def __init__(self, rules: DialectRules, baud: float = 0.0) -> None:
         self.messages = 0
-        """Count of messages to the robot."""
+        """Number of messages to the robot."""
         self._rules = rules
         self._byte = 10.0 / baud if baud > 0 else 0.0
         self._found: set[OtherAnswer] = set()
         self._line = 0
         self._asked: dict[int, _Asked] = {}
-        """By the identity of the message's values."""
+        """Pending messages, by the identity of their values."""
         self._delays: dict[str, list[tuple[float, float, int]]] = {}
         heard = replace(rules, streams=(), robot=replace(rules.robot, boot=0.0, greeting=""), unknown=())
         self._host = _PlannedHost(rules, self._note)

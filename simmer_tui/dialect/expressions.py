@@ -188,7 +188,7 @@ class Expression:
         if sum(SENSING[name][1] for name in called) > _MOST_SENSING:
             raise ValueError(f"asks the robot {len(called)} times; one scan() or four ray() are allowed")
         self.names = frozenset(_names(self.tree))
-        """The names it uses, those of functions and constants apart."""
+        """The names it uses, without those of functions and constants."""
         self.sensing = frozenset(called)
         """The functions of `SENSING` that it calls."""
         self.texts = frozenset(

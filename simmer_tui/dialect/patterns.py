@@ -50,9 +50,9 @@ class Pattern:
         self.kinds: dict[str, str] = {}
         """The kind of each field, `choice` for one of a few words."""
         self.choices: dict[str, dict[str, FieldValue]] = {}
-        """The words of each choice, and what they stand for."""
+        """The words of each choice, with their values."""
         self.defaults: dict[str, str] = {}
-        """The defaults of fields, as they are written."""
+        """The defaults of fields, as text."""
         made, example, end = "", "", 0
         for field in _FIELD.finditer(source):
             plain = source[end : field.start()]

@@ -76,7 +76,7 @@ class ReplyReader:
         self._state = state
         self._end = rules.reply_end.encode()
         self.due: list[Due] = []
-        """The replies that are due, `done` and `stopped` both of a movement."""
+        """Pending replies; for a movement both `done` and `stopped`."""
         self._numbers = rules.single.union(
             ("time", "contact", "tick", "k"),
             (name for name, value in rules.state.items() if isinstance(value, int | float)),

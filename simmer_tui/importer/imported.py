@@ -180,9 +180,9 @@ class Fields:
         self.class_numbers = class_numbers
         """Numbers of its class."""
         self.of_class: dict[str, ClassNumber] = {}
-        """Numbers that the device's class gave, in the order in which they were asked for."""
+        """Numbers from the device's class, in the order in which they were requested."""
         self.assumed: dict[str, float] = {}
-        """Numbers that neither the description nor the class gave."""
+        """Default numbers that neither the description nor the class has."""
 
     @property
     def numbers(self) -> dict[str, float]:

@@ -112,10 +112,10 @@ class ContinuousMotion:
         self._listener = listener
         self._plan = VelocityPlan(spec.control_period)
         self.leg: Leg | None = None
-        """The leg under way, None while the robot is not told to move."""
+        """The leg under way, None while no velocity is in force."""
         self._parts: tuple[Component, ...] = ()
         self._stretch_ends: tuple[tuple[DriveKind, float], ...] = ()
-        """Times at which stretches of errors end, if the leg under way lasts so long."""
+        """Times at which stretches of errors end, if the leg under way is long enough."""
         self._noise = True
         self._expires = math.inf
         self._release = VelocityTarget(STILL)
@@ -143,7 +143,7 @@ class ContinuousMotion:
         if self.leg is None or self._plan.due <= time:
             self._cut(time)
             self._change(time)
-            self._lay(time, pose)
+            self._plan_leg(time, pose)
         return True
 
     def release(self, time: float, pose: Pose) -> None:
@@ -164,7 +164,7 @@ class ContinuousMotion:
             self._cut(time)
             self._noise = noise
             self._wall.renew()
-            self._lay(time, pose)
+            self._plan_leg(time, pose)
 
     # -- time ----------------------------------------------------------------------------------------
 
@@ -187,7 +187,7 @@ class ContinuousMotion:
             self._plan.command(time, self._release)
         if self._plan.due <= time:
             self._change(time)
-        self._lay(time, pose)
+        self._plan_leg(time, pose)
 
     def _change(self, time: float) -> None:
         """The velocity in force changes: choices at a wall are made again."""
@@ -216,7 +216,7 @@ class ContinuousMotion:
 
     # -- planning legs -------------------------------------------------------------------------------
 
-    def _lay(self, time: float, pose: Pose) -> None:
+    def _plan_leg(self, time: float, pose: Pose) -> None:
         """Plan the leg that begins at a simulated time."""
         self.leg = None
         if not self._plan.moves:

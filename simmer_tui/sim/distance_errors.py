@@ -153,14 +153,14 @@ class TrueVelocity:
         self._errors = errors
         self._noise = noise
         self._exact = twist
-        """The components that no row of drive.csv is for: they have no errors."""
+        """The components without a row of drive.csv: they have no errors."""
         for part in parts:
             self._exact = _without(self._exact, part.drive.kind)
         self._true = [(part.drive.kind, self._of(part, bias.get(part.drive.kind, Axes()))) for part in parts]
         self.whole = _sum([self._exact, *(true for _, true in self._true)])
         """The velocity with all errors."""
         self.own = _sum([self._exact, *(own_axis(true, kind) for kind, true in self._true)])
-        """The velocity with the errors of each kind of movement on its own axis alone."""
+        """The velocity with only those errors of each kind of movement that are on its own axis."""
 
     def _of(self, part: Component, bias: Axes) -> Twist:
         drive, speed = part.drive, part.speed

@@ -82,8 +82,8 @@ class Planner:
         x, y, r = (asked + total * biases + total * (1.0 + biases) * errors * draws).tolist()
         profile = profile_of(drive, abs(value))
         duration = abs(value) / drive.speed if profile is None else profile.duration
-        laid = _laid(start, drive.kind, Axes(x, y, r), self.segments, time, duration)
-        return replace(laid, profile=profile)
+        free = _in_free_space(start, drive.kind, Axes(x, y, r), self.segments, time, duration)
+        return replace(free, profile=profile)
 
     def counted(self, trajectory: Trajectory, sensors: Iterable[CountingSensor], noise: bool) -> Trajectory:
         """The same with the future counts of odometers and gyros, whose errors are drawn here."""
@@ -206,7 +206,7 @@ def rebuilt(
 
 def standing(pose: Pose, time: float, duration: float, cut: float | None = None) -> Trajectory:
     """No movement for `duration` seconds, perhaps `cut` short at a simulated time."""
-    return replace(_laid(pose, None, Axes(), 1, time, duration), cut=cut)
+    return replace(_in_free_space(pose, None, Axes(), 1, time, duration), cut=cut)
 
 
 def rest_of(trajectory: Trajectory, stop: PathPosition) -> Path | None:
@@ -238,7 +238,7 @@ def profile_of(drive: DriveSpec, way: float) -> VelocityProfile | None:
     return VelocityProfile(way, drive.speed, drive.start_lag, drive.acceleration)
 
 
-def _laid(
+def _in_free_space(
     start: Pose, kind: DriveKind | None, totals: Axes, segments: int, time: float, duration: float
 ) -> Trajectory:
     """A movement in free space."""

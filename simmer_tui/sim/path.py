@@ -24,7 +24,7 @@ class PathPosition(Struct, frozen=True, order=True):
 START = PathPosition(0, 0.0, 0.0)
 
 
-class _LaidPlaces(Sequence[tuple[float, float]]):
+class _LazyPlaces(Sequence[tuple[float, float]]):
     """The places of a path whose segments are all alike. They are computed once, at the first access to one
     after the first."""
 
@@ -94,7 +94,7 @@ class Path(Struct, frozen=True, dict=True):
     def laid_when_asked(cls, start: Pose, x: float, y: float, turn: float, segments: int) -> "Path":
         """`laid`, the same numbers bit for bit, but its places are computed at the first access. A log has
         millions of paths, and for most of them only the first place is used."""
-        return cls(start.heading, turn, _LaidPlaces(start, x, y, turn, segments))
+        return cls(start.heading, turn, _LazyPlaces(start, x, y, turn, segments))
 
     @property
     def segments(self) -> int:

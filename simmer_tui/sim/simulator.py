@@ -68,10 +68,10 @@ class Simulator:
         self._counting = [each for each in working if isinstance(each, CountingSensor)]
         self._lidars = [each for each in working if isinstance(each, Lidar)]
         self._seen: dict[str, tuple[Pose, tuple[float, View | None]]] = {}
-        """The last view of each observing sensor, with the pose it was seen from."""
+        """The last view of each observing sensor, with its pose."""
         self._noise = True
         self.listener: MotionListener | None = None
-        """Told of continuous motion after the simulator itself."""
+        """Listener to continuous motion, called after the simulator itself."""
         self.trajectory: Trajectory | None = None
         """The movement under way, if there is one."""
         self._last: Trajectory | None = None
@@ -91,12 +91,12 @@ class Simulator:
         self.time = 0.0
         """Simulated time, seconds."""
         self._asked: set[str] = set()
-        """Codes that have come since simulated time last moved, at `_asked_at`."""
+        """Codes received since simulated time last advanced, at `_asked_at`."""
         self._asked_at = 0.0
         self.commands = 0
         """Number of commands so far."""
         self.contacts = 0
-        """Number of finished movements that met an obstacle, whether that ended them or not."""
+        """Number of finished movements with a contact, even if it did not end them."""
         self.distance = 0.0
         """Inches driven in finished movements."""
         self._streams = noise.Streams(seed)

@@ -29,12 +29,12 @@ class Pings(Struct):
         The other's sound goes to its own reflector and returns from this sensor's: (d1 + d2) / c after it was
         sent. Read as an own echo, it gives (d1 + d2 - c dt) / 2.
         """
-        heard = [
+        echoes = [
             (other + own - SPEED_OF_SOUND * (time - begin)) / 2
             for name, (begin, until, other) in self.sent.items()
             if name != sensor and begin <= time < until
         ]
-        return min((each for each in heard if 0.0 < each < own), default=None)
+        return min((each for each in echoes if 0.0 < each < own), default=None)
 
 
 class Faults:
@@ -54,9 +54,9 @@ class Faults:
         if self._sensor.pings and spec.read_time:
             own = true
             if spec.cross_talk:
-                heard = self._pings.overheard(spec.id, own, time)
-                if heard is not None and self._random.random() < spec.cross_talk:
-                    true = heard
+                false_echo = self._pings.overheard(spec.id, own, time)
+                if false_echo is not None and self._random.random() < spec.cross_talk:
+                    true = false_echo
             # The true distance, not the reading: the sound returns from the surface that the sensor points
             # at.
             self._pings.sent[spec.id] = (time, time + spec.read_time, own)
