@@ -145,12 +145,12 @@ def test_the_report_tells_its_errors(configuration: Configuration, tmp_path: Pat
         run.finish(reader.note)
     table = next(each for each in tables(run) if each.title == "Errors of readings")
     rows = {row["sensor"]: row for row in table.objects()}
-    temperature = rows["h1 temp1"]
+    temperature = rows["temp1"]
     assert (temperature["readings"], temperature["unit"]) == (20, "C")
     assert isinstance(temperature["std"], float)
     assert 0.5 < temperature["std"] < 5.0, "a spread of 10 % of 18"
-    assert rows["h2 temp2"]["mean"] == 0.0
-    assert rows["a9 alarm1"]["wrong"] == 0
+    assert rows["temp2"]["mean"] == 0.0
+    assert rows["alarm1"]["wrong"] == 0
 
 
 # -- a kind as CONTRIBUTING says: a file of its own, and its line in sim/sensors/__init__.py ----------------

@@ -84,10 +84,23 @@ MISSION = DataTable(
     "Mission",
     (DataColumn("time_s", number(".1f")), DataColumn("text", short(300), "what", wraps=True)),
 )
+_SENSOR = Format(lambda names: " ".join(filter(None, reversed(names))), ("", "_code"), tuple)
+"""A sensor by its ID and its code, None if the set has no such sensor: `u1 ultra1`."""
+
+
+def _use_text(use: tuple[str, str | None, str | None]) -> str:
+    name, sensor, code = use
+    return name if sensor is None else f"{name} {code or ''} ({sensor})"
+
+
 TIME_SPENT = DataTable(
     "time_spent",
     "Where the time went",
-    (DataColumn("on", heading=""), DataColumn("time_s", number(".1f")), _SHARE),
+    (
+        DataColumn("on", Format(_use_text, ("", "_sensor", "_code"), tuple), ""),
+        DataColumn("time_s", number(".1f")),
+        _SHARE,
+    ),
 )
 COMMANDS = DataTable(
     "commands",
@@ -133,7 +146,7 @@ SENSORS = DataTable(
     "sensor_errors",
     "Errors of readings",
     (
-        DataColumn("sensor"),
+        DataColumn("sensor", _SENSOR),
         DataColumn("readings", COUNT, "count"),
         DataColumn("unit", UNIT),
         DataColumn("wrong", hidden=True),
@@ -297,10 +310,9 @@ def _time_spent(run: RunStatistics) -> DataTable:
     codes = {sensor.id: sensor.code for sensor in run.configuration.simulation.sensors}
     totals = run.totals
     costly = sorted(totals.sensors.items(), key=lambda item: -item[1].seconds)
-    read = [
-        (f"reading {codes.get(name, '')} ({name})", each.seconds) for name, each in costly if each.seconds
-    ]
-    spent = [("driving", totals.driving_seconds), *read, ("on the link", totals.link_seconds)]
+    read = [(("reading", name, codes.get(name)), each.seconds) for name, each in costly if each.seconds]
+    driving = (("driving", None, None), totals.driving_seconds)
+    spent = [driving, *read, (("on the link", None, None), totals.link_seconds)]
     if not read and not totals.link_seconds:
         spent = []
     total = run.history.elapsed or 1.0
@@ -360,7 +372,7 @@ def _sensors(run: RunStatistics) -> DataTable:
     for name, record in sorted(run.totals.sensors.items()):
         spec, errors = specs.get(name), record.errors
         unit = spec.unit if spec is not None else ""
-        title = f"{spec.code} {name}" if spec is not None else name
+        title = name, None if spec is None else spec.code
         if spec is not None and spec.is_yes_or_no:
             wrong = sum(errors.bins) - errors.bins[BINS // 2] if errors.width else 0
             rows.append((title, record.readings, unit, wrong, None, f"{wrong} wrong", *(None,) * 4))

@@ -63,6 +63,7 @@ def test_a_histogram_is_sixteen_characters_around_zero(start_run: Any) -> None:
     run.send(*("u1",) * 20)
     [table] = [each for each in tables(build_report(run.path)) if each.key == "sensor_errors"]
     [row] = table.objects()
+    assert (row["sensor"], row["sensor_code"]) == ("ultra1", "u1")
     counts = row["histogram"]
     assert isinstance(counts, list)
     assert (len(counts), sum(counts)) == (16, 20)
