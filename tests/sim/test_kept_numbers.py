@@ -361,7 +361,6 @@ def velocity_requests() -> Any:
             for kind in VelocityKind:
                 spec = VelocitySpec(kind=kind, code="vv")
                 found.append(velocity_shape(spec, wheels))
-                texts = "4 2;3;20 2,3,20,1.5 -4;0.5 1;2;3;4;5 2;3;0;-1 9;9;9;9 1;0 1e7".split()
                 found += [control.parse(spec, text, Twist(1, 2, 3)) for text in texts]
                 found += [control.parse(spec, None, Twist()), control.parse(spec, "a;b;c", Twist())]
     found += [parse_wait(text) for text in ("0", "3600", "3600.1", "-0.1", "2.5", None, "x")]
