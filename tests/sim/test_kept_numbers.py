@@ -353,6 +353,7 @@ def wheel_speeds() -> Any:
 
 def velocity_requests() -> Any:
     found: list[Any] = []
+    texts = ("4", "2;3;20", "2,3,20,1.5", "-4;0.5", "1;2;3;4;5", "2;3;0;-1", "9;9;9;9", "1;0", "1e6", "1e7")
     for layout in (None, *WheelLayout):
         wheels = WheelsSpec(layout=layout, track=7.0, wheelbase=5.0, top_speed=9.0) if layout else None
         for drives in (DRIVES, DRIVES[2:3]):
@@ -360,17 +361,6 @@ def velocity_requests() -> Any:
             for kind in VelocityKind:
                 spec = VelocitySpec(kind=kind, code="vv")
                 found.append(velocity_shape(spec, wheels))
-                texts = [
-                    "4",
-                    "2;3;20",
-                    "2,3,20,1.5",
-                    "-4;0.5",
-                    "1;2;3;4;5",
-                    "2;3;0;-1",
-                    "9;9;9;9",
-                    "1;0",
-                    "1e7",
-                ]
                 found += [control.parse(spec, text, Twist(1, 2, 3)) for text in texts]
                 found += [control.parse(spec, None, Twist()), control.parse(spec, "a;b;c", Twist())]
     found += [parse_wait(text) for text in ("0", "3600", "3600.1", "-0.1", "2.5", None, "x")]
@@ -582,14 +572,14 @@ SENSORS = tuple(
 
 def sensors_that_observe() -> Any:
     draw, found = random.Random("sensors"), []
-    poses = [(each.x, each.y, each.heading) for each in free_poses(draw, DISC, walls(), 10)]
+    poses = [(each.x, each.y, each.heading) for each in free_poses(draw, DISC, walls(), 4)]
     table = np.array([*poses, (17.0, 17.0, 40.0), (30.0, 6.0, 0.0), (14.5, 20.0, 0.0), (20.0, 15.0, 90.0)])
     for sensor in SENSORS:
         assert isinstance(sensor, ObservingSensor)
         for world in (World(maze(), BLOCK), World(maze(), replace(BLOCK, size=0.0), held=True)):
             expected = sensor.expected(world, table, 2.0)
             found += [sensor.true_values(world, table), expected, sensor.linearised(world, table)]
-            found += [sensor.observe(world, Pose(*pose)) for pose in table[8:].tolist()]
+            found += [sensor.observe(world, Pose(*pose)) for pose in table[2:5].tolist()]
             finite = np.where(np.isfinite(expected), expected, 1.0)
             found += [sensor.model_error(finite, table), sensor.rough_likelihood(6.0, finite)]
             found.append(sensor.within_limits(finite, np.full(len(table), 0.5)).astype(int))
