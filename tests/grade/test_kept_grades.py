@@ -83,6 +83,9 @@ def test_logs_are_kept_until_the_share_of_a_team_is_used_up(folder: GradeFolder)
         kept = number < 3
         assert (folder.log(entry, number).exists(), folder.output(entry, number).exists()) == (kept, kept)
     assert folder.log(entry, 1).exists()
+    folder.output(entry, 3).write_bytes(bytes(2))  # a run that left nothing is no error, however full it is
+    folder.append(fault_result(folder.trial(entry, 4), ""))
+    assert sorted(entry.results) == [1, 2, 3, 4]
 
 
 @pytest.mark.parametrize(("number", "success", "log", "output"), [(1, 1, 1, 0), (2, 1, 0, 0), (2, 0, 1, 1)])

@@ -42,7 +42,7 @@ def make(tmp_path: Path, made_result: Callable[..., TrialResult]) -> Make:
         folder = TrialFolder.create(tmp_path / name, plan, load(find_set("mission")).files, {})
         for number, outcome in enumerate(outcomes, 1):
             trial = folder.trial(number)
-            cause = {"kind": "sensor wrong", "sure": "likely", "culprits": ["u1"], "text": "u1 was off"}
+            cause = {"kind": "sensor wrong", "sure": "likely", "culprits": ["u1", "u2"], "text": "u1 was off"}
             given: dict[str, object] = {
                 "time": 90.0 + 7.0 * number, "distance": 150.0 + 11.0 * number, "commands": 20 + number,
                 "clock": "real" if number == 3 else "program", "start": (20.0 + 5.0 * number, 42.0, 10.0),
