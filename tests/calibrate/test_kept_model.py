@@ -227,7 +227,7 @@ def test_a_guided_session_asks_for_what_was_kept(robot: str) -> None:
     """Without readings the pose is ever less sure, until no movement is safe."""
     run, _ = run_of(robot)
     guide = SessionPlanner(run.configuration, np.random.default_rng(6))
-    asked = []
+    asked: list[tuple[str, float, bool]] = []
     guide.settled()
     while len(asked) < 26 and (move := guide.next_move()) is not None:
         drive, amount = move

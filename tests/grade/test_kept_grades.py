@@ -38,7 +38,11 @@ def fill(folder: GradeFolder, team: int, outcomes: str, commands: int = 9) -> No
     for number, outcome in enumerate(outcomes, 1):
         result = fault_result(folder.trial(entry, number), "")
         ending = Ending.SUCCESS if outcome == "s" else Ending.CONTACTS
-        fields = {"time": 10.0 + 1.5 * number + team, "contacts": number, "commands": commands}
+        fields: dict[str, object] = {
+            "time": 10.0 + 1.5 * number + team,
+            "contacts": number,
+            "commands": commands,
+        }
         fields |= {"success": outcome == "s", "ending": ending, "reason": "" if outcome == "s" else outcome}
         fields |= {"clock": "real" if number == 2 else "program", "start": (30.0, 42.0, 180.0)}
         folder.append(structs.replace(result, **fields))
@@ -120,7 +124,7 @@ def test_two_teams_with_one_name_are_one_mistake(make_course: Callable[..., Path
 def test_a_control_group_is_asked_for_from_the_inside_out(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Where this process is comes from mountinfo and cgroup of /proc; nothing above the mount is touched."""
+    """The groups of this process come from mountinfo and cgroup of /proc; nothing above the mount is touched."""
     mount = tmp_path / "mount"
     inner = mount / "a" / "b"
     inner.mkdir(parents=True)
