@@ -28,7 +28,15 @@ def known() -> Synthetic:
 
 @pytest.fixture(scope="module")
 def fitted(known: Synthetic) -> Fit:
-    return fit(known.run)
+    told: list[tuple[str, float]] = []
+    found = fit(known.run, progress=lambda what, share: told.append((what, share)))
+    # First along the stops, then by twelve rounds at most; the bar never goes back within a part.
+    finding = [share for what, share in told if what == "finding the path"]
+    assert finding == pytest.approx(np.arange(41) / 41)
+    rounds = [share for what, share in told[41:] if what == "estimating"]
+    assert rounds[:3] == pytest.approx([1 / 12, 2 / 12, 3 / 12])
+    assert len(rounds) == len(told) - 41
+    return found
 
 
 def test_estimates_are_the_truth_within_their_errors(known: Synthetic, fitted: Fit) -> None:

@@ -86,7 +86,7 @@ def run_of(robot: str) -> tuple[MeasuredRun, Iterate]:
     chain[-1, 3:] = 0.0
     off = np.cos(1.7 * np.arange(chain.size)).reshape(chain.shape) * (0.05, 0.05, 0.3, 0.05, 0.05, 0.3)
     chain += off
-    contacts = np.isin(np.arange(16), (2, 3, 5, 8, 10, 14))
+    contacts = np.isin(np.arange(16), (2, 3, 5, 6, 8, 10, 11, 14))
     space = parameters_of(run)
     parameters, scales = space.of(spec)
     parameters = parameters + 0.003 * np.sin(np.arange(len(parameters)))
@@ -227,7 +227,7 @@ def test_a_guided_session_asks_for_what_was_kept(robot: str) -> None:
     """Without readings the pose is ever less sure, until no movement is safe."""
     run, _ = run_of(robot)
     guide = SessionPlanner(run.configuration, np.random.default_rng(6))
-    asked = []
+    asked: list[tuple[str, float, bool]] = []
     guide.settled()
     while len(asked) < 26 and (move := guide.next_move()) is not None:
         drive, amount = move
@@ -241,6 +241,25 @@ def test_a_guided_session_asks_for_what_was_kept(robot: str) -> None:
         "looks": guide.looks(),
     }
     assert_kept(found, KEPT, f"guided_{robot}")
+
+
+def test_turns_of_a_guided_session_go_either_way_by_15_to_120_degrees() -> None:
+    """Half a turn there and back comes first, in steps; a robot that can only turn turns on and on."""
+    run, _ = run_of("disc")
+    drives = tuple(structs.replace(each, enabled=each.kind.turns) for each in run.spec.drives)
+    configuration = structs.replace(run.configuration, simulation=structs.replace(run.spec, drives=drives))
+    guide = SessionPlanner(configuration, np.random.default_rng(6))
+    amounts = []
+    for _ in range(30):
+        move = guide.next_move()
+        assert move is not None
+        amounts.append(move[1])
+    assert amounts[:7] == [45.0] * 4 + [-60.0] * 3
+    drawn = np.array(amounts[7:])
+    assert (min(abs(drawn)) >= 15.0, max(abs(drawn)) <= 120.0) == (True, True)
+    assert drawn.tolist() == np.round(drawn, 1).tolist()
+    assert (drawn > 0).any()
+    assert (drawn < 0).any()
 
 
 # -- suspicions ----------------------------------------------------------------------------------------
