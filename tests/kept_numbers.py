@@ -6,10 +6,14 @@ KEEP=1 pytest ...     # keeps the answers of today, after such a change
 from __future__ import annotations
 
 import json
+import math
 import os
+from collections.abc import Iterable, Mapping
+from enum import Enum
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -30,14 +34,24 @@ def in_json(value: Any) -> Any:
         value = value.tolist()
     if isinstance(value, complex):
         value = [value.real, value.imag]
-    if isinstance(value, dict):
-        return {str(key): in_json(each) for key, each in value.items()}
-    if isinstance(value, list | tuple):
-        return [in_json(each) for each in value]
-    return float(f"{value:.7g}") if isinstance(value, float) else value
+    if isinstance(value, Enum):
+        return str(value.value)
+    if isinstance(value, float):
+        return float(f"{value:.7g}") if math.isfinite(value) else str(value)
+    if value is None or isinstance(value, str | int):
+        return value
+    if isinstance(value, msgspec.Struct):
+        return [in_json(getattr(value, name)) for name in value.__struct_fields__]
+    if isinstance(value, Mapping):
+        return {str(in_json(key)): in_json(each) for key, each in value.items()}
+    if isinstance(value, bytes):
+        return value.decode("latin-1")
+    if isinstance(value, type):
+        return value.__name__
+    return [in_json(each) for each in value] if isinstance(value, Iterable) else repr(value)
 
 
-def assert_same(found: Any, kept: Any, place: str) -> None:
+def assert_same(found: Any, kept: Any, place: str = "") -> None:
     """Numbers to a hundred-thousandth: linear algebra differs in the last bits between machines."""
     found = in_json(found)
     if isinstance(kept, dict):

@@ -1,11 +1,10 @@
 """Numbers and texts of the simulation's functions, kept: whoever changes one changes it on purpose.
 
-python -m tests.sim.test_kept_numbers     # keeps those of today, after such a change
+KEEP=1 pytest tests/sim/test_kept_numbers.py     # keeps those of today, after such a change
 """
 
 from __future__ import annotations
 
-import json
 import math
 import random
 from collections.abc import Callable, Iterator
@@ -70,7 +69,7 @@ from simmer_tui.sim.velocity_commands import VelocityControl, parse_wait, veloci
 from simmer_tui.sim.velocity_plan import VelocityPlan, VelocityTarget, ramp_of
 from simmer_tui.sim.wall_moves import wall_moves
 from simmer_tui.sim.wheels import WheelKinematics, wheels_of
-from tests.kept_values import assert_same, keep, plain
+from tests.kept_numbers import assert_kept
 
 KEPT = Path(__file__).with_name("kept_numbers.json")
 CELLS = ((1, 1, 0, 1, 1, 1), (1, 0, 0, 1, 0, 1), (2, 1, 1, 1, 1, 3), (1, 1, 0, 0, 1, 1))
@@ -810,16 +809,6 @@ CASES: dict[str, Callable[[], Any]] = {
 }
 
 
-@pytest.fixture(scope="module")
-def kept() -> dict[str, Any]:
-    found: dict[str, Any] = json.loads(KEPT.read_text("utf-8"))
-    return found
-
-
 @pytest.mark.parametrize("name", CASES)
-def test_numbers_are_those_that_were_kept(name: str, kept: dict[str, Any]) -> None:
-    assert_same(plain(CASES[name]()), kept[name], name)
-
-
-if __name__ == "__main__":
-    keep(KEPT, {name: plain(case()) for name, case in CASES.items()})
+def test_numbers_are_those_that_were_kept(name: str) -> None:
+    assert_kept(CASES[name](), KEPT, name)
