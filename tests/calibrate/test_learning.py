@@ -6,10 +6,8 @@ import contextlib
 import io
 import json
 import math
-import os
 import re
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -29,6 +27,7 @@ from simmer_tui.errors import CalibrationError
 from simmer_tui.sim.noise import random_bias
 from simmer_tui.sim.specs import DriveKind
 from tests.calibrate.conftest import CODES, Logged, drive
+from tests.kept_numbers import assert_kept
 
 KEPT = Path(__file__).with_name("kept_answer.json")
 
@@ -44,27 +43,7 @@ def written(logged: Logged, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_estimates_are_those_that_were_kept(written: Path) -> None:
-    """Whoever changes a number of the model does so on purpose and keeps the new answer: KEEP=1 pytest."""
-    answer = written.parent / "answer.json"
-    if os.environ.get("KEEP"):
-        KEPT.write_text(answer.read_text("utf-8"), "utf-8")
-    assert_same(json.loads(answer.read_text("utf-8")), json.loads(KEPT.read_text("utf-8")), "answer")
-
-
-def assert_same(found: Any, kept: Any, place: str) -> None:
-    """Numbers to a hundred-thousandth: linear algebra differs in the last bits between machines."""
-    if isinstance(kept, dict):
-        assert list(found) == list(kept), place
-        for name in kept:
-            assert_same(found[name], kept[name], f"{place}.{name}")
-    elif isinstance(kept, list):
-        assert len(found) == len(kept), place
-        for number, (one, other) in enumerate(zip(found, kept, strict=True)):
-            assert_same(one, other, f"{place}[{number}]")
-    elif isinstance(kept, float):
-        assert found == pytest.approx(kept, rel=1e-5, abs=1e-7), place
-    else:
-        assert found == kept, place
+    assert_kept(json.loads((written.parent / "answer.json").read_text("utf-8")), KEPT, "answer")
 
 
 def test_a_log_gives_the_commands_and_the_real_answers(logged: Logged) -> None:
