@@ -124,7 +124,7 @@ def test_two_teams_with_one_name_are_one_mistake(make_course: Callable[..., Path
 def test_a_control_group_is_asked_for_from_the_inside_out(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The groups of this process come from mountinfo and cgroup of /proc; nothing above the mount is touched."""
+    """The groups of a process are told by /proc; nothing above the mount of cgroup2 is touched."""
     mount = tmp_path / "mount"
     inner = mount / "a" / "b"
     inner.mkdir(parents=True)
