@@ -4,6 +4,7 @@
     python benchmarks/mutants.py map tests/sim tests/grade  # only these tests
     python benchmarks/mutants.py run --count 200            # survivors are listed at the end
     python benchmarks/mutants.py run --only 17 43           # these of the draw again
+    python benchmarks/mutants.py run --rooms sim protocol   # faults in these rooms
 
 Faults are those of cosmic-ray: an operator, comparison, number, constant or loop is changed. One is drawn for
 each place, all places with the same chance, from the rooms that decide numbers (`ROOMS`). Annotations and the
@@ -35,7 +36,7 @@ import tempfile
 import time
 import warnings
 from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass
@@ -115,13 +116,14 @@ def mutants() -> list[list[Mutant]]:
     return [found for _, found in sorted(places.items())]
 
 
-def draw(count: int, seed: int) -> list[Mutant]:
-    """Faults drawn by a seed: places with the same chance, and one fault at each that is still Python."""
+def draw(count: int, seed: int, rooms: Collection[str] = ROOMS) -> list[Mutant]:
+    """Faults in some rooms, drawn by a seed: places with the same chance, and one fault at each that is still
+    Python."""
     from cosmic_ray import plugins
     from cosmic_ray.mutating import mutate_code
 
     generator = random.Random(seed)
-    places = mutants()
+    places = [found for found in mutants() if room_of(found[0]) in rooms]
     generator.shuffle(places)
     drawn: list[Mutant] = []
     for found in places:
@@ -313,10 +315,11 @@ def shown(mutant: Mutant) -> str:
     return f"{mutant.path}:{mutant.line} {mutant.operator.removeprefix('core/')}: {line[:90]}"
 
 
-def run(count: int, seed: int, workers: int, only: list[int]) -> int:
-    """Try faults drawn by a seed, or only some by their number; returns the number of survivors."""
+def run(count: int, seed: int, workers: int, only: list[int], rooms: list[str]) -> int:
+    """Try faults in some rooms, drawn by a seed, or only some of them by their number; returns the number of
+    survivors."""
     known = Coverage()
-    drawn = dict(enumerate(draw(count, seed), start=1))
+    drawn = dict(enumerate(draw(count, seed, rooms), start=1))
     tried = {number: drawn[number] for number in only or drawn}
     survivors: list[str] = []
     finders: set[str] = set()
@@ -366,13 +369,16 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=22)
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--only", type=int, nargs="+", default=[], help="numbers of faults in the draw")
+    parser.add_argument("--rooms", nargs="+", default=list(ROOMS), choices=ROOMS, help="draw in these alone")
     options = parser.parse_args()
     if options.what == "map":
         map_tests(options.tests)
     elif options.what == "list":
-        print(json.dumps([shown(each) for each in draw(options.count, options.seed)], indent=1))
+        drawn = [shown(each) for each in draw(options.count, options.seed, options.rooms)]
+        print(json.dumps(drawn, indent=1))
     else:
-        sys.exit(run(options.count, options.seed, options.workers, options.only) > options.count * 0.08)
+        left = run(options.count, options.seed, options.workers, options.only, options.rooms)
+        sys.exit(left > options.count * 0.08)
 
 
 if __name__ == "__main__":
