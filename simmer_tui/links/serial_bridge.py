@@ -66,6 +66,8 @@ class _Exchange(Struct, eq=False):
     written: bytes = b""
     due: float = math.inf
     """Time limit of its reply by the event loop's clock; set when it is sent."""
+    scans: list[bool] = field(default_factory=list)
+    """True for each command that asks for a whole scan."""
     simulated: list[CommandResult] = field(default_factory=list)
     pause: float = 0.0
     """Seconds until its answer, for a message that only waits."""
@@ -124,9 +126,6 @@ class SerialBridge(RealRobot):
     def submit(self, message: Message, session: BackendSession, answered: Answered) -> None:
         """Queue a message. One without bytes is not sent to the robot."""
         exchange = _Exchange(message.data, message.commands, message.form, session, answered)
-        is_drive = self.engine.simulator.is_drive
-        for command in message.commands:
-            exchange.moves = exchange.moves or is_drive(command)
         if _is_stop(message):
             # The robot may have another command for a stop than the dialect, such as a single character.
             exchange.is_stop = True
@@ -143,14 +142,22 @@ class SerialBridge(RealRobot):
         """Answer commands here that a robot may not know: a sketch that reads only the first letter drives at
         wt-2."""
         commands, simulator = exchange.commands, self.engine.simulator
-        if any(command.code == WAIT and not simulator.is_drive(command) for command in commands):
+        # One loop for all three: this runs before each message is sent.
+        waits = sets_velocity = False
+        for command in commands:
+            if simulator.is_drive(command):
+                exchange.moves = True
+            else:
+                waits = waits or command.code == WAIT
+                sets_velocity = sets_velocity or simulator.is_velocity(command)
+        if waits:
             exchange.data = b""
             values = [parse_wait(command.argument) for command in commands if command.code == WAIT]
             exchange.pause = sum(value for value in values if isinstance(value, float))
             if len(values) < len(commands):
                 reason = f"{WAIT} is answered here, not by the robot: send it in a message of its own"
                 exchange.commands = tuple(replace(command, problem=reason) for command in commands)
-        elif not self.settings.velocity and any(simulator.is_velocity(command) for command in commands):
+        elif sets_velocity and not self.settings.velocity:
             exchange.data = b""
             exchange.commands = tuple(replace(command, problem=_NO_VELOCITY) for command in commands)
 
@@ -232,10 +239,12 @@ class SerialBridge(RealRobot):
             else:
                 self._waiting.remove(exchange)
                 self._under_way.append(exchange)
-                self._expect(exchange)
                 exchange.written = self._with_suffix(exchange.data)
-                exchange.due = self._due_of(exchange)
+                # First of all: the rest is done while the robot works. Its reply comes in a later turn of the
+                # event loop.
                 self.link.write(exchange.written)
+                self._expect(exchange)
+                exchange.due = self._due_of(exchange)
                 self._set_deadline()
                 if not exchange.is_stop:  # the twin did a stop when it was asked for
                     self._simulate(exchange)
@@ -266,10 +275,12 @@ class SerialBridge(RealRobot):
         At most one movement is unanswered. While it may be under way, other movements wait, with all later
         messages of their senders. Other messages are sent.
         """
+        if not self._waiting:
+            return None
         left = self._moving_until - self._loop.time()
         # A sender's messages after a wait are sent after it.
         kept_back: set[BackendSession | None] = {exchange.session for exchange in self._paused}
-        if left <= 0 or not self._waiting or not self._open:
+        if left <= 0 or not self._open:
             return next((each for each in self._waiting if each.session not in kept_back), None)
         for exchange in self._waiting:
             if exchange.moves:
@@ -311,19 +322,15 @@ class SerialBridge(RealRobot):
 
     def _expect(self, exchange: _Exchange, *, keep: bool = False) -> None:
         form, end = self._robot_form(exchange), self.settings.reply_end
+        exchange.scans = list(map(self.engine.simulator.asks_for_scan, exchange.commands))
         self._framer.following = len(self._under_way) - 1
         self._framer.expect(
             form.end if end == "auto" else ReplyEnd(end),
             max(1, len(exchange.commands)),
             keep=keep,
-            scans=self._scans(exchange),
+            scans=exchange.scans,
             byte_order=form.byte_order,
         )
-
-    def _scans(self, exchange: _Exchange) -> list[bool]:
-        """True for each command of a message that asks for a whole scan."""
-        asks = self.engine.simulator.asks_for_scan
-        return [asks(command) for command in exchange.commands]
 
     def _robot_form(self, exchange: _Exchange) -> ReplyForm:
         """Form of the robot's reply."""
@@ -373,7 +380,7 @@ class SerialBridge(RealRobot):
     def _complete(self, exchange: _Exchange, reply: bytes) -> None:
         simulator = self.engine.simulator
         reads = [not simulator.is_drive(command) for command in exchange.commands]
-        answers = read_numbers(reply, self._robot_form(exchange), reads, self._scans(exchange))
+        answers = read_numbers(reply, self._robot_form(exchange), reads, exchange.scans)
         outcomes = [
             _real(simulated, answer, reads_sensor, exchange.is_stop)
             for simulated, answer, reads_sensor in zip(exchange.simulated, answers, reads, strict=True)
@@ -402,7 +409,7 @@ class SerialBridge(RealRobot):
 
     def _report_discarded(self) -> None:
         count, sample = self._framer.take_discarded()
-        shown = escape(sample.decode("latin-1"), 60)
+        shown = escape(sample.decode("latin-1"))
         text = f"{count} bytes from the robot discarded, they answer nothing: {shown!r}"
         self._tell(NoticeKind.ROBOT, text)
 
