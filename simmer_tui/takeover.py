@@ -40,7 +40,7 @@ from simmer_tui.runlog.reader import Logged, LogReader
 from simmer_tui.runlog.rerun import SAME_TIME, Rerun
 from simmer_tui.runlog.writer import ReplayedPrefix
 from simmer_tui.server import Server, link_delay
-from simmer_tui.sim.command import escape
+from simmer_tui.sim.command import shown_path
 
 BY = "the take-over"
 """Source of the stop that ends a movement under way at the moment, and of the resume that ends a pause."""
@@ -260,7 +260,7 @@ class _LinkFollower(EventHandler[None]):
         took = self._engine.draw_link(2)
         if took != event.link:
             raise RunLogError(
-                f"{escape(str(self._path), 200)}: line {self.line}: the link took {event.link!r} s in the "
+                f"{shown_path(self._path)}: line {self.line}: the link took {event.link!r} s in the "
                 f"log and {took!r} s now; in which order its delays were drawn is not known"
             )
 

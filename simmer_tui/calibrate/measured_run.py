@@ -30,7 +30,7 @@ from simmer_tui.events import (
 from simmer_tui.runlog.header import Header
 from simmer_tui.runlog.reader import Logged, LogReader
 from simmer_tui.sim.angles import FloatArray, IntArray
-from simmer_tui.sim.command import escape, parse_value
+from simmer_tui.sim.command import escape_passage, parse_value
 from simmer_tui.sim.legs import Leg
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.records import Status
@@ -354,7 +354,7 @@ def read_runs(paths: Iterable[Path]) -> MeasuredRun:
     )
     if not run.movements:
         raise CalibrationError(
-            f"{escape(', '.join(names), 200)}: the robot never moved, so nothing can be estimated"
+            f"{escape_passage(', '.join(names))}: the robot never moved, so nothing can be estimated"
         )
     return run
 

@@ -31,7 +31,7 @@ from simmer_tui.document.model import (
 )
 from simmer_tui.phrases import capitalized
 from simmer_tui.report.figure import WIDTH
-from simmer_tui.sim.command import escape
+from simmer_tui.sim.command import escape_passage
 from simmer_tui.sim.specs import CELL_SIZE, WALL
 
 _MOVED_FAMILIES: tuple[int, ...] = (PROCESS,)
@@ -288,7 +288,7 @@ _BLUE = Paragraph("Blue: the error after, as a share of the error before (grey).
 
 
 def _title(fit: Fit) -> str:
-    return f"Calibration from {escape(', '.join(fit.run.names), 200)}"
+    return f"Calibration from {escape_passage(', '.join(fit.run.names))}"
 
 
 def _about(fit: Fit, estimates: Sequence[ParameterEstimate]) -> str:
@@ -298,7 +298,7 @@ def _about(fit: Fit, estimates: Sequence[ParameterEstimate]) -> str:
     readings = sum(len(each.values) for each in run.readings.values())
     log = f"{len(run.movements)} movements, {readings} readings"
     found = f'{identified} parameters estimated, {changed} differ from the set "{run.configuration.name}"'
-    return escape(f"{log}; {found}", 400)
+    return escape_passage(f"{log}; {found}")
 
 
 def _held_back(held: HeldBack | None) -> DataTable | Paragraph:

@@ -28,7 +28,7 @@ from simmer_tui.errors import CalibrationError
 from simmer_tui.importer.set_writer import drive_csv_text, sensors_csv_text
 from simmer_tui.runlog.logged_devices import same_files
 from simmer_tui.runlog.typed_json import TypedJson
-from simmer_tui.sim.command import escape
+from simmer_tui.sim.command import escape, shown_path
 from simmer_tui.sim.sensors import Sort
 from simmer_tui.sim.specs import SimulationSpec
 
@@ -190,7 +190,7 @@ def read_knowledge(directory: Path) -> Knowledge:
         CalibrationError: if the file is not there or damaged.
     """
     path = directory / KNOWLEDGE
-    shown = escape(str(path), 200)
+    shown = shown_path(path)
     try:
         found = _KNOWLEDGE.decode(path.read_bytes())
         count = len(found.parameters)
@@ -202,5 +202,5 @@ def read_knowledge(directory: Path) -> Knowledge:
             "simmer-tui calibrate wrote"
         ) from None
     except ValueError as error:
-        raise CalibrationError(f"{shown} is damaged: {escape(str(error), 120)}") from None
+        raise CalibrationError(f"{shown} is damaged: {escape(str(error))}") from None
     return found

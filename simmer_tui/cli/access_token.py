@@ -14,7 +14,7 @@ from simmer_tui.config.settings_file import Override
 from simmer_tui.errors import ConfigurationError, Problem
 from simmer_tui.links.access import LONGEST_TOKEN
 from simmer_tui.links.processes import StatField, stat_of
-from simmer_tui.sim.command import escape
+from simmer_tui.sim.command import shown_path
 
 TOKEN = "server.token"
 """The setting."""
@@ -26,7 +26,7 @@ def add_token_of(path: Path, overrides: dict[str, Override]) -> None:
     line has another one."""
     if TOKEN in overrides:
         raise _refused("and --token both give the token: leave one of them out")
-    shown = escape(str(path), 200)
+    shown = shown_path(path)
     try:
         with path.open("rb") as file:
             line = file.readline(LONGEST_TOKEN + 2)

@@ -26,7 +26,7 @@ from simmer_tui.config.sets import find_set
 from simmer_tui.errors import AtlasError
 from simmer_tui.phrases import counted
 from simmer_tui.sim import Simulator
-from simmer_tui.sim.command import escape
+from simmer_tui.sim.command import shown_path
 
 _FORMATS: dict[str, Callable[[Atlas], bytes]] = {
     "npz": npz_bytes,
@@ -76,7 +76,7 @@ def run_atlas(options: argparse.Namespace) -> int:
         raise AtlasError(f"{what}: take a larger --step, fewer --headings, or say --yes")
     atlas = _computed(simulator, grid, codes)
     data = _FORMATS[form](atlas)
-    shown = escape(str(out), 200)
+    shown = shown_path(out)
     try:
         out.write_bytes(data)
     except OSError as error:
@@ -97,7 +97,7 @@ def _format_for(out: Path, named: str | None) -> str:
     Raises AtlasError if there is none, or if the file cannot be written. This is checked before the work,
     whose result would be lost.
     """
-    shown = escape(str(out), 200)
+    shown = shown_path(out)
     form = named or out.suffix.removeprefix(".").lower()
     if form not in _FORMATS:
         raise AtlasError(f"{shown} does not end in .{', .'.join(_FORMATS)}: say --format too")

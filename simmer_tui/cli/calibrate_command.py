@@ -31,7 +31,7 @@ from simmer_tui.config.loader import Override, load
 from simmer_tui.config.sets import find_set
 from simmer_tui.document.as_html import html_page
 from simmer_tui.errors import CalibrationError, ConfigurationError, Problem
-from simmer_tui.sim.command import escape
+from simmer_tui.sim.command import shown_path
 from simmer_tui.version import requirement
 
 if TYPE_CHECKING:
@@ -142,14 +142,14 @@ def _guide(options: argparse.Namespace) -> int:
 def _check_free(out: Path) -> None:
     """Check that a folder is empty and can be made. Raises ConfigurationError before the work, whose result
     would be lost."""
-    shown = escape(str(out), 200)
+    shown = shown_path(out)
     if out.exists() and (not out.is_dir() or any(out.iterdir())):
         what = "is there already, and not empty; nothing is overwritten, name another folder"
         raise ConfigurationError([Problem(shown, what)])
     there = next(each for each in (out, *out.absolute().parents) if each.exists())
     if not there.is_dir() or not os.access(there, os.W_OK):
         why = "may not be written to" if there.is_dir() else "is not a folder"
-        raise ConfigurationError([Problem(shown, f"cannot be written: {escape(str(there), 200)} {why}")])
+        raise ConfigurationError([Problem(shown, f"cannot be written: {shown_path(there)} {why}")])
 
 
 def _strength(directories: list[Path]) -> int:
@@ -191,7 +191,7 @@ def _learn(run: MeasuredRun, options: argparse.Namespace) -> int:
     load(out, devices=DeviceUse.PARSE)
     print_answer(answer, as_json=options.json)
     if not options.json:
-        shown = escape(str(out), 200)
+        shown = shown_path(out)
         sys.stdout.write(f"Wrote {', '.join(sorted(texts))} and {PAGE} to {shown}\n")
         sys.stdout.write(f"Try it: simmer-tui --config {shown}\n")
     return ExitCode.DONE

@@ -16,7 +16,7 @@ from simmer_tui.config.device_trust import OPTION, TRUST, DeviceTrust
 from simmer_tui.config.settings import Setting, all_settings
 from simmer_tui.config.settings_file import Override
 from simmer_tui.errors import ClusterError, ConfigurationError, ProgramError, RunLogError, SimmerError
-from simmer_tui.sim.command import escape
+from simmer_tui.sim.command import escape, escape_passage, shown_path
 from simmer_tui.sim.rules import FlagRule, did_you_mean
 
 if TYPE_CHECKING:  # a run has no documents, and must start quickly
@@ -172,7 +172,7 @@ def configuration_of(log: Path) -> Generator[None, None, None]:
     try:
         yield
     except ConfigurationError as error:
-        refused = f"the configuration in {escape(str(log), 200)} is refused:"
+        refused = f"the configuration in {shown_path(log)} is refused:"
         raise RunLogError(f"{refused}\n{error}") from None
 
 
@@ -233,7 +233,7 @@ class OneLineParser(argparse.ArgumentParser):
             options = [name for action in self._actions for name in action.option_strings]
             hint = did_you_mean(given, options if is_option else self._words)
             kind = "option" if is_option else "command" if self._words else "argument"
-            self.error(f'unknown {kind} "{escape(unknown[0], 60)}"{hint}')
+            self.error(f'unknown {kind} "{escape(unknown[0])}"{hint}')
         return parsed
 
     def parse_known_args(self, args: Iterable[str] | None = None, namespace: Any = None) -> Any:
@@ -242,7 +242,7 @@ class OneLineParser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         # One line: argparse would print the usage of all options first.
-        self.exit(2, f"{self.prog}: {escape(message, 300)} (see {self.prog} --help)\n")
+        self.exit(2, f"{self.prog}: {escape_passage(message)} (see {self.prog} --help)\n")
 
 
 def _join_negative_values(args: Sequence[str]) -> list[str]:
@@ -382,6 +382,6 @@ def log_of(options: argparse.Namespace) -> Path:
 
     path = last_run()
     # On standard error: scripts read the answer on standard output.
-    sys.stderr.write(f"the last run: {escape(str(path), 200)}\n")
+    sys.stderr.write(f"the last run: {shown_path(path)}\n")
     sys.stderr.flush()
     return path

@@ -42,7 +42,7 @@ from simmer_tui.importer.device_skeletons import with_skeletons
 from simmer_tui.importer.files import read_path
 from simmer_tui.importer.set_writer import set_files
 from simmer_tui.phrases import counted
-from simmer_tui.sim.command import escape
+from simmer_tui.sim.command import escape, shown_path
 
 
 def _init_options(parser: OneLineParser) -> None:
@@ -76,7 +76,7 @@ def run_init(options: argparse.Namespace) -> int:
     if options.term:
         files = term_files(files)
     wrote = _write(options.directory, files)
-    shown = escape(str(options.directory), 200)
+    shown = shown_path(options.directory)
     if options.term:
         sys.stdout.write(
             f"Wrote {len(files)} files of a course to {shown}; README.md is the page for students\n"
@@ -101,7 +101,7 @@ def _write(directory: Path, files: Mapping[str, bytes]) -> str:
     ConfigurationError."""
     written = [path.relative_to(directory) for path in write_files(directory, files)]
     names = ", ".join(path.as_posix() for path in written if path.parts[0] != SCHEMAS)
-    return f"Wrote {names} to {escape(str(directory), 200)}"
+    return f"Wrote {names} to {shown_path(directory)}"
 
 
 def _new_set(files: Mapping[str, bytes], *, mission: bool, nominal: str = "") -> dict[str, bytes]:
@@ -163,7 +163,7 @@ def _course_of(folder: Path) -> str:
     if not file.is_file():
         return ""
     course = read_course(folder, file, alone=True)
-    name = escape(course.name, 100)
+    name = escape(course.name)
     return f"\nCourse: {name}; a success rate of {course.require:g} passes ({COURSE_FILE})\n"
 
 
@@ -183,7 +183,7 @@ def _check_against(path: Path, configuration: Configuration, *, as_json: bool) -
         ok = CHECK.filled([(not rows, configuration.name, str(configuration.directory))])
         print_json(Document("Set", [ok, DIFFERENCES.filled(rows)]))
     else:
-        sys.stdout.writelines(f"{escape(path.name, 100)}:{line}: {text}\n" for line, text in rows)
+        sys.stdout.writelines(f"{escape(path.name)}:{line}: {text}\n" for line, text in rows)
         found = counted(len(rows), "difference") if rows else "the dialect answers as the robot did"
         sys.stdout.write(f"{counted(comparison.messages, 'message')} of the dialect; {found}\n")
     return ExitCode.NO if rows else ExitCode.DONE
@@ -217,5 +217,5 @@ def run_import(options: argparse.Namespace) -> int:
         return ExitCode.NO
     if skeletons:
         sys.stdout.write(f"To finish: {', '.join(skeletons)} (docs/devices.md says how)\n")
-    sys.stdout.write(f"Try it: simmer-tui --config {escape(str(options.directory), 200)}\n")
+    sys.stdout.write(f"Try it: simmer-tui --config {shown_path(options.directory)}\n")
     return ExitCode.DONE

@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 
 from simmer_tui.config.device_file import DeviceFile
-from simmer_tui.sim.command import escape
+from simmer_tui.sim.command import escape, shown_path
 
 # The imports and the head of a class: enough to recognise the file.
 _LINES = 12
@@ -30,7 +30,7 @@ def ask_on_terminal(file: DeviceFile, directory: Path) -> bool:
 
 
 def _question(file: DeviceFile, directory: Path) -> list[str]:
-    path = escape(str(directory / file.path), 300)
+    path = shown_path(directory / file.path)
     lines = file.text.splitlines()
     shown = [f"  {number:3} {escape(line, _WIDE)}" for number, line in enumerate(lines[:_LINES], 1)]
     rest = len(lines) - len(shown)

@@ -9,7 +9,7 @@ from pathlib import Path
 from simmer_tui.cli.command_line import ExitCode, OneLineParser, subcommand
 from simmer_tui.config.examples import EXAMPLE, copy_examples
 from simmer_tui.phrases import counted
-from simmer_tui.sim.command import escape
+from simmer_tui.sim.command import shown_path
 
 
 def _examples_options(parser: OneLineParser) -> None:
@@ -22,11 +22,11 @@ def run_examples(options: argparse.Namespace) -> int:
     the course, a whole mission, the client libraries for Python, C and MATLAB, and sketches for an Arduino.
     Files that are there already stay as they are."""
     written = copy_examples(options.directory)
-    where = escape(str(options.directory), 200)
+    where = shown_path(options.directory)
     result = f"{counted(len(written), 'file')} written to {where}" if written else f"{where} has all of them"
     sys.stdout.write(
         f"{result}\n"
         "Start simmer-tui in one terminal and a program in another:\n"
-        f"  python {escape(str(options.directory / EXAMPLE), 200)}\n"
+        f"  python {shown_path(options.directory / EXAMPLE)}\n"
     )
     return ExitCode.DONE

@@ -34,6 +34,6 @@ def run_help(options: argparse.Namespace) -> int:
     elif topic in main.COMMANDS:
         text = main.command_named(topic).parser().format_help()
     else:
-        run_help.parser().error(f'unknown command "{escape(topic, 60)}"{did_you_mean(topic, topics())}')
+        run_help.parser().error(f'unknown command "{escape(topic)}"{did_you_mean(topic, topics())}')
     sys.stdout.write(text)
     return ExitCode.DONE

@@ -32,7 +32,7 @@ from simmer_tui.report.page import report_page
 from simmer_tui.report.run_statistics import CommandTable, RunStatistics
 from simmer_tui.runlog.reader import Logged, LogReader
 from simmer_tui.runlog.rerun import Rerun
-from simmer_tui.sim.command import escape
+from simmer_tui.sim.command import escape, escape_passage, escape_word, shown_path
 from simmer_tui.version import __version__
 
 # Lines between two updates of a progress bar. Judged: often enough for the eye, rarely enough to cost
@@ -70,7 +70,7 @@ def run_report(options: argparse.Namespace) -> int:
     print_answer(report_document(run, path.name), as_json=options.json)
     for output, make in ((options.svg, svg_picture), (options.html, report_page)):
         if output is not None:
-            _write_text(output, make(run, escape(path.name, 200)))
+            _write_text(output, make(run, escape_passage(path.name)))
     for output in (options.svg, options.csv, options.html):
         if output is not None and not options.json:
             sys.stdout.write(_wrote(output))
@@ -146,7 +146,7 @@ def run_export(options: argparse.Namespace) -> int:
     _check_outputs(path, (options.gif, options.svg))
     run, width = build_report(path), round(options.width)
     if options.svg is not None:
-        _write_text(options.svg, maze_picture(run, escape(path.name, 200), width))
+        _write_text(options.svg, maze_picture(run, escape_passage(path.name), width))
         sys.stdout.write(_wrote(options.svg))
     if options.gif is not None:
         taken = shots(run, options.begin, options.until, options.speed)
@@ -168,7 +168,7 @@ def _number(what: str, low: float, high: float) -> Callable[[str], float]:
             value = float("nan")
         # Written so that NaN is refused too.
         if not low <= value <= high:
-            raise argparse.ArgumentTypeError(f"{escape(text, 40)!r} is not {what}")
+            raise argparse.ArgumentTypeError(f"{escape_word(text)!r} is not {what}")
         return value
 
     return number
@@ -197,18 +197,18 @@ def _report_rerun(rerun: Rerun, path: Path, *, as_json: bool) -> int:
     for note in rerun.notes:
         sys.stderr.write(f"note: {note}\n")
     header, same = rerun.header, rerun.difference is None
-    shown = escape(str(path), 200)
+    shown = shown_path(path)
     lines = [f"{shown}: {rerun.difference}"]
     if same:
         done = f"{counted(rerun.commands, 'command')} and {counted(rerun.actions, 'action')}"
-        made = f"(seed {header.seed}, configuration {escape(header.configuration, 80)})"
+        made = f"(seed {header.seed}, configuration {escape(header.configuration)})"
         how = "" if rerun.same_machine else " but for rounding"
         lines = [f"{shown}: {done} repeated, every reply the same{how} {made}"]
     elif not rerun.same_machine:
         lines.append("from there on the runs differ: the other machine's sines differ in their last bits")
     # The most likely reason for a difference.
     elif header.program != __version__:
-        lines.append(f"the log is from simmer-tui {escape(header.program, 20)}, this is {__version__}")
+        lines.append(f"the log is from simmer-tui {escape_word(header.program)}, this is {__version__}")
     if as_json:
         row = (path, same, rerun.commands, rerun.actions, header.seed, header.configuration, header.program)
         record = RERUN.filled([row])
@@ -224,7 +224,7 @@ def _check_outputs(log: Path, outputs: Iterable[Path | None]) -> None:
     given = [path.resolve() for path in (log, *outputs) if path is not None]
     for path in given:
         if given.count(path) > 1:
-            raise RunLogError(f"{escape(str(path), 200)} is named twice; name another file to write to")
+            raise RunLogError(f"{shown_path(path)} is named twice; name another file to write to")
 
 
 def _write_text(path: Path, text: str) -> None:
@@ -237,12 +237,12 @@ def _write_text(path: Path, text: str) -> None:
 
 def _unwritable(path: Path, error: OSError) -> RunLogError:
     """An error for a file that cannot be written, with the reason."""
-    return RunLogError(f"{escape(str(path), 200)} cannot be written: {error.strerror or error}")
+    return RunLogError(f"{shown_path(path)} cannot be written: {error.strerror or error}")
 
 
 def _wrote(path: Path) -> str:
     """The line that names a file that has been written."""
-    return f"Wrote {escape(str(path), 200)}\n"
+    return f"Wrote {shown_path(path)}\n"
 
 
 def _run_through(positions: Iterable[int], size: int, what: str) -> None:

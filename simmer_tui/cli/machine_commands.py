@@ -28,7 +28,7 @@ from simmer_tui.links.link import port_requests
 from simmer_tui.links.ports import take_port
 from simmer_tui.phrases import counted
 from simmer_tui.runlog.saved_runs import saved_runs_folder
-from simmer_tui.sim.command import escape
+from simmer_tui.sim.command import escape, escape_word
 from simmer_tui.tui.sizes import SMALLEST_COLUMNS, SMALLEST_ROWS
 from simmer_tui.tui.terminal import GlyphMode, choose
 from simmer_tui.version import __version__, requirement
@@ -102,7 +102,7 @@ def _program() -> str:
 def _terminal(environment: Mapping[str, str]) -> Check:
     around = [name for name, key in (("tmux", "TMUX"), ("SSH", "SSH_CONNECTION")) if environment.get(key)]
     inside = f", in {' and '.join(around)}" if around else ""
-    kind = f"TERM={escape(environment.get('TERM', ''), 40) or '(not set)'}{inside}"
+    kind = f"TERM={escape_word(environment.get('TERM', '')) or '(not set)'}{inside}"
     if not (sys.stdin.isatty() and sys.stdout.isatty() and sys.stderr.isatty()):
         return True, f"none to draw on here, {kind}: run with --no-ui"
     columns, rows = os.get_terminal_size()
@@ -128,7 +128,7 @@ def _set() -> tuple[Configuration | None, Check]:
     except ConfigurationError as error:
         mistakes = counted(len(error.problems), "mistake")
         return None, (False, f"{mistakes} in ./config: simmer-tui check lists them")
-    return configuration, (True, f"{escape(configuration.name, 60)}, {configuration.directory}")
+    return configuration, (True, f"{escape(configuration.name)}, {configuration.directory}")
 
 
 def _ports(server: ServerSettings) -> Check:
@@ -142,7 +142,7 @@ def _ports(server: ServerSettings) -> Check:
             taken.append(request.number)
     shown = ", ".join(str(request.number) for request in requests)
     if not taken:
-        return True, f"{shown} are free on {escape(server.host, 60)}"
+        return True, f"{shown} are free on {escape(server.host)}"
     busy = ", ".join(map(str, taken))
     how = "end what holds them (another simmer-tui?), or --port 0 --reply-port 0 --belief-port 0 with --run"
     return False, f"{busy} of {shown} taken: {how}"

@@ -37,7 +37,7 @@ from simmer_tui.document.as_html import html_page
 from simmer_tui.document.formats import ESTIMATE
 from simmer_tui.errors import ClusterError, ConfigurationError, Problem, TrialsError
 from simmer_tui.phrases import counted
-from simmer_tui.sim.command import escape
+from simmer_tui.sim.command import escape, shown_path
 from simmer_tui.trials.cluster import pack
 from simmer_tui.trials.explanations import Explanations
 from simmer_tui.trials.failures import rate
@@ -206,7 +206,7 @@ def _resumed(options: argparse.Namespace) -> TrialFolder:
     for option, (value, before) in given.items():
         if value is not None and value != before:
             raise TrialsError(
-                f"{option} differs from that of these trials ({escape(str(before), 120)}): leave it "
+                f"{option} differs from that of these trials ({escape(str(before))}): leave it "
                 "out to resume, or start new trials with another --out"
             )
     runs = options.runs or plan.runs
@@ -295,7 +295,7 @@ def _show(folder: TrialFolder, required: float | None, *, as_json: bool) -> None
     else:
         answer, page = trials_document(folder), trials_page(folder, write_run_pages(folder), required)
     files[PAGE] = html_page(page)
-    written = [escape(str(folder.store.write(name, text)), 200) for name, text in files.items()]
+    written = [shown_path(folder.store.write(name, text)) for name, text in files.items()]
     print_answer(answer, as_json=as_json)
     if not as_json:
         sys.stdout.write(f"Wrote {' and '.join(written)}\n")

@@ -17,7 +17,7 @@ from simmer_tui.cli.command_line import (
     add_trust_option,
 )
 from simmer_tui.config.sets import MISSION_SET
-from simmer_tui.sim.command import escape
+from simmer_tui.sim.command import shown_path
 from simmer_tui.trials.explanations import EXPLAINED
 from simmer_tui.trials.sequential import MARGIN
 from simmer_tui.trials.sweep_summary import WANTED_RATE
@@ -41,7 +41,7 @@ def newest_folder(prefix: str, plan: str, *places: Path) -> Path | None:
 
 def typed_path(path: Path) -> str:
     """A path as it can be typed in a shell."""
-    return shlex.quote(escape(str(path), 200))
+    return shlex.quote(shown_path(path))
 
 
 def say(command: str, line: str) -> None:

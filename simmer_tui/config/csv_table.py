@@ -13,7 +13,7 @@ from msgspec import Struct
 from simmer_tui.config.given_path import other_case
 from simmer_tui.errors import Problem
 from simmer_tui.sim.columns import CsvColumn
-from simmer_tui.sim.command import escape
+from simmer_tui.sim.command import escape, escape_word, shown_path
 from simmer_tui.sim.rules import CodeRule, IntegerRule, Rule, did_you_mean
 
 T = TypeVar("T")
@@ -32,11 +32,11 @@ def read_text(path: Path, problems: list[Problem]) -> str | None:
     try:
         data = path.read_bytes()
     except FileNotFoundError:
-        folder = escape(str(path.parent), 200)
+        folder = shown_path(path.parent)
         other = other_case(path)
         what = f"is missing from {folder}; simmer-tui init DIR writes a complete set to start from"
         if other:
-            what = f"is missing from {folder}, which has {escape(other, 100)}: rename that, in small letters"
+            what = f"is missing from {folder}, which has {escape(other)}: rename that, in small letters"
         problems.append(Problem(path.name, what))
         return None
     except OSError as error:
@@ -261,11 +261,11 @@ def _columns_by_name(titles: TableRow, cells: Iterable[str], names: Mapping[str,
         if name is None:
             hint = did_you_mean(cell, names.values()) or f"; known are {', '.join(names.values())}"
             what = f"is not a column that is known{hint} (a column of notes has a blank header)"
-            titles.complain(escape(cell, 40), what)
+            titles.complain(escape_word(cell), what)
         elif name in columns:
             first = column_letters(columns[name])
             what = f"is a column already (column {first}); each column must occur once"
-            titles.complain(escape(cell, 40), what)
+            titles.complain(escape_word(cell), what)
         else:
             columns[name] = index
     return columns

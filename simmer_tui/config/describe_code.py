@@ -5,7 +5,7 @@ from collections.abc import Iterator
 
 from simmer_tui.sim.angles import eighth_of_turn
 from simmer_tui.sim.columns import FIELD_OF_VIEW, CsvColumn
-from simmer_tui.sim.command import escape
+from simmer_tui.sim.command import escape_word
 from simmer_tui.sim.rules import did_you_mean
 from simmer_tui.sim.specs import DriveSpec, GripperSpec, SensorSpec, SimulationSpec, VelocitySpec
 from simmer_tui.sim.velocity_commands import WAIT, velocity_shape
@@ -35,7 +35,7 @@ def describe_code(spec: SimulationSpec, code: str) -> list[str]:
         return [f"{WAIT}  wait: simulated time goes on by S seconds", f"Give   {WAIT}-S, such as {WAIT}-0.5"]
     codes = [known for known, _, _ in parts]
     hint = did_you_mean(code, codes) or f"; there are {' '.join(codes)}"
-    return [f"{escape(code, 20)}: no sensor or drive has that code{hint}"]
+    return [f"{escape_word(code)}: no sensor or drive has that code{hint}"]
 
 
 def side_of(angle: float) -> str:

@@ -178,7 +178,7 @@ def _column_faults(kind: type[Sensor]) -> Iterator[str]:
 
 def _elsewhere(kind: type[Sensor], module: ModuleType) -> Iterator[str]:
     """The reasons why a valid class cannot be written to a log, or passed to another process."""
-    shown = repr(escape(kind.__name__, 60))
+    shown = repr(escape(kind.__name__))
     if vars(module).get(kind.__name__) is not kind:
         yield f"the class {shown} must stand in the file under that name"
         return

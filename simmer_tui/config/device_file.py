@@ -15,7 +15,7 @@ from pathlib import Path, PurePosixPath, PureWindowsPath
 from msgspec import Struct
 
 from simmer_tui.errors import Problem
-from simmer_tui.sim.command import escape
+from simmer_tui.sim.command import escape, shown_path
 from simmer_tui.sim.rules import describe
 
 FOLDER = "devices"
@@ -113,9 +113,9 @@ def _read(directory: Path, name: str) -> bytes:
                 raise ValueError("is no file")
             data = file.read(LARGEST + 1)
     except FileNotFoundError:
-        raise ValueError(f"is not in the set {escape(str(directory), 200)}") from None
+        raise ValueError(f"is not in the set {shown_path(directory)}") from None
     except (OSError, RuntimeError) as error:  # RuntimeError: links that lead to each other
-        reason = escape(str(getattr(error, "strerror", None) or error), 120)
+        reason = escape(str(getattr(error, "strerror", None) or error))
         raise ValueError(f"cannot be read: {reason}") from None
     if len(data) > LARGEST:
         raise ValueError(f"has more than {LARGEST:,} bytes")

@@ -18,14 +18,13 @@ from typing import Any
 import numpy as np
 
 from simmer_tui.errors import DeviceError
-from simmer_tui.sim.command import escape
+from simmer_tui.sim.command import escape, escape_passage
 from simmer_tui.sim.records import FloorPatch, RangeScan
 from simmer_tui.sim.sensors import CountingSensor, Sensor
 
 # A lidar of the course has 360 rays, and a line sensor 113 test points.
 _MOST_RAYS, _MOST_POINTS = 2000, 10_000
 """Most rays, and most points of floor, of a reading."""
-_LONGEST = 200
 _MARK = "_simmer_guard"
 """Attribute of functions that are already guarded."""
 _FAULT = "_simmer_fault"
@@ -41,12 +40,12 @@ def located(path: str, what: str, error: BaseException) -> DeviceError:
     lines = [line for file, line in _frames(error.__traceback__) if file == path]
     where = f"{path}:{lines[-1]}" if lines else path
     try:
-        told = escape(" ".join(str(error).split()), _LONGEST)
+        told = escape_passage(" ".join(str(error).split()))
     except Exception:  # noqa: BLE001 - an exception of the team's own, whose text fails too
         told = "(its text cannot be shown)"
     if isinstance(error, NotImplementedError):
         return DeviceError(f"{where}: {what} is not written yet{f': {told}' if told else ''}")
-    name = escape(type(error).__name__, 60)
+    name = escape(type(error).__name__)
     return DeviceError(f"{where}: {what} raised {name}{f': {told}' if told else ''}")
 
 
@@ -174,13 +173,13 @@ def _number(value: object) -> float:
 
 def _shown(value: object) -> str:
     """A wrong result for a message: its type, and for a small plain one its text."""
-    name = escape(type(value).__name__, 60)
+    name = escape(type(value).__name__)
     if value is None:
         return "None (is a return missing?)"
     if isinstance(value, np.ndarray):
         return f"an array of shape {value.shape}"
     if isinstance(value, str | complex):
-        return f"the {name} {escape(repr(value[:40] if isinstance(value, str) else value), 60)}"
+        return f"the {name} {escape(repr(value[:40] if isinstance(value, str) else value))}"
     return f"a {name}"
 
 

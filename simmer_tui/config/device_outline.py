@@ -35,9 +35,9 @@ def parsed(file: DeviceFile) -> ast.Module:
             return ast.parse(file.text.removeprefix("\ufeff"), file.path)
     except SyntaxError as error:
         where = f"{file.path}:{error.lineno}" if error.lineno else file.path
-        raise ConfigurationError([Problem(where, f"is not Python: {escape(error.msg, 120)}")]) from None
+        raise ConfigurationError([Problem(where, f"is not Python: {escape(error.msg)}")]) from None
     except (ValueError, RecursionError, MemoryError) as error:
-        what = escape(str(error), 120) or type(error).__name__
+        what = escape(str(error)) or type(error).__name__
         what = f"is not Python that can be read: {what}"
         raise ConfigurationError([Problem(file.path, what)]) from None
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from simmer_tui.dialect.exchange import Exchanged
 from simmer_tui.errors import ConfigurationError, Problem
-from simmer_tui.sim.command import escape
+from simmer_tui.sim.command import shown_path
 
 # An hour of a robot that sends at 9600 baud has 60 MB of lines.
 LARGEST = 100_000_000
@@ -17,7 +17,7 @@ def read_exchange(path: Path) -> tuple[float, list[Exchanged]]:
 
     Raises ConfigurationError.
     """
-    shown = escape(str(path), 200)
+    shown = shown_path(path)
     try:
         if path.stat().st_size > LARGEST:
             raise ConfigurationError([Problem(shown, f"is larger than {LARGEST} bytes")])

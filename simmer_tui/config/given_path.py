@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from pathlib import Path, PureWindowsPath
 
-from simmer_tui.sim.command import escape
+from simmer_tui.sim.command import escape_word
 
 
 def given_path(text: str, home: Path | None = None) -> Path:
@@ -23,7 +23,7 @@ def drive_hint(text: str) -> str:
     drive = PureWindowsPath(text).drive
     if not drive or os.sep == "\\":
         return ""
-    return f"; {escape(drive, 20)} is a drive of Windows: name the folder as it is here"
+    return f"; {escape_word(drive)} is a drive of Windows: name the folder as it is here"
 
 
 def other_case(path: Path) -> str:

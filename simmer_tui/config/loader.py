@@ -25,7 +25,7 @@ from simmer_tui.config.settings_file import LoadedSettings, Override, load_setti
 from simmer_tui.config.toml_file import TomlFile
 from simmer_tui.dialect.dialect_rules import DialectRules
 from simmer_tui.errors import ConfigurationError, Problem
-from simmer_tui.sim.command import escape
+from simmer_tui.sim.command import shown_path
 from simmer_tui.sim.obstacles import placement_problems
 from simmer_tui.sim.sensors import KINDS, SensorKinds
 from simmer_tui.sim.specs import (
@@ -96,7 +96,7 @@ def load(
     Raises ConfigurationError with every mistake in all the files and overrides.
     """
     if not directory.is_dir():
-        where = escape(str(directory), 200)
+        where = shown_path(directory)
         what = "is not a folder; simmer-tui init DIR writes a complete set to start from"
         raise ConfigurationError([Problem(where, what)])
     # All files are read even if one is wrong, so that a person sees every mistake at once.

@@ -19,7 +19,7 @@ from simmer_tui.dialect.inverse import InverseRules
 from simmer_tui.dialect.messages import dictionary
 from simmer_tui.sim.block import Block
 from simmer_tui.sim.columns import BASE, FIELD_OF_VIEW, THRESHOLD
-from simmer_tui.sim.command import escape
+from simmer_tui.sim.command import escape, escape_passage
 from simmer_tui.sim.footprint import Footprint
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.specs import (
@@ -63,7 +63,7 @@ def summarize(configuration: Configuration, *, ascii_only: bool = False) -> str:
     """The summary as lines of text, ended by a newline. With `ascii_only`, in ASCII characters only."""
     spec = configuration.simulation
     lines = [
-        f"Configuration: {escape(configuration.name, 200)}",
+        f"Configuration: {escape_passage(configuration.name)}",
         "",
         f"Maze: {spec.maze.columns} x {spec.maze.rows} cells, {spec.maze.width:g} x {spec.maze.height:g} in, "
         f"floor {'generated' if spec.maze.floor is None else 'from floor.csv'}",
@@ -267,7 +267,7 @@ def _ports(settings: Settings) -> list[str]:
     names = (item.name for item in all_settings() if item.name.startswith(table))
     values = {name.removeprefix(table): value_of(settings, name) for name in names}
     served = sorted(dialects.served(settings.server.listeners), key=lambda each: bool(each.typed))
-    return [escape(each.summary.format_map(values), 400) for each in served]
+    return [escape_passage(each.summary.format_map(values)) for each in served]
 
 
 def _dialect(dialect: DialectRules | None) -> list[str]:
@@ -276,8 +276,8 @@ def _dialect(dialect: DialectRules | None) -> list[str]:
         return []
     if dialect.protocol is not None:
         return ["", f"Messages of the dialect: the course's protocol {dialect.protocol.value}"]
-    rows = [tuple(escape(cell, 100) for cell in row) for row in dictionary(dialect)]
-    turned = [tuple(escape(cell, 100) for cell in row) for row in InverseRules(dialect).dictionary()]
+    rows = [tuple(escape(cell) for cell in row) for row in dictionary(dialect)]
+    turned = [tuple(escape(cell) for cell in row) for row in InverseRules(dialect).dictionary()]
     lines = ["", "Messages of the dialect", *_table(("message", "does", "replies, for example"), rows), ""]
     if not turned:
         return [

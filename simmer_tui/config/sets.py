@@ -9,7 +9,7 @@ from simmer_tui.config.device_file import FOLDER as DEVICES
 from simmer_tui.config.device_file import read_devices
 from simmer_tui.config.given_path import drive_hint, given_path
 from simmer_tui.errors import ConfigurationError, Problem
-from simmer_tui.sim.command import escape
+from simmer_tui.sim.command import escape_passage, shown_path
 from simmer_tui.sim.rules import did_you_mean
 
 FILES = (maze_csv.FILE, robot_csv.FILE, sensors_csv.FILE, drive_csv.FILE, settings_file.FILE)
@@ -61,7 +61,7 @@ def find_set(name_or_path: str | None) -> Path:
     if name_or_path is None:
         local = Path(LOCAL_FOLDER)
         return local if _has_set(local) else bundled_folder()
-    shown = escape(name_or_path, 200)
+    shown = escape_passage(name_or_path)
     if not name_or_path.strip():
         raise ConfigurationError([Problem("the configuration set", "its name is blank; name a folder")])
     try:
@@ -121,7 +121,7 @@ def read_files(source: Path) -> dict[str, bytes]:
         path for path in source.iterdir() if path.suffix.lower() in (".csv", ".toml") and path.is_file()
     )
     if not paths:
-        raise ConfigurationError([Problem(escape(str(source), 200), "holds no files of a set to copy")])
+        raise ConfigurationError([Problem(shown_path(source), "holds no files of a set to copy")])
     try:
         # Windows finds Sensors.CSV as sensors.csv, and other systems do not: a copy has the usual names.
         files = {_usual_name(path.name): path.read_bytes() for path in paths}
@@ -139,7 +139,7 @@ def read_files(source: Path) -> dict[str, bytes]:
 
 def unreadable(error: OSError, folder: Path) -> ConfigurationError:
     """The error for a file of a folder that cannot be copied."""
-    where = escape(str(error.filename or folder), 200)
+    where = shown_path(error.filename or folder)
     return ConfigurationError([Problem(where, f"cannot be read: {error.strerror or error}")])
 
 
@@ -150,7 +150,7 @@ def _usual_name(name: str) -> str:
 def write_files(destination: Path, files: Mapping[str, bytes]) -> tuple[Path, ...]:
     """Write files (by name, which may have a folder) into a folder, which is created if necessary; returns
     their paths. Raises ConfigurationError, before anything is written, if one would be overwritten."""
-    shown = escape(str(destination), 200)
+    shown = shown_path(destination)
     # Before anything is written: a mixture of two sets would be worse than none.
     present = [name for name in files if (destination / name).exists()]
     if present:

@@ -37,7 +37,7 @@ class TomlFile:
     @classmethod
     def read(cls, path: Path, problems: list[Problem]) -> "TomlFile":
         """The file of a path. One that cannot be read is empty, and a problem."""
-        return cls(escape(path.name, 60), read_text(path, problems) or "", problems)
+        return cls(escape(path.name), read_text(path, problems) or "", problems)
 
     @property
     def mistakes(self) -> int:
@@ -48,7 +48,7 @@ class TomlFile:
         """`FILE:LINE:name`; without a line of its own, that of its table; the file for no name."""
         if not name:
             return self.file
-        shown, found = escape(name, 60), name
+        shown, found = escape(name), name
         # A name that is missing has no line; its table may have one.
         while found and found not in self._lines:
             found = found.rpartition(".")[0]
@@ -141,11 +141,11 @@ def _parsed(text: str, file: str, problems: list[Problem]) -> dict[str, Any]:
         found = _ERROR_PLACE.search(message)
         # tomllib says "end of document" where a bracket or quote was never closed.
         line = (found and found[1]) or str(text.count("\n") + 1)
-        what = escape(_ERROR_PLACE.sub("", message), 120)
+        what = escape(_ERROR_PLACE.sub("", message))
         problems.append(Problem(f"{file}:{line}", f"is not TOML here: {what}"))
     except (ValueError, RecursionError) as error:
         # Errors that tomllib does not catch: a number of thousands of digits, and brackets nested as deep.
-        problems.append(Problem(file, f"is not TOML that can be read: {escape(str(error), 120)}"))
+        problems.append(Problem(file, f"is not TOML that can be read: {escape(str(error))}"))
     return {}
 
 

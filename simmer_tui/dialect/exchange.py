@@ -189,7 +189,7 @@ class Comparison:
                 self._delays.setdefault(heard.rule.shown, []).append((delay, asked.takes, asked.line))
 
     def _find_unknown(self, heard: Heard) -> None:
-        shown = escape(heard.data.decode("latin-1").strip(), 60)
+        shown = escape(heard.data.decode("latin-1").strip())
         if not shown:
             return
         due = next(iter(self._reader.due), None)
@@ -227,4 +227,4 @@ def _said(due: Due) -> str:
         reply.source if isinstance(reply, TextReply) else f"a frame of type {reply.type}"
         for reply in due.templates
     )
-    return escape("; ".join(shown), 60)
+    return escape("; ".join(shown))

@@ -15,7 +15,7 @@ from simmer_tui.config.sets import MISSION_SET, find_set
 from simmer_tui.config.toml_file import TomlFile
 from simmer_tui.errors import ConfigurationError, Problem
 from simmer_tui.grade.sandbox import Limits
-from simmer_tui.sim.command import escape, printable
+from simmer_tui.sim.command import printable, shown_path
 from simmer_tui.sim.rules import FlagRule, IntegerRule, NamesRule, NumberRule, TextRule
 from simmer_tui.sim.values import Value
 from simmer_tui.trials.sequential import LARGEST_CAP, MARGIN, RISK
@@ -133,7 +133,7 @@ def read_course(target: Path, course_file: Path | None = None, *, alone: bool = 
     Raises ConfigurationError with every mistake.
     """
     problems: list[Problem] = []
-    shown = escape(str(target), 200)
+    shown = shown_path(target)
     course_file = course_file or _usual_file(target, shown)
     file = TomlFile.read(course_file, problems) if course_file else TomlFile("", "", problems)
     home = Path() if course_file is None else course_file.parent

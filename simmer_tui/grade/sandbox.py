@@ -22,7 +22,7 @@ from simmer_tui.program.control_program import RunningProgram
 from simmer_tui.program.hook_folder import with_hook
 from simmer_tui.program.program_command import words_of
 from simmer_tui.program.program_output import ProgramOutput, reading
-from simmer_tui.sim.command import escape
+from simmer_tui.sim.command import escape_passage
 
 HOME, FILES, PACKAGE = "/robot/home", "/program", "/simmer"
 """In a sandbox: the program's own copy of its files, the original files, and our package."""
@@ -97,7 +97,7 @@ class LaunchedSandbox(ABC):
         self._open()
         answer, sockets = self._ask({"listen": request.number})
         if "error" in answer:
-            raise PortError(f"port {request.number} ({request.purpose}): {escape(answer['error'], 200)}")
+            raise PortError(f"port {request.number} ({request.purpose}): {escape_passage(answer['error'])}")
         for each in sockets:
             each.setblocking(False)
         return Listener(int(answer["port"]), sockets, request.backlog)
@@ -125,7 +125,7 @@ class LaunchedSandbox(ABC):
         if "error" in answer:
             for each in meter:
                 each.close()
-            raise ProgramError(f"{escape(command, 200)}: {escape(answer['error'], 300)}")
+            raise ProgramError(f"{escape_passage(command)}: {escape_passage(answer['error'])}")
         assert process.stdout is not None, "its output is taken"
         assert process.stderr is not None, "its output is taken"
         with process.stdout as stdout, process.stderr as stderr:
@@ -190,7 +190,7 @@ class LaunchedSandbox(ABC):
         """Last output of bubblewrap before it ended."""
         assert self._process is not None, "it has been started"
         self._kill()
-        said = escape(b"".join(self._process.communicate()).decode(errors="replace").strip(), 300)
+        said = escape_passage(b"".join(self._process.communicate()).decode(errors="replace").strip())
         return f": {said}" if said else ""
 
 

@@ -22,7 +22,7 @@ from simmer_tui.document.model import (
 )
 from simmer_tui.grade.grade_folder import GradeFolder, number_in_team
 from simmer_tui.grade.team_result import TeamResult, TeamStatus, code_of, last_failure, ranked
-from simmer_tui.sim.command import escape
+from simmer_tui.sim.command import escape, escape_passage
 from simmer_tui.sim.fingerprint import math_fingerprint
 from simmer_tui.trials.figures import log_page, map_figure
 from simmer_tui.trials.sequential import shown_test
@@ -211,7 +211,7 @@ def _last_lines(folder: GradeFolder, team_result: TeamResult) -> Bullets:
     except OSError:
         return Bullets(title, ())  # not kept: its space was used up
     lines = output.decode(errors="replace").splitlines()[-_LAST_LINES:]
-    return Bullets(title, [escape(line, 200) for line in lines], kind="output")
+    return Bullets(title, [escape_passage(line) for line in lines], kind="output")
 
 
 def _team_page(folder: GradeFolder, team_result: TeamResult, links: dict[int, str]) -> Document:

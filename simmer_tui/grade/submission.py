@@ -95,7 +95,7 @@ def _own_set(team: Team, home: Path) -> Path | None:
     ):
         raise ConfigurationError([Problem("config", "must lie in the team's folder")])
     if not given.exists():
-        raise ConfigurationError([Problem("config", f'there is no "{escape(team.config, 100)}"')])
+        raise ConfigurationError([Problem("config", f'there is no "{escape(team.config)}"')])
     if given.is_dir() and any((given / name).is_file() for name in (*ROBOT_FILES, dialect_toml.FILE)):
         return given
     goal = home / OWN_SET

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
 from simmer_tui.errors import GradeError
-from simmer_tui.sim.command import escape
+from simmer_tui.sim.command import escape_passage, shown_path
 
 # Programs have dozens of files; an environment that was submitted by mistake has ten thousands.
 MOST_FILES = 2000
@@ -102,7 +102,7 @@ class _Copy:
                 elif entry.is_file(follow_symlinks=False):
                     self._copy_file(source, entry.name, goal / entry.name)
             except OSError as error:
-                raise GradeError(f"{escape(str(here), 200)}: {error.strerror or error}") from None
+                raise GradeError(f"{shown_path(here)}: {error.strerror or error}") from None
         goal.chmod(0o755)  # the program reads them with a user ID that nobody has
 
     def _listed(self, source: _Folder, shown: PurePosixPath) -> list[os.DirEntry[str]]:
@@ -115,7 +115,7 @@ class _Copy:
                         raise GradeError(f"has more than {_MOST_ENTRIES} files, folders and links")
                     found.append(entry)
         except OSError as error:
-            raise GradeError(f"{escape(str(shown), 200)}: {error.strerror or error}") from None
+            raise GradeError(f"{shown_path(shown)}: {error.strerror or error}") from None
         return sorted(found, key=lambda entry: entry.name)
 
     def _copy_file(self, source: _Folder, name: str, goal: Path) -> None:
@@ -125,7 +125,7 @@ class _Copy:
         try:
             found = os.fstat(read)
             if not stat.S_ISREG(found.st_mode):
-                raise GradeError(f"{escape(name, 200)}: changed while it was copied")
+                raise GradeError(f"{escape_passage(name)}: changed while it was copied")
             if found.st_nlink > 1 and found.st_uid != self._owner:
                 return  # a hard link to another user's file is a link as well
             self._files += 1

@@ -55,7 +55,7 @@ def read_device_classes(folder: Path) -> Mapping[str, ClassNumbers]:
     that are nested too deeply."""
     classes: dict[str, _DeviceClass] = {}
     for path in _files(folder / FOLDER):
-        name = f"{FOLDER}/{escape(path.name, 60)}"
+        name = f"{FOLDER}/{escape(path.name)}"
         try:
             data = path.read_bytes()[:_MOST_BYTES]
             module = parsed(data.decode("utf-8", "replace"), name)

@@ -9,7 +9,7 @@ from simmer_tui.importer.matlab import FILE as MAIN
 from simmer_tui.importer.matlab import read_matlab
 from simmer_tui.importer.simmer_python import FILE as CONFIG
 from simmer_tui.importer.simmer_python import check_is_configuration, read_simmer_python
-from simmer_tui.sim.command import escape
+from simmer_tui.sim.command import escape, shown_path
 
 
 def read_path(path: Path) -> Imported:
@@ -17,7 +17,7 @@ def read_path(path: Path) -> Imported:
 
     Raises ConfigurationError, also if the file is some other program.
     """
-    shown = escape(str(path), 200)
+    shown = shown_path(path)
     if path.is_dir():
         return read_path(path / _file_in(path))
     if path.suffix.lower() == ".m":
@@ -28,7 +28,7 @@ def read_path(path: Path) -> Imported:
             what = "there is no such file or folder"
         raise ConfigurationError([Problem(shown, what)])
     text = text_of_file(path)
-    name = escape(path.name, 60)
+    name = escape(path.name)
     # A folder of a team may have many programs; only one of them describes a robot.
     check_is_configuration(text, name)
     return read_simmer_python(text, name, read_device_classes(path.parent))
@@ -42,4 +42,4 @@ def _file_in(folder: Path) -> str:
         what = f"has a {MAIN} and a {CONFIG}: name the one to import"
     else:
         what = f"has no {MAIN} and no {CONFIG}: name the file to import"
-    raise ConfigurationError([Problem(escape(str(folder), 200), what)])
+    raise ConfigurationError([Problem(shown_path(folder), what)])

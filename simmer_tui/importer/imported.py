@@ -17,7 +17,7 @@ from simmer_tui.config.settings import settings_from
 from simmer_tui.errors import ConfigurationError, Problem
 from simmer_tui.importer.device_classes import ClassNumber, ClassNumbers, class_number
 from simmer_tui.importer.python_values import Located, Unreadable
-from simmer_tui.sim.command import escape
+from simmer_tui.sim.command import escape_word, shown_path
 from simmer_tui.sim.obstacles import placement_problems
 from simmer_tui.sim.rules import NumberRule, Rule
 from simmer_tui.sim.specs import (
@@ -155,7 +155,7 @@ class Notes:
 
     def where(self, line: int, name: str) -> str:
         """`file:line:name`, without parts that are 0 or empty."""
-        return ":".join(part for part in (self._file, str(line or ""), escape(name, 40)) if part)
+        return ":".join(part for part in (self._file, str(line or ""), escape_word(name)) if part)
 
     def in_order(self) -> tuple[Problem, ...]:
         """All notes, by line."""
@@ -266,7 +266,7 @@ def text_of_file(path: Path) -> str:
         data = path.read_bytes()
     except OSError as error:
         what = f"cannot be read: {error.strerror or error}"
-        raise ConfigurationError([Problem(escape(str(path), 200), what)]) from None
+        raise ConfigurationError([Problem(shown_path(path), what)]) from None
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError:

@@ -34,7 +34,7 @@ from simmer_tui.importer.python_values import (
     readable,
     vector,
 )
-from simmer_tui.sim.command import escape
+from simmer_tui.sim.command import escape, escape_word
 
 MAX_STEPS = 100_000
 """Most expressions evaluated in one file, counting each turn of a comprehension: a short file can require any
@@ -331,7 +331,7 @@ class _Reader(ast.NodeVisitor):
 
     def visit_Name(self, node: ast.Name) -> Any:
         if node.id not in self.source.names:
-            raise NotUnderstoodError(f"{escape(node.id, 40)} has no value that is known here")
+            raise NotUnderstoodError(f"{escape_word(node.id)} has no value that is known here")
         return readable(self.source.names[node.id].value)
 
     def _elements(self, elements: list[ast.expr]) -> Iterator[Any]:
@@ -360,7 +360,7 @@ class _Reader(ast.NodeVisitor):
     def visit_Attribute(self, node: ast.Attribute) -> float:
         module, _, name = self._dotted(node).rpartition(".")
         if module not in ("math", "numpy") or name not in _CONSTANTS:
-            raise NotUnderstoodError(f"{escape(ast.unparse(node), 40)} is not a value that is known here")
+            raise NotUnderstoodError(f"{escape_word(ast.unparse(node))} is not a value that is known here")
         return _CONSTANTS[name]
 
     def _dotted(self, node: ast.expr) -> str:

@@ -27,7 +27,7 @@ from simmer_tui.importer.imported import (
 )
 from simmer_tui.importer.literal import read_expression
 from simmer_tui.importer.python_values import Unreadable
-from simmer_tui.sim.command import escape
+from simmer_tui.sim.command import escape, escape_word, shown_path
 from simmer_tui.sim.rules import FlagRule, listed
 from simmer_tui.sim.specs import RobotSpec
 
@@ -67,7 +67,7 @@ def read_matlab(folder: Path, file: str = FILE) -> Imported:
     first = _first_assignments(lines)
     if len(first.keys() & set(_TAKEN)) < 2:
         what = f"is no configuration: it sets no bot_center, block_center and the like; name the {FILE}"
-        raise ConfigurationError([Problem(escape(file, 60), what)])
+        raise ConfigurationError([Problem(escape(file), what)])
     left_out: list[Problem] = []
     codes: dict[str, str] = {}
     maze = load_maze(config, left_out)
@@ -102,7 +102,7 @@ def _folder_of_csv_files(folder: Path) -> Path:
     if any((folder / name).is_file() for name in _CSV_FILES):
         return folder
     what = f"has no folder {CONFIG_FOLDER} with {listed(_CSV_FILES)}, nor these files themselves"
-    raise ConfigurationError([Problem(escape(str(folder), 200), what)])
+    raise ConfigurationError([Problem(shown_path(folder), what)])
 
 
 def _code(path: Path) -> Iterator[tuple[int, str]]:
@@ -173,7 +173,7 @@ def _value(text: str, meant: Setting) -> SettingValue:
         value = {"true": True, "false": False}.get(piece)
         value = read_expression(piece) if value is None else value
         if isinstance(value, Unreadable) or not isinstance(value, int | float):
-            raise ValueError(f"is not a plain number: {escape(text, 40)}")
+            raise ValueError(f"is not a plain number: {escape_word(text)}")
         numbers.append(value)
     plain: object = numbers if bracketed else numbers[0]
     if isinstance(meant.rule, FlagRule) and plain in (0, 1):

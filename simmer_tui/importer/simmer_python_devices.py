@@ -9,7 +9,7 @@ from typing import Any
 from simmer_tui.importer.device_classes import ClassNumbers
 from simmer_tui.importer.imported import Fields, Notes, OwnDevice, free_number, pair
 from simmer_tui.importer.python_values import Call, Located, Unreadable
-from simmer_tui.sim.command import escape
+from simmer_tui.sim.command import escape_word
 from simmer_tui.sim.rules import CodeRule, IntegerRule, NumberRule
 from simmer_tui.sim.sensors import KINDS, Compass, Gyro, LineSensor, Ultrasonic
 from simmer_tui.sim.specs import Axes, DriveKind, DriveSpec, SensorKind, SensorSpec
@@ -61,13 +61,13 @@ def read_sensors(
         parts = list(_origins(fields, sensors[-1], guessed))
         if guessed:
             parts[:0] = [
-                f"{escape(call.name, 40)} is taken as an ultra row, which reads the nearest distance"
+                f"{escape_word(call.name)} is taken as an ultra row, which reads the nearest distance"
             ]
         if parts:
             fields.note("", "; ".join(parts))
     # After the known ones, so that a proposed row has a number that is still free.
     for call, fields in foreign:
-        what = f"{escape(call.name, 40)} {_OWN}; left out"
+        what = f"{escape_word(call.name)} {_OWN}; left out"
         silent = fields.silent()
         if pair(silent.value("position")) is not None:
             row = _placed(silent, Ultrasonic, taken + sensors, _ultrasonic(silent, block_size))
@@ -123,7 +123,7 @@ def _devices(
                     foreign.append((device, fields))
                     continue
                 if foreign is None:
-                    raise ValueError(f"{escape(device.name, 40)} {_OWN}")
+                    raise ValueError(f"{escape_word(device.name)} {_OWN}")
             if key in codes:
                 raise ValueError("the code is in use already")
             if description is None:

@@ -18,7 +18,7 @@ from simmer_tui.events import Event, Notice, NoticeKind
 from simmer_tui.links.owners import OwnerLookup, is_reset
 from simmer_tui.links.peer import CLOSING, host_of
 from simmer_tui.program_clock import clock_of
-from simmer_tui.sim.command import escape
+from simmer_tui.sim.command import escape_word
 
 # The length of the longest command: a program without a token sends a command first.
 LONGEST_TOKEN = 256
@@ -89,7 +89,7 @@ class AccessCheck:
         if uid is None:
             return self._admits_unknown(self._owners, sock, there)
         self._stranger_seen = True
-        user = escape(platform_has.user_name(uid), 40)
+        user = escape_word(platform_has.user_name(uid))
         self.tell(
             f"a program of user {user} turned away from port {sock.getsockname()[1]}: this robot is "
             f"somebody else's; {self._way_in}"

@@ -24,7 +24,7 @@ from simmer_tui.events import LARGEST, Belief, EventHandler
 from simmer_tui.links.grid_parser import JSON_NUMBERS, parse_grid
 from simmer_tui.links.link import LinkContext
 from simmer_tui.links.peer import MOST_WAITING, Peer, ReadBudget
-from simmer_tui.sim.command import escape, parse_command
+from simmer_tui.sim.command import escape_word, parse_command
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.records import REFUSALS, CommandResult
 
@@ -124,7 +124,7 @@ def parse_belief(line: bytes, time: float, true: Pose, whole: Bounds) -> Belief:
     # An error, not ignored: a misspelt field would never be drawn, without a word.
     unknown = sorted(set(fields) - set(_FIELDS))
     if unknown:
-        raise ValueError(f"'{escape(unknown[0], 20)}' is not a field; there are {', '.join(_FIELDS)}")
+        raise ValueError(f"'{escape_word(unknown[0])}' is not a field; there are {', '.join(_FIELDS)}")
     grid = None if fields.get("grid") is None else _grid(fields["grid"], whole, true)
     # Missing fields follow from the grid.
     derived = None if grid is None else asdict(grid.best_pose)

@@ -21,7 +21,7 @@ from simmer_tui.config.dialects import DialectPort
 from simmer_tui.links.link import LinkContext
 from simmer_tui.links.peer import MOST_WAITING, PIECE, Peer, ReadBudget
 from simmer_tui.program_clock import ProgramClock, ProgramWait
-from simmer_tui.sim.command import escape
+from simmer_tui.sim.command import escape_passage
 
 CLOCK = DialectPort("clock", "clock_port", 0, "")
 """The port of the clock: any free one. The program gets its number in its environment."""
@@ -70,7 +70,7 @@ class _Process(Peer):
         elif kind in ("X", "E"):
             if kind == "X":
                 clock.unfit = clock.unfit or rest.partition(". The program's clock")[0]
-            self._link.engine.tell_fault(escape(rest, 400))
+            self._link.engine.tell_fault(escape_passage(rest))
 
     def _wake(self, now: float) -> None:
         self.write(f"{round(now * 1e9)} {self._link.clock.written}\n".encode())

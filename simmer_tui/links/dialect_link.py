@@ -24,7 +24,7 @@ from simmer_tui.links.pty_port import PtyPort
 from simmer_tui.links.serial_wire import SerialDoor, Wire
 from simmer_tui.phrases import counted
 from simmer_tui.sessions import Session
-from simmer_tui.sim.command import Command, escape, parse_command
+from simmer_tui.sim.command import Command, escape, escape_word, parse_command
 from simmer_tui.sim.records import REFUSALS, CommandResult, Status
 
 # A stream at 240 Hz would be most of a log, and its messages are all alike.
@@ -206,7 +206,7 @@ class DialectLink:
         self._terminal: PtyPort | None = None
         if context.terminal is not None:
             self._terminal = PtyPort(context.terminal, self)
-            where = escape(str(context.terminal.path), 100)
+            where = escape(str(context.terminal.path))
             self.engine.tell(Notice(NoticeKind.HINT, f"the robot's serial port is at {where}"))
 
     @property
@@ -252,7 +252,7 @@ class DialectLink:
             return
         refused = self._refused(door, name)
         if refused:
-            self.engine.tell_fault(f"a program opened {escape(name, 40)}{refused}: it was refused")
+            self.engine.tell_fault(f"a program opened {escape_word(name)}{refused}: it was refused")
             door.answer(f"could not open port '{name}': Access is denied.")
             return
         self._driver = door
@@ -261,7 +261,7 @@ class DialectLink:
         if baud is not None:
             self.set_baud(door, baud)
             rate = f" at {baud:g} baud"
-        text = f"a program opened {escape(name, 40)}{rate}"
+        text = f"a program opened {escape_word(name)}{rate}"
         self.engine.tell(Notice(NoticeKind.CONNECTED, text, door.peer))
         door.answer("")
         backend = self._context.backend
@@ -276,7 +276,7 @@ class DialectLink:
         if self._context.clock is not None and not door.by_clock:
             return f", but {NOT_SERVED}"
         if self._driver is not None:
-            return f" while another one drives the robot by {escape(self._driver.port, 40)}"
+            return f" while another one drives the robot by {escape_word(self._driver.port)}"
         seat = self._context.seat
         refused = "" if seat is None else seat.take(self, f"a program by {name}")
         return f", but {refused}" if refused else ""
@@ -323,7 +323,7 @@ class DialectLink:
             text = f"dialect: the program left {counted(unread, 'byte')} of replies unread"
             self.engine.tell(Notice(kind, text))
         self._host.close(runs_on=self._runs_on)
-        text = f"the program closed {escape(door.port, 40)}"
+        text = f"the program closed {escape_word(door.port)}"
         self.engine.tell(Notice(NoticeKind.LEFT, text, door.peer))
         self._context.client_left()
 
@@ -353,8 +353,8 @@ class DialectLink:
         """A read of the program has waited for long, at `place`."""
         if door is not self._driver:
             return
-        last = f"; the last message was '{escape(self._last, 60)}'" if self._last else ""
-        where = escape(place, 80)
+        last = f"; the last message was '{escape(self._last)}'" if self._last else ""
+        where = escape(place)
         self.engine.tell_fault(
             f"dialect: the program waits at {where} for bytes that have not come for 10 s{last}"
         )

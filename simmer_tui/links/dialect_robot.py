@@ -24,7 +24,7 @@ from simmer_tui.events import NoticeKind
 from simmer_tui.links.heard_robot import HeardRobot
 from simmer_tui.protocol.packets import STOP
 from simmer_tui.sessions import LoopTimer
-from simmer_tui.sim.command import Command, escape, parse_value
+from simmer_tui.sim.command import Command, escape_word, parse_value
 from simmer_tui.sim.records import CommandResult, Status
 from simmer_tui.sim.velocity_commands import WAIT, parse_wait
 
@@ -340,7 +340,7 @@ class DialectRobot(HeardRobot):
         try:
             x, y, turn = (float(each) for each in (command.argument or "").split(";")[:3])
         except ValueError:
-            return f"'{escape(command.text, 40)}' is no velocity of a key"
+            return f"'{escape_word(command.text)}' is no velocity of a key"
         if not (x or y or turn):
             return None
         found = self._inverse.code_of((x, y, turn))

@@ -34,7 +34,7 @@ class DriverSeat:
             return f"{self._name} drives the robot, and one program at a time does"
         if self._holder is not holder:
             self._process = None
-        self._holder, self._name = holder, escape(name, 60)
+        self._holder, self._name = holder, escape(name)
         self._process = process or self._process
         return ""
 

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from simmer_tui.belief_grid import MOST_HEADINGS, MOST_ROWS, MOST_STATES, Bounds, Probabilities
-from simmer_tui.sim.command import escape
+from simmer_tui.sim.command import escape_word
 
 _FIELDS = ("p", "f32", "u8", "rows", "cols", "headings", "first", "bounds")
 _PACKED = {"f32": "<f4", "u8": "u1"}
@@ -37,7 +37,7 @@ def parse_grid(
         raise ValueError('grid must be an object, such as {"p": [[0.1, 0.9], [0, 0]]}')
     unknown = sorted(set(value) - set(_FIELDS))
     if unknown:
-        raise ValueError(f"'{escape(unknown[0], 20)}' is no field of a grid; there are {', '.join(_FIELDS)}")
+        raise ValueError(f"'{escape_word(unknown[0])}' is no field of a grid; there are {', '.join(_FIELDS)}")
     written = [name for name in _FIELDS[:3] if value.get(name) is not None]
     if len(written) != 1:
         raise ValueError("a grid needs exactly one of p, f32 and u8")

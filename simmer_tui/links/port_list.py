@@ -102,7 +102,7 @@ def close_port(port: Any) -> None:
 
 def explain(error: Exception, name: str, *, was_open: bool = False) -> str:
     """The reason why a port could not be opened, or was lost, and the next step."""
-    shown, detail = escape(name), escape(str(error), 160)
+    shown, detail = escape(name), escape(str(error))
     if was_open:
         if "timeout" in detail.lower():
             return f"{shown} takes no more bytes: is the robot on, and in reach?"

@@ -314,7 +314,7 @@ class PtyPort:
         if len(data) > room:
             # Reported once: more of them mean the same.
             if not self._lost:
-                where = escape(self.port, 80)
+                where = escape(self.port)
                 self._robot.engine.tell_fault(
                     f"dialect: the program at {where} does not read: replies are lost"
                 )

@@ -8,7 +8,7 @@ from msgspec import Struct
 from simmer_tui.errors import ConsoleCommandError
 from simmer_tui.events import Action, ActionName
 from simmer_tui.playback_throttle import FASTEST, SLOWEST
-from simmer_tui.sim.command import Command, escape, parse_command, parse_value
+from simmer_tui.sim.command import Command, escape_word, parse_command, parse_value
 from simmer_tui.sim.rules import NumberOrOffRule, NumberRule, did_you_mean
 from simmer_tui.sim.specs import SimulationSpec
 
@@ -165,7 +165,7 @@ def read_console_command(line: str, spec: SimulationSpec) -> ConsoleCommand:
     order = CONSOLE_COMMANDS.get(known)
     if order is None:
         hint = did_you_mean(name, CONSOLE_COMMANDS) or "; :help lists them"
-        raise ConsoleCommandError(f":{escape(name, 20)} is not an order{hint}")
+        raise ConsoleCommandError(f":{escape_word(name)} is not an order{hint}")
     try:
         return order.read(order, words)
     except ValueError as error:

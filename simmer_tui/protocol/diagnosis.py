@@ -8,7 +8,7 @@ from collections.abc import Mapping
 
 from msgspec import Struct
 
-from simmer_tui.sim.command import escape, parse_value
+from simmer_tui.sim.command import escape, escape_word, parse_value
 from simmer_tui.sim.simulator import LARGEST_VALUE
 
 # Request line of RFC 9112, section 3: a browser, curl, or a health check.
@@ -39,7 +39,8 @@ def wrong_protocol(text: str, port: int, others: Mapping[str, int]) -> Diagnosis
         where = others.get("packets")
         there = f"send it to port {where}" if where else "start with --listeners packets"
         return Diagnosis(
-            "packets on a line port", f"port {port} takes lines; '{escape(text, 20)}' is a packet: {there}"
+            "packets on a line port",
+            f"port {port} takes lines; '{escape_word(text)}' is a packet: {there}",
         )
     if _JSON.match(text) and "beliefs" in others:
         return Diagnosis(
@@ -54,7 +55,7 @@ def wrong_packet(data: bytes, port: int, line_port: int | None) -> Diagnosis | N
     if _HTTP.match(text):
         return http(port)
     if data.endswith(b"\n") and b"[" not in data:
-        first = escape(text.splitlines()[0], 20)
+        first = escape_word(text.splitlines()[0])
         there = f"send lines to port {line_port}" if line_port else "start with --listeners binary"
         return Diagnosis(
             "lines on a packet port", f"port {port} takes packets such as [u0]; '{first}' is a line: {there}"
@@ -85,7 +86,7 @@ def joined(text: str, known: frozenset[str]) -> Diagnosis | None:
         if text[at : at + 2] in known and text[at].isalpha() and text[at] not in "eE":
             return Diagnosis(
                 "commands joined",
-                f"'{escape(text, 20)}' came without a line end between its commands and was taken for one: "
+                f"'{escape_word(text)}' came without a line end between its commands and was taken for one: "
                 "end each with a newline (\\n)",
             )
     return None
@@ -93,7 +94,7 @@ def joined(text: str, known: frozenset[str]) -> Diagnosis | None:
 
 def without_end(rest: bytes, peer: str) -> Diagnosis:
     """The mistake of a program that ends only some of its lines."""
-    shown = escape(rest.decode("latin-1"), 20)
+    shown = escape_word(rest.decode("latin-1"))
     return Diagnosis(
         "line without an end",
         f"client {peer} sent '{shown}' without a line end and waits: its earlier lines ended with a newline "

@@ -43,7 +43,7 @@ from simmer_tui.report.traces import traces
 from simmer_tui.report.verdict import Verdict
 from simmer_tui.run.run_history import OTHER_CODES, STOPS
 from simmer_tui.run.table import BINS, Errors
-from simmer_tui.sim.command import escape
+from simmer_tui.sim.command import escape_passage
 from simmer_tui.sim.velocity_commands import WAIT
 
 ROWS = 20
@@ -244,7 +244,7 @@ def output(verdict: Verdict) -> Bullets:
     """The program's last lines."""
     program = verdict.program
     said = () if program is None else (*program.stderr, *(() if program.crashed else program.stdout))
-    lines = [f"{line.time:.1f} s  {escape(line.text, 200)}" for line in said]
+    lines = [f"{line.time:.1f} s  {escape_passage(line.text)}" for line in said]
     return Bullets(OUTPUT.title, lines, OUTPUT.key, "output")
 
 

@@ -22,7 +22,7 @@ from simmer_tui.run.episodes import EpisodeKind
 from simmer_tui.run.facts import missed_zone, wrapped
 from simmer_tui.run.history_rows import ActionRow
 from simmer_tui.run.progress import HUNDRED
-from simmer_tui.sim.command import escape
+from simmer_tui.sim.command import escape_passage
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.specs import CELL_SIZE
 
@@ -172,7 +172,7 @@ class EndingCauses:
         rows = [row for row in seen.refusals if row.outcome.command.code in codes]
         if seen.task is None or not rows:
             return None
-        command, reason = rows[-1].outcome.command, escape(rows[-1].outcome.reason, 200)
+        command, reason = rows[-1].outcome.command, escape_passage(rows[-1].outcome.reason)
         others = f", like {len(rows) - 1} before it" if len(rows) > 1 else ""
         text = f"{command.shown} was not carried out{others}: {reason}."
         culprits, sure = (command.code,), Sureness.LIKELY

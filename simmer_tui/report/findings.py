@@ -8,7 +8,7 @@ from simmer_tui.phrases import WEDGED_TEXT, contact_ending, counted, pose_text, 
 from simmer_tui.report.beliefs import belief_sentences
 from simmer_tui.report.run_statistics import RunStatistics
 from simmer_tui.run.history_rows import ContactRow
-from simmer_tui.sim.command import escape
+from simmer_tui.sim.command import escape_passage, escape_word
 
 # Readings named in a sentence; it says how many more there are.
 _READINGS = 6
@@ -34,10 +34,10 @@ def _sentences(run: RunStatistics) -> Iterator[str]:
     yield from belief_sentences(history, ended_badly=run.cause is not None)
     if refusals.given:
         refused, first = counted(totals.commands, "command"), refusals.items[0]
-        why = f"'{first.outcome.command.shown}' (line {first.line}): {escape(first.outcome.reason, 200)}"
+        why = f"'{first.outcome.command.shown}' (line {first.line}): {escape_passage(first.outcome.reason)}"
         yield f"{refusals.given} of {refused} did nothing. The first: {why}."
     if faults.given:
-        line, text = faults.items[0].line, escape(faults.items[0].text, 200)
+        line, text = faults.items[0].line, escape_passage(faults.items[0].text)
         yield f"{counted(faults.given, 'fault')}. The first (line {line}): {text}."
     if totals.actions:
         listed = ", ".join(f"{name} {count}x" for name, count in totals.actions.most_common(8))
@@ -83,6 +83,6 @@ def _before(touch: ContactRow) -> str:
     """The program's readings when it gave the command; empty if there were none."""
     if not touch.seen:
         return ""
-    shown = [f"{escape(each.text.strip(), 20)} {each.reading.value:.1f}" for each in touch.seen]
+    shown = [f"{escape_word(each.text.strip())} {each.reading.value:.1f}" for each in touch.seen]
     more = f" and {len(shown) - _READINGS} more" if len(shown) > _READINGS else ""
     return f"Readings before it: {', '.join(shown[:_READINGS])}{more}."

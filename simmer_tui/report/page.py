@@ -33,7 +33,7 @@ from simmer_tui.report.run_statistics import RunStatistics
 from simmer_tui.report.traces import traces
 from simmer_tui.report.verdict import Outcome, Verdict, goals_met
 from simmer_tui.run.attempt import Attempt, Task
-from simmer_tui.sim.command import escape
+from simmer_tui.sim.command import escape, escape_passage, escape_word
 
 _LAST_LINES = 5
 """Lines of a crashed program's output at the top of the page: the error, and where it was raised."""
@@ -77,8 +77,8 @@ def _page(run: RunStatistics, name: str, *, commands: bool) -> Document:
 def _about(run: RunStatistics, name: str) -> Paragraph:
     """Start, set, seed and name of the run, in one small line."""
     header = run.header
-    started = escape(header.start.replace("T", " "), 40)[:16]  # without seconds
-    told = (f"Run of {started}", f"set {escape(header.configuration, 120)}", f"seed {header.seed}", name)
+    started = escape_word(header.start.replace("T", " "))[:16]  # without seconds
+    told = (f"Run of {started}", f"set {escape(header.configuration)}", f"seed {header.seed}", name)
     return Paragraph(" · ".join(told), kind="run")
 
 
@@ -101,7 +101,7 @@ def _last_lines(verdict: Verdict) -> Bullets:
     """The last output of a crashed program."""
     program = verdict.program
     said = () if program is None else program.stderr[-_LAST_LINES:]
-    return Bullets("", [escape(line.text, 200) for line in said], kind="output")
+    return Bullets("", [escape_passage(line.text) for line in said], kind="output")
 
 
 def _figures(run: RunStatistics, attempt: Attempt, *, crashed: bool) -> KeyFigures:

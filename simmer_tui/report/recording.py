@@ -26,7 +26,7 @@ from simmer_tui.run.run_history import RunHistory
 from simmer_tui.run.scan_traces import ScanTrace
 from simmer_tui.run.table import Newest, Timed, TimedItem
 from simmer_tui.sim.block import Block
-from simmer_tui.sim.command import escape
+from simmer_tui.sim.command import escape, escape_passage
 from simmer_tui.sim.gripper import in_global_frame
 from simmer_tui.sim.legs import Leg
 from simmer_tui.sim.path import PathPosition
@@ -303,12 +303,12 @@ class _Marked:
 
 
 def _mark(row: Timed, kind: MarkKind, text: str, point: tuple[float, float] | None = None) -> Mark:
-    return Mark(row.elapsed, kind, escape(text, 300), point)
+    return Mark(row.elapsed, kind, escape_passage(text), point)
 
 
 def _refusal(row: RefusalRow) -> Mark:
     outcome = row.outcome
-    why = escape(outcome.reason, 120) or outcome.status.value
+    why = escape(outcome.reason) or outcome.status.value
     return _mark(row, MarkKind.REFUSED, f"{outcome.command.shown}: {why}")
 
 

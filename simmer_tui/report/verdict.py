@@ -19,10 +19,7 @@ from simmer_tui.report.finding import Finding
 from simmer_tui.run.attempt import Attempt, Task
 from simmer_tui.run.history_rows import NoticeRow, ProgramRow
 from simmer_tui.run.run_history import RunHistory
-from simmer_tui.sim.command import escape
-
-# Characters of a text from a program or a log that a verdict shows.
-_LONGEST_TEXT = 200
+from simmer_tui.sim.command import escape_passage
 
 
 class Outcome(StrEnum):
@@ -252,7 +249,7 @@ class _Judge:
             likely = "probably because" if cause.sure is Sureness.LIKELY else "because"
             return f"{outcome.value.capitalize()} {when}{reached}, {likely} {_within(cause.text)}"
         if outcome is Outcome.FAILED:
-            reason = "real time was up" if over is None else escape(over.event.reason, _LONGEST_TEXT)
+            reason = "real time was up" if over is None else escape_passage(over.event.reason)
             return f"Failed {when}{reached}: {reason}."
         end = self._end()
         how = f"{end}; " if end else ""
@@ -270,7 +267,7 @@ class _Judge:
         if self._attempt.is_silent and not_led:
             return "Fix first: how the program is started; it was not led to the robot's serial port."
         if program.crashed:
-            return f"Fix first: {escape(program.place, _LONGEST_TEXT) or cause.kind.advice}."
+            return f"Fix first: {escape_passage(program.place) or cause.kind.advice}."
         return f"Fix first: why the program ends with exit code {program.exit_code}."
 
     def _end(self) -> str:
@@ -279,7 +276,7 @@ class _Judge:
             return program_end_text(self._program)
         if self._left is None:
             return ""
-        return escape(self._left.text, _LONGEST_TEXT)
+        return escape_passage(self._left.text)
 
     def _worst(self) -> str:
         """The worst event of a run without a mission."""

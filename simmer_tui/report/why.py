@@ -83,7 +83,7 @@ def _contact_facts(
 
 
 def _stop_text(ended: MovementEnded) -> str:
-    return f"stopped by {escape(ended.stopped_by, 80)} at {ended.time:.2f} s"
+    return f"stopped by {escape(ended.stopped_by)} at {ended.time:.2f} s"
 
 
 def _errors(state: State, trajectory: Trajectory, kind: DriveKind, value: float) -> str:

@@ -29,7 +29,7 @@ from simmer_tui.runlog.logged_devices import (
 )
 from simmer_tui.runlog.typed_json import TypedJson
 from simmer_tui.sim.block import Block
-from simmer_tui.sim.command import escape
+from simmer_tui.sim.command import escape, escape_word
 from simmer_tui.sim.fingerprint import math_fingerprint
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.sensors import SensorKinds
@@ -58,7 +58,7 @@ class TakenOver(msgspec.Struct, frozen=True):
     elapsed: Real
 
     def __str__(self) -> str:
-        return f"from {escape(self.log, 80)} at {self.elapsed:.2f} s"
+        return f"from {escape(self.log)} at {self.elapsed:.2f} s"
 
 
 class Header(msgspec.Struct, tag_field="kind", tag="header", frozen=True, kw_only=True, omit_defaults=True):
@@ -186,14 +186,14 @@ def parse_header(line: bytes, shown: str) -> Header:
     # Checked before the whole header is decoded: other formats have other fields.
     if version.format != FORMAT:
         raise RunLogError(
-            f"{shown} is a run log of format {escape(str(version.format), 20)}, written by simmer-tui "
-            f"{escape(str(version.program), 20)}; simmer-tui {__version__} reads format {FORMAT}: "
+            f"{shown} is a run log of format {escape_word(str(version.format))}, written by simmer-tui "
+            f"{escape_word(str(version.program))}; simmer-tui {__version__} reads format {FORMAT}: "
             "log the run again, with --log"
         )
     try:
         return _HEADER.decode(line)
     except ValueError as error:
-        raise RunLogError(f"{shown}: the header is broken: {escape(str(error), 120)}") from None
+        raise RunLogError(f"{shown}: the header is broken: {escape(str(error))}") from None
 
 
 def rebuild(header: Header, kinds: SensorKinds | None = None) -> Configuration:
@@ -208,7 +208,7 @@ def rebuild(header: Header, kinds: SensorKinds | None = None) -> Configuration:
     with tempfile.TemporaryDirectory(prefix="simmer-tui-") as folder:
         for name, text in header.files.items():
             if not _is_plain_name(name):
-                raise RunLogError(f"the header holds {escape(name, 80)!r}, which is no file of a set")
+                raise RunLogError(f"the header holds {escape(name)!r}, which is no file of a set")
             (Path(folder) / name).write_bytes(text.encode("utf-8", "surrogatepass"))
         loaded = load(Path(folder), _overrides(header.settings), known, devices=DeviceUse.GIVEN)
     kinds_of = tuple(kind.name for kind in header.kinds)
@@ -231,7 +231,7 @@ def rebuild_to_run(header: Header, folder: Path | None = None) -> Configuration:
     for kind in header.kinds:
         if kind.name not in kinds:
             raise RunLogError(
-                f"the run had sensors of the kind {escape(kind.name, 40)!r}, which is in none of its device "
+                f"the run had sensors of the kind {escape_word(kind.name)!r}, which is in none of its device "
                 "files: they were given in Python, and can be run again from there only"
             )
     return replace(rebuild(header, kinds), devices=files)

@@ -35,7 +35,7 @@ from simmer_tui.runlog.log_records import (
     decode_line,
 )
 from simmer_tui.runlog.reader import MAX_LINE, RecordStream, open_log, too_long
-from simmer_tui.sim.command import escape
+from simmer_tui.sim.command import shown_path
 from simmer_tui.sim.records import REFUSALS, Status
 
 
@@ -113,7 +113,7 @@ class RunLogIndex(Closing):
     def __init__(self, path: Path) -> None:
         """Open a log and index all its lines. Raises RunLogError."""
         self.path = path
-        self.shown = escape(str(path), 200)
+        self.shown = shown_path(path)
         self._file, self.header = open_log(path, self.shown)
         self._stream = RecordStream(self._file)
         # One number an entry in each: 26 bytes, so that a log of a million lines takes 26 MB.

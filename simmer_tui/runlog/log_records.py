@@ -449,4 +449,4 @@ def decode_line(data: bytes, line: int) -> AnyRecord | BrokenLine:
     try:
         return _LINE.decode(data)
     except ValueError as error:
-        return BrokenLine(line, escape(str(error), 160))
+        return BrokenLine(line, escape(str(error)))

@@ -20,7 +20,7 @@ from simmer_tui.runlog.closing import Closing
 from simmer_tui.runlog.decode import LogDecoder
 from simmer_tui.runlog.header import Header, parse_header, rebuild
 from simmer_tui.runlog.log_records import AnyRecord, BrokenLine, decode_line
-from simmer_tui.sim.command import escape
+from simmer_tui.sim.command import shown_path
 
 # A belief of 5,000 particles takes 100 KB and a header some 20 KB: a longer line is in no log.
 MAX_LINE = 16 * 1024 * 1024
@@ -110,7 +110,7 @@ class LogReader(Closing):
         Raises RunLogError, and ConfigurationError for mistakes in the log's configuration.
         """
         self.path = path
-        self.shown = escape(str(path), 200)
+        self.shown = shown_path(path)
         self._file, self.header = open_log(path, self.shown)
         try:
             self.configuration = configuration or rebuild(self.header)

@@ -35,7 +35,7 @@ from simmer_tui.runlog.log_records import (
 from simmer_tui.runlog.logged_scans import LoggedRanges
 from simmer_tui.runlog.reader import LogReader
 from simmer_tui.sim.angles import FloatArray
-from simmer_tui.sim.command import Command, escape, parse_command
+from simmer_tui.sim.command import Command, escape, escape_word, parse_command
 from simmer_tui.sim.fingerprint import math_fingerprint
 from simmer_tui.sim.legs import Leg
 from simmer_tui.sim.path import Contact
@@ -195,7 +195,8 @@ class Rerun(Closing):
         """True unless the log was written on a machine with other mathematics."""
         if not self.same_machine:
             self.notes.append(
-                f"the log was written on a machine with other mathematics ({escape(header.mathematics, 20)}, "
+                "the log was written on a machine with other mathematics "
+                f"({escape_word(header.mathematics)}, "
                 f"here {math_fingerprint()}): the last bits of its sines differ, so numbers count as equal "
                 f"within {_SAME_NUMBER:g}"
             )
@@ -266,7 +267,7 @@ class Rerun(Closing):
         except _DifferenceError as differs:
             raise RunLogError(
                 f"{self._log.shown} does not repeat exactly: {differs.difference} (written by "
-                f"simmer-tui {escape(self.header.program, 20)}, this is {__version__})"
+                f"simmer-tui {escape_word(self.header.program)}, this is {__version__})"
             ) from None
         self.simulator.advance(time)
 

@@ -19,7 +19,7 @@ from simmer_tui.config.loader import Configuration
 from simmer_tui.errors import RunLogError
 from simmer_tui.events import ActionDone, CommandResult, Event, MovementPlanned
 from simmer_tui.runlog.writer import ReplayedPrefix, RunLog, new_file
-from simmer_tui.sim.command import escape
+from simmer_tui.sim.command import shown_path
 from simmer_tui.sim.simulator import Simulator
 
 BEFORE = 10
@@ -53,7 +53,7 @@ def last_run(folder: Path | None = None) -> Path:
     runs = _runs(folder)
     if not runs:
         raise RunLogError(
-            f"no run is saved in {escape(str(folder), 200)} yet. The app saves its runs there; "
+            f"no run is saved in {shown_path(folder)} yet. The app saves its runs there; "
             "a run without a screen is logged only with --log: name that file"
         )
     return runs[-1]
@@ -106,7 +106,7 @@ class SavedRun:
             # For the user only, whatever the umask is.
             path = new_file(folder, mode=0o600)
         except OSError as error:
-            shown = escape(str(folder), 200)
+            shown = shown_path(folder)
             raise RunLogError(f"runs cannot be saved in {shown}: {error.strerror or error}") from None
         self._file: _BackgroundFile | None = None
         self._log = RunLog(

@@ -27,7 +27,7 @@ from simmer_tui.runlog.closing import Closing
 from simmer_tui.runlog.encode import LogEncoder, checkpoint_record
 from simmer_tui.runlog.header import TakenOver, header_of
 from simmer_tui.runlog.log_records import encode_line
-from simmer_tui.sim.command import escape
+from simmer_tui.sim.command import shown_path
 from simmer_tui.sim.simulator import Simulator
 
 # A log has a program's output and, in a mission, the data for grades: other users never write it.
@@ -59,7 +59,7 @@ def auto_path(now: datetime | None = None) -> Path:
         folder.mkdir(parents=True, exist_ok=True)
         return new_file(folder, now)
     except OSError as error:
-        shown = escape(str(error.filename or folder), 200)
+        shown = shown_path(error.filename or folder)
         raise RunLogError(f"{shown} cannot be made: {error.strerror or error}") from None
 
 
@@ -154,7 +154,7 @@ class RunLog(Closing):
         self._on_stop: Callable[[str], None] = lambda why: None
         self._prefix = prefix
         self._clock = clock = prefix.clock if prefix is not None else clock or steady_clock()
-        shown = escape(str(path), 200)
+        shown = shown_path(path)
         try:
             self._file: LineFile = (file or _opened)(path)
         except OSError as error:
@@ -211,7 +211,7 @@ class RunLog(Closing):
         try:
             self._file.close()
         except OSError as error:  # while writing the rest of a compressed log
-            self._on_stop(f"logging to {escape(str(self.path), 200)} has stopped: {error.strerror or error}")
+            self._on_stop(f"logging to {shown_path(self.path)} has stopped: {error.strerror or error}")
 
     def _write(self, record: Struct) -> None:
         if self.stopped:
@@ -228,7 +228,7 @@ class RunLog(Closing):
 
     def _stop(self, error: OSError) -> None:
         reason = error.strerror or str(error)
-        self.stopped = f"logging to {escape(str(self.path), 200)} has stopped: {reason}"
+        self.stopped = f"logging to {shown_path(self.path)} has stopped: {reason}"
         self._on_stop(self.stopped)
 
 

@@ -29,7 +29,13 @@ class Command(Struct, frozen=True):
         return escape(self.text)
 
 
-def escape(text: str, limit: int = 80) -> str:
+# Judged: the longest names people give; a line of a wide terminal; several of them, so that the end of a path
+# is still seen.
+_WORD, _LINE, _PASSAGE = 40, 120, 400
+"""Characters shown of a text from outside: of a word in a sentence, of a line, and of a path or sentences."""
+
+
+def escape(text: str, limit: int = _LINE) -> str:
     """Text from outside made safe to show: control and non-ASCII characters escaped, cut at
     `limit` characters."""
     # Nearly every text is plain; this is asked for each command.
@@ -40,6 +46,21 @@ def escape(text: str, limit: int = 80) -> str:
             c if c.isascii() and c.isprintable() else c.encode("unicode_escape").decode() for c in text
         )
     return shown if len(shown) <= limit else shown[: limit - 3] + "..."
+
+
+def escape_word(text: str) -> str:
+    """A code, value or name made safe to show in a sentence."""
+    return escape(text, _WORD)
+
+
+def escape_passage(text: str) -> str:
+    """A text of several lines, or sentences, made safe to show."""
+    return escape(text, _PASSAGE)
+
+
+def shown_path(path: object) -> str:
+    """A path made safe to show."""
+    return escape_passage(str(path))
 
 
 def printable(text: str) -> str:
@@ -73,5 +94,5 @@ def parse_value(argument: str | None) -> float | str:
         return "the value is missing, as in d1-3"
     # `float` alone accepts nan, inf and 1_000, which no program of the course sends on purpose.
     if NUMBER.fullmatch(argument.strip()) is None:
-        return f"'{escape(argument, 24)}' is not a finite decimal number, such as 3, -2.5 or 1e-3"
+        return f"'{escape_word(argument)}' is not a finite decimal number, such as 3, -2.5 or 1e-3"
     return float(argument)

@@ -13,7 +13,7 @@ from typing import Any, ClassVar, Generic, TypeVar
 
 from msgspec import Struct
 
-from simmer_tui.sim.command import NUMBER, escape
+from simmer_tui.sim.command import NUMBER, escape_word
 
 T = TypeVar("T")
 
@@ -45,7 +45,7 @@ def listed(words: Iterable[str]) -> str:
 def describe(value: object) -> str:
     """A value from outside, shortened and escaped for display."""
     if isinstance(value, str):
-        return f'"{escape(value, 40)}"'
+        return f'"{escape_word(value)}"'
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, dict):
@@ -58,7 +58,7 @@ def describe(value: object) -> str:
     if isinstance(value, int) and abs(value) >= 10**30:
         # str() refuses more than 4,300 digits.
         return "a far larger whole number"
-    return escape(str(value), 40)
+    return escape_word(str(value))
 
 
 class Rule(Struct, Generic[T], frozen=True):

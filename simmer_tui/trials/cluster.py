@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from simmer_tui import platform_has
 from simmer_tui.errors import ClusterError, SimmerError, TrialsError
 from simmer_tui.program.program_command import is_python
-from simmer_tui.sim.command import escape
+from simmer_tui.sim.command import escape_passage, shown_path
 from simmer_tui.trials.run import TrialRun, fault_result
 from simmer_tui.trials.trial import Trial, TrialResult
 from simmer_tui.version import requirement
@@ -153,7 +153,7 @@ def _add_below(files: dict[str, PackedFile], home: Path, goal: str) -> None:
 
 def _add(files: dict[str, PackedFile], name: str, path: Path) -> None:
     """Raises TrialsError."""
-    shown = escape(str(path), 200)
+    shown = shown_path(path)
     try:
         if not path.is_file():  # a socket, a pipe, a broken link
             return
@@ -187,10 +187,10 @@ def connect(address: str) -> Client:
     try:
         return Client(address, timeout=CONNECT_TIMEOUT, set_as_default=False)
     except ValueError as error:
-        raise TrialsError(f"--dask {escape(address, 200)}: {error}") from None
+        raise TrialsError(f"--dask {escape_passage(address)}: {error}") from None
     except OSError as error:
         raise ClusterError(
-            f"--dask {escape(address, 200)}: no Dask scheduler answers there: {error}"
+            f"--dask {escape_passage(address)}: no Dask scheduler answers there: {error}"
         ) from None
 
 

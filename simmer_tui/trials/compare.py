@@ -231,7 +231,7 @@ def task_differences(first: TrialFolder, second: TrialFolder, mazes: Iterable[st
     if one_maze.floor != other_maze.floor:
         found.append(maze_csv.FLOOR_FILE)
     found += [
-        f"the maze {escape(name, 60)}"
+        f"the maze {escape(name)}"
         for name in sorted(kinds - {"", RANDOM})
         if first.mazes[name].cells != second.mazes[name].cells
     ]
@@ -260,7 +260,7 @@ def _settings(one: Configuration, other: Configuration, matters: Callable[[str],
     for item in all_settings():
         values = [value_of(each.settings, item.name) for each in (one, other)]
         if matters(item.name) and values[0] != values[1]:
-            shown = " and ".join(escape(str(value), 60) for value in values)
+            shown = " and ".join(escape(str(value)) for value in values)
             found.append(f"the setting {item.name} ({shown})")
     return found
 

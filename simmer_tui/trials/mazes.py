@@ -8,7 +8,7 @@ import numpy as np
 
 from simmer_tui.config.maze_csv import read_cells
 from simmer_tui.errors import ConfigurationError, Problem
-from simmer_tui.sim.command import escape
+from simmer_tui.sim.command import shown_path
 from simmer_tui.sim.specs import BLOCK, EMPTY, START, WALL, MazeSpec
 
 
@@ -111,7 +111,7 @@ def read_mazes(folder: Path) -> dict[str, MazeSpec]:
 
     Raises ConfigurationError with every mistake in any of them.
     """
-    shown = escape(str(folder), 200)
+    shown = shown_path(folder)
     if not folder.is_dir():
         raise ConfigurationError([Problem("--mazes", f"{shown} is not a folder")])
     paths = sorted(path for path in folder.iterdir() if path.suffix.lower() == ".csv" and path.is_file())

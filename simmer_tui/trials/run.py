@@ -31,7 +31,7 @@ from simmer_tui.report.verdict import findings_of, verdict_of
 from simmer_tui.run.attempt import task_of
 from simmer_tui.run.run_history import RunHistory
 from simmer_tui.server import Server
-from simmer_tui.sim.command import escape
+from simmer_tui.sim.command import escape, escape_passage
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.simulator import Simulator
 from simmer_tui.trials.trial import REAL, Ending, Trial, TrialResult, clock_of, prepare, with_clock
@@ -167,7 +167,7 @@ class TrialRun:
             why="" if cause is None else cause.text,
             verdict=verdict.plain(),
             clock=_clock(server),
-            clock_note="" if server.clock is None else escape(server.clock.unfit, 200),
+            clock_note="" if server.clock is None else escape_passage(server.clock.unfit),
             findings=plain_findings(findings),
             real_seconds=time.perf_counter() - started,
             simulator_seconds=time.process_time() - used,

@@ -29,7 +29,7 @@ import msgspec
 from simmer_tui import platform_has
 from simmer_tui.errors import SimmerError
 from simmer_tui.runlog.typed_json import TypedJson
-from simmer_tui.sim.command import escape
+from simmer_tui.sim.command import escape_passage, shown_path
 from simmer_tui.version import __version__
 
 RESULTS = "results.jsonl"
@@ -107,7 +107,7 @@ class RunStore(Generic[Plan, Line]):
 
     def read_plan(self) -> Plan:
         kind, file = self._kind, self.path / self._kind.plan_file
-        shown = escape(str(self.path), 200)
+        shown = shown_path(self.path)
         try:
             data = file.read_bytes()
         except (FileNotFoundError, NotADirectoryError):
@@ -120,13 +120,13 @@ class RunStore(Generic[Plan, Line]):
             return self._plan.decode(data)
         except ValueError as error:
             raise kind.error(
-                f"{escape(str(file), 200)}: {escape(str(error), 200)}; simmer-tui {__version__} cannot go on "
+                f"{shown_path(file)}: {escape_passage(str(error))}; simmer-tui {__version__} cannot go on "
                 "with it: begin in another folder"
             ) from None
 
     def lines(self) -> Iterator[tuple[str, Line]]:
         """All results in the order in which they came, each with its place for messages."""
-        shown = escape(str(self.results), 200)
+        shown = shown_path(self.results)
         with self.reported("read"):
             data = self.results.read_bytes() if self.results.exists() else b""
         for number, line in enumerate(_whole(data).splitlines(), 1):
@@ -135,7 +135,7 @@ class RunStore(Generic[Plan, Line]):
                 yield where, self._line.decode(line)
             except ValueError as error:
                 raise self._kind.error(
-                    f"{where}: {escape(str(error), 200)}; delete the line to run it again"
+                    f"{where}: {escape_passage(str(error))}; delete the line to run it again"
                 ) from None
 
     def recover(self) -> None:
@@ -182,7 +182,7 @@ class RunStore(Generic[Plan, Line]):
             try:
                 platform_has.lock_alone(file.fileno())
             except BlockingIOError:
-                shown = escape(str(self.path), 200)
+                shown = shown_path(self.path)
                 raise self._kind.error(
                     f"{shown}: another simmer-tui is adding results: wait until it has ended"
                 ) from None
@@ -194,7 +194,7 @@ class RunStore(Generic[Plan, Line]):
         try:
             yield
         except OSError as error:
-            where = escape(str(error.filename or self.path), 200)
+            where = shown_path(error.filename or self.path)
             raise self._kind.error(f"{where} cannot be {what}: {error.strerror or error}") from None
 
     @property
@@ -203,7 +203,7 @@ class RunStore(Generic[Plan, Line]):
         return self.path / f"{self._kind.plan_file}{PARTIAL}"
 
     def _check_free(self) -> None:
-        shown = escape(str(self.path), 200)
+        shown = shown_path(self.path)
         if (self.path / self._kind.plan_file).exists():
             raise self._kind.error(f"{shown} holds {self._kind.noun} already: add --resume to go on")
         if self._unfinished.exists():  # ours, by a process that was killed

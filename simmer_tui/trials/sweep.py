@@ -48,11 +48,11 @@ def points_of(varied: Sequence[str]) -> tuple[SweepPoint, ...]:
         name, equals, listed = text.partition("=")
         values = [value.strip() for value in listed.split(";" if ";" in listed else ",")]
         if not name.strip() or not equals or not all(values):
-            what = f'must be a name and its values, NAME=VALUE,VALUE..., not "{escape(text, 80)}"'
+            what = f'must be a name and its values, NAME=VALUE,VALUE..., not "{escape(text)}"'
             problems.append(Problem("--vary", what))
         points += [{name.strip(): value} for value in values]
     repeated = {str(point) for point in points if points.count(point) > 1}
-    problems += [Problem("--vary", f"{escape(each, 80)} is given twice") for each in sorted(repeated)]
+    problems += [Problem("--vary", f"{escape(each)} is given twice") for each in sorted(repeated)]
     if problems:
         raise ConfigurationError(problems)
     return tuple(points)
@@ -99,7 +99,7 @@ def _change(
     name: str, value: str, folder: Path, changed: dict[str, str], problems: list[Problem], others: list[str]
 ) -> None:
     """Set the cell `name` (`u1.percent_error`, `ultra1.percent_error`) in the file that has it."""
-    where = f"--vary {escape(name, 60)}"
+    where = f"--vary {escape(name)}"
     owner, _, column = name.rpartition(".")
     for file, headers in _TABLES.items():
         table = read_csv(folder / file, problems)
@@ -111,7 +111,7 @@ def _change(
         header = next((each for each in known if column_name(each) == column), None)
         if header is None:
             hint = did_you_mean(column, [column_name(each) for each in known])
-            problems.append(Problem(where, f"{file} has no column {escape(column, 60)}{hint}"))
+            problems.append(Problem(where, f"{file} has no column {escape(column)}{hint}"))
         else:
             changed[file] = _with_cell(table, row, header, value)
         return

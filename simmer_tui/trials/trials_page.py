@@ -75,7 +75,7 @@ def trials_page(folder: TrialFolder, run_pages: Mapping[int, str], required: flo
         Folded("All tables", [table for key, table in made.items() if key not in _SHOWN]),
         Paragraph(" ".join(clock_sentences(folder.configuration, results)), kind="note"),
     ]
-    return Document(f"Trials of {escape(folder.plan.command, 120)}", parts)
+    return Document(f"Trials of {escape(folder.plan.command)}", parts)
 
 
 def _about(folder: TrialFolder, results: Sequence[TrialResult]) -> Paragraph:
@@ -84,9 +84,9 @@ def _about(folder: TrialFolder, results: Sequence[TrialResult]) -> Paragraph:
     runs = counted(plan.runs, "run") if len(results) == plan.runs else f"{len(results)} of {plan.runs} runs"
     clocks = clocks_text(results)
     parts = (
-        *(runs, f"set {escape(plan.configuration, 120)}", f"seed {plan.seed}"),
+        *(runs, f"set {escape(plan.configuration)}", f"seed {plan.seed}"),
         *((f"clock: {clocks}",) if clocks else ()),
-        escape(plan.command, 120),
+        escape(plan.command),
     )
     return Paragraph(" · ".join(parts), kind="run")
 
@@ -165,7 +165,7 @@ def _maps(
     drawn = sorted(groups.items(), key=lambda item: -sum(not result.success for result in item[1]))
     parts: list[DocumentPart] = []
     for name, group in drawn[:_MAPS]:
-        label = escape(name, 80)
+        label = escape(name)
         parts += [SectionHeading(label, 3)] if label else []
         parts.append(map_figure(folder.maze(group[0].number), group, run_pages, f"Map {label}"))
     if len(drawn) > _MAPS:

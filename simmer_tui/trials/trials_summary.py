@@ -21,7 +21,7 @@ from simmer_tui.document.formats import (
 )
 from simmer_tui.document.model import DataColumn, DataTable, Document, DocumentPart, Paragraph
 from simmer_tui.report.causes import Kind
-from simmer_tui.sim.command import escape
+from simmer_tui.sim.command import escape, shown_path
 from simmer_tui.trials.chance_control import CONTROL
 from simmer_tui.trials.explanations import CHANGED_RUNS, WHY_FAILED, explanation_tables
 from simmer_tui.trials.failures import (
@@ -51,7 +51,7 @@ def _shown_runs(runs: tuple[int, int]) -> str:
 
 _COUNTED = tuple(DataColumn(key, COUNT) for key in ("runs", "successes"))
 _RATE, _CONTACTS = DataColumn("success_rate", estimate(".2f")), DataColumn("contacts", COUNT)
-_OPTIONS = Format(lambda options: ", ".join(f"{name} {escape(str(it), 60)}" for name, it in options.items()))
+_OPTIONS = Format(lambda options: ", ".join(f"{name} {escape(str(it))}" for name, it in options.items()))
 TRIALS = DataTable(
     "trials",
     "Trials",
@@ -138,7 +138,7 @@ def trials_document(folder: TrialFolder) -> Document:
         *tables(folder),
         runs_table(folder),
     ]
-    return Document(f"Trials of {escape(folder.plan.command, 120)}", parts)
+    return Document(f"Trials of {escape(folder.plan.command)}", parts)
 
 
 def success_texts(results: Sequence[TrialResult]) -> tuple[str, str]:
@@ -199,7 +199,7 @@ def ports_advice(results: Sequence[TrialResult]) -> str:
 
 def replay_command(folder: TrialFolder, number: int) -> str:
     """Command that plays a run again."""
-    return f"simmer-tui replay {shlex.quote(escape(str(folder.log(number)), 400))}"
+    return f"simmer-tui replay {shlex.quote(shown_path(folder.log(number)))}"
 
 
 def failure_text(result: TrialResult) -> str:

@@ -16,7 +16,7 @@ from simmer_tui.phrases import contact_line, contacts_text, counted, movement_te
 from simmer_tui.program.crash import own_frames
 from simmer_tui.report.verdict import Outcome, Verdict
 from simmer_tui.report.why import NOTHING_MOVED, WhyFact
-from simmer_tui.sim.command import escape, parse_value, printable
+from simmer_tui.sim.command import escape_passage, parse_value, printable
 from simmer_tui.sim.scan_rays import extremes
 from simmer_tui.sim.specs import Axes, DriveKind
 from simmer_tui.snapshot import LogEntry, Snapshot
@@ -25,8 +25,6 @@ from simmer_tui.tui.line_panel import StyledLine, heading, length, shortened, wr
 from simmer_tui.tui.readouts import Room, goals_line, movement_line, spent_words, standing_scan
 from simmer_tui.tui.sensor_readouts import bearing_words
 
-_LONGEST = 400
-"""Characters of an error or a cause that are shown."""
 # Two frames show the place and its caller; each has a line of code below it.
 _FRAMES = 2
 _OUTPUT = 4
@@ -264,7 +262,7 @@ def end_answer(snapshot: Snapshot, *, orders: bool) -> AnswerCard | None:
         if program is not None and program.crashed:
             return _crash(snapshot, program, orders=orders)
     if over is not None:
-        return _failure(snapshot, escape(over.reason, _LONGEST), orders=orders)
+        return _failure(snapshot, escape_passage(over.reason), orders=orders)
     if verdict is None or verdict.outcome is Outcome.STILL_GOING:
         return None
     if verdict.outcome.is_failure:
@@ -335,7 +333,7 @@ def _first_sentences(text: str) -> str:
 
 def _crash(snapshot: Snapshot, program: ProgramEnded, *, orders: bool) -> AnswerCard:
     """The error of a program, and the calls before it, the innermost first."""
-    lines: list[StyledLine] = [((escape(program.error, _LONGEST), "danger"),)]
+    lines: list[StyledLine] = [((escape_passage(program.error), "danger"),)]
     if program.signal:
         lines = [((f"The program was ended by signal {program.exit_code - 128}.", "danger"),), *lines]
     calls = _calls(program)

@@ -20,7 +20,7 @@ from simmer_tui.phrases import (
     went_text,
 )
 from simmer_tui.sim.angles import half_turn
-from simmer_tui.sim.command import escape
+from simmer_tui.sim.command import escape_passage
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.records import CommandResult, Reading, Status
 from simmer_tui.snapshot import LogEntry
@@ -42,8 +42,6 @@ _AFTER_THE_END = (NoticeKind.LEFT, NoticeKind.PROGRAM)
 # The longest usual command, `r1--180`, and a space.
 _COMMAND = 8
 """Columns of a command."""
-# A program's note may be long; the list has a line for it.
-_LONGEST_NOTE = 200
 
 
 def clock(seconds: float) -> str:
@@ -182,7 +180,7 @@ class _Wording(EventHandler[EventWords]):
         def pieces() -> StyledLine:
             believed, off = pose_text(event.pose), f"{off_text(event)}{spread_text(event)}"
             off += "" if event.grid is None else f", {truth_text(event.grid)}"
-            note = f"  {escape(event.note, _LONGEST_NOTE)}" if event.note else ""
+            note = f"  {escape_passage(event.note)}" if event.note else ""
             return (f"{believed}, off {off}", "belief"), (note, "plain")
 
         return EventWords("belief", "belief", pieces)
@@ -200,7 +198,7 @@ class _Wording(EventHandler[EventWords]):
         return EventWords(source, source, lambda: text, is_departure=event.kind in _AFTER_THE_END)
 
     def on_wire(self, event: events.WireMessage) -> EventWords:
-        shown = escape(event.data, _LONGEST_NOTE)
+        shown = escape_passage(event.data)
         if event.reply:
             return EventWords("robot", "<", lambda: ((shown, "value"),))
         return EventWords("client", ">", lambda: ((f"{shown}  ", "plain"), (event.meaning, "dim")))

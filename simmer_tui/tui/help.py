@@ -22,7 +22,7 @@ from simmer_tui.config.robot_drawing import movement_commands, robot_drawing, se
 from simmer_tui.config.settings import KeySettings, all_settings
 from simmer_tui.links.port_list import list_ports
 from simmer_tui.operating.orders import CONSOLE_COMMANDS
-from simmer_tui.sim.command import escape
+from simmer_tui.sim.command import escape_word
 from simmer_tui.sim.specs import SimulationSpec
 from simmer_tui.tui import key_table
 from simmer_tui.tui.key_table import KeyGroup, MazePane
@@ -90,7 +90,7 @@ def help_screen(keys: KeySettings, spec: SimulationSpec, code: str = "") -> "Hel
     for sensor in spec.sensors:
         if code in (sensor.code, sensor.id) and sensor.kind.has("x"):
             lines = [*lines, "", *sensor_drawing(spec.robot, sensor)]
-    return HelpScreen("\n".join(lines), f"Help: {escape(code, 20)}", classes="one-code")
+    return HelpScreen("\n".join(lines), f"Help: {escape_word(code)}", classes="one-code")
 
 
 class HelpScreen(ModalScreen[None]):

@@ -15,7 +15,7 @@ from textual.filter import ANSIToTruecolor, LineFilter
 from textual.screen import Screen
 from textual.widget import Widget
 
-from simmer_tui.sim.command import escape
+from simmer_tui.sim.command import escape_passage
 from simmer_tui.snapshot import Snapshot
 from simmer_tui.tui.answers import AnswerCard
 from simmer_tui.tui.jump_thinning import JumpThinning
@@ -193,7 +193,7 @@ class Shell(FaultTold, TerminalApp):
         forget_traceback(self)
         where = traceback.extract_tb(error.__traceback__)[-1:]
         place = "".join(f" ({Path(frame.filename).name}:{frame.lineno})" for frame in where)
-        self.fault = f"{type(error).__name__}: {escape(str(error), 200)}{place}"
+        self.fault = f"{type(error).__name__}: {escape_passage(str(error))}{place}"
 
     def refresh_frame(self) -> None:
         """Draw again soon, even without an event."""

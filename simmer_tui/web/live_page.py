@@ -25,7 +25,7 @@ _SCRIPT = re.compile(r"<script>(.*?)</script>", re.DOTALL)
 
 def live_html(configuration: Configuration, task: Task | None, seed: int) -> str:
     """The page of a run."""
-    name = escape(configuration.name, 120)
+    name = escape(configuration.name)
     kind = "Mission" if task is not None else "Run"
     document = Document(
         f"{kind}, live",
