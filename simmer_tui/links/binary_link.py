@@ -222,6 +222,11 @@ class BinaryLink:
     # -- coming --------------------------------------------------------------------------------
 
     def _command_connection(self, sock: socket.socket, peer: str) -> None:
+        seat = self.context.seat
+        # At once: by the program's clock no time passes for others while the program computes.
+        if seat is not None and (refused := seat.refusal(sock, peer)):
+            self._refuse(sock, peer, refused)
+            return
         if self.client is None:
             self._admit(sock, peer)
             return
@@ -231,14 +236,17 @@ class BinaryLink:
         self._loop.call_later(PATIENCE, self._consider, sock)
 
     def _admit(self, sock: socket.socket, peer: str) -> None:
-        refused = "" if self.context.seat is None else self.context.seat.take_by(self, sock, peer)
-        if refused:
-            self._commands.turn_away(sock, peer)
-            self._turned_away.tell(f"client {peer} turned away: {refused}", refused)
+        seat = self.context.seat
+        if seat is not None and (refused := seat.take(self, f"client {peer}")):
+            self._refuse(sock, peer, refused)
             return
         _probe_silent_peer(sock)
         self.client = Client(sock, peer, self)
         self.engine.tell(Notice(NoticeKind.CONNECTED, f"client {peer} connected", peer))
+
+    def _refuse(self, sock: socket.socket, peer: str, reason: str) -> None:
+        self._commands.turn_away(sock, peer)
+        self._turned_away.tell(f"client {peer} turned away: {reason}", reason)
 
     def _consider(self, sock: socket.socket) -> None:
         """Refuse a newcomer unless the present client is about to leave."""

@@ -6,7 +6,7 @@ from __future__ import annotations
 import socket
 
 from simmer_tui.links.peer import host_of
-from simmer_tui.links.processes import Process, ProcessLookup, session_of
+from simmer_tui.links.processes import LONGEST_LOOK, LONGEST_SEARCH, Process, ProcessLookup, session_of
 from simmer_tui.program_clock import ProgramClock
 from simmer_tui.sim.command import escape
 
@@ -38,13 +38,10 @@ class DriverSeat:
         self._process = process or self._process
         return ""
 
-    def take_by(self, holder: object, sock: socket.socket, peer: str, *, makes_many: bool = False) -> str:
-        """Take the seat for a connection. A program that `makes_many` connections is recognised by its
-        process."""
-        if self._is_outsider(sock, peer):
-            return NOT_SERVED
-        if not makes_many:
-            return self.take(holder, f"client {peer}")
+    def take_by_process(self, holder: object, sock: socket.socket, peer: str) -> str:
+        """Take the seat for one of the many connections of a program, which is recognised by its process."""
+        if refused := self.refusal(sock, peer, LONGEST_LOOK):
+            return refused
         known = self._process if holder is self._holder else None
         process = None if self._processes is None else self._processes.holder(sock, peer, known)
         return self.take(holder, f"client {host_of(peer)}", process)
@@ -64,15 +61,17 @@ class DriverSeat:
         if holder is self._holder:
             self._holder = self._process = None
 
-    def _is_outsider(self, sock: socket.socket, peer: str) -> bool:
-        """True if only the program of --run is served, and the connection is not from it.
+    def refusal(self, sock: socket.socket, peer: str, longest: float = LONGEST_SEARCH) -> str:
+        """The reason why a connection is not served: only the program of --run is, and it is not from it.
+        Otherwise an empty text.
 
-        Where the system does not report processes (other systems than Linux, a sandbox), nobody is an
-        outsider.
+        Where the system does not report processes (other systems than Linux, a sandbox), or not within
+        `longest` seconds of processor time, everybody is served.
         """
         started = None if self._processes is None else self._processes.of_run
         if self._clock is None or self._processes is None or started is None:
-            return False
-        process = self._processes.holder(sock, peer, started)
+            return ""
+        process = self._processes.holder(sock, peer, started, longest)
         # The program begins a session of its own, whose number is its process ID.
-        return process is not None and session_of(process.pid) not in (None, started.pid)
+        is_outsider = process is not None and session_of(process.pid) not in (None, started.pid)
+        return NOT_SERVED if is_outsider else ""

@@ -261,9 +261,8 @@ class PacketLink:
     def _welcome(self, sock: socket.socket, peer: str) -> None:
         if len(self.senders) >= MOST_CONNECTIONS:
             self._make_room()
-        refused = (
-            "" if self.context.seat is None else self.context.seat.take_by(self, sock, peer, makes_many=True)
-        )
+        seat = self.context.seat
+        refused = "" if seat is None else seat.take_by_process(self, sock, peer)
         if refused:
             self._requests.turn_away(sock, peer)
             self._turned_away.tell(f"client {peer} turned away: {refused}", refused)

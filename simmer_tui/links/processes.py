@@ -106,14 +106,17 @@ class ProcessLookup:
         """The user id of the other end, `address:port`. None if it is on another machine, or not reported."""
         return self._owners.owner(sock, _address(peer))
 
-    def holder(self, sock: socket.socket, peer: str, known: Process | None) -> Process | None:
-        """The process that has the socket at the other end, or None; `known` is tried first."""
+    def holder(
+        self, sock: socket.socket, peer: str, known: Process | None, longest: float = LONGEST_LOOK
+    ) -> Process | None:
+        """The process that has the socket at the other end, or None if it is not found in `longest` seconds
+        of processor time; `known` is tried first."""
         inode = self.inode(sock, peer)
         if not inode:
             return None
         if known is not None and inode in _sockets_of(known.pid, {inode}) and known.lives:
             return known
-        pids = self.holders({inode}, LONGEST_LOOK)[inode]
+        pids = self.holders({inode}, longest)[inode]
         return _process(max(pids)) if pids else None
 
     def holders(

@@ -168,7 +168,7 @@ def test_by_the_programs_clock_others_are_turned_away_from_tcp_too(tmp_path: Pat
             assert other.recv(8) == b""
     finally:
         _, rest = run.communicate("\n", timeout=PATIENCE)
-    assert "turned away" in rest
+    assert "turned away: by the program's clock only the program of --run is served" in rest
 
 
 def test_a_read_that_waits_for_long_is_told_with_its_place_and_what_was_written(tmp_path: Path) -> None:
