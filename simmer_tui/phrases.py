@@ -195,9 +195,15 @@ def progress_text(trajectory: Trajectory, value: float | str, time: float) -> st
 
 
 def stopped_text(contact: Contact) -> str:
-    """Obstacle that stopped a movement, and its side: `stopped by a wall ahead`."""
+    """Obstacle that stopped a movement, its side, and the block if that hit: `stopped by a wall ahead`."""
     obstacle = "a wall" if contact.cell is not None else "the block"
-    return f"stopped by {obstacle} {side_text(contact)}"
+    held = ", with the held block" if contact.held_block else ""
+    return f"stopped by {obstacle} {side_text(contact)}{held}"
+
+
+def stopped_by_text(ended: MovementEnded) -> str:
+    """Sender that stopped a movement early: `, stopped by reset from console`; empty if nobody did."""
+    return f", stopped by {ended.stopped_by}" if ended.stopped_by else ""
 
 
 def contact_line(ended: MovementEnded, contact: Contact) -> str:
