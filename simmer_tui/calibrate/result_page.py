@@ -194,8 +194,8 @@ def residual_table(fit: Fit) -> DataTable:
 def _moved(rows: Rows, *, source: int, unit: str) -> IntArray:
     """Rows of a drive's movements: of both axes of translation in inches, or of the heading in degrees."""
     by_axis = np.flatnonzero(rows.family == PROCESS).reshape(len(AXES), -1)
-    mine = by_axis[:-1] if unit == "in" else by_axis[-1:]
-    return mine[rows.source[mine] == source]
+    mine = (by_axis[:-1] if unit == "in" else by_axis[-1:]).ravel()
+    return np.compress(rows.source[mine] == source, mine)
 
 
 def _read(rows: Rows, *, source: int) -> IntArray:

@@ -155,7 +155,7 @@ COLUMNS = (
     *map(DataColumn, ("line", "time_s", "elapsed_s", "real_time_s", "number", "source", "command", "status")),
     *map(DataColumn, ("reply", "sensor", "true")),
     *(DataColumn("before", POSE), DataColumn("after", POSE), DataColumn("contact", _PLACE)),
-    DataColumn("reason"),
+    DataColumn("text", heading="why"),
 )
 
 
