@@ -15,11 +15,11 @@ import tracemalloc
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from simmer_tui.config.dialect_parts import Parts
 from simmer_tui.config.loader import find_set, load
 from simmer_tui.dialect.device import DialectDevice
 from simmer_tui.dialect.dialect_rules import DialectRules
 from simmer_tui.dialect.expressions import LONGEST_TEXT, MOST_RAYS, Expression, FieldValue
+from simmer_tui.dialect.set_parts import Parts
 from simmer_tui.dialect.templates import text_reply
 from simmer_tui.engine import Engine
 from simmer_tui.errors import ExpressionError
@@ -59,7 +59,7 @@ class Names:
         spec = load(find_set("lidar")).simulation
         simulator = Simulator(spec, 0)
         parts = Parts(spec.sensors)
-        rules = DialectRules(behind=parts.behind, lidars=parts.lidars)
+        rules = DialectRules(parts=parts)
         host = SimulatedHost(Engine(simulator), rules, lambda data, droppable: None)
         self._device = DialectDevice(rules, host)
         self._readings = {code: value_of(simulator.execute(code)) for code in parts.lidars}

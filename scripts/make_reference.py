@@ -45,8 +45,9 @@ PAGES = ROOT / "docs" / "reference"
 NOTE = "<!-- Made by scripts/make_reference.py from the code: change it there. -->\n"
 _SETTING = "setting."  # prefix under which the options of settings are stored
 _ERRORS = "Error"
-_COMPLAINTS = {"Problem": -1, "complain": -1, "refuse": 1}
-"""Calls that report a problem, and the number of the argument with the message."""
+_COMPLAINTS = {"Problem": -1, "complain": -1, "refuse": 1, "kind": 0}
+"""Calls that report a problem, and the number of the argument with the message. `kind` is a class of errors
+that a function is given."""
 _OF_PYTHON = ("AssertionError", "AttributeError")
 """Errors that no user meets."""
 _PLACE = "..."  # placeholder for a value in a message

@@ -8,9 +8,10 @@ from __future__ import annotations
 import math
 
 from simmer_tui.events import MovementEnded, ProgramEnded
-from simmer_tui.sim.angles import eighth_of_turn, half_turn
+from simmer_tui.sim.angles import half_turn
 from simmer_tui.sim.arcs import Twist
 from simmer_tui.sim.command import escape
+from simmer_tui.sim.directions import side_name
 from simmer_tui.sim.path import Contact
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.records import Grip, LidarScan
@@ -22,15 +23,6 @@ _LONGEST = 200
 """Characters of text from a program that are shown."""
 # Inches; two decimals show less as 0.
 _SHOWN_MISS = 0.005
-# Directions of a drive with a positive and with a negative value.
-_DIRECTIONS = {
-    DriveKind.RIGHT: ("forward", "back"),
-    DriveKind.LEFT: ("back", "forward"),
-    DriveKind.UP: ("left", "right"),
-    DriveKind.DOWN: ("right", "left"),
-}
-# Counter-clockwise in steps of 45 degrees.
-_SIDES = ("ahead", "ahead left", "left", "behind left", "behind", "behind right", "right", "ahead right")
 
 
 # -- numbers and places ----------------------------------------------------------------------------
@@ -148,12 +140,13 @@ def side_text(contact: Contact) -> str:
     return side_name(bearing)
 
 
-def side_name(bearing: float) -> str:
-    """Side of the robot in a direction, degrees from its front: `ahead left`."""
-    return _SIDES[eighth_of_turn(bearing)]
-
-
 # -- movements and their ends ----------------------------------------------------------------------
+
+
+def _direction_name(kind: DriveKind, value: float) -> str:
+    """Direction in which a drive moves the robot with a value of this sign: `forward`."""
+    bearing = math.degrees(math.atan2(kind.direction.y, kind.direction.x))
+    return side_name(bearing + 180.0 if value < 0 else bearing, "forward", "back")
 
 
 def movement_text(ended: MovementEnded) -> str:
@@ -171,7 +164,7 @@ def movement_text(ended: MovementEnded) -> str:
     x, y = end.x - begin.x, end.y - begin.y
     ahead, left = x * math.cos(heading) + y * math.sin(heading), y * math.cos(heading) - x * math.sin(heading)
     along = ahead * kind.direction.x + left * kind.direction.y
-    return f"{_DIRECTIONS[kind][along < 0]} {went:.1f} in"
+    return f"{_direction_name(kind, along)} {went:.1f} in"
 
 
 def went_text(ended: MovementEnded) -> str:
@@ -184,7 +177,7 @@ def asked_text(kind: DriveKind, value: float) -> str:
     """Movement that a command asks for: `20.0 in forward`, `turn by -30.0 deg`."""
     if kind.turns:
         return f"turn by {value:.1f} deg"
-    return f"{abs(value):.1f} in {_DIRECTIONS[kind][value < 0]}"
+    return f"{abs(value):.1f} in {_direction_name(kind, value)}"
 
 
 def progress_text(trajectory: Trajectory, value: float | str, time: float) -> str:
@@ -197,14 +190,20 @@ def progress_text(trajectory: Trajectory, value: float | str, time: float) -> st
     if kind.turns:
         begin = trajectory.pose_at(trajectory.start_time).heading
         return f"turning, {abs(trajectory.pose_at(time).heading - begin):.1f}{asked} deg"
-    direction = _DIRECTIONS[kind][isinstance(value, float) and value < 0]
+    direction = _direction_name(kind, value if isinstance(value, float) else 1.0)
     return f"{direction}, {trajectory.travelled(time):.1f}{asked} in"
 
 
 def stopped_text(contact: Contact) -> str:
-    """Obstacle that stopped a movement, and its side: `stopped by a wall ahead`."""
+    """Obstacle that stopped a movement, its side, and the block if that hit: `stopped by a wall ahead`."""
     obstacle = "a wall" if contact.cell is not None else "the block"
-    return f"stopped by {obstacle} {side_text(contact)}"
+    held = ", with the held block" if contact.held_block else ""
+    return f"stopped by {obstacle} {side_text(contact)}{held}"
+
+
+def stopped_by_text(ended: MovementEnded) -> str:
+    """Sender that stopped a movement early: `, stopped by reset from console`; empty if nobody did."""
+    return f", stopped by {ended.stopped_by}" if ended.stopped_by else ""
 
 
 def contact_line(ended: MovementEnded, contact: Contact) -> str:
@@ -224,7 +223,7 @@ def velocity_text(twist: Twist) -> str:
     parts = []
     for value, kind in ((twist.x, DriveKind.RIGHT), (twist.y, DriveKind.UP)):
         if value:
-            parts.append(f"{_DIRECTIONS[kind][value < 0]} {abs(value):.1f} in/s")
+            parts.append(f"{_direction_name(kind, value)} {abs(value):.1f} in/s")
     if twist.r:
         parts.append(f"turning {twist.r:.0f} deg/s")
     return ", ".join(parts) or "standing"

@@ -13,6 +13,7 @@ from msgspec.structs import replace
 from simmer_tui.cli.headless import EventLines
 from simmer_tui.events import MovementEnded
 from simmer_tui.phrases import (
+    asked_text,
     contact_ending,
     contact_line,
     contact_text,
@@ -25,7 +26,8 @@ from simmer_tui.phrases import (
     scan_text,
     side_text,
 )
-from simmer_tui.sim import Pose, SimulationSpec, Simulator
+from simmer_tui.sim import DriveKind, Pose, SimulationSpec, Simulator
+from simmer_tui.sim.directions import side_name
 from simmer_tui.sim.records import Grip, LidarScan
 
 
@@ -75,6 +77,22 @@ def test_the_distance_of_a_movement_is_that_of_the_totals(noisy_spec: Simulation
     movement = MovementEnded(1, result.time, result.command, result.trajectory, result.pose)
     went = movement.trajectory.travelled(movement.time)
     assert movement_text(movement) == f"forward {went:.1f} in"
+
+
+@pytest.mark.parametrize("kind", [kind for kind in DriveKind if not kind.turns])
+def test_every_drive_has_a_direction_in_words(kind: DriveKind) -> None:
+    """A drive that is added is worded by its direction, without an entry anywhere."""
+    assert kind.meaning.startswith(f"drive {asked_text(kind, 3.0).split()[-1]} ")
+    there, back = (asked_text(kind, value).split()[-1] for value in (3.0, -3.0))
+    assert {there, back} in ({"forward", "back"}, {"left", "right"})
+
+
+def test_sides_go_counter_clockwise_with_the_words_that_are_asked_for() -> None:
+    names = [side_name(45.0 * eighth) for eighth in range(8)]
+    assert names == [
+        *("ahead", "ahead left", "left", "behind left", "behind", "behind right", "right", "ahead right")
+    ]
+    assert [side_name(bearing, "front", "rear") for bearing in (-45.0, 200.0)] == ["front right", "rear"]
 
 
 def replace_contact(contact: Any, **changes: Any) -> Any:

@@ -56,6 +56,8 @@ class PartVerdict:
     changed: bool
     figures: tuple[tuple[str, float, float, float], ...]
     """Label, value in the set, value in the log and the difference's standard error."""
+    units: tuple[str, ...] = ()
+    """Unit of each figure; empty text for none."""
 
 
 def check_robot(
@@ -130,10 +132,11 @@ def judged(found: Fit, knowledge: Knowledge, rate: float = FALSE_ALARMS) -> tupl
     verdicts = []
     for owner, probability, changed in _holm(owners, list(dict.fromkeys(owners[identified])), misfit, rate):
         mine = np.flatnonzero((owners == owner) & identified)
-        labels = [found.space.parameters[i].label for i in chosen[mine]]
+        tested = [found.space.parameters[i] for i in chosen[mine]]
         numbers = ((prior[mine]).tolist(), (prior + difference)[mine].tolist(), errors[mine].tolist())
-        figures = tuple(zip(labels, *numbers, strict=True))
-        verdicts.append(PartVerdict(str(owner), probability, changed, figures))
+        figures = tuple(zip((each.label for each in tested), *numbers, strict=True))
+        units = tuple(each.unit for each in tested)
+        verdicts.append(PartVerdict(str(owner), probability, changed, figures, units))
     return tuple(verdicts)
 
 

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
-from itertools import pairwise
+from functools import partial
+from itertools import pairwise, zip_longest
 
 import numpy as np
 
@@ -12,6 +13,7 @@ from simmer_tui.calibrate.change_detection import FALSE_ALARMS, PartVerdict
 from simmer_tui.calibrate.estimates import ParameterEstimate, unidentified_labels
 from simmer_tui.calibrate.fit import Fit, fit_path
 from simmer_tui.calibrate.model_check import FALSE_MISFIT_RATE, Misfit
+from simmer_tui.calibrate.parameters import AXES
 from simmer_tui.calibrate.posterior import COUNTER, OBSERVATION, PROCESS, RANGE, Rows
 from simmer_tui.calibrate.prediction import HeldBack
 from simmer_tui.document import svg
@@ -31,10 +33,10 @@ from simmer_tui.document.model import (
 )
 from simmer_tui.phrases import capitalized
 from simmer_tui.report.figure import WIDTH
+from simmer_tui.sim.angles import IntArray
 from simmer_tui.sim.command import escape_passage
 from simmer_tui.sim.specs import CELL_SIZE, WALL
 
-_MOVED_FAMILIES: tuple[int, ...] = (PROCESS,)
 _READ_FAMILIES: tuple[int, ...] = (COUNTER, RANGE, OBSERVATION)
 _NUMBER = number(".3g")
 _FIGURE = replace(WORDS, numeric=True)
@@ -100,6 +102,7 @@ CHECK = DataTable(
         DataColumn("set", number(".4g")),
         DataColumn("log", number(".4g")),
         DataColumn("error", number(".2g")),
+        DataColumn("unit", UNIT, hidden=True),
         DataColumn("verdict", WORDS, ""),
     ),
 )
@@ -171,10 +174,14 @@ def residual_table(fit: Fit) -> DataTable:
     before_state = fit_path(fit.run, fit.space, *fit.space.of(fit.run.spec), fit.state)
     before, after = fit.model.rows(before_state), fit.rows
     spec, rows = fit.run.spec, []
-    drives = [(_MOVED_FAMILIES, each.kind.value, "in and deg") for each in spec.drives]
-    sensors = [(_READ_FAMILIES, each.id, each.unit) for each in spec.sensors]
-    for index, (families, name, unit) in (*enumerate(drives), *enumerate(sensors)):
-        was, now = (_middle(each, families, index) for each in (before, after))
+    parts: list[tuple[str, str, Callable[[Rows], IntArray]]] = [
+        (each.kind.value, unit, partial(_moved, source=source, unit=unit))
+        for source, each in enumerate(spec.drives)
+        for unit in ("in", "deg")
+    ]
+    parts += [(each.id, each.unit, partial(_read, source=i)) for i, each in enumerate(spec.sensors)]
+    for name, unit, chosen in parts:
+        was, now = (_middle(each, chosen(each)) for each in (before, after))
         if now is not None and was is not None:
             rows.append((name, unit, was, now))
     note = (
@@ -184,9 +191,20 @@ def residual_table(fit: Fit) -> DataTable:
     return RESIDUALS.filled(rows, note)
 
 
-def _middle(rows: Rows, families: tuple[int, ...], source: int) -> float | None:
-    mine = np.isin(rows.family, families) & (rows.source == source)
-    return float(np.median(np.abs(rows.residuals[mine]))) if mine.any() else None
+def _moved(rows: Rows, *, source: int, unit: str) -> IntArray:
+    """Rows of a drive's movements: of both axes of translation in inches, or of the heading in degrees."""
+    by_axis = np.flatnonzero(rows.family == PROCESS).reshape(len(AXES), -1)
+    mine = (by_axis[:-1] if unit == "in" else by_axis[-1:]).ravel()
+    return np.compress(rows.source[mine] == source, mine)
+
+
+def _read(rows: Rows, *, source: int) -> IntArray:
+    """Rows of a sensor's readings."""
+    return np.flatnonzero(np.isin(rows.family, _READ_FAMILIES) & (rows.source == source))
+
+
+def _middle(rows: Rows, mine: IntArray) -> float | None:
+    return float(np.median(np.abs(rows.residuals[mine]))) if mine.size else None
 
 
 def held_back_table(held: HeldBack) -> DataTable:
@@ -225,9 +243,9 @@ def check_document(parts: Sequence[PartVerdict]) -> Document:
     for part in parts:
         verdict = f"{'changed' if part.changed else 'unchanged'} (p = {part.probability:.2g})"
         about = (part.owner, part.changed, part.probability)
-        for place, (label, *figures) in enumerate(part.figures):
+        for place, ((label, *figures), unit) in enumerate(zip_longest(part.figures, part.units)):
             owner, shown = (None, None) if place else (part.owner, verdict)  # once a part
-            rows.append((*about, owner, label, *figures, shown))
+            rows.append((*about, owner, label, *figures, unit, shown))
     note = (
         f"Each part is tested. Of robots that have not changed, at most {FALSE_ALARMS:.0%} get the verdict "
         '"changed" for any part.'

@@ -19,6 +19,7 @@ from simmer_tui.cli.command_line import (
     add_trust_option,
     overrides_from,
     subcommand,
+    unwritable,
 )
 from simmer_tui.cli.progress_bar import progress_bar
 from simmer_tui.config.loader import load
@@ -80,7 +81,7 @@ def run_atlas(options: argparse.Namespace) -> int:
     try:
         out.write_bytes(data)
     except OSError as error:
-        raise AtlasError(f"{shown} cannot be written: {error.strerror or error}") from None
+        raise unwritable(AtlasError, out, error) from None
     sys.stdout.write(f"Wrote {shown}, {len(data) / 1e6:.2f} MB: {', '.join(codes)}\n")
     _describe(atlas, simulator)
     if form == "h" and table_bytes(atlas) > MEGA_FLASH:

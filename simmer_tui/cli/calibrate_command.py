@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import importlib.util
-import os
 import sys
 from collections.abc import Callable, Generator, Sequence
 from contextlib import contextmanager
@@ -28,9 +27,9 @@ from simmer_tui.cli.command_line import (
 from simmer_tui.cli.progress_bar import progress_bar
 from simmer_tui.config.device_trust import DeviceUse
 from simmer_tui.config.loader import Override, load
-from simmer_tui.config.sets import find_set
+from simmer_tui.config.sets import check_free, find_set
 from simmer_tui.document.as_html import html_page
-from simmer_tui.errors import CalibrationError, ConfigurationError, Problem
+from simmer_tui.errors import CalibrationError
 from simmer_tui.sim.command import shown_path
 from simmer_tui.version import requirement
 
@@ -107,7 +106,7 @@ def run_calibrate(options: argparse.Namespace) -> int:
         (sys.stderr if options.json else sys.stdout).write(f"note: {note}\n")
     if options.check is not None:
         return _check(run, options.check, as_json=options.json)
-    _check_free(options.out)
+    check_free(options.out)
     device_texts(run.configuration)  # missing ones are reported before the work
     if len(options.logs) > 1:
         with _shown() as progress:
@@ -132,24 +131,11 @@ def _guide(options: argparse.Namespace) -> int:
     from simmer_tui.calibrate.measured_run import read_runs
     from simmer_tui.cli.guided_session import hold_session
 
-    _check_free(options.out)
+    check_free(options.out)
     configuration = load(find_set(options.config), {"serial.port": Override("--serial", options.serial)})
     log = options.out.with_name(f"{options.out.name}.jsonl")
     hold_session(configuration, log, Console())
     return _learn(guided_run(read_runs([log])), options)
-
-
-def _check_free(out: Path) -> None:
-    """Check that a folder is empty and can be made. Raises ConfigurationError before the work, whose result
-    would be lost."""
-    shown = shown_path(out)
-    if out.exists() and (not out.is_dir() or any(out.iterdir())):
-        what = "is there already, and not empty; nothing is overwritten, name another folder"
-        raise ConfigurationError([Problem(shown, what)])
-    there = next(each for each in (out, *out.absolute().parents) if each.exists())
-    if not there.is_dir() or not os.access(there, os.W_OK):
-        why = "may not be written to" if there.is_dir() else "is not a folder"
-        raise ConfigurationError([Problem(shown, f"cannot be written: {shown_path(there)} {why}")])
 
 
 def _strength(directories: list[Path]) -> int:

@@ -71,6 +71,11 @@ def report(error: SimmerError, program: str = "simmer-tui") -> int:
     return _CODES.get(type(error), ExitCode.PROBLEM)
 
 
+def unwritable(kind: type[SimmerError], path: Path, error: OSError) -> SimmerError:
+    """An error of this kind for a file that cannot be written, with the reason."""
+    return kind(f"{shown_path(path)} cannot be written: {error.strerror or error}")
+
+
 def has_terminal() -> bool:
     """True if there is a terminal to draw on, or `textual serve` in its place."""
     # Textual's own variable: with it Textual draws in packets over the standard streams.

@@ -21,6 +21,7 @@ from simmer_tui.cli.command_line import (
     print_answer,
     print_json,
     subcommand,
+    unwritable,
 )
 from simmer_tui.cli.progress_bar import progress_bar
 from simmer_tui.document.model import Bullets, DataColumn, DataTable, Document
@@ -96,12 +97,12 @@ def build_report(
                 # Opened before the log is read: a name that cannot be written is reported at once.
                 file = stack.enter_context(csv_path.open("w", encoding="utf-8", newline=""))
             except OSError as error:
-                raise _unwritable(csv_path, error) from None
+                raise unwritable(RunLogError, csv_path, error) from None
             table = CommandTable(file)
         try:
             _run_through(_steps(log, run, table), log.size, "report")
         except OSError as error:
-            raise _unwritable(csv_path or path, error) from None
+            raise unwritable(RunLogError, csv_path or path, error) from None
     run.finish(log.note)
     return run
 
@@ -153,7 +154,7 @@ def run_export(options: argparse.Namespace) -> int:
         try:
             _run_through(write_gif(run, options.gif, taken, width), len(taken.times), "pictures")
         except OSError as error:
-            raise _unwritable(options.gif, error) from None
+            raise unwritable(RunLogError, options.gif, error) from None
         sys.stdout.write(_wrote(options.gif))
     return 0
 
@@ -232,12 +233,7 @@ def _write_text(path: Path, text: str) -> None:
     try:
         path.write_text(text, encoding="utf-8", newline="\n")
     except OSError as error:
-        raise _unwritable(path, error) from None
-
-
-def _unwritable(path: Path, error: OSError) -> RunLogError:
-    """An error for a file that cannot be written, with the reason."""
-    return RunLogError(f"{shown_path(path)} cannot be written: {error.strerror or error}")
+        raise unwritable(RunLogError, path, error) from None
 
 
 def _wrote(path: Path) -> str:

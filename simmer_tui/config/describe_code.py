@@ -3,18 +3,13 @@
 import math
 from collections.abc import Iterator
 
-from simmer_tui.sim.angles import eighth_of_turn
 from simmer_tui.sim.columns import FIELD_OF_VIEW, CsvColumn
 from simmer_tui.sim.command import escape_word
+from simmer_tui.sim.directions import side_name
 from simmer_tui.sim.rules import did_you_mean
 from simmer_tui.sim.specs import DriveSpec, GripperSpec, SensorSpec, SimulationSpec, VelocitySpec
 from simmer_tui.sim.velocity_commands import WAIT, velocity_shape
 
-# Eighths of a turn from the front, counter-clockwise.
-_SIDES = (
-    *("front", "front left", "left", "rear left"),
-    *("rear", "rear right", "right", "front right"),
-)
 # Inches or degrees below which descriptions show no difference.
 _NEAR = 0.01
 
@@ -42,16 +37,14 @@ def side_of(angle: float) -> str:
     """The side of an angle (degrees, counter-clockwise from the front) in words; with `about` unless it is in
     the middle of an eighth of a turn."""
     exact = abs(math.remainder(angle, 45.0)) < _NEAR
-    return f"{'' if exact else 'about '}{_SIDES[eighth_of_turn(angle)]}"
+    return f"{'' if exact else 'about '}{side_name(angle, 'front', 'rear')}"
 
 
 def _turned(angle: float) -> str:
     """An angle as degrees from the front, to the nearer side."""
     angle = (angle + 180.0) % 360.0 - 180.0
-    if abs(angle) < _NEAR:
-        return "to the front"
-    if abs(abs(angle) - 180.0) < _NEAR:
-        return "to the rear"
+    if abs(math.remainder(angle, 180.0)) < _NEAR:
+        return f"to the {side_of(angle)}"
     side = "left" if angle > 0 else "right"
     words = side_of(angle)
     plain = f"{abs(angle):g} deg to the {side}"

@@ -1,10 +1,8 @@
 """The parts of a dialect.toml's rules: expressions, texts and replies, each mistake with its place."""
 
 import struct
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any, ParamSpec, TypeGuard, TypeVar
-
-from msgspec import Struct
 
 from simmer_tui.config.dialect_toml import LONGEST_TIME, REPLY_KEYS
 from simmer_tui.config.toml_file import TomlFile
@@ -13,10 +11,9 @@ from simmer_tui.dialect.dialect_rules import TYPE, AnyReply
 from simmer_tui.dialect.expressions import Expression
 from simmer_tui.dialect.frames import FrameKind, Framing
 from simmer_tui.dialect.kinds import ANY, NUMBER, Known, ValueKind
+from simmer_tui.dialect.set_parts import Parts
 from simmer_tui.dialect.templates import BinaryReply, Field, TextReply, check_pack, parsed_reply
 from simmer_tui.sim.rules import did_you_mean
-from simmer_tui.sim.specs import DriveSpec, GripperSpec, SensorSpec, VelocityKind, VelocitySpec
-from simmer_tui.sim.velocity_commands import WAIT
 
 # 50 times the cells of the greatest maze.
 MOST_FRAMES = 1000
@@ -27,61 +24,6 @@ Names = Mapping[str, Known]
 """The values of a message, with the static knowledge of each."""
 P = ParamSpec("P")
 T = TypeVar("T")
-
-
-class Parts(Struct, frozen=True):
-    """The parts of a set that a dialect may use."""
-
-    sensors: Sequence[SensorSpec] = ()
-    drives: Sequence[DriveSpec] = ()
-    gripper: GripperSpec | None = None
-    velocities: Sequence[VelocitySpec] = ()
-
-    @property
-    def readable(self) -> frozenset[str]:
-        """Codes of the sensors."""
-        return frozenset(each.code for each in self.sensors if each.enabled)
-
-    @property
-    def yes_or_no(self) -> frozenset[str]:
-        """Codes of the sensors that read 1 or 0."""
-        return frozenset(each.code for each in self.sensors if each.enabled and each.is_yes_or_no)
-
-    @property
-    def lidars(self) -> dict[str, SensorSpec]:
-        """The sensors whose reading is a list of numbers, by code."""
-        return {each.code: each for each in self.sensors if each.enabled and each.kind.is_scan}
-
-    @property
-    def behind(self) -> dict[str, tuple[str, ...]]:
-        """The codes of the sensors that ray, scan and contact read, as far as there are any."""
-        found: dict[str, tuple[str, ...]] = {}
-        for sensor in self.sensors:
-            for function in sensor.kind.stands_for if sensor.enabled else ():
-                found[function] = (*found.get(function, ()), sensor.code)
-        return found
-
-    @property
-    def speeds(self) -> dict[str, tuple[float, float, float]]:
-        """The velocity of each drive at its Speed, by code."""
-        found = {}
-        for drive in self.drives:
-            if drive.enabled:
-                way = drive.kind.direction
-                found[drive.code] = (way.x * drive.speed, way.y * drive.speed, way.r * drive.speed)
-        return found
-
-    @property
-    def velocity(self) -> str:
-        """Code of the command that sets the whole velocity."""
-        rows = (each.code for each in self.velocities if each.enabled and each.kind is VelocityKind.ALL)
-        return next(rows, "")
-
-    @property
-    def commands(self) -> frozenset[str]:
-        """Codes of all commands that a step may have."""
-        codes = {WAIT, *self.speeds, *(each.code for each in self.velocities if each.enabled)}
-        return frozenset(codes | ({self.gripper.code} if self.gripper and self.gripper.enabled else set()))
 
 
 def without_gaps(parts: Iterable[T | None]) -> tuple[T, ...]:

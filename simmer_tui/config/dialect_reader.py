@@ -8,7 +8,7 @@ from typing import Any, TypeGuard
 
 from msgspec.structs import replace
 
-from simmer_tui.config.dialect_parts import READING, Names, Parts, RuleParts, is_whole, without_gaps
+from simmer_tui.config.dialect_parts import READING, Names, RuleParts, is_whole, without_gaps
 from simmer_tui.config.dialect_toml import (
     COMMAND_KEYS,
     FILE,
@@ -41,6 +41,7 @@ from simmer_tui.dialect.dialect_rules import (
 from simmer_tui.dialect.frames import FrameKind, Framing
 from simmer_tui.dialect.kinds import ANY, LIST, NUMBER, TEXT, Known, ValueKind, kind_of
 from simmer_tui.dialect.patterns import NAME, Pattern
+from simmer_tui.dialect.set_parts import Parts
 from simmer_tui.dialect.templates import check_pack, pack_codes
 from simmer_tui.errors import Problem
 from simmer_tui.sim.command import parse_value
@@ -79,7 +80,7 @@ class _Reader(RuleParts):
 
     def rules(self) -> DialectRules:
         """The rules of the whole file."""
-        file, parts = self._file, self._parts
+        file = self._file
         file.check_names(file.tree, TABLES, listed_as="tables")
         protocol = self._protocol()
         if protocol is not None:
@@ -111,12 +112,7 @@ class _Reader(RuleParts):
             streams=without_gaps(streams),
             unknown=self._replies(unknown, "reply", "unknown.", {"text": TEXT}),
             unknown_place=file.place("unknown"),
-            codes=parts.readable,
-            yes_or_no=parts.yes_or_no,
-            behind=parts.behind,
-            lidars=parts.lidars,
-            speeds=parts.speeds,
-            velocity=parts.velocity,
+            parts=self._parts,
         )
 
     # -- [frame] and [state] -----------------------------------------------------------------------

@@ -164,8 +164,8 @@ def _dialect(
     dialect = None
     if (directory / dialect_toml.FILE).exists():
         # Few sets have one, and its reader takes time to import.
-        from simmer_tui.config.dialect_parts import Parts
         from simmer_tui.config.dialect_reader import load_dialect
+        from simmer_tui.dialect.set_parts import Parts
 
         parts = Parts(sensors, rows.drives, rows.gripper, rows.velocities)
         dialect = load_dialect(directory, parts, problems)

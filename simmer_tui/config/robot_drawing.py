@@ -5,6 +5,7 @@ from collections.abc import Iterable, Sequence
 from textwrap import dedent
 
 from simmer_tui.sim.angles import eighth_of_turn
+from simmer_tui.sim.directions import ARROWS, PLAIN_ARROWS, side_name
 from simmer_tui.sim.specs import RobotSpec, SensorSpec, SimulationSpec
 
 # Size of the drawing of one sensor, characters.
@@ -23,8 +24,6 @@ _WIDE_COLUMNS, _WIDE_ROWS = 41, 17
 _WIDE_ROOM = 5.6
 # Inches from a sensor with a direction to its code, along that direction.
 _LABEL_AWAY = 1.7
-# Eighths of a turn from the front, counter-clockwise; the front is up.
-_ARROWS, _PLAIN_ARROWS = "↑↖←↙↓↘→↗", "^\\</v\\>/"
 # Columns between the picture and the words.
 _GAP = 2
 
@@ -33,7 +32,7 @@ def robot_drawing(spec: SimulationSpec, *, ascii_only: bool = False) -> list[str
     """The robot with its enabled sensors, each an arrow in its direction with its code beside it. Next to the
     picture are the directions in words, and the motions of its drives."""
     words = _words(spec)
-    picture = _picture(spec, _PLAIN_ARROWS if ascii_only else _ARROWS)
+    picture = _picture(spec, PLAIN_ARROWS if ascii_only else ARROWS)
     height = max(len(picture), len(words))
     picture += [""] * (height - len(picture))
     above = (height - len(words)) // 2
@@ -107,7 +106,7 @@ class _Grid:
         return [line for line in ("".join(row).rstrip() for row in self._cells) if line]
 
 
-def _picture(spec: SimulationSpec, arrows: str) -> list[str]:
+def _picture(spec: SimulationSpec, arrows: Sequence[str]) -> list[str]:
     sensors = [sensor for sensor in spec.sensors if sensor.enabled]
     room = _WIDE_ROOM - _LABEL_AWAY
     grid = _Grid(_WIDE_ROWS, _WIDE_COLUMNS, _scale(spec.robot, sensors, _WIDE_COLUMNS / 2 / _WIDE_ROOM, room))
@@ -115,7 +114,8 @@ def _picture(spec: SimulationSpec, arrows: str) -> list[str]:
     # Sensors that look ahead are drawn last, so that their arrow replaces a wheel at the same place.
     for sensor in sorted(sensors, key=lambda sensor: sensor.kind.is_range):
         if _has_direction(sensor):
-            grid.put(sensor.x, sensor.y, arrows[eighth_of_turn(sensor.rotation)])
+            # The front is up here, and to the right in the table.
+            grid.put(sensor.x, sensor.y, arrows[eighth_of_turn(sensor.rotation + 90.0)])
     for place, codes in _by_place(sensors).items():
         x, y, rotation = place
         away = 0.0 if rotation is None else _LABEL_AWAY
@@ -177,8 +177,9 @@ def _direction(sensor: SensorSpec) -> str:
     if not _has_direction(sensor):
         return kind.meaning
     angle = (sensor.rotation + 180.0) % 360.0 - 180.0
-    side = "left" if angle > 0 else "right"
-    return f"{kind.meaning}, {({0.0: 'front', -180.0: 'rear'}).get(angle, f'{abs(angle):g} deg {side}')}"
+    if angle in (0.0, -180.0):
+        return f"{kind.meaning}, {side_name(angle, 'front', 'rear')}"
+    return f"{kind.meaning}, {abs(angle):g} deg {'left' if angle > 0 else 'right'}"
 
 
 def _outline(robot: RobotSpec) -> list[tuple[float, float]]:

@@ -20,6 +20,7 @@ from simmer_tui.dialect.messages import dictionary
 from simmer_tui.sim.block import Block
 from simmer_tui.sim.columns import BASE, FIELD_OF_VIEW, THRESHOLD
 from simmer_tui.sim.command import escape, escape_passage
+from simmer_tui.sim.directions import ARROWS, PLAIN_ARROWS
 from simmer_tui.sim.footprint import Footprint
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.specs import (
@@ -49,11 +50,11 @@ class _Glyphs(Struct, frozen=True):
 
     wall: str
     block: str
-    arrows: str
+    arrows: Sequence[str]
 
 
-_UNICODE = _Glyphs(wall="█", block="■", arrows="→↗↑↖←↙↓↘")
-_ASCII = _Glyphs(wall="#", block="B", arrows=">^<v")
+_UNICODE = _Glyphs(wall="█", block="■", arrows=ARROWS)
+_ASCII = _Glyphs(wall="#", block="B", arrows=PLAIN_ARROWS[::2])
 # Columns of sensors.csv that the table has too.
 _IN_TABLE = {column.name for column in BASE} - {THRESHOLD.name}
 _EMPTY, _ROBOT, _START, _BLOCK_CELL = " ", "o", "s", "b"

@@ -1,5 +1,6 @@
 """Configuration sets as folders: listing, finding and copying them."""
 
+import os
 from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
@@ -161,5 +162,22 @@ def write_files(destination: Path, files: Mapping[str, bytes]) -> tuple[Path, ..
             (destination / name).parent.mkdir(parents=True, exist_ok=True)
             (destination / name).write_bytes(data)
     except OSError as error:
-        raise ConfigurationError([Problem(shown, f"cannot be written: {error.strerror or error}")]) from None
+        raise _unwritable(shown, error.strerror or str(error)) from None
     return tuple(destination / name for name in files)
+
+
+def check_free(destination: Path) -> None:
+    """Check that a folder is empty and can be made. Raises ConfigurationError before the work, whose result
+    would be lost."""
+    shown = shown_path(destination)
+    if destination.exists() and (not destination.is_dir() or any(destination.iterdir())):
+        what = "is there already, and not empty; nothing is overwritten, name another folder"
+        raise ConfigurationError([Problem(shown, what)])
+    there = next(each for each in (destination, *destination.absolute().parents) if each.exists())
+    if not there.is_dir() or not os.access(there, os.W_OK):
+        why = "may not be written to" if there.is_dir() else "is not a folder"
+        raise _unwritable(shown, f"{shown_path(there)} {why}")
+
+
+def _unwritable(shown: str, why: str) -> ConfigurationError:
+    return ConfigurationError([Problem(shown, f"cannot be written: {why}")])

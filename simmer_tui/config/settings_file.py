@@ -179,11 +179,10 @@ def with_all_settings(text: str, values: Mapping[str, Any] = _NONE) -> str:
     line in the bundled sets. A text that is not TOML, or lacks nothing, stays unchanged."""
     # Some milliseconds, which a start saves.
     import json
-    import tomllib
 
-    try:
-        tree = tomllib.loads(text)
-    except tomllib.TOMLDecodeError:
+    problems: list[Problem] = []
+    tree = TomlFile(FILE, text, problems).tree
+    if problems:
         return text
     sections: dict[str, list[str]] = {"": []}
     table = ""

@@ -162,7 +162,7 @@ class DialectDevice:
         self.unknown = 0
         """Number of messages that no command matches."""
         self._rules = rules
-        made = {code: sensor_of(spec) for code, spec in rules.lidars.items()}
+        made = {code: sensor_of(spec) for code, spec in rules.parts.lidars.items()}
         self._lidars = {code: each for code, each in made.items() if isinstance(each, Lidar)}
         self._deframer = Deframer(rules.framing, rules.types, TYPE)
         self._open = False
@@ -450,9 +450,11 @@ class DialectDevice:
     def _velocity(self, step: RunStep, scope: _TaskScope) -> tuple[float, float, float]:
         """The velocity of a run. Raises ExpressionError."""
         drive = step.drive.text(scope, "")
-        speed = self._rules.speeds.get(drive.removeprefix("-"))
+        speed = self._rules.parts.speeds.get(drive.removeprefix("-"))
         if speed is None:
-            raise ExpressionError(f"'{escape(drive)}' is no drive; there are {', '.join(self._rules.speeds)}")
+            raise ExpressionError(
+                f"'{escape(drive)}' is no drive; there are {', '.join(self._rules.parts.speeds)}"
+            )
         sign = -1.0 if drive.startswith("-") else 1.0
         return (sign * speed[0], sign * speed[1], sign * speed[2])
 
@@ -558,14 +560,14 @@ class DialectDevice:
                 continue
             lists = [values.get(name, self.state.get(name, "")) for name in each.names]
             asked = [code for text in (*lists, *each.texts) for code in listed_codes(text)]
-            found |= dict.fromkeys(code for code in asked if code in self._rules.codes)
+            found |= dict.fromkeys(code for code in asked if code in self._rules.parts.readable)
         return tuple(found)
 
     def sense(
         self, function: str, arguments: Sequence[FieldValue], readings: Mapping[str, FieldValue]
     ) -> FieldValue:
         """The result of ray or scan, from the lidar that they use. Raises ExpressionError."""
-        code = next(iter(self._rules.behind.get(function, ())), "")
+        code = next(iter(self._rules.parts.behind.get(function, ())), "")
         lidar, ranges = self._lidars.get(code), readings.get(code)
         if lidar is None or not isinstance(ranges, tuple):
             raise ExpressionError(f"{function}() has no reading of a lidar")
@@ -578,7 +580,7 @@ class DialectDevice:
         """`u0:3.00,u1:12.50`: readings with the codes of their request. Raises ExpressionError."""
         items = []
         for code in codes:
-            value = readings.get(code) if code in self._rules.codes else None
+            value = readings.get(code) if code in self._rules.parts.readable else None
             is_number = isinstance(value, int | float) and math.isfinite(value)
             items.append(f"{code}:{value:.2f}" if is_number else f"{code}:{self._rules.missing}")
         return bounded_text(",".join(items))

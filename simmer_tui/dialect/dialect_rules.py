@@ -10,9 +10,9 @@ from msgspec import Struct, field
 from simmer_tui.dialect.expressions import Expression, FieldValue, Scope
 from simmer_tui.dialect.frames import Frame, Framing
 from simmer_tui.dialect.patterns import Pattern
+from simmer_tui.dialect.set_parts import Parts
 from simmer_tui.dialect.templates import BinaryReply, TextReply
 from simmer_tui.errors import ExpressionError
-from simmer_tui.sim.specs import SensorSpec
 
 AnyReply = TextReply | BinaryReply
 
@@ -198,18 +198,8 @@ class DialectRules(Struct, frozen=True, kw_only=True):
     unknown: tuple[AnyReply, ...] = ()
     unknown_place: str = ""
     """Place of `unknown` in the file."""
-    codes: frozenset[str] = frozenset()
-    """The codes of the set's sensors."""
-    yes_or_no: frozenset[str] = frozenset()
-    """The codes of those that read 1 or 0."""
-    behind: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
-    """The codes of the sensors that ray, scan and contact read, as far as there are any."""
-    lidars: Mapping[str, SensorSpec] = field(default_factory=dict)
-    """The sensors whose reading is a list of numbers, by code."""
-    speeds: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
-    """The velocity of each drive at its Speed, by code: x and y in in/s, rotation in deg/s."""
-    velocity: str = ""
-    """The code of the command that sets the whole velocity; empty if the set has none."""
+    parts: Parts = Parts()
+    """The sensors and commands of the set; none for the course's protocol."""
 
     @property
     def placed_expressions(self) -> Iterator[tuple[str, Expression]]:
@@ -224,7 +214,7 @@ class DialectRules(Struct, frozen=True, kw_only=True):
 
     def without_sensor(self, names: Iterable[str]) -> Iterator[tuple[str, str]]:
         """Those of some names that expressions use although no sensor provides them, with their place."""
-        wanted = frozenset(names) - self.behind.keys()
+        wanted = frozenset(names) - self.parts.behind.keys()
         for place, expression in dict.fromkeys(self.placed_expressions):
             for name in sorted(wanted & (expression.sensing | expression.names)):
                 yield place, name
@@ -254,17 +244,19 @@ class DialectRules(Struct, frozen=True, kw_only=True):
     @property
     def single(self) -> frozenset[str]:
         """The codes of the sensors whose reading is one number."""
-        return self.codes - self.lidars.keys()
+        return self.parts.readable - self.parts.lidars.keys()
 
     def sensors_in(self, expressions: Sequence[Expression]) -> tuple[str, ...]:
         """The sensors that expressions read, in the order in which they are written, each once."""
         found: dict[str, None] = {}
         for each in expressions:
             words = re.findall(r"[A-Za-z_]\w*", each.source)
-            found |= dict.fromkeys(word for word in words if word in each.names and word in self.codes)
+            found |= dict.fromkeys(
+                word for word in words if word in each.names and word in self.parts.readable
+            )
         for each in expressions:
             for function in (*sorted(each.sensing), *each.names):
-                found |= dict.fromkeys(self.behind.get(function, ()))
+                found |= dict.fromkeys(self.parts.behind.get(function, ()))
         return tuple(found)
 
     @property

@@ -89,7 +89,10 @@ class _PlannedHost:
 
     def move(self, command: str, done: Callable[[MoveEnd], None]) -> None:
         made = parse_command(command)
-        value, speed = parse_value(made.argument), math.hypot(*self._rules.speeds.get(made.code, (0.0,)))
+        value, speed = (
+            parse_value(made.argument),
+            math.hypot(*self._rules.parts.speeds.get(made.code, (0.0,))),
+        )
         seconds = abs(value) / speed if isinstance(value, float) and speed else 0.0
         self._stopped = lambda: done(_Ended(stopped=True))
         self._moving = self.call_later(seconds, lambda: done(_Ended()))

@@ -93,7 +93,7 @@ class InverseRules:
         if not size:
             return None
         wanted = _Found((velocity[0] / size, velocity[1] / size, velocity[2] / size), 1.0)
-        for code in self._rules.speeds:
+        for code in self._rules.parts.speeds:
             direction = self._direction(code, 1.0)
             sign = _along(wanted, direction) if direction is not None else math.nan
             if abs(sign) == 1.0:
@@ -130,7 +130,7 @@ class InverseRules:
         if stop is None:
             return
         yield "stop", stop.text
-        for code in self._rules.speeds:
+        for code in self._rules.parts.speeds:
             for sign, shown in ((1.0, f"{code}-N"), (-1.0, f"{code}--N")):
                 # A number that a robot of any size can do, and that no rule has as a constant.
                 driven, held = self.drive(code, sign * 1.375, state), self.held(code, sign * 1.375, state)
@@ -150,7 +150,7 @@ class InverseRules:
 
     def _direction(self, code: str, value: float) -> Velocity | str | None:
         """The unit velocity of a drive, reversed for a negative value; any other code is returned itself."""
-        speed = self._rules.speeds.get(code)
+        speed = self._rules.parts.speeds.get(code)
         if speed is None:
             return code
         size = math.hypot(*speed)
@@ -226,7 +226,7 @@ class InverseRules:
                 if direction is None or isinstance(direction, str):
                     return None
                 seconds = step.seconds.number(scope) if step.seconds is not None else math.inf
-                return _Found(direction, seconds * math.hypot(*self._rules.speeds[code]), seconds)
+                return _Found(direction, seconds * math.hypot(*self._rules.parts.speeds[code]), seconds)
         except ExpressionError:
             return None
         return None

@@ -51,8 +51,8 @@ class _Example:
 
     def __init__(self, rules: DialectRules, values: dict[str, FieldValue]) -> None:
         self._values: dict[str, FieldValue] = {"time": 12.3, "contact": 0, "tick": 0, "k": 0, "text": "text"}
-        self._values |= dict.fromkeys(rules.codes, 12.3) | dict.fromkeys(rules.yes_or_no, 1)
-        self._values |= {code: (12.3,) * spec.rays for code, spec in rules.lidars.items()}
+        self._values |= dict.fromkeys(rules.parts.readable, 12.3) | dict.fromkeys(rules.parts.yes_or_no, 1)
+        self._values |= {code: (12.3,) * spec.rays for code, spec in rules.parts.lidars.items()}
         self._values |= {**rules.state, **values}
 
     def value(self, name: str) -> FieldValue:

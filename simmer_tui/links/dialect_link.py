@@ -134,7 +134,7 @@ class SimulatedHost:
     def drive(self, velocity: tuple[float, float, float] | None, seconds: float | None) -> str:
         """Drive at a velocity, for a time or until another command."""
         values = [*(velocity or (0.0, 0.0, 0.0)), *([] if seconds is None else [seconds])]
-        text = f"{self._rules.velocity}-{';'.join(f'{each:.12g}' for each in values)}"
+        text = f"{self._rules.parts.velocity}-{';'.join(f'{each:.12g}' for each in values)}"
         refused: list[str] = []
 
         def answered(result: CommandResult) -> None:

@@ -11,6 +11,7 @@ from simmer_tui.playback_throttle import FASTEST, SLOWEST
 from simmer_tui.sim.command import Command, escape_word, parse_command, parse_value
 from simmer_tui.sim.rules import NumberOrOffRule, NumberRule, did_you_mean
 from simmer_tui.sim.specs import SimulationSpec
+from simmer_tui.sim.velocity_commands import WAIT
 
 
 class Local(Struct, frozen=True):
@@ -204,6 +205,8 @@ def completions(line: str, spec: SimulationSpec) -> list[tuple[str, str]]:
     codes += [(d.code, d.kind.meaning) for d in spec.drives if d.enabled]
     if spec.gripper is not None and spec.gripper.enabled:
         codes.append((spec.gripper.code, "gripper: 1 closes, 0 opens"))
+    codes += [(v.code, f"{v.kind.value}: a velocity that lasts") for v in spec.velocities if v.enabled]
+    codes.append((WAIT, "wait so many seconds"))
     return [(code, meaning) for code, meaning in codes if code.startswith(start)]
 
 

@@ -184,7 +184,7 @@ class EndingCauses:
         if stuck is None or seen.collision is None:
             return None
         pose = seen.collision.row.pose
-        text = f"It was stuck at {place_text(pose.x, pose.y)}: from {stuck.since:.1f} s on, {stuck.text}."
+        text = f"It was stuck at {place_text(pose.x, pose.y)}: {stuck.text}."
         return self._made(Kind.STUCK, text, since=stuck.since)
 
     def nowhere(self) -> Cause | None:

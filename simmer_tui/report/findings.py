@@ -54,7 +54,7 @@ def _end(run: RunStatistics) -> Iterator[str]:
     stuck = run.history.stuck(run.history.elapsed)
     if stuck is not None:
         where = pose_text(run.pose)
-        yield f"Stuck at the end: from {stuck.since:.1f} s on, {stuck.text}. The robot stayed at {where}."
+        yield f"Stuck at the end: {stuck.text}. The robot stayed at {where}."
     elif contacts and contacts[-1].stopped and contacts[-1].line == run.totals.last_command_line:
         shown, line = contacts[-1].shown, contacts[-1].line
         yield f"The run ends at a wall: {shown} (line {line}) was its last command."

@@ -152,10 +152,10 @@ def report_of(log: LogReader) -> RunStatistics:
 
 _PLACE = Format(str, ("_x_in", "_y_in"), tuple)
 COLUMNS = (
-    *map(DataColumn, ("line", "time_s", "elapsed_s", "real_time", "number", "source", "command", "verdict")),
+    *map(DataColumn, ("line", "time_s", "elapsed_s", "real_time_s", "number", "source", "command", "status")),
     *map(DataColumn, ("reply", "sensor", "true")),
     *(DataColumn("before", POSE), DataColumn("after", POSE), DataColumn("contact", _PLACE)),
-    DataColumn("reason"),
+    DataColumn("text", heading="why"),
 )
 
 

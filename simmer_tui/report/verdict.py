@@ -284,7 +284,7 @@ class _Judge:
         stuck = attempt.stuck
         if stuck is not None and attempt.collision is not None:
             pose = attempt.collision.row.pose
-            return f"stuck at {place_text(pose.x, pose.y)}: from {stuck.since:.1f} s on, {stuck.text}"
+            return f"stuck at {place_text(pose.x, pose.y)}: {stuck.text}"
         if attempt.contacts and attempt.collision is not None:
             row = attempt.collision.row
             last = "" if attempt.contacts == 1 else "the last "

@@ -73,9 +73,8 @@ def _contact_facts(
     state: State, ended: MovementEnded, contact: Contact, spec: SimulationSpec
 ) -> tuple[WhyFact, ...]:
     """Facts about a movement that a contact stopped."""
-    held = ", with the held block" if contact.held_block else ""
     return (
-        WhyFact("went", f"{went_text(ended)}, {stopped_text(contact)}{held} (X)", is_bad=True),
+        WhyFact("went", f"{went_text(ended)}, {stopped_text(contact)} (X)", is_bad=True),
         WhyFact("hit", obstacle_place(contact, spec)),
         WhyFact("sensor", _seen(state, contact, spec)),
         WhyFact("errors", f"exact drives would have hit {'nothing' if contact.drift else 'it too'}"),

@@ -63,10 +63,11 @@ class Stuck(Struct, frozen=True):
 
     @property
     def text(self) -> str:
-        """Clause that describes it, after "from 12.3 s on"."""
+        """Clause that describes it: `from 12.3 s on, a wall stopped 4 movements in a row`."""
+        held = f"it pressed against a wall for {self.pressed:.0f} s and did not go 1 in"
         if self.movements:
-            return f"a wall stopped {self.movements} movements in a row"
-        return f"it pressed against a wall for {self.pressed:.0f} s and did not go 1 in"
+            held = f"a wall stopped {self.movements} movements in a row"
+        return f"from {self.since:.1f} s on, {held}"
 
 
 class LastReading(Struct, frozen=True):

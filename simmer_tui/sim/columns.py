@@ -25,6 +25,8 @@ class CsvColumn(Value, frozen=True, kw_only=True):
     """The name in the summary of a set, if it is not the noun."""
     needed: bool = False
     """True if a blank cell is a mistake; otherwise it means the default."""
+    is_error: bool = False
+    """True if it is an error of a sensor's readings, which an exact sensor has not: 0 means none."""
 
 
 # Other brackets of a header, as in `Percent Error (0-1)` and `Drift (per s)`, hold no unit of the value.
@@ -42,6 +44,7 @@ def _column(header: str, rule: Rule[Any], course: CourseRule, help_text: str, **
 
 
 _base = partial(_column, needed=True)
+_error = partial(_column, is_error=True)
 _FREE, _SAME, _SHIFT = CourseRule.FREE, CourseRule.SAME, CourseRule.SHIFT
 _AT_LEAST, _AT_MOST = CourseRule.AT_LEAST, CourseRule.AT_MOST
 _ANY, _NOT_NEGATIVE, _POSITIVE = NumberRule(), NumberRule(0), NumberRule(0, low_open=True)
@@ -70,6 +73,7 @@ ERROR = _base(
     *("Percent Error (0-1)", _SHARE, _AT_LEAST),
     "standard deviation of the random error, as a share of the reading: 0.02 is 2 %",
     field="error",
+    is_error=True,
 )
 FIELD_OF_VIEW = _base(
     "Field of View (deg)", NumberRule(0, 360), _SAME, "angle from edge to edge of what it sees"
@@ -81,12 +85,12 @@ BASE = (X, Y, Z, ROTATION, ERROR, FIELD_OF_VIEW, THRESHOLD)
 accepts any number there, or a blank."""
 
 GAIN = _column("Gain", _ANY, _SAME, "what the value is multiplied by (1)")
-ABSOLUTE_ERROR = _column(
+ABSOLUTE_ERROR = _error(
     *("Absolute Error", _NOT_NEGATIVE, _AT_LEAST),
     "standard deviation of a random error of its own, in the unit of the reading",
 )
-BIAS = _column("Bias", _ANY, _SHIFT, "what is always added, in the unit of the reading")
-DRIFT = _column(
+BIAS = _error("Bias", _ANY, _SHIFT, "what is always added, in the unit of the reading")
+DRIFT = _error(
     "Drift (per s)", _ANY, _SHIFT, "what is added for each second of simulated time", label="drift/s"
 )
 MIN_RANGE = _column(
@@ -113,13 +117,13 @@ DETECTS = _column(
     field="detects_white",
 )
 READ_TIME = _column("Read Time (s)", _NOT_NEGATIVE, _AT_LEAST, "simulated time that a reading takes (0)")
-DROPOUT = _column("Dropout", _SHARE, _AT_LEAST, "probability that a reading is missed (0)")
-OUTLIER = _column("Outlier", _SHARE, _AT_LEAST, "probability that a reading is any value of its range (0)")
+DROPOUT = _error("Dropout", _SHARE, _AT_LEAST, "probability that a reading is missed (0)")
+OUTLIER = _error("Outlier", _SHARE, _AT_LEAST, "probability that a reading is any value of its range (0)")
 INCIDENCE_LIMIT = _column(
     *("Incidence Limit (deg)", NumberRule(0, 90), _AT_MOST),
     "angle to a wall's normal beyond which there is no echo (0: always one)",
 )
-CROSS_TALK = _column(
+CROSS_TALK = _error(
     *("Cross-Talk", _SHARE, _AT_LEAST),
     "probability that it takes another sensor's sound for its own (0)",
     label="cross-talk",
@@ -129,14 +133,14 @@ TICKS = _column(
     "counts of the wheel an inch, to which readings are rounded (0: not)",
     label="ticks/in",
 )
-RANDOM_WALK = _column(
+RANDOM_WALK = _error(
     *("Random Walk (deg/sqrt s)", _NOT_NEGATIVE, _AT_LEAST),
     "error of the angle that walks at random, deviation after one second (0)",
 )
-HARD_IRON = _column(
+HARD_IRON = _error(
     "Hard Iron (deg)", _ANY, _SAME, "greatest deviation once a turn, by magnets on the robot (0)"
 )
-SOFT_IRON = _column("Soft Iron (deg)", _ANY, _SAME, "greatest deviation twice a turn, by iron nearby (0)")
+SOFT_IRON = _error("Soft Iron (deg)", _ANY, _SAME, "greatest deviation twice a turn, by iron nearby (0)")
 ANSWER = _column(
     *("Answer", _ANSWER, _SAME),
     "digital: 1 or 0 by the threshold; analog: the share itself, 0 to 1 (digital)",

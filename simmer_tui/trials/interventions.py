@@ -18,7 +18,9 @@ from msgspec.structs import replace
 from simmer_tui.config.loader import Configuration
 from simmer_tui.config.nominal import Nominal
 from simmer_tui.config.settings import LinkSettings
+from simmer_tui.sim.columns import BASE
 from simmer_tui.sim.specs import Axes, DriveSpec, SensorSpec, SimulationSpec
+from simmer_tui.sim.values import with_values
 
 UNCHANGED = "nothing changed"
 """The intervention that changes nothing."""
@@ -106,13 +108,6 @@ def _effective(each: Intervention) -> tuple[SimulationSpec, LinkSettings]:
     return each.configuration.simulation, each.configuration.settings.link
 
 
-_ERRORS = (
-    *("error", "absolute_error", "bias", "drift", "dropout", "outlier"),
-    *("cross_talk", "random_walk", "hard_iron", "soft_iron"),
-)
-"""The errors of a sensor."""
-
-
 def _true_sensor(spec: SensorSpec, nominal: Nominal | None) -> SensorSpec:
     """The sensor as the program assumes it, without errors. A gain of 0, or another than the nominal one, is
     an error; its sign is its wiring."""
@@ -123,7 +118,9 @@ def _true_sensor(spec: SensorSpec, nominal: Nominal | None) -> SensorSpec:
     else:
         # Its number names its random stream and its time is no error of its readings.
         base = replace(known, number=spec.number, enabled=spec.enabled, read_time=spec.read_time)
-    return replace(base, **dict.fromkeys(_ERRORS, 0.0))
+    # Rows of every kind may fill the base columns.
+    columns = (*BASE, *base.kind.columns)
+    return with_values(base, {column.field: 0.0 for column in columns if column.is_error})
 
 
 def _without_noise(spec: SimulationSpec) -> SimulationSpec:

@@ -89,12 +89,8 @@ DISTRIBUTION = DataTable(
         DataColumn("most", _VALUE),
     ),
 )
-_LIST = (
-    DataColumn("run", COUNT),
-    DataColumn("time_s", LENGTH),
-    DataColumn("text", heading="what happened", wraps=True),
-    DataColumn("replay", heading="see it", wraps=True, line=True),
-)
+_REPLAY = DataColumn("replay", heading="see it", wraps=True, line=True)
+_DRIVEN = Format(lambda of: f"{LENGTH.text(of[0])} in, {of[1]} commands", ("distance_in", "commands"), tuple)
 RUNS_TABLE = DataTable(
     "runs",
     "Runs",
@@ -108,8 +104,16 @@ RUNS_TABLE = DataTable(
     ),
     hidden=True,
 )
-SLOWEST_RUNS = DataTable("slowest", "Slowest successful runs", _LIST)
-FAILED_RUNS = DataTable("failed", "Failed runs", _LIST)
+_RUN = (DataColumn("run", COUNT), DataColumn("time_s", LENGTH))
+SLOWEST_RUNS = DataTable(
+    "slowest",
+    "Slowest successful runs",
+    # The keys are those of the format: two numbers, which people read as one text.
+    (*_RUN, DataColumn("", _DRIVEN, "what happened", wraps=True), _REPLAY),
+)
+FAILED_RUNS = DataTable(
+    "failed", "Failed runs", (*_RUN, DataColumn("text", heading="what happened", wraps=True), _REPLAY)
+)
 _CELL = Format(lambda at: f"({at[0]:g}, {at[1]:g})", ("_x_in", "_y_in"), tuple)
 BY_MAZE = DataTable("mazes", "By maze", (DataColumn("maze", short(60)), *_COUNTED, _RATE, _CONTACTS))
 BY_START = DataTable(
@@ -293,10 +297,7 @@ def _starts(results: list[TrialResult]) -> DataTable:
 
 def _slowest(folder: TrialFolder, results: list[TrialResult]) -> DataTable:
     slowest = sorted((each for each in results if each.success), key=lambda each: (-each.time, each.number))
-    rows = [
-        _listed(folder, each, f"{LENGTH.text(each.distance)} in, {each.commands} commands")
-        for each in slowest[:SLOWEST]
-    ]
+    rows = [_listed(folder, each, (each.distance, each.commands)) for each in slowest[:SLOWEST]]
     return SLOWEST_RUNS.filled(rows)
 
 
@@ -307,6 +308,6 @@ def _failures(folder: TrialFolder, results: list[TrialResult]) -> DataTable:
     return FAILED_RUNS.filled(rows, f"and {more} more, in {TABLE}" if more > 0 else "")
 
 
-def _listed(folder: TrialFolder, result: TrialResult, what: str) -> tuple[object, ...]:
+def _listed(folder: TrialFolder, result: TrialResult, what: object) -> tuple[object, ...]:
     command = replay_command(folder, result.number) if folder.log(result.number).exists() else "no log"
     return result.number, result.time, what, command

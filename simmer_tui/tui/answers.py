@@ -12,7 +12,15 @@ from msgspec import Struct
 
 from simmer_tui.events import Event, EventHandler, MovementEnded, ProgramEnded, Result
 from simmer_tui.mission import MissionState
-from simmer_tui.phrases import contact_line, contacts_text, counted, movement_text, velocity_text
+from simmer_tui.phrases import (
+    contact_line,
+    contacts_text,
+    counted,
+    grip_text,
+    movement_text,
+    stopped_by_text,
+    velocity_text,
+)
 from simmer_tui.program.crash import own_frames
 from simmer_tui.report.verdict import Outcome, Verdict
 from simmer_tui.report.why import NOTHING_MOVED, WhyFact
@@ -184,11 +192,10 @@ def ended_line(ended: MovementEnded) -> StyledLine:
         return (*command, (contact_line(ended, ended.contact), "danger"))
     if ended.grip is not None:
         done = f"gripper {'closed' if ended.grip.closed else 'opened'}"
-        return (*command, ("holding the block" if ended.grip.holding else done, "value"))
+        return (*command, (grip_text(ended.grip) if ended.grip.holding else done, "value"))
     value = parse_value(ended.command.argument)
     asked = f", asked {value:g}" if isinstance(value, float) else ""
-    by = f", stopped by {ended.stopped_by}" if ended.stopped_by else ""
-    return (*command, (f"{movement_text(ended)}{by or asked}", "value"))
+    return (*command, (f"{movement_text(ended)}{stopped_by_text(ended) or asked}", "value"))
 
 
 # -- what was asked for ----------------------------------------------------------------------------

@@ -16,6 +16,7 @@ from simmer_tui.phrases import (
     grip_text,
     movement_text,
     scan_text,
+    stopped_by_text,
     velocity_text,
     went_text,
 )
@@ -208,7 +209,7 @@ class _Wording(EventHandler[EventWords]):
         if ended.grip is not None:
             return ((grip_text(ended.grip), "value"),)
         contact = ended.contact
-        by = f", stopped by {ended.stopped_by}" if ended.stopped_by else ""
+        by = stopped_by_text(ended)
         if contact is None:
             return ((f"{movement_text(ended)}{by}", "value"),)
         pieces: StyledLine = (("X", "contact"), (f" {contact_line(ended, contact)}{by}", "danger"))

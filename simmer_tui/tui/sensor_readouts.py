@@ -8,17 +8,16 @@ from itertools import chain
 from msgspec import Struct, field
 
 from simmer_tui.events import TwinReading
-from simmer_tui.phrases import side_name
 from simmer_tui.run.reducer import HISTORY
 from simmer_tui.run.state import SensorRow
 from simmer_tui.sim.angles import eighth_of_turn
+from simmer_tui.sim.directions import ARROWS, side_name
 from simmer_tui.sim.records import LidarScan
 from simmer_tui.sim.scan_rays import extremes
 from simmer_tui.sim.specs import SensorKind, SensorSpec
 from simmer_tui.snapshot import Snapshot
 from simmer_tui.tui.gauges import gauge, scale_end, span_text, sparkline
 from simmer_tui.tui.line_panel import StyledLine, between, heading, length
-from simmer_tui.tui.maze.glyphs import ARROWS
 from simmer_tui.tui.terminal import GlyphMode
 
 # A quarter and half of a maze cell, which is 12 in.
@@ -33,7 +32,6 @@ _BEFORE_BAR = 14
 # ` sim 35.8` and ` -10.0` beside each other.
 _TWIN_ROOM = 14
 _POINTS = ("E", "NE", "N", "NW", "W", "SW", "S", "SE")
-_WAYS = ("F", "FL", "L", "BL", "B", "BR", "R", "FR")
 # Four maze cells: ranges in the bundled mazes are seldom longer, and a scale that never changes is easy to
 # read.
 RANGE_SCALE = 48.0
@@ -99,8 +97,10 @@ def way(sensor: SensorSpec, *, plain: bool) -> str:
 
 def bearing_sign(bearing: float, *, plain: bool) -> str:
     """Direction from the robot's front, degrees, with the front up: an arrow, or letters such as `FL`."""
+    if plain:
+        return "".join(word[0].upper() for word in side_name(bearing, "front", "back").split())
     # A quarter on: the robot's front is up here, and to the right in the table.
-    return _WAYS[eighth_of_turn(bearing)] if plain else ARROWS[eighth_of_turn(bearing + 90.0)]
+    return ARROWS[eighth_of_turn(bearing + 90.0)]
 
 
 def bearing_words(bearing: float, *, plain: bool) -> str:

@@ -31,7 +31,8 @@ def known(values: dict[str, float], variance: float = 0.01) -> Knowledge:
 def fitted(values: dict[str, float], variance: float = 0.04, unidentified: tuple[str, ...] = ()) -> Fit:
     """A fit of independent parameters, named by their owner and figure, all of one variance."""
     parameters = [
-        SimpleNamespace(name=name, owner=name.split()[0], label=name.partition(" ")[2]) for name in values
+        SimpleNamespace(name=name, owner=name.split()[0], label=name.partition(" ")[2], unit="in")
+        for name in values
     ]
     found: Any = SimpleNamespace(
         space=SimpleNamespace(parameters=parameters),
@@ -71,6 +72,7 @@ def test_what_the_log_does_not_identify_is_neither_judged_nor_shown() -> None:
     [part] = judged(found, known(values))
     assert (part.owner, part.changed) == ("up", True)
     assert [label for label, *_ in part.figures] == ["bias"]
+    assert part.units == ("in",)
 
 
 @pytest.mark.parametrize("parts", [1, 2, 4])

@@ -98,22 +98,27 @@ def test_walls_are_drawn_where_they_are(picture: tuple[Fit, ElementTree.Element]
 def test_residuals_are_medians_before_and_after(found: Fit) -> None:
     table = residual_table(found)
     before = found.model.rows(fit_path(found.run, found.space, *found.space.of(found.run.spec), found.state))
-    by_part: dict[Any, tuple[Any, ...]] = {row[0]: row for row in table.rows}
-    for families, index, part in (
-        ((PROCESS,), 4, "rot"),
-        ((RANGE, COUNTER, OBSERVATION), 0, "ultra1"),
-        ((RANGE, COUNTER, OBSERVATION), [s.id for s in found.run.spec.sensors].index("odom2"), "odom2"),
-        ((RANGE, COUNTER, OBSERVATION), [s.id for s in found.run.spec.sensors].index("comp1"), "comp1"),
-    ):
+    by_part: dict[Any, tuple[Any, ...]] = {(row[0], row[1]): row[2:] for row in table.rows}
+    ids, readings = [s.id for s in found.run.spec.sensors], (RANGE, COUNTER, OBSERVATION)
+    for part, unit in (("ultra1", "in"), ("odom2", "in"), ("comp1", "deg")):
         medians = [
-            np.median(np.abs(rows.residuals[np.isin(rows.family, families) & (rows.source == index)]))
+            np.median(
+                np.abs(rows.residuals[np.isin(rows.family, readings) & (rows.source == ids.index(part))])
+            )
             for rows in (before, found.rows)
         ]
-        assert by_part[part][2:] == pytest.approx(medians, rel=1e-6)
-    assert "tof1" not in by_part, "it was never read"
-    # A drive's row and a sensor's row of the same number are told apart by their families.
-    assert by_part["right"][1] == "in and deg"
-    assert by_part["ultra4"][1] == "in"
+        assert by_part[part, unit] == pytest.approx(medians, rel=1e-6)
+    # A drive's rows are told apart from those of a sensor of the same number by their family.
+    for axes, unit in ((slice(0, 2), "in"), (slice(2, 3), "deg")):
+        medians = []
+        for rows in (before, found.rows):
+            moved = rows.family == PROCESS
+            by_axis = rows.residuals[moved].reshape(3, -1)
+            of_rot = (rows.source[moved] == 4).reshape(3, -1)
+            medians.append(np.median(np.abs(by_axis[axes][of_rot[axes]])))
+        assert by_part["rot", unit] == pytest.approx(medians, rel=1e-6)
+    assert ("tof1", "in") not in by_part, "it was never read"
+    assert {unit for _, unit in by_part} == {"in", "deg"}
 
 
 def test_numbers_stand_below_each_other(found: Fit) -> None:
@@ -135,6 +140,9 @@ def test_a_check_names_each_part_once() -> None:
     assert [row[-1] for row in table.rows] == ["changed (p = 0.00012)", None, "unchanged (p = 0.5)"]
     assert table.rows[1][4:8] == ("b", 3.0, 4.0, 0.2)
     assert answer.text == "Changed: rot"
+    with_unit, _ = check_document([replace(parts[0], units=("in", ""))]).parts
+    assert isinstance(with_unit, DataTable)
+    assert [each["unit"] for each in with_unit.objects()] == ["in", None]
     unchanged = check_document(parts[1:]).parts[1]
     assert isinstance(unchanged, Paragraph)
     assert unchanged.text == "The robot behaves as the set says."

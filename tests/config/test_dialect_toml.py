@@ -10,7 +10,6 @@ from pathlib import Path
 import jsonschema
 import pytest
 
-from simmer_tui.config.dialect_parts import Parts
 from simmer_tui.config.dialect_reader import load_dialect
 from simmer_tui.config.dialect_templates import TEMPLATES
 from simmer_tui.config.loader import find_set, init_set, load
@@ -19,6 +18,7 @@ from simmer_tui.config.set_summary import summarize
 from simmer_tui.config.settings_file import Override
 from simmer_tui.dialect.dialect_rules import CourseProtocol
 from simmer_tui.dialect.messages import dictionary
+from simmer_tui.dialect.set_parts import Parts
 from simmer_tui.errors import ConfigurationError, Problem
 
 SPEC = load(find_set("default")).simulation

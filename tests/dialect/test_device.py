@@ -9,10 +9,10 @@ from pathlib import Path
 
 import pytest
 
-from simmer_tui.config.dialect_parts import Parts
 from simmer_tui.config.dialect_reader import load_dialect
 from simmer_tui.config.loader import find_set, load
 from simmer_tui.dialect.device import DialectDevice, MoveEnd
+from simmer_tui.dialect.set_parts import Parts
 from simmer_tui.errors import Problem
 
 BEGIN = 1000.3

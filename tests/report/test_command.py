@@ -161,7 +161,8 @@ def test_the_table_has_a_row_a_command(eventful_log: Path, tmp_path: Path) -> No
         units = ("x_in", "y_in", "heading_deg")
         assert [float(row[f"after_{unit}"]) for unit in units] == list(structs.astuple(outcome.pose))
         assert [float(row[f"before_{unit}"]) for unit in units] == list(structs.astuple(outcome.before))
-        assert row["verdict"] == outcome.status.value
+        assert (row["status"], row["text"]) == (outcome.status.value, outcome.reason)
+        assert float(row["real_time_s"]) == logged.real_time
         assert (row["contact_x_in"] != "") == (outcome.contact is not None)
     assert {row["reply"] for row in rows} >= {"inf", "nan"}
     assert "'=cmd()" in {row["command"] for row in rows}

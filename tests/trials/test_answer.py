@@ -80,6 +80,9 @@ def test_failed_and_slowest_runs_come_with_the_command_that_replays_them(folder:
     failed, slowest = (list(made[name].objects()) for name in ("Failed runs", "Slowest successful runs"))
     assert [row["run"] for row in failed] == [1, 2, 3, 10]
     assert [row["run"] for row in slowest] == [9, 8, 7, 6, 5]
+    assert "text" not in slowest[0], "numbers for programs"
+    (shown, *_) = made["Slowest successful runs"].texts()
+    assert shown[2] == f"{slowest[0]['distance_in']:.1f} in, {slowest[0]['commands']} commands"
     assert failed[0]["replay"] == f"simmer-tui replay {folder.path}/runs/0001.jsonl"
     console = Console(file=io.StringIO(), width=200)
     print_table(made["Failed runs"], console)

@@ -16,7 +16,10 @@ from simmer_tui.cli.trials_command import run_trials
 from simmer_tui.config.loader import Configuration, load
 from simmer_tui.config.nominal import nominal_of
 from simmer_tui.config.sets import bundled_sets, init_set
-from simmer_tui.sim.specs import Axes
+from simmer_tui.sim import ObservingSensor, columns
+from simmer_tui.sim.columns import CsvColumn
+from simmer_tui.sim.rules import NumberRule
+from simmer_tui.sim.specs import Axes, SensorSpec
 from simmer_tui.trials import explanations
 from simmer_tui.trials.explanations import ChangedRun, explained
 from simmer_tui.trials.interventions import UNCHANGED, ChangedPart, Intervention, interventions
@@ -187,6 +190,35 @@ def test_each_intervention_changes_one_thing(mission: Configuration) -> None:
     assert [each.error for each in fair.drives] == [each.error for each in old.drives]
     fast = found["no time for readings and link"].configuration.simulation
     assert all(each.read_time == 0.0 for each in fast.sensors)
+
+
+def test_true_readings_have_no_error_of_any_column(mission: Configuration) -> None:
+    """A kind of sensor with an error column of its own included: the columns say which are errors."""
+
+    class OdourSpec(SensorSpec, frozen=True, kw_only=True):
+        wind: float = 0.5
+
+    class Odour(ObservingSensor):
+        name = "odour"
+        spec_type = OdourSpec
+        columns = (
+            columns.BIAS,
+            columns.GAIN,
+            CsvColumn(NumberRule(), name="Wind", field="wind", is_error=True),
+        )
+
+    faults = {"error": 0.1, "absolute_error": 0.2, "bias": 1.0, "drift": 0.1, "dropout": 0.1, "outlier": 0.1}
+    u1 = replace(mission.simulation.sensors[0], **faults, cross_talk=0.5)
+    compass = next(each for each in mission.simulation.sensors if each.kind.has("hard_iron"))
+    compass = replace(compass, hard_iron=4.0, soft_iron=2.0)
+    gyro = next(each for each in mission.simulation.sensors if each.kind.has("random_walk"))
+    odour = OdourSpec(kind=Odour, number=1, code="o1", bias=2.0, gain=1.0)
+    sensors = (u1, compass, replace(gyro, random_walk=0.3), odour)
+    faulty = replace(mission, simulation=replace(mission.simulation, sensors=sensors))
+    exact = by_change(interventions(faulty))["true readings of all sensors"].configuration.simulation.sensors
+    assert exact[0] == replace(u1, **dict.fromkeys((*faults, "cross_talk"), 0.0))
+    assert (exact[1].hard_iron, exact[1].soft_iron, exact[2].random_walk) == (0.0, 0.0, 0.0)
+    assert exact[3] == replace(odour, bias=0.0, wind=0.0)
 
 
 def test_sensors_and_drives_become_those_of_the_nominal_set(mission: Configuration) -> None:

@@ -72,10 +72,13 @@ def test_codes_and_orders_are_offered_with_their_meaning(fly: Fly) -> None:
             ("u", "u1 ultra1   u2 ultra2"),
             ("r1-4", "r1 turn counter-clockwise"),
             ("q", "no such code"),
+            ("q9-3", "no such code q9; :help lists them"),
+            ("wt-1", "wt wait so many seconds"),
             (":se", ":seed N back to the start with another seed"),
             (":teleprt", ":teleport X Y HEADING put the robot there"),
             (":noise o", ":noise on random errors of sensors and drives"),
             (":xyz", "no such order"),
+            (":xyz 3", "no such order :xyz; :help lists them"),
         ):
             console.value = typed
             await cockpit.until(lambda offered=offered: cockpit["hint"].startswith(offered))

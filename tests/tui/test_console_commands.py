@@ -19,7 +19,7 @@ from simmer_tui.operating.orders import (
 )
 from simmer_tui.sim import SimulationSpec
 from simmer_tui.sim.command import Command
-from simmer_tui.sim.specs import GripperSpec
+from simmer_tui.sim.specs import GripperSpec, VelocityKind, VelocitySpec
 
 
 @pytest.mark.parametrize(
@@ -161,6 +161,14 @@ def test_disabled_codes_are_not_offered_and_the_gripper_is(course_spec: Simulati
     spec = replace(course_spec, sensors=sensors, gripper=GripperSpec(code="gr"))
     assert "u1" not in dict(completions("u", spec))
     assert completions("g", spec) == [("g1", "gyro1"), ("gr", "gripper: 1 closes, 0 opens")]
+
+
+def test_codes_of_continuous_motion_are_offered(course_spec: SimulationSpec) -> None:
+    """They are codes, so the hint must not say that there are none such."""
+    velocities = (VelocitySpec(kind=VelocityKind.ALL, code="vv"),)
+    spec = replace(course_spec, velocities=velocities)
+    assert completions("vv-1;0;0;1", spec) == [("vv", "velocity: a velocity that lasts")]
+    assert completions("wt", spec) == [("wt", "wait so many seconds")]
 
 
 def test_only_what_adds_something_completes_a_line(course_spec: SimulationSpec) -> None:

@@ -11,6 +11,7 @@ from msgspec.structs import replace
 from numpy.typing import NDArray
 
 from simmer_tui.sim.angles import FloatArray, eighth_of_turn
+from simmer_tui.sim.directions import ARROWS
 from simmer_tui.tui.maze.palette import DEFAULT, Role
 from simmer_tui.tui.terminal import ColorDepth, GlyphMode
 
@@ -152,8 +153,6 @@ def side_arrow(signs: Signs, column: int, row: int) -> str:
     return signs.arrows[2 if row < 0 else 6][0]
 
 
-ARROWS = ("→", "↗", "↑", "↖", "←", "↙", "↓", "↘")
-"""Arrows to 0, 45 ... 315 degrees, counter-clockwise from the right."""
 _PAIRS = ("→", "↑→", "↑", "←↑", "←", "←↓", "↓", "↓→")
 _PLAIN_ARROWS = ("->", "^>", "^^", "<^", "<-", "<v", "vv", "v>")
 # In signs the ray read last must differ from all other lines, and a belief from everything.
