@@ -34,7 +34,7 @@ from simmer_tui.document.model import (
     words,
 )
 from simmer_tui.document.page_style import SORTING, STYLE
-from simmer_tui.document.svg import escape_html
+from simmer_tui.document.svg import html_text
 
 # A table that needs more than this has its rows folded on phones: 390 points less the page's margins.
 _PHONE = 360
@@ -53,7 +53,7 @@ def html_page(document: Document, *, style: str = "", script: str = "") -> str:
         style: CSS that comes after the style of all pages.
         script: HTML that comes last, trusted as it is.
     """
-    title = escape_html(document.title)
+    title = html_text(document.title)
     parts = list(unfolded(document.parts))
     heading = "" if any(isinstance(part, VerdictBox) for part in parts) else _element("h1", title)
     if any(isinstance(part, DataTable) and part.sortable for part in parts):
@@ -96,13 +96,13 @@ def _part(part: DocumentPart) -> str:
         case Bullets():
             return _bullets(part)
         case SectionHeading():
-            return _element(f"h{part.level}", escape_html(part.text))
+            return _element(f"h{part.level}", html_text(part.text))
         case Figure():
             return _element("div", svg.picture(part), part.kind)
         case Folded():
             content = _body(part.parts)
             return (
-                f"<details><summary>{escape_html(part.title)}</summary>{content}</details>" if content else ""
+                f"<details><summary>{html_text(part.title)}</summary>{content}</details>" if content else ""
             )
         case SideBySide():
             left, right = (_element("div", _body(each)) for each in (part.left, part.right))
@@ -117,15 +117,13 @@ def _answer(part: VerdictBox | KeyFigures | ShareBar) -> str:
     """One of the parts at the top of a page."""
     match part:
         case VerdictBox():
-            sign = f"<div class='sign' aria-hidden='true'>{escape_html(part.sign or part.tone.sign)}</div>"
+            sign = f"<div class='sign' aria-hidden='true'>{html_text(part.sign or part.tone.sign)}</div>"
             sentence = _element("p", _prose(part.sentence or part.text))
-            told = _element("div", f"{_element('h1', escape_html(part.headline))}{sentence}")
+            told = _element("div", f"{_element('h1', html_text(part.headline))}{sentence}")
             return _element("div", sign + told, f"verdict {part.tone.value}")
         case KeyFigures():
             shown = (
-                _element(
-                    "div", f"{_element('strong', escape_html(value))}{_element('span', escape_html(about))}"
-                )
+                _element("div", f"{_element('strong', html_text(value))}{_element('span', html_text(about))}")
                 for value, about in part.figures
             )
             return _element("div", "".join(shown), "figures")
@@ -139,7 +137,7 @@ def _answer(part: VerdictBox | KeyFigures | ShareBar) -> str:
 def _bullets(part: Bullets) -> str:
     if not part.entries:
         return ""
-    heading = _element("h2", escape_html(part.heading)) if part.heading else ""
+    heading = _element("h2", html_text(part.heading)) if part.heading else ""
     if part.kind == "output":
         lines = "\n".join(_element("span", _prose(entry)) for entry in part.entries)
         return _element("div", heading + _element("pre", lines), "card")
@@ -157,8 +155,8 @@ def _table(table: DataTable) -> str:
         body += _element("tr", "".join(map(_cell, row, kinds, labels, of_row)))
     is_wide = not table.record and _least_width(columns, rows) > _PHONE
     looks = f"{'wide' if is_wide else 'narrow'}{' sortable' if table.sortable else ''}"
-    title = _element("h2", escape_html(table.title)) if table.title else ""
-    note = _element("p", escape_html(table.note), "note") if table.note else ""
+    title = _element("h2", html_text(table.title)) if table.title else ""
+    note = _element("p", html_text(table.note), "note") if table.note else ""
     shown = _element("table", f"{_table_head(labels, kinds)}<tbody>{body}</tbody>", looks)
     return _element("section", f"{title}{shown}{note}")
 
@@ -167,7 +165,7 @@ def _table_head(labels: Sequence[str], kinds: Sequence[str]) -> str:
     """Headings of a table; nothing if no column has one."""
     if not any(labels):
         return ""
-    cells = map(_element, ["th"] * len(labels), map(escape, labels), kinds)
+    cells = map(_element, ["th"] * len(labels), map(html_text, labels), kinds)
     return _element("thead", _element("tr", "".join(cells)))
 
 
@@ -185,8 +183,8 @@ def _sort_values(table: DataTable) -> list[list[str]]:
 
 def _cell(cell: Prose, kind: str, label: str, value: str) -> str:
     kinds = f" class='{kind}'" if kind else ""
-    labelled = f" data-label='{escape_html(label)}'" if label else ""
-    sorted_by = f" data-value='{escape_html(value)}'" if value else ""
+    labelled = f" data-label='{html_text(label)}'" if label else ""
+    sorted_by = f" data-value='{html_text(value)}'" if value else ""
     if isinstance(cell, Chip):
         cell = Chip(f"{cell.tone.sign} {cell.words}", cell.tone)
     return f"<td{kinds}{labelled}{sorted_by}>{_prose(cell)}</td>"
@@ -211,12 +209,12 @@ def _prose(text: tuple[Prose, ...] | Prose) -> str:
         case tuple():
             return "".join(map(_prose, text))
         case TextLink(shown, address, about):
-            hint = f" title='{escape_html(about)}'" if about else ""
-            return f"<a href='{escape_html(address)}'{hint}>{_breakable(shown)}</a>"
+            hint = f" title='{html_text(about)}'" if about else ""
+            return f"<a href='{html_text(address)}'{hint}>{_breakable(shown)}</a>"
         case Code(shown):
             return _element("code", _breakable(shown))
         case Chip(shown, tone):
-            return _element("span", escape_html(shown), f"toned {tone.value}")
+            return _element("span", html_text(shown), f"toned {tone.value}")
         case _:
             return _breakable(text)
 
@@ -224,7 +222,7 @@ def _prose(text: tuple[Prose, ...] | Prose) -> str:
 def _breakable(text: str) -> str:
     """Text whose long words, such as paths, may be broken after a punctuation sign."""
     return " ".join(
-        "<wbr>".join(map(escape, _AFTER_SIGNS.split(word))) if len(word) >= _LONG_WORD else escape_html(word)
+        "<wbr>".join(map(html_text, _AFTER_SIGNS.split(word))) if len(word) >= _LONG_WORD else html_text(word)
         for word in text.split(" ")
     )
 

@@ -21,7 +21,7 @@ SHADES = 48
 """Colours of a path, each a group in the file: more would make the file larger only."""
 
 
-def escape_html(text: str) -> str:
+def html_text(text: str) -> str:
     """Text as HTML and XML show it: no markup, and no character that they cannot hold."""
     return html.escape(printable(text))
 
@@ -51,7 +51,7 @@ def element(name: str, content: str = "", /, **attributes: object) -> str:
 
 def text(x: float, y: float, words: str, size: float = 11.0, **attributes: object) -> str:
     """A line of text; `words` may hold anything."""
-    return element("text", escape_html(words), x=float(x), y=float(y), font_size=size, **attributes)
+    return element("text", html_text(words), x=float(x), y=float(y), font_size=size, **attributes)
 
 
 def points(pairs: Iterable[tuple[float, float]]) -> str:
@@ -71,7 +71,7 @@ def picture(figure: Figure, shown: float | None = None) -> str:
     return (
         f"<svg xmlns='http://www.w3.org/2000/svg' viewBox='0 0 {number(width)} {number(height)}' "
         f"width='{number(shown)}' height='{number(height * shown / width)}' role='img' {FONT} fill='{INK}'>"
-        f"<title>{escape_html(figure.title)}</title>"
+        f"<title>{html_text(figure.title)}</title>"
         f"<rect width='100%' height='100%' fill='#ffffff'/>{figure.content}</svg>"
     )
 
@@ -111,4 +111,4 @@ def cross(color: str, width: float = 2.0, **attributes: object) -> str:
 
 def tooltip(words: str) -> str:
     """A tooltip: browsers show it when an element is pointed at."""
-    return element("title", escape_html(words))
+    return element("title", html_text(words))
