@@ -237,7 +237,7 @@ class PageServer:
         self._sent = self._loop.time()
         frame = self._frames.next(fields)
         for viewer in self._viewers:
-            viewer.owe(frame)
+            viewer.send(frame)
 
     # -- viewers ---------------------------------------------------------------------------------
 
@@ -312,7 +312,7 @@ class PageServer:
 
     def _tell(self, viewer: Viewer, text: str) -> None:
         if viewer in self._viewers:
-            viewer.owe(framed(msgspec.json.encode({"told": text})))
+            viewer.send(framed(msgspec.json.encode({"told": text})))
 
     def _take_word(self, viewer: Viewer, word: str) -> None:
         role = self._access.role_of(word)
@@ -330,10 +330,10 @@ class PageServer:
         if not self._frames.has_whole:
             self._publish({})  # so that the others have received the same as the newcomer
         keys = page_keys(self._server.configuration.settings.keys) if viewer.role is PageRole.DRIVE else {}
-        viewer.owe(framed(msgspec.json.encode({"role": viewer.role, "keys": keys})))
+        viewer.send(framed(msgspec.json.encode({"role": viewer.role, "keys": keys})))
         for frame in self._frames.whole():
-            viewer.owe(frame)
-        viewer.forgive()
+            viewer.send(frame)
+        viewer.reset_backlog()
         self._viewers.add(viewer)
 
     def viewer_gone(self, viewer: Viewer) -> None:

@@ -171,7 +171,7 @@ def test_xx_overtakes_a_drive_that_is_answered_at_its_end_and_those_behind_it(on
     async def scenario(bench: Any) -> tuple[bytes, float]:
         await bench.send(b"[w0:36,r0:90]", 0)
         await bench.send(b"[d0:6]", 0)
-        await bench.clock.until(lambda: bench.traffic.owed == 3)
+        await bench.clock.until(lambda: bench.traffic.unanswered == 3)
         await bench.clock.pass_by(1.0)
         await bench.send(b"[xx]", 4)
         reply = await bench.read()
