@@ -122,7 +122,7 @@ class Server:
         if plan is not None:
             from simmer_tui.mission import Referee
 
-            self._judged = self.new_fold()
+            self._judged = self.new_reducer()
             self.referee = Referee(plan, self._judged, self.engine.tell)
             # The state is brought up to date before the referee reads it.
             self._follow = self._judged.apply
@@ -431,7 +431,7 @@ class Server:
             self.late_faults.append(why)
         self.engine.tell_fault(why)
 
-    def new_fold(self) -> Reducer:
+    def new_reducer(self) -> Reducer:
         """A reducer that begins with the present state of the run."""
         from simmer_tui.run.reducer import Reducer
         from simmer_tui.run.state import checkpoint_of
@@ -444,7 +444,7 @@ class Server:
         from simmer_tui.report.mission_gate import Analysis
 
         if self.referee is None:
-            self._judged = self.new_fold()
+            self._judged = self.new_reducer()
             history = self._judged.history = self._history_of(self._judged)
             self.engine.watch(self._judged.apply)
             return history
@@ -471,7 +471,7 @@ class Server:
     @cached_property
     def _shown(self) -> Reducer:
         """The reducer of the state that is shown, which may be behind the simulator's."""
-        return self.new_fold()
+        return self.new_reducer()
 
     def keep_verdict(self, *, has_program: bool) -> None:
         """Find the verdict when the run ends, and show it; before `record`. `has_program` is true if this
@@ -479,10 +479,10 @@ class Server:
         from simmer_tui.report.live_verdict import LiveVerdict
         from simmer_tui.run.attempt import task_of
 
-        fold, task = self.new_fold(), None
+        reducer, task = self.new_reducer(), None
         if self.referee is not None:
             task = task_of(self.configuration, self.seed, self.referee.plan)
-        self._verdict = LiveVerdict(fold, self._history_of(fold), task, self.call, self.engine.tell)
+        self._verdict = LiveVerdict(reducer, self._history_of(reducer), task, self.call, self.engine.tell)
         if has_program:
             self._verdict.expect_program()
         self.engine.watch(self._verdict.watch)

@@ -129,7 +129,7 @@ class TakeOver:
         prefix."""
         prefix, engine = server.prefix, server.engine
         assert prefix is not None, "the server was made with a prefix"
-        reducer = server.new_fold()
+        reducer = server.new_reducer()
         if server.referee is not None:
             server.referee.begin()
         with rerun:

@@ -141,7 +141,7 @@ class RunFrames:
         self._server = server
         self._task = task
         self._events = EventQueue(server.simulator, mission=server.referee is not None)
-        self._recording = LiveRecording(server.new_fold().beginning())
+        self._recording = LiveRecording(server.new_reducer().beginning())
         self._id = secrets.token_hex(4)
         self._base = b""
         self._tail: list[bytes] = []

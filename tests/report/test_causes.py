@@ -89,9 +89,9 @@ def begin(
     plan = MissionPlan(Pose(*start), False, block, (Cell(18.0, 42.0),), zone, limit, contacts=0)
     engine = Engine(simulator)
     history = RunHistory(checkpoint_of(simulator, mission=True))
-    fold = Reducer(checkpoint_of(simulator, mission=True), history=history)
-    engine.watch(fold.apply)
-    referee = Referee(plan, fold, engine.tell)
+    reducer = Reducer(checkpoint_of(simulator, mission=True), history=history)
+    engine.watch(reducer.apply)
+    referee = Referee(plan, reducer, engine.tell)
     engine.watch(referee.watch)
     task = task_of(configuration, 3, plan)
     assert task is not None

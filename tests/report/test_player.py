@@ -47,11 +47,11 @@ def mission_log(path: Path, seed: int = 3) -> None:
     plan = replace(plan, contacts=None)
     engine = Engine(Simulator(configuration.simulation, seed))
     simulator = engine.simulator
-    fold = Reducer(checkpoint_of(simulator, mission=True))
+    reducer = Reducer(checkpoint_of(simulator, mission=True))
     session = engine.session()
     with RunLog(path, configuration, simulator, mission=True) as log:
-        referee = Referee(plan, fold, engine.tell)
-        for watcher in (fold.apply, referee.watch, log):
+        referee = Referee(plan, reducer, engine.tell)
+        for watcher in (reducer.apply, referee.watch, log):
             engine.watch(watcher)
         referee.begin()
 

@@ -231,13 +231,13 @@ def test_xx_is_a_word_of_packets_only(on_clock: Any) -> None:
 
 def test_the_trail_on_the_screen_ends_where_xx_stopped_the_robot(on_clock: Any) -> None:
     async def scenario(bench: Any) -> list[float]:
-        fold = Reducer(checkpoint_of(bench.simulator))
-        bench.engine.watch(fold.apply)
+        reducer = Reducer(checkpoint_of(bench.simulator))
+        bench.engine.watch(reducer.apply)
         await bench.ask(b"[w0:36]")
         await bench.clock.pass_by(1.0)
         await bench.ask(b"[xx]")
         await bench.clock.pass_by(3.0)
-        state = fold.at(bench.engine.now())
+        state = reducer.at(bench.engine.now())
         assert not state.moving
         return [float(y) for _, y in state.trail]
 
