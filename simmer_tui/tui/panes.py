@@ -93,7 +93,7 @@ class Lags:
         state = snapshot.state
         calm = not state.moving and (before is None or before.state.pose == state.pose)
         # In a quiet run the waiting parts are due one after the other; then the screen does not change.
-        if before is None or snapshot.number != before.number or snapshot.anew or not calm:
+        if before is None or snapshot.number != before.number or snapshot.is_full or not calm:
             self.waiting = set(_LAGS)
         marks = state.paused, state.contacts, snapshot.verdict is None
         if marks != self._marks or (calm and not self._calm):
@@ -199,7 +199,7 @@ class Panes:
         }
         """Parts of the picture that are shown; see `switch`."""
         self._waiting: list[LogEntry] = []
-        self._anew = False
+        self._is_full = False
         self._snapshot: Snapshot | None = None
         self._lags = Lags()
         self._past: Mapping[str, Sequence[float]] = {}
@@ -266,7 +266,7 @@ class Panes:
         """Update everything after a change of sizes."""
         self._lags.hurry()
         if self._snapshot is not None:
-            self.show(replace(self._snapshot, entries=(), anew=False))
+            self.show(replace(self._snapshot, entries=(), is_full=False))
 
     @property
     def whole_log(self) -> str:
@@ -278,8 +278,8 @@ class Panes:
 
     def _take_entries(self, snapshot: Snapshot) -> None:
         # After a jump in a replay the waiting entries are of another moment.
-        if snapshot.anew:
-            self._waiting, self._anew = [], True
+        if snapshot.is_full:
+            self._waiting, self._is_full = [], True
         entries = snapshot.entries
         if entries and self._waiting and self._waiting[-1].first == entries[0].first != 0:
             self._waiting.pop()  # it has grown
@@ -296,12 +296,12 @@ class Panes:
         self.maze.frame_role = _FRAMES.get(phase, Role.EDGE)
 
     def _show_events(self) -> None:
-        told = 0
+        total = 0
         if self._snapshot is not None:
-            told = self._snapshot.told
+            total = self._snapshot.total
             self.log.show_before_events(self._ready_text(self._snapshot.state.seed))
-        self.log.add(self._waiting, told=told, anew=self._anew)
-        self._waiting, self._anew = [], False
+        self.log.add(self._waiting, total=total, is_full=self._is_full)
+        self._waiting, self._is_full = [], False
 
     def _ready_text(self, seed: int) -> str:
         maze, sensors = self._spec.maze, self._spec.sensors

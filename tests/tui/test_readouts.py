@@ -482,7 +482,7 @@ def test_readings_in_between_fold_and_are_all_counted(run: Run) -> None:
     assert "before these are counted only" in kept[0]
     assert len(kept) < 100
     assert kept[-1].split()[1] == "u3"
-    assert run.snapshot().told == 3
+    assert run.snapshot().total == 3
 
 
 def test_what_a_person_types_is_not_folded(run: Run) -> None:
@@ -493,7 +493,7 @@ def test_what_a_person_types_is_not_folded(run: Run) -> None:
 def test_events_too_many_to_be_kept_are_counted(run: Run) -> None:
     run.give(*["zz"] * (EVENTS + 10))
     assert len(run.snapshot().entries) == EVENTS
-    assert run.snapshot().told == EVENTS + 10
+    assert run.snapshot().total == EVENTS + 10
 
 
 def test_the_last_event_in_one_line(run: Run) -> None:
