@@ -456,7 +456,7 @@ class Watchers:
     def __init__(self, fault: Callable[[str], None] = lambda text: None) -> None:
         """`fault` is called with a sentence about a watcher that failed."""
         self._watchers: list[Watcher] = []
-        self._untold: deque[Event] = deque()
+        self._undelivered: deque[Event] = deque()
         self._telling = False
         self._fault = fault
 
@@ -473,13 +473,13 @@ class Watchers:
         """Pass an event to all watchers. A watcher that fails is removed; the robot continues. An event that
         a watcher tells comes after the event it reacts to, for every watcher."""
         # A queue, not a recursion: all watchers get an event before those that one of them tells about it.
-        self._untold.append(event)
+        self._undelivered.append(event)
         if self._telling:
             return
         self._telling = True
         try:
-            while self._untold:
-                self._tell_all(self._untold.popleft())
+            while self._undelivered:
+                self._tell_all(self._undelivered.popleft())
         finally:
             self._telling = False
 

@@ -450,7 +450,7 @@ class Server:
             return history
         # The referee's own reducer: a second one would do the same work again.
         history = self._history_of(self._judged)
-        self._follow = Analysis(self._judged, history, goes_on=True).apply
+        self._follow = Analysis(self._judged, history, ends_history_only=True).apply
         return history
 
     def _history_of(self, reducer: Reducer) -> RunHistory:

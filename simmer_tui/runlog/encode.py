@@ -205,7 +205,7 @@ class LogEncoder:
             repeated = replace(belief, particles=(), again=True)
             yield _other_record(repeated, self._present(), real_time)
 
-    def begin_anew(self) -> None:
+    def begin_block(self) -> None:
         """Reading can begin here: later records refer to none before."""
         self._scans.clear()
 

@@ -121,7 +121,7 @@ class EventWords(Struct, frozen=True):
         source: giver of the event: `client`, `console`, `keys`, `belief`, `robot`, or `program` for its
             output.
         subject: command, or kind of event.
-        told: makes the pieces that tell what happened.
+        pieces: makes the styled text of what happened.
         complaint: reason why a command or action was refused; empty if it was not, None for other events.
         ends_mission: true for the event that ends a mission.
         is_departure: true for what a program does after its end.
@@ -129,7 +129,7 @@ class EventWords(Struct, frozen=True):
 
     source: str = "robot"
     subject: str = ""
-    told: Callable[[], StyledLine] = tuple
+    pieces: Callable[[], StyledLine] = tuple
     complaint: str | None = None
     ends_mission: bool = False
     is_departure: bool = False
@@ -192,7 +192,7 @@ class _Wording(EventHandler[EventWords]):
         return EventWords(event.command.source, event.code, lambda: ((text, "belief"),))
 
     def on_mission(self, event: events.MissionEvent) -> EventWords:
-        return EventWords(subject="mission", told=lambda: _mission_pieces(event), ends_mission=event.over)
+        return EventWords(subject="mission", pieces=lambda: _mission_pieces(event), ends_mission=event.over)
 
     def on_notice(self, event: events.Notice) -> EventWords:
         source = _NOTICE_SOURCES.get(event.kind, "robot")
@@ -235,7 +235,7 @@ def entry_line(entry: LogEntry) -> StyledLine:
     words = words_of(entry)
     signed = words.complaint is not None and words.source in PEOPLE
     by = ((f"  by {words.source}", "dim"),) if signed else ()
-    return (*_head(entry, words.subject), *words.told(), *by)
+    return (*_head(entry, words.subject), *words.pieces(), *by)
 
 
 def _mission_pieces(event: events.MissionEvent) -> StyledLine:

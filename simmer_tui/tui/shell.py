@@ -35,11 +35,11 @@ from simmer_tui.tui.sizes import (
 )
 from simmer_tui.tui.terminal import ColorDepth, GlyphMode, TerminalChoice
 from simmer_tui.tui.terminal_app import AsciiFilter, Backpressure, TerminalApp
-from simmer_tui.tui.textual_internals import FaultTold, draw_at_once, forget_traceback
+from simmer_tui.tui.textual_internals import FaultReporting, draw_at_once, forget_traceback
 from simmer_tui.tui.themes import THEMES, theme_name, themes, variables
 
 
-class Shell(FaultTold, TerminalApp):
+class Shell(FaultReporting, TerminalApp):
     """Samples the newest snapshot some times a second and draws the changes."""
 
     CSS_PATH = "app.tcss"

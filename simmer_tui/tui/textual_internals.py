@@ -139,7 +139,7 @@ def set_virtual_size(view: ScrollView, size: Size) -> None:
     view._scroll_update(size)
 
 
-class FaultTold:
+class FaultReporting:
     """Mixin for an app with a method for exceptions that Textual cannot continue from."""
 
     def fault_met(self, error: Exception) -> None:

@@ -333,7 +333,7 @@ def test_a_mistake_that_is_repeated_is_told_once_and_counted_at_the_end(tmp_path
         robot.received(b"word%d\n" % number)
     robot.closed()
     assert len(host.told) == 21
-    assert host.told[-1] == "20 different faults were told, 80 more were not"
+    assert host.told[-1] == "20 different faults were reported, 80 more were not"
 
 
 def test_bytes_are_lost_while_it_boots_and_then_it_greets(tmp_path: Path) -> None:
