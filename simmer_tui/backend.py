@@ -212,7 +212,7 @@ class CommandBudget:
         self._commands -= len(message.commands)
         self._bytes -= len(message.data)
 
-    def complain(self) -> None:
+    def report_busy(self) -> None:
         """Report that a message is answered busy."""
         now = self._loop.time()
         if now >= self._again:
@@ -281,7 +281,7 @@ class BackendSession:
 
     def _submit_urgent(self, message: Message, answered: Answered, budget: CommandBudget) -> None:
         """Pass on the stops of a message, and answer the rest busy, in its turn."""
-        budget.complain()
+        budget.report_busy()
         backend = self._switch.backend
         urgent = backend.urgent_part(message)
         passed = urgent.commands if urgent is not None else ()

@@ -43,15 +43,15 @@ class TurnedAwayNotices:
         self._loop = asyncio.get_running_loop()
         self._told: dict[str, float] = {}
 
-    def tell(self, text: str, complaint: str = "") -> None:
-        """Report a refused connection, unless the same `complaint` (by default the text) was reported within
+    def tell(self, text: str, reason: str = "") -> None:
+        """Report a refused connection, unless the same `reason` (by default the text) was reported within
         the last second."""
-        # Texts contain the client's port, which changes; the complaint is the reason without it.
-        complaint = complaint or text
+        # Texts contain the client's port, which changes; the reason does not.
+        reason = reason or text
         now = self._loop.time()
-        if now >= self._told.get(complaint, now):
+        if now >= self._told.get(reason, now):
             self._told = {each: until for each, until in self._told.items() if until > now}
-            self._told[complaint] = now + _AGAIN
+            self._told[reason] = now + _AGAIN
             self._teller.tell(Notice(NoticeKind.TURNED_AWAY, text))
 
 

@@ -202,7 +202,7 @@ class _Believer(Peer):
         self._buffer = bytearray()
         self._seen = 0
         """Bytes of the buffer known to hold no line end."""
-        self._complained = False
+        self._reported = False
         self.last_received = self._loop.time()
         """Time of the last received bytes, at first of the connection, by the loop's clock."""
 
@@ -228,7 +228,7 @@ class _Believer(Peer):
                 if self._seen > LONGEST_LINE:
                     self._buffer.clear()
                     self._seen = 0
-                    self._complain(_TOO_LONG)
+                    self._report(_TOO_LONG)
                 if self._held:
                     self.hold(False)
                 return
@@ -237,7 +237,7 @@ class _Believer(Peer):
             self._seen = 0
             self._budget.spend(LINE + len(line))
             if len(line) > LONGEST_LINE:
-                self._complain(_TOO_LONG)
+                self._report(_TOO_LONG)
             elif line.strip():
                 self._take(line)
         if not self._held:
@@ -259,11 +259,11 @@ class _Believer(Peer):
         try:
             engine.tell(parse_belief(line, time, simulator.pose, self._link.whole))
         except ValueError as error:
-            self._complain(str(error))
+            self._report(str(error))
 
-    def _complain(self, reason: str) -> None:
-        if not self._complained:  # a faulty program usually repeats its fault in every line
-            self._complained = True
+    def _report(self, reason: str) -> None:
+        if not self._reported:  # a faulty program usually repeats its fault in every line
+            self._reported = True
             self._link.engine.tell_fault(f"belief not understood: {reason}")
 
 

@@ -90,7 +90,7 @@ class Analysis:
     """A reducer with a history that ends with the mission, until the run restarts."""
 
     def __init__(self, reducer: Reducer, history: RunHistory, *, ends_history_only: bool = False) -> None:
-        """Give the reducer its history. With `ends_history_only` only the history ends: the reducer continues, for
+        """Give the reducer its history. With `ends_history_only` the reducer continues after the history, for
         others that read its state."""
         reducer.history = history
         self._reducer = reducer

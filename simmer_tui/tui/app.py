@@ -27,7 +27,7 @@ from simmer_tui.sim.specs import DriveKind
 from simmer_tui.snapshot import Snapshot
 from simmer_tui.tui import answers
 from simmer_tui.tui.console import ConsolePane, History
-from simmer_tui.tui.event_text import REASONS, complaint_of
+from simmer_tui.tui.event_text import REASONS, refusal_of
 from simmer_tui.tui.headline import RunPhase
 from simmer_tui.tui.help import CommandProvider, ReportScreen, help_screen
 from simmer_tui.tui.key_table import IN_CONSOLE, Hint, MazePane, drive_keys, hints_of, keymap, maze_hints
@@ -109,10 +109,10 @@ class SimmerApp(Shell):
 
     def shown(self, snapshot: Snapshot, since: int) -> None:
         self._operator.note_block(snapshot.state)
-        complaint = complaint_of(snapshot.entries, since)
+        refusal = refusal_of(snapshot.entries, since)
         new = [entry for entry in snapshot.entries if entry.number > since]
-        if complaint is not None:
-            self._console.show_complaint(complaint)
+        if refusal is not None:
+            self._console.show_refusal(refusal)
         elif any(not entry.folds for entry in new):
             self._console.note_event()
 

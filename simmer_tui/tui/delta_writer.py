@@ -71,7 +71,8 @@ class DeltaWriter:
         self._pen = 0
 
     def begin(self, width: int, height: int, colors: ColorSystem, *, is_full: bool = False) -> None:
-        """Begin an update of a screen. `is_full` drops the known content of the screen, as a new size does."""
+        """Begin an update of a screen. `is_full` forgets the known content of the screen, as a new size
+        does."""
         screen = width, height, colors
         if is_full or self._screen != screen or len(self._pens) > _MOST_PENS:
             self._screen = screen

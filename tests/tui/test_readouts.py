@@ -37,10 +37,10 @@ from simmer_tui.snapshot import EVENTS, LogEntry, Recorder, Snapshot
 from simmer_tui.tui.answers import end_answer, now_answer
 from simmer_tui.tui.event_text import (
     clock,
-    complaint_of,
     entry_line,
     kept_lines,
     last_event_line,
+    refusal_of,
     words_of,
 )
 from simmer_tui.tui.gauges import gauge, scale_end, sparkline
@@ -525,14 +525,14 @@ def test_other_events_in_the_log(event: Event, source: str, text: str) -> None:
     assert text_of(entry_line(entry)) == text
 
 
-def test_only_what_people_asked_for_is_complained_about_in_the_console(run: Run) -> None:
-    assert complaint_of(run.give("zz").snapshot().entries) is None
+def test_only_what_people_asked_for_is_an_error_in_the_console(run: Run) -> None:
+    assert refusal_of(run.give("zz").snapshot().entries) is None
     run.give("d1-", source="console")
-    assert complaint_of(run.snapshot().entries) == "d1-: the value is missing, as in d1-3"
+    assert refusal_of(run.snapshot().entries) == "d1-: the value is missing, as in d1-3"
     run.give("u1", source="keys")
-    assert complaint_of(run.snapshot().entries) == ""
+    assert refusal_of(run.snapshot().entries) == ""
     run.engine.perform(Action(ActionName.SPEED, (0.0,), source="console"))
-    assert str(complaint_of(run.snapshot().entries)).startswith("speed: the speed is between")
+    assert str(refusal_of(run.snapshot().entries)).startswith("speed: the speed is between")
 
 
 @pytest.fixture
