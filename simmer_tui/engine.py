@@ -228,9 +228,9 @@ class Engine:
 
     # -- a replayed prefix ----------------------------------------------------------------------
 
-    def draw_link(self, ways: int) -> float:
-        """Draw the delays of `ways` messages of the replayed prefix. Returns their sum, simulated seconds."""
-        return sum(self._link.way() for _ in range(ways)) if self._link is not None else 0.0
+    def draw_link(self, messages: int) -> float:
+        """Draw the delays of `messages` messages of the replayed prefix. Returns their sum, simulated seconds."""
+        return sum(self._link.draw() for _ in range(messages)) if self._link is not None else 0.0
 
     def restart_link(self) -> None:
         """Restart the random stream of delays, as at a reset in the replayed prefix."""
@@ -425,7 +425,7 @@ class Engine:
     def _way(self, command: Command) -> float:
         """Delay of a command, or of its answer, on the link, simulated seconds."""
         # Drawn for programs only: a key that is pressed meanwhile changes no later delay of the same seed.
-        return self._link.way() if self._link is not None and command.source not in PEOPLE else 0.0
+        return self._link.draw() if self._link is not None and command.source not in PEOPLE else 0.0
 
     def _execute(
         self,

@@ -260,8 +260,8 @@ class LinkDelay:
         """Restart the random stream, as at the start of a run with this seed."""
         self._random = noise.stream(seed, LINK_STREAM)
 
-    def way(self) -> float:
-        """Latency of the next message, simulated seconds."""
+    def draw(self) -> float:
+        """Draw the latency of the next message, simulated seconds."""
         return self._latency + (self._jitter * self._random.random() if self._jitter else 0.0)
 
 

@@ -188,9 +188,9 @@ class RunLife:
     def _run_program(self, command: str) -> None:
         """Start a program beside the run. Raises ProgramError."""
         if SERIAL.purpose in self._server.ports and (why := out_of_reach(command)):
-            from simmer_tui.links.dialect_link import WAY_OUT
+            from simmer_tui.links.dialect_link import NO_HOOK_ADVICE
 
-            self._server.tell(Notice(NoticeKind.FAULT, f"{NOT_LED}: {why}. {WAY_OUT}"))
+            self._server.tell(Notice(NoticeKind.FAULT, f"{NOT_LED}: {why}. {NO_HOOK_ADVICE}"))
         self._shutdown.program = Program(
             command,
             self._server.environment,

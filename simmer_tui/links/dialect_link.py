@@ -35,7 +35,7 @@ USUAL_BAUD = 9600.0
 """Bits a second of a line whose rate is not known."""
 NO_HOOK = "it is no Python, it is frozen, or it was started with -I, -E or -S"
 """Reasons why a program may not use the hook."""
-WAY_OUT = (
+NO_HOOK_ADVICE = (
     "Run it as plain Python, or give it a serial port with --pty PATH"
     if platform_has.POSIX
     else "Run it as plain Python, or send commands over TCP (listeners)"
@@ -241,7 +241,7 @@ class DialectLink:
         elif isinstance(event, ProgramEnded) and event.started and not event.stopped:
             clock = self._context.clock
             if not self._reached and not (clock is not None and clock.reached):
-                self.engine.tell_fault(f"{NOT_LED}: {NO_HOOK}. {WAY_OUT}")
+                self.engine.tell_fault(f"{NOT_LED}: {NO_HOOK}. {NO_HOOK_ADVICE}")
 
     def opened(self, door: SerialDoor, name: str, baud: float | None) -> None:
         """Answer a program that opens a port."""

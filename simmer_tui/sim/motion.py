@@ -231,11 +231,11 @@ def rest_of(trajectory: Trajectory, stop: PathPosition) -> Path | None:
     return Path(pose.heading, 0.0, ((pose.x, pose.y), end))
 
 
-def profile_of(drive: DriveSpec, way: float) -> VelocityProfile | None:
+def profile_of(drive: DriveSpec, distance: float) -> VelocityProfile | None:
     """Profile of a drive over a distance; None if its speed is the same from beginning to end."""
     if not (drive.start_lag or drive.acceleration):
         return None
-    return VelocityProfile(way, drive.speed, drive.start_lag, drive.acceleration)
+    return VelocityProfile(distance, drive.speed, drive.start_lag, drive.acceleration)
 
 
 def _in_free_space(

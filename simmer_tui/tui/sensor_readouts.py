@@ -33,7 +33,7 @@ _BEFORE_BAR = 14
 # ` sim 35.8` and ` -10.0` beside each other.
 _TWIN_ROOM = 14
 _POINTS = ("E", "NE", "N", "NW", "W", "SW", "S", "SE")
-_WAYS = ("F", "FL", "L", "BL", "B", "BR", "R", "FR")
+_DIRECTIONS = ("F", "FL", "L", "BL", "B", "BR", "R", "FR")
 # Four maze cells: ranges in the bundled mazes are seldom longer, and a scale that never changes is easy to
 # read.
 RANGE_SCALE = 48.0
@@ -90,7 +90,7 @@ def range_role(sensor: SensorSpec, value: float) -> str:
     return "danger" if value < SHORT else "warning"
 
 
-def way(sensor: SensorSpec, *, plain: bool) -> str:
+def direction_sign(sensor: SensorSpec, *, plain: bool) -> str:
     """Direction of a sensor, with the robot's front up: an arrow, or letters such as `FL`."""
     if sensor.kind.is_scan:
         return "" if plain else "○"
@@ -100,7 +100,7 @@ def way(sensor: SensorSpec, *, plain: bool) -> str:
 def bearing_sign(bearing: float, *, plain: bool) -> str:
     """Direction from the robot's front, degrees, with the front up: an arrow, or letters such as `FL`."""
     # A quarter on: the robot's front is up here, and to the right in the table.
-    return _WAYS[eighth_of_turn(bearing)] if plain else ARROWS[eighth_of_turn(bearing + 90.0)]
+    return _DIRECTIONS[eighth_of_turn(bearing)] if plain else ARROWS[eighth_of_turn(bearing + 90.0)]
 
 
 def bearing_words(bearing: float, *, plain: bool) -> str:
@@ -230,7 +230,7 @@ class _SensorTable:
     def _line(self, sensor: SensorSpec) -> StyledLine:
         """One sensor: its reading, and the parts after it."""
         row = self.rows.get(sensor.code)
-        role, look = self._role(row), way(sensor, plain=self.view.plain)
+        role, look = self._role(row), direction_sign(sensor, plain=self.view.plain)
         begin: StyledLine = (
             (sensor.code, "chosen" if sensor.code == self.view.chosen else role),
             (look.ljust(2) if self.view.plain else f" {look}".ljust(2), role),
