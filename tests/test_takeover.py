@@ -81,7 +81,7 @@ def taken_over(path: Path, moment: Moment, log: Path | None = None) -> Iterator[
         if log is not None:
             server.start_log(str(log))
         server.record()
-        chosen.bring(server, rerun)
+        chosen.advance(server, rerun)
         yield server
     finally:
         server.stop()

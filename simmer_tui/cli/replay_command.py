@@ -86,5 +86,5 @@ def _go_on(chosen: TakeOver, options: argparse.Namespace) -> int:
     """Run the live run. Returns the exit code."""
     server, rerun = chosen.serve()
     front = front_end(server, options)
-    bring = partial(chosen.bring, server, rerun)
-    return RunLife(server, front, command=options.run, log=options.log, prefix=bring).run()
+    advance = partial(chosen.advance, server, rerun)
+    return RunLife(server, front, command=options.run, log=options.log, prefix=advance).run()

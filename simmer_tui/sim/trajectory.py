@@ -29,7 +29,7 @@ class VelocityProfile(Struct, frozen=True):
         """The greatest speed that is reached."""
         if not self.acceleration:
             return self.speed
-        # A distance shorter than both ramps gives a triangle: v^2 = 2 a (way / 2) at its top.
+        # A distance shorter than both ramps gives a triangle: v^2 = 2 a (distance / 2) at its top.
         return min(self.speed, math.sqrt(self.distance * self.acceleration))
 
     @property
@@ -39,7 +39,7 @@ class VelocityProfile(Struct, frozen=True):
 
     @property
     def duration(self) -> float:
-        """Seconds from the command to standstill: lag + way / top + top / acceleration."""
+        """Seconds from the command to standstill: lag + distance / top + top / acceleration."""
         return self.lag + self.distance / self._top + self._ramp if self.distance else 0.0
 
     def fraction_at(self, elapsed: float) -> float:

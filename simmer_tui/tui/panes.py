@@ -313,7 +313,7 @@ class Panes:
         for name, lines in self._lines.items():
             self._show_panel(self._panels[name], lines, snapshot)
         self._show_panel(self.sensors, self._sensor_lines, snapshot)
-        self.legend.bring_up_to_date()
+        self.legend.update_content()
 
     def _show_panel(self, panel: LinePanel, lines: _Lines, snapshot: Snapshot) -> None:
         """Show lines made for a panel's size, or the fault in making them."""

@@ -102,7 +102,7 @@ class Timeline(LinePanel):
         self._run, self._moved = run, moved
         self._plain = plain
 
-    def bring_up_to_date(self, note: str) -> None:
+    def update_content(self, note: str) -> None:
         """Show the run's moment."""
         width = self.size.width
         if width:
@@ -163,7 +163,7 @@ class ReplayApp(Shell):
         self.events_shown(snapshot)
 
     def events_shown(self, snapshot: Snapshot) -> None:
-        self._timeline.bring_up_to_date(self._note or self.run_shown.index.note)
+        self._timeline.update_content(self._note or self.run_shown.index.note)
 
     def _arrange(self, width: int, height: int) -> None:
         super()._arrange(width, height)

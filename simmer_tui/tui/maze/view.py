@@ -338,14 +338,14 @@ class Legend(DirectLines):
         self._maze = maze
         self._strip = Strip([])
 
-    def bring_up_to_date(self) -> None:
+    def update_content(self) -> None:
         strip = self._maze.legend(max(self.size.width - 1, 1)) if self.size.width else Strip([])
         if strip != self._strip:
             self._strip = strip
             self.refresh()
 
     def on_resize(self) -> None:
-        self.bring_up_to_date()
+        self.update_content()
 
     def render_line(self, y: int) -> Strip:
         line = Strip.join((Strip.blank(1, self.rich_style), self._strip))
