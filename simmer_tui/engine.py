@@ -229,7 +229,7 @@ class Engine:
     # -- a replayed prefix ----------------------------------------------------------------------
 
     def draw_link(self, messages: int) -> float:
-        """Draw the delays of so many messages of the replayed prefix; returns their sum, simulated seconds."""
+        """Draw the delays of messages of the replayed prefix. Returns their sum, simulated seconds."""
         return sum(self._link.draw() for _ in range(messages)) if self._link is not None else 0.0
 
     def restart_link(self) -> None:

@@ -147,16 +147,16 @@ class DialectDevice:
     Args:
         rules: The rules.
         host: The robot and the wire.
-        heard: Called with the rule and the values of each message before it is carried out.
+        observer: Called with the rule and the values of each message before it is carried out.
     """
 
     def __init__(
         self,
         rules: DialectRules,
         host: DeviceHost,
-        heard: Callable[[MessageRule, Mapping[str, FieldValue]], None] = lambda rule, values: None,
+        observer: Callable[[MessageRule, Mapping[str, FieldValue]], None] = lambda rule, values: None,
     ) -> None:
-        self._heard = heard
+        self._observer = observer
         self.host = host
         self.state: dict[str, FieldValue] = dict(rules.state)
         self.unknown = 0
@@ -196,7 +196,7 @@ class DialectDevice:
 
     @property
     def doing(self) -> Mapping[str, FieldValue] | None:
-        """The values of the message whose movement is under way, the same object that `heard` got."""
+        """The values of the message whose movement is under way, the same object that `observer` got."""
         return self._moving.values if self._moving is not None else None
 
     # -- the wire ----------------------------------------------------------------------------------
@@ -299,7 +299,7 @@ class DialectDevice:
         values.setdefault("text", text)
         task = _Task(rule, values, len(frame.data), iter(rule.steps))
         self.host.done(frame.data, rule.shown)
-        self._heard(rule, values)
+        self._observer(rule, values)
         self._admit(task)
 
     def _admit(self, task: _Task) -> None:

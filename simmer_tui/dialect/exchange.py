@@ -13,7 +13,7 @@ from simmer_tui.dialect.device import DialectDevice, MoveEnd
 from simmer_tui.dialect.dialect_rules import DialectRules, MessageRule
 from simmer_tui.dialect.expressions import FieldValue
 from simmer_tui.dialect.readings import MessageScope
-from simmer_tui.dialect.reply_reader import SILENCE, Due, Heard, ReplyReader
+from simmer_tui.dialect.reply_reader import SILENCE, Due, ReplyReader, RobotReply
 from simmer_tui.dialect.templates import TextReply
 from simmer_tui.errors import ExpressionError
 from simmer_tui.sim.command import escape, parse_command, parse_value
@@ -109,7 +109,7 @@ class _PlannedHost:
         """Ignored: the robot sends nothing for it."""
 
     def done(self, message: bytes, meaning: str) -> None:
-        """Ignored: `heard` gets the rule of each message."""
+        """Ignored: `observer` gets the rule of each message."""
 
 
 class _Asked(Struct, frozen=True):
@@ -139,9 +139,9 @@ class Comparison:
         self._asked: dict[int, _Asked] = {}
         """Pending messages, by the identity of their values."""
         self._delays: dict[str, list[tuple[float, float, int]]] = {}
-        heard = replace(rules, streams=(), robot=replace(rules.robot, boot=0.0, greeting=""), unknown=())
+        reactive = replace(rules, streams=(), robot=replace(rules.robot, boot=0.0, greeting=""), unknown=())
         self._host = _PlannedHost(rules, self._note)
-        self._device = DialectDevice(heard, self._host, self._heard)
+        self._device = DialectDevice(reactive, self._host, self._note_message)
         self._reader = ReplyReader(rules, self._device.state)
 
     def differences(self, pieces: Sequence[Exchanged]) -> list[OtherAnswer]:
@@ -165,7 +165,7 @@ class Comparison:
     def _note(self, text: str) -> None:
         self._found.add(OtherAnswer(self._line, text))
 
-    def _heard(self, rule: MessageRule, values: Mapping[str, FieldValue]) -> None:
+    def _note_message(self, rule: MessageRule, values: Mapping[str, FieldValue]) -> None:
         self.messages += 1
         if rule.stops:
             return
@@ -178,18 +178,18 @@ class Comparison:
         self._asked[id(values)] = _Asked(self._line, self._host.now, takes, values)
         self._reader.asked(rule, values)
 
-    def _take(self, replies: Sequence[Heard]) -> None:
-        for heard in replies:
-            if not heard.part:
-                self._find_unknown(heard)
+    def _take(self, replies: Sequence[RobotReply]) -> None:
+        for reply in replies:
+            if not reply.part:
+                self._find_unknown(reply)
                 continue
-            asked = self._asked.get(id(heard.values)) if heard.values is not None else None
-            if heard.part == "reply" and heard.rule is not None and asked is not None:
-                delay = self._host.now - asked.time - len(heard.data) * self._byte
-                self._delays.setdefault(heard.rule.shown, []).append((delay, asked.takes, asked.line))
+            asked = self._asked.get(id(reply.values)) if reply.values is not None else None
+            if reply.part == "reply" and reply.rule is not None and asked is not None:
+                delay = self._host.now - asked.time - len(reply.data) * self._byte
+                self._delays.setdefault(reply.rule.shown, []).append((delay, asked.takes, asked.line))
 
-    def _find_unknown(self, heard: Heard) -> None:
-        shown = escape(heard.data.decode("latin-1").strip(), 60)
+    def _find_unknown(self, reply: RobotReply) -> None:
+        shown = escape(reply.data.decode("latin-1").strip(), 60)
         if not shown:
             return
         due = next(iter(self._reader.due), None)

@@ -34,7 +34,7 @@ _WORDS = rb"|inf|-inf|nan|ovf"
 _TEXT = rb"([^\r\n]{0,400}?)"
 
 
-class Heard(Struct, frozen=True):
+class RobotReply(Struct, frozen=True):
     """A reply of the robot. `readings` are those that it contains, by the sensor's code, infinite for a
     missing one. `rule` and `part` (`reply`, `done`, `stopped` or `stream`) are those that it matches; an
     unknown one has neither."""
@@ -112,23 +112,23 @@ class ReplyReader:
         """Remove the replies of a message from the pending ones."""
         self.due = [each for each in self.due if each.rule is not rule]
 
-    def receive(self, data: bytes) -> list[Heard]:
+    def receive(self, data: bytes) -> list[RobotReply]:
         """The replies that these bytes complete."""
         if self._deframer is not None:
             parts = self._deframer.receive(data)
-            return [self._frame(part) if isinstance(part, Frame) else Heard(part.data) for part in parts]
+            return [self._frame(part) if isinstance(part, Frame) else RobotReply(part.data) for part in parts]
         self._buffer += data
         return list(self._lines(at_end=False))
 
-    def silence(self) -> list[Heard]:
+    def silence(self) -> list[RobotReply]:
         """Called after `SILENCE` seconds without bytes. Returns the replies that end by it."""
         if self._deframer is not None:
-            return [Heard(each.data) for each in self._deframer.silence()]
+            return [RobotReply(each.data) for each in self._deframer.silence()]
         return list(self._lines(at_end=True))
 
     # -- text --------------------------------------------------------------------------------------
 
-    def _lines(self, *, at_end: bool) -> Iterator[Heard]:
+    def _lines(self, *, at_end: bool) -> Iterator[RobotReply]:
         while self._buffer:
             found = self._first(at_end=at_end)
             if found is not None:
@@ -140,9 +140,9 @@ class ReplyReader:
                 size = len(self._buffer)
             if not size:
                 return
-            yield Heard(self._take(size))
+            yield RobotReply(self._take(size))
 
-    def _first(self, *, at_end: bool) -> Heard | None:
+    def _first(self, *, at_end: bool) -> RobotReply | None:
         """The reply at the beginning of the received bytes, if it matches a pending one."""
         window = bytes(self._buffer[:LONGEST])
         for due in (*self.due, *self._streams):
@@ -154,9 +154,9 @@ class ReplyReader:
                 continue
             template = due.templates[0]
             readings = self._readings(template, match, due.values)
-            heard = Heard(self._take(match.end()), due.part, due.rule, readings, due.values)
+            reply = RobotReply(self._take(match.end()), due.part, due.rule, readings, due.values)
             self._settle(due)
-            return heard
+            return reply
         return None
 
     def _is_closed(self, due: Due) -> bool:
@@ -226,7 +226,7 @@ class ReplyReader:
 
     # -- binary ------------------------------------------------------------------------------------
 
-    def _frame(self, frame: Frame) -> Heard:
+    def _frame(self, frame: Frame) -> RobotReply:
         kind = frame.head.get(TYPE)
         for due in (*self.due, *self._streams):
             template = due.templates[0] if due.templates else None
@@ -240,11 +240,11 @@ class ReplyReader:
                     code, line = read_by(expression, self._rules.single, scope)
                     if line is not None and isinstance(number, int | float):
                         readings[code] = (number - line[1]) / line[0]
-            heard = Heard(frame.data, due.part, due.rule, readings, due.values)
+            reply = RobotReply(frame.data, due.part, due.rule, readings, due.values)
             if template.times == 1:
                 self._settle(due)
-            return heard
-        return Heard(frame.data)
+            return reply
+        return RobotReply(frame.data)
 
 
 def _solved(text: str, line: tuple[float, float]) -> float:

@@ -1,7 +1,7 @@
 """A real robot that speaks the team's own language, driven by the console, keys and programs over TCP.
 
-The bytes of the program that has its port open pass unchanged (`heard_robot.py`). Commands of other senders
-are translated by inverse rules; none is passed on unchanged.
+The bytes of the program that has its port open pass unchanged (`monitored_robot.py`). Commands of other
+senders are translated by inverse rules; none is passed on unchanged.
 """
 
 from __future__ import annotations
@@ -18,10 +18,10 @@ from msgspec.structs import replace
 from simmer_tui.backend import Answered, BackendSession, Message
 from simmer_tui.dialect.dialect_rules import Busy
 from simmer_tui.dialect.inverse import InverseRules, Turned
-from simmer_tui.dialect.reply_reader import Heard
+from simmer_tui.dialect.reply_reader import RobotReply
 from simmer_tui.engine import PEOPLE
 from simmer_tui.events import NoticeKind
-from simmer_tui.links.heard_robot import HeardRobot
+from simmer_tui.links.monitored_robot import MonitoredRobot
 from simmer_tui.protocol.packets import STOP
 from simmer_tui.sessions import LoopTimer
 from simmer_tui.sim.command import Command, escape, parse_value
@@ -52,7 +52,7 @@ class _Request(Struct, eq=False):
     timer: asyncio.TimerHandle | None = None
 
 
-class DialectRobot(HeardRobot):
+class DialectRobot(MonitoredRobot):
     """A real robot with a dialect as a backend. Only for the event loop it is made in."""
 
     def __post_init__(self) -> None:
@@ -78,12 +78,12 @@ class DialectRobot(HeardRobot):
         self._again.cancel()
         self._drop(f"{self.port} was closed")
 
-    def _note_reply(self, heard: Heard) -> None:
+    def _note_reply(self, reply: RobotReply) -> None:
         asking = self._asking
-        if asking is not None and asking.turned is not None and heard.rule is asking.turned.rule:
-            self._answer_readings(asking.turned, heard.readings)
+        if asking is not None and asking.turned is not None and reply.rule is asking.turned.rule:
+            self._answer_readings(asking.turned, reply.readings)
         moving = self._moving
-        if heard.ends and moving is not None and moving.result is not None:
+        if reply.ends and moving is not None and moving.result is not None:
             self._over(moving, moving.result)
 
     def _answer_readings(self, asked: Turned, readings: Mapping[str, float]) -> None:

@@ -605,7 +605,7 @@ class RunHistory:
     def add_wire(self, message: WireMessage) -> None:
         """A message of a dialect, or a reply."""
         self._totals.wires += 1
-        self._trail.heard(message)
+        self._trail.add_message(message)
         if message.reply:
             return
         is_unknown = message.meaning.startswith(UNKNOWN_MESSAGE)
