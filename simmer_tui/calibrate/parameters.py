@@ -133,7 +133,7 @@ class ParameterSpace:
             np.array([max(each.value_in(spec), LEAST_SCALE) for each in self.noise_scales]),
         )
 
-    def laid_over(
+    def with_estimates(
         self, spec: SimulationSpec, parameters: FloatArray, noise_scales: FloatArray
     ) -> SimulationSpec:
         """A specification with these values in it."""

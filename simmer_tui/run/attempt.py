@@ -38,7 +38,7 @@ from simmer_tui.sim.specs import CELL_SIZE, Axes, DriveKind, SensorSpec
 LoggedRowT = TypeVar("LoggedRowT", bound=LoggedRow)
 
 # A cell: the effect of anything further back has shown in the sensors since.
-LAID_AGAIN = CELL_SIZE
+REPEATED_DISTANCE = CELL_SIZE
 """Inches of a continuous motion before a contact that counterfactuals repeat."""
 
 
@@ -261,7 +261,7 @@ class Attempt:
 
     def _legs_to(self, order: int) -> tuple[list[Leg], int]:
         """The legs that led to a contact, the one with it last, and how many ended after the last reading.
-        They go back as far as the robot drove freely, and `LAID_AGAIN` inches or to the last reading. Empty
+        They go back as far as the robot drove freely, and `REPEATED_DISTANCE` inches or to the last reading. Empty
         if no leg had the contact."""
         newest = [row for row in self.history.newest_legs if row[0] <= order]
         if not newest or newest[-1][0] != order:
@@ -272,7 +272,7 @@ class Attempt:
             leg, gone = ended.leg, gone + legs[0].travelled(legs[0].end_time)
             blind = at > looked
             is_free = leg.contact is None and not leg.pressed and leg.last_pose == legs[0].before
-            if not is_free or (gone >= LAID_AGAIN and not blind):
+            if not is_free or (gone >= REPEATED_DISTANCE and not blind):
                 break
             unseen += blind
             legs.insert(0, leg)

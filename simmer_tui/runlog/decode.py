@@ -429,7 +429,7 @@ class LogDecoder:
         if segment >= count:
             raise RunLogError(f"the movement has no segment {segment}")
         x, y, turn = (each / count for each in total)
-        met = Path.laid_when_asked(start, x, y, turn, count).pose(segment, turned, translated)
+        met = Path.lazy(start, x, y, turn, count).pose(segment, turned, translated)
         same = {name: getattr(fields, name) for name in SHARED_WITH_CONTACT}
         return Contact(met, segment=segment, turned=turned, translated=translated, time=fields.t, **same)
 

@@ -197,7 +197,7 @@ def rebuilt(
     Counts of odometers and gyros are left out.
     """
     x, y, turn = totals.x / segments, totals.y / segments, totals.r / segments
-    path = Path.laid_when_asked(start, x, y, turn, segments)
+    path = Path.lazy(start, x, y, turn, segments)
     plan = Trajectory(path, kind, totals, start_time, duration, contact, cut=cut, profile=profile)
     if contact is None or (contact.ended and stop is None):
         return plan
@@ -242,5 +242,5 @@ def _in_free_space(
     start: Pose, kind: DriveKind | None, totals: Axes, segments: int, time: float, duration: float
 ) -> Trajectory:
     """A movement in free space."""
-    path = Path.laid(start, totals.x / segments, totals.y / segments, totals.r / segments, segments)
+    path = Path.of_segments(start, totals.x / segments, totals.y / segments, totals.r / segments, segments)
     return Trajectory(path, kind, totals, time, duration)

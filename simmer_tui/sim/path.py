@@ -80,7 +80,7 @@ class Path(Struct, frozen=True, dict=True):
     """Plain numbers, not arrays: most paths have few segments, and most queries are about one place."""
 
     @classmethod
-    def laid(cls, start: Pose, x: float, y: float, turn: float, segments: int) -> "Path":
+    def of_segments(cls, start: Pose, x: float, y: float, turn: float, segments: int) -> "Path":
         """Segments that each turn by `turn` degrees and then go (x, y) in the robot's frame."""
         places = [(start.x, start.y)] * (segments + 1)
         path = cls(start.heading, turn, places)
@@ -91,8 +91,8 @@ class Path(Struct, frozen=True, dict=True):
         return path
 
     @classmethod
-    def laid_when_asked(cls, start: Pose, x: float, y: float, turn: float, segments: int) -> "Path":
-        """`laid`, the same numbers bit for bit, but its places are computed at the first access. A log has
+    def lazy(cls, start: Pose, x: float, y: float, turn: float, segments: int) -> "Path":
+        """`of_segments`, the same numbers bit for bit, with places computed at the first access. A log has
         millions of paths, and for most of them only the first place is used."""
         return cls(start.heading, turn, _LazyPlaces(start, x, y, turn, segments))
 

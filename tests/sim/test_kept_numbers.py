@@ -28,7 +28,7 @@ from simmer_tui.sim.gripper import Gripper, can_take, missed_by
 from simmer_tui.sim.legs import Leg
 from simmer_tui.sim.maze import Maze
 from simmer_tui.sim.obstacles import Obstacles, block_problem, placement_problems, robot_problem
-from simmer_tui.sim.path import Path as Way
+from simmer_tui.sim.path import Path as RobotPath
 from simmer_tui.sim.path import PathPosition
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.recent_motion import BlockPlace, RecentMotion
@@ -255,13 +255,13 @@ def placements() -> Any:
     return [[placement_problems(spec) for spec in specs], blocks]
 
 
-def ways(draw: random.Random, start: Pose) -> Iterator[Way]:
+def ways(draw: random.Random, start: Pose) -> Iterator[RobotPath]:
     """Random paths: with and without turn, one segment and several, short and longer than the maze."""
     for segments in (1, 4, 10):
         for length in (3.0, 15.0, 300.0):
             for turn in (0.0, draw.uniform(-30, 30), 400.0 if segments == 1 else -95.0):
                 way = draw.uniform(0, 6.28)
-                yield Way.laid(
+                yield RobotPath.of_segments(
                     start,
                     length * math.cos(way) / segments,
                     length * math.sin(way) / segments,

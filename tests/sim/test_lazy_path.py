@@ -1,4 +1,4 @@
-"""A path is the same however it is laid."""
+"""A path is the same whether its places are computed at once or at the first access."""
 
 from __future__ import annotations
 
@@ -25,6 +25,6 @@ def test_points_are_the_same_bit_for_bit(
     x: float, y: float, heading: float, dx: float, dy: float, turn: float, segments: int
 ) -> None:
     start = Pose(x, y, heading)
-    at_once, one_by_one = (lay(start, dx, dy, turn, segments) for lay in (Path.laid, Path.laid_when_asked))
+    at_once, one_by_one = (lay(start, dx, dy, turn, segments) for lay in (Path.of_segments, Path.lazy))
     assert np.array_equal(at_once.points, one_by_one.points)
     assert (at_once.start, at_once.turn) == (one_by_one.start, one_by_one.turn)
