@@ -215,7 +215,7 @@ def main() -> int:
     else:
         print("a stranger is another user, and only root can be two: not measured")
     missed = [name for name, figure in figures.items() if figure]
-    note("owner refused, packets by reset, without a token (cannot be told)", alone)
+    note("owner refused, packets by reset, without a token (owner unknown)", alone)
     note("microseconds a connection to ask whose it is", price(count, 3))
     if options.json is not None:
         options.json.write_text(json.dumps(figures, indent=1) + "\n")

@@ -177,7 +177,7 @@ def test_the_link_takes_its_time_each_way(clock: Clock, tmp_path: Path) -> None:
     assert run.again() == 6
 
 
-def test_jitter_comes_from_the_seed_and_begins_anew_with_the_run(clock: Clock, tmp_path: Path) -> None:
+def test_jitter_comes_from_the_seed_and_restarts_with_the_run(clock: Clock, tmp_path: Path) -> None:
     configuration = configured(tmp_path, link__latency=0.01, link__jitter=0.02)
     run = Run(clock, tmp_path / "run", configuration)
     session = run.session()

@@ -266,7 +266,7 @@ def test_the_time_limit_ends_it_even_in_the_middle_of_a_movement(exact_set: Conf
     assert state.goals[Goal.DELIVERED] is None
 
 
-def test_a_reset_begins_the_mission_anew_and_help_is_noted(exact_set: Configuration) -> None:
+def test_a_reset_restarts_the_mission_and_help_is_noted(exact_set: Configuration) -> None:
     game = Game(exact_set, time_limit=2.0)
     assert game.send("d1-6", "d1--6", "d1-6").result is Result.FAILED
     game.engine.perform(Action(ActionName.RESET))

@@ -45,7 +45,7 @@ typedef int simmer_socket;
 #define simmer_close_socket close
 #endif
 
-#ifdef MSG_NOSIGNAL /* a connection that has ended is an error to be told, no signal */
+#ifdef MSG_NOSIGNAL /* a connection that has ended is an error, not a signal */
 #define SIMMER_SEND_FLAGS MSG_NOSIGNAL
 #else
 #define SIMMER_SEND_FLAGS 0
@@ -300,7 +300,7 @@ static inline int simmer_drive(simmer_robot *robot, const char *code, double val
     return result;
 }
 
-/* Let so many seconds of the robot's time pass, while it goes on as it was told. The simulator's time is not
+/* Let so many seconds of the robot's time pass, while it continues its motion. The simulator's time is not
  * the computer's: sleep() moves a driving robot hardly at all. */
 static inline int simmer_sleep(simmer_robot *robot, double seconds) {
     char command[64];

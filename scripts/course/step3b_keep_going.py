@@ -1,4 +1,4 @@
-"""Step 3b, keep going: the robot drives until it is told otherwise, and is steered fifty times a second.
+"""Step 3b, keep going: the robot drives until the next command, and is steered fifty times a second.
 
     simmer-tui --run "python samples/course/step3b_keep_going.py"
 

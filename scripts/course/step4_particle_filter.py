@@ -1,4 +1,4 @@
-"""Step 4, a particle filter: find out where the robot is, without being told.
+"""Step 4, a particle filter: localize the robot without knowing its start.
 
     simmer-tui --run "python samples/course/step4_particle_filter.py"
 

@@ -101,7 +101,7 @@ TURN, LINE = 128 * 1024, 4 * 1024
 
 They allow 32 lines, or one line with some 5,000 particles, which takes 3 to 8 ms.
 """
-# Judged: more than a large terminal has cells, so that more could not be told apart.
+# Judged: more than a large terminal has cells, so that more could not be distinguished.
 MOST_PARTICLES = 5000
 """Particles kept of one belief, evenly picked; a screen shows no more."""
 # Finer than any filter's estimate. Screen, log and replay get the same rounded numbers. A log of particles

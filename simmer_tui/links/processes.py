@@ -1,4 +1,4 @@
-"""The processes behind local connections. Only Linux reports them; elsewhere clients are told apart by
+"""The processes behind local connections. Only Linux reports them; elsewhere clients are distinguished by
 time."""
 
 from __future__ import annotations

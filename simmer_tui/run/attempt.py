@@ -261,8 +261,8 @@ class Attempt:
 
     def _legs_to(self, order: int) -> tuple[list[Leg], int]:
         """The legs that led to a contact, the one with it last, and how many ended after the last reading.
-        They go back as far as the robot drove freely, and `REPEATED_DISTANCE` inches or to the last reading. Empty
-        if no leg had the contact."""
+        They go back as far as the robot drove freely, and `REPEATED_DISTANCE` inches or to the last reading.
+        Empty if no leg had the contact."""
         newest = [row for row in self.history.newest_legs if row[0] <= order]
         if not newest or newest[-1][0] != order:
             return [], 0

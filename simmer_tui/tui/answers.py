@@ -155,7 +155,7 @@ def now_answer(snapshot: Snapshot, newest: Iterable[LogEntry], *, plain: bool) -
     if going:
         lines.append(going)
     elif velocity is not None:
-        lines.append(((velocity_text(velocity), "good"), (" until told otherwise", "value")))
+        lines.append(((velocity_text(velocity), "good"), (" until the next command", "value")))
     ended = _EndedLine()
     lines += islice(filter(None, (ended.handle(each.event) for each in newest)), _ENDED)
     belief = snapshot.state.belief

@@ -70,7 +70,7 @@
 
   function begin(run, news) {
     if (id !== null && run.id !== id) {
-      // The simulator was started anew: another run, perhaps another maze. A link's word holds no longer.
+      // The simulator was restarted: another run, perhaps another maze. A link's word holds no longer.
       location.reload();
       return;
     }

@@ -111,7 +111,7 @@ def test_residuals_are_medians_before_and_after(found: Fit) -> None:
         ]
         assert by_part[part][2:] == pytest.approx(medians, rel=1e-6)
     assert "tof1" not in by_part, "it was never read"
-    # A drive's row and a sensor's row of the same number are told apart by their families.
+    # A drive's row and a sensor's row of the same number are distinguished by their families.
     assert by_part["right"][1] == "in and deg"
     assert by_part["ultra4"][1] == "in"
 

@@ -1,4 +1,4 @@
-"""Logs of robots that drive until told otherwise, as stretches from one reading to another."""
+"""Logs of robots that drive until the next command, as stretches from one reading to another."""
 
 from __future__ import annotations
 

@@ -338,7 +338,7 @@ def test_mistake_in_a_teams_own_file_is_that_teams(
 
 @pytest.mark.slow
 @pytest.mark.parametrize("listed", [False, True])
-def test_team_again_is_read_anew(make_course: Callable[..., Path], tmp_path: Path, listed: bool) -> None:
+def test_team_again_is_read_again(make_course: Callable[..., Path], tmp_path: Path, listed: bool) -> None:
     """Its team.toml and its robot; but what the course says of it goes first."""
     file = make_course({"a": ""})
     if listed:

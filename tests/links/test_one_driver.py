@@ -116,7 +116,7 @@ def test_two_programs_of_one_address_do_not_both_send_packets(tmp_path: Path) ->
         try:
             run.until("sends packets")
             with run.connect("packets") as second:
-                if sys.platform == "linux":  # elsewhere they cannot be told apart
+                if sys.platform == "linux":  # elsewhere they cannot be distinguished
                     assert "drives the robot" in run.until("turned away")
                     assert second.recv(100) == b""
         finally:

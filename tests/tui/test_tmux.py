@@ -211,7 +211,7 @@ def test_a_program_beside_it_prints_into_the_log_and_its_code_is_passed_on(pane:
 
 
 @pytest.mark.slow
-def test_r_begins_the_run_anew_with_its_program(pane: Pane, tmp_path: Path) -> None:
+def test_r_restarts_the_run_with_its_program(pane: Pane, tmp_path: Path) -> None:
     code = (
         "import pathlib; from simmer_tui.client import Robot\n"
         "with Robot() as robot: x = robot.drive('d1', 2)\n"
