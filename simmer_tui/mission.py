@@ -109,7 +109,7 @@ def plan_run(configuration: Configuration, seed: int | None = None) -> tuple[Con
     settings = configuration.settings
     if configuration.mission is None:
         what = (
-            f"has no {FILE} that says what a mission is; simmer-tui init DIR --mission writes a set that "
+            f"has no {FILE}, which defines a mission; simmer-tui init DIR --mission writes a set that "
             "has one, and the bundled set is called mission"
         )
         raise ConfigurationError([Problem(configuration.name, what)])

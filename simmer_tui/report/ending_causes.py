@@ -290,7 +290,7 @@ class EndingCauses:
         if belief is None or frozen:
             return None
         if lost is not None and looked_while_lost(self._seen):
-            known = f"the pose that the program told (its belief) was wrong. {wrong_text(self._seen, lost)}"
+            known = f"the pose that the program believed was wrong. {wrong_text(self._seen, lost)}"
         elif lost is None and looked_in_vain(self._seen) and self._seen.hardly_localized:
             known = "the program seldom knew where it was"
         else:

@@ -205,7 +205,7 @@ class RunStore(Generic[Plan, Line]):
     def _check_free(self) -> None:
         shown = escape(str(self.path), 200)
         if (self.path / self._kind.plan_file).exists():
-            raise self._kind.error(f"{shown} holds {self._kind.noun} already: add --resume to go on")
+            raise self._kind.error(f"{shown} holds {self._kind.noun} already: add --resume to continue")
         if self._unfinished.exists():  # ours, by a process that was killed
             self._clear()
         if any(self.path.iterdir()):

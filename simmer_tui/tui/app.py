@@ -317,7 +317,7 @@ class SimmerApp(Shell):
             self._console.show_error("web: no page is served; start with --web")
             return
         text = "\n\n".join(self.page_links)
-        self.push_screen(ReportScreen(text, "Page", "Esc closes; whoever has a link may use it"))
+        self.push_screen(ReportScreen(text, "Page", "Esc closes; anyone who has a link may use it"))
 
     async def _start_log(self, name: str) -> None:
         """Log the run from now on, or show why that fails."""

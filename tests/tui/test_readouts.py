@@ -207,7 +207,7 @@ def test_row_0_is_the_state(run: Run) -> None:
     )
     run.engine.perform(Action(ActionName.PAUSE))
     assert header(run.snapshot(), 120, ports=ports).startswith(
-        " ‖ PAUSED   the robot is at 9.5, 42.0; b goes on  "
+        " ‖ PAUSED   the robot is at 9.5, 42.0; b continues"
     )
     for width in range(20, 130):
         assert len(header(run.snapshot(), width, ports=ports, plain=True)) <= width

@@ -31,9 +31,9 @@ from simmer_tui.tui.terminal import ColorDepth, GlyphMode
 from simmer_tui.tui.terminal_app import TerminalApp
 
 _FLOORS = {
-    FloorMode.AUTO: "black and white tiles, while line sensors are read",
-    FloorMode.LOUD: "black and white tiles, always",
-    FloorMode.QUIET: "all tiles alike",
+    FloorMode.AUTO: "black tiles are shown while line sensors are read",
+    FloorMode.LOUD: "black tiles are always shown",
+    FloorMode.QUIET: "black tiles are never shown",
 }
 """Ways to show the floor, in the order of the key that changes them, with their sentence."""
 _CELLS = {WALL: "a wall", START: "loading zone", BLOCK: "block zone"}
