@@ -116,7 +116,7 @@ def _terminal(environment: Mapping[str, str]) -> Check:
 def _drawing(environment: Mapping[str, str]) -> str:
     choice = choose(environment, sys.stdout.encoding, windows=not platform_has.POSIX)
     if choice.glyphs is GlyphMode.ASCII:
-        why = "in ASCII: the locale is not UTF-8, or the terminal has no more characters; LANG=C.UTF-8 may help"
+        why = "in ASCII: the locale is not UTF-8, or the terminal shows no more; LANG=C.UTF-8 may help"
         return f"colours {choice.color}, {why}"
     sample = _SAMPLES.get(choice.glyphs, _SAMPLE)
     return f"colours {choice.color}, {choice.glyphs} {sample} (looks odd? --glyphs half or ascii)"
