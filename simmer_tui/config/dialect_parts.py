@@ -57,7 +57,7 @@ class Parts(Struct, frozen=True):
         """The codes of the sensors that ray, scan and contact read, as far as there are any."""
         found: dict[str, tuple[str, ...]] = {}
         for sensor in self.sensors:
-            for function in sensor.kind.stands_for if sensor.enabled else ():
+            for function in sensor.kind.dialect_functions if sensor.enabled else ():
                 found[function] = (*found.get(function, ()), sensor.code)
         return found
 

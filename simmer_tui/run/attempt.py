@@ -463,7 +463,7 @@ class Attempt:
     @property
     def load_sensors(self) -> list[SensorSpec]:
         """Sensors that say that the gripper holds something; those of a team's own devices are left out."""
-        return [each for each in self.spec.sensors if each.kind.feels_block and not each.kind.is_opaque]
+        return [each for each in self.spec.sensors if each.kind.detects_block and not each.kind.is_opaque]
 
     @property
     def asked_after_grip(self) -> bool:

@@ -89,9 +89,7 @@ BIAS = _column("Bias", _ANY, _SHIFT, "what is always added, in the unit of the r
 DRIFT = _column(
     "Drift (per s)", _ANY, _SHIFT, "what is added for each second of simulated time", label="drift/s"
 )
-MIN_RANGE = _column(
-    "Min Range (in)", _NOT_NEGATIVE, _AT_LEAST, "its reading of anything nearer", label="min"
-)
+MIN_RANGE = _column("Min Range (in)", _NOT_NEGATIVE, _AT_LEAST, "its reading of anything nearer", label="min")
 MAX_RANGE = _column(
     *("Max Range (in)", _NOT_NEGATIVE, _AT_MOST),
     "beyond it the reading is Infinity (tof: 47 if blank)",

@@ -53,7 +53,7 @@ class Lidar(RangeSensor):
     is_scan = True
     meaning = "ranges all around"
     spec_type = LidarSpec
-    stands_for = ("ray", "scan")
+    dialect_functions = ("ray", "scan")
     columns: ClassVar[tuple[CsvColumn, ...]] = (
         *(columns.X, columns.Y, columns.Z, columns.ROTATION),
         replace(columns.ERROR, needed=False),
