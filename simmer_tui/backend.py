@@ -198,7 +198,7 @@ class CommandBudget:
         return self._commands > 0 or self.refused > 0
 
     @property
-    def is_hopeless(self) -> bool:
+    def is_exceeded(self) -> bool:
         """True if the sender is too far ahead of its replies ever to read them."""
         return self.refused > MOST_REFUSED
 

@@ -28,20 +28,20 @@ _AGAIN = 1.0
 """Seconds before the same notice is repeated."""
 
 
-class EventTeller(Protocol):
+class EventPublisher(Protocol):
     """Passes events to the watchers."""
 
     def tell(self, event: Event) -> None: ...
 
 
-class TurnedAwayNotices:
+class RefusalNotices:
     """Notices of refused connections: at most one a second for each reason."""
 
-    def __init__(self, teller: EventTeller) -> None:
+    def __init__(self, publisher: EventPublisher) -> None:
         """Needs a running event loop; its clock is used."""
-        self._teller = teller
+        self._publisher = publisher
         self._loop = asyncio.get_running_loop()
-        self._told: dict[str, float] = {}
+        self._reported: dict[str, float] = {}
 
     def tell(self, text: str, reason: str = "") -> None:
         """Report a refused connection, unless the same `reason` (by default the text) was reported within
@@ -49,10 +49,10 @@ class TurnedAwayNotices:
         # Texts contain the client's port, which changes; the reason does not.
         reason = reason or text
         now = self._loop.time()
-        if now >= self._told.get(reason, now):
-            self._told = {each: until for each, until in self._told.items() if until > now}
-            self._told[reason] = now + _AGAIN
-            self._teller.tell(Notice(NoticeKind.TURNED_AWAY, text))
+        if now >= self._reported.get(reason, now):
+            self._reported = {each: until for each, until in self._reported.items() if until > now}
+            self._reported[reason] = now + _AGAIN
+            self._publisher.tell(Notice(NoticeKind.TURNED_AWAY, text))
 
 
 class AccessCheck:
@@ -60,7 +60,7 @@ class AccessCheck:
 
     def __init__(
         self,
-        teller: EventTeller,
+        publisher: EventPublisher,
         owners: OwnerLookup | None = None,
         *,
         token: str = "",
@@ -71,7 +71,7 @@ class AccessCheck:
         With a `token`, each connection has to send it as its first line. `way_in` is advice for other users
         in the notice. Needs a running event loop.
         """
-        self.tell = TurnedAwayNotices(teller).tell
+        self.tell = RefusalNotices(publisher).tell
         self._way_in = way_in
         self._owners = owners
         self._token = token.encode()

@@ -191,7 +191,7 @@ def _rounded(values: list[Any]) -> list[float]:
     return [_number(value, "a particle's number") for value in values]
 
 
-class _Believer(Peer):
+class _BeliefPeer(Peer):
     """One program's connection."""
 
     piece = 64 * 1024
@@ -212,7 +212,7 @@ class _Believer(Peer):
         self._take_lines()
 
     def connection_lost(self, error: OSError | None) -> None:
-        self._link.believer_lost(self)
+        self._link.peer_lost(self)
 
     def read_all(self) -> None:
         """Read what has come, within the budget of this turn of the event loop."""
@@ -283,45 +283,45 @@ class BeliefLink:
         """Bounds of the maze, inches."""
         self.budget = ReadBudget(TURN)
         self.reasons = RefusalReasons(context.engine, [each.port for each in context.listeners.values()])
-        self._believers: dict[_Believer, None] = {}
+        self._peers: dict[_BeliefPeer, None] = {}
         self._acceptor = context.accept(BELIEFS, self._welcome)
 
     def _welcome(self, sock: socket.socket, peer: str) -> None:
-        if len(self._believers) >= MOST_WAITING:
+        if len(self._peers) >= MOST_WAITING:
             self._make_room()
-        self._believers[_Believer(sock, peer, self)] = None
+        self._peers[_BeliefPeer(sock, peer, self)] = None
         # Only while a program is connected: without beliefs a drive costs nothing more.
         self.engine.before_drive = self._read_all
 
     def _make_room(self) -> None:
         """Close the connection that has been silent longest, unless others have closed by now."""
         self._read_all()  # some of those accepted in this turn may have sent a belief and closed already
-        present = [believer for believer in self._believers if not believer.has_left()]
+        present = [peer for peer in self._peers if not peer.has_left()]
         if len(present) >= MOST_WAITING:
-            silent = min(present, key=lambda believer: believer.last_received)
+            silent = min(present, key=lambda peer: peer.last_received)
             text = f"belief connection {silent.peer} closed: {MOST_WAITING} at once are the most"
             self.engine.tell_fault(text)
             silent.abort()
-            self.believer_lost(silent)
+            self.peer_lost(silent)
 
     def _read_all(self) -> None:
-        for believer in tuple(self._believers):
-            believer.read_all()
+        for peer in tuple(self._peers):
+            peer.read_all()
 
-    def believer_lost(self, believer: _Believer) -> None:
+    def peer_lost(self, peer: _BeliefPeer) -> None:
         """Remove a connection that has ended."""
-        self._believers.pop(believer, None)
-        if not self._believers:
+        self._peers.pop(peer, None)
+        if not self._peers:
             self.engine.before_drive = None
 
     @property
     def has_clients(self) -> bool:
         """True if a program is connected."""
-        return bool(self._believers)
+        return bool(self._peers)
 
     def close(self) -> None:
         """Stop listening and end all connections."""
         self._acceptor.close()
         self.reasons.close()
-        for believer in tuple(self._believers):
-            believer.abort()
+        for peer in tuple(self._peers):
+            peer.abort()

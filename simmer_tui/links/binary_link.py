@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from simmer_tui.backend import CommandBudget, Message
 from simmer_tui.config.dialects import COMMANDS, REPLIES
 from simmer_tui.events import Notice, NoticeKind
-from simmer_tui.links.access import TurnedAwayNotices
+from simmer_tui.links.access import RefusalNotices
 from simmer_tui.links.connection_doctor import ALONE, ClientWatch, ConnectionDoctor
 from simmer_tui.links.link import LinkContext
 from simmer_tui.links.peer import MOST_WAITING, PIECE, UNREAD_LIMIT, Peer, ReadBudget, host_of
@@ -66,7 +66,7 @@ class ReplyConnection(Peer):
                 return False
             except OSError:
                 return True
-        return self.broke_off
+        return self.ended_with_error
 
 
 class Client(Peer):
@@ -122,8 +122,8 @@ class Client(Peer):
     def connection_lost(self, error: OSError | None) -> None:
         self.close()
         replies = self.replies
-        broke_off = error is not None or (isinstance(replies, ReplyConnection) and replies.was_reset())
-        self._watch.left(broke_off=broke_off)
+        ended_with_error = error is not None or (isinstance(replies, ReplyConnection) and replies.was_reset())
+        self._watch.left(ended_with_error=ended_with_error)
         self._link.client_lost(self)
 
     def close(self) -> None:
@@ -148,7 +148,7 @@ class Client(Peer):
         self._waiting += len(commands)
         for command, sent in zip(commands, self._reader.sent, strict=True):
             self._session.submit(Message(sent, (command,), self._link.encoder.form), self._answer)
-        if self._command_budget.is_hopeless:
+        if self._command_budget.is_exceeded:
             self._link.drop(self)
 
     def _answer(self, outcomes: Sequence[CommandResult], data: bytes | None) -> None:
@@ -190,7 +190,7 @@ class BinaryLink:
         """Time of the last refusal of a program, by the loop's clock."""
         self._waiting_replies: list[ReplyConnection] = []
         self._loop = asyncio.get_running_loop()
-        self._turned_away = TurnedAwayNotices(context.engine)
+        self._refusals = RefusalNotices(context.engine)
         self.reply_budget = ReadBudget(PIECE)
         self._commands = context.accept(COMMANDS, self._command_connection)
         self._replies = context.accept(REPLIES, self._reply_connection)
@@ -227,14 +227,14 @@ class BinaryLink:
             return
         self._newcomers[sock] = _Newcomer(peer, self._loop.time() + LONGEST_WAIT)
         if len(self._newcomers) > MOST_WAITING:
-            self._turn_away(next(iter(self._newcomers)))
+            self._refuse_newcomer(next(iter(self._newcomers)))
         self._loop.call_later(PATIENCE, self._consider, sock)
 
     def _admit(self, sock: socket.socket, peer: str) -> None:
         refused = "" if self.context.seat is None else self.context.seat.take_by(self, sock, peer)
         if refused:
-            self._commands.turn_away(sock, peer)
-            self._turned_away.tell(f"client {peer} turned away: {refused}", refused)
+            self._commands.refuse(sock, peer)
+            self._refusals.tell(f"client {peer} turned away: {refused}", refused)
             return
         _probe_silent_peer(sock)
         self.client = Client(sock, peer, self)
@@ -249,14 +249,14 @@ class BinaryLink:
         if leaves and self._loop.time() < newcomer.until:
             self._loop.call_later(PATIENCE, self._consider, sock)
         else:
-            self._turn_away(sock)
+            self._refuse_newcomer(sock)
 
-    def _turn_away(self, sock: socket.socket) -> None:
+    def _refuse_newcomer(self, sock: socket.socket) -> None:
         peer = self._newcomers.pop(sock).peer
         self._sent_away = self._loop.time()
-        self._commands.turn_away(sock, peer)
+        self._commands.refuse(sock, peer)
         text = f"client {peer} turned away: one program at a time drives the robot"
-        self._turned_away.tell(text, "one program at a time")
+        self._refusals.tell(text, "one program at a time")
 
     def _reply_connection(self, sock: socket.socket, peer: str) -> None:
         if len(self._waiting_replies) >= MOST_WAITING:
@@ -289,7 +289,7 @@ class BinaryLink:
                 self.doctor.too_late(reply.peer)
             reply.close()
             text = f"connection {reply.peer} on the reply port closed: it belongs to no client"
-            self._turned_away.tell(text, "no client's")
+            self._refusals.tell(text, "no client's")
 
     # -- replies -------------------------------------------------------------------------------
 
@@ -303,7 +303,7 @@ class BinaryLink:
         others = self._of_others(client, present)
         if others:
             text = f"connection {others[-1].peer} on the reply port is another program's"
-            self._turned_away.tell(f"{text}: client {client.peer} gets its own replies", "another program's")
+            self._refusals.tell(f"{text}: client {client.peer} gets its own replies", "another program's")
         # Another program's connection waits: its own client may be about to connect.
         self._waiting_replies = others
         own = [reply for reply in present if reply not in others]

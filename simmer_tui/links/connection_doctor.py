@@ -178,7 +178,7 @@ class ClientWatch:
         elif waited == LOOKS[-1] and unread >= self._commands * self._size:
             self._left_unread(f"client {self._client.peer} waits and has not read its reply: ")
 
-    def left(self, *, broke_off: bool) -> None:
+    def left(self, *, ended_with_error: bool) -> None:
         """The client has closed. A connection closed with unread bytes is reset (RFC 1122, 4.2.2.13)."""
         self._line_end.cancel()
         for timer in self._timers:
@@ -186,7 +186,7 @@ class ClientWatch:
         if self._first_reply is None or self._loop.time() - self._first_reply > SOON or self._commands > 1:
             return
         waited = self._loop.time() - self._first_reply
-        if broke_off:
+        if ended_with_error:
             self._left_unread(f"client {self._client.peer} left without reading its first reply: ")
         # A program that needs one reading leaves as soon as it has it; one that expects more bytes waits.
         elif not self._usual and waited >= LOOKS[0]:

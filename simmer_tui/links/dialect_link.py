@@ -224,7 +224,7 @@ class DialectLink:
 
     def _welcome(self, sock: socket.socket, peer: str) -> None:
         if len(self._programs) >= MOST_WAITING:
-            self._acceptor.turn_away(sock, peer)
+            self._acceptor.refuse(sock, peer)
             return
         self._programs.add(HookedProgram(sock, peer, self))
 

@@ -10,7 +10,7 @@ from functools import partial
 
 from simmer_tui.backend import CommandBudget, Message
 from simmer_tui.config.dialects import PACKETS
-from simmer_tui.links.access import TurnedAwayNotices
+from simmer_tui.links.access import RefusalNotices
 from simmer_tui.links.connection_doctor import ConnectionDoctor
 from simmer_tui.links.link import LinkContext
 from simmer_tui.links.packet_presence import PacketDriver, Presence
@@ -122,7 +122,7 @@ class _Sender(Peer):
                 form = self._link.forms[request.dialect]
                 message = Message(request.data, request.commands, form)
                 self._session.submit(message, partial(self._answered, request, form.format))
-        if self._command_budget.is_hopeless and not self.lost:
+        if self._command_budget.is_exceeded and not self.lost:
             self._drop()
 
     def _drop(self) -> None:
@@ -229,7 +229,7 @@ class PacketLink:
         """Commands that have come in and are not answered yet."""
         self._users = context.processes if settings.any_user else None
         self._budgets: dict[tuple[str, int | None], CommandBudget] = {}
-        self._turned_away = TurnedAwayNotices(context.engine)
+        self._refusals = RefusalNotices(context.engine)
         self._presence = Presence(context, self.mailbox, self._is_connected, self._client_left)
         self._requests = context.accept(PACKETS, self._welcome)
         self.replies = ReplyPort(
@@ -265,8 +265,8 @@ class PacketLink:
             "" if self.context.seat is None else self.context.seat.take_by(self, sock, peer, makes_many=True)
         )
         if refused:
-            self._requests.turn_away(sock, peer)
-            self._turned_away.tell(f"client {peer} turned away: {refused}", refused)
+            self._requests.refuse(sock, peer)
+            self._refusals.tell(f"client {peer} turned away: {refused}", refused)
             return
         self._presence.connected(sock, peer)
         self.senders.add(_Sender(sock, peer, self))
@@ -299,7 +299,7 @@ class PacketLink:
     def note_answered(self, count: int) -> None:
         """Take note that a request of so many commands has been answered."""
         self.unanswered -= count
-        self._presence.look_after_velocity()
+        self._presence.watch_velocity()
 
     def budget_of(self, sock: socket.socket, peer: str) -> CommandBudget:
         """The budget of waiting commands shared by all connections of a user from one address."""

@@ -88,7 +88,7 @@ class Peer:
         self.sock = sock
         self.peer = name
         self.lost = False
-        self.broke_off = False
+        self.ended_with_error = False
         """True if it ended with an error, such as the reset of one that closed with bytes unread."""
         self._loop = asyncio.get_running_loop()
         self._clock = clock_of(self._loop) if self.counted else None
@@ -236,7 +236,7 @@ class Peer:
         if self._finished:
             return
         self._finished = True
-        self.broke_off = error is not None
+        self.ended_with_error = error is not None
         self._set_reading()
         if self._unsent:
             self._loop.remove_writer(self.sock)
@@ -250,7 +250,7 @@ class Peer:
         self.connection_lost(error)
 
 
-class TurnedAway(Peer):
+class RefusedPeer(Peer):
     """A refused connection: it gets a clean end, not a reset, and some time to notice it."""
 
     def __init__(

@@ -248,7 +248,7 @@ class PageServer:
         elif self._let_in == _MOST_AT_ONCE:
             self._acceptor.pause()
         if len(self._viewers) + len(self._strangers) >= MOST_CONNECTIONS:
-            self._acceptor.turn_away(sock, name)
+            self._acceptor.refuse(sock, name)
             return
         # Silent connections must not fill the port for others.
         silent = [each for each in self._strangers if not each.is_guessing]
