@@ -113,7 +113,7 @@ class SessionPlanner:
         """Add a reading at the present stop; the median of several is used for the robot's pose."""
         self._seen.setdefault(code, []).append(value)
         middle = float(np.median(self._seen[code]))
-        self._filter.said.setdefault(code, {})[self.count] = (middle, time)
+        self._filter.values_at_stops.setdefault(code, {})[self.count] = (middle, time)
 
     def settled(self) -> None:
         """Called after all readings at a stop."""
@@ -152,7 +152,7 @@ class SessionPlanner:
         self._follow(learned_worst_case(spec), fit.poses[-1].copy(), self.count)
         # Three times the fit's spread, at least a tenth of an inch: the filter must not be overconfident.
         self._filter.covariance = np.diag(np.square(np.maximum(3 * fit.pose_spread[-1], (0.1, 0.1, 0.3))))
-        self._filter.said, self._filter.movements = before.said, before.movements
+        self._filter.values_at_stops, self._filter.movements = before.values_at_stops, before.movements
 
     @property
     def reached(self) -> dict[str, float]:

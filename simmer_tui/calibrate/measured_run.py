@@ -146,7 +146,7 @@ class MeasuredRun:
         return [movement for chain in self.chains for movement in chain.movements]
 
     @cached_property
-    def said(self) -> dict[str, dict[int, tuple[float, float]]]:
+    def values_at_stops(self) -> dict[str, dict[int, tuple[float, float]]]:
         """Readings by code and stop: the last one's value and time."""
         said = {}
         for code, each in self.readings.items():

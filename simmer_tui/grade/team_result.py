@@ -67,7 +67,7 @@ class TeamResult:
         return bool(self.results) and all(result.sent_nothing for result in self.results)
 
     @property
-    def said(self) -> str:
+    def summary(self) -> str:
         """The status in one line."""
         if self.outcome is TeamStatus.REFUSED:
             return "; ".join(shown_name(str(problem), 300) for problem in self.entry.problems)

@@ -214,14 +214,14 @@ class EndingCauses:
 
     def _stood(self, time_limit: float) -> Cause | None:
         """It stood and read its sensors until time was up, or it gave up."""
-        seen, standing = self._seen, self._seen.standing
-        if standing is None or standing.readings < HUNDRED or seen.too_many_contacts:
+        seen, dwell = self._seen, self._seen.dwell
+        if dwell is None or dwell.readings < HUNDRED or seen.too_many_contacts:
             return None
-        if seen.elapsed - standing.since < STAYED * time_limit:
+        if seen.elapsed - dwell.since < STAYED * time_limit:
             return None
-        read = f"{standing.readings} times ({standing.code} {standing.often} times)"
+        read = f"{dwell.readings} times ({dwell.code} {dwell.often} times)"
         end = "" if seen.out_of_time else f"{self._end()}."
-        return self._got_nowhere(standing.since, f"it did not move and read sensors {read}", None, end)
+        return self._got_nowhere(dwell.since, f"it did not move and read sensors {read}", None, end)
 
     def _got_nowhere(self, since: float, text: str, pose: Pose | None, *evidence: str) -> Cause:
         text = f"It got nowhere. From {since:.1f} s on, {text}."

@@ -110,7 +110,7 @@ class Spent:
 
 
 @dataclass(frozen=True, slots=True)
-class Standing:
+class Dwell:
     """A stretch at the end, from `since` on (elapsed seconds), in which the robot only read its sensors.
     There were `readings` readings, `often` of them by the sensor with `code`, the one read most."""
 
@@ -512,7 +512,7 @@ class Attempt:
         return loop_at_end(self.within(self.history.movements, max(self._placed, self._began)))
 
     @cached_property
-    def standing(self) -> Standing | None:
+    def dwell(self) -> Dwell | None:
         """The time since its last movement, while it only read sensors; None if it read none."""
         history = self.history
         place = history.movements.place_of(self._until + 1)
@@ -525,7 +525,7 @@ class Attempt:
         if not len(numbers):
             return None
         code = history.sensor_codes[numbers[counts.argmax()]]
-        return Standing(since, int(counts.sum()), code, int(counts.max()))
+        return Dwell(since, int(counts.sum()), code, int(counts.max()))
 
     @property
     def left_block(self) -> bool:

@@ -10,7 +10,7 @@ from msgspec import Struct
 from msgspec.structs import astuple, replace
 
 from simmer_tui.sim.angles import FloatArray
-from simmer_tui.sim.contact import Met, first_contact
+from simmer_tui.sim.contact import FirstContact, first_contact
 from simmer_tui.sim.footprint import Footprint
 from simmer_tui.sim.maze import Maze
 from simmer_tui.sim.noise import DRIVE_STREAM
@@ -39,7 +39,7 @@ class CollisionChecker(Struct, frozen=True):
         searched."""
         return math.hypot(self.maze.width, self.maze.height)
 
-    def first(self, path: Path, after: PathPosition = START) -> Met | None:
+    def first(self, path: Path, after: PathPosition = START) -> FirstContact | None:
         """The first contact of a path after a place on it."""
         return first_contact(self.footprint, self.obstacles, path, self.size, after)
 
@@ -137,7 +137,11 @@ class Planner:
         return path.before(stop, self._clearance, checker.footprint.reach, after)
 
     def _met(
-        self, trajectory: Trajectory, met: Met | None, checker: CollisionChecker, after: PathPosition = START
+        self,
+        trajectory: Trajectory,
+        met: FirstContact | None,
+        checker: CollisionChecker,
+        after: PathPosition = START,
     ) -> Trajectory:
         """The movement, ended or changed by the first contact on its path if there is one. The path before
         `after` is not searched."""

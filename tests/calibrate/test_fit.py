@@ -229,7 +229,7 @@ def test_an_observation_is_a_kalman_update(known: Synthetic, blind: PoseFilter) 
     world = blind.world
     at_work = Compass(compass)
     expected = float(at_work.expected(world, blind.pose[None], 2.0)[0])
-    blind.said["c1"] = {1: (expected + 1.5, 2.0)}
+    blind.values_at_stops["c1"] = {1: (expected + 1.5, 2.0)}
     blind.look(1)
     sides = np.array([[0.0, 0.0, heading + 0.5], [0.0, 0.0, heading - 0.5]])
     above, below = at_work.expected(world, sides, 2.0)
@@ -242,7 +242,7 @@ def test_an_observation_is_a_kalman_update(known: Synthetic, blind: PoseFilter) 
     assert blind.covariance[2, 2] == pytest.approx(before[2, 2] * (1 - gain * slope), rel=1e-6)
     (off,) = blind.errors[type(at_work), 0]
     assert off == pytest.approx(1.5)
-    blind.said["c1"] = {1: (expected + 30.0, 2.0)}
+    blind.values_at_stops["c1"] = {1: (expected + 30.0, 2.0)}
     pose = blind.pose.copy()
     blind.look(1)
     assert blind.pose == pytest.approx(pose), "beyond the gate of four standard deviations"

@@ -117,7 +117,7 @@ def test_a_turn_on_the_spot_meets_no_wall(known: Synthetic) -> None:
 def test_a_gyro_tells_the_turn_that_a_wall_left(known: Synthetic) -> None:
     spec = next(each for each in known.run.spec.sensors if each.kind.name == "gyro")
     made = filter_at(known, (EAST_WALL - RADIUS - 1.0, 20.0, 0.0), (RIGHT, 4.0))
-    made.said["g1"] = {0: (10.0, 0.0), 1: (10.0 + 3.0 * spec.gain + 2.0 * spec.drift, 2.0)}
+    made.values_at_stops["g1"] = {0: (10.0, 0.0), 1: (10.0 + 3.0 * spec.gain + 2.0 * spec.drift, 2.0)}
     made.go_on(1)
     assert made.pose[2] == pytest.approx(3.0)
     assert made.pose[0] == pytest.approx(EAST_WALL - RADIUS, abs=0.02)
@@ -140,7 +140,7 @@ def test_movements_ahead_are_counted_from_where_the_filter_was(known: Synthetic)
     gain of its own. One movement ahead it is off by that, and five ahead there is nothing to compare."""
     made = filter_at(known, (20.0, 30.0, 0.0), *[(RIGHT, 3.0)] * 3)
     wheel = next(each for each in known.run.spec.sensors if each.kind.name == "odom" and each.rotation == 0.0)
-    made.said[wheel.code] = {
+    made.values_at_stops[wheel.code] = {
         stop: ((wheel.gain * 2.9 + 2.0 * wheel.drift) * stop, 2.0 * stop) for stop in range(4)
     }
     for stop in (1, 2, 3):
@@ -157,7 +157,7 @@ def test_a_reading_five_movements_ahead_is_predicted_by_commands_alone(known: Sy
     sensors = tuple(flat if each is compass else each for each in made.spec.sensors)
     spec = structs.replace(made.spec, sensors=sensors)
     made = PoseFilter(made.run, spec, made.pose, made.covariance, 0)
-    made.said["c1"] = {5: (7.0, 1.0), 6: (357.0, 1.0)}
+    made.values_at_stops["c1"] = {5: (7.0, 1.0), 6: (357.0, 1.0)}
     for stop in range(1, 7):
         made.go_on(stop)
     assert made.errors[compass.kind, 5][0] == pytest.approx(7.0)
@@ -188,7 +188,7 @@ def test_a_lost_pose_is_found_by_an_example(known: Synthetic) -> None:
     angle = math.radians(10.0)
     stands = np.array([30.0 + math.cos(angle), 20.0 + math.sin(angle), 10.0])
     for code, value in ranges_at(known, made.spec, stands, 2.0).items():
-        made.said[code] = {1: (value, 2.0)}
+        made.values_at_stops[code] = {1: (value, 2.0)}
     made.go_on(1)
     assert made.pose == pytest.approx(LOST_POSE, abs=1e-6)
     assert np.sqrt(np.diag(made.covariance)) == pytest.approx(LOST_SPREAD, abs=1e-6)
@@ -201,7 +201,7 @@ def test_a_pose_that_is_a_little_off_is_not_searched_for(known: Synthetic) -> No
     angle = math.radians(10.0)
     stands = np.array([30.0 + 7.4 * math.cos(angle), 20.0 + 7.4 * math.sin(angle), 10.0])
     for code, value in ranges_at(known, made.spec, stands, 2.0).items():
-        made.said[code] = {1: (value, 2.0)}
+        made.values_at_stops[code] = {1: (value, 2.0)}
     made.go_on(1)
     assert made.pose == pytest.approx(MENDED_POSE, abs=1e-6)
     assert np.hypot(*(made.pose - stands)[:2]) < 0.2
@@ -214,7 +214,7 @@ def test_a_pose_is_not_searched_for_by_sensors_that_see_a_moved_block(known: Syn
     spec = structs.replace(made.spec, block_size=4.0)
     made = PoseFilter(moved, spec, made.pose, made.covariance, 0)
     ranging = [each.code for each in spec.sensors if each.kind.is_range]
-    made.said.update({code: {1: (5.0, 2.0)} for code in ranging})
+    made.values_at_stops.update({code: {1: (5.0, 2.0)} for code in ranging})
     made.go_on(1)
     angle = math.radians(10.0)
     there = (30.0 + 4.0 * math.cos(angle), 20.0 + 4.0 * math.sin(angle), 10.0)

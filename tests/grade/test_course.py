@@ -330,7 +330,7 @@ def test_mistake_in_a_teams_own_file_is_that_teams(
     folder = GradeFolder.read(tmp_path / "out")
     bad, good = team_results(folder, hidden=False)
     assert (bad.outcome, good.outcome) == (TeamStatus.REFUSED, TeamStatus.UNDER_WAY)
-    assert what in bad.said
+    assert what in bad.summary
     (tmp_path / "teams" / "bad" / "team.toml").write_text('command = "./robot"\n')
     folder.regrade("bad")
     assert folder.is_open(folder.entries[0])

@@ -515,16 +515,16 @@ def recent_motion() -> Any:
     found: list[Any] = []
     for span in (0.0, 1.0, 3.0, 60.0):
         recent = RecentMotion(span)
-        recent.block_is(BlockPlace(0.0, BLOCK))
+        recent.add_block_place(BlockPlace(0.0, BLOCK))
         found.append(recent.poses(times, Pose(1, 2, 3), None))
         for piece in pieces:
-            recent.went(piece)
+            recent.add_motion(piece)
             found += [
                 recent.poses(times, piece.pose_at(9), None),
                 recent.poses(times[2:8], Pose(0, 0, 0), moved),
             ]
         for since in (1.5, 3.0, 3.2, 5.0):
-            recent.block_is(BlockPlace(since, replace(BLOCK, x=since), held=since == 3.0))
+            recent.add_block_place(BlockPlace(since, replace(BLOCK, x=since), held=since == 3.0))
             found.append([(part.start, part.stop, place) for part, place in recent.blocks(times)])
         found.append([place.at(Pose(5, 5, 90)) for _, place in recent.blocks(times)])
         recent.forget()
@@ -640,9 +640,9 @@ def lidar_turns() -> Any:
         for held in (False, True):
             block = replace(BLOCK, x=4.0, y=0.5) if held else BLOCK
             recent = RecentMotion(2.0)
-            recent.block_is(BlockPlace(0.0, block, held=held))
+            recent.add_block_place(BlockPlace(0.0, block, held=held))
             arc = Arc.of(Pose(16, 12.5, 30), Twist(3, 1, 40), 1.0)
-            recent.went(Leg(arc, 0.2, 1.2, arc.end, Twist(3, 1, 40)))
+            recent.add_motion(Leg(arc, 0.2, 1.2, arc.end, Twist(3, 1, 40)))
             turning = Turning(lidar, maze(), recent)
             found.append(turning.waits_until(1.0, None))
             for time in (0.6, 1.0, 3.0):
