@@ -321,7 +321,7 @@ class Engine:
             self._settle(self._timers.due)
         else:
             self._scheduler.steps += 1
-            self._scheduler.go_on()
+            self._scheduler.run()
 
     # -- commands ----------------------------------------------------------------------------
 

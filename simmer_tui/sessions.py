@@ -163,7 +163,7 @@ class Scheduler:
     def wake(self, session: Session) -> None:
         """Do a session's next command now, unless something prevents it."""
         self._line_up(session)
-        self.go_on()
+        self.run()
 
     @contextlib.contextmanager
     def holding(self) -> Iterator[None]:
@@ -173,9 +173,9 @@ class Scheduler:
             yield
         finally:
             self._running = running
-        self.go_on()
+        self.run()
 
-    def go_on(self) -> None:
+    def run(self) -> None:
         """Do commands, one of each lane in turn, until none is left or all slices are used up."""
         # Answers may submit the next command at once: it is done in the loop below, without recursion.
         if self._running:
@@ -237,7 +237,7 @@ class Scheduler:
     def _next_slice(self, lane: Lane) -> None:
         lane.left, lane.spent = SLICE, 0.0
         self._take_turn(lane)
-        self.go_on()
+        self.run()
 
 
 # -- later ------------------------------------------------------------------------------------------

@@ -250,7 +250,7 @@ def test_processes_without_its_environment_end_too(
 def test_a_busy_machine_is_no_reason_to_end_nothing_kindly(
     lifeline: Lifeline, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(keeper, "PATIENCE", 0.0)
+    monkeypatch.setattr(keeper, "TERMINATE_TIMEOUT", 0.0)
     heard = Heard()
     program = heard.run(tree(lifeline, "time.sleep(600)"))
     lifeline.wait_for(4)

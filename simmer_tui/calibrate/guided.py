@@ -118,7 +118,7 @@ class SessionPlanner:
     def settled(self) -> None:
         """Called after all readings at a stop."""
         if self.count:
-            self._filter.go_on(self.count)
+            self._filter.advance(self.count)
         else:
             self._filter.look(0)
         self._seen = {}

@@ -73,7 +73,7 @@ class PoseFilter:
         offset = run.stops - 1 - len(run.chains[-1].movements)
         self.movements = {offset + k + 1: m for k, m in enumerate(run.chains[-1].movements)}
 
-    def go_on(self, stop: int) -> None:
+    def advance(self, stop: int) -> None:
         """Predict the readings at the next stop, then update with them."""
         for ahead in AHEAD[1:]:
             if stop - ahead >= self.begin:

@@ -120,5 +120,5 @@ def follow(
     )
     pose_filter.free = frozenset((fit.model.before[~fit.state.contacts] + 1).tolist())
     for stop in range(last + 1, run.stops):
-        pose_filter.go_on(stop)
+        pose_filter.advance(stop)
     return pose_filter

@@ -22,7 +22,7 @@ from simmer_tui.sim.command import escape, parse_command, parse_value
 LATE = 0.1
 """Seconds by which a reply may be later or earlier than by the dialect."""
 # The last messages may be answered after the end of the record.
-PATIENCE = 1.0
+REPLY_TIMEOUT = 1.0
 """Seconds before the end of an exchange in which a reply may still be missing."""
 
 
@@ -203,7 +203,7 @@ class Comparison:
         """Replies of the dialect that the robot never sent."""
         for due in self._reader.due:
             asked = self._asked.get(id(due.values))
-            if asked is None or due.part == "stopped" or asked.time > end - PATIENCE:
+            if asked is None or due.part == "stopped" or asked.time > end - REPLY_TIMEOUT:
                 continue
             if due.part == "done" and self._device.doing is due.values:
                 continue

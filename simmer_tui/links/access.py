@@ -147,7 +147,7 @@ class TokenCheck:
         self._line = b""
         self._open = True
         self._loop = asyncio.get_running_loop()
-        self._patience = self._loop.call_later(CLOSING, self._decide, False)
+        self._timeout = self._loop.call_later(CLOSING, self._decide, False)
         self._loop.add_reader(sock, self.look)
 
     def look(self) -> None:
@@ -177,7 +177,7 @@ class TokenCheck:
         """Stop waiting for the token, without calling `decided`."""
         if self._open:
             self._open = False
-            self._patience.cancel()
+            self._timeout.cancel()
             self._loop.remove_reader(self.sock)
 
     def _decide(self, good: bool) -> None:

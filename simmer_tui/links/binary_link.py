@@ -25,7 +25,7 @@ from simmer_tui.sim.records import CommandResult
 
 # Judged: a wait that nobody notices. A program that is started again connects before the old one's end is
 # seen.
-PATIENCE = 0.05
+RETRY_DELAY = 0.05
 """Seconds that a newcomer waits for the present client to leave."""
 # More than `CLOSING`, within which the present client must be gone.
 LONGEST_WAIT = 1.5
@@ -228,7 +228,7 @@ class BinaryLink:
         self._newcomers[sock] = _Newcomer(peer, self._loop.time() + LONGEST_WAIT)
         if len(self._newcomers) > MOST_WAITING:
             self._refuse_newcomer(next(iter(self._newcomers)))
-        self._loop.call_later(PATIENCE, self._consider, sock)
+        self._loop.call_later(RETRY_DELAY, self._consider, sock)
 
     def _admit(self, sock: socket.socket, peer: str) -> None:
         refused = "" if self.context.seat is None else self.context.seat.take_by(self, sock, peer)
@@ -247,7 +247,7 @@ class BinaryLink:
             return
         leaves = client is not None and (client.ending or client.has_left())
         if leaves and self._loop.time() < newcomer.until:
-            self._loop.call_later(PATIENCE, self._consider, sock)
+            self._loop.call_later(RETRY_DELAY, self._consider, sock)
         else:
             self._refuse_newcomer(sock)
 
@@ -264,7 +264,7 @@ class BinaryLink:
         reply = ReplyConnection(sock, peer, self)
         self._waiting_replies.append(reply)
         if self.client is not None and self.client.replies is not None:
-            self._loop.call_later(PATIENCE, self._close_stray, reply)
+            self._loop.call_later(RETRY_DELAY, self._close_stray, reply)
         elif self.client is None:
             self._loop.call_later(ALONE, self._look_for_lone, reply)
 

@@ -54,16 +54,16 @@ class ReadBudget:
             self._loop.call_soon(self._renew)
         self.left -= count
 
-    def wait(self, go_on: Callable[[], None]) -> None:
-        """Call `go_on` in the next turn: the budget is empty."""
-        self._behind[go_on] = None
+    def wait(self, callback: Callable[[], None]) -> None:
+        """Call `callback` in the next turn: the budget is empty."""
+        self._behind[callback] = None
 
     def _renew(self) -> None:
         self.left = self._size
         # Waiting peers go before new bytes, or a flood from one could block them forever.
         behind, self._behind = self._behind, {}
-        for go_on in behind:
-            go_on()
+        for callback in behind:
+            callback()
 
 
 def host_of(peer: str) -> str:
@@ -258,10 +258,10 @@ class RefusedPeer(Peer):
     ) -> None:
         super().__init__(sock, name, budget)
         self._on_over = on_over
-        self._patience = self._loop.call_later(CLOSING, self.abort)
+        self._timeout = self._loop.call_later(CLOSING, self.abort)
         with contextlib.suppress(OSError):  # it has closed already
             sock.shutdown(socket.SHUT_WR)
 
     def connection_lost(self, error: OSError | None) -> None:
-        self._patience.cancel()
+        self._timeout.cancel()
         self._on_over(self)

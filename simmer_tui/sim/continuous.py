@@ -206,7 +206,7 @@ class ContinuousMotion:
         leg = leg.cut(time)
         ended = tuple(kind for kind, at in self._stretch_ends if at <= time)
         if self._noise:
-            self._errors.go_on(self._parts, time - leg.start_time, ended)
+            self._errors.advance(self._parts, time - leg.start_time, ended)
         if leg.pressed:
             self._wall.pressed_last = time
         if ended or time >= self._wall.dropped_until:
@@ -292,7 +292,7 @@ class ContinuousMotion:
             if end > time:
                 return end
             # The rest of the stretch is below the rounding of simulated time: it is over.
-            self._errors.go_on((part,), 0.0, (part.drive.kind,))
+            self._errors.advance((part,), 0.0, (part.drive.kind,))
 
     def _clear(self, arc: Arc, seconds: float, around: CollisionChecker) -> "_Way":
         """An arc for as many seconds at most, cut off at its first contact."""

@@ -182,7 +182,7 @@ def filtered(made: Synthetic) -> PoseFilter:
     start = made.truth.chain[0, :3]
     pose_filter = PoseFilter(made.run, made.run.spec, start, 1e-6 * np.eye(3), 0)
     for stop in range(1, made.run.stops):
-        pose_filter.go_on(stop)
+        pose_filter.advance(stop)
     return pose_filter
 
 
@@ -201,7 +201,7 @@ def blind(known: Synthetic) -> PoseFilter:
     run = replace(known.run, readings={})
     start = known.truth.chain[0, :3]
     pose_filter = PoseFilter(run, run.spec, start, np.diag((0.04, 0.09, 4.0)), 0)
-    pose_filter.go_on(1)
+    pose_filter.advance(1)
     return pose_filter
 
 

@@ -144,7 +144,7 @@ def test_a_filtered_path_is_that_which_was_kept(robot: str) -> None:
     made = PoseFilter(run, run.spec, start, np.diag((0.3, 0.2, 1.0)), first)
     made.free = frozenset(range(first, first + 5))
     for stop in range(first + 1, run.stops):
-        made.go_on(stop)
+        made.advance(stop)
     found = {
         "poses": [made.poses[stop] for stop in sorted(made.poses)],
         "covariance": made.covariance,

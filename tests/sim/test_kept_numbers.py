@@ -410,7 +410,7 @@ def errors_by_distance() -> Any:
                 true = TrueVelocity(twist, parts, errors, bias, noise=noisy)
                 found += [true.whole, true.own]
                 found += [true.counts(), true.counts(0.0), true.counts(5.0)]
-            errors.go_on(parts, 0.2, [part.drive.kind for part in parts[:1]])
+            errors.advance(parts, 0.2, [part.drive.kind for part in parts[:1]])
             for part in parts:
                 errors.begin(part)
                 found += [errors.left(part), errors.rates(part.drive.kind)]
