@@ -64,7 +64,7 @@ class Backend(Protocol):
     def refuse(self, command: Command) -> CommandResult:
         """Answer a command of a sender with too many waiting: busy, at once."""
 
-    def trail(self, data: bytes, session: BackendSession) -> None:
+    def append_late(self, data: bytes, session: BackendSession) -> None:
         """Late bytes that belong to the end of the session's previous message. Ignored where messages are
         not passed on as they are."""
         return
@@ -307,9 +307,9 @@ class BackendSession:
             self._budget.give_back(pending.counted)
             pending.counted = None
 
-    def trail(self, data: bytes) -> None:
+    def append_late(self, data: bytes) -> None:
         """Late bytes that belong to the end of the previous message."""
-        self._backends[-1].trail(data, self)
+        self._backends[-1].append_late(data, self)
 
     def cut_waits(self) -> None:
         """End the waits of this client: nobody will read its answers."""

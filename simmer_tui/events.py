@@ -66,7 +66,7 @@ class Notice(Struct, frozen=True):
     advice: bool = False
 
 
-NOT_LED = "the program was not led to the robot's serial port"
+NOT_CONNECTED = "the program was not connected to the robot's serial port"
 """Beginning of the notice that says so."""
 NOT_STARTED = "could not start: "
 """Beginning of an error that kept a program from starting."""

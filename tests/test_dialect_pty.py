@@ -220,7 +220,7 @@ def test_a_program_out_of_reach_is_told_with_what_to_do(tmp_path: Path, options:
         timeout=300,
         check=False,
     )
-    told = [line for line in ended.stderr.splitlines() if "not led to the robot's serial port" in line]
+    told = [line for line in ended.stderr.splitlines() if "not connected to the robot's serial port" in line]
     assert len(told) == 1
     assert "--pty PATH" in told[0]
 
@@ -231,7 +231,7 @@ def test_a_program_that_opens_no_port_though_it_could_is_not_out_of_reach(tmp_pa
     words = [sys.executable, "-m", "simmer_tui", "--no-ui", "--config", "set", "--dialect-port", "0"]
     words += ["--belief-port", "0", "--run", f'{sys.executable} -c "pass"']
     ended = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, timeout=300, check=False)
-    assert "not led" not in ended.stderr
+    assert "not connected" not in ended.stderr
 
 
 # -- env ----------------------------------------------------------------------------------------------

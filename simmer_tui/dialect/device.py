@@ -101,7 +101,7 @@ class DeviceHost(Protocol):
     def tell(self, text: str) -> None:
         """Tell a fault of the program, or of the rules."""
 
-    def mention(self, text: str) -> None:
+    def inform(self, text: str) -> None:
         """Tell a fact that is a fault of neither."""
 
 
@@ -182,7 +182,7 @@ class DialectDevice:
         self._runs = False
         """True while an untimed run is under way."""
         self._faults = FaultNotices(host.tell)
-        self._mentions = FaultNotices(host.mention)
+        self._mentions = FaultNotices(host.inform)
 
     @property
     def unfinished(self) -> bool:

@@ -105,7 +105,7 @@ class _PlannedHost:
     def send(self, data: bytes, *, droppable: bool = False) -> None:
         """Search the robot's answers for the dialect's answer."""
 
-    def mention(self, text: str) -> None:
+    def inform(self, text: str) -> None:
         """Ignored: the robot sends nothing for it."""
 
     def done(self, message: bytes, meaning: str) -> None:

@@ -114,7 +114,7 @@ class LaunchedSandbox(ABC):
         process = self._open()
         order = {
             "run": words_of(command),
-            "environment": with_hook(surroundings(self._python) | dict(variables), HOOK),
+            "environment": with_hook(sandbox_environment(self._python) | dict(variables), HOOK),
             "uid": self._uid,
             "files": FILES,
             "home": HOME,
@@ -203,7 +203,7 @@ def package_folders() -> dict[Path, str]:
     return seen
 
 
-def surroundings(python: str) -> dict[str, str]:
+def sandbox_environment(python: str) -> dict[str, str]:
     """The environment of a sandboxed program, without that of this process."""
     return {
         "PATH": f"{Path(python).parent}:/usr/local/bin:/usr/bin:/bin",

@@ -13,7 +13,7 @@ from simmer_tui.backend import CommandBudget, Message
 from simmer_tui.config.dialects import COMMANDS, REPLIES
 from simmer_tui.events import Notice, NoticeKind
 from simmer_tui.links.access import RefusalNotices
-from simmer_tui.links.connection_doctor import ALONE, ClientWatch, ConnectionDoctor
+from simmer_tui.links.connection_doctor import LONE_LIMIT, ClientWatch, ConnectionDoctor
 from simmer_tui.links.link import LinkContext
 from simmer_tui.links.peer import MOST_WAITING, PIECE, UNREAD_LIMIT, Peer, ReadBudget, host_of
 from simmer_tui.links.processes import children
@@ -103,7 +103,7 @@ class Client(Peer):
         # A real robot may wait for the line end too: it is passed on even though the command has been sent.
         late_end = self._reader.late_end(data)
         if late_end:
-            self._session.trail(late_end)
+            self._session.append_late(late_end)
         self._submit(self._reader.receive(data))
         self._watch.line_began(self._reader.unended)
         self._await_silence()
@@ -266,7 +266,7 @@ class BinaryLink:
         if self.client is not None and self.client.replies is not None:
             self._loop.call_later(RETRY_DELAY, self._close_stray, reply)
         elif self.client is None:
-            self._loop.call_later(ALONE, self._look_for_lone, reply)
+            self._loop.call_later(LONE_LIMIT, self._look_for_lone, reply)
 
     def _look_for_lone(self, reply: ReplyConnection) -> None:
         if self.client is None and reply in self._waiting_replies and not reply.has_left():
@@ -283,7 +283,7 @@ class BinaryLink:
         if reply in self._waiting_replies and client is not None and client.replies is not None:
             self._waiting_replies.remove(reply)
             # For a second program, which was refused, it is no mistake: a notice has said so.
-            second = self._newcomers or self._loop.time() - self._sent_away < ALONE
+            second = self._newcomers or self._loop.time() - self._sent_away < LONE_LIMIT
             same = host_of(reply.peer) == host_of(client.peer)
             if client.replies is client and same and not second and not self._of_others(client, [reply]):
                 self.doctor.too_late(reply.peer)

@@ -14,7 +14,7 @@ from simmer_tui.dialect.device import DialectDevice, MoveEnd
 from simmer_tui.dialect.dialect_rules import DialectRules
 from simmer_tui.dialect.expressions import FieldValue
 from simmer_tui.engine import Engine
-from simmer_tui.events import NOT_LED, Event, Notice, NoticeKind, ProgramEnded, WireMessage
+from simmer_tui.events import NOT_CONNECTED, Event, Notice, NoticeKind, ProgramEnded, WireMessage
 from simmer_tui.links.course_device import FRAMINGS, CourseDevice
 from simmer_tui.links.driver_seat import NOT_SERVED
 from simmer_tui.links.hook_port import HookedProgram
@@ -162,7 +162,7 @@ class SimulatedHost:
         """Report a fault."""
         self._engine.tell_fault(f"dialect: {text}")
 
-    def mention(self, text: str) -> None:
+    def inform(self, text: str) -> None:
         """Report something that is no fault."""
         self._engine.tell(Notice(NoticeKind.ROBOT, f"dialect: {text}"))
 
@@ -236,12 +236,12 @@ class DialectLink:
 
     def _watch(self, event: Event) -> None:
         """Report at its end that a program could not find the port."""
-        if isinstance(event, Notice) and event.text.startswith(NOT_LED):
+        if isinstance(event, Notice) and event.text.startswith(NOT_CONNECTED):
             self._reached = True
         elif isinstance(event, ProgramEnded) and event.started and not event.stopped:
             clock = self._context.clock
             if not self._reached and not (clock is not None and clock.reached):
-                self.engine.tell_fault(f"{NOT_LED}: {NO_HOOK}. {NO_HOOK_ADVICE}")
+                self.engine.tell_fault(f"{NOT_CONNECTED}: {NO_HOOK}. {NO_HOOK_ADVICE}")
 
     def opened(self, endpoint: SerialEndpoint, name: str, baud: float | None) -> None:
         """Answer a program that opens a port."""

@@ -159,7 +159,7 @@ class SerialBridge(RealRobot):
         stopping = bool(self._under_way) and self._under_way[-1].is_stop
         return message if _is_stop(message) and (self._waiting or not stopping) else None
 
-    def trail(self, data: bytes, session: BackendSession) -> None:
+    def append_late(self, data: bytes, session: BackendSession) -> None:
         """Pass on a line end that came late: it ends the client's last message."""
         waiting = self._waiting[-1] if self._waiting else None
         if waiting is not None and waiting.session is session:

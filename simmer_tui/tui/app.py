@@ -89,8 +89,8 @@ class SimmerApp(Shell):
         self.run_again: Callable[[], None] = partial(self.action_press, "reset")
         """Restarts the run."""
         self._panes.pointer = " ".join(REASONS)
-        self._panes.home.first_steps = self._first_steps
-        self._panes.home.has_orders = True
+        self._panes.slot.first_steps = self._first_steps
+        self._panes.slot.has_orders = True
         self._panes.program_name = program
 
     # -- putting together ------------------------------------------------------------------------
@@ -182,7 +182,7 @@ class SimmerApp(Shell):
 
     def action_again(self) -> None:
         """Restart the run after its end, and its program with it."""
-        self._panes.home.close()
+        self._panes.slot.close()
         self._console.forget_errors()
         self.run_again()
         self.refresh_frame()

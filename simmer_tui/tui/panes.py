@@ -19,7 +19,7 @@ from simmer_tui.phrases import counted
 from simmer_tui.sim.maze import Maze
 from simmer_tui.sim.wheels import WheelKinematics
 from simmer_tui.snapshot import LogEntry, Snapshot
-from simmer_tui.tui.answer_home import AnswerHome
+from simmer_tui.tui.answer_slot import AnswerSlot
 from simmer_tui.tui.answers import AnswerCard
 from simmer_tui.tui.headline import RunPhase, header_line, phase_of
 from simmer_tui.tui.line_panel import LinePanel, StyledLine, fault_line, text_of
@@ -80,7 +80,7 @@ class Lags:
         self.waiting: set[str] = set()
         """Parts that do not show the newest snapshot yet."""
 
-    def hurry(self) -> None:
+    def make_due(self) -> None:
         """Make all parts due now."""
         self._shown = dict.fromkeys(_LAGS, -math.inf)
 
@@ -97,7 +97,7 @@ class Lags:
             self.waiting = set(_LAGS)
         marks = state.paused, state.contacts, snapshot.verdict is None
         if marks != self._marks or (calm and not self._calm):
-            self.hurry()
+            self.make_due()
         self._calm, self._marks = calm, marks
 
     def is_due(self, part: str) -> bool:
@@ -180,7 +180,7 @@ class Panes:
             "program": lambda snapshot, room: program_lines(snapshot, self.log.entries, room),
         }
         self._panels = {name: LinePanel(id=name) for name in self._lines}
-        self.home = AnswerHome()
+        self.slot = AnswerSlot()
         self.answer: AnswerCard | None = None
         """AnswerCard of the moment."""
         self.phase = RunPhase.GOING
@@ -238,12 +238,12 @@ class Panes:
     def switch(self, name: str, word: str = "") -> None:
         """Show something or not, `on` or `off`; without a word, switch over."""
         self.shown[name] = not self.shown[name] if not word else word == "on"
-        self._lags.hurry()
+        self._lags.make_due()
 
     def choose(self, code: str) -> None:
         """Choose a sensor for a closer look; the same one again ends the choice."""
         self.chosen = "" if code == self.chosen else code
-        self._lags.hurry()
+        self._lags.make_due()
 
     def show(self, snapshot: Snapshot) -> bool:
         """Show a snapshot, the same one in every pane. Returns True if the events, which may lag, show it."""
@@ -264,7 +264,7 @@ class Panes:
 
     def show_again(self) -> None:
         """Update everything after a change of sizes."""
-        self._lags.hurry()
+        self._lags.make_due()
         if self._snapshot is not None:
             self.show(replace(self._snapshot, entries=(), is_full=False))
 
@@ -292,7 +292,7 @@ class Panes:
         if phase is not self.phase:
             self.phase = phase
             self._panels["header"].set_classes([phase.value])
-            self._lags.hurry()
+            self._lags.make_due()
         self.maze.frame_role = _FRAMES.get(phase, Role.EDGE)
 
     def _show_events(self) -> None:
@@ -331,7 +331,7 @@ class Panes:
         try:
             # The list of events lags; this line is of the same moment as the maze.
             newest = chain(reversed(self._waiting), reversed(self.log.entries))
-            self.answer = self.home.answer(snapshot, newest, self.phase, plain=self._plain)
+            self.answer = self.slot.answer(snapshot, newest, self.phase, plain=self._plain)
         except Exception as error:  # noqa: BLE001 - a fault in an answer must not end the app
             self.answer = AnswerCard("answer", "", (fault_line(error),), covers=False)
 

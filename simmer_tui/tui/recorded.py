@@ -230,7 +230,7 @@ class RecordedRun(EventHandler[None]):
     def _show(self, entry: int, elapsed: float) -> None:
         self.entry, self.elapsed, self._changed = entry, elapsed, True
 
-    def take_in(self) -> bool:
+    def poll(self) -> bool:
         """Read what has been written since. Returns true if there was any. Who stood at the end stays there.
 
         Raises:

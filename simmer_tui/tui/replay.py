@@ -198,7 +198,7 @@ class ReplayApp(Shell):
         index = self.run_shown.index
         known = index.count
         try:
-            fresh = self.run_shown.take_in()
+            fresh = self.run_shown.poll()
             has_program_ended = fresh and isinstance(index.record(index.count - 1), ProgramRecord)
             if has_program_ended or index.find_next(known - 1, EntryFlag.MISSION) is not None:
                 self.run_worker(self._find_verdict(), group="verdict", exclusive=True)

@@ -292,13 +292,13 @@ class Shell(FaultReporting, TerminalApp):
     def ask(self, answer: AnswerCard) -> None:
         """Show an answer in its place, until it is closed or the robot moves again."""
         if self._snapshot is not None:
-            self._panes.home.ask(answer, self._snapshot)
+            self._panes.slot.ask(answer, self._snapshot)
             self._show_again()
             self._make_room_for_answers()
 
     def action_close_answer(self) -> None:
         """Close the answer, or go to the maze if there is none to close."""
-        if self._panes.home.close():
+        if self._panes.slot.close():
             self._show_again()
             self._make_room_for_answers()
         else:

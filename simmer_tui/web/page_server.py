@@ -180,7 +180,7 @@ class PageServer:
         self._acceptor.pause()
         for viewer in tuple(self._strangers):
             viewer.abort()
-        self._frames.take_in()
+        self._frames.poll()
         self._publish({"over": True})
         for viewer in tuple(self._viewers):
             viewer.end(_GOING_AWAY, "the run is over")
@@ -223,7 +223,7 @@ class PageServer:
     def _show_news(self) -> None:
         """Send the news, if there is any."""
         frames = self._frames
-        has_news = frames.take_in()
+        has_news = frames.poll()
         if not self._viewers:
             frames.forget()
             return

@@ -162,7 +162,7 @@ class RunFrames:
         """
         self._events.mark(self._server.engine.present)
 
-    def take_in(self) -> bool:
+    def poll(self) -> bool:
         """Process the events that have come. Returns True if there is news for viewers."""
         has_news = self._has_judged
         for _ in range(_MOST_SLICES):

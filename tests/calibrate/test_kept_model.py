@@ -61,10 +61,10 @@ def run_of(robot: str) -> tuple[MeasuredRun, Iterate]:
         9: (4.0, 8.0),
         12: (0.5, 50.0),
     }.items():
-        led = (ahead, 0.2 * number, turned)
+        commanded = (ahead, 0.2 * number, turned)
         parts = ((RIGHT, ahead), (ROT, turned)) if number % 4 else ((ROT, turned), (RIGHT, ahead))
         movements[number] = MeasuredMovement(
-            parts[0][0], parts[0][1], True, 2 + number, float("nan"), parts, led, 0.1 - 0.05j * number
+            parts[0][0], parts[0][1], True, 2 + number, float("nan"), parts, commanded, 0.1 - 0.05j * number
         )
     movements[6] = replace(movements[6], certain=False)
     poses = made.truth.chain[9, :3].tolist()

@@ -101,7 +101,7 @@ class Host:
     def tell(self, text: str) -> None:
         self.told.append(text)
 
-    def mention(self, text: str) -> None:
+    def inform(self, text: str) -> None:
         self.mentioned.append(text)
 
     def take(self) -> list[str]:
