@@ -293,7 +293,7 @@ class LogDecoder:
             record.t,
             math.inf if record.end is None else record.end,
             Pose(*record.pose),
-            Twist(*record.told),
+            Twist(*record.commanded),
             pressed=record.pressed,
             contact=contact,
         )

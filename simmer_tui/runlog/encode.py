@@ -296,7 +296,7 @@ def _leg_record(begun: LegBegun, real_time: float) -> LegRecord:
         velocity=arc.velocity,
         rate=arc.rate,
         spin=arc.spin or NO_DELAY,
-        told=(commanded.x, commanded.y, commanded.r),
+        commanded=(commanded.x, commanded.y, commanded.r),
         pose=_pose_fields(leg.last_pose),
         pressed=leg.pressed,
         contact=None if leg.contact is None else _contact_fields(leg.contact),
