@@ -178,7 +178,7 @@ def files() -> str:
             "A set is a folder with `maze.csv`, `robot.csv`, `sensors.csv`, `drive.csv` and `settings.toml`, "
             "perhaps a `mission.toml`, a `dialect.toml` and a `floor.csv`. `simmer-tui init` writes one. In "
             "the CSV files rows that begin with `#` are comments, columns without a header are notes, "
-            "semicolons or tabs may stand for commas.\n",
+            "semicolons or tabs may replace commas.\n",
             "## maze.csv\n",
             f"A value a cell of 12 x 12 in, the top row first; at most {maze_csv.MAX_CELLS} cells a side.\n",
             table(("value", "is", "meaning"), maze),

@@ -9,7 +9,7 @@ The records are msgspec structs, since a log has millions of them: a changed cop
 
 A command that moves gives `MovementPlanned`, `MovementEnded` and a `CommandResult` with its answer. The
 answer comes at the end (`DONE`), or at once (`ACCEPTED`, then before the end). All other commands give a
-`CommandResult`. A velocity continues after its answer: its motion is told leg by leg.
+`CommandResult`. A velocity continues after its answer: its motion is reported leg by leg.
 """
 
 from __future__ import annotations
@@ -488,6 +488,6 @@ class Watchers:
         for watcher in tuple(self._watchers):
             try:
                 watcher(event)
-            except Exception as error:  # noqa: BLE001 - whatever a watcher does, the robot must go on
+            except Exception as error:  # noqa: BLE001 - whatever a watcher does, the robot must continue
                 self.remove(watcher)
                 self._fault(f"a watcher failed and was dropped: {type(error).__name__}: {error}")

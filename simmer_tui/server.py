@@ -647,7 +647,7 @@ class Server:
 
 def reachable_host(host: str) -> str:
     """The address at which programs on this machine reach ports that were taken on `host`."""
-    # The address that stands for "all interfaces" cannot be connected to.
+    # The address that represents "all interfaces" cannot be connected to.
     here = {"localhost": "127.0.0.1", "0.0.0.0": "127.0.0.1", "::": "::1"}
     return here.get(host, host)
 

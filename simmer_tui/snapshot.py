@@ -84,7 +84,7 @@ class LogEntry:
 
     @property
     def folds(self) -> bool:
-        """True if the entry stands for several events."""
+        """True if the entry represents several events."""
         return self.readings + self.beliefs + self.velocities > 0
 
 

@@ -11,7 +11,7 @@
  *     simmer_close(&robot);
  *
  * C99 (with -std=c99 add -D_POSIX_C_SOURCE=200112L) or C++11; Linux, macOS, Windows (link with ws2_32; not tried). Every function returns SIMMER_OK, SIMMER_REFUSED
- * (the robot did nothing; the connection goes on) or SIMMER_FAILED (the connection has ended); robot.error
+ * (the robot did nothing; the connection continues) or SIMMER_FAILED (the connection has ended); robot.error
  * says why. The protocol: a command is a line of ASCII on one connection, its reply one IEEE 754 number (of a
  * lidar a count and so many numbers), on a second connection where the simulator takes one. Infinity says that a movement has ended (at a wall, too),
  * NaN that a command was refused. A microcontroller without sockets sends the same lines over its own link.

@@ -80,7 +80,7 @@ class Mission:
             look(self.pilot.robot, localizer, "where am I?")
 
     def say(self, text: str) -> None:
-        """Tell what goes on, here and in the app."""
+        """Report what happens, here and in the app."""
         self.pilot.note = text
         print(text, flush=True)
 

@@ -85,7 +85,7 @@ class Parts(Struct, frozen=True):
 
 
 def without_gaps(parts: Iterable[T | None]) -> tuple[T, ...]:
-    """The parts without None, which stands for one that could not be read."""
+    """The parts without None, which represents one that could not be read."""
     return tuple(each for each in parts if each is not None)
 
 

@@ -35,7 +35,7 @@ class Rules:
 
     `sensors` is the most sensors enabled, `size` the diameter, inches, of a circle around the robot's centre
     in which it must fit. `cells` are the columns of a file that may differ from the course's (of robot.csv,
-    the rows); in other files all may. None stands for no rule.
+    the rows); in other files all may. None means no rule.
     """
 
     sensors: int | None = None

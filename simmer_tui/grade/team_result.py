@@ -41,7 +41,7 @@ class TeamResult:
 
     entry: Entry
     label: str
-    """The team's name, or the code that stands for it."""
+    """The team's name, or the code that represents it."""
     slug: str
     """The same for names of files; no two have the same."""
     outcome: TeamStatus

@@ -1,6 +1,6 @@
 """The port where programs report the pose they believe in: newline-delimited JSON, one belief a line.
 
-A line may also ask why a command was refused, and what its code stands for. The answer goes back on the same
+A line may also ask why a command was refused, and what its code represents. The answer goes back on the same
 connection.
 """
 

@@ -333,7 +333,7 @@ class DialectRobot(MonitoredRobot):
         request.answer(self._result(command, Status.ACCEPTED, math.inf))
 
     def _meant(self, command: Command) -> tuple[str, float] | str | None:
-        """The drive that a key stands for and its distance; None for a velocity of 0."""
+        """The drive that a key represents and its distance; None for a velocity of 0."""
         if not self.engine.simulator.is_velocity(command):
             value = parse_value(command.argument)
             return value if isinstance(value, str) else (command.code, value)

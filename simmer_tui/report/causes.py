@@ -1,4 +1,4 @@
-"""Causes of failed runs: their kinds, and the counterfactuals that speak for or against each.
+"""Causes of failed runs: their kinds, and the counterfactuals that support or refute each.
 
 A cause that its own counterfactual contradicts is never named: `contradicted` decides, here and in tests.
 """

@@ -16,7 +16,12 @@ from simmer_tui.phrases import (
 )
 from simmer_tui.report.causes import Cause, Kind, Sureness, cause_of, undecided_text
 from simmer_tui.report.contact_causes import BLIND, BLIND_TURN, belief_text, wrong_text
-from simmer_tui.report.right_readings import looked_for_block, looked_in_vain, looked_while_lost, told_held
+from simmer_tui.report.right_readings import (
+    looked_for_block,
+    looked_in_vain,
+    looked_while_lost,
+    reported_held,
+)
 from simmer_tui.run.attempt import Attempt
 from simmer_tui.run.episodes import EpisodeKind
 from simmer_tui.run.facts import missed_zone, wrapped
@@ -83,7 +88,7 @@ class EndingCauses:
         block, zone = done.grip.block, seen.task.zone
         where = place_text(block.x, block.y)
         kind, sure, codes = Kind.DROPPED_OUTSIDE, Sureness.CERTAIN, tuple[str, ...]()
-        if (held_by := told_held(seen, done)) is not None:
+        if (held_by := reported_held(seen, done)) is not None:
             code, times = held_by
             kind, sure, codes = Kind.UNDECIDED, Sureness.LIKELY, (code,)
             either = undecided_text(f"a reply of {code} was changed")

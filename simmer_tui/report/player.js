@@ -17,7 +17,7 @@ function simmerPlayer(recording, live) {
   const strips = document.querySelector(".strips svg");
   const run = { ...recording, moment: recording.moment === null ? null : recording.moment / 1000 };
   let now = 0, speed = 1, playing = false, following = Boolean(live), last = 0, lastFollowed = 0, nextTrail = 0, drawnBelief, drawnScans;
-  const arrivals = []; // of a run that goes on: until when, and since when by the clock of this page
+  const arrivals = []; // of a run that continues: until when, and since when by the clock of this page
 
   // -- the recording ---------------------------------------------------------------------------
 
@@ -420,7 +420,7 @@ function simmerPlayer(recording, live) {
     requestAnimationFrame(tick);
   }
 
-  // -- a run that goes on ------------------------------------------------------------------------
+  // -- a run that continues ------------------------------------------------------------------------
 
   function setFollowing(on) {
     following = Boolean(live) && on;

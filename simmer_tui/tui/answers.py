@@ -122,7 +122,7 @@ def _numbered(*lines: StyledLine) -> list[StyledLine]:
     return [((f"{number} ", "bold"), *line) for number, line in enumerate(lines, 1)]
 
 
-# -- while the run goes on -------------------------------------------------------------------------
+# -- while the run continues -------------------------------------------------------------------------
 
 
 def scan_answer(snapshot: Snapshot, *, plain: bool) -> AnswerCard | None:

@@ -38,7 +38,7 @@ _SIGNS = {
     TimelineMarkKind.PAUSE: ("‖", "|", "value"),
 }
 """Sign of a kind of mark, that in ASCII, and its role."""
-# With fewer a column stands for too much of a run to be useful.
+# With fewer a column represents too much of a run to be useful.
 _LEAST_BAR = 5
 
 
@@ -139,7 +139,7 @@ class ReplayApp(Shell):
         self._following = follow
         self._note = ""
         self.taken_over: TakeOver | None = None
-        """Moment to go on from, once one has been chosen: the app ends for it."""
+        """Moment to continue from, once one has been chosen: the app ends for it."""
 
     # -- putting together ------------------------------------------------------------------------
 
