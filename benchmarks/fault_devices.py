@@ -124,13 +124,14 @@ def swallowed(code: str, *more: Answer, **rule: Any) -> Case:
 
 
 def wire_grip_swallowed(draw: random.Random) -> Case:
-    """The gripper never gets the command to close: not that the program ended too early, nor that it gripped beside
-    the block."""
+    """The gripper never gets the command to close: not that the program ended too early, nor that it gripped
+    beside the block."""
     return swallowed("p1", value=1.0)
 
 
 def wire_open_swallowed(draw: random.Random) -> Case:
-    """The gripper never gets the command to open. That the program ended with the block in it is true, but half."""
+    """The gripper never gets the command to open. That the program ended with the block in it is true, but
+    half."""
     return swallowed("p1", says(ENDED, words=("held the block", "holds the block")), value=0.0)
 
 

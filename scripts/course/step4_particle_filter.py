@@ -94,7 +94,7 @@ def look(robot: Robot, localizer: Localizer, note: str = "") -> float:
 
 
 def localize(robot: Robot, localizer: Localizer, odometry: Odometry) -> bool:
-    """Turn on the spot and read the sensors until the robot is localized; where places look alike, drive."""
+    """Turn on the spot and read the sensors until the robot is localized; if places look alike, drive on."""
     compass = np.radians(robot.read(*["c1"] * 25))  # it reads heading times (1 + error)
     heading = np.degrees(np.arctan2(np.sin(compass).mean(), np.cos(compass).mean())) % 360
     localizer.scatter(heading, 5 + 0.03 * heading)

@@ -340,8 +340,8 @@ class ContinuousMotion:
         if wall.stopped:
             return _Way(Arc.standing(pose)), here.until
         until = min(here.until, wall.dropped_until)
-        # A contact has ended a move early: the robot stands still for the rest of that time, so that choices are
-        # few.
+        # A contact has ended a move early: the robot stands still for the rest of that time, so that
+        # choices are few.
         if time < wall.hold_until:
             return _Way(Arc.standing(pose)), min(until, wall.hold_until)
         hold_until = time + self._period

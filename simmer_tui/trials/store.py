@@ -120,8 +120,8 @@ class RunStore(Generic[Plan, Line]):
             return self._plan.decode(data)
         except ValueError as error:
             raise kind.error(
-                f"{escape(str(file), 200)}: {escape(str(error), 200)}; simmer-tui {__version__} cannot continue "
-                "with it: begin in another folder"
+                f"{escape(str(file), 200)}: {escape(str(error), 200)}; simmer-tui {__version__} cannot "
+                "continue with it: begin in another folder"
             ) from None
 
     def lines(self) -> Iterator[tuple[str, Line]]:
