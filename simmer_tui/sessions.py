@@ -44,20 +44,20 @@ class Lane:
 
 
 class Stop(Struct):
-    """The result of a command that stops, once it has arrived over the link. `back` is the delay of its
+    """The result of a command that stops, once it has arrived over the link. `reply_delay` is that of its
     answer, simulated seconds.
 
     A stop is done before its turn; only its answer waits.
     """
 
     outcome: CommandResult | None = None
-    back: float = 0.0
+    reply_delay: float = 0.0
 
 
 class Queued(Struct, frozen=True):
     """A command of a session that waits for its turn or its answer.
 
-    `halts` is the count of stops when it came. `there` is the delay that it had on the link, simulated
+    `halts` is the count of stops when it came. `request_delay` is its delay on the link, simulated
     seconds; None before it has arrived.
     """
 
@@ -66,7 +66,7 @@ class Queued(Struct, frozen=True):
     answer: Answer
     halts: int
     stop: Stop | None = None
-    there: float | None = None
+    request_delay: float | None = None
     moment: Sequence[Command] = ()
     """All commands of a message, in the first command of it; empty in the others."""
 

@@ -12,7 +12,7 @@ from simmer_tui.dialect import expressions, kinds
 from simmer_tui.dialect.dialect_rules import TYPE, AnyReply
 from simmer_tui.dialect.expressions import Expression
 from simmer_tui.dialect.frames import FrameKind, Framing
-from simmer_tui.dialect.kinds import ANY, NUMBER, Known, ValueKind
+from simmer_tui.dialect.kinds import ANY, NUMBER, StaticType, ValueKind
 from simmer_tui.dialect.templates import BinaryReply, Field, TextReply, check_pack, parsed_reply
 from simmer_tui.sim.rules import did_you_mean
 from simmer_tui.sim.specs import DriveSpec, GripperSpec, SensorSpec, VelocityKind, VelocitySpec
@@ -23,7 +23,7 @@ MOST_FRAMES = 1000
 """Frames of one binary reply."""
 READING = frozenset(("time", "contact"))
 """Names that every expression may use."""
-Names = Mapping[str, Known]
+Names = Mapping[str, StaticType]
 """The values of a message, with the static knowledge of each."""
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -219,7 +219,9 @@ class RuleParts:
     def _known(self, names: Names) -> Names:
         """Kinds of all names. A value of the state may have any kind."""
         numbers = dict.fromkeys((*self._parts.readable, *READING), NUMBER)
-        lists = {code: Known(ValueKind.LIST, length=each.rays) for code, each in self._parts.lidars.items()}
+        lists = {
+            code: StaticType(ValueKind.LIST, length=each.rays) for code, each in self._parts.lidars.items()
+        }
         return {**numbers, **lists, **dict.fromkeys(self._state, ANY), **names}
 
     def _made(self, place: str, make: Callable[P, T], *args: P.args, **named: P.kwargs) -> T | None:

@@ -39,7 +39,7 @@ from simmer_tui.dialect.dialect_rules import (
     StreamRule,
 )
 from simmer_tui.dialect.frames import FrameKind, Framing
-from simmer_tui.dialect.kinds import ANY, LIST, NUMBER, TEXT, Known, ValueKind, kind_of
+from simmer_tui.dialect.kinds import ANY, LIST, NUMBER, TEXT, StaticType, ValueKind, kind_of
 from simmer_tui.dialect.patterns import NAME, Pattern
 from simmer_tui.dialect.templates import check_pack, pack_codes
 from simmer_tui.errors import Problem
@@ -219,7 +219,9 @@ class _Reader(RuleParts):
             add_problem(f"{prefix}do", "is missing; done and stopped are sent at the end of its steps")
         return rule
 
-    def _names_of(self, patterns: Sequence[Pattern], unpack: str, fields: Sequence[str]) -> dict[str, Known]:
+    def _names_of(
+        self, patterns: Sequence[Pattern], unpack: str, fields: Sequence[str]
+    ) -> dict[str, StaticType]:
         """The values of a message, without those that only some of its patterns have."""
         packed = zip(fields, pack_codes(unpack), strict=False)
         found = {name: TEXT if code in "spc" else NUMBER for name, code in packed}
@@ -405,13 +407,13 @@ def _takes_frames(earlier: MessageRule, rule: MessageRule) -> bool:
     return not earlier.unpack or same
 
 
-def _known(pattern: Pattern, name: str) -> Known:
+def _known(pattern: Pattern, name: str) -> StaticType:
     """Kind and values of a field of a pattern."""
     values = tuple(pattern.choices.get(name, {}).values())
     if not values:
         return _KINDS.get(pattern.kinds[name], ANY)
     found = {kind_of(each) for each in values}
-    return Known(found.pop() if len(found) == 1 else ValueKind.ANY, values)
+    return StaticType(found.pop() if len(found) == 1 else ValueKind.ANY, values)
 
 
 def _takes(earlier: MessageRule, rule: MessageRule, pattern: Pattern) -> bool:

@@ -13,7 +13,7 @@ from simmer_tui.dialect.device import DialectDevice, MoveEnd
 from simmer_tui.dialect.dialect_rules import DialectRules, MessageRule
 from simmer_tui.dialect.expressions import FieldValue
 from simmer_tui.dialect.readings import MessageScope
-from simmer_tui.dialect.reply_reader import SILENCE, Due, ReplyReader, RobotReply
+from simmer_tui.dialect.reply_reader import SILENCE, PendingReply, ReplyReader, RobotReply
 from simmer_tui.dialect.templates import TextReply
 from simmer_tui.errors import ExpressionError
 from simmer_tui.sim.command import escape, parse_command, parse_value
@@ -192,23 +192,23 @@ class Comparison:
         shown = escape(reply.data.decode("latin-1").strip(), 60)
         if not shown:
             return
-        due = next(iter(self._reader.due), None)
-        if due is None:
+        pending = next(iter(self._reader.pending), None)
+        if pending is None:
             self._note(f"the robot says '{shown}', and the dialect nothing")
             return
-        self._note(f"'{due.rule.shown}': the robot says '{shown}', and the dialect '{_said(due)}'")
-        self._reader.forget(due.rule)
+        self._note(f"'{pending.rule.shown}': the robot says '{shown}', and the dialect '{_said(pending)}'")
+        self._reader.forget(pending.rule)
 
     def _find_missing(self, end: float) -> None:
         """Replies of the dialect that the robot never sent."""
-        for due in self._reader.due:
-            asked = self._asked.get(id(due.values))
-            if asked is None or due.part == "stopped" or asked.time > end - REPLY_TIMEOUT:
+        for pending in self._reader.pending:
+            asked = self._asked.get(id(pending.values))
+            if asked is None or pending.part == "stopped" or asked.time > end - REPLY_TIMEOUT:
                 continue
-            if due.part == "done" and self._device.doing is due.values:
+            if pending.part == "done" and self._device.doing is pending.values:
                 continue
-            what = {"reply": "does not answer", "done": "says nothing at its end"}[due.part]
-            text = f"'{due.rule.shown}': the robot {what}, and the dialect says '{_said(due)}'"
+            what = {"reply": "does not answer", "done": "says nothing at its end"}[pending.part]
+            text = f"'{pending.rule.shown}': the robot {what}, and the dialect says '{_said(pending)}'"
             self._found.add(OtherAnswer(asked.line, text))
 
     def _find_late(self) -> None:
@@ -221,10 +221,10 @@ class Comparison:
                 self._found.add(OtherAnswer(delays[0][2], text))
 
 
-def _said(due: Due) -> str:
+def _said(pending: PendingReply) -> str:
     """The dialect's answer."""
     shown = (
         reply.source if isinstance(reply, TextReply) else f"a frame of type {reply.type}"
-        for reply in due.templates
+        for reply in pending.templates
     )
     return escape("; ".join(shown), 60)

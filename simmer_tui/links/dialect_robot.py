@@ -231,7 +231,7 @@ class DialectRobot(MonitoredRobot):
             return
         request.result = result
         rule = request.message.rule
-        waits = any(due.rule is rule and due.part == "done" for due in self._reader.due)
+        waits = any(due.rule is rule and due.part == "done" for due in self._reader.pending)
         if waits:
             request.timer = self._loop.call_later(self.settings.timeout, self._unanswered, request)
         else:

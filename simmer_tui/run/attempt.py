@@ -24,7 +24,7 @@ from simmer_tui.run.history_rows import (
     MovementRow,
     RefusalRow,
 )
-from simmer_tui.run.progress import Loop, Stretch, loop_at_end, without_progress
+from simmer_tui.run.progress import CommandLoop, StalledPeriod, loop_at_end, without_progress
 from simmer_tui.run.run_history import RunHistory
 from simmer_tui.run.table import Columns, Newest, RowT, RowTable
 from simmer_tui.sim.block import Block
@@ -98,7 +98,7 @@ class Collision:
 
 
 @dataclass(slots=True)
-class Spent:
+class SpentTime:
     """Time spent, simulated seconds; `between` is the real time from an answer to the next
     command: the program's thinking, and the link."""
 
@@ -498,7 +498,7 @@ class Attempt:
     # -- use of time -----------------------------------------------------------------------------
 
     @cached_property
-    def stretch(self) -> Stretch:
+    def stretch(self) -> StalledPeriod:
         """The stretch without progress that lasted until the end."""
         history = self.history
         goals = [row.order for row in history.missions.items if isinstance(row.event.subject, Goal)]
@@ -507,7 +507,7 @@ class Attempt:
         return without_progress(rows, history.are_legs(rows), *self._place)
 
     @cached_property
-    def loop(self) -> Loop | None:
+    def loop(self) -> CommandLoop | None:
         """The movements that it repeated until the end."""
         return loop_at_end(self.within(self.history.movements, max(self._placed, self._began)))
 
@@ -536,12 +536,12 @@ class Attempt:
         return bool((np.hypot(rows["x"] - lying.x, rows["y"] - lying.y) > CELL_SIZE).any())
 
     @cached_property
-    def spent(self) -> Spent:
+    def spent(self) -> SpentTime:
         """Simulated time by its use."""
         history = self.history
         commands, readings = self.within(history.commands), self.within(history.readings)
         movements = self.within(history.movements)
-        spent = Spent(float((movements["elapsed"] - movements["begin"]).sum()))
+        spent = SpentTime(float((movements["elapsed"] - movements["begin"]).sum()))
         spent.link = float(commands["link"].sum())
         sensors = {each.code: each for each in self.spec.sensors}
         for number, code in enumerate(history.sensor_codes):
