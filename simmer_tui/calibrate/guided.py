@@ -27,7 +27,7 @@ from simmer_tui.calibrate.written_set import learned_spec
 from simmer_tui.config.loader import Configuration
 from simmer_tui.sim.angles import FloatArray
 from simmer_tui.sim.pose import Pose
-from simmer_tui.sim.sensors import Sort, modelled_sensor
+from simmer_tui.sim.sensors import ParameterKind, modelled_sensor
 from simmer_tui.sim.specs import Axes, DriveSpec, SensorSpec, SimulationSpec
 
 PLACED = (0.25, 0.25, 2.0)
@@ -166,7 +166,7 @@ class SessionPlanner:
                 kind = self.fit.run.spec.drives[parameter.index].kind
                 if parameter.field == f"bias.{main_axis(kind)}":
                     groups["main"].append(spread)
-            elif parameter.sort is Sort.ANGLE:
+            elif parameter.kind is ParameterKind.ANGLE:
                 groups["angle"].append(spread)
             elif parameter.field == "bias" and parameter.unit == "in":
                 groups["range"].append(spread)
@@ -181,7 +181,7 @@ class SessionPlanner:
             return False
         # Offsets show only at walls that are seen obliquely, and waiting for them would need many more
         # movements.
-        needed = np.array([each.sort is not Sort.OFFSET for each in self.fit.space.parameters])
+        needed = np.array([each.kind is not ParameterKind.OFFSET for each in self.fit.space.parameters])
         if not self.fit.identified[needed].all():
             return False
         return all(self.reached[name] <= most for name, most in WANTED.items())

@@ -134,7 +134,7 @@ class BeliefMotion:
             f"with nothing read, but the log has no {of[0] if of else 'movement'}"
         )
         probability = binomial_tail(hits, count, _MOVED_BY_NOTHING)
-        return [Disagreement(of, text, hits, probability, 1.0, *moment(row), swallowed=True)]
+        return [Disagreement(of, text, hits, probability, 1.0, *moment(row), command_lost=True)]
 
     def _explained(self, axis: _Axis, sources: list[_Source]) -> list[Disagreement]:
         usable = axis.usable & ~self._same & np.isfinite(axis.believed)

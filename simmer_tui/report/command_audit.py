@@ -254,7 +254,7 @@ def vanished_movements(attempt: Attempt) -> list[Disagreement]:
         # The end of each drive's commands was tried.
         probability = min(probability * len(ends), 1.0)
         found.append(
-            Disagreement(of, text, len(gaps), probability, 1.0, *moment(rows[first]), swallowed=True)
+            Disagreement(of, text, len(gaps), probability, 1.0, *moment(rows[first]), command_lost=True)
         )
     return sorted(found, key=lambda each: each.probability)[:1]
 

@@ -194,20 +194,20 @@ class EndingCauses:
 
     def nowhere(self) -> Cause | None:
         """It continued to move, or only to read, and reached no goal and no new place."""
-        seen, task, stretch = self._seen, self._seen.task, self._seen.stretch
+        seen, task, stalled = self._seen, self._seen.task, self._seen.stalled
         if task is None:
             return None
         if (stood := self._stood(task.time_limit)) is not None:
             return stood
         # A robot that stands and reads is slow, not without progress: half of the time must have been
         # driving.
-        lasted = seen.elapsed - stretch.since
-        idle = lasted < STAYED * task.time_limit or stretch.driving < lasted / 2
-        if stretch.movements < (HUNDRED if idle or not seen.out_of_time else MOVES):
+        lasted = seen.elapsed - stalled.since
+        idle = lasted < STAYED * task.time_limit or stalled.driving < lasted / 2
+        if stalled.movements < (HUNDRED if idle or not seen.out_of_time else MOVES):
             return self._looped()
-        turned = f", {stretch.turned:.0f} deg" if stretch.turned >= 1.0 else ""
-        moved = f"{stretch.movements} movements ({stretch.driven:.0f} in{turned})"
-        return self._got_nowhere(stretch.since, f"{moved} reached no goal and no new place", stretch.place)
+        turned = f", {stalled.turned:.0f} deg" if stalled.turned >= 1.0 else ""
+        moved = f"{stalled.movements} movements ({stalled.driven:.0f} in{turned})"
+        return self._got_nowhere(stalled.since, f"{moved} reached no goal and no new place", stalled.place)
 
     def _looped(self) -> Cause | None:
         """It repeated the same few movements, whatever its sensors read."""

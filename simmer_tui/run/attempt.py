@@ -498,7 +498,7 @@ class Attempt:
     # -- use of time -----------------------------------------------------------------------------
 
     @cached_property
-    def stretch(self) -> StalledPeriod:
+    def stalled(self) -> StalledPeriod:
         """The stretch without progress that lasted until the end."""
         history = self.history
         goals = [row.order for row in history.missions.items if isinstance(row.event.subject, Goal)]

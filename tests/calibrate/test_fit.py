@@ -17,7 +17,7 @@ from simmer_tui.calibrate.pose_filter import PoseFilter
 from simmer_tui.calibrate.posterior import RANGE
 from simmer_tui.calibrate.prediction import held_back
 from simmer_tui.calibrate.written_set import Knowledge, knowledge_of, learned_spec
-from simmer_tui.sim.sensors import Compass, Sort
+from simmer_tui.sim.sensors import Compass, ParameterKind
 from tests.calibrate.synthetic import START, Synthetic, make
 
 
@@ -42,7 +42,7 @@ def fitted(known: Synthetic) -> Fit:
 def test_estimates_are_the_truth_within_their_errors(known: Synthetic, fitted: Fit) -> None:
     off = (fitted.state.parameters - known.truth.parameters) / fitted.standard_errors
     # In so plain a room not every offset shows.
-    places = [each.sort is not Sort.OFFSET for each in fitted.space.parameters]
+    places = [each.kind is not ParameterKind.OFFSET for each in fitted.space.parameters]
     assert fitted.identified[places].all()
     assert np.abs(off).max() < 3.5
     assert 0.6 < np.sqrt(np.mean(off**2)) < 1.3
@@ -167,7 +167,7 @@ def test_a_change_has_the_probability_of_a_chi_square(fitted: Fit) -> None:
 def test_knowledge_holds_what_the_data_say(fitted: Fit) -> None:
     knowledge = knowledge_of(fitted, estimates_of(fitted))
     told = fitted.identified
-    offsets = np.array([each.sort is Sort.OFFSET for each in fitted.space.parameters])
+    offsets = np.array([each.kind is ParameterKind.OFFSET for each in fitted.space.parameters])
     # The set has the sensors where they were found, so that offsets from there are 0.
     expected = np.where(offsets, 0.0, fitted.state.parameters)
     assert knowledge.values == pytest.approx(expected[told])

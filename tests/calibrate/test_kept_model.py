@@ -29,7 +29,7 @@ from simmer_tui.calibrate.suspicions import suspicions, suspicions_without_path
 from simmer_tui.sim.angles import FloatArray
 from simmer_tui.sim.arcs import Twist
 from simmer_tui.sim.pose import Pose
-from simmer_tui.sim.sensors import Sort
+from simmer_tui.sim.sensors import ParameterKind
 from simmer_tui.sim.specs import ContactRule, RobotSpec
 from tests.calibrate.synthetic import START, make
 from tests.kept_numbers import assert_kept
@@ -345,7 +345,7 @@ def test_counters_are_compared_over_six_movements_and_not_over_seven() -> None:
 
 def test_the_interval_of_a_noise_scale_is_by_factors_and_ends_before_it_overflows() -> None:
     space = parameters_of(make(2).run)
-    scale = next(each for each in space.noise_scales if each.sort is Sort.NOISE)
+    scale = next(each for each in space.noise_scales if each.kind is ParameterKind.NOISE)
     assert scale.interval(2.0, 0.5) == pytest.approx((2.0 * np.exp(-0.979982), 2.0 * np.exp(0.979982)))
     assert scale.interval(2.0, 1000.0) == pytest.approx((2.0 * np.exp(-50.0), 2.0 * np.exp(50.0)))
     bias = space.parameters[0]

@@ -247,16 +247,16 @@ def test_a_slow_robot_that_steers_often_makes_progress(mission_run: Any) -> None
     attempt = Attempt(run.history, None)
     assert run.totals.legs >= 600
     assert run.pose.x > 30.0
-    assert attempt.stretch.since > 20.0, "it came to new ground to the end"
-    assert attempt.stretch.movements < 5
+    assert attempt.stalled.since > 20.0, "it came to new ground to the end"
+    assert attempt.stalled.movements < 5
 
 
 def test_a_robot_that_steers_to_and_fro_makes_none(mission_run: Any) -> None:
     for step in range(600):
         mission_run.send(f"vv-{3 - 6 * (step % 2)};0;0", "wt-0.5")
     attempt = Attempt(build_report(mission_run.path).history, None)
-    assert attempt.stretch.since < 60.0
-    assert attempt.stretch.movements > 100
+    assert attempt.stalled.since < 60.0
+    assert attempt.stalled.movements > 100
 
 
 MANY = 600

@@ -592,8 +592,8 @@ def sensors_that_observe() -> Any:
             found.append(sensor.wrapped(value) if math.isfinite(value) else 0)
         generator = np.random.default_rng(4)
         found += [sensor.reading(true, generator, 3.0) for true in (0.0, 1.0, 12.0, 100.0)]
-        found += [(p.field, p.label, p.sort, p.spread, p.unit, p.usual, p.step) for p in sensor.parameters]
-        found += [(p.field, p.label, p.sort, p.spread, p.unit, p.usual, p.step) for p in sensor.noise_scales]
+        found += [(p.field, p.label, p.kind, p.spread, p.unit, p.usual, p.step) for p in sensor.parameters]
+        found += [(p.field, p.label, p.kind, p.spread, p.unit, p.usual, p.step) for p in sensor.noise_scales]
         found.append(sensor.least_error)
     spec = with_parameters(SENSORS[0].spec, {"offset": 0.5, "rotation": 40.0, "gain": 1.1})
     found += [spec, parameter_value(spec, "offset", (2.0, 1.0)), parameter_value(spec, "gain", (2.0, 1.0))]
@@ -617,8 +617,8 @@ def sensors_that_count() -> Any:
         found += [sensor.change((3.0, 1.0), (350.0, 6.0)), sensor.ideal(1.99), sensor.ideal(-0.01)]
         found += [sensor.worst_case(), sensor.error(3.3, 3.0), sensor.reading(3.3, None, 5.0)]
         found += [sensor.least_error, sensor.period, sensor.wrapped(200.0), sensor.wrapped(-180.0)]
-        found += [(p.field, p.label, p.sort, p.spread, p.unit, p.usual, p.step) for p in sensor.parameters]
-        found += [(p.field, p.label, p.sort, p.spread, p.unit, p.usual, p.step) for p in sensor.noise_scales]
+        found += [(p.field, p.label, p.kind, p.spread, p.unit, p.usual, p.step) for p in sensor.parameters]
+        found += [(p.field, p.label, p.kind, p.spread, p.unit, p.usual, p.step) for p in sensor.noise_scales]
     return found
 
 
