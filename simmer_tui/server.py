@@ -29,7 +29,7 @@ from simmer_tui.errors import PortError, RunLogError
 from simmer_tui.events import Event, MissionEnd, MissionEvent, Notice, NoticeKind, Result
 from simmer_tui.links.access import AccessCheck
 from simmer_tui.links.clock_link import CLOCK
-from simmer_tui.links.driver_seat import DriverSeat
+from simmer_tui.links.driver_lock import DriverLock
 from simmer_tui.links.link import Link, LinkContext, open_links, port_requests, typed_message
 from simmer_tui.links.owners import OwnerLookup
 from simmer_tui.links.ports import Listener, PortRequest, take_port
@@ -598,7 +598,7 @@ class Server:
             self.clock,
             self.configuration.dialect,
             self.terminal,
-            DriverSeat(self.clock, self._processes) if SERIAL.purpose in self._listeners else None,
+            DriverLock(self.clock, self._processes) if SERIAL.purpose in self._listeners else None,
         )
         self._links += open_links(context)
         if self.clock is not None:

@@ -231,7 +231,9 @@ class BinaryLink:
         self._loop.call_later(RETRY_DELAY, self._consider, sock)
 
     def _admit(self, sock: socket.socket, peer: str) -> None:
-        refused = "" if self.context.seat is None else self.context.seat.take_by(self, sock, peer)
+        refused = (
+            "" if self.context.driver_lock is None else self.context.driver_lock.acquire_for(self, sock, peer)
+        )
         if refused:
             self._commands.refuse(sock, peer)
             self._refusals.tell(f"client {peer} turned away: {refused}", refused)
@@ -339,8 +341,8 @@ class BinaryLink:
         if client is not self.client:
             return
         self.client = None
-        if self.context.seat is not None:
-            self.context.seat.leave(self)
+        if self.context.driver_lock is not None:
+            self.context.driver_lock.release(self)
         if client.replies is not None:
             client.replies.close()
         text = f"client {client.peer} disconnected after {counted(client.commands, 'command')}"

@@ -57,7 +57,7 @@ class ConnectionDoctor:
             self._told.add(finding.name)
             self._engine.tell(Notice(NoticeKind.FAULT, finding.text, advice=True))
 
-    def has_told(self, name: str) -> bool:
+    def has_reported(self, name: str) -> bool:
         """True if a mistake of this name has been reported."""
         return name in self._told
 
@@ -150,7 +150,7 @@ class ClientWatch:
         """Bytes of a line have come, or its end (no bytes). Reported if the rest of the line does not
         come."""
         self._line_end.cancel()
-        if rest and not self._doctor.has_told("line without an end"):
+        if rest and not self._doctor.has_reported("line without an end"):
             self._line_end.set_in(1.0, diagnosis.without_end(rest, self._client.peer))
 
     # -- its replies -----------------------------------------------------------------------------------

@@ -262,7 +262,9 @@ class PacketLink:
         if len(self.senders) >= MOST_CONNECTIONS:
             self._make_room()
         refused = (
-            "" if self.context.seat is None else self.context.seat.take_by(self, sock, peer, makes_many=True)
+            ""
+            if self.context.driver_lock is None
+            else self.context.driver_lock.acquire_for(self, sock, peer, makes_many=True)
         )
         if refused:
             self._requests.refuse(sock, peer)
@@ -286,7 +288,7 @@ class PacketLink:
         """A connection on the request port has ended."""
         self.senders.discard(sender)
         self._presence.disconnected(sender.peer)
-        self._leave_seat()
+        self._release_lock()
 
     def note_request(self, sender: _Sender, request: Request) -> PacketDriver:
         """Take a complete request. Returns the owner of the velocities that it sets."""
@@ -318,9 +320,9 @@ class PacketLink:
         )
 
     def _client_left(self, address: str) -> None:
-        self._leave_seat()
+        self._release_lock()
         self.context.client_left()
 
-    def _leave_seat(self) -> None:
-        if self.context.seat is not None and not self._presence.any and not self.senders:
-            self.context.seat.leave(self)
+    def _release_lock(self) -> None:
+        if self.context.driver_lock is not None and not self._presence.any and not self.senders:
+            self.context.driver_lock.release(self)
