@@ -56,11 +56,11 @@ from simmer_tui.tui.readouts import (
 )
 from simmer_tui.tui.sensor_readouts import (
     SensorsView,
+    direction_sign,
     number_text,
     range_role,
     rows_wanted,
     sensor_lines,
-    way,
 )
 from simmer_tui.tui.terminal import GlyphMode
 
@@ -350,8 +350,16 @@ def test_a_true_value_in_a_narrow_panel_is_never_cut(run: Run) -> None:
 
 def test_the_arrow_has_the_front_up(course_spec: SimulationSpec) -> None:
     by_code = {sensor.code: sensor for sensor in course_spec.sensors}
-    assert [way(by_code[code], plain=False) for code in ("u1", "u2", "u3", "u4", "g1")] == [*"↑↖↓↗", ""]
-    assert [way(by_code[code], plain=True) for code in ("u1", "u2", "u3", "u4")] == ["F", "FL", "B", "FR"]
+    assert [direction_sign(by_code[code], plain=False) for code in ("u1", "u2", "u3", "u4", "g1")] == [
+        *"↑↖↓↗",
+        "",
+    ]
+    assert [direction_sign(by_code[code], plain=True) for code in ("u1", "u2", "u3", "u4")] == [
+        "F",
+        "FL",
+        "B",
+        "FR",
+    ]
 
 
 @pytest.mark.parametrize(
