@@ -49,7 +49,7 @@ class _LazyPlaces(Sequence[tuple[float, float]]):
             start = self._asked[0]
             return start.x, start.y
         if self._places is None:
-            self._places = self._laid()
+            self._places = self._computed()
         return self._places[index]
 
     def __eq__(self, other: object) -> bool:
@@ -57,7 +57,7 @@ class _LazyPlaces(Sequence[tuple[float, float]]):
 
     __hash__ = None  # type: ignore[assignment]
 
-    def _laid(self) -> list[tuple[float, float]]:
+    def _computed(self) -> list[tuple[float, float]]:
         # One direction after the other: for the few segments of most paths twice as fast as arrays.
         start, x, y, turn = self._asked
         places = [(start.x, start.y)]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from simmer_tui.sim import Pose
@@ -21,6 +21,7 @@ SMALL = st.floats(-100.0, 100.0)
     st.one_of(SMALL, st.sampled_from((0.0, 9.0, 90.0))),
     st.integers(1, 40),
 )
+@example(0.0, 0.0, -1e-143, 0.0, 1.0, 0.0, 32)  # plus a whole turn it is 360 degrees
 def test_points_are_the_same_bit_for_bit(
     x: float, y: float, heading: float, dx: float, dy: float, turn: float, segments: int
 ) -> None:
