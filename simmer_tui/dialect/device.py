@@ -182,7 +182,7 @@ class DialectDevice:
         self._runs = False
         """True while an untimed run is under way."""
         self._faults = FaultNotices(host.tell)
-        self._mentions = FaultNotices(host.inform)
+        self._facts = FaultNotices(host.inform)
 
     @property
     def unfinished(self) -> bool:
@@ -228,7 +228,7 @@ class DialectDevice:
         for noise in self._deframer.end():
             self._tell_noise(noise)
         self._faults.end()
-        self._mentions.end()
+        self._facts.end()
         for timer in (*self._streams, self._silence):
             if timer is not None:
                 timer.cancel()
@@ -276,7 +276,7 @@ class DialectDevice:
         self._watchdog = None
         if self._runs:
             silence = f"nothing has come for {self._rules.robot.halts_after:g} s"
-            self._mentions.note(f"{silence}: the robot stops (halts_after)")
+            self._facts.note(f"{silence}: the robot stops (halts_after)")
             self._halt(source=WATCHDOG)
 
     # -- messages ----------------------------------------------------------------------------------
@@ -618,7 +618,7 @@ class DialectDevice:
             skipped = math.floor(-left / stream.every)
             tick, left = tick + skipped, left + skipped * stream.every
             what = f"{skipped} messages of a stream that were more than {LATEST:g} s late are left out"
-            self._mentions.note(what, alike=("late", index))
+            self._facts.note(what, alike=("late", index))
         later = self.host.call_later(max(left, 0.0), lambda: self._tick(index, stream, tick))
         self._streams[index] = later
 

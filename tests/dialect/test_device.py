@@ -44,7 +44,7 @@ class Host:
         self.now = BEGIN
         self.log: list[str] = []
         self.told: list[str] = []
-        self.mentioned: list[str] = []
+        self.informed: list[str] = []
         self.under_way: list[Callable[[MoveEnd], None]] = []
         self.readings = {"u1": 10.0, "u2": float("inf")}
         self.reads = 0
@@ -102,7 +102,7 @@ class Host:
         self.told.append(text)
 
     def inform(self, text: str) -> None:
-        self.mentioned.append(text)
+        self.informed.append(text)
 
     def take(self) -> list[str]:
         """Events since they were taken last."""
@@ -372,7 +372,7 @@ def test_messages_of_a_stream_that_are_late_are_sent_at_once_up_to_a_second(tmp_
     assert host.take() == [f"< {tick}" for tick in range(6)]
     host.now += 60
     host.pass_time(0.1)
-    assert host.mentioned == ["598 messages of a stream that were more than 1 s late are left out"]
+    assert host.informed == ["598 messages of a stream that were more than 1 s late are left out"]
     assert host.take() == ["< 6", "< 605", "< 606"]
     robot.closed()
 

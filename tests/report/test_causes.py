@@ -487,8 +487,8 @@ def test_who_is_lost_though_its_readings_were_right_disagrees_with_its_log() -> 
     disagreeing, lost = causes_of(mission.attempt, ProgramEnded(0.0, 1))
     assert (disagreeing.kind, lost.kind) == (Kind.UNDECIDED, Kind.LOST)
     assert re.match(
-        r"Program and log disagree: the readings in the log were right, but the pose that the program told "
-        r"\(its belief\) was wrong\. "
+        r"Program and log disagree: the readings in the log were right, but the pose that the program "
+        r"believed was wrong\. "
         r"From 50\.. s on, its belief was off by "
         r"4.0 in; its spread was 0.3 in\. Either the program",
         disagreeing.text,
