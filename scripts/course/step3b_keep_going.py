@@ -40,7 +40,7 @@ class Follower:
         self._robot = robot
         self._odometry = Odometry(robot)
         self.pose = Reckoning(*START)
-        self.driven, self.nearest, self.last_left = 0.0, math.inf, LEFT
+        self.gone, self.nearest, self.last_left = 0.0, math.inf, LEFT
         self.look()
 
     def look(self) -> None:
@@ -48,10 +48,10 @@ class Follower:
         motion = self._odometry.motion()
         self.ahead, self.left = self._robot.read("u1", "u2")
         self.pose.add(motion)
-        self.driven += motion.forward
+        self.gone += motion.forward
         self.nearest = min(self.nearest, self.ahead, self.left)
         off = math.hypot(self.pose.x - START[0], self.pose.y - START[1])
-        self.ended = (self.pose.heading < ROUND and off < NEAR) or self.driven > LONGEST
+        self.ended = (self.pose.heading < ROUND and off < NEAR) or self.gone > LONGEST
 
     def velocities(self) -> Iterator[Velocity]:
         """The velocity to send now, again and again: each is asked for after a new look."""
@@ -86,9 +86,9 @@ class Follower:
         """The wall ends where u2 saw it last: so far straight on, then an arc around that end."""
         goal = self.along()
         spot = math.radians(LOOK + self.pose.heading - goal)
-        end = self.driven + (RADIUS + self.last_left) * math.cos(spot)
+        end = self.gone + (RADIUS + self.last_left) * math.cos(spot)
         while self.pose.heading < goal + 85.0:
-            arc = math.degrees((self.driven - end) / BESIDE)
+            arc = math.degrees((self.gone - end) / BESIDE)
             rate = math.degrees(SPEED / BESIDE) if 0.0 < arc < 90.0 else 0.0
             yield self.towards(goal + max(0.0, min(90.0, arc)), SPEED, rate)
 
@@ -117,6 +117,6 @@ if __name__ == "__main__":
         x = 3.0 + robot.read("u1")
     off = math.hypot(x - START[0], y - START[1])
     print(
-        f"after {follower.driven:.0f} in it is {off:.1f} in from its start; nearest {follower.nearest:.2f} in"
+        f"after {follower.gone:.0f} in it is {off:.1f} in from its start; nearest {follower.nearest:.2f} in"
     )
     sys.exit(0 if off < NEAR and follower.nearest > 0.3 else 1)
