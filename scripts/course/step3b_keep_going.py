@@ -109,14 +109,12 @@ def once_around(robot: Robot) -> Follower:
 
 if __name__ == "__main__":
     with Robot() as robot:
-        follower = once_around(robot)
+        ended = once_around(robot)
         # The walls of the maze are at x = 0 and y = 48: face each, and see how far it really is.
-        robot.drive("r1", round(math.remainder(90.0 - follower.pose.heading, 360.0), 2))
+        robot.drive("r1", round(math.remainder(90.0 - ended.pose.heading, 360.0), 2))
         y = 48.0 - 3.0 - robot.read("u1")
         robot.drive("r1", 90.0)
         x = 3.0 + robot.read("u1")
     off = math.hypot(x - START[0], y - START[1])
-    print(
-        f"after {follower.gone:.0f} in it is {off:.1f} in from its start; nearest {follower.nearest:.2f} in"
-    )
-    sys.exit(0 if off < NEAR and follower.nearest > 0.3 else 1)
+    print(f"after {ended.gone:.0f} in it is {off:.1f} in from its start; nearest {ended.nearest:.2f} in")
+    sys.exit(0 if off < NEAR and ended.nearest > 0.3 else 1)
