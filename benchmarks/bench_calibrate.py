@@ -47,7 +47,7 @@ from simmer_tui.config.loader import load
 from simmer_tui.config.sets import bundled_folder
 from simmer_tui.errors import CalibrationError
 from simmer_tui.importer.set_writer import drive_csv_text, sensors_csv_text
-from simmer_tui.sim.sensors import Sort
+from simmer_tui.sim.sensors import ParameterKind
 from simmer_tui.sim.sensors.base import OFFSET
 from simmer_tui.sim.specs import Axes, SensorSpec, SimulationSpec
 from simmer_tui.trials.folder import TrialFolder
@@ -57,7 +57,7 @@ CODES = ("u1", "u2", "u3", "u4", "u5", "c1", "o1", "o2", "o3", "o4", "g1", "t1")
 LATENCY = 0.01
 WORST = 1.3
 """Greatest allowed errors of predictions of any robot, as multiples of those with the true set."""
-DIRECTIONS = (Sort.BIAS, Sort.GAIN, Sort.ANGLE, Sort.DRIFT)
+DIRECTIONS = (ParameterKind.BIAS, ParameterKind.GAIN, ParameterKind.ANGLE, ParameterKind.DRIFT)
 
 
 @dataclass
@@ -160,13 +160,13 @@ def coverage(robots: list[Learned], report: Report) -> None:
             if not each.identified:
                 continue
             held = each.low - 1e-12 <= true_value(each, robot.hidden) <= each.high + 1e-12
-            sort = str(each.parameter.sort) if each.parameter is not None else each.label
+            sort = str(each.parameter.kind) if each.parameter is not None else each.label
             hits[sort].append(held)
             if each.parameter is not None:
                 mine.append(held)
         worst = min(worst, float(np.mean(mine)))
     places = [hit for sort in DIRECTIONS for hit in hits[str(sort)]]
-    sizes = hits[str(Sort.NOISE)]
+    sizes = hits[str(ParameterKind.NOISE)]
     for name, group in (("biases, gains, angles", places), ("error sizes", sizes)):
         share = float(np.mean(group))
         report.say(
@@ -186,7 +186,7 @@ def accuracy(robots: list[Learned], report: Report) -> None:
         assert found is not None, "it was learned"
         counts = np.bincount([m.drive for m in found.run.movements], minlength=len(found.run.spec.drives))
         for index, parameter in enumerate(found.space.parameters):
-            if parameter.sort is not Sort.BIAS or not found.identified[index]:
+            if parameter.kind is not ParameterKind.BIAS or not found.identified[index]:
                 continue
             truth, value = parameter.value_in(robot.hidden), float(found.state.parameters[index])
             spread = float(found.standard_errors[index])

@@ -91,7 +91,7 @@ def measured(pattern: tuple[str, ...], commands: int) -> tuple[float, float]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--commands", type=int, help="220,000 unless told")
+    parser.add_argument("--commands", type=int, help="default 220,000")
     parser.add_argument("--quick", action="store_true", help="fewer commands")
     parser.add_argument("--json", metavar="FILE", type=Path, help="write the figures to a file too")
     options = parser.parse_args()

@@ -127,7 +127,7 @@ def main() -> int:
             figures[kind] |= {"places": places, "sizes": sizes}
             held_in = f"intervals hold {places:.1%} of places, {sizes:.1%} of error sizes"
             refused = f"{count - len(good)} refused"
-            print(f"  {'met   ' if is_met else 'MISSED'} {kind}: {told} of {count} told as not fitting")
+            print(f"  {'met   ' if is_met else 'MISSED'} {kind}: {told} of {count} reported as not fitting")
             print(f"         {refused}; {held_in}", flush=True)
     finally:
         shutil.rmtree(folder, ignore_errors=True)

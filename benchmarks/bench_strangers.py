@@ -29,7 +29,7 @@ from simmer_tui.config.loader import load
 from simmer_tui.config.sets import bundled_folder
 from simmer_tui.config.settings_file import Override
 from simmer_tui.events import Belief, Event, Notice, NoticeKind
-from simmer_tui.links.owners import FarSocket, OwnerLookup
+from simmer_tui.links.owners import OwnerLookup, RemoteSocket
 from simmer_tui.server import Server
 from simmer_tui.sim import CommandResult
 
@@ -128,7 +128,7 @@ def older_kernel() -> Iterator[None]:
     """Context with look-ups that answer like kernels before 6.17."""
     ask = OwnerLookup.ask
 
-    def asked(self: OwnerLookup, sock: socket.socket, there: tuple[str, int]) -> FarSocket | None:
+    def asked(self: OwnerLookup, sock: socket.socket, there: tuple[str, int]) -> RemoteSocket | None:
         told = ask(self, sock, there)
         return told and (told if told.inode else told._replace(uid=0))
 
@@ -215,7 +215,7 @@ def main() -> int:
     else:
         print("a stranger is another user, and only root can be two: not measured")
     missed = [name for name, figure in figures.items() if figure]
-    note("owner refused, packets by reset, without a token (cannot be told)", alone)
+    note("owner refused, packets by reset, without a token (owner unknown)", alone)
     note("microseconds a connection to ask whose it is", price(count, 3))
     if options.json is not None:
         options.json.write_text(json.dumps(figures, indent=1) + "\n")

@@ -97,7 +97,7 @@ def wire_turn_inverted(draw: random.Random) -> Case:
 
 
 def wire_drive_long(draw: random.Random) -> Case:
-    """The robot is told to drive 3 times as far as the program said."""
+    """The robot drives 3 times as far as the program commanded."""
     return Case(on_wire(("d1",)), rules=({"on": "command", "codes": ["d1"], "do": "scale", "value": 3.0},))
 
 
@@ -124,18 +124,19 @@ def swallowed(code: str, *more: Answer, **rule: Any) -> Case:
 
 
 def wire_grip_swallowed(draw: random.Random) -> Case:
-    """The gripper is never told to close: not that the program ended too early, nor that it gripped beside
-    the block."""
+    """The gripper never gets the command to close: not that the program ended too early, nor that it gripped
+    beside the block."""
     return swallowed("p1", value=1.0)
 
 
 def wire_open_swallowed(draw: random.Random) -> Case:
-    """The gripper is never told to open. That the program ended with the block in it is true, but half."""
+    """The gripper never gets the command to open. That the program ended with the block in it is true, but
+    half."""
     return swallowed("p1", says(ENDED, words=("held the block", "holds the block")), value=0.0)
 
 
 def wire_drive_swallowed(draw: random.Random) -> Case:
-    """From some command on the robot is no longer told to drive: it stands still, its turns apart."""
+    """From some command on the robot gets no more commands to drive: it stands still, its turns apart."""
     partly = says(NOWHERE, LOST, UNSURE, culprits=NOBODY)
     return swallowed("d1", partly, **{"from": draw.randrange(100, 300)})
 
@@ -177,7 +178,7 @@ def drive_cell(code: str, column: str, value: object) -> tuple[str, str, str, st
 
 
 def set_range_long(draw: random.Random) -> Case:
-    """One range sensor reads 3 in too long: it is to be named, with beliefs told and without."""
+    """One range sensor reads 3 in too long: it is to be named, with beliefs and without."""
     code = draw.choice(("u1", "u2", "u3", "u4", "u5"))
     return Case(in_set(code), cells=(sensor_cell(code, "Bias", 3),))
 
@@ -244,7 +245,7 @@ def set_wheel_bias(draw: random.Random) -> Case:
 
 
 def set_drive_long(draw: random.Random) -> Case:
-    """Driving ahead goes 3 times as far as it is told."""
+    """Driving ahead goes 3 times as far as commanded."""
     named = says(DRIVE_ERROR, DRIVE, culprits=NOBODY)
     return Case(in_set("d1", more=(named,)), cells=(drive_cell("d1", "Gain", 3),))
 

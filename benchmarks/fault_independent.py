@@ -90,7 +90,7 @@ def thinks_it_is_done(draw: random.Random) -> Case:
 
 
 def lets_go_on_the_way(draw: random.Random) -> Case:
-    """It opens the gripper once on the way and goes on: the block lies outside the drop zone."""
+    """It opens the gripper once on the way and continues: the block lies outside the drop zone."""
     partly = (says(ENDED, NOWHERE), says(MISSED))
     program = {"send": ["p1-0"], "when": "p1-1", "after": draw.randrange(14, 30)}
     return Case(Expected((says(OUTSIDE, culprits=NOBODY),), partly), program=program)
@@ -278,7 +278,7 @@ def _drive_in_set(*codes: str, cells: tuple[tuple[str, str, str, str], ...]) -> 
 
 
 def set_turn_long(draw: random.Random) -> Case:
-    """Turns go 1.6 times as far as they are told."""
+    """Turns go 1.6 times as far as commanded."""
     return _drive_in_set("r1", cells=(drive_cell("r1", "Gain", 1.6),))
 
 
@@ -308,7 +308,7 @@ def hand_nudged(draw: random.Random) -> Case:
 
 
 def hand_reset(draw: random.Random) -> Case:
-    """A person puts everything back to the beginning, and the program goes on."""
+    """A person puts everything back to the beginning, and the program continues."""
     hand = Hand("reset", at=draw.uniform(12.0, 30.0))
     words = (*PERSON, "reset")
     return Case(Expected((says(words=words),), (says(LOST, UNSURE),)), hand=hand)
@@ -333,7 +333,7 @@ def hand_block_nudged(draw: random.Random) -> Case:
 
 
 def hand_paused(draw: random.Random) -> Case:
-    """A person pauses and goes on, which changes nothing; the program crashes later, and that is why."""
+    """A person pauses and continues, which changes nothing; the program crashes later, and that is why."""
     program = {"crash": "KeyError", "after": draw.randrange(100, 160)}
     return Case(crash("KeyError"), program=program, hand=Hand("pause", at=draw.uniform(0.2, 1.0)))
 

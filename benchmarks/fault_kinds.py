@@ -10,7 +10,7 @@ Common grounds:
   right. Who names a consequence (lost, missed the block) while a finding names the sensor or drive, or says
   that the program was lost, which it was, is right in part.
 - A fault on the *wire* cannot be seen in the log, which has the reply before it was changed and the command
-  after: right is that it cannot be told apart, or that the program and the log disagree and which sensor
+  after: right is that it cannot be distinguished, or that the program and the log disagree and which sensor
   or drive explains it. A true consequence without that is right in part.
 - A fault of the *program*, and what *people* do, is right if it is named, and a crash only with its exception
   and the last lines of its program, which have the line of the code.

@@ -146,7 +146,7 @@ def program_never_opens(draw: random.Random) -> Case:
     return Case(Expected((right,), (says(ENDED),), (admitted,)), program={"skip": "p1-0"})
 
 
-# -- those that do not make a run fail, but are to be told -----------------------------------------
+# -- those that do not make a run fail, but must be reported ---------------------------------------
 
 
 def after_success(draw: random.Random) -> Case:
@@ -155,12 +155,12 @@ def after_success(draw: random.Random) -> Case:
 
 
 def belief_turned(draw: random.Random) -> Case:
-    """Headings that are told are half a turn off; the program itself knows better."""
+    """Headings of beliefs are half a turn off; the program itself knows better."""
     rule = {"on": "belief", "do": "turn", "value": 180.0}
     return Case(Expected(), rules=(rule,), outcomes=frozenset(("succeeded",)))
 
 
 def belief_frozen(draw: random.Random) -> Case:
-    """From some belief on the same is told again and again; the program itself knows better."""
+    """From some belief on the same one is sent again and again; the program itself knows better."""
     rule = {"on": "belief", "do": "freeze", "from": draw.randrange(30, 45)}
     return Case(Expected(), rules=(rule,), outcomes=frozenset(("succeeded",)))

@@ -10,7 +10,7 @@
 - `loop`: it does nothing else any more: "turn" on the spot, "to and fro", "read" a sensor, "square",
   "refused": a drive that the robot has not;
 - `skip`: this command, such as "p1-0", is never sent;
-- `send`: these commands are sent once, and the script goes on as if they had not been;
+- `send`: these commands are sent once, and the script continues as if they had not been;
 - `when`: the calls are counted from this command on;
 - `crash_at_end`: the exception is raised when the script has done all it does.
 """

@@ -378,7 +378,7 @@ def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument("--programs", default=",".join(PROGRAMS), metavar="NAME,...")
     parser.add_argument("--jobs", type=int, default=1, metavar="N", help="runs at a time")
     parser.add_argument("--keep", type=Path, default=Path("faults"), metavar="DIR", help="folder of the logs")
-    parser.add_argument("--again", action="store_true", help="fly runs anew that are there")
+    parser.add_argument("--again", action="store_true", help="fly also the runs that are there")
     parser.add_argument("--minutes", type=float, default=1e6, metavar="M", help="no run is begun afterwards")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write a record of each run")
     return parser.parse_args(arguments)

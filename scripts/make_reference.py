@@ -45,7 +45,7 @@ PAGES = ROOT / "docs" / "reference"
 NOTE = "<!-- Made by scripts/make_reference.py from the code: change it there. -->\n"
 _SETTING = "setting."  # prefix under which the options of settings are stored
 _ERRORS = "Error"
-_COMPLAINTS = {"Problem": -1, "complain": -1, "refuse": 1, "kind": 0}
+_PROBLEM_CALLS = {"Problem": -1, "add_problem": -1, "refuse": 1, "kind": 0}
 """Calls that report a problem, and the number of the argument with the message. `kind` is a class of errors
 that a function is given."""
 _OF_PYTHON = ("AssertionError", "AttributeError")
@@ -179,7 +179,7 @@ def files() -> str:
             "A set is a folder with `maze.csv`, `robot.csv`, `sensors.csv`, `drive.csv` and `settings.toml`, "
             "perhaps a `mission.toml`, a `dialect.toml` and a `floor.csv`. `simmer-tui init` writes one. In "
             "the CSV files rows that begin with `#` are comments, columns without a header are notes, "
-            "semicolons or tabs may stand for commas.\n",
+            "semicolons or tabs may replace commas.\n",
             "## maze.csv\n",
             f"A value a cell of 12 x 12 in, the top row first; at most {maze_csv.MAX_CELLS} cells a side.\n",
             table(("value", "is", "meaning"), maze),
@@ -357,7 +357,7 @@ _ROOMS = {
 
 def _messages_of(path: Path) -> Iterator[str]:
     text = path.read_text("utf-8")
-    if not any(f"{call}(" in text for call in (*_COMPLAINTS, _ERRORS)):
+    if not any(f"{call}(" in text for call in (*_PROBLEM_CALLS, _ERRORS)):
         return
     for function in ast.walk(ast.parse(text)):
         if not isinstance(function, ast.FunctionDef | ast.AsyncFunctionDef):
@@ -370,8 +370,8 @@ def _messages_of(path: Path) -> Iterator[str]:
             if isinstance(node, ast.Call) and node.args:
                 called = getattr(node.func, "id", "") or getattr(node.func, "attr", "")
                 # A method of another class may have the same name.
-                if len(node.args) > _COMPLAINTS.get(called, math.inf):
-                    yield from _told(node.args[_COMPLAINTS[called]], names)
+                if len(node.args) > _PROBLEM_CALLS.get(called, math.inf):
+                    yield from _told(node.args[_PROBLEM_CALLS[called]], names)
                 elif called.endswith(_ERRORS) and not called.startswith("_") and called not in _OF_PYTHON:
                     yield from _told(node.args[0], names)
 

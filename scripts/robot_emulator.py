@@ -171,7 +171,7 @@ class Robot:
     def _pass_on(self) -> None:
         """Add the time of a message on the link."""
         if self._link is not None:
-            self.simulator.advance(self.simulator.time + self._link.way())
+            self.simulator.advance(self.simulator.time + self._link.draw())
 
     def _slipping(self, text: str) -> CommandResult:
         """Do a command; for a translation on slippery ground, only a part of it."""

@@ -77,7 +77,7 @@ def _pause(_: Simulator) -> str:
 
 
 def _resume(_: Simulator) -> str:
-    return "goes on"
+    return "continues"
 
 
 def _speed(_: Simulator, scale: float) -> str:

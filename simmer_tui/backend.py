@@ -64,7 +64,7 @@ class Backend(Protocol):
     def refuse(self, command: Command) -> CommandResult:
         """Answer a command of a sender with too many waiting: busy, at once."""
 
-    def trail(self, data: bytes, session: BackendSession) -> None:
+    def append_late(self, data: bytes, session: BackendSession) -> None:
         """Late bytes that belong to the end of the session's previous message. Ignored where messages are
         not passed on as they are."""
         return
@@ -198,7 +198,7 @@ class CommandBudget:
         return self._commands > 0 or self.refused > 0
 
     @property
-    def is_hopeless(self) -> bool:
+    def is_exceeded(self) -> bool:
         """True if the sender is too far ahead of its replies ever to read them."""
         return self.refused > MOST_REFUSED
 
@@ -212,7 +212,7 @@ class CommandBudget:
         self._commands -= len(message.commands)
         self._bytes -= len(message.data)
 
-    def complain(self) -> None:
+    def report_busy(self) -> None:
         """Report that a message is answered busy."""
         now = self._loop.time()
         if now >= self._again:
@@ -281,7 +281,7 @@ class BackendSession:
 
     def _submit_urgent(self, message: Message, answered: Answered, budget: CommandBudget) -> None:
         """Pass on the stops of a message, and answer the rest busy, in its turn."""
-        budget.complain()
+        budget.report_busy()
         backend = self._switch.backend
         urgent = backend.urgent_part(message)
         passed = urgent.commands if urgent is not None else ()
@@ -307,9 +307,9 @@ class BackendSession:
             self._budget.give_back(pending.counted)
             pending.counted = None
 
-    def trail(self, data: bytes) -> None:
+    def append_late(self, data: bytes) -> None:
         """Late bytes that belong to the end of the previous message."""
-        self._backends[-1].trail(data, self)
+        self._backends[-1].append_late(data, self)
 
     def cut_waits(self) -> None:
         """End the waits of this client: nobody will read its answers."""

@@ -274,7 +274,7 @@ class Robot:
         """
         try:
             # Imported by name, and only here: a copy of this file works without the package.
-            read_set = importlib.import_module("simmer_tui.notebook").told
+            read_set = importlib.import_module("simmer_tui.notebook").configuration_from_environment
         except ImportError as error:
             raise RobotError(
                 f"maze and robot are read by SimMeR-TUI, which this Python does not have ({error}): "

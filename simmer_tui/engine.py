@@ -228,9 +228,9 @@ class Engine:
 
     # -- a replayed prefix ----------------------------------------------------------------------
 
-    def draw_link(self, ways: int) -> float:
-        """Draw the delays of `ways` messages of the replayed prefix. Returns their sum, simulated seconds."""
-        return sum(self._link.way() for _ in range(ways)) if self._link is not None else 0.0
+    def draw_link(self, messages: int) -> float:
+        """Draw the delays of messages of the replayed prefix. Returns their sum, simulated seconds."""
+        return sum(self._link.draw() for _ in range(messages)) if self._link is not None else 0.0
 
     def restart_link(self) -> None:
         """Restart the random stream of delays, as at a reset in the replayed prefix."""
@@ -321,7 +321,7 @@ class Engine:
             self._settle(self._timers.due)
         else:
             self._scheduler.steps += 1
-            self._scheduler.go_on()
+            self._scheduler.run()
 
     # -- commands ----------------------------------------------------------------------------
 
@@ -350,17 +350,17 @@ class Engine:
             # not.
             if queued.moment and command.source not in PEOPLE:
                 self.simulator.begin_pass(queued.moment)
-            outcome = self._execute(command, queued.there, session=queued.session)
+            outcome = self._execute(command, queued.request_delay, session=queued.session)
             if outcome.waits:
                 self._answer(queued, outcome)
             else:  # Nearly every command: it saves the call of `_answer`.
                 self._complete(queued, outcome)
         else:
             self._settle_due()
-            there = self._way(queued.command) if queued.there is None else 0.0
-            if there:
-                session, arrived = queued.session, replace(queued, there=there)
-                self._go_on_at(self.simulator.time + there, session, session.queue_first, arrived)
+            request_delay = self._link_delay(queued.command) if queued.request_delay is None else 0.0
+            if request_delay:
+                session, arrived = queued.session, replace(queued, request_delay=request_delay)
+                self._go_on_at(self.simulator.time + request_delay, session, session.queue_first, arrived)
             else:
                 self._do_timed(queued)
 
@@ -379,7 +379,7 @@ class Engine:
             self._movement = replace(self._under_way, queued=queued)
             self._hold(session)
         else:
-            self._answer_in_time(queued, outcome, self._way(command))
+            self._answer_in_time(queued, outcome, self._link_delay(command))
 
     def _meant_now(self, queued: Queued) -> Command:
         """The command to do now. A drive from before a stop becomes a stop, unless a later movement is under
@@ -422,46 +422,48 @@ class Engine:
         if self._movement is not None and not self.simulator.moving:
             self._movement_over()  # its timer has not been called yet
 
-    def _way(self, command: Command) -> float:
+    def _link_delay(self, command: Command) -> float:
         """Delay of a command, or of its answer, on the link, simulated seconds."""
         # Drawn for programs only: a key that is pressed meanwhile changes no later delay of the same seed.
-        return self._link.way() if self._link is not None and command.source not in PEOPLE else 0.0
+        return self._link.draw() if self._link is not None and command.source not in PEOPLE else 0.0
 
     def _execute(
         self,
         command: Command,
-        there: float | None = None,
+        request_delay: float | None = None,
         *,
         answers: bool = True,
         session: Session | None = None,
     ) -> CommandResult:
         """Do a whole command at once.
 
-        `there` is the delay that it had on the link already; None draws one and adds it to simulated time.
-        Without `answers` there is no link and no delay.
+        `request_delay` is the delay that it had on the link already; None draws one and adds it to simulated
+        time. Without `answers` there is no link and no delay.
         """
         simulator = self.simulator
         # The delay of the command is drawn before that of the answer: reruns of logs draw in the same order.
-        if there is None:
-            there = self._way(command) if answers else 0.0
-            if there:
-                simulator.advance(simulator.time + there)
+        if request_delay is None:
+            request_delay = self._link_delay(command) if answers else 0.0
+            if request_delay:
+                simulator.advance(simulator.time + request_delay)
         # In timed motion the clock brings the turn of the lidar to its end.
         if not self.timed:
             simulator.wait_for_scan(command)
         outcome = self.driving.begin(command, session)
         taken = outcome.time
         # Drawn even where nothing moves, so that the number of draws does not depend on the result.
-        back = self._way(command) if answers else 0.0
+        reply_delay = self._link_delay(command) if answers else 0.0
         if outcome.status is Status.ACCEPTED:
             self._tell_planned(outcome)
             outcome = simulator.finish(outcome)
-            self._tell_ended(outcome, answers=answers and not (there or back))
+            self._tell_ended(outcome, answers=answers and not (request_delay or reply_delay))
         elif outcome.reading is not None and outcome.reading.took:
             outcome = simulator.finish(outcome)
-        if there or back:
-            simulator.advance(simulator.time + back)
-            outcome = structs.replace(outcome, time=simulator.time, taken=taken, link=there + back)
+        if request_delay or reply_delay:
+            simulator.advance(simulator.time + reply_delay)
+            outcome = structs.replace(
+                outcome, time=simulator.time, taken=taken, link=request_delay + reply_delay
+            )
         return outcome
 
     def _begin(self, command: Command, session: Session | None = None) -> CommandResult:
@@ -495,29 +497,31 @@ class Engine:
 
     def _take_stop(self, session: Session, command: Command) -> Stop:
         """Take a command that stops. It is done as soon as it has passed the link."""
-        stop, there = Stop(), self._way(command)
-        if there and self._passes:
-            self.call_at(self.now() + there, lambda: self._stop_arrives(session, command, stop, there))
+        stop, request_delay = Stop(), self._link_delay(command)
+        if request_delay and self._passes:
+            self.call_at(
+                self.now() + request_delay, lambda: self._stop_arrives(session, command, stop, request_delay)
+            )
             return stop
-        if there:
-            self.simulator.advance(self.simulator.time + there)
-        self._do_stop(command, stop, there)
+        if request_delay:
+            self.simulator.advance(self.simulator.time + request_delay)
+        self._do_stop(command, stop, request_delay)
         return stop
 
-    def _stop_arrives(self, session: Session, command: Command, stop: Stop, there: float) -> None:
+    def _stop_arrives(self, session: Session, command: Command, stop: Stop, request_delay: float) -> None:
         if not session.open:
             return
         # If its turn came while it was on the link, the session waits for it.
         waits = session.waiting and bool(session.queue) and session.queue[0].stop is stop
-        self._do_stop(command, stop, there)
+        self._do_stop(command, stop, request_delay)
         if waits:
             session.waiting = False
         self._scheduler.wake(session)
 
-    def _do_stop(self, command: Command, stop: Stop, there: float) -> None:
-        back = self._way(command)
-        stop.outcome = self.halt(command, there + back, 0.0 if self._passes else back)
-        stop.back = back if self._passes else 0.0
+    def _do_stop(self, command: Command, stop: Stop, request_delay: float) -> None:
+        reply_delay = self._link_delay(command)
+        stop.outcome = self.halt(command, request_delay + reply_delay, 0.0 if self._passes else reply_delay)
+        stop.reply_delay = reply_delay if self._passes else 0.0
 
     def _answer_stop(self, queued: Queued, stop: Stop) -> None:
         """Send the answer of a stop whose turn has come back over the link."""
@@ -525,16 +529,16 @@ class Engine:
         if outcome is None:
             session.waiting = True
             session.queue.appendleft(queued)
-        elif stop.back and self._passes:
-            self._go_on_at(self.now() + stop.back, session, self._hand_over, queued, outcome)
+        elif stop.reply_delay and self._passes:
+            self._go_on_at(self.now() + stop.reply_delay, session, self._hand_over, queued, outcome)
         else:
             self._reply(queued, outcome)
 
-    def halt(self, command: Command, link: float = 0.0, back: float = 0.0) -> CommandResult:
+    def halt(self, command: Command, link: float = 0.0, reply_delay: float = 0.0) -> CommandResult:
         """End all motion now; drives that wait for their turn do not begin.
 
-        `link` is the delay of command and answer together, simulated seconds. `back` is the part of it that
-        is added to simulated time here.
+        `link` is the delay of command and answer together, simulated seconds. `reply_delay` is the part of it
+        that is added to simulated time here.
         """
         self.now()
         self._catch_up()
@@ -544,7 +548,7 @@ class Engine:
             outcome = self.simulator.begin(command)
             if link:
                 taken = outcome.time
-                self.simulator.advance(taken + back)
+                self.simulator.advance(taken + reply_delay)
                 outcome = structs.replace(outcome, time=self.simulator.time, taken=taken, link=link)
             self.tell(outcome)
             self.halted = True
@@ -576,23 +580,23 @@ class Engine:
         session.waiting = True
         self._held.append(session)
 
-    def _answer_in_time(self, queued: Queued, outcome: CommandResult, back: float) -> None:
+    def _answer_in_time(self, queued: Queued, outcome: CommandResult, reply_delay: float) -> None:
         """Answer in real time: after the time of the reading and the answer's delay on the link."""
         took = outcome.reading.took if outcome.reading is not None else 0.0
-        self._answer(queued, outcome, (queued.there or 0.0) + back, back, took)
+        self._answer(queued, outcome, (queued.request_delay or 0.0) + reply_delay, reply_delay, took)
 
     def _answer(
         self,
         queued: Queued,
         outcome: CommandResult,
         link: float = 0.0,
-        back: float = 0.0,
+        reply_delay: float = 0.0,
         took: float = 0.0,
     ) -> None:
         """Answer a command when its wait is over or cut, or after a reading that `took` time.
 
-        `link` is the delay of command and answer on the link, `back` that of the answer. Both, and `took`,
-        are 0 for time that has passed already. All in simulated seconds.
+        `link` is the delay of command and answer on the link, `reply_delay` that of the answer. Both, and
+        `took`, are 0 for time that has passed already. All in simulated seconds.
         """
         session = queued.session
         if not (outcome.waits or link or took):
@@ -600,7 +604,7 @@ class Engine:
             return
         taken = outcome.time if outcome.taken is None else outcome.taken
         if not outcome.waits:
-            due = outcome.time + took + back
+            due = outcome.time + took + reply_delay
             late = structs.replace(outcome, time=due, taken=taken, link=link)
             self._go_on_at(due, session, self._complete_late, queued, late)
             return
@@ -611,7 +615,7 @@ class Engine:
             waited = structs.replace(outcome, time=time, pose=pose, taken=taken, link=on_link)
             self._resume(session, self._complete, queued, waited)
 
-        until = outcome.time + (0.0 if session.has_gone else outcome.waits + back)
+        until = outcome.time + (0.0 if session.has_gone else outcome.waits + reply_delay)
         self.driving.wait(session, until, over)
         if self._passes:
             self.call_at(until, self.driving.settle)
@@ -717,14 +721,14 @@ class Engine:
         self._movement = None
         self._set_timer()
         outcome, queued = self.simulator.finish(movement.outcome), movement.queued
-        back = self._way(outcome.command) if queued is not None else 0.0
-        answers = queued is not None and not (queued.there or back)
+        reply_delay = self._link_delay(outcome.command) if queued is not None else 0.0
+        answers = queued is not None and not (queued.request_delay or reply_delay)
         self._tell_ended(outcome, stopped_by, answers=answers)
         # All held sessions are freed before the first one continues: it may begin the next movement at once.
         held, self._held = self._held, []
         for each in held:
             each.waiting = False
         if queued is not None:
-            self._answer_in_time(queued, outcome, back)
+            self._answer_in_time(queued, outcome, reply_delay)
         for each in held:
             self._scheduler.wake(each)

@@ -9,7 +9,7 @@ The records are msgspec structs, since a log has millions of them: a changed cop
 
 A command that moves gives `MovementPlanned`, `MovementEnded` and a `CommandResult` with its answer. The
 answer comes at the end (`DONE`), or at once (`ACCEPTED`, then before the end). All other commands give a
-`CommandResult`. A velocity continues after its answer: its motion is told leg by leg.
+`CommandResult`. A velocity continues after its answer: its motion is reported leg by leg.
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ class Notice(Struct, frozen=True):
     advice: bool = False
 
 
-NOT_LED = "the program was not led to the robot's serial port"
+NOT_CONNECTED = "the program was not connected to the robot's serial port"
 """Beginning of the notice that says so."""
 NOT_STARTED = "could not start: "
 """Beginning of an error that kept a program from starting."""
@@ -456,7 +456,7 @@ class Watchers:
     def __init__(self, fault: Callable[[str], None] = lambda text: None) -> None:
         """`fault` is called with a sentence about a watcher that failed."""
         self._watchers: list[Watcher] = []
-        self._untold: deque[Event] = deque()
+        self._undelivered: deque[Event] = deque()
         self._telling = False
         self._fault = fault
 
@@ -473,13 +473,13 @@ class Watchers:
         """Pass an event to all watchers. A watcher that fails is removed; the robot continues. An event that
         a watcher tells comes after the event it reacts to, for every watcher."""
         # A queue, not a recursion: all watchers get an event before those that one of them tells about it.
-        self._untold.append(event)
+        self._undelivered.append(event)
         if self._telling:
             return
         self._telling = True
         try:
-            while self._untold:
-                self._tell_all(self._untold.popleft())
+            while self._undelivered:
+                self._tell_all(self._undelivered.popleft())
         finally:
             self._telling = False
 
@@ -488,6 +488,6 @@ class Watchers:
         for watcher in tuple(self._watchers):
             try:
                 watcher(event)
-            except Exception as error:  # noqa: BLE001 - whatever a watcher does, the robot must go on
+            except Exception as error:  # noqa: BLE001 - whatever a watcher does, the robot must continue
                 self.remove(watcher)
                 self._fault(f"a watcher failed and was dropped: {type(error).__name__}: {error}")

@@ -109,7 +109,7 @@ def plan_run(configuration: Configuration, seed: int | None = None) -> tuple[Con
     settings = configuration.settings
     if configuration.mission is None:
         what = (
-            f"has no {FILE} that says what a mission is; simmer-tui init DIR --mission writes a set that "
+            f"has no {FILE}, which defines a mission; simmer-tui init DIR --mission writes a set that "
             "has one, and the bundled set is called mission"
         )
         raise ConfigurationError([Problem(configuration.name, what)])
@@ -219,10 +219,10 @@ class Referee(EventHandler[bool]):
         return False
 
     def on_ended(self, event: MovementEnded) -> bool:
-        way = event.trajectory.trail(event.time).tolist()
+        path = event.trajectory.trail(event.time).tolist()
         if self._final is not None or event.time > self.plan.time_limit or self._too_many_contacts():
             return False
-        return self._reach(way, event.time)
+        return self._reach(path, event.time)
 
     def on_leg_ended(self, event: LegEnded) -> bool:
         # Zone, contact and time limit in the order in which they came: a contact is at a leg's end.
@@ -283,11 +283,11 @@ class Referee(EventHandler[bool]):
         )
         return True
 
-    def _reach(self, way: list[tuple[float, float]], now: float) -> bool:
+    def _reach(self, path: list[tuple[float, float]], now: float) -> bool:
         """True if one of these places is in the loading zone, and none was before."""
         if self._reducer.mission.goals[Goal.REACHED] is not None:
             return False
-        reached = any(cell.holds(x, y) for x, y in way for cell in self.plan.loading_zone)
+        reached = any(cell.holds(x, y) for x, y in path for cell in self.plan.loading_zone)
         if reached:
             self._meet(Goal.REACHED, now)
         return reached

@@ -38,8 +38,8 @@ def load(name_or_folder: str | Path | None = None, *, trust_devices: bool = Fals
             TRUST.reset(token)
 
 
-def told(environment: Mapping[str, str]) -> Configuration:
-    """The set that a simulator names to a program it runs. It is SIMMER_CONFIG, else `config` in the working
+def configuration_from_environment(environment: Mapping[str, str]) -> Configuration:
+    """The set that the environment of a program names: SIMMER_CONFIG, else `config` in the working
     directory, else the default set. SIMMER_DRIVE_PROFILE and SIMMER_SENSOR_PROFILE give its profiles,
     SIMMER_MAZE its maze. Raises ConfigurationError."""
     profiles = {

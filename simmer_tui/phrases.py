@@ -37,7 +37,7 @@ def computing_text(timing: str) -> str:
     if timing == "program":
         return "Time is the program's clock: while a program computes, simulated time stands still."
     if timing == "timed":
-        return "Motion is timed: while a program computes, simulated time goes on."
+        return "Motion is timed: while a program computes, simulated time continues."
     return "Motion is instant: while a program computes, simulated time stands still."
 
 

@@ -1,7 +1,7 @@
 """The features of this system that not every system has: all of the package asks here.
 
 Windows has none of the calls of POSIX: `fork` and process groups, locks of `fcntl`, pseudo-terminals, users
-and groups with numbers, resource limits. They come together, so one constant stands for them. What needs
+and groups with numbers, resource limits. They come together, so one constant represents them. What needs
 Linux alone (/proc, netlink) asks for `LINUX`. Type checkers know only `sys.platform`: beside a call of POSIX
 it is asked for as well.
 """

@@ -118,7 +118,7 @@ class ProgramClock:
         """Take note of an event that may have brought a reply."""
         self._news = True
 
-    def go_on(self, timer: float) -> bool:
+    def advance(self, timer: float) -> bool:
         """Move time to `timer`, the loop's next timer, or let the program continue. False if only the program
         can continue.
 
@@ -224,7 +224,7 @@ class _ProgramSelector(selectors.DefaultSelector):
                 clock.give_up_missing()
             return ready
         timer = math.inf if timeout is None else self._next_timer()
-        return [] if clock.go_on(timer) else self._wait(None)
+        return [] if clock.advance(timer) else self._wait(None)
 
     def _noted(self, ready: _Ready) -> _Ready:
         """The same descriptors, after the clock has noted whether they may bring a reply."""

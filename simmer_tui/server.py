@@ -29,7 +29,7 @@ from simmer_tui.errors import PortError, RunLogError
 from simmer_tui.events import Event, MissionEnd, MissionEvent, Notice, NoticeKind, Result
 from simmer_tui.links.access import AccessCheck
 from simmer_tui.links.clock_link import CLOCK
-from simmer_tui.links.driver_seat import DriverSeat
+from simmer_tui.links.driver_lock import DriverLock
 from simmer_tui.links.link import Link, LinkContext, open_links, port_requests, typed_message
 from simmer_tui.links.owners import OwnerLookup
 from simmer_tui.links.ports import Listener, PortRequest, take_port
@@ -122,7 +122,7 @@ class Server:
         if plan is not None:
             from simmer_tui.mission import Referee
 
-            self._judged = self.new_fold()
+            self._judged = self.new_reducer()
             self.referee = Referee(plan, self._judged, self.engine.tell)
             # The state is brought up to date before the referee reads it.
             self._follow = self._judged.apply
@@ -431,7 +431,7 @@ class Server:
             self.late_faults.append(why)
         self.engine.tell_fault(why)
 
-    def new_fold(self) -> Reducer:
+    def new_reducer(self) -> Reducer:
         """A reducer that begins with the present state of the run."""
         from simmer_tui.run.reducer import Reducer
         from simmer_tui.run.state import checkpoint_of
@@ -444,13 +444,13 @@ class Server:
         from simmer_tui.report.mission_gate import Analysis
 
         if self.referee is None:
-            self._judged = self.new_fold()
+            self._judged = self.new_reducer()
             history = self._judged.history = self._history_of(self._judged)
             self.engine.watch(self._judged.apply)
             return history
         # The referee's own reducer: a second one would do the same work again.
         history = self._history_of(self._judged)
-        self._follow = Analysis(self._judged, history, goes_on=True).apply
+        self._follow = Analysis(self._judged, history, ends_history_only=True).apply
         return history
 
     def _history_of(self, reducer: Reducer) -> RunHistory:
@@ -471,7 +471,7 @@ class Server:
     @cached_property
     def _shown(self) -> Reducer:
         """The reducer of the state that is shown, which may be behind the simulator's."""
-        return self.new_fold()
+        return self.new_reducer()
 
     def keep_verdict(self, *, has_program: bool) -> None:
         """Find the verdict when the run ends, and show it; before `record`. `has_program` is true if this
@@ -479,10 +479,10 @@ class Server:
         from simmer_tui.report.live_verdict import LiveVerdict
         from simmer_tui.run.attempt import task_of
 
-        fold, task = self.new_fold(), None
+        reducer, task = self.new_reducer(), None
         if self.referee is not None:
             task = task_of(self.configuration, self.seed, self.referee.plan)
-        self._verdict = LiveVerdict(fold, self._history_of(fold), task, self.call, self.engine.tell)
+        self._verdict = LiveVerdict(reducer, self._history_of(reducer), task, self.call, self.engine.tell)
         if has_program:
             self._verdict.expect_program()
         self.engine.watch(self._verdict.watch)
@@ -598,7 +598,7 @@ class Server:
             self.clock,
             self.configuration.dialect,
             self.terminal,
-            DriverSeat(self.clock, self._processes) if SERIAL.purpose in self._listeners else None,
+            DriverLock(self.clock, self._processes) if SERIAL.purpose in self._listeners else None,
         )
         self._links += open_links(context)
         if self.clock is not None:
@@ -647,7 +647,7 @@ class Server:
 
 def reachable_host(host: str) -> str:
     """The address at which programs on this machine reach ports that were taken on `host`."""
-    # The address that stands for "all interfaces" cannot be connected to.
+    # The address that represents "all interfaces" cannot be connected to.
     here = {"localhost": "127.0.0.1", "0.0.0.0": "127.0.0.1", "::": "::1"}
     return here.get(host, host)
 

@@ -44,20 +44,20 @@ class Lane:
 
 
 class Stop(Struct):
-    """The result of a command that stops, once it has arrived over the link. `back` is the delay of its
+    """The result of a command that stops, once it has arrived over the link. `reply_delay` is that of its
     answer, simulated seconds.
 
     A stop is done before its turn; only its answer waits.
     """
 
     outcome: CommandResult | None = None
-    back: float = 0.0
+    reply_delay: float = 0.0
 
 
 class Queued(Struct, frozen=True):
     """A command of a session that waits for its turn or its answer.
 
-    `halts` is the count of stops when it came. `there` is the delay that it had on the link, simulated
+    `halts` is the count of stops when it came. `request_delay` is its delay on the link, simulated
     seconds; None before it has arrived.
     """
 
@@ -66,7 +66,7 @@ class Queued(Struct, frozen=True):
     answer: Answer
     halts: int
     stop: Stop | None = None
-    there: float | None = None
+    request_delay: float | None = None
     moment: Sequence[Command] = ()
     """All commands of a message, in the first command of it; empty in the others."""
 
@@ -163,7 +163,7 @@ class Scheduler:
     def wake(self, session: Session) -> None:
         """Do a session's next command now, unless something prevents it."""
         self._line_up(session)
-        self.go_on()
+        self.run()
 
     @contextlib.contextmanager
     def holding(self) -> Iterator[None]:
@@ -173,9 +173,9 @@ class Scheduler:
             yield
         finally:
             self._running = running
-        self.go_on()
+        self.run()
 
-    def go_on(self) -> None:
+    def run(self) -> None:
         """Do commands, one of each lane in turn, until none is left or all slices are used up."""
         # Answers may submit the next command at once: it is done in the loop below, without recursion.
         if self._running:
@@ -237,7 +237,7 @@ class Scheduler:
     def _next_slice(self, lane: Lane) -> None:
         lane.left, lane.spent = SLICE, 0.0
         self._take_turn(lane)
-        self.go_on()
+        self.run()
 
 
 # -- later ------------------------------------------------------------------------------------------
@@ -260,8 +260,8 @@ class LinkDelay:
         """Restart the random stream, as at the start of a run with this seed."""
         self._random = noise.stream(seed, LINK_STREAM)
 
-    def way(self) -> float:
-        """Latency of the next message, simulated seconds."""
+    def draw(self) -> float:
+        """Draw the latency of the next message, simulated seconds."""
         return self._latency + (self._jitter * self._random.random() if self._jitter else 0.0)
 
 

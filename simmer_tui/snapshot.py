@@ -84,7 +84,7 @@ class LogEntry:
 
     @property
     def folds(self) -> bool:
-        """True if the entry stands for several events."""
+        """True if the entry represents several events."""
         return self.readings + self.beliefs + self.velocities > 0
 
 
@@ -281,7 +281,7 @@ class Snapshot:
     """A run at one moment. It never changes; any thread may read it.
 
     `number` is that of the newest event. `entries` are the events since the number that was asked for, or, if
-    `anew`, all entries to show. `told` counts all entries so far. `rate` is recent commands a second.
+    `is_full`, all entries to show. `total` counts all entries so far. `rate` is recent commands a second.
     `waiting` is true if a command waits for a pause to end. `true_values` holds, by code, each sensor's value
     without error, if asked for. `pace` is that of the movements shown, simulated seconds a second, 0 as fast
     as possible.
@@ -290,8 +290,8 @@ class Snapshot:
     state: State
     number: int = 0
     entries: tuple[LogEntry, ...] = ()
-    anew: bool = False
-    told: int = 0
+    is_full: bool = False
+    total: int = 0
     rate: float = 0.0
     waiting: bool = False
     true_values: Mapping[str, float] = field(default_factory=dict)
@@ -342,7 +342,7 @@ class Recorder:
             state=state,
             number=self._reducer.number,
             entries=self._feed.since(since),
-            told=self._feed.total,
+            total=self._feed.total,
             rate=self._measured_rate(state.commands),
             waiting=engine.has_waiting,
             true_values=engine.simulator.true_values() if true_values else {},

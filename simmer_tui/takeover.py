@@ -90,7 +90,7 @@ class TakeOver:
                 pass
 
     def serve(self) -> tuple[Server, Rerun]:
-        """A server whose robot is at the log's beginning, and the rerun that `bring` advances.
+        """A server whose robot is at the log's beginning, and the rerun that `advance` brings forward.
 
         The ports are the log's, or any others if those are taken. Raises RunLogError, PortError.
         """
@@ -124,12 +124,12 @@ class TakeOver:
             server.warnings.append(f"other ports are used: {error}")
             return server
 
-    def bring(self, server: Server, rerun: Rerun) -> None:
+    def advance(self, server: Server, rerun: Rerun) -> None:
         """Advance a server that has not been started to the moment. Its watchers get all events of the
         prefix."""
         prefix, engine = server.prefix, server.engine
         assert prefix is not None, "the server was made with a prefix"
-        reducer = server.new_fold()
+        reducer = server.new_reducer()
         if server.referee is not None:
             server.referee.begin()
         with rerun:

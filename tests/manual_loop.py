@@ -11,7 +11,7 @@ from typing import Any
 
 @dataclass
 class _Call:
-    """A call that the loop owes."""
+    """A call that the loop has yet to make."""
 
     function: Callable[..., object]
     arguments: tuple[Any, ...]

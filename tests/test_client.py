@@ -874,7 +874,7 @@ def test_a_grid_is_packed_from_an_array_or_from_lists(kind: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("arguments", "complaint"),
+    ("arguments", "mistake"),
     [
         ({}, "x is missing: only a belief with a grid may leave it out"),
         ({"grid": 5}, "grid must be rows of numbers"),
@@ -898,9 +898,9 @@ def test_a_grid_is_packed_from_an_array_or_from_lists(kind: str) -> None:
         ({"x": 1, "y": 2, "heading": 3, "first": 4}, "bounds and first are those of a grid: there is none"),
     ],
 )
-def test_a_grid_of_another_shape_is_refused(arguments: dict[str, Any], complaint: str) -> None:
+def test_a_grid_of_another_shape_is_refused(arguments: dict[str, Any], mistake: str) -> None:
     with believing() as (robot, received):
-        with pytest.raises(InvalidInputError, match=re.escape(complaint)):
+        with pytest.raises(InvalidInputError, match=re.escape(mistake)):
             robot.believe(**arguments)
         robot.believe(7, 8, 9)
         assert received()["x"] == 7

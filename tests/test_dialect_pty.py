@@ -40,7 +40,7 @@ match = "w {n}"
 do = "d1-{n}"
 done = "ok {contact}"
 """
-PATIENCE = 120.0
+TIMEOUT = 120.0
 
 
 def configuration(tmp_path: Path, dialect: str = DIALECT, **server: object) -> Configuration:
@@ -64,7 +64,7 @@ class Watched:
     def until(self, text: str) -> str:
         """Wait for a notice that has a text; returns it."""
         while True:
-            event = self._events.get(timeout=PATIENCE)
+            event = self._events.get(timeout=TIMEOUT)
             self.seen.append(event)
             if isinstance(event, Notice) and text in event.text:
                 return event.text
@@ -90,7 +90,7 @@ def test_a_program_reaches_the_robot_at_the_path_with_the_bytes_of_the_hook(tmp_
     path = tmp_path / "COM6"
     with running(configuration(tmp_path, pty=str(path))) as run:
         assert str(path) in run.until("the robot's serial port is at")
-        with serial.Serial(str(path), 115200, timeout=PATIENCE) as robot:
+        with serial.Serial(str(path), 115200, timeout=TIMEOUT) as robot:
             robot.write(b"get\nw 2\n")
             first, second = robot.readline(), robot.readline()
         run.until("the program closed")
@@ -114,7 +114,7 @@ def test_a_program_reaches_the_robot_at_the_path_with_the_bytes_of_the_hook(tmp_
 def test_the_time_of_bytes_follows_the_rate_that_the_program_sets(tmp_path: Path) -> None:
     path = tmp_path / "robot"
     with running(configuration(tmp_path, pty=str(path))) as run:
-        with serial.Serial(str(path), 1200, timeout=PATIENCE) as robot:
+        with serial.Serial(str(path), 1200, timeout=TIMEOUT) as robot:
             for _ in range(2):
                 robot.write(b"get\n")
                 assert robot.readline()
@@ -131,7 +131,7 @@ def test_a_program_that_opens_writes_and_leaves_at_once_has_driven(tmp_path: Pat
             robot.write(b"w 1\n")
         run.until("the program closed")
         assert ("w 1\n", False) in run.wire
-        with serial.Serial(str(path), timeout=PATIENCE) as second:  # nothing is left of the first one
+        with serial.Serial(str(path), timeout=TIMEOUT) as second:  # nothing is left of the first one
             second.write(b"get\n")
             assert second.readline().startswith(b"u1: ")
 
@@ -161,7 +161,7 @@ def test_a_second_program_is_hung_up_on_and_the_path_leads_on(tmp_path: Path) ->
                 with suppress(OSError):  # Linux: an end; elsewhere an error
                     assert robot.read(1) == b""
         run.until("the program closed COM6")
-        with serial.Serial(str(path), timeout=PATIENCE) as robot:
+        with serial.Serial(str(path), timeout=TIMEOUT) as robot:
             robot.write(b"get\n")
             assert robot.readline().startswith(b"u1: ")
 
@@ -220,7 +220,7 @@ def test_a_program_out_of_reach_is_told_with_what_to_do(tmp_path: Path, options:
         timeout=300,
         check=False,
     )
-    told = [line for line in ended.stderr.splitlines() if "not led to the robot's serial port" in line]
+    told = [line for line in ended.stderr.splitlines() if "not connected to the robot's serial port" in line]
     assert len(told) == 1
     assert "--pty PATH" in told[0]
 
@@ -231,7 +231,7 @@ def test_a_program_that_opens_no_port_though_it_could_is_not_out_of_reach(tmp_pa
     words = [sys.executable, "-m", "simmer_tui", "--no-ui", "--config", "set", "--dialect-port", "0"]
     words += ["--belief-port", "0", "--run", f'{sys.executable} -c "pass"']
     ended = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, timeout=300, check=False)
-    assert "not led" not in ended.stderr
+    assert "not connected" not in ended.stderr
 
 
 # -- env ----------------------------------------------------------------------------------------------

@@ -384,7 +384,7 @@ def shown(event: Any) -> object:
 def test_a_reducer_that_reads_the_log_ends_where_the_run_did(tmp_path: Path) -> None:
     bench = logged(tmp_path / "run.jsonl")
     with LogReader(tmp_path / "run.jsonl") as reader:
-        reducer = reader.fold()
+        reducer = reader.reducer()
         for told in reader:
             assert not isinstance(told, BrokenLine)
             reducer.apply(told.event)

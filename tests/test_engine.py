@@ -503,7 +503,7 @@ def test_who_ended_a_movement_is_told_before_what_they_did(
     assert isinstance(done, ActionDone)
 
 
-def test_a_movement_whose_way_changes_is_planned_anew(clock: Clock, course_spec: SimulationSpec) -> None:
+def test_a_movement_whose_way_changes_is_planned_again(clock: Clock, course_spec: SimulationSpec) -> None:
     bench = Bench(clock, replace(course_spec, block_solid=True, block_center=(6, 30)), timed=True)
     bench.send(bench.session(), "d1-30")
     clock.pass_by(1.0)

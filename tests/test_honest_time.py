@@ -81,8 +81,8 @@ class Run:
             time_scale=motion.time_scale,
             link=LinkDelay(link.latency, link.jitter, 3) if link.latency or link.jitter else None,
         )
-        self.fold = Reducer(checkpoint_of(self.simulator))
-        self.engine.watch(self.fold.apply)
+        self.reducer = Reducer(checkpoint_of(self.simulator))
+        self.engine.watch(self.reducer.apply)
         self.engine.watch(self.events.append)
         self.engine.watch(RunLog(self.log, self.configuration, self.simulator, clock=lambda: 0.0))
         self.engine.start(self.clock)
@@ -104,7 +104,7 @@ class Run:
 
     @property
     def state(self) -> State:
-        return self.fold.at(self.engine.now())
+        return self.reducer.at(self.engine.now())
 
     def again(self) -> int:
         """Run it again; how many commands came out the same, all of them."""
@@ -177,7 +177,7 @@ def test_the_link_takes_its_time_each_way(clock: Clock, tmp_path: Path) -> None:
     assert run.again() == 6
 
 
-def test_jitter_comes_from_the_seed_and_begins_anew_with_the_run(clock: Clock, tmp_path: Path) -> None:
+def test_jitter_comes_from_the_seed_and_restarts_with_the_run(clock: Clock, tmp_path: Path) -> None:
     configuration = configured(tmp_path, link__latency=0.01, link__jitter=0.02)
     run = Run(clock, tmp_path / "run", configuration)
     session = run.session()
@@ -283,10 +283,10 @@ def test_random_runs_come_out_the_same(tmp_path: Path, clock: Clock, motion: str
     ]
     for one, other in zip(told, read_back, strict=True):
         assert other.before == one.before, (one, other)
-    fold = Reducer(log.header.beginning(configuration))
+    reducer = Reducer(log.header.beginning(configuration))
     for event in back:
-        fold.apply(event)
-    live, again = run.fold.at().spent, fold.at().spent
+        reducer.apply(event)
+    live, again = run.reducer.at().spent, reducer.at().spent
     assert (again.driving, again.link, dict(again.by_sensor)) == (
         live.driving,
         live.link,

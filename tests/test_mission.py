@@ -77,11 +77,11 @@ class Game:
         planned, self.plan = plan_run(replace(configuration, mission=mission), 1)
         self.simulator = Simulator(planned.simulation, 1)
         self.engine = Engine(self.simulator)
-        self.fold = Reducer(checkpoint_of(self.simulator, mission=True))
-        self.referee = Referee(self.plan, self.fold, self.engine.tell)
+        self.reducer = Reducer(checkpoint_of(self.simulator, mission=True))
+        self.referee = Referee(self.plan, self.reducer, self.engine.tell)
         self.events: list[Event] = []
         self.engine.watch(self.events.append)
-        self.engine.watch(self.fold.apply)
+        self.engine.watch(self.reducer.apply)
         self.engine.watch(self.referee.watch)
         self.session = self.engine.session()
 
@@ -192,7 +192,7 @@ def test_taking_and_delivering_the_block_succeeds_and_says_when(exact_set: Confi
     assert game.subjects == [Goal.REACHED, Goal.TAKEN, Goal.DELIVERED, Result.SUCCESS]
     after = game.send("d1-100", "d1-1000")
     assert after == state, "what happens after the end is not judged"
-    shown = mission_state(game.plan, game.fold.at())
+    shown = mission_state(game.plan, game.reducer.at())
     assert (shown.time, shown.distance, shown.commands, shown.contacts) == (
         state.time, state.distance, state.commands, state.contacts,
     ), "screens and replays show the sums of the end too"  # fmt: skip
@@ -204,7 +204,7 @@ def test_the_sums_of_a_failed_mission_stand_still_and_come_back_from_a_checkpoin
     game = Game(exact_set, contacts=0)
     failed = game.send("s1-100")
     game.send("s1--3", "s1-100", "u1")
-    now = game.fold.at()
+    now = game.reducer.at()
     assert (now.commands, now.contacts) == (4, 2)
     assert now.mission is not None
     sums = failed.time, failed.distance, failed.commands, failed.contacts, failed.spent
@@ -266,7 +266,7 @@ def test_the_time_limit_ends_it_even_in_the_middle_of_a_movement(exact_set: Conf
     assert state.goals[Goal.DELIVERED] is None
 
 
-def test_a_reset_begins_the_mission_anew_and_help_is_noted(exact_set: Configuration) -> None:
+def test_a_reset_restarts_the_mission_and_help_is_noted(exact_set: Configuration) -> None:
     game = Game(exact_set, time_limit=2.0)
     assert game.send("d1-6", "d1--6", "d1-6").result is Result.FAILED
     game.engine.perform(Action(ActionName.RESET))
@@ -291,10 +291,10 @@ def test_giving_up_fails_once(exact_set: Configuration) -> None:
 def test_a_timed_mission_judges_movements_when_they_are_over(exact_set: Configuration) -> None:
     """Movements are answered at once, so contacts and the end of time come without an answer."""
     game = Game(exact_set, contacts=None, time_limit=60.0)
-    simulator, fold, referee = game.simulator, game.fold, game.referee
+    simulator, reducer, referee = game.simulator, game.reducer, game.referee
 
     def tell(event: Event) -> None:
-        fold.apply(event)
+        reducer.apply(event)
         referee.watch(event)
 
     tell(simulator.begin("s1-100"))

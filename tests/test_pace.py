@@ -81,9 +81,9 @@ class Watched:
         self.engine.watch(self.told.append)
         self.throttle: PlaybackThrottle = self.engine.paced(self.clock, self.pace)
         self.throttle.watchers.add(self.shown.append)
-        fold = Reducer(checkpoint_of(self.simulator))
-        self.throttle.watchers.add(fold.apply)
-        self.recorder = Recorder(self.engine, fold)
+        reducer = Reducer(checkpoint_of(self.simulator))
+        self.throttle.watchers.add(reducer.apply)
+        self.recorder = Recorder(self.engine, reducer)
         self.throttle.watchers.add(self.recorder.watch)
         self.engine.start(self.clock)
 

@@ -38,7 +38,7 @@ class Stopped:
 
     events: list[Event]
     log: Path
-    fold: Reducer
+    reducer: Reducer
 
 
 @pytest.fixture
@@ -52,7 +52,7 @@ def stopped(tmp_path: Path) -> Stopped:
     engine.start(cast("Any", loop))
     run = Stopped([], tmp_path / "run.jsonl", Reducer(checkpoint_of(simulator)))
     with RunLog(run.log, replace(configuration, settings=settings), simulator) as log:
-        for watcher in (run.fold.apply, log, run.events.append):
+        for watcher in (run.reducer.apply, log, run.events.append):
             engine.watch(watcher)
         session = engine.session(answer_at_end=False)
         session.submit(parse_command("d1-200"), lambda outcome: None)
@@ -77,7 +77,7 @@ def test_the_log_on_the_screen(stopped: Stopped) -> None:
 
 
 def test_the_state_that_screens_show(stopped: Stopped) -> None:
-    state = stopped.fold.at()
+    state = stopped.reducer.at()
     assert (state.contacts, state.contact, state.touching, state.contact_points) == (0, None, False, ())
 
 

@@ -93,18 +93,18 @@ def test_a_program_that_is_still_running_is_ended() -> None:
 
 
 @pytest.mark.parametrize(
-    ("command", "complaint"),
+    ("command", "mistake"),
     [
         ("/no/such/program", "--run '/no/such/program': No such file or directory"),
         pytest.param("'unbalanced", "No closing quotation", marks=posix),
         pytest.param("  ", "--run needs a program", marks=posix),
     ],
 )
-def test_a_program_that_cannot_start_says_why(command: str, complaint: str) -> None:
+def test_a_program_that_cannot_start_says_why(command: str, mistake: str) -> None:
     heard = Heard()
     with pytest.raises(ProgramError) as caught:
         Program(command, {}, heard.codes.put)
-    assert complaint in str(caught.value)
+    assert mistake in str(caught.value)
 
 
 # -- the end of all it started ---------------------------------------------------------------------
@@ -250,7 +250,7 @@ def test_processes_without_its_environment_end_too(
 def test_a_busy_machine_is_no_reason_to_end_nothing_kindly(
     lifeline: Lifeline, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(keeper, "PATIENCE", 0.0)
+    monkeypatch.setattr(keeper, "TERMINATE_TIMEOUT", 0.0)
     heard = Heard()
     program = heard.run(tree(lifeline, "time.sleep(600)"))
     lifeline.wait_for(4)

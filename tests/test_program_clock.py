@@ -248,18 +248,18 @@ class Process:
 
 def test_time_stands_while_a_process_computes_and_moves_to_the_next_that_is_due() -> None:
     clock = ProgramClock()
-    assert not clock.go_on(1.0)  # no program yet
+    assert not clock.advance(1.0)  # no program yet
     one, other = Process(clock), Process(clock)
     clock.wait(one.wait, 1000.3, listens=False, sent=0)
-    assert not clock.go_on(math.inf)
+    assert not clock.advance(math.inf)
     assert clock.now == 0.0
     clock.wait(other.wait, 1000.5, listens=False, sent=0)
-    assert clock.go_on(7.25)
+    assert clock.advance(7.25)
     assert clock.now == 7.25
-    assert not clock.go_on(2000.0)
+    assert not clock.advance(2000.0)
     assert (one.woken, other.woken, clock.now) == ([1000.3], [], 1000.3)
     clock.leave(one.wait)
-    assert not clock.go_on(math.inf)
+    assert not clock.advance(math.inf)
     assert other.woken == [1000.5]
 
 
@@ -268,14 +268,14 @@ def test_who_waits_for_a_reply_looks_first_and_for_ever_is_told() -> None:
     one = Process(clock)
     clock.note()
     clock.wait(one.wait, math.inf, listens=True, sent=0)
-    assert not clock.go_on(5.0)
+    assert not clock.advance(5.0)
     assert (one.woken, clock.now) == ([0.0], 0.0)
     clock.wait(one.wait, math.inf, listens=True, sent=0)
-    assert clock.go_on(5.0)
+    assert clock.advance(5.0)
     clock.wait(one.wait, math.inf, listens=True, sent=0)
-    clock.go_on(math.inf)  # the timer at 5 may have brought the reply
+    clock.advance(math.inf)  # the timer at 5 may have brought the reply
     clock.wait(one.wait, math.inf, listens=True, sent=0)
-    assert not clock.go_on(math.inf)
+    assert not clock.advance(math.inf)
     assert one.stuck == 1
 
 
@@ -284,10 +284,10 @@ def test_a_process_that_waits_for_another_does_not_hold_time() -> None:
     parent, child = Process(clock), Process(clock)
     parent.wait.away = True
     clock.wait(child.wait, 2.0, listens=False, sent=0)
-    assert not clock.go_on(math.inf)
+    assert not clock.advance(math.inf)
     assert child.woken == [2.0]
     clock.leave(child.wait)
-    assert not clock.go_on(9.0)
+    assert not clock.advance(9.0)
     assert clock.now == 2.0
 
 

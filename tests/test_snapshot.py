@@ -25,9 +25,9 @@ from simmer_tui.snapshot import EVENTS, Recorder, Snapshot
 class Run:
     def __init__(self, spec: SimulationSpec, **options: object) -> None:
         self.engine = Engine(Simulator(spec, 5), **options)  # type: ignore[arg-type]
-        self.fold = Reducer(checkpoint_of(self.engine.simulator))
-        self.recorder = Recorder(self.engine, self.fold)
-        self.engine.watch(self.fold.apply)
+        self.reducer = Reducer(checkpoint_of(self.engine.simulator))
+        self.recorder = Recorder(self.engine, self.reducer)
+        self.engine.watch(self.reducer.apply)
         self.engine.watch(self.recorder.watch)
         self._session = self.engine.session(answer_at_end=False)
 
@@ -166,7 +166,7 @@ def test_the_client_is_the_one_that_is_there(run: Run) -> None:
 def test_the_rate_is_that_of_the_last_second(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     now = [1000.0]
     monkeypatch.setattr("simmer_tui.snapshot.time.monotonic", lambda: now[0])
-    run.recorder = Recorder(run.engine, run.fold)
+    run.recorder = Recorder(run.engine, run.reducer)
     run.give(*["c1"] * 50)
     assert run.recorder.snapshot().rate == 0.0
     now[0] += 2.0
@@ -209,8 +209,8 @@ def test_a_new_verdict_waits_for_its_line_on_a_slow_screen(course_spec: Simulati
         lambda *call: calls.put((call[0], call[1:])),
         told.append,
     )
-    fold = Reducer(beginning)
-    recorder = Recorder(Engine(simulator), fold, verdict=live)
+    reducer = Reducer(beginning)
+    recorder = Recorder(Engine(simulator), reducer, verdict=live)
 
     def run() -> Notice:
         for kind in (NoticeKind.CONNECTED, NoticeKind.LEFT):
@@ -221,7 +221,7 @@ def test_a_new_verdict_waits_for_its_line_on_a_slow_screen(course_spec: Simulati
         return told[-1]
 
     def show(event: Event) -> Snapshot:
-        fold.apply(event)
+        reducer.apply(event)
         recorder.watch(event)
         return recorder.snapshot()
 

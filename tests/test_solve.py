@@ -308,9 +308,9 @@ class LocalRobot:
     def __init__(self, simulator: Simulator, plan: MissionPlan) -> None:
         self.simulator = simulator
         self.engine = Engine(simulator)
-        fold = Reducer(checkpoint_of(simulator, mission=True))
-        self.referee = Referee(plan, fold)
-        self.engine.watch(fold.apply)
+        reducer = Reducer(checkpoint_of(simulator, mission=True))
+        self.referee = Referee(plan, reducer)
+        self.engine.watch(reducer.apply)
         self.engine.watch(self.referee.watch)
         self._session = self.engine.session()
         self.drives = 0

@@ -52,12 +52,12 @@ def mission_log(path: Path) -> list[CommandResult]:
     simulator = Simulator(configuration.simulation, SEED)
     engine = Engine(simulator, link=link_delay(configuration.settings.link, SEED))
     assert configuration.settings.link.jitter > 0, "the mission's link draws"
-    fold = Reducer(checkpoint_of(simulator, mission=True))
+    reducer = Reducer(checkpoint_of(simulator, mission=True))
     session = engine.session()
     outcomes: list[CommandResult] = []
     with RunLog(path, configuration, simulator, mission=True) as log:
-        referee = Referee(plan, fold, engine.tell)
-        for watcher in (fold.apply, referee.watch, log):
+        referee = Referee(plan, reducer, engine.tell)
+        for watcher in (reducer.apply, referee.watch, log):
             engine.watch(watcher)
         referee.begin()
         engine.tell(Notice(NoticeKind.CONNECTED, "client x connected", "x"))
@@ -81,7 +81,7 @@ def taken_over(path: Path, moment: Moment, log: Path | None = None) -> Iterator[
         if log is not None:
             server.start_log(str(log))
         server.record()
-        chosen.bring(server, rerun)
+        chosen.advance(server, rerun)
         yield server
     finally:
         server.stop()

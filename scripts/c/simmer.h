@@ -11,7 +11,7 @@
  *     simmer_close(&robot);
  *
  * C99 (with -std=c99 add -D_POSIX_C_SOURCE=200112L) or C++11; Linux, macOS, Windows (link with ws2_32; not tried). Every function returns SIMMER_OK, SIMMER_REFUSED
- * (the robot did nothing; the connection goes on) or SIMMER_FAILED (the connection has ended); robot.error
+ * (the robot did nothing; the connection continues) or SIMMER_FAILED (the connection has ended); robot.error
  * says why. The protocol: a command is a line of ASCII on one connection, its reply one IEEE 754 number (of a
  * lidar a count and so many numbers), on a second connection where the simulator takes one. Infinity says that a movement has ended (at a wall, too),
  * NaN that a command was refused. A microcontroller without sockets sends the same lines over its own link.
@@ -45,7 +45,7 @@ typedef int simmer_socket;
 #define simmer_close_socket close
 #endif
 
-#ifdef MSG_NOSIGNAL /* a connection that has ended is an error to be told, no signal */
+#ifdef MSG_NOSIGNAL /* a connection that has ended is an error, not a signal */
 #define SIMMER_SEND_FLAGS MSG_NOSIGNAL
 #else
 #define SIMMER_SEND_FLAGS 0
@@ -300,7 +300,7 @@ static inline int simmer_drive(simmer_robot *robot, const char *code, double val
     return result;
 }
 
-/* Let so many seconds of the robot's time pass, while it goes on as it was told. The simulator's time is not
+/* Let so many seconds of the robot's time pass, while it continues its motion. The simulator's time is not
  * the computer's: sleep() moves a driving robot hardly at all. */
 static inline int simmer_sleep(simmer_robot *robot, double seconds) {
     char command[64];

@@ -1,4 +1,4 @@
-"""Step 3b, keep going: the robot drives until it is told otherwise, and is steered fifty times a second.
+"""Step 3b, keep going: the robot drives until the next command, and is steered fifty times a second.
 
     simmer-tui --run "python samples/course/step3b_keep_going.py"
 
@@ -40,7 +40,7 @@ class Follower:
         self._robot = robot
         self._odometry = Odometry(robot)
         self.pose = Reckoning(*START)
-        self.way, self.nearest, self.last_left = 0.0, math.inf, LEFT
+        self.gone, self.nearest, self.last_left = 0.0, math.inf, LEFT
         self.look()
 
     def look(self) -> None:
@@ -48,10 +48,10 @@ class Follower:
         motion = self._odometry.motion()
         self.ahead, self.left = self._robot.read("u1", "u2")
         self.pose.add(motion)
-        self.way += motion.forward
+        self.gone += motion.forward
         self.nearest = min(self.nearest, self.ahead, self.left)
         off = math.hypot(self.pose.x - START[0], self.pose.y - START[1])
-        self.ended = (self.pose.heading < ROUND and off < NEAR) or self.way > LONGEST
+        self.ended = (self.pose.heading < ROUND and off < NEAR) or self.gone > LONGEST
 
     def velocities(self) -> Iterator[Velocity]:
         """The velocity to send now, again and again: each is asked for after a new look."""
@@ -86,9 +86,9 @@ class Follower:
         """The wall ends where u2 saw it last: so far straight on, then an arc around that end."""
         goal = self.along()
         spot = math.radians(LOOK + self.pose.heading - goal)
-        end = self.way + (RADIUS + self.last_left) * math.cos(spot)
+        end = self.gone + (RADIUS + self.last_left) * math.cos(spot)
         while self.pose.heading < goal + 85.0:
-            arc = math.degrees((self.way - end) / BESIDE)
+            arc = math.degrees((self.gone - end) / BESIDE)
             rate = math.degrees(SPEED / BESIDE) if 0.0 < arc < 90.0 else 0.0
             yield self.towards(goal + max(0.0, min(90.0, arc)), SPEED, rate)
 
@@ -109,12 +109,12 @@ def once_around(robot: Robot) -> Follower:
 
 if __name__ == "__main__":
     with Robot() as robot:
-        follower = once_around(robot)
+        ended = once_around(robot)
         # The walls of the maze are at x = 0 and y = 48: face each, and see how far it really is.
-        robot.drive("r1", round(math.remainder(90.0 - follower.pose.heading, 360.0), 2))
+        robot.drive("r1", round(math.remainder(90.0 - ended.pose.heading, 360.0), 2))
         y = 48.0 - 3.0 - robot.read("u1")
         robot.drive("r1", 90.0)
         x = 3.0 + robot.read("u1")
     off = math.hypot(x - START[0], y - START[1])
-    print(f"after {follower.way:.0f} in it is {off:.1f} in from its start; nearest {follower.nearest:.2f} in")
-    sys.exit(0 if off < NEAR and follower.nearest > 0.3 else 1)
+    print(f"after {ended.gone:.0f} in it is {off:.1f} in from its start; nearest {ended.nearest:.2f} in")
+    sys.exit(0 if off < NEAR and ended.nearest > 0.3 else 1)

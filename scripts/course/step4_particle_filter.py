@@ -1,4 +1,4 @@
-"""Step 4, a particle filter: find out where the robot is, without being told.
+"""Step 4, a particle filter: localize the robot without knowing its start.
 
     simmer-tui --run "python samples/course/step4_particle_filter.py"
 
@@ -94,7 +94,7 @@ def look(robot: Robot, localizer: Localizer, note: str = "") -> float:
 
 
 def localize(robot: Robot, localizer: Localizer, odometry: Odometry) -> bool:
-    """Turn on the spot, looking, until it knows where it is; where places look alike, go on and look."""
+    """Turn on the spot and read the sensors until the robot is localized; if places look alike, drive on."""
     compass = np.radians(robot.read(*["c1"] * 25))  # it reads heading times (1 + error)
     heading = np.degrees(np.arctan2(np.sin(compass).mean(), np.cos(compass).mean())) % 360
     localizer.scatter(heading, 5 + 0.03 * heading)

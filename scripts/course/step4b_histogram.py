@@ -93,7 +93,7 @@ def look(robot: Robot, histogram: Histogram) -> float:
 
 
 def localize(robot: Robot, histogram: Histogram, odometry: Odometry) -> bool:
-    """Turn on the spot, looking, until it knows where it is; where places look alike, go on and look."""
+    """Turn on the spot and read the sensors until the robot is localized; if places look alike, drive on."""
     compass = np.radians(robot.read(*["c1"] * 25))  # it reads heading times (1 + error)
     heading = np.degrees(np.arctan2(np.sin(compass).mean(), np.cos(compass).mean())) % 360
     histogram.scatter(heading, 10 + 0.03 * heading)

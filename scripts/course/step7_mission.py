@@ -70,7 +70,7 @@ class Mission:
             self.pilot.go(back, self.pilot.pose[2])
 
     def recover(self) -> None:
-        """Find out again where the robot is: anew, or, with a block that must not turn, close by."""
+        """Localize the robot again: in the whole maze, or close by if it must not turn with its block."""
         if not self.holding:
             self.located = False
             return
@@ -80,7 +80,7 @@ class Mission:
             look(self.pilot.robot, localizer, "where am I?")
 
     def say(self, text: str) -> None:
-        """Tell what goes on, here and in the app."""
+        """Report what happens, here and in the app."""
         self.pilot.note = text
         print(text, flush=True)
 

@@ -1,5 +1,5 @@
 function simmer_sleep(robot, seconds)
-%SIMMER_SLEEP Let the robot's time pass, while it goes on as it was told.
+%SIMMER_SLEEP Let the robot's time pass, while it continues its motion.
 %   simmer_sleep(robot, 2) returns when two seconds of the robot's time are over. The simulator's time is
 %   not MATLAB's, so that pause(2) moves a driving robot hardly at all. A robot that has no command to
 %   wait is an error: use pause there.

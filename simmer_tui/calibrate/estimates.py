@@ -16,7 +16,7 @@ from simmer_tui.calibrate.parameters import Parameter, observed_sensors
 from simmer_tui.calibrate.posterior import RANGE
 from simmer_tui.sim.angles import FloatArray
 from simmer_tui.sim.motion import profile_of
-from simmer_tui.sim.sensors import Sort
+from simmer_tui.sim.sensors import ParameterKind
 from simmer_tui.sim.specs import DriveSpec
 
 _ENOUGH = 8
@@ -109,7 +109,7 @@ def estimates_of(fit: Fit) -> tuple[ParameterEstimate, ...]:
 
 def _estimate(parameter: Parameter, value: float, spread: float, why: str) -> ParameterEstimate:
     low, high = parameter.interval(value, spread)
-    reaches_zero = parameter.sort is Sort.NOISE and spread > _FROM_ZERO
+    reaches_zero = parameter.kind is ParameterKind.NOISE and spread > _FROM_ZERO
     if not why and reaches_zero and not parameter.present:
         why = (
             f"too small to distinguish from 0: at most {high:.2g}{' ' * bool(parameter.unit)}{parameter.unit}"

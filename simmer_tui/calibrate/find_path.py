@@ -232,7 +232,7 @@ class PathFinder:
         """Increments between two stops of the counters that were read at both."""
         found = []
         for counter in self._counters:
-            said = self._run.said.get(counter.spec.code, {})
+            said = self._run.values_at_stops.get(counter.spec.code, {})
             if before in said and after in said:
                 change = counter.change(said[before], said[after])
                 if math.isfinite(change):
@@ -245,7 +245,7 @@ class PathFinder:
         score = np.zeros(len(poses))
         read = 0
         for sensor in self._observers:
-            said = self._run.said.get(sensor.spec.code, {}).get(stop)
+            said = self._run.values_at_stops.get(sensor.spec.code, {}).get(stop)
             if said is None or not math.isfinite(said[0]) or not is_known_to(self._run, sensor, stop):
                 continue
             expected = sensor.expected(self._world, poses, 0.0)

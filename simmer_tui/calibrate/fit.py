@@ -171,7 +171,7 @@ def fit(
             return _result(model, state, random)
     raise CalibrationError(
         f"{', '.join(run.names)}: the robot's path was not found in {len(PARTICLES)} tries: {reason}. "
-        "Check its start pose and its maze against the set, and that nobody carried it in between."
+        "Check its start pose and its maze against the set, and that nobody moved it in between."
     )
 
 

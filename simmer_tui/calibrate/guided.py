@@ -27,7 +27,7 @@ from simmer_tui.calibrate.written_set import learned_spec
 from simmer_tui.config.loader import Configuration
 from simmer_tui.sim.angles import FloatArray
 from simmer_tui.sim.pose import Pose
-from simmer_tui.sim.sensors import Sort, modelled_sensor
+from simmer_tui.sim.sensors import ParameterKind, modelled_sensor
 from simmer_tui.sim.specs import Axes, DriveSpec, SensorSpec, SimulationSpec
 
 PLACED = (0.25, 0.25, 2.0)
@@ -113,12 +113,12 @@ class SessionPlanner:
         """Add a reading at the present stop; the median of several is used for the robot's pose."""
         self._seen.setdefault(code, []).append(value)
         middle = float(np.median(self._seen[code]))
-        self._filter.said.setdefault(code, {})[self.count] = (middle, time)
+        self._filter.values_at_stops.setdefault(code, {})[self.count] = (middle, time)
 
     def settled(self) -> None:
         """Called after all readings at a stop."""
         if self.count:
-            self._filter.go_on(self.count)
+            self._filter.advance(self.count)
         else:
             self._filter.look(0)
         self._seen = {}
@@ -152,7 +152,7 @@ class SessionPlanner:
         self._follow(learned_worst_case(spec), fit.poses[-1].copy(), self.count)
         # Three times the fit's spread, at least a tenth of an inch: the filter must not be overconfident.
         self._filter.covariance = np.diag(np.square(np.maximum(3 * fit.pose_spread[-1], (0.1, 0.1, 0.3))))
-        self._filter.said, self._filter.movements = before.said, before.movements
+        self._filter.values_at_stops, self._filter.movements = before.values_at_stops, before.movements
 
     @property
     def reached(self) -> dict[str, float]:
@@ -166,7 +166,7 @@ class SessionPlanner:
                 kind = self.fit.run.spec.drives[parameter.index].kind
                 if parameter.field == f"bias.{main_axis(kind)}":
                     groups["main"].append(spread)
-            elif parameter.sort is Sort.ANGLE:
+            elif parameter.kind is ParameterKind.ANGLE:
                 groups["angle"].append(spread)
             elif parameter.field == "bias" and parameter.unit == "in":
                 groups["range"].append(spread)
@@ -181,7 +181,7 @@ class SessionPlanner:
             return False
         # Offsets show only at walls that are seen obliquely, and waiting for them would need many more
         # movements.
-        needed = np.array([each.sort is not Sort.OFFSET for each in self.fit.space.parameters])
+        needed = np.array([each.kind is not ParameterKind.OFFSET for each in self.fit.space.parameters])
         if not self.fit.identified[needed].all():
             return False
         return all(self.reached[name] <= most for name, most in WANTED.items())

@@ -47,8 +47,8 @@ class MeasuredMovement:
     is True if the robot confirmed it. `took` is in seconds from sending it to its answer; NaN if not known.
 
     Or a stretch of continuous motion: `drive` and `value` are those of the drive that moved most, `parts`
-    those of all. `led` are the totals of x, y (inches) and turning (degrees) that were commanded. `bend` is
-    the distance of its end from that of one arc, inches in the frame of its start.
+    those of all. `commanded` are the totals of x, y (inches) and turning (degrees). `bend` is the distance of
+    its end from that of one arc, inches in the frame of its start.
     """
 
     drive: int
@@ -57,18 +57,18 @@ class MeasuredMovement:
     line: int
     took: float
     parts: tuple[tuple[int, float], ...] = ()
-    led: tuple[float, float, float] | None = None
+    commanded: tuple[float, float, float] | None = None
     bend: complex = 0.0
 
     @property
     def is_continuous(self) -> bool:
         """True for a stretch of continuous motion."""
-        return self.led is not None
+        return self.commanded is not None
 
     def asked(self, drives: Sequence[DriveSpec]) -> FloatArray:
         """Commanded totals, (3,)."""
-        if self.led is not None:
-            return np.array(self.led)
+        if self.commanded is not None:
+            return np.array(self.commanded)
         return self.value * on_axes(drives[self.drive].kind.direction)
 
     def distances(self, drives: Sequence[DriveSpec]) -> list[tuple[int, float]]:
@@ -146,7 +146,7 @@ class MeasuredRun:
         return [movement for chain in self.chains for movement in chain.movements]
 
     @cached_property
-    def said(self) -> dict[str, dict[int, tuple[float, float]]]:
+    def values_at_stops(self) -> dict[str, dict[int, tuple[float, float]]]:
         """Readings by code and stop: the last one's value and time."""
         said = {}
         for code, each in self.readings.items():

@@ -28,7 +28,7 @@ from simmer_tui.calibrate.posterior import PROCESS, Iterate, Posterior, Rows
 from simmer_tui.calibrate.rows import Model
 from simmer_tui.report.robust_fit import Z_95
 from simmer_tui.sim.angles import BoolArray, FloatArray
-from simmer_tui.sim.sensors import Sort
+from simmer_tui.sim.sensors import ParameterKind
 
 FALSE_MISFIT_RATE = 0.01
 """False-alarm rate of a group of tests, for robots that follow the model: a verdict must rarely be wrong."""
@@ -284,7 +284,9 @@ def mounting_spread(
     Returns:
         (0, 0) if the offsets across are no greater than their standard errors explain.
     """
-    offsets = [n for n, each in enumerate(space.parameters) if each.sort is Sort.OFFSET and identified[n]]
+    offsets = [
+        n for n, each in enumerate(space.parameters) if each.kind is ParameterKind.OFFSET and identified[n]
+    ]
     squares = values[offsets] ** 2
     if not offsets or chdtrc(len(offsets), float((squares / errors[offsets] ** 2).sum())) > _UNEVEN:
         return 0.0, 0.0
@@ -300,7 +302,7 @@ def with_mounting(
         return errors
     # With few sensors the spread itself is uncertain: Student's quantile instead of the normal one.
     spread *= float(stdtrit(freedom, 0.975)) / Z_95
-    offsets = {each.index for each in space.parameters if each.sort is Sort.OFFSET}
+    offsets = {each.index for each in space.parameters if each.kind is ParameterKind.OFFSET}
     widened = errors.copy()
     for number, each in enumerate(space.parameters):
         if not each.drive and each.index in offsets and each.field == "bias":

@@ -22,9 +22,9 @@ from simmer_tui.calibrate.measured_run import MeasuredRun
 from simmer_tui.report.robust_fit import Z_95
 from simmer_tui.sim.angles import FloatArray
 from simmer_tui.sim.sensors import (
+    ParameterKind,
     Prior,
     Sensor,
-    Sort,
     parameter_value,
     sensor_of,
     with_parameters,
@@ -58,7 +58,7 @@ class Parameter:
     field: str
     """Field of its spec, such as `bias.x`."""
     label: str
-    sort: Sort
+    kind: ParameterKind
     drive: bool
     index: int
     """Row among drives or sensors."""
@@ -88,7 +88,7 @@ class Parameter:
 
         Symmetric about a parameter, by factors about a noise scale, whose spread is that of its logarithm.
         """
-        if self.sort is Sort.NOISE:
+        if self.kind is ParameterKind.NOISE:
             factor = math.exp(min(Z_95 * spread, 50.0))  # e^50 is practically infinite, and does not overflow
             return value / factor, value * factor
         return value - Z_95 * spread, value + Z_95 * spread
@@ -133,7 +133,7 @@ class ParameterSpace:
             np.array([max(each.value_in(spec), LEAST_SCALE) for each in self.noise_scales]),
         )
 
-    def laid_over(
+    def with_estimates(
         self, spec: SimulationSpec, parameters: FloatArray, noise_scales: FloatArray
     ) -> SimulationSpec:
         """A specification with these values in it."""
@@ -202,19 +202,24 @@ def _of_drive(drive: DriveSpec, index: int, table: str, axis: str, scale: float)
     label = f"{'rotation' if axis == 'r' else f'{axis}-axis'} {table}"
     value = centre = float(attrgetter(field)(drive))
     if table == "bias":
-        sort, spread = Sort.BIAS, (_TURN_BIAS_PRIOR if kind.turns else _BIAS_PRIOR)[AXES.index(axis)]
+        parameter_kind, spread = (
+            ParameterKind.BIAS,
+            (_TURN_BIAS_PRIOR if kind.turns else _BIAS_PRIOR)[AXES.index(axis)],
+        )
     else:
-        sort, spread = Sort.NOISE, _ERROR_PRIOR
+        parameter_kind, spread = ParameterKind.NOISE, _ERROR_PRIOR
         centre = value or (_USUAL_TURN_ERROR if kind.turns else _USUAL_ERROR)
-    return Parameter(kind.value, field, label, sort, True, index, value, centre, scale * spread, unit)
+    return Parameter(
+        kind.value, field, label, parameter_kind, True, index, value, centre, scale * spread, unit
+    )
 
 
 def _of_sensor(sensor: Sensor, index: int, prior: Prior, scale: float) -> Parameter:
     place = (sensor.spec.x, sensor.spec.y)
     value = parameter_value(sensor.spec, prior.field, place)
     spread = scale * prior.spread
-    if prior.sort is Sort.GAIN:
+    if prior.kind is ParameterKind.GAIN:
         spread *= abs(value) or 1.0
     centre = value or prior.usual
-    kind = (sensor.spec.id, prior.field, prior.label, prior.sort)
+    kind = (sensor.spec.id, prior.field, prior.label, prior.kind)
     return Parameter(*kind, False, index, value, centre, spread, prior.unit, place)

@@ -44,7 +44,7 @@ PredictionErrors = dict[tuple[type[SensorKind], int], list[float]]
 @dataclass
 class PoseFilter:
     """An extended Kalman filter of the pose, from stop `begin` on. Later readings and movements may be added
-    to `said` (by code and stop: value and time) and `movements` (by the stop they lead to)."""
+    to `values_at_stops` (by code and stop: value and time) and `movements` (by the stop they lead to)."""
 
     run: MeasuredRun
     spec: SimulationSpec
@@ -64,7 +64,7 @@ class PoseFilter:
         sensors = observed_sensors(self.spec).values()
         self._counters = [each for each in sensors if isinstance(each, CountingSensor)]
         self._observers = [each for each in sensors if isinstance(each, ObservingSensor)]
-        self.said = {code: dict(each) for code, each in run.said.items()}
+        self.values_at_stops = {code: dict(each) for code, each in run.values_at_stops.items()}
         self.poses = {self.begin: self.pose}
         self._came_from = self.pose
         self._turn_counted = False
@@ -73,7 +73,7 @@ class PoseFilter:
         offset = run.stops - 1 - len(run.chains[-1].movements)
         self.movements = {offset + k + 1: m for k, m in enumerate(run.chains[-1].movements)}
 
-    def go_on(self, stop: int) -> None:
+    def advance(self, stop: int) -> None:
         """Predict the readings at the next stop, then update with them."""
         for ahead in AHEAD[1:]:
             if stop - ahead >= self.begin:
@@ -131,7 +131,7 @@ class PoseFilter:
 
     def _reading(self, sensor: Sensor, stop: int) -> tuple[float, float] | None:
         """A sensor's reading at a stop, value and time; None if there is none, or it is infinite."""
-        reading = self.said.get(sensor.spec.code, {}).get(stop)
+        reading = self.values_at_stops.get(sensor.spec.code, {}).get(stop)
         return reading if reading is not None and np.isfinite(reading[0]) else None
 
     def _counted(self, stop: int) -> list[_Counted]:

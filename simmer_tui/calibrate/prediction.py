@@ -116,9 +116,9 @@ def follow(
     path = fit_path(early, fit.space, parameters, noise_scales, rough)
     pose, covariance = fit_tail(early, fit.space, path)
     pose_filter = PoseFilter(
-        run, fit.space.laid_over(run.spec, parameters, noise_scales), pose, covariance, last
+        run, fit.space.with_estimates(run.spec, parameters, noise_scales), pose, covariance, last
     )
     pose_filter.free = frozenset((fit.model.before[~fit.state.contacts] + 1).tolist())
     for stop in range(last + 1, run.stops):
-        pose_filter.go_on(stop)
+        pose_filter.advance(stop)
     return pose_filter

@@ -109,10 +109,10 @@ class VelocityStretch:
             self._distances[index] = self._distances.get(index, 0.0) + part.speed * seconds
             totals += part.speed * np.abs(on_axes(part.drive.kind.direction))
         self._asked += totals * seconds
-        led = Twist(*totals.tolist())
-        self._pose = Arc.of(self._pose, led, seconds).end
-        self._travelled += led.speed * seconds
-        self._turn += abs(led.r) * seconds
+        commanded = Twist(*totals.tolist())
+        self._pose = Arc.of(self._pose, commanded, seconds).end
+        self._travelled += commanded.speed * seconds
+        self._turn += abs(commanded.r) * seconds
 
     @property
     def is_long(self) -> bool:

@@ -29,7 +29,7 @@ from simmer_tui.importer.set_writer import drive_csv_text, sensors_csv_text
 from simmer_tui.runlog.logged_devices import same_files
 from simmer_tui.runlog.typed_json import TypedJson
 from simmer_tui.sim.command import escape, shown_path
-from simmer_tui.sim.sensors import Sort
+from simmer_tui.sim.sensors import ParameterKind
 from simmer_tui.sim.specs import SimulationSpec
 
 KNOWLEDGE = "calibration.json"
@@ -160,14 +160,14 @@ def knowledge_of(fit: Fit, estimates: Sequence[ParameterEstimate]) -> Knowledge:
         parameters=tuple(fit.space.parameters[i].name for i in identified),
         # Offsets are relative to the sensors' places in the written set.
         values=tuple(
-            0.0 if fit.space.parameters[i].sort is Sort.OFFSET else float(fit.state.parameters[i])
+            0.0 if fit.space.parameters[i].kind is ParameterKind.OFFSET else float(fit.state.parameters[i])
             for i in identified
         ),
         covariance=tuple(tuple(float(f"{v:.6g}") for v in row) for row in covariance),
         noise_scales={
             each.parameter.name: (each.value, each.low, each.high)
             for each in estimates
-            if each.identified and each.parameter is not None and each.parameter.sort is Sort.NOISE
+            if each.identified and each.parameter is not None and each.parameter.kind is ParameterKind.NOISE
         },
         shares={
             f"{each.owner} {each.label}": (each.value, each.low, each.high)

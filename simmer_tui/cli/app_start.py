@@ -55,10 +55,10 @@ class Screen(FrontEnd):
             prefix()
             server.set_pace(pace)
 
-    def offer(self, run: Callable[[str], None]) -> None:
+    def set_example(self, run: Callable[[str], None]) -> None:
         self._app.run_program = run
 
-    def offer_again(self, again: Callable[[], None]) -> None:
+    def set_restart(self, again: Callable[[], None]) -> None:
         self._app.run_again = again
 
     def started(self) -> None:

@@ -74,7 +74,7 @@ def run_atlas(options: argparse.Namespace) -> int:
     grid = PoseGrid.over(simulator.maze, options.step, options.headings)
     if grid.poses > _MANY and not options.yes:
         what = f"the grid has {grid.poses:,} poses, more than {_MANY:,}"
-        raise AtlasError(f"{what}: take a larger --step, fewer --headings, or say --yes")
+        raise AtlasError(f"{what}: take a larger --step, fewer --headings, or add --yes")
     atlas = _computed(simulator, grid, codes)
     data = _FORMATS[form](atlas)
     shown = shown_path(out)
@@ -101,7 +101,7 @@ def _format_for(out: Path, named: str | None) -> str:
     shown = shown_path(out)
     form = named or out.suffix.removeprefix(".").lower()
     if form not in _FORMATS:
-        raise AtlasError(f"{shown} does not end in .{', .'.join(_FORMATS)}: say --format too")
+        raise AtlasError(f"{shown} does not end in .{', .'.join(_FORMATS)}: add --format")
     if out.is_dir() or not out.parent.is_dir():
         what = "is a folder" if out.is_dir() else "is in a folder that does not exist"
         raise AtlasError(f"{shown} {what}: name a file to write to")

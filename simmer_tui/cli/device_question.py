@@ -36,7 +36,7 @@ def _question(file: DeviceFile, directory: Path) -> list[str]:
     rest = len(lines) - len(shown)
     more = [f"      ... {rest} lines more: read them in an editor"] if rest > 0 else []
     return [
-        f"The set brings a sensor of its own, a Python file that runs with your rights: {path}",
+        f"The set contains a sensor of its own, a Python file that runs with your rights: {path}",
         f"SHA-256 {file.sha256}, {len(file.data):,} bytes",
         *shown,
         *more,

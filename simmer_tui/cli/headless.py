@@ -98,7 +98,7 @@ class EventLines(EventHandler[str]):
         return ""
 
     def on_wire(self, event: WireMessage) -> str:
-        self._trail.heard(event)
+        self._trail.add_message(event)
         return ""
 
     def on_notice(self, event: Notice) -> str:

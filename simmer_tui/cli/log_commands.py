@@ -142,7 +142,7 @@ def run_export(options: argparse.Namespace) -> int:
     """Make pictures of a logged run for slides: an animated GIF, or the whole path as an SVG that can be
     enlarged."""
     if options.gif is None and options.svg is None:
-        raise ExportError("say what to write: --gif OUT, --svg OUT, or both")
+        raise ExportError("name what to write: --gif OUT, --svg OUT, or both")
     path = log_of(options)
     _check_outputs(path, (options.gif, options.svg))
     run, width = build_report(path), round(options.width)

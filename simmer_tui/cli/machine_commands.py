@@ -116,7 +116,7 @@ def _terminal(environment: Mapping[str, str]) -> Check:
 def _drawing(environment: Mapping[str, str]) -> str:
     choice = choose(environment, sys.stdout.encoding, windows=not platform_has.POSIX)
     if choice.glyphs is GlyphMode.ASCII:
-        why = "in ASCII: the locale is not UTF-8, or the terminal says it can no more; LANG=C.UTF-8 may help"
+        why = "in ASCII: the locale is not UTF-8, or the terminal shows no more; LANG=C.UTF-8 may help"
         return f"colours {choice.color}, {why}"
     sample = _SAMPLES.get(choice.glyphs, _SAMPLE)
     return f"colours {choice.color}, {choice.glyphs} {sample} (looks odd? --glyphs half or ascii)"
@@ -152,7 +152,7 @@ def _serial() -> str:
     found = port_list.list_ports()
     if not found:
         return "no port: plug a real robot in, or pair it, first (simmer-tui ports)"
-    return f"{', '.join(port.device for port in found[:4])} (simmer-tui ports tells more)"
+    return f"{', '.join(port.device for port in found[:4])} (details: simmer-tui ports)"
 
 
 def _runs() -> Check:

@@ -37,11 +37,11 @@ def _options(parser: OneLineParser) -> None:
         "--glyphs", choices=GLYPH_OPTIONS, default="auto", help="characters the maze is drawn with"
     )
     take_over = parser.add_argument_group(
-        "take over", "a live run that goes on from a moment of the log (in the replay: t)"
+        "take over", "a live run that continues from a moment of the log (in the replay: t)"
     )
     take_over.add_argument("--take-over", metavar="S", type=float, help="at once, at so many seconds")
     take_over.add_argument("--no-ui", action="store_true", help="without the screen")
-    take_over.add_argument("--run", metavar='"CMD ..."', help="run a program, which goes on from there")
+    take_over.add_argument("--run", metavar='"CMD ..."', help="run a program, which continues from there")
     take_over.add_argument("--log", metavar="FILE", help="log the run, all that was before included")
     add_device_options(take_over)
 
@@ -86,5 +86,5 @@ def _go_on(chosen: TakeOver, options: argparse.Namespace) -> int:
     """Run the live run. Returns the exit code."""
     server, rerun = chosen.serve()
     front = front_end(server, options)
-    bring = partial(chosen.bring, server, rerun)
-    return RunLife(server, front, command=options.run, log=options.log, prefix=bring).run()
+    advance = partial(chosen.advance, server, rerun)
+    return RunLife(server, front, command=options.run, log=options.log, prefix=advance).run()

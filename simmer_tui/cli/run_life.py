@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, TextIO
 from simmer_tui.cli.command_line import ExitCode
 from simmer_tui.config.dialects import SERIAL
 from simmer_tui.errors import ProgramError
-from simmer_tui.events import NOT_LED, Action, ActionName, Event, MissionEnd, Notice, NoticeKind, Result
+from simmer_tui.events import NOT_CONNECTED, Action, ActionName, Event, MissionEnd, Notice, NoticeKind, Result
 from simmer_tui.program import Program, ProgramOutput, not_started
 from simmer_tui.program.program_command import out_of_reach
 from simmer_tui.server import Server
@@ -59,10 +59,10 @@ class FrontEnd:
     def prepare(self, prefix: Callable[[], None] | None) -> None:
         """Watch the server, which starts later. The events of a `prefix` come first."""
 
-    def offer(self, run: Callable[[str], None]) -> None:
+    def set_example(self, run: Callable[[str], None]) -> None:
         """`run` starts a program beside a run that was begun without one. It raises ProgramError."""
 
-    def offer_again(self, again: Callable[[], None]) -> None:
+    def set_restart(self, again: Callable[[], None]) -> None:
         """`again` restarts the run, with its program if there was one; it returns before their end."""
 
     def watch(self, event: Event) -> None:
@@ -182,15 +182,15 @@ class RunLife:
         if self._command is not None:  # before any output: if it fails, its error is the only line
             self._run_program(self._command)
         else:
-            front.offer(self._run_example)
-        front.offer_again(self._again)
+            front.set_example(self._run_example)
+        front.set_restart(self._again)
 
     def _run_program(self, command: str) -> None:
         """Start a program beside the run. Raises ProgramError."""
         if SERIAL.purpose in self._server.ports and (why := out_of_reach(command)):
-            from simmer_tui.links.dialect_link import WAY_OUT
+            from simmer_tui.links.dialect_link import NO_HOOK_ADVICE
 
-            self._server.tell(Notice(NoticeKind.FAULT, f"{NOT_LED}: {why}. {WAY_OUT}"))
+            self._server.tell(Notice(NoticeKind.FAULT, f"{NOT_CONNECTED}: {why}. {NO_HOOK_ADVICE}"))
         self._shutdown.program = Program(
             command,
             self._server.environment,

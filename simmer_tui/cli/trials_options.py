@@ -124,7 +124,7 @@ def add_trials_options(parser: OneLineParser) -> None:
     group.add_argument(
         "--resume",
         action="store_true",
-        help="go on with the trials in the folder (default: the newest here); --runs may ask for more",
+        help="continue the trials in the folder (default: the newest here); --runs may ask for more",
     )
     group.add_argument(
         "--require",

@@ -74,7 +74,7 @@ class CsvTable(Struct, frozen=True):
     rows: tuple[CsvRow, ...]
     problems: list[Problem]
 
-    def complain(self, row: CsvRow, column: int, what: str) -> None:
+    def add_problem(self, row: CsvRow, column: int, what: str) -> None:
         """Add a problem with a cell; its column is named by letters, as in spreadsheets."""
         self.problems.append(Problem(f"{self.file}:{row.line}:{column_letters(column)}", what))
 
@@ -83,7 +83,7 @@ class CsvTable(Struct, frozen=True):
         try:
             return from_cell(rule, row.cell(column))
         except ValueError as error:
-            self.complain(row, column, f"the {name} {error}" if name else str(error))
+            self.add_problem(row, column, f"the {name} {error}" if name else str(error))
             return None
 
 
@@ -176,7 +176,7 @@ def read_grid(table: CsvTable, rule: IntegerRule) -> tuple[tuple[int, ...], ...]
     for row in table.rows:
         if len(row.cells) != width:
             what = f"the row has {len(row.cells)} cells, others have {width}; all rows must be equally long"
-            table.complain(row, min(len(row.cells), width), what)
+            table.add_problem(row, min(len(row.cells), width), what)
         values = [table.value(row, column, rule) for column in range(len(row.cells))]
         grid.append(tuple(value for value in values if value is not None))
     return tuple(grid) if len(table.problems) == before else None
@@ -191,7 +191,7 @@ class TableRow(Struct, frozen=True):
     values: Mapping[str, str]
     problems: list[Problem]
 
-    def complain(self, column: str, what: str) -> None:
+    def add_problem(self, column: str, what: str) -> None:
         """Add a problem with a cell."""
         self.problems.append(Problem(f"{self.place}:{column}", what))
 
@@ -205,7 +205,7 @@ class TableRow(Struct, frozen=True):
                 try:
                     values[column.field] = from_cell(column.rule, text)
                 except ValueError as error:
-                    self.complain(column.name, str(error))
+                    self.add_problem(column.name, str(error))
         return values
 
     def has(self, columns: Iterable[CsvColumn]) -> bool:
@@ -216,7 +216,7 @@ class TableRow(Struct, frozen=True):
         """Report cells that must be blank and are not."""
         for name in columns:
             if self.values.get(name):
-                self.complain(name, what)
+                self.add_problem(name, what)
 
 
 def headers_of(table: CsvTable) -> tuple[str, ...]:
@@ -242,7 +242,7 @@ def read_table(table: CsvTable, required: Sequence[str], optional: Sequence[str]
     columns = _columns_by_name(titles, header.cells, names)
     for name in required:
         if name not in columns:
-            titles.complain(name, "this column is missing from the header row")
+            titles.add_problem(name, "this column is missing from the header row")
     rows = []
     for row in table.rows[begin + 1 :]:
         values = {name: row.cell(index) for name, index in columns.items()}
@@ -261,11 +261,11 @@ def _columns_by_name(titles: TableRow, cells: Iterable[str], names: Mapping[str,
         if name is None:
             hint = did_you_mean(cell, names.values()) or f"; known are {', '.join(names.values())}"
             what = f"is not a column that is known{hint} (a column of notes has a blank header)"
-            titles.complain(escape_word(cell), what)
+            titles.add_problem(escape_word(cell), what)
         elif name in columns:
             first = column_letters(columns[name])
             what = f"is a column already (column {first}); each column must occur once"
-            titles.complain(escape_word(cell), what)
+            titles.add_problem(escape_word(cell), what)
         else:
             columns[name] = index
     return columns
@@ -312,7 +312,7 @@ def read_flags(row: TableRow, codes: dict[str, str]) -> dict[str, Any]:
         return values
     if code in codes:
         what = f'"{code}" is the code of {codes[code]} already; codes must be unique over both files'
-        row.complain(POLL_CHARACTER, what)
+        row.add_problem(POLL_CHARACTER, what)
     # The first row keeps the code: the messages about later ones name its place.
     codes.setdefault(code, row.place)
     return values
@@ -321,7 +321,7 @@ def read_flags(row: TableRow, codes: dict[str, str]) -> dict[str, Any]:
 def claim_id(name: str, row: TableRow, seen: dict[str, int]) -> bool:
     """True if no earlier row has the ID `name`; `seen` has the line of each."""
     if name in seen:
-        row.complain(ID, f'"{name}" is in line {seen[name]} already; every ID must occur once')
+        row.add_problem(ID, f'"{name}" is in line {seen[name]} already; every ID must occur once')
         return False
     seen[name] = row.line
     return True

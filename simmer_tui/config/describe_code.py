@@ -27,7 +27,7 @@ def describe_code(spec: SimulationSpec, code: str) -> list[str]:
         if code in (known, name):
             return lines
     if code == WAIT:
-        return [f"{WAIT}  wait: simulated time goes on by S seconds", f"Give   {WAIT}-S, such as {WAIT}-0.5"]
+        return [f"{WAIT}  wait: simulated time advances by S seconds", f"Give   {WAIT}-S, such as {WAIT}-0.5"]
     codes = [known for known, _, _ in parts]
     hint = did_you_mean(code, codes) or f"; there are {' '.join(codes)}"
     return [f"{escape_word(code)}: no sensor or drive has that code{hint}"]

@@ -10,7 +10,7 @@ from simmer_tui.dialect import expressions, kinds
 from simmer_tui.dialect.dialect_rules import TYPE, AnyReply
 from simmer_tui.dialect.expressions import Expression
 from simmer_tui.dialect.frames import FrameKind, Framing
-from simmer_tui.dialect.kinds import ANY, NUMBER, Known, ValueKind
+from simmer_tui.dialect.kinds import ANY, NUMBER, StaticType, ValueKind
 from simmer_tui.dialect.set_parts import Parts
 from simmer_tui.dialect.templates import BinaryReply, Field, TextReply, check_pack, parsed_reply
 from simmer_tui.sim.rules import did_you_mean
@@ -20,14 +20,14 @@ MOST_FRAMES = 1000
 """Frames of one binary reply."""
 READING = frozenset(("time", "contact"))
 """Names that every expression may use."""
-Names = Mapping[str, Known]
+Names = Mapping[str, StaticType]
 """The values of a message, with the static knowledge of each."""
 P = ParamSpec("P")
 T = TypeVar("T")
 
 
 def without_gaps(parts: Iterable[T | None]) -> tuple[T, ...]:
-    """The parts without None, which stands for one that could not be read."""
+    """The parts without None, which represents one that could not be read."""
     return tuple(each for each in parts if each is not None)
 
 
@@ -61,7 +61,7 @@ class RuleParts:
         text = self._text(given, place, names)
         if self._framing.kind is FrameKind.BINARY and not self._reply_end:
             way = 'write { type = 1, text = "..." }, or give plain texts an end by [reply] end'
-            self._file.complain(place, f"a text is no binary frame; {way}")
+            self._file.add_problem(place, f"a text is no binary frame; {way}")
         return text
 
     def _binary_reply(self, given: Mapping[str, Any], place: str, names: Names) -> BinaryReply | None:
@@ -94,7 +94,7 @@ class RuleParts:
         made = without_gaps([self._expression(str(each), place, names) for each in values])
         for each in made:
             if kinds.kind(each, self._known(names)) is ValueKind.LIST:
-                self._file.complain(place, f"'{each.source}' is a list; name its values one by one")
+                self._file.add_problem(place, f"'{each.source}' is a list; name its values one by one")
         check_pack(str(given["pack"]), len(values))
         return made if len(made) == len(values) else None
 
@@ -105,23 +105,23 @@ class RuleParts:
             return
         size = struct.calcsize(reply.pack) if reply.pack else len(reply.text.source) if reply.text else 0
         if isinstance(framing.body, int) and size != framing.body and reply.pack:
-            self._file.complain(place, f"has {size} bytes; the frame has {framing.body}")
+            self._file.add_problem(place, f"has {size} bytes; the frame has {framing.body}")
             return
         try:
             framing.frame(TYPE, reply.type, bytes(size))
         except struct.error:
             what = f"type {reply.type} or {size} bytes of content do not fit the header '{framing.head}'"
-            self._file.complain(place, what)
+            self._file.add_problem(place, what)
 
     def _text(self, text: str, place: str, names: Names) -> TextReply | None:
         template, mistakes = parsed_reply(text)
         for each in mistakes:
-            self._file.complain(place, each)
+            self._file.add_problem(place, each)
         for part in template.parts:
             if isinstance(part, Field):
                 self._check_names(part.expression, place, names)
                 for mistake in kinds.field_mistakes(part, self._known(names)):
-                    self._file.complain(place, mistake)
+                    self._file.add_problem(place, mistake)
         return None if mistakes else template
 
     def _time(self, given: object, place: str, names: Names) -> Expression | None:
@@ -129,7 +129,7 @@ class RuleParts:
             return self._expression(given, place, names, reads=False)
         if 0 <= given <= LONGEST_TIME:
             return Expression(repr(given))
-        self._file.complain(place, f"must be from 0 to {LONGEST_TIME:g} s, not {given:g}")
+        self._file.add_problem(place, f"must be from 0 to {LONGEST_TIME:g} s, not {given:g}")
         return None
 
     def _expression(
@@ -139,16 +139,16 @@ class RuleParts:
         if given is None:
             return None
         if not isinstance(given, str):
-            self._file.complain(place, "must be an expression in quotes")
+            self._file.add_problem(place, "must be an expression in quotes")
             return None
         made = self._made(place, Expression, given)
         if made is None:
             return None
         self._check_names(made, place, names)
         for mistake in kinds.mistakes(made, self._known(names)):
-            self._file.complain(place, mistake)
+            self._file.add_problem(place, mistake)
         if not reads and (made.sensing or made.names & self._parts.readable):
-            self._file.complain(place, "must not read a sensor; use values of the message and of [state]")
+            self._file.add_problem(place, "must not read a sensor; use values of the message and of [state]")
         return made
 
     def _check_names(self, expression: Expression, place: str, names: Names) -> None:
@@ -156,12 +156,14 @@ class RuleParts:
         for name in sorted(expression.names - known):
             hint = did_you_mean(name, known)
             what = f"'{name}' is neither a value of the message, nor of [state], nor a sensor of the set"
-            self._file.complain(place, what + (hint or f"; there are {', '.join(sorted(known))}"))
+            self._file.add_problem(place, what + (hint or f"; there are {', '.join(sorted(known))}"))
 
     def _known(self, names: Names) -> Names:
         """Kinds of all names. A value of the state may have any kind."""
         numbers = dict.fromkeys((*self._parts.readable, *READING), NUMBER)
-        lists = {code: Known(ValueKind.LIST, length=each.rays) for code, each in self._parts.lidars.items()}
+        lists = {
+            code: StaticType(ValueKind.LIST, length=each.rays) for code, each in self._parts.lidars.items()
+        }
         return {**numbers, **lists, **dict.fromkeys(self._state, ANY), **names}
 
     def _made(self, place: str, make: Callable[P, T], *args: P.args, **named: P.kwargs) -> T | None:
@@ -169,5 +171,5 @@ class RuleParts:
         try:
             return make(*args, **named)
         except ValueError as error:
-            self._file.complain(place, str(error))
+            self._file.add_problem(place, str(error))
             return None

@@ -39,7 +39,7 @@ from simmer_tui.dialect.dialect_rules import (
     StreamRule,
 )
 from simmer_tui.dialect.frames import FrameKind, Framing
-from simmer_tui.dialect.kinds import ANY, LIST, NUMBER, TEXT, Known, ValueKind, kind_of
+from simmer_tui.dialect.kinds import ANY, LIST, NUMBER, TEXT, StaticType, ValueKind, kind_of
 from simmer_tui.dialect.patterns import NAME, Pattern
 from simmer_tui.dialect.set_parts import Parts
 from simmer_tui.dialect.templates import check_pack, pack_codes
@@ -94,10 +94,10 @@ class _Reader(RuleParts):
         self._state = dict(self._read_state())
         commands = file.tables("command")
         if len(commands) > MOST_RULES:
-            file.complain("command", f"there are more than {MOST_RULES} commands")
+            file.add_problem("command", f"there are more than {MOST_RULES} commands")
         rules = tuple(self._rule(each, number) for number, each in enumerate(commands[:MOST_RULES], 1))
         if not commands and not file.tables("stream"):
-            file.complain("", "has no [[command]]; add one for each message that the robot knows")
+            file.add_problem("", "has no [[command]]; add one for each message that the robot knows")
         streams = [self._stream(each, number) for number, each in enumerate(file.tables("stream"), 1)]
         unknown = file.table("unknown")
         file.check_names(unknown, UNKNOWN_KEYS, "unknown.")
@@ -125,7 +125,7 @@ class _Reader(RuleParts):
             return None
         others = [f"frame.{name}" for name in given if name != "kind"]
         for name in (*others, *(name for name in TABLES if name != "frame" and name in self._file.tree)):
-            self._file.complain(name, f'has no meaning beside kind = "{kind}", a protocol of the course')
+            self._file.add_problem(name, f'has no meaning beside kind = "{kind}", a protocol of the course')
         return CourseProtocol(kind)
 
     def _read_framing(self) -> Framing:
@@ -138,26 +138,28 @@ class _Reader(RuleParts):
         framing = Framing(**(values | marks))
         for name in _MARKS_OF.get(kind, ()):
             if not getattr(framing, name):
-                self._file.complain(f"frame.{name}", f"must not be empty for kind {kind.value}")
+                self._file.add_problem(f"frame.{name}", f"must not be empty for kind {kind.value}")
                 return Framing()
         if kind is FrameKind.BINARY:
             return self._with_head(framing, given)
         for name in HEAD_KEYS:
             if name in given:
-                self._file.complain(f"frame.{name}", 'is for kind = "binary" only')
+                self._file.add_problem(f"frame.{name}", 'is for kind = "binary" only')
         return framing
 
     def _with_head(self, framing: Framing, given: Mapping[str, Any]) -> Framing:
         head, names, body = (given.get(key) for key in HEAD_KEYS)
-        complain = self._file.complain
+        add_problem = self._file.add_problem
         if not isinstance(head, str):
-            complain("frame.head", 'must be a struct format, such as "<BB"')
+            add_problem("frame.head", 'must be a struct format, such as "<BB"')
         elif not _is_texts(names) or not all(NAME.fullmatch(each) for each in names):
-            complain("frame.names", 'must be a list of names, such as ["type", "size"]')
+            add_problem("frame.names", 'must be a list of names, such as ["type", "size"]')
         elif self._made("frame.head", _header, head, len(names)) is None:
             pass  # it has its problem
         elif body not in names and not (is_whole(body) and 0 <= body <= framing.longest):
-            complain("frame.body", f"must be one of {', '.join(names)}, or a length up to {framing.longest}")
+            add_problem(
+                "frame.body", f"must be one of {', '.join(names)}, or a length up to {framing.longest}"
+            )
         else:
             return replace(framing, head=head, names=tuple(names), body=body)
         return framing
@@ -166,11 +168,11 @@ class _Reader(RuleParts):
         for name, value in self._file.table("state").items():
             place = f"state.{name}"
             if not NAME.fullmatch(name) or name in expressions.CONSTANTS or name in READING:
-                self._file.complain(place, "is no name for a value of the state")
+                self._file.add_problem(place, "is no name for a value of the state")
             elif name in self._parts.readable:
-                self._file.complain(place, "is the code of a sensor; take another name")
+                self._file.add_problem(place, "is the code of a sensor; take another name")
             elif isinstance(value, bool) or not isinstance(value, int | float | str):
-                self._file.complain(place, "must be a number or a text")
+                self._file.add_problem(place, "must be a number or a text")
             else:
                 yield name, value
 
@@ -178,20 +180,20 @@ class _Reader(RuleParts):
 
     def _rule(self, given: Mapping[str, Any], number: int) -> MessageRule:
         prefix = f"command.{number}."
-        complain = self._file.complain
+        add_problem = self._file.add_problem
         self._file.check_names(given, COMMAND_KEYS, prefix)
         unpack, fields = self._made(f"{prefix}unpack", _unpack, given.get("unpack")) or ("", ())
         patterns = self._patterns(given, prefix)
         kind = self._type(given, prefix)
         if not {"match", "type"} & set(given):
-            complain(f"{prefix}match", "is missing; it says which message this is for")
+            add_problem(f"{prefix}match", "is missing; it says which message this is for")
         # A value that only some of the patterns have cannot be used.
         known = self._names_of(patterns, unpack, fields)
         for name in known:
             if name in self._parts.readable:
-                complain(f"{prefix}match", f"{{{name}}} is the code of a sensor; take another name")
+                add_problem(f"{prefix}match", f"{{{name}}} is the code of a sensor; take another name")
             elif name in expressions.CONSTANTS:
-                complain(f"{prefix}match", f"{{{name}}} is a factor of length; take another name")
+                add_problem(f"{prefix}match", f"{{{name}}} is a factor of length; take another name")
         if kind is not None:
             known["text"] = TEXT
         rule = MessageRule(
@@ -210,10 +212,12 @@ class _Reader(RuleParts):
             busy=self._made(f"{prefix}busy", _busy, given.get("busy")),
         )
         if not rule.steps and (rule.done or rule.stopped):
-            complain(f"{prefix}do", "is missing; done and stopped are sent at the end of its steps")
+            add_problem(f"{prefix}do", "is missing; done and stopped are sent at the end of its steps")
         return rule
 
-    def _names_of(self, patterns: Sequence[Pattern], unpack: str, fields: Sequence[str]) -> dict[str, Known]:
+    def _names_of(
+        self, patterns: Sequence[Pattern], unpack: str, fields: Sequence[str]
+    ) -> dict[str, StaticType]:
         """The values of a message, without those that only some of its patterns have."""
         packed = zip(fields, pack_codes(unpack), strict=False)
         found = {name: TEXT if code in "spc" else NUMBER for name, code in packed}
@@ -226,15 +230,15 @@ class _Reader(RuleParts):
     def _patterns(self, given: Mapping[str, Any], prefix: str) -> tuple[Pattern, ...]:
         place, texts = f"{prefix}match", _listed(given.get("match", []))
         if not _is_texts(texts) or ("match" in given and not texts):
-            self._file.complain(place, "must be a text or a list of texts")
+            self._file.add_problem(place, "must be a text or a list of texts")
             return ()
         patterns = without_gaps([self._made(place, Pattern, each) for each in texts])
         for pattern in patterns:
             if self._framing.kind is FrameKind.BYTE and len(pattern.example) != 1:
-                self._file.complain(place, f"'{pattern.source}': a message is one character here")
+                self._file.add_problem(place, f"'{pattern.source}': a message is one character here")
             elif pattern.match(pattern.example) is None:
                 what = f"'{pattern.source}' matches nothing: one field leaves nothing to the next"
-                self._file.complain(place, what)
+                self._file.add_problem(place, what)
         return patterns
 
     def _type(self, given: Mapping[str, Any], prefix: str) -> int | None:
@@ -242,22 +246,26 @@ class _Reader(RuleParts):
         if self._framing.kind is not FrameKind.BINARY:
             if kind is not None or "unpack" in given:
                 key = "type" if kind is not None else "unpack"
-                self._file.complain(prefix + key, 'is for [frame] kind = "binary" only')
+                self._file.add_problem(prefix + key, 'is for [frame] kind = "binary" only')
             return None
         if "match" in given and "unpack" in given:
-            self._file.complain(f"{prefix}unpack", "stands beside match; one of them takes the content apart")
+            self._file.add_problem(
+                f"{prefix}unpack", "stands beside match; one of them takes the content apart"
+            )
         if TYPE not in self._framing.names:
             if kind is not None and self._is_framed:
-                self._file.complain(f"{prefix}type", f"the header has no field '{TYPE}' (names in [frame])")
+                self._file.add_problem(
+                    f"{prefix}type", f"the header has no field '{TYPE}' (names in [frame])"
+                )
             return None
         if not is_whole(kind):
-            self._file.complain(f"{prefix}type", "must be a whole number: the header's field type")
+            self._file.add_problem(f"{prefix}type", "must be a whole number: the header's field type")
             return None
         code = tuple(pack_codes(self._framing.head))[self._framing.names.index(TYPE)]
         try:
             struct.pack(f"<{code}", kind)
         except struct.error:
-            self._file.complain(f"{prefix}type", f"{kind} does not fit the header '{self._framing.head}'")
+            self._file.add_problem(f"{prefix}type", f"{kind} does not fit the header '{self._framing.head}'")
         return kind
 
     # -- steps -------------------------------------------------------------------------------------
@@ -265,7 +273,7 @@ class _Reader(RuleParts):
     def _steps(self, given: Mapping[str, Any], prefix: str, names: Names) -> tuple[Step, ...]:
         texts = _listed(given.get("do", []))
         if not _is_texts(texts):
-            self._file.complain(f"{prefix}do", "must be a step or a list of steps, each a text")
+            self._file.add_problem(f"{prefix}do", "must be a step or a list of steps, each a text")
             return ()
         place = f"{prefix}do"
         return without_gaps([self._made(place, self._step, text.strip(), place, names) for text in texts])
@@ -327,11 +335,11 @@ class _Reader(RuleParts):
             or not isinstance(every, int | float)
             or not 0.0005 <= every <= LONGEST_TIME
         ):
-            self._file.complain(f"{prefix}every", f"must be seconds from 0.0005 to {LONGEST_TIME:g}")
+            self._file.add_problem(f"{prefix}every", f"must be seconds from 0.0005 to {LONGEST_TIME:g}")
             return None
         send = self._replies(given, "send", prefix, {"tick": NUMBER})
         if "send" not in given:
-            self._file.complain(f"{prefix}send", "is missing; it says what is sent")
+            self._file.add_problem(f"{prefix}send", "is missing; it says what is sent")
         condition = self._expression(given.get("if"), f"{prefix}if", {"tick": NUMBER}, reads=False)
         return StreamRule(float(every), send, condition, self._file.place(f"stream.{number}"))
 
@@ -345,13 +353,13 @@ class _Reader(RuleParts):
                 taken = next((each for each in earlier if _takes(each, rule, pattern)), None)
                 if taken is not None:
                     what = f"'{pattern.example}' is taken by the command before it at {taken.place}"
-                    self._file.complain(f"command.{rule.number}.match", f"{what}; put this one first")
+                    self._file.add_problem(f"command.{rule.number}.match", f"{what}; put this one first")
             if rule.type is None or rule.patterns:
                 continue
             taken = next((each for each in earlier if _takes_frames(each, rule)), None)
             if taken is not None:
                 what = f"type {rule.type} is taken by the command before it at {taken.place}"
-                self._file.complain(f"command.{rule.number}.type", f"{what}; give that one an if")
+                self._file.add_problem(f"command.{rule.number}.type", f"{what}; give that one an if")
 
 
 def _header(head: str, count: int) -> str:
@@ -395,13 +403,13 @@ def _takes_frames(earlier: MessageRule, rule: MessageRule) -> bool:
     return not earlier.unpack or same
 
 
-def _known(pattern: Pattern, name: str) -> Known:
+def _known(pattern: Pattern, name: str) -> StaticType:
     """Kind and values of a field of a pattern."""
     values = tuple(pattern.choices.get(name, {}).values())
     if not values:
         return _KINDS.get(pattern.kinds[name], ANY)
     found = {kind_of(each) for each in values}
-    return Known(found.pop() if len(found) == 1 else ValueKind.ANY, values)
+    return StaticType(found.pop() if len(found) == 1 else ValueKind.ANY, values)
 
 
 def _takes(earlier: MessageRule, rule: MessageRule, pattern: Pattern) -> bool:

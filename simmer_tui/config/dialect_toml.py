@@ -59,7 +59,7 @@ ROBOT = (
     _key("boot", _SECONDS, "time after opening in which bytes are lost", "s"),
     _key("greeting", RawTextRule(256), "text sent after that"),
     _key("halts_after", _SECONDS, "time without any byte after which an untimed run stops; 0: never", "s"),
-    _key("runs_on", FlagRule(), "an untimed run goes on when the program has left"),
+    _key("runs_on", FlagRule(), "an untimed run continues when the program has left"),
 )
 """The keys of [robot], by field of `RobotRules`: properties of the robot's own program."""
 HEAD_KEYS = ("head", "names", "body")

@@ -65,7 +65,7 @@ PACKET_REPLIES = DialectPort(
     "packet replies", "packet_reply_port", 61201, "port that sends the replies to packets, 0 for any free one"
 )
 # Only of this simulator: the next port after the MATLAB ones.
-BELIEFS = DialectPort("beliefs", "belief_port", 9002, "port where programs say what they believe, 0 for any")
+BELIEFS = DialectPort("beliefs", "belief_port", 9002, "port where programs send their beliefs, 0 for any")
 
 # The next port of this simulator. It is fixed, so that an IDE's settings (`simmer-tui env`) stay right.
 SERIAL = DialectPort("serial", "dialect_port", 9003, "port of programs that open a serial port, 0 for any")

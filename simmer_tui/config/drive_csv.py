@@ -108,7 +108,7 @@ def _read_id(row: TableRow, seen: dict[str, int]) -> str | None:
     try:
         name: str = from_cell(COLUMNS[0].rule, row.values[ID])
     except ValueError as error:
-        row.complain(ID, str(error))
+        row.add_problem(ID, str(error))
         return None
     claim_id(name, row, seen)
     return name

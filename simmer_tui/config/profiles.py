@@ -143,7 +143,7 @@ def drive_profile(name: str, place: str, problems: list[Problem]) -> DriveProfil
         if isinstance(table, dict):
             movements[kind] = _movement(file, table, f"{kind.value}.")
         elif kind in _COURSE:
-            file.complain(kind.value, "this table is missing")
+            file.add_problem(kind.value, "this table is missing")
     return None if len(problems) > before else DriveProfile(name, top["title"], top["strength"], movements)
 
 

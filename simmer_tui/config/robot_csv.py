@@ -56,7 +56,7 @@ def _refuse_further_rows(table: CsvTable) -> bool:
     further = [row for row in table.rows[3:] if row.cell(_B) or row.cell(_C)]
     if further:
         what = "a circle or rectangle ends with row 3; only shape 2, a polygon, has more rows"
-        table.complain(further[0], _B, what)
+        table.add_problem(further[0], _B, what)
     return not further
 
 
@@ -74,7 +74,7 @@ def _read_polygon(table: CsvTable) -> RobotSpec | None:
         vertices.pop()
     what = outline_fault(vertices)
     if what:
-        table.complain(table.rows[min(1, len(table.rows) - 1)], _B, what)
+        table.add_problem(table.rows[min(1, len(table.rows) - 1)], _B, what)
         return None
     return RobotSpec.polygon(tuple(vertices))
 

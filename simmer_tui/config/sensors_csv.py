@@ -132,7 +132,7 @@ def _spec(kind: type[SensorKind], number: int, row: TableRow, values: dict[str, 
     if contradiction is not None:
         columns, what = contradiction
         place = next((c.name for c in columns if row.values.get(c.name)), columns[0].name)
-        row.complain(place, what)
+        row.add_problem(place, what)
     return spec
 
 
@@ -147,7 +147,7 @@ def _read_id(row: TableRow, kinds: SensorKinds, seen: dict[str, int]) -> tuple[t
         number = _NUMBER_AT_END.search(text)
         hint = did_you_mean(text, [f"{kind}{number[0] if number else 1}" for kind in kinds])
         what = f"must be a type and a number, such as ultra1, not {shown}{hint}"
-        row.complain(ID, f"{what} (types: {listed(kinds)})")
+        row.add_problem(ID, f"{what} (types: {listed(kinds)})")
         return None
     kind, number_value = kinds[match[1]], int(match[2])
     return (kind, number_value) if claim_id(f"{kind.name}{number_value}", row, seen) else None

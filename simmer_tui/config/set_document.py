@@ -70,7 +70,7 @@ GRIPPER = DataTable("gripper", "The gripper", _columns("code enabled", columns.G
 VELOCITIES = DataTable("velocities", "Commands of continuous motion", _columns("id code enabled"))
 MISSION = DataTable(
     "mission",
-    "The mission; null for what is drawn anew",
+    "The mission; null for a value that each run draws from its seed",
     _columns("start heading_deg heading_drawn block clearance_in drop_zone time_limit_s contacts"),
     record=True,
 )

@@ -374,7 +374,7 @@ class KeySettings(Struct, frozen=True, kw_only=True):
     pan_right: Annotated[str, _key("look further right")] = "ctrl+right"
     pan_up: Annotated[str, _key("look further up")] = "ctrl+up"
     pan_down: Annotated[str, _key("look further down")] = "ctrl+down"
-    floor: Annotated[str, _key("tell the floor's tiles apart: if lines are read, always, never")] = "l"
+    floor: Annotated[str, _key("show the floor's black tiles: if lines are read, always, never")] = "l"
     heat: Annotated[str, _key("draw a belief that is a grid as a map, or only its best cell")] = "H"
     help: Annotated[str, _key("help")] = "question_mark"
 

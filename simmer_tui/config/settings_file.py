@@ -90,7 +90,7 @@ def _report_unknown(name: str, known: Iterable[str], file: TomlFile) -> None:
     """Add the problem with a name that is no setting."""
     tables = {each.rpartition(".")[0] for each in known} - {""}
     if name in tables:
-        file.complain(name, f"is a table of settings, written [{name}] on a line of its own")
+        file.add_problem(name, f"is a table of settings, written [{name}] on a line of its own")
         return
     # The first of those with the same last part: settings outside tables come before the others.
     full_names = {each.rpartition(".")[2]: each for each in reversed([*known])}
@@ -100,7 +100,7 @@ def _report_unknown(name: str, known: Iterable[str], file: TomlFile) -> None:
     hint = hint or did_you_mean(leaf, full_names)
     if "." in name and same_leaf and "." not in same_leaf:
         hint += " It belongs above the first [table]."
-    file.complain(name, f"is not a setting{hint}")
+    file.add_problem(name, f"is not a setting{hint}")
 
 
 def _apply_seed_option(

@@ -54,7 +54,7 @@ class TomlFile:
             found = found.rpartition(".")[0]
         return f"{self.file}:{self._lines[found]}:{shown}" if found else f"{self.file}:{shown}"
 
-    def complain(self, name: str, what: str) -> None:
+    def add_problem(self, name: str, what: str) -> None:
         """Add a problem at the place of a name."""
         self._problems.append(Problem(self.place(name), what))
 
@@ -66,7 +66,7 @@ class TomlFile:
         listing = f" ({listed_as}: {', '.join(known)})" if listed_as else ""
         for name in names:
             if name not in known:
-                self.complain(prefix + name, f"is not known here{did_you_mean(name, known) or listing}")
+                self.add_problem(prefix + name, f"is not known here{did_you_mean(name, known) or listing}")
 
     def table(self, name: str) -> dict[str, Any]:
         """A table by its dotted name; empty if it is missing, and a problem if it is something else."""
@@ -74,7 +74,7 @@ class TomlFile:
         for part in name.split("."):
             found = found.get(part, {})
             if not isinstance(found, dict):
-                self.complain(name, f"must be a table: [{name}]")
+                self.add_problem(name, f"must be a table: [{name}]")
                 return {}
         table: dict[str, Any] = found
         return table
@@ -84,7 +84,7 @@ class TomlFile:
         found = self.tree.get(name, [])
         if isinstance(found, list) and all(isinstance(each, dict) for each in found):
             return found
-        self.complain(name, f"must be tables: [[{name}]]")
+        self.add_problem(name, f"must be tables: [[{name}]]")
         return []
 
     def values(
@@ -110,7 +110,7 @@ class TomlFile:
         if needed:
             for name, value in described.items():
                 if name not in tree:
-                    self.complain(prefix + name, f"is missing; must be {value.rule.allowed}")
+                    self.add_problem(prefix + name, f"is missing; must be {value.rule.allowed}")
         names = [*described, *others]
         values: dict[str, Any] = {}
         for name, given in tree.items():
@@ -126,7 +126,7 @@ class TomlFile:
         try:
             values[value.name] = value.rule.check(given)
         except ValueError as error:
-            self.complain(name, value.with_unit(str(error)))
+            self.add_problem(name, value.with_unit(str(error)))
 
 
 def _parsed(text: str, file: str, problems: list[Problem]) -> dict[str, Any]:

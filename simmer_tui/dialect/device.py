@@ -101,7 +101,7 @@ class DeviceHost(Protocol):
     def tell(self, text: str) -> None:
         """Tell a fault of the program, or of the rules."""
 
-    def mention(self, text: str) -> None:
+    def inform(self, text: str) -> None:
         """Tell a fact that is a fault of neither."""
 
 
@@ -147,16 +147,16 @@ class DialectDevice:
     Args:
         rules: The rules.
         host: The robot and the wire.
-        heard: Called with the rule and the values of each message before it is carried out.
+        observer: Called with the rule and the values of each message before it is carried out.
     """
 
     def __init__(
         self,
         rules: DialectRules,
         host: DeviceHost,
-        heard: Callable[[MessageRule, Mapping[str, FieldValue]], None] = lambda rule, values: None,
+        observer: Callable[[MessageRule, Mapping[str, FieldValue]], None] = lambda rule, values: None,
     ) -> None:
-        self._heard = heard
+        self._observer = observer
         self.host = host
         self.state: dict[str, FieldValue] = dict(rules.state)
         self.unknown = 0
@@ -182,7 +182,7 @@ class DialectDevice:
         self._runs = False
         """True while an untimed run is under way."""
         self._faults = FaultNotices(host.tell)
-        self._mentions = FaultNotices(host.mention)
+        self._facts = FaultNotices(host.inform)
 
     @property
     def unfinished(self) -> bool:
@@ -196,7 +196,7 @@ class DialectDevice:
 
     @property
     def doing(self) -> Mapping[str, FieldValue] | None:
-        """The values of the message whose movement is under way, the same object that `heard` got."""
+        """The values of the message whose movement is under way, the same object that `observer` got."""
         return self._moving.values if self._moving is not None else None
 
     # -- the wire ----------------------------------------------------------------------------------
@@ -228,7 +228,7 @@ class DialectDevice:
         for noise in self._deframer.end():
             self._tell_noise(noise)
         self._faults.end()
-        self._mentions.end()
+        self._facts.end()
         for timer in (*self._streams, self._silence):
             if timer is not None:
                 timer.cancel()
@@ -276,7 +276,7 @@ class DialectDevice:
         self._watchdog = None
         if self._runs:
             silence = f"nothing has come for {self._rules.robot.halts_after:g} s"
-            self._mentions.note(f"{silence}: the robot stops (halts_after)")
+            self._facts.note(f"{silence}: the robot stops (halts_after)")
             self._halt(source=WATCHDOG)
 
     # -- messages ----------------------------------------------------------------------------------
@@ -299,7 +299,7 @@ class DialectDevice:
         values.setdefault("text", text)
         task = _Task(rule, values, len(frame.data), iter(rule.steps))
         self.host.done(frame.data, rule.shown)
-        self._heard(rule, values)
+        self._observer(rule, values)
         self._admit(task)
 
     def _admit(self, task: _Task) -> None:
@@ -620,7 +620,7 @@ class DialectDevice:
             skipped = math.floor(-left / stream.every)
             tick, left = tick + skipped, left + skipped * stream.every
             what = f"{skipped} messages of a stream that were more than {LATEST:g} s late are left out"
-            self._mentions.note(what, alike=("late", index))
+            self._facts.note(what, alike=("late", index))
         later = self.host.call_later(max(left, 0.0), lambda: self._tick(index, stream, tick))
         self._streams[index] = later
 

@@ -13,7 +13,7 @@ from simmer_tui.dialect.device import DialectDevice, MoveEnd
 from simmer_tui.dialect.dialect_rules import DialectRules, MessageRule
 from simmer_tui.dialect.expressions import FieldValue
 from simmer_tui.dialect.readings import MessageScope
-from simmer_tui.dialect.reply_reader import SILENCE, Due, Heard, ReplyReader
+from simmer_tui.dialect.reply_reader import SILENCE, PendingReply, ReplyReader, RobotReply
 from simmer_tui.dialect.templates import TextReply
 from simmer_tui.errors import ExpressionError
 from simmer_tui.sim.command import escape, parse_command, parse_value
@@ -22,7 +22,7 @@ from simmer_tui.sim.command import escape, parse_command, parse_value
 LATE = 0.1
 """Seconds by which a reply may be later or earlier than by the dialect."""
 # The last messages may be answered after the end of the record.
-PATIENCE = 1.0
+REPLY_TIMEOUT = 1.0
 """Seconds before the end of an exchange in which a reply may still be missing."""
 
 
@@ -108,11 +108,11 @@ class _PlannedHost:
     def send(self, data: bytes, *, droppable: bool = False) -> None:
         """Search the robot's answers for the dialect's answer."""
 
-    def mention(self, text: str) -> None:
+    def inform(self, text: str) -> None:
         """Ignored: the robot sends nothing for it."""
 
     def done(self, message: bytes, meaning: str) -> None:
-        """Ignored: `heard` gets the rule of each message."""
+        """Ignored: `observer` gets the rule of each message."""
 
 
 class _Asked(Struct, frozen=True):
@@ -142,9 +142,9 @@ class Comparison:
         self._asked: dict[int, _Asked] = {}
         """Pending messages, by the identity of their values."""
         self._delays: dict[str, list[tuple[float, float, int]]] = {}
-        heard = replace(rules, streams=(), robot=replace(rules.robot, boot=0.0, greeting=""), unknown=())
+        reactive = replace(rules, streams=(), robot=replace(rules.robot, boot=0.0, greeting=""), unknown=())
         self._host = _PlannedHost(rules, self._note)
-        self._device = DialectDevice(heard, self._host, self._heard)
+        self._device = DialectDevice(reactive, self._host, self._note_message)
         self._reader = ReplyReader(rules, self._device.state)
 
     def differences(self, pieces: Sequence[Exchanged]) -> list[OtherAnswer]:
@@ -168,7 +168,7 @@ class Comparison:
     def _note(self, text: str) -> None:
         self._found.add(OtherAnswer(self._line, text))
 
-    def _heard(self, rule: MessageRule, values: Mapping[str, FieldValue]) -> None:
+    def _note_message(self, rule: MessageRule, values: Mapping[str, FieldValue]) -> None:
         self.messages += 1
         if rule.stops:
             return
@@ -181,37 +181,37 @@ class Comparison:
         self._asked[id(values)] = _Asked(self._line, self._host.now, takes, values)
         self._reader.asked(rule, values)
 
-    def _take(self, replies: Sequence[Heard]) -> None:
-        for heard in replies:
-            if not heard.part:
-                self._find_unknown(heard)
+    def _take(self, replies: Sequence[RobotReply]) -> None:
+        for reply in replies:
+            if not reply.part:
+                self._find_unknown(reply)
                 continue
-            asked = self._asked.get(id(heard.values)) if heard.values is not None else None
-            if heard.part == "reply" and heard.rule is not None and asked is not None:
-                delay = self._host.now - asked.time - len(heard.data) * self._byte
-                self._delays.setdefault(heard.rule.shown, []).append((delay, asked.takes, asked.line))
+            asked = self._asked.get(id(reply.values)) if reply.values is not None else None
+            if reply.part == "reply" and reply.rule is not None and asked is not None:
+                delay = self._host.now - asked.time - len(reply.data) * self._byte
+                self._delays.setdefault(reply.rule.shown, []).append((delay, asked.takes, asked.line))
 
-    def _find_unknown(self, heard: Heard) -> None:
-        shown = escape(heard.data.decode("latin-1").strip())
+    def _find_unknown(self, reply: RobotReply) -> None:
+        shown = escape(reply.data.decode("latin-1").strip())
         if not shown:
             return
-        due = next(iter(self._reader.due), None)
-        if due is None:
+        pending = next(iter(self._reader.pending), None)
+        if pending is None:
             self._note(f"the robot says '{shown}', and the dialect nothing")
             return
-        self._note(f"'{due.rule.shown}': the robot says '{shown}', and the dialect '{_said(due)}'")
-        self._reader.forget(due.rule)
+        self._note(f"'{pending.rule.shown}': the robot says '{shown}', and the dialect '{_said(pending)}'")
+        self._reader.forget(pending.rule)
 
     def _find_missing(self, end: float) -> None:
         """Replies of the dialect that the robot never sent."""
-        for due in self._reader.due:
-            asked = self._asked.get(id(due.values))
-            if asked is None or due.part == "stopped" or asked.time > end - PATIENCE:
+        for pending in self._reader.pending:
+            asked = self._asked.get(id(pending.values))
+            if asked is None or pending.part == "stopped" or asked.time > end - REPLY_TIMEOUT:
                 continue
-            if due.part == "done" and self._device.doing is due.values:
+            if pending.part == "done" and self._device.doing is pending.values:
                 continue
-            what = {"reply": "does not answer", "done": "says nothing at its end"}[due.part]
-            text = f"'{due.rule.shown}': the robot {what}, and the dialect says '{_said(due)}'"
+            what = {"reply": "does not answer", "done": "says nothing at its end"}[pending.part]
+            text = f"'{pending.rule.shown}': the robot {what}, and the dialect says '{_said(pending)}'"
             self._found.add(OtherAnswer(asked.line, text))
 
     def _find_late(self) -> None:
@@ -224,10 +224,10 @@ class Comparison:
                 self._found.add(OtherAnswer(delays[0][2], text))
 
 
-def _said(due: Due) -> str:
+def _said(pending: PendingReply) -> str:
     """The dialect's answer."""
     shown = (
         reply.source if isinstance(reply, TextReply) else f"a frame of type {reply.type}"
-        for reply in due.templates
+        for reply in pending.templates
     )
     return escape("; ".join(shown))

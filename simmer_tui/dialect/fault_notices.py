@@ -5,8 +5,8 @@ from collections.abc import Callable
 UNKNOWN_MESSAGE = "unknown"
 """Beginning of the meaning of a message that no command matches; the nearest command follows."""
 # A program with more faults uses another language, which twenty lines show as well as a thousand.
-MOST_TOLD = 20
-"""Different faults that are told while a port is open."""
+MOST_FAULTS = 20
+"""Different faults that are reported while a port is open."""
 
 
 class FaultNotices:
@@ -21,13 +21,13 @@ class FaultNotices:
         self._tell = tell
         self._counts: dict[object, int] = {}
         self._texts: dict[object, str] = {}
-        self._untold = 0
+        self._unreported = 0
 
     def note(self, text: str, alike: object = None) -> None:
         """Count a fault. Faults with an equal `alike`, by default the text, are the same."""
         key = text if alike is None else alike
-        if key not in self._counts and len(self._counts) >= MOST_TOLD:
-            self._untold += 1
+        if key not in self._counts and len(self._counts) >= MOST_FAULTS:
+            self._unreported += 1
             return
         self._counts[key] = self._counts.get(key, 0) + 1
         if key not in self._texts:
@@ -35,11 +35,11 @@ class FaultNotices:
             self._tell(text)
 
     def end(self) -> None:
-        """Tell the number of occurrences of each repeated fault, and forget them all."""
+        """Report the number of occurrences of each repeated fault, and forget them all."""
         for key, count in self._counts.items():
             if count > 1:
                 self._tell(f"{count} times in all: {self._texts[key]}")
-        if self._untold:
-            more = "1 more was" if self._untold == 1 else f"{self._untold} more were"
-            self._tell(f"{MOST_TOLD} different faults were told, {more} not")
-        self._counts, self._texts, self._untold = {}, {}, 0
+        if self._unreported:
+            more = "1 more was" if self._unreported == 1 else f"{self._unreported} more were"
+            self._tell(f"{MOST_FAULTS} different faults were reported, {more} not")
+        self._counts, self._texts, self._unreported = {}, {}, 0

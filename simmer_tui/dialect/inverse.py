@@ -39,7 +39,7 @@ MOST_CHOICES = 256
 _DECIMALS = 4
 
 
-class Turned(Struct, frozen=True):
+class DialectMessage(Struct, frozen=True):
     """A message that does what a command asks.
 
     `number` is the one in it, NaN if there is none. `rule` is the rule that it matches.
@@ -72,15 +72,15 @@ class InverseRules:
 
     # -- messages for commands -----------------------------------------------------------------------
 
-    def stop(self, state: Mapping[str, FieldValue]) -> Turned | None:
+    def stop(self, state: Mapping[str, FieldValue]) -> DialectMessage | None:
         """The message of a rule that is a plain stop."""
         for rule in self._rules.rules:
             if rule.steps and all(isinstance(step, StopStep) for step in rule.steps):
-                for turned in self._messages(rule, state):
-                    return turned
+                for message in self._messages(rule, state):
+                    return message
         return None
 
-    def drive(self, code: str, value: float, state: Mapping[str, FieldValue]) -> Turned | str:
+    def drive(self, code: str, value: float, state: Mapping[str, FieldValue]) -> DialectMessage | str:
         """The message for a movement of known length, or the reason there is none."""
         made = self._moves(code, value, state)
         # The robot's own word for the opposite direction is tried before a negative number, which its sketch
@@ -100,7 +100,7 @@ class InverseRules:
                 return code, sign
         return None
 
-    def held(self, code: str, value: float, state: Mapping[str, FieldValue]) -> Turned | str:
+    def held(self, code: str, value: float, state: Mapping[str, FieldValue]) -> DialectMessage | str:
         """The message for a key that drives while it is held. It is an untimed run, if a rule has one; else a
         movement by `value`, else one of the rule's own length."""
         wanted = self._direction(code, value)
@@ -111,16 +111,16 @@ class InverseRules:
         if math.inf in ways:
             return messages[ways.index(math.inf)]
         driven = self.drive(code, value, state)
-        if isinstance(driven, Turned):
+        if isinstance(driven, DialectMessage):
             return driven
         return next((each for each, way in zip(messages, ways, strict=True) if way > 0), driven)
 
-    def read(self, code: str, state: Mapping[str, FieldValue]) -> Turned | str:
+    def read(self, code: str, state: Mapping[str, FieldValue]) -> DialectMessage | str:
         """The message that is answered with a reading of a sensor, or the reason there is none."""
         for rule in self._rules.rules:
             if not rule.steps and code in readable(rule, self._rules.single, state):
-                for turned in self._messages(rule, state):
-                    return turned
+                for message in self._messages(rule, state):
+                    return message
         return f"no message of the dialect without a movement is answered with {code} alone in a field"
 
     def dictionary(self) -> Iterator[tuple[str, str]]:
@@ -134,13 +134,13 @@ class InverseRules:
             for sign, shown in ((1.0, f"{code}-N"), (-1.0, f"{code}--N")):
                 # A number that a robot of any size can do, and that no rule has as a constant.
                 driven, held = self.drive(code, sign * 1.375, state), self.held(code, sign * 1.375, state)
-                if isinstance(driven, Turned):
+                if isinstance(driven, DialectMessage):
                     yield shown, driven.rule.shown
-                elif isinstance(held, Turned):
+                elif isinstance(held, DialectMessage):
                     yield f"{shown}, keys only", held.rule.shown
         for code in sorted(self._rules.single):
             asked = self.read(code, state)
-            if isinstance(asked, Turned):
+            if isinstance(asked, DialectMessage):
                 yield code, asked.text
 
     def _why_no(self, code: str) -> str:
@@ -159,18 +159,18 @@ class InverseRules:
         sign = math.copysign(1.0, value)
         return (sign * speed[0] / size, sign * speed[1] / size, sign * speed[2] / size)
 
-    def _moves(self, code: str, value: float, state: Mapping[str, FieldValue]) -> Iterator[Turned]:
+    def _moves(self, code: str, value: float, state: Mapping[str, FieldValue]) -> Iterator[DialectMessage]:
         wanted = self._direction(code, value)
         if wanted is None:
             return
         for rule in self._rules.rules:
             if len(rule.steps) == 1 and isinstance(rule.steps[0], MoveStep | RunStep):
                 solved = (self._solved(form, wanted, abs(value), state) for form in _forms(rule))
-                yield from (turned for turned in solved if turned is not None)
+                yield from (message for message in solved if message is not None)
 
     def _solved(
         self, form: "_Form", wanted: Velocity | str, distance: float, state: Mapping[str, FieldValue]
-    ) -> Turned | None:
+    ) -> DialectMessage | None:
         """The message that moves by this distance, with its number solved for."""
         numbers = form.numbers
         if len(numbers) > 1:
@@ -192,17 +192,17 @@ class InverseRules:
             texts[name] = text
             # With whole numbers, the robot's language allows no more exact distance.
             slack = abs(line[0]) * (0.5 if kind in ("int", "digit") else 10.0**-_DECIMALS) + SAME
-        turned = self._message(form, texts, state)
-        found = self._does(turned, state) if turned is not None else None
-        if turned is None or found is None or not abs(_along(found, wanted) - distance) <= slack:
+        message = self._message(form, texts, state)
+        found = self._does(message, state) if message is not None else None
+        if message is None or found is None or not abs(_along(found, wanted) - distance) <= slack:
             return None
-        return replace(turned, number=number, seconds=found.seconds)
+        return replace(message, number=number, seconds=found.seconds)
 
-    def _does(self, turned: Turned, state: Mapping[str, FieldValue]) -> _Found | None:
+    def _does(self, message: DialectMessage, state: Mapping[str, FieldValue]) -> _Found | None:
         """The movement that a message makes."""
-        frame = self._frame(turned.data)
-        values = turned.rule.values(frame) if frame is not None else None
-        return self._evaluated(turned.rule, values, state) if values is not None else None
+        frame = self._frame(message.data)
+        values = message.rule.values(frame) if frame is not None else None
+        return self._evaluated(message.rule, values, state) if values is not None else None
 
     def _evaluated(
         self, rule: MessageRule, values: Mapping[str, FieldValue], state: Mapping[str, FieldValue]
@@ -233,17 +233,17 @@ class InverseRules:
 
     # -- messages ------------------------------------------------------------------------------------
 
-    def _messages(self, rule: MessageRule, state: Mapping[str, FieldValue]) -> Iterator[Turned]:
+    def _messages(self, rule: MessageRule, state: Mapping[str, FieldValue]) -> Iterator[DialectMessage]:
         """The messages of a rule that need no number."""
         forms = _forms(rule)
         if rule.type is not None and not rule.patterns and not rule.unpack:
             forms = iter((_Form(rule),))
         made = (self._message(form, {}, state) for form in forms)
-        yield from (turned for turned in made if turned is not None)
+        yield from (message for message in made if message is not None)
 
     def _message(
         self, form: "_Form", numbers: Mapping[str, str], state: Mapping[str, FieldValue]
-    ) -> Turned | None:
+    ) -> DialectMessage | None:
         """The message with these numbers; None if one is missing, or an earlier rule matches it."""
         try:
             content, text = form.content(numbers)
@@ -256,7 +256,7 @@ class InverseRules:
         found = self._rules.found(frame, lambda values: MessageScope(state, values))
         if found is None or found[0] is not form.rule:
             return None
-        return Turned(data, text, form.rule)
+        return DialectMessage(data, text, form.rule)
 
     def _framed(self, rule: MessageRule, content: bytes) -> bytes:
         framing = self._rules.framing

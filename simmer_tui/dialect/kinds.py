@@ -19,8 +19,8 @@ class ValueKind(StrEnum):
     ANY = "of any kind"
 
 
-class Known(Struct, frozen=True):
-    """Static knowledge of a name: its kind, all its values if they are few, and for a sensor that reads a
+class StaticType(Struct, frozen=True):
+    """The static type of a name: its kind, all its values if they are few, and for a sensor that reads a
     list its length."""
 
     kind: ValueKind = ValueKind.ANY
@@ -28,7 +28,7 @@ class Known(Struct, frozen=True):
     length: int | None = None
 
 
-NUMBER, TEXT, LIST, ANY = (Known(each) for each in ValueKind)
+NUMBER, TEXT, LIST, ANY = (StaticType(each) for each in ValueKind)
 _KINDS: Mapping[type, ValueKind] = {str: ValueKind.TEXT, tuple: ValueKind.LIST}
 """Kinds of values by type; all others are numbers."""
 _RESULTS = {"scan": ValueKind.LIST, "named": ValueKind.TEXT, "pick": ValueKind.ANY}
@@ -42,7 +42,7 @@ def kind_of(value: FieldValue) -> ValueKind:
     return _KINDS.get(type(value), ValueKind.NUMBER)
 
 
-def field_mistakes(field: Field, names: Mapping[str, Known]) -> Iterator[str]:
+def field_mistakes(field: Field, names: Mapping[str, StaticType]) -> Iterator[str]:
     """The mistakes in the kinds of a reply's field."""
     reader = _Reader(names)
     if reader.kind(field.expression.tree) is ValueKind.LIST and field.joint is None and not reader.mistakes:
@@ -50,12 +50,12 @@ def field_mistakes(field: Field, names: Mapping[str, Known]) -> Iterator[str]:
     yield from (f"'{field.expression.source}': {each}" for each in reader.mistakes)
 
 
-def kind(expression: Expression, names: Mapping[str, Known]) -> ValueKind:
+def kind(expression: Expression, names: Mapping[str, StaticType]) -> ValueKind:
     """The kind of an expression's value."""
     return _Reader(names).kind(expression.tree)
 
 
-def mistakes(expression: Expression, names: Mapping[str, Known]) -> Iterator[str]:
+def mistakes(expression: Expression, names: Mapping[str, StaticType]) -> Iterator[str]:
     """The mistakes in the kinds of an expression."""
     reader = _Reader(names)
     reader.kind(expression.tree)
@@ -65,7 +65,7 @@ def mistakes(expression: Expression, names: Mapping[str, Known]) -> Iterator[str
 class _Reader:
     """Walks through an expression, and notes operations that its values do not allow."""
 
-    def __init__(self, names: Mapping[str, Known]) -> None:
+    def __init__(self, names: Mapping[str, StaticType]) -> None:
         self._names = names
         self.mistakes: list[str] = []
 

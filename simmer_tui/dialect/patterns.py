@@ -1,7 +1,7 @@
 """Patterns of a dialect.toml: a message with `{name}` in place of each value.
 
     {n} number    {n:int} whole number    {n:digit} one digit    {n:word}    {n:text}    {n:list} codes: u0,u1
-    {n=300} optional, with its default    {n:f=0|d=1} one of these words, which stands for that value
+    {n=300} optional, with its default    {n:f=0|d=1} one of these words, which represents that value
 
 A blank matches one or more. A pattern matches a whole message.
 """

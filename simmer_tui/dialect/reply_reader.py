@@ -21,7 +21,7 @@ from simmer_tui.dialect.templates import BinaryReply, Field, TextReply
 SILENCE = 0.05
 """Seconds without a byte after which the received bytes are a reply, even without its end."""
 # A robot that answers nothing must not fill the memory; a buffer of 64 bytes has fewer messages.
-MOST_DUE = 64
+MOST_PENDING = 64
 """Most pending replies; beyond it the oldest are dropped."""
 # A line of 360 rays with 7 characters each.
 LONGEST = 4096
@@ -34,7 +34,7 @@ _WORDS = rb"|inf|-inf|nan|ovf"
 _TEXT = rb"([^\r\n]{0,400}?)"
 
 
-class Heard(Struct, frozen=True):
+class RobotReply(Struct, frozen=True):
     """A reply of the robot. `readings` are those that it contains, by the sensor's code, infinite for a
     missing one. `rule` and `part` (`reply`, `done`, `stopped` or `stream`) are those that it matches; an
     unknown one has neither."""
@@ -52,7 +52,7 @@ class Heard(Struct, frozen=True):
         return self.part in ("done", "stopped")
 
 
-class Due(Struct, eq=False):
+class PendingReply(Struct, eq=False):
     """A pending reply: its remaining templates. `rule` and `values` are its message's; the rule of a stream
     has no message."""
 
@@ -75,7 +75,7 @@ class ReplyReader:
         self._rules = rules
         self._state = state
         self._end = rules.reply_end.encode()
-        self.due: list[Due] = []
+        self.pending: list[PendingReply] = []
         """Pending replies; for a movement both `done` and `stopped`."""
         self._numbers = rules.single.union(
             ("time", "contact", "tick", "k"),
@@ -83,7 +83,7 @@ class ReplyReader:
         )
         """Names that are always numbers."""
         self._streams = [
-            self._made_due(MessageRule(number=0), "stream", each.send, {}) for each in rules.streams
+            self._made_pending(MessageRule(number=0), "stream", each.send, {}) for each in rules.streams
         ]
         self._buffer = bytearray()
         answers = [each for rule in rules.rules for each in (rule.reply, rule.done, rule.stopped)]
@@ -100,35 +100,35 @@ class ReplyReader:
         """Add the replies of a sent message to the pending ones."""
         for part, replies in (("reply", rule.reply), ("done", rule.done), ("stopped", rule.stopped)):
             if replies:
-                self.due.append(self._made_due(rule, part, replies, values))
-        del self.due[:-MOST_DUE]
+                self.pending.append(self._made_pending(rule, part, replies, values))
+        del self.pending[:-MOST_PENDING]
 
-    def _made_due(
+    def _made_pending(
         self, rule: MessageRule, part: str, replies: Sequence[AnyReply], values: Mapping[str, FieldValue]
-    ) -> Due:
-        return Due(rule, part, [*replies], values, [self._pattern(each) for each in replies])
+    ) -> PendingReply:
+        return PendingReply(rule, part, [*replies], values, [self._pattern(each) for each in replies])
 
     def forget(self, rule: MessageRule) -> None:
         """Remove the replies of a message from the pending ones."""
-        self.due = [each for each in self.due if each.rule is not rule]
+        self.pending = [each for each in self.pending if each.rule is not rule]
 
-    def receive(self, data: bytes) -> list[Heard]:
+    def receive(self, data: bytes) -> list[RobotReply]:
         """The replies that these bytes complete."""
         if self._deframer is not None:
             parts = self._deframer.receive(data)
-            return [self._frame(part) if isinstance(part, Frame) else Heard(part.data) for part in parts]
+            return [self._frame(part) if isinstance(part, Frame) else RobotReply(part.data) for part in parts]
         self._buffer += data
         return list(self._lines(at_end=False))
 
-    def silence(self) -> list[Heard]:
+    def silence(self) -> list[RobotReply]:
         """Called after `SILENCE` seconds without bytes. Returns the replies that end by it."""
         if self._deframer is not None:
-            return [Heard(each.data) for each in self._deframer.silence()]
+            return [RobotReply(each.data) for each in self._deframer.silence()]
         return list(self._lines(at_end=True))
 
     # -- text --------------------------------------------------------------------------------------
 
-    def _lines(self, *, at_end: bool) -> Iterator[Heard]:
+    def _lines(self, *, at_end: bool) -> Iterator[RobotReply]:
         while self._buffer:
             found = self._first(at_end=at_end)
             if found is not None:
@@ -140,28 +140,28 @@ class ReplyReader:
                 size = len(self._buffer)
             if not size:
                 return
-            yield Heard(self._take(size))
+            yield RobotReply(self._take(size))
 
-    def _first(self, *, at_end: bool) -> Heard | None:
+    def _first(self, *, at_end: bool) -> RobotReply | None:
         """The reply at the beginning of the received bytes, if it matches a pending one."""
         window = bytes(self._buffer[:LONGEST])
-        for due in (*self.due, *self._streams):
-            match = due.patterns[0].match(window) if due.patterns else None
+        for pending in (*self.pending, *self._streams):
+            match = pending.patterns[0].match(window) if pending.patterns else None
             if match is None or not match.end():
                 continue
             # A number at the very end may continue: 12. and then 5.
-            if match.end() == len(window) and not at_end and not self._is_closed(due):
+            if match.end() == len(window) and not at_end and not self._is_closed(pending):
                 continue
-            template = due.templates[0]
-            readings = self._readings(template, match, due.values)
-            heard = Heard(self._take(match.end()), due.part, due.rule, readings, due.values)
-            self._settle(due)
-            return heard
+            template = pending.templates[0]
+            readings = self._readings(template, match, pending.values)
+            reply = RobotReply(self._take(match.end()), pending.part, pending.rule, readings, pending.values)
+            self._settle(pending)
+            return reply
         return None
 
-    def _is_closed(self, due: Due) -> bool:
+    def _is_closed(self, pending: PendingReply) -> bool:
         """True if nothing can follow the last character of a reply."""
-        template = due.templates[0]
+        template = pending.templates[0]
         return bool(self._end) or not (
             isinstance(template, TextReply) and template.parts and isinstance(template.parts[-1], Field)
         )
@@ -171,19 +171,22 @@ class ReplyReader:
         del self._buffer[:size]
         return taken
 
-    def _settle(self, due: Due) -> None:
+    def _settle(self, pending: PendingReply) -> None:
         """Remove a received reply from the pending ones."""
-        if due.part == "stream":
+        if pending.part == "stream":
             return
-        del due.templates[0], due.patterns[0]
-        if due.templates:
+        del pending.templates[0], pending.patterns[0]
+        if pending.templates:
             return
-        gone = [due]
-        if due.part in ("done", "stopped"):  # the one instead of the other
-            at = self.due.index(due)
-            near = self.due[at + 1 : at + 2] if due.part == "done" else self.due[at - 1 : at] if at else []
-            gone += [each for each in near if each.rule is due.rule and each.part in ("done", "stopped")]
-        self.due = [each for each in self.due if each not in gone]
+        gone = [pending]
+        if pending.part in ("done", "stopped"):  # the one instead of the other
+            at = self.pending.index(pending)
+            if pending.part == "done":
+                near = self.pending[at + 1 : at + 2]
+            else:
+                near = self.pending[at - 1 : at] if at else []
+            gone += [each for each in near if each.rule is pending.rule and each.part in ("done", "stopped")]
+        self.pending = [each for each in self.pending if each not in gone]
 
     def _pattern(self, reply: AnyReply) -> re.Pattern[bytes]:
         """Regular expression of a text reply, with a group for each field."""
@@ -226,25 +229,25 @@ class ReplyReader:
 
     # -- binary ------------------------------------------------------------------------------------
 
-    def _frame(self, frame: Frame) -> Heard:
+    def _frame(self, frame: Frame) -> RobotReply:
         kind = frame.head.get(TYPE)
-        for due in (*self.due, *self._streams):
-            template = due.templates[0] if due.templates else None
+        for pending in (*self.pending, *self._streams):
+            template = pending.templates[0] if pending.templates else None
             if not isinstance(template, BinaryReply) or template.type not in (None, kind):
                 continue
             readings: dict[str, float] = {}
             if template.pack and struct.calcsize(template.pack) == len(frame.content):
                 numbers = struct.unpack(template.pack, frame.content)
                 for expression, number in zip(template.values, numbers, strict=True):
-                    scope = MessageScope(self._state, due.values)
+                    scope = MessageScope(self._state, pending.values)
                     code, line = read_by(expression, self._rules.single, scope)
                     if line is not None and isinstance(number, int | float):
                         readings[code] = (number - line[1]) / line[0]
-            heard = Heard(frame.data, due.part, due.rule, readings, due.values)
+            reply = RobotReply(frame.data, pending.part, pending.rule, readings, pending.values)
             if template.times == 1:
-                self._settle(due)
-            return heard
-        return Heard(frame.data)
+                self._settle(pending)
+            return reply
+        return RobotReply(frame.data)
 
 
 def _solved(text: str, line: tuple[float, float]) -> float:

@@ -37,7 +37,7 @@ class Parts(Struct, frozen=True, dict=True):
         """The codes of the sensors that ray, scan and contact read, as far as there are any."""
         found: dict[str, tuple[str, ...]] = {}
         for sensor in self.sensors:
-            for function in sensor.kind.stands_for if sensor.enabled else ():
+            for function in sensor.kind.dialect_functions if sensor.enabled else ():
                 found[function] = (*found.get(function, ()), sensor.code)
         return found
 
@@ -47,8 +47,11 @@ class Parts(Struct, frozen=True, dict=True):
         found = {}
         for drive in self.drives:
             if drive.enabled:
-                way = drive.kind.direction
-                found[drive.code] = (way.x * drive.speed, way.y * drive.speed, way.r * drive.speed)
+                direction = drive.kind.direction
+                found[drive.code] = (
+                    *(direction.x * drive.speed, direction.y * drive.speed),
+                    direction.r * drive.speed,
+                )
         return found
 
     @cached_property

@@ -28,9 +28,9 @@ from simmer_tui.grade import launcher
 from simmer_tui.grade.call_filter import call_filter
 from simmer_tui.grade.cgroup import made_group
 from simmer_tui.grade.sandbox import (
+    ANSWER_TIMEOUT,
     FILES,
     PACKAGE,
-    PATIENCE,
     SCRATCH,
     WRITABLE,
     LaunchedSandbox,
@@ -184,7 +184,7 @@ def what_is_missing() -> str:
                     f"bubblewrap cannot make a sandbox here: {error}; as root it mostly can (sudo), and "
                     "in a container that may make namespaces"
                 )
-            ended.wait(PATIENCE)
+            ended.wait(ANSWER_TIMEOUT)
     if codes == [0]:
         return ""
     return f"a program in a sandbox of bubblewrap does not run here: can every user read {sys.prefix}?"

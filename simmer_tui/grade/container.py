@@ -20,10 +20,10 @@ from pathlib import Path
 from simmer_tui import platform_has
 from simmer_tui.errors import GradeError
 from simmer_tui.grade.sandbox import (
+    ANSWER_TIMEOUT,
     FILES,
     HOME,
     LAUNCHER,
-    PATIENCE,
     SCRATCH,
     LaunchedSandbox,
     Limits,
@@ -71,7 +71,7 @@ class Container(LaunchedSandbox):
             listening.bind(str(self._door / _KNOCKER))
             (self._door / _KNOCKER).chmod(0o666)
             listening.listen(1)
-            listening.settimeout(PATIENCE)
+            listening.settimeout(ANSWER_TIMEOUT)
             process = subprocess.Popen(
                 self.words(),
                 stdin=subprocess.DEVNULL,
@@ -104,14 +104,14 @@ class Container(LaunchedSandbox):
             words += ["--volume", f"{path}:{place}:ro"]
         # A container is not a child of this process, and would outlive it if it is killed. `timeout`, its
         # first process, which the program cannot kill, ends it.
-        longest = str(math.ceil(self._limits.time + PATIENCE))
+        longest = str(math.ceil(self._limits.time + ANSWER_TIMEOUT))
         words += ["--entrypoint", "timeout", self._image, "-s", "KILL", longest]
         return [*words, "python3", "-I", "-S", LAUNCHER, f"{_DOOR}/{_KNOCKER}"]
 
     def _kill(self) -> None:
         with contextlib.suppress(OSError, subprocess.TimeoutExpired):
             subprocess.run(
-                [self._engine, "kill", self._name], capture_output=True, timeout=PATIENCE, check=False
+                [self._engine, "kill", self._name], capture_output=True, timeout=ANSWER_TIMEOUT, check=False
             )
         super()._kill()
 

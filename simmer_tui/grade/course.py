@@ -35,7 +35,7 @@ class Rules:
 
     `sensors` is the most sensors enabled, `size` the diameter, inches, of a circle around the robot's centre
     in which it must fit. `cells` are the columns of a file that may differ from the course's (of robot.csv,
-    the rows); in other files all may. None stands for no rule.
+    the rows); in other files all may. None means no rule.
     """
 
     sensors: int | None = None
@@ -252,11 +252,11 @@ def _listed(file: TomlFile, home: Path, command: str) -> list[Team]:
     for index, table in enumerate(file.tables("team"), 1):
         said = file.values((_NAME, _FOLDER, _COMMAND, _CONFIG), table, f"team {index}.")
         if "folder" not in said:
-            file.complain("team", f"team {index} has no folder")
+            file.add_problem("team", f"team {index} has no folder")
             continue
         folder = given_path(said["folder"], home)
         if not folder.is_dir():
-            file.complain("team", f'"{shown_name(said["folder"], 100)}" is not a folder')
+            file.add_problem("team", f'"{shown_name(said["folder"], 100)}" is not a folder')
         given = {each.name: said[each.name] for each in (_COMMAND, _CONFIG) if each.name in said}
         teams.append(_named_team(said.get("name", folder.name), folder, command, given))
     return teams

@@ -19,7 +19,7 @@ from simmer_tui.grade.grade_folder import Entry, GradeFolder
 from simmer_tui.grade.grade_run import GradeRun, GradeTrial
 from simmer_tui.grade.sandbox import Isolation
 from simmer_tui.grade.submission import PROGRAM
-from simmer_tui.trials.cluster import PackedFile, files_left, itself, lay_out, refused, results_of
+from simmer_tui.trials.cluster import PackedFile, files_left, itself, refused, results_of, unpack_files
 from simmer_tui.trials.local import run_locally
 from simmer_tui.trials.trial import Ending, TrialResult
 
@@ -159,7 +159,7 @@ def run_there(trial: GradeTrial, submission: dict[str, PackedFile]) -> tuple[Tri
         runs, files = place / "runs", place / PROGRAM
         runs.mkdir(mode=0o700)
         files.mkdir()
-        lay_out(submission, files)
+        unpack_files(submission, files)
         with refused():
             result = GradeRun(replace(trial, files=files), runs).run()
         return result, files_left(runs)

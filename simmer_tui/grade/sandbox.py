@@ -36,7 +36,7 @@ SCRATCH = 16_000_000
 WRITABLE = ("/dev/shm", "/tmp", str(PurePosixPath(HOME).parent))
 """In a sandbox of bubblewrap: the folders that are in memory."""
 # Bubblewrap takes milliseconds, a container a second; many at once take longer.
-PATIENCE = 20.0
+ANSWER_TIMEOUT = 20.0
 """Time limit for an answer of a sandbox, seconds."""
 _LAST = 2.0
 """Time limit for the processes of a sandbox to end, seconds."""
@@ -114,7 +114,7 @@ class LaunchedSandbox(ABC):
         process = self._open()
         order = {
             "run": words_of(command),
-            "environment": with_hook(surroundings(self._python) | dict(variables), HOOK),
+            "environment": with_hook(sandbox_environment(self._python) | dict(variables), HOOK),
             "uid": self._uid,
             "files": FILES,
             "home": HOME,
@@ -165,7 +165,7 @@ class LaunchedSandbox(ABC):
                 self._process, self._link = self._launch()
             except OSError as error:
                 raise GradeError(f"{error.filename or 'the sandbox'}: {error.strerror or error}") from None
-            self._link.settimeout(PATIENCE)
+            self._link.settimeout(ANSWER_TIMEOUT)
         return self._process
 
     def _ask(self, order: Mapping[str, object]) -> tuple[dict[str, str], list[socket.socket]]:
@@ -203,7 +203,7 @@ def package_folders() -> dict[Path, str]:
     return seen
 
 
-def surroundings(python: str) -> dict[str, str]:
+def sandbox_environment(python: str) -> dict[str, str]:
     """The environment of a sandboxed program, without that of this process."""
     return {
         "PATH": f"{Path(python).parent}:/usr/local/bin:/usr/bin:/bin",

@@ -85,7 +85,7 @@ def grades_table(folder: GradeFolder, team_results: list[TeamResult], *, links: 
     for each in team_results:
         cause, count = each.causes[0] if each.causes else (None, 0)
         why = f"{cause} ({count} of {each.runs - each.successes})" if cause else None
-        problem = each.said if each.outcome is TeamStatus.REFUSED else None
+        problem = each.summary if each.outcome is TeamStatus.REFUSED else None
         rows.append(
             (
                 TextLink(each.label, f"{each.slug}.html") if links else each.label,
@@ -230,10 +230,10 @@ def _team_page(folder: GradeFolder, team_result: TeamResult, links: dict[int, st
         Paragraph((TextLink(folder.course.name, INDEX),), kind="run"),
         VerdictBox(
             key="answer",
-            text=f"{team_result.outcome.value}: {team_result.said}",
+            text=f"{team_result.outcome.value}: {team_result.summary}",
             headline=f"{team_result.label}: {team_result.outcome.value}",
             tone=_TONES[team_result.outcome],
-            sentence=(team_result.said,),
+            sentence=(team_result.summary,),
         ),
     ]
     if team_result.results:
@@ -287,10 +287,10 @@ def junit_xml(folder: GradeFolder, team_results: list[TeamResult]) -> str:
             suite, "testcase", classname="simmer-tui.grade", name=_text(each.entry.team.name)
         )
         if each.outcome in kinds:
-            about = ElementTree.SubElement(case, kinds[each.outcome], message=_text(each.said))
+            about = ElementTree.SubElement(case, kinds[each.outcome], message=_text(each.summary))
             about.text = _text(last_failure(each))
         out = ElementTree.SubElement(case, "system-out")
-        out.text = _text(each.said)
+        out.text = _text(each.summary)
     ElementTree.indent(suite)
     return f"<?xml version='1.0' encoding='UTF-8'?>\n{ElementTree.tostring(suite, encoding='unicode')}\n"
 
@@ -312,7 +312,7 @@ def gradescope_json(folder: GradeFolder, team_result: TeamResult) -> str:
         board.append({"name": "time, s", "value": round(team_result.time, 1), "order": "asc"})
     fields = {
         "score": round(100 * score, 1),
-        "output": "\n".join((shown_test(folder.test), team_result.said, *causes, *clocks)),
+        "output": "\n".join((shown_test(folder.test), team_result.summary, *causes, *clocks)),
         "visibility": "visible",
         "stdout_visibility": "hidden",
         "tests": [
@@ -321,7 +321,7 @@ def gradescope_json(folder: GradeFolder, team_result: TeamResult) -> str:
                 "status": "passed" if passed else "failed",
                 "score": round(100 * score, 1),
                 "max_score": 100,
-                "output": team_result.said,
+                "output": team_result.summary,
             }
         ],
         "leaderboard": board,

@@ -32,7 +32,7 @@ _MEMORY = 500_000_000
 """Bytes of memory beyond those of the child when it begins. Judged: a hundred times an honest set."""
 _LARGEST_FILE = 64_000_000
 """Largest file that is written from a submission, bytes: as much as a team may submit."""
-_PATIENCE = 60.0
+_READ_TIMEOUT = 60.0
 """Seconds (real) for one file or set, with the child's start, on an overloaded machine."""
 
 _Asked = ParamSpec("_Asked")
@@ -57,7 +57,7 @@ class SubmissionReader:
         connection = self._begun()
         try:
             connection.send((function, given, named))
-            answer = connection.recv() if connection.poll(_PATIENCE) else None
+            answer = connection.recv() if connection.poll(_READ_TIMEOUT) else None
         except (EOFError, OSError):
             answer = None
         if answer is None:

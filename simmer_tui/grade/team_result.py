@@ -41,7 +41,7 @@ class TeamResult:
 
     entry: Entry
     label: str
-    """The team's name, or the code that stands for it."""
+    """The team's name, or the code that represents it."""
     slug: str
     """The same for names of files; no two have the same."""
     outcome: TeamStatus
@@ -67,7 +67,7 @@ class TeamResult:
         return bool(self.results) and all(result.sent_nothing for result in self.results)
 
     @property
-    def said(self) -> str:
+    def summary(self) -> str:
         """The status in one line."""
         if self.outcome is TeamStatus.REFUSED:
             return "; ".join(shown_name(str(problem), 300) for problem in self.entry.problems)

@@ -28,31 +28,31 @@ _AGAIN = 1.0
 """Seconds before the same notice is repeated."""
 
 
-class EventTeller(Protocol):
+class EventPublisher(Protocol):
     """Passes events to the watchers."""
 
     def tell(self, event: Event) -> None: ...
 
 
-class TurnedAwayNotices:
+class RefusalNotices:
     """Notices of refused connections: at most one a second for each reason."""
 
-    def __init__(self, teller: EventTeller) -> None:
+    def __init__(self, publisher: EventPublisher) -> None:
         """Needs a running event loop; its clock is used."""
-        self._teller = teller
+        self._publisher = publisher
         self._loop = asyncio.get_running_loop()
-        self._told: dict[str, float] = {}
+        self._reported: dict[str, float] = {}
 
-    def tell(self, text: str, complaint: str = "") -> None:
-        """Report a refused connection, unless the same `complaint` (by default the text) was reported within
+    def tell(self, text: str, reason: str = "") -> None:
+        """Report a refused connection, unless the same `reason` (by default the text) was reported within
         the last second."""
-        # Texts contain the client's port, which changes; the complaint is the reason without it.
-        complaint = complaint or text
+        # Texts contain the client's port, which changes; the reason does not.
+        reason = reason or text
         now = self._loop.time()
-        if now >= self._told.get(complaint, now):
-            self._told = {each: until for each, until in self._told.items() if until > now}
-            self._told[complaint] = now + _AGAIN
-            self._teller.tell(Notice(NoticeKind.TURNED_AWAY, text))
+        if now >= self._reported.get(reason, now):
+            self._reported = {each: until for each, until in self._reported.items() if until > now}
+            self._reported[reason] = now + _AGAIN
+            self._publisher.tell(Notice(NoticeKind.TURNED_AWAY, text))
 
 
 class AccessCheck:
@@ -60,7 +60,7 @@ class AccessCheck:
 
     def __init__(
         self,
-        teller: EventTeller,
+        publisher: EventPublisher,
         owners: OwnerLookup | None = None,
         *,
         token: str = "",
@@ -71,7 +71,7 @@ class AccessCheck:
         With a `token`, each connection has to send it as its first line. `way_in` is advice for other users
         in the notice. Needs a running event loop.
         """
-        self.tell = TurnedAwayNotices(teller).tell
+        self.tell = RefusalNotices(publisher).tell
         self._way_in = way_in
         self._owners = owners
         self._token = token.encode()
@@ -147,7 +147,7 @@ class TokenCheck:
         self._line = b""
         self._open = True
         self._loop = asyncio.get_running_loop()
-        self._patience = self._loop.call_later(CLOSING, self._decide, False)
+        self._timeout = self._loop.call_later(CLOSING, self._decide, False)
         self._loop.add_reader(sock, self.look)
 
     def look(self) -> None:
@@ -177,7 +177,7 @@ class TokenCheck:
         """Stop waiting for the token, without calling `decided`."""
         if self._open:
             self._open = False
-            self._patience.cancel()
+            self._timeout.cancel()
             self._loop.remove_reader(self.sock)
 
     def _decide(self, good: bool) -> None:

@@ -1,6 +1,6 @@
 """The port where programs report the pose they believe in: newline-delimited JSON, one belief a line.
 
-A line may also ask why a command was refused, and what its code stands for. The answer goes back on the same
+A line may also ask why a command was refused, and what its code represents. The answer goes back on the same
 connection.
 """
 
@@ -101,7 +101,7 @@ TURN, LINE = 128 * 1024, 4 * 1024
 
 They allow 32 lines, or one line with some 5,000 particles, which takes 3 to 8 ms.
 """
-# Judged: more than a large terminal has cells, so that more could not be told apart.
+# Judged: more than a large terminal has cells, so that more could not be distinguished.
 MOST_PARTICLES = 5000
 """Particles kept of one belief, evenly picked; a screen shows no more."""
 # Finer than any filter's estimate. Screen, log and replay get the same rounded numbers. A log of particles
@@ -191,7 +191,7 @@ def _rounded(values: list[Any]) -> list[float]:
     return [_number(value, "a particle's number") for value in values]
 
 
-class _Believer(Peer):
+class _BeliefPeer(Peer):
     """One program's connection."""
 
     piece = 64 * 1024
@@ -202,7 +202,7 @@ class _Believer(Peer):
         self._buffer = bytearray()
         self._seen = 0
         """Bytes of the buffer known to hold no line end."""
-        self._complained = False
+        self._reported = False
         self.last_received = self._loop.time()
         """Time of the last received bytes, at first of the connection, by the loop's clock."""
 
@@ -212,7 +212,7 @@ class _Believer(Peer):
         self._take_lines()
 
     def connection_lost(self, error: OSError | None) -> None:
-        self._link.believer_lost(self)
+        self._link.peer_lost(self)
 
     def read_all(self) -> None:
         """Read what has come, within the budget of this turn of the event loop."""
@@ -228,7 +228,7 @@ class _Believer(Peer):
                 if self._seen > LONGEST_LINE:
                     self._buffer.clear()
                     self._seen = 0
-                    self._complain(_TOO_LONG)
+                    self._report(_TOO_LONG)
                 if self._held:
                     self.hold(False)
                 return
@@ -237,7 +237,7 @@ class _Believer(Peer):
             self._seen = 0
             self._budget.spend(LINE + len(line))
             if len(line) > LONGEST_LINE:
-                self._complain(_TOO_LONG)
+                self._report(_TOO_LONG)
             elif line.strip():
                 self._take(line)
         if not self._held:
@@ -259,11 +259,11 @@ class _Believer(Peer):
         try:
             engine.tell(parse_belief(line, time, simulator.pose, self._link.whole))
         except ValueError as error:
-            self._complain(str(error))
+            self._report(str(error))
 
-    def _complain(self, reason: str) -> None:
-        if not self._complained:  # a faulty program usually repeats its fault in every line
-            self._complained = True
+    def _report(self, reason: str) -> None:
+        if not self._reported:  # a faulty program usually repeats its fault in every line
+            self._reported = True
             self._link.engine.tell_fault(f"belief not understood: {reason}")
 
 
@@ -283,45 +283,45 @@ class BeliefLink:
         """Bounds of the maze, inches."""
         self.budget = ReadBudget(TURN)
         self.reasons = RefusalReasons(context.engine, [each.port for each in context.listeners.values()])
-        self._believers: dict[_Believer, None] = {}
+        self._peers: dict[_BeliefPeer, None] = {}
         self._acceptor = context.accept(BELIEFS, self._welcome)
 
     def _welcome(self, sock: socket.socket, peer: str) -> None:
-        if len(self._believers) >= MOST_WAITING:
+        if len(self._peers) >= MOST_WAITING:
             self._make_room()
-        self._believers[_Believer(sock, peer, self)] = None
+        self._peers[_BeliefPeer(sock, peer, self)] = None
         # Only while a program is connected: without beliefs a drive costs nothing more.
         self.engine.before_drive = self._read_all
 
     def _make_room(self) -> None:
         """Close the connection that has been silent longest, unless others have closed by now."""
         self._read_all()  # some of those accepted in this turn may have sent a belief and closed already
-        present = [believer for believer in self._believers if not believer.has_left()]
+        present = [peer for peer in self._peers if not peer.has_left()]
         if len(present) >= MOST_WAITING:
-            silent = min(present, key=lambda believer: believer.last_received)
+            silent = min(present, key=lambda peer: peer.last_received)
             text = f"belief connection {silent.peer} closed: {MOST_WAITING} at once are the most"
             self.engine.tell_fault(text)
             silent.abort()
-            self.believer_lost(silent)
+            self.peer_lost(silent)
 
     def _read_all(self) -> None:
-        for believer in tuple(self._believers):
-            believer.read_all()
+        for peer in tuple(self._peers):
+            peer.read_all()
 
-    def believer_lost(self, believer: _Believer) -> None:
+    def peer_lost(self, peer: _BeliefPeer) -> None:
         """Remove a connection that has ended."""
-        self._believers.pop(believer, None)
-        if not self._believers:
+        self._peers.pop(peer, None)
+        if not self._peers:
             self.engine.before_drive = None
 
     @property
     def has_clients(self) -> bool:
         """True if a program is connected."""
-        return bool(self._believers)
+        return bool(self._peers)
 
     def close(self) -> None:
         """Stop listening and end all connections."""
         self._acceptor.close()
         self.reasons.close()
-        for believer in tuple(self._believers):
-            believer.abort()
+        for peer in tuple(self._peers):
+            peer.abort()

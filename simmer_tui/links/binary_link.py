@@ -12,8 +12,8 @@ from dataclasses import dataclass
 from simmer_tui.backend import CommandBudget, Message
 from simmer_tui.config.dialects import COMMANDS, REPLIES
 from simmer_tui.events import Notice, NoticeKind
-from simmer_tui.links.access import TurnedAwayNotices
-from simmer_tui.links.connection_doctor import ALONE, ClientWatch, ConnectionDoctor
+from simmer_tui.links.access import RefusalNotices
+from simmer_tui.links.connection_doctor import LONE_LIMIT, ClientWatch, ConnectionDoctor
 from simmer_tui.links.link import LinkContext
 from simmer_tui.links.peer import MOST_WAITING, PIECE, UNREAD_LIMIT, Peer, ReadBudget, host_of
 from simmer_tui.links.processes import children
@@ -25,7 +25,7 @@ from simmer_tui.sim.records import CommandResult
 
 # Judged: a wait that nobody notices. A program that is started again connects before the old one's end is
 # seen.
-PATIENCE = 0.05
+RETRY_DELAY = 0.05
 """Seconds that a newcomer waits for the present client to leave."""
 # More than `CLOSING`, within which the present client must be gone.
 LONGEST_WAIT = 1.5
@@ -66,7 +66,7 @@ class ReplyConnection(Peer):
                 return False
             except OSError:
                 return True
-        return self.broke_off
+        return self.ended_with_error
 
 
 class Client(Peer):
@@ -103,7 +103,7 @@ class Client(Peer):
         # A real robot may wait for the line end too: it is passed on even though the command has been sent.
         late_end = self._reader.late_end(data)
         if late_end:
-            self._session.trail(late_end)
+            self._session.append_late(late_end)
         self._submit(self._reader.receive(data))
         self._watch.line_began(self._reader.unended)
         self._await_silence()
@@ -122,8 +122,8 @@ class Client(Peer):
     def connection_lost(self, error: OSError | None) -> None:
         self.close()
         replies = self.replies
-        broke_off = error is not None or (isinstance(replies, ReplyConnection) and replies.was_reset())
-        self._watch.left(broke_off=broke_off)
+        ended_with_error = error is not None or (isinstance(replies, ReplyConnection) and replies.was_reset())
+        self._watch.left(ended_with_error=ended_with_error)
         self._link.client_lost(self)
 
     def close(self) -> None:
@@ -148,7 +148,7 @@ class Client(Peer):
         self._waiting += len(commands)
         for command, sent in zip(commands, self._reader.sent, strict=True):
             self._session.submit(Message(sent, (command,), self._link.encoder.form), self._answer)
-        if self._command_budget.is_hopeless:
+        if self._command_budget.is_exceeded:
             self._link.drop(self)
 
     def _answer(self, outcomes: Sequence[CommandResult], data: bytes | None) -> None:
@@ -190,7 +190,7 @@ class BinaryLink:
         """Time of the last refusal of a program, by the loop's clock."""
         self._waiting_replies: list[ReplyConnection] = []
         self._loop = asyncio.get_running_loop()
-        self._turned_away = TurnedAwayNotices(context.engine)
+        self._refusals = RefusalNotices(context.engine)
         self.reply_budget = ReadBudget(PIECE)
         self._commands = context.accept(COMMANDS, self._command_connection)
         self._replies = context.accept(REPLIES, self._reply_connection)
@@ -222,9 +222,9 @@ class BinaryLink:
     # -- coming --------------------------------------------------------------------------------
 
     def _command_connection(self, sock: socket.socket, peer: str) -> None:
-        seat = self.context.seat
+        lock = self.context.driver_lock
         # At once: by the program's clock no time passes for others while the program computes.
-        if seat is not None and (refused := seat.refusal(sock, peer)):
+        if lock is not None and (refused := lock.refusal(sock, peer)):
             self._refuse(sock, peer, refused)
             return
         if self.client is None:
@@ -232,12 +232,12 @@ class BinaryLink:
             return
         self._newcomers[sock] = _Newcomer(peer, self._loop.time() + LONGEST_WAIT)
         if len(self._newcomers) > MOST_WAITING:
-            self._turn_away(next(iter(self._newcomers)))
-        self._loop.call_later(PATIENCE, self._consider, sock)
+            self._refuse_newcomer(next(iter(self._newcomers)))
+        self._loop.call_later(RETRY_DELAY, self._consider, sock)
 
     def _admit(self, sock: socket.socket, peer: str) -> None:
-        seat = self.context.seat
-        if seat is not None and (refused := seat.take(self, f"client {peer}")):
+        lock = self.context.driver_lock
+        if lock is not None and (refused := lock.acquire(self, f"client {peer}")):
             self._refuse(sock, peer, refused)
             return
         _probe_silent_peer(sock)
@@ -245,8 +245,8 @@ class BinaryLink:
         self.engine.tell(Notice(NoticeKind.CONNECTED, f"client {peer} connected", peer))
 
     def _refuse(self, sock: socket.socket, peer: str, reason: str) -> None:
-        self._commands.turn_away(sock, peer)
-        self._turned_away.tell(f"client {peer} turned away: {reason}", reason)
+        self._commands.refuse(sock, peer)
+        self._refusals.tell(f"client {peer} turned away: {reason}", reason)
 
     def _consider(self, sock: socket.socket) -> None:
         """Refuse a newcomer unless the present client is about to leave."""
@@ -255,16 +255,16 @@ class BinaryLink:
             return
         leaves = client is not None and (client.ending or client.has_left())
         if leaves and self._loop.time() < newcomer.until:
-            self._loop.call_later(PATIENCE, self._consider, sock)
+            self._loop.call_later(RETRY_DELAY, self._consider, sock)
         else:
-            self._turn_away(sock)
+            self._refuse_newcomer(sock)
 
-    def _turn_away(self, sock: socket.socket) -> None:
+    def _refuse_newcomer(self, sock: socket.socket) -> None:
         peer = self._newcomers.pop(sock).peer
         self._sent_away = self._loop.time()
-        self._commands.turn_away(sock, peer)
+        self._commands.refuse(sock, peer)
         text = f"client {peer} turned away: one program at a time drives the robot"
-        self._turned_away.tell(text, "one program at a time")
+        self._refusals.tell(text, "one program at a time")
 
     def _reply_connection(self, sock: socket.socket, peer: str) -> None:
         if len(self._waiting_replies) >= MOST_WAITING:
@@ -272,9 +272,9 @@ class BinaryLink:
         reply = ReplyConnection(sock, peer, self)
         self._waiting_replies.append(reply)
         if self.client is not None and self.client.replies is not None:
-            self._loop.call_later(PATIENCE, self._close_stray, reply)
+            self._loop.call_later(RETRY_DELAY, self._close_stray, reply)
         elif self.client is None:
-            self._loop.call_later(ALONE, self._look_for_lone, reply)
+            self._loop.call_later(LONE_LIMIT, self._look_for_lone, reply)
 
     def _look_for_lone(self, reply: ReplyConnection) -> None:
         if self.client is None and reply in self._waiting_replies and not reply.has_left():
@@ -291,13 +291,13 @@ class BinaryLink:
         if reply in self._waiting_replies and client is not None and client.replies is not None:
             self._waiting_replies.remove(reply)
             # For a second program, which was refused, it is no mistake: a notice has said so.
-            second = self._newcomers or self._loop.time() - self._sent_away < ALONE
+            second = self._newcomers or self._loop.time() - self._sent_away < LONE_LIMIT
             same = host_of(reply.peer) == host_of(client.peer)
             if client.replies is client and same and not second and not self._of_others(client, [reply]):
                 self.doctor.too_late(reply.peer)
             reply.close()
             text = f"connection {reply.peer} on the reply port closed: it belongs to no client"
-            self._turned_away.tell(text, "no client's")
+            self._refusals.tell(text, "no client's")
 
     # -- replies -------------------------------------------------------------------------------
 
@@ -311,7 +311,7 @@ class BinaryLink:
         others = self._of_others(client, present)
         if others:
             text = f"connection {others[-1].peer} on the reply port is another program's"
-            self._turned_away.tell(f"{text}: client {client.peer} gets its own replies", "another program's")
+            self._refusals.tell(f"{text}: client {client.peer} gets its own replies", "another program's")
         # Another program's connection waits: its own client may be about to connect.
         self._waiting_replies = others
         own = [reply for reply in present if reply not in others]
@@ -347,8 +347,8 @@ class BinaryLink:
         if client is not self.client:
             return
         self.client = None
-        if self.context.seat is not None:
-            self.context.seat.leave(self)
+        if self.context.driver_lock is not None:
+            self.context.driver_lock.release(self)
         if client.replies is not None:
             client.replies.close()
         text = f"client {client.peer} disconnected after {counted(client.commands, 'command')}"

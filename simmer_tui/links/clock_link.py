@@ -116,7 +116,7 @@ class ClockLink:
 
     def _welcome(self, sock: socket.socket, peer: str) -> None:
         if len(self._processes) >= MOST_WAITING:
-            self._acceptor.turn_away(sock, peer)
+            self._acceptor.refuse(sock, peer)
             return
         process = _Process(sock, peer, self)
         self._processes.add(process)

@@ -24,15 +24,15 @@ from simmer_tui.sim.command import Command
 from simmer_tui.sim.records import CommandResult, Status
 
 # Judged: longer than a program runs that gives up on replies it cannot read, shorter than a useful run.
-SOON = 10.0
+EARLY = 10.0
 """Seconds after its first reply within which a program that leaves has probably not understood it."""
 # Judged: programs open their two connections within milliseconds, and read a reply as soon as it comes.
-ALONE = 3.0
+LONE_LIMIT = 3.0
 """Seconds for which a lone connection to the reply port, or an unread reply, may wait."""
-LOOKS = (0.5, 1.0, 2.0, ALONE)
+CHECK_TIMES = (0.5, 1.0, 2.0, LONE_LIMIT)
 """Seconds after a first reply at which its unread bytes are checked."""
 # A program that has read its first replies correctly does not begin to misread later ones.
-FIRST = 5
+CHECKED_COMMANDS = 5
 """Commands of a client whose values are checked."""
 
 
@@ -57,7 +57,7 @@ class ConnectionDoctor:
             self._told.add(finding.name)
             self._engine.tell(Notice(NoticeKind.FAULT, finding.text, advice=True))
 
-    def has_told(self, name: str) -> bool:
+    def has_reported(self, name: str) -> bool:
         """True if a mistake of this name has been reported."""
         return name in self._told
 
@@ -150,7 +150,7 @@ class ClientWatch:
         """Bytes of a line have come, or its end (no bytes). Reported if the rest of the line does not
         come."""
         self._line_end.cancel()
-        if rest and not self._doctor.has_told("line without an end"):
+        if rest and not self._doctor.has_reported("line without an end"):
             self._line_end.set_in(1.0, diagnosis.without_end(rest, self._client.peer))
 
     # -- its replies -----------------------------------------------------------------------------------
@@ -165,8 +165,8 @@ class ClientWatch:
             self._first_reply, self._route = self._loop.time(), route
             if result.ranges is not None:
                 self._first = f"a count and {counted(len(result.ranges), 'number')} of {self._form}"
-            self._timers = [self._loop.call_later(wait, self._look, wait) for wait in LOOKS]
-        elif self._commands <= FIRST and _asks_nonsense(result):
+            self._timers = [self._loop.call_later(wait, self._look, wait) for wait in CHECK_TIMES]
+        elif self._commands <= CHECKED_COMMANDS and _asks_nonsense(result):
             self._misread(f"'{result.command.shown}' makes no sense as a movement: ")
 
     def _look(self, waited: float) -> None:
@@ -175,21 +175,21 @@ class ClientWatch:
             return
         if unread % self._size:
             self._misread(f"client {self._client.peer} has read a part of its reply: ")
-        elif waited == LOOKS[-1] and unread >= self._commands * self._size:
+        elif waited == CHECK_TIMES[-1] and unread >= self._commands * self._size:
             self._left_unread(f"client {self._client.peer} waits and has not read its reply: ")
 
-    def left(self, *, broke_off: bool) -> None:
+    def left(self, *, ended_with_error: bool) -> None:
         """The client has closed. A connection closed with unread bytes is reset (RFC 1122, 4.2.2.13)."""
         self._line_end.cancel()
         for timer in self._timers:
             timer.cancel()
-        if self._first_reply is None or self._loop.time() - self._first_reply > SOON or self._commands > 1:
+        if self._first_reply is None or self._loop.time() - self._first_reply > EARLY or self._commands > 1:
             return
         waited = self._loop.time() - self._first_reply
-        if broke_off:
+        if ended_with_error:
             self._left_unread(f"client {self._client.peer} left without reading its first reply: ")
         # A program that needs one reading leaves as soon as it has it; one that expects more bytes waits.
-        elif not self._usual and waited >= LOOKS[0]:
+        elif not self._usual and waited >= CHECK_TIMES[0]:
             self._misread(f"client {self._client.peer} waited after its first reply and left: ")
 
     def _misread(self, what: str) -> None:

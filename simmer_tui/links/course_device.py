@@ -74,7 +74,7 @@ class CourseDevice:
         else:
             late_end = self._commands.late_end(data)
             if late_end:
-                self._session.trail(late_end)
+                self._session.append_late(late_end)
             self._take_commands(self._commands.receive(data))
             idle_timeout = self._commands.idle_timeout
         self._silences += 1

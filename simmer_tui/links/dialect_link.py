@@ -14,14 +14,14 @@ from simmer_tui.dialect.device import DialectDevice, MoveEnd
 from simmer_tui.dialect.dialect_rules import DialectRules
 from simmer_tui.dialect.expressions import FieldValue
 from simmer_tui.engine import Engine
-from simmer_tui.events import NOT_LED, Event, Notice, NoticeKind, ProgramEnded, WireMessage
+from simmer_tui.events import NOT_CONNECTED, Event, Notice, NoticeKind, ProgramEnded, WireMessage
 from simmer_tui.links.course_device import FRAMINGS, CourseDevice
-from simmer_tui.links.driver_seat import NOT_SERVED
+from simmer_tui.links.driver_lock import NOT_SERVED
 from simmer_tui.links.hook_port import HookedProgram
 from simmer_tui.links.link import LinkContext
 from simmer_tui.links.peer import MOST_WAITING, PIECE, ReadBudget
 from simmer_tui.links.pty_port import PtyPort
-from simmer_tui.links.serial_wire import SerialDoor, Wire
+from simmer_tui.links.serial_wire import SerialEndpoint, Wire
 from simmer_tui.phrases import counted
 from simmer_tui.sessions import Session
 from simmer_tui.sim.command import Command, escape, escape_word, parse_command
@@ -35,7 +35,7 @@ USUAL_BAUD = 9600.0
 """Bits a second of a line whose rate is not known."""
 NO_HOOK = "it is no Python, it is frozen, or it was started with -I, -E or -S"
 """Reasons why a program may not use the hook."""
-WAY_OUT = (
+NO_HOOK_ADVICE = (
     "Run it as plain Python, or give it a serial port with --pty PATH"
     if platform_has.POSIX
     else "Run it as plain Python, or send commands over TCP (listeners)"
@@ -45,7 +45,7 @@ STOP = Command("xx", "xx", stops=True)
 """The stop sent by a rule of the dialect, or at the end of a run."""
 
 
-class Moved:
+class MoveOutcome:
     """End of a movement."""
 
     def __init__(self, result: CommandResult) -> None:
@@ -129,7 +129,7 @@ class SimulatedHost:
 
     def move(self, command: str, done: Callable[[MoveEnd], None]) -> None:
         """Do a movement of known length."""
-        self._moves.submit(parse_command(command, self.source), lambda result: done(Moved(result)))
+        self._moves.submit(parse_command(command, self.source), lambda result: done(MoveOutcome(result)))
 
     def drive(self, velocity: tuple[float, float, float] | None, seconds: float | None) -> str:
         """Drive at a velocity, for a time or until another command."""
@@ -162,7 +162,7 @@ class SimulatedHost:
         """Report a fault."""
         self._engine.tell_fault(f"dialect: {text}")
 
-    def mention(self, text: str) -> None:
+    def inform(self, text: str) -> None:
         """Report something that is no fault."""
         self._engine.tell(Notice(NoticeKind.ROBOT, f"dialect: {text}"))
 
@@ -182,7 +182,7 @@ class DialectLink:
         self.budget = ReadBudget(PIECE)
         self._context = context
         self._programs: set[HookedProgram] = set()
-        self._driver: SerialDoor | None = None
+        self._driver: SerialEndpoint | None = None
         """The program that has the port open."""
         self.engine = context.engine
         self._loop = asyncio.get_running_loop()
@@ -224,11 +224,11 @@ class DialectLink:
 
     def _welcome(self, sock: socket.socket, peer: str) -> None:
         if len(self._programs) >= MOST_WAITING:
-            self._acceptor.turn_away(sock, peer)
+            self._acceptor.refuse(sock, peer)
             return
         self._programs.add(HookedProgram(sock, peer, self))
 
-    # -- doors ---------------------------------------------------------------------------------
+    # -- endpoints -----------------------------------------------------------------------------
 
     def reached(self) -> None:
         """Take note that a program with the hook has begun: it will find the port."""
@@ -236,34 +236,34 @@ class DialectLink:
 
     def _watch(self, event: Event) -> None:
         """Report at its end that a program could not find the port."""
-        if isinstance(event, Notice) and event.text.startswith(NOT_LED):
+        if isinstance(event, Notice) and event.text.startswith(NOT_CONNECTED):
             self._reached = True
         elif isinstance(event, ProgramEnded) and event.started and not event.stopped:
             clock = self._context.clock
             if not self._reached and not (clock is not None and clock.reached):
-                self.engine.tell_fault(f"{NOT_LED}: {NO_HOOK}. {WAY_OUT}")
+                self.engine.tell_fault(f"{NOT_CONNECTED}: {NO_HOOK}. {NO_HOOK_ADVICE}")
 
-    def opened(self, door: SerialDoor, name: str, baud: float | None) -> None:
+    def opened(self, endpoint: SerialEndpoint, name: str, baud: float | None) -> None:
         """Answer a program that opens a port."""
         names = self._context.settings.serial_names
         # A person has chosen the path of a pseudo-terminal.
-        if isinstance(door, HookedProgram) and names and name not in names:
-            door.answer(f"could not open port '{name}': there is only {', '.join(names)}")
+        if isinstance(endpoint, HookedProgram) and names and name not in names:
+            endpoint.answer(f"could not open port '{name}': there is only {', '.join(names)}")
             return
-        refused = self._refused(door, name)
+        refused = self._refused(endpoint, name)
         if refused:
             self.engine.tell_fault(f"a program opened {escape_word(name)}{refused}: it was refused")
-            door.answer(f"could not open port '{name}': Access is denied.")
+            endpoint.answer(f"could not open port '{name}': Access is denied.")
             return
-        self._driver = door
+        self._driver = endpoint
         self._reached = True
         rate = ""
         if baud is not None:
-            self.set_baud(door, baud)
+            self.set_baud(endpoint, baud)
             rate = f" at {baud:g} baud"
         text = f"a program opened {escape_word(name)}{rate}"
-        self.engine.tell(Notice(NoticeKind.CONNECTED, text, door.peer))
-        door.answer("")
+        self.engine.tell(Notice(NoticeKind.CONNECTED, text, endpoint.peer))
+        endpoint.answer("")
         backend = self._context.backend
         backend.program = self._pass_on
         if backend.byte_robot is None:
@@ -271,51 +271,51 @@ class DialectLink:
         else:
             backend.byte_robot.joined(baud)
 
-    def _refused(self, door: SerialDoor, name: str) -> str:
+    def _refused(self, endpoint: SerialEndpoint, name: str) -> str:
         """The reason why a program may not drive, with the name of its port; empty if it may."""
-        if self._context.clock is not None and not door.by_clock:
+        if self._context.clock is not None and not endpoint.by_clock:
             return f", but {NOT_SERVED}"
         if self._driver is not None:
             return f" while another one drives the robot by {escape_word(self._driver.port)}"
-        seat = self._context.seat
-        refused = "" if seat is None else seat.take(self, f"a program by {name}")
+        lock = self._context.driver_lock
+        refused = "" if lock is None else lock.acquire(self, f"a program by {name}")
         return f", but {refused}" if refused else ""
 
-    def written(self, door: SerialDoor, data: bytes) -> None:
+    def written(self, endpoint: SerialEndpoint, data: bytes) -> None:
         """The program has written bytes."""
         robot = self._context.backend.byte_robot
-        if door is not self._driver:
+        if endpoint is not self._driver:
             return
         if robot is not None:
             robot.wrote(data)
         else:
-            self._wire.bring(data, self._device.received)
+            self._wire.transmit(data, self._device.received)
         self._last = data[-60:].decode("latin-1").strip()
 
-    def set_baud(self, door: SerialDoor, baud: float) -> None:
+    def set_baud(self, endpoint: SerialEndpoint, baud: float) -> None:
         """The program has set another baud rate."""
-        if door is self._driver and not self._instant:
+        if endpoint is self._driver and not self._instant:
             self._wire.set_baud(baud)
 
-    def closed(self, door: SerialDoor, unread: int) -> None:
+    def closed(self, endpoint: SerialEndpoint, unread: int) -> None:
         """A program has closed its port or has ended, and has left `unread` bytes unread."""
-        if isinstance(door, HookedProgram):
-            self._programs.discard(door)
-        if door is not self._driver:
+        if isinstance(endpoint, HookedProgram):
+            self._programs.discard(endpoint)
+        if endpoint is not self._driver:
             return
-        self._wire.bring_rest(self._device.received)
+        self._wire.flush(self._device.received)
         self._driver = None
         if self._sent_by_itself > LOGGED_OF_STREAM:
             more = self._sent_by_itself - LOGGED_OF_STREAM
             text = f"{more} further messages of streams were sent, and not logged one by one"
-            self.engine.tell(Notice(NoticeKind.ROBOT, text, door.peer))
+            self.engine.tell(Notice(NoticeKind.ROBOT, text, endpoint.peer))
         self._sent_by_itself = 0
         backend = self._context.backend
         backend.program = None
         if backend.byte_robot is not None:
             backend.byte_robot.left()
-        if self._context.seat is not None:
-            self._context.seat.leave(self)
+        if self._context.driver_lock is not None:
+            self._context.driver_lock.release(self)
         self._device.closed()
         if unread:
             # Nobody reads the last messages of a stream.
@@ -323,8 +323,8 @@ class DialectLink:
             text = f"dialect: the program left {counted(unread, 'byte')} of replies unread"
             self.engine.tell(Notice(kind, text))
         self._host.close(runs_on=self._runs_on)
-        text = f"the program closed {escape_word(door.port)}"
-        self.engine.tell(Notice(NoticeKind.LEFT, text, door.peer))
+        text = f"the program closed {escape_word(endpoint.port)}"
+        self.engine.tell(Notice(NoticeKind.LEFT, text, endpoint.peer))
         self._context.client_left()
 
     def _reply(self, data: bytes, droppable: bool) -> None:
@@ -349,9 +349,9 @@ class DialectLink:
         if self._driver is not None:
             self._driver.deliver(self._loop.time(), 0.0, data)
 
-    def waits(self, door: SerialDoor, place: str) -> None:
+    def waits(self, endpoint: SerialEndpoint, place: str) -> None:
         """A read of the program has waited for long, at `place`."""
-        if door is not self._driver:
+        if endpoint is not self._driver:
             return
         last = f"; the last message was '{escape(self._last)}'" if self._last else ""
         where = escape(place)

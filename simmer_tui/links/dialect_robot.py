@@ -1,7 +1,7 @@
 """A real robot that speaks the team's own language, driven by the console, keys and programs over TCP.
 
-The bytes of the program that has its port open pass unchanged (`heard_robot.py`). Commands of other senders
-are translated by inverse rules; none is passed on unchanged.
+The bytes of the program that has its port open pass unchanged (`monitored_robot.py`). Commands of other
+senders are translated by inverse rules; none is passed on unchanged.
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ from msgspec.structs import replace
 
 from simmer_tui.backend import Answered, BackendSession, Message
 from simmer_tui.dialect.dialect_rules import Busy
-from simmer_tui.dialect.inverse import InverseRules, Turned
-from simmer_tui.dialect.reply_reader import Heard
+from simmer_tui.dialect.inverse import DialectMessage, InverseRules
+from simmer_tui.dialect.reply_reader import RobotReply
 from simmer_tui.engine import PEOPLE
 from simmer_tui.events import NoticeKind
-from simmer_tui.links.heard_robot import HeardRobot
+from simmer_tui.links.monitored_robot import MonitoredRobot
 from simmer_tui.protocol.packets import STOP
 from simmer_tui.sessions import LoopTimer
 from simmer_tui.sim.command import Command, escape_word, parse_value
@@ -46,13 +46,13 @@ class _Request(Struct, eq=False):
     command: Command
     answer: Callable[[CommandResult], None]
     session: BackendSession
-    turned: Turned | None = None
+    message: DialectMessage | None = None
     result: CommandResult | None = None
     """Result of the twin's movement, when it is over."""
     timer: asyncio.TimerHandle | None = None
 
 
-class DialectRobot(HeardRobot):
+class DialectRobot(MonitoredRobot):
     """A real robot with a dialect as a backend. Only for the event loop it is made in."""
 
     def __post_init__(self) -> None:
@@ -63,7 +63,7 @@ class DialectRobot(HeardRobot):
         """The request whose movement is under way."""
         self._asking: _Request | None = None
         """The request whose reading is awaited."""
-        self._key: Turned | None = None
+        self._key: DialectMessage | None = None
         """The message of the key that drives."""
         self._key_timer = LoopTimer(self._keys_silent, self._loop)
         self._again = LoopTimer(self._advance, self._loop)
@@ -78,15 +78,15 @@ class DialectRobot(HeardRobot):
         self._again.cancel()
         self._drop(f"{self.port} was closed")
 
-    def _note_reply(self, heard: Heard) -> None:
+    def _note_reply(self, reply: RobotReply) -> None:
         asking = self._asking
-        if asking is not None and asking.turned is not None and heard.rule is asking.turned.rule:
-            self._answer_readings(asking.turned, heard.readings)
+        if asking is not None and asking.message is not None and reply.rule is asking.message.rule:
+            self._answer_readings(asking.message, reply.readings)
         moving = self._moving
-        if heard.ends and moving is not None and moving.result is not None:
+        if reply.ends and moving is not None and moving.result is not None:
             self._over(moving, moving.result)
 
-    def _answer_readings(self, asked: Turned, readings: Mapping[str, float]) -> None:
+    def _answer_readings(self, asked: DialectMessage, readings: Mapping[str, float]) -> None:
         """Answer all requests that waited for this message's readings."""
         waiting = [each for each in (self._asking, *self._queue) if each is not None]
         for request in waiting:
@@ -140,10 +140,10 @@ class DialectRobot(HeardRobot):
         while self._queue and self._asking is None:
             request = self._queue[0]
             problem = self._prepare(request)
-            turned = request.turned
+            message = request.message
             is_free = self._moving is None and not self._device.moves
             may_begin = is_free or (
-                turned is not None and not turned.rule.steps and turned.rule.busy is Busy.NOW
+                message is not None and not message.rule.steps and message.rule.busy is Busy.NOW
             )
             if not problem and not may_begin:
                 # No event reports the end of a run or a pause of the twin, so it is checked again later.
@@ -153,10 +153,10 @@ class DialectRobot(HeardRobot):
             self._queue.popleft()
             if problem:
                 self._refuse(request, problem)
-            elif turned is None:
+            elif message is None:
                 self._begin_wait(request)
             else:
-                self._begin(request, turned)
+                self._begin(request, message)
 
     def _prepare(self, request: _Request) -> str:
         """Find the message for a command. Returns the reason if there is none."""
@@ -180,7 +180,7 @@ class DialectRobot(HeardRobot):
             made = value if isinstance(value, str) else self._inverse.drive(command.code, value, state)
         if isinstance(made, str):
             return made
-        request.turned = made
+        request.message = made
         return ""
 
     def _refuse(self, request: _Request, reason: str) -> None:
@@ -197,41 +197,41 @@ class DialectRobot(HeardRobot):
             seconds / self.engine.time_scale, self._over, request, replace(result, waits=seconds)
         )
 
-    def _begin(self, request: _Request, turned: Turned) -> None:
+    def _begin(self, request: _Request, message: DialectMessage) -> None:
         """Send a message, and have the twin do the same."""
         timeout = self.settings.timeout
-        if turned.rule.steps:
+        if message.rule.steps:
             self._moving = request
-            if turned.seconds:
+            if message.seconds:
                 done = self._result(request.command, Status.DONE, math.inf)
-                after = turned.seconds / self.engine.time_scale
+                after = message.seconds / self.engine.time_scale
                 request.timer = self._loop.call_later(after, self._over, request, done)
         else:
             self._asking = request
             request.timer = self._loop.call_later(timeout, self._unanswered, request)
-        self._send(turned, request.command.source)
+        self._send(message, request.command.source)
 
-    def _send(self, turned: Turned, source: str) -> None:
+    def _send(self, message: DialectMessage, source: str) -> None:
         """Send a message of ours to the robot; the twin does the same."""
         self._twin.source, self._twin.refused = source, False
-        self._device.received(turned.data)
+        self._device.received(message.data)
         # A command that the twin refuses, such as a million inches, is not sent to the robot.
         if not self._twin.refused:
-            self.link.write(turned.data)
+            self.link.write(message.data)
 
     def _twin_moved(self, result: CommandResult) -> None:
         """A movement of the twin has ended, or was refused."""
         request = self._moving
-        if request is None or request.turned is None or request.turned.seconds:
+        if request is None or request.message is None or request.message.seconds:
             self._loop.call_soon(self._advance)
             return
-        is_over = not request.turned.rule.done or result.status is not Status.DONE
+        is_over = not request.message.rule.done or result.status is not Status.DONE
         if is_over:
             self._over(request, result)
             return
         request.result = result
-        rule = request.turned.rule
-        waits = any(due.rule is rule and due.part == "done" for due in self._reader.due)
+        rule = request.message.rule
+        waits = any(due.rule is rule and due.part == "done" for due in self._reader.pending)
         if waits:
             request.timer = self._loop.call_later(self.settings.timeout, self._unanswered, request)
         else:
@@ -239,8 +239,8 @@ class DialectRobot(HeardRobot):
 
     def _unanswered(self, request: _Request) -> None:
         """The robot has not answered in time."""
-        if request.turned is not None:
-            self._reader.forget(request.turned.rule)
+        if request.message is not None:
+            self._reader.forget(request.message.rule)
         reason = f"the robot did not answer within {self.settings.timeout:g} s"
         self._give_up(request, reason)
 
@@ -281,8 +281,8 @@ class DialectRobot(HeardRobot):
     def stop(self) -> None:
         """Send a person's or a command's stop at once, ahead of waiting commands."""
         self._end_key()
-        turned = self._inverse.stop(self._device.state)
-        if turned is None:
+        message = self._inverse.stop(self._device.state)
+        if message is None:
             text = 'the robot cannot be stopped: no rule of the dialect is a plain stop (do = "stop")'
             self._tell(NoticeKind.FAULT, text)
         elif not self._open:
@@ -290,7 +290,7 @@ class DialectRobot(HeardRobot):
             self._tell(NoticeKind.FAULT, text)
         else:
             # Otherwise the stop would complete half a line of the program.
-            data = turned.data
+            data = message.data
             if self._device.unfinished and self.switch.program is not None:
                 data = self.rules.framing.end + data
             self.link.write_instead(data)
@@ -333,7 +333,7 @@ class DialectRobot(HeardRobot):
         request.answer(self._result(command, Status.ACCEPTED, math.inf))
 
     def _meant(self, command: Command) -> tuple[str, float] | str | None:
-        """The drive that a key stands for and its distance; None for a velocity of 0."""
+        """The drive that a key represents and its distance; None for a velocity of 0."""
         if not self.engine.simulator.is_velocity(command):
             value = parse_value(command.argument)
             return value if isinstance(value, str) else (command.code, value)

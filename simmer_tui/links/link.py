@@ -16,7 +16,7 @@ from simmer_tui.config.settings import ServerSettings, value_of
 from simmer_tui.dialect.dialect_rules import DialectRules
 from simmer_tui.engine import Engine
 from simmer_tui.links.access import AccessCheck
-from simmer_tui.links.driver_seat import DriverSeat
+from simmer_tui.links.driver_lock import DriverLock
 from simmer_tui.links.ports import Acceptor, Listener, PortRequest
 from simmer_tui.links.processes import ProcessLookup
 from simmer_tui.links.pty_port import PtyDevice
@@ -40,7 +40,7 @@ class LinkContext(Struct, frozen=True):
     `reply` is the setting for when a timed drive is answered. Without `access` everybody may connect. Without
     `processes` the programs behind connections are not known. `client_left` is called after each client.
     `clock` is the program's, if that is in force. `dialect` is the team's own, and `terminal` a
-    pseudo-terminal for its programs. With a `seat` one program at a time drives, over all links.
+    pseudo-terminal for its programs. With a `driver_lock` one program at a time drives, over all links.
     """
 
     engine: Engine
@@ -54,7 +54,7 @@ class LinkContext(Struct, frozen=True):
     clock: ProgramClock | None = None
     dialect: DialectRules | None = None
     terminal: PtyDevice | None = None
-    seat: DriverSeat | None = None
+    driver_lock: DriverLock | None = None
 
     def accept(self, port: DialectPort, welcome: Callable[[socket.socket, str], None]) -> Acceptor:
         """Accept connections on a port from now on: admitted ones go to `welcome(socket, peer)`."""

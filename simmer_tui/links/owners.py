@@ -53,7 +53,7 @@ _SOMEBODY = 65534
 """The user `nobody`, as the owner of a probe."""
 
 
-class FarSocket(NamedTuple):
+class RemoteSocket(NamedTuple):
     """The socket at the other end of a connection, as the system reports it."""
 
     uid: int
@@ -126,7 +126,7 @@ class OwnerLookup:
             return far.uid
         return 0 if far.has_ended and self.tells_closed else None
 
-    def _end(self, sock: socket.socket, there: tuple[str, int], far: FarSocket) -> None:
+    def _end(self, sock: socket.socket, there: tuple[str, int], far: RemoteSocket) -> None:
         """Close a connection after all bytes that have come: its end was dropped, and is sent again only
         after 200 ms."""
         # Unacknowledged bytes may be on their way, with the end behind them, or may have come just now.
@@ -151,13 +151,13 @@ class OwnerLookup:
             at += max(length + 3 & ~3, _ATTRIBUTE.size)
         return False
 
-    def ask(self, sock: socket.socket, there: tuple[str, int]) -> FarSocket | None:
+    def ask(self, sock: socket.socket, there: tuple[str, int]) -> RemoteSocket | None:
         """The socket at the other end; None if the system does not report it."""
         answer = self._answer(sock, there)
         if len(answer) < _ANSWER.size:
             return None
         kind, state, unread, unacknowledged, uid, inode = _ANSWER.unpack_from(answer)
-        return FarSocket(uid, inode, state, unacknowledged, unread) if kind == _BY_FAMILY else None
+        return RemoteSocket(uid, inode, state, unacknowledged, unread) if kind == _BY_FAMILY else None
 
     def _answer(self, sock: socket.socket, there: tuple[str, int], extensions: int = 0) -> bytes:
         """The system's answer to a question about the other end; empty if there is none."""

@@ -10,7 +10,7 @@ from functools import partial
 
 from simmer_tui.backend import CommandBudget, Message
 from simmer_tui.config.dialects import PACKETS
-from simmer_tui.links.access import TurnedAwayNotices
+from simmer_tui.links.access import RefusalNotices
 from simmer_tui.links.connection_doctor import ConnectionDoctor
 from simmer_tui.links.link import LinkContext
 from simmer_tui.links.packet_presence import PacketDriver, Presence
@@ -122,7 +122,7 @@ class _Sender(Peer):
                 form = self._link.forms[request.dialect]
                 message = Message(request.data, request.commands, form)
                 self._session.submit(message, partial(self._answered, request, form.format))
-        if self._command_budget.is_hopeless and not self.lost:
+        if self._command_budget.is_exceeded and not self.lost:
             self._drop()
 
     def _drop(self) -> None:
@@ -229,7 +229,7 @@ class PacketLink:
         """Commands that have come in and are not answered yet."""
         self._users = context.processes if settings.any_user else None
         self._budgets: dict[tuple[str, int | None], CommandBudget] = {}
-        self._turned_away = TurnedAwayNotices(context.engine)
+        self._refusals = RefusalNotices(context.engine)
         self._presence = Presence(context, self.mailbox, self._is_connected, self._client_left)
         self._requests = context.accept(PACKETS, self._welcome)
         self.replies = ReplyPort(
@@ -261,11 +261,11 @@ class PacketLink:
     def _welcome(self, sock: socket.socket, peer: str) -> None:
         if len(self.senders) >= MOST_CONNECTIONS:
             self._make_room()
-        seat = self.context.seat
-        refused = "" if seat is None else seat.take_by_process(self, sock, peer)
+        lock = self.context.driver_lock
+        refused = "" if lock is None else lock.acquire_by_process(self, sock, peer)
         if refused:
-            self._requests.turn_away(sock, peer)
-            self._turned_away.tell(f"client {peer} turned away: {refused}", refused)
+            self._requests.refuse(sock, peer)
+            self._refusals.tell(f"client {peer} turned away: {refused}", refused)
             return
         self._presence.connected(sock, peer)
         self.senders.add(_Sender(sock, peer, self))
@@ -285,7 +285,7 @@ class PacketLink:
         """A connection on the request port has ended."""
         self.senders.discard(sender)
         self._presence.disconnected(sender.peer)
-        self._leave_seat()
+        self._release_lock()
 
     def note_request(self, sender: _Sender, request: Request) -> PacketDriver:
         """Take a complete request. Returns the owner of the velocities that it sets."""
@@ -298,7 +298,7 @@ class PacketLink:
     def note_answered(self, count: int) -> None:
         """Take note that a request of so many commands has been answered."""
         self.unanswered -= count
-        self._presence.look_after_velocity()
+        self._presence.watch_velocity()
 
     def budget_of(self, sock: socket.socket, peer: str) -> CommandBudget:
         """The budget of waiting commands shared by all connections of a user from one address."""
@@ -317,9 +317,9 @@ class PacketLink:
         )
 
     def _client_left(self, address: str) -> None:
-        self._leave_seat()
+        self._release_lock()
         self.context.client_left()
 
-    def _leave_seat(self) -> None:
-        if self.context.seat is not None and not self._presence.any and not self.senders:
-            self.context.seat.leave(self)
+    def _release_lock(self) -> None:
+        if self.context.driver_lock is not None and not self._presence.any and not self.senders:
+            self.context.driver_lock.release(self)

@@ -149,7 +149,7 @@ class Presence:
         if dropped:
             self._engine.tell_fault(f"{dropped} replies dropped: {why}")
 
-    def look_after_velocity(self) -> None:
+    def watch_velocity(self) -> None:
         """Watch the velocity after a command's answer: one that came in a packet ends with its program."""
         if isinstance(self._engine.driving.driver, PacketDriver) and self._next_look.due == math.inf:
             self._next_look.set_in(LOOK)
@@ -160,7 +160,7 @@ class Presence:
             process = driver.process
             if not (driver.address in self._clients if process is None else process.lives):
                 self._engine.driver_left(driver)
-            self.look_after_velocity()
+            self.watch_velocity()
 
     def close(self) -> None:
         """Stop tracking clients."""

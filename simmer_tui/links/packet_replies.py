@@ -30,7 +30,7 @@ LONGEST_WAIT = 0.1
 """Seconds that a read waits at most for a request being received or answered. An unfinished request counts as
 being received for so long."""
 # More than `CLOSING`: a merged reply of 1000 items may exceed the system's buffers.
-UNREAD_PATIENCE = 10.0
+UNREAD_TIMEOUT = 10.0
 """Seconds within which a client must have read its reply."""
 
 
@@ -75,7 +75,7 @@ class _Read:
 class _Unread(Peer):
     """A connection on the reply port with a reply larger than the system takes at once."""
 
-    closing = UNREAD_PATIENCE
+    closing = UNREAD_TIMEOUT
 
     def __init__(self, read: _Read, port: ReplyPort, rest: bytes) -> None:
         super().__init__(read.sock, read.peer, port.budget)

@@ -54,16 +54,16 @@ class ReadBudget:
             self._loop.call_soon(self._renew)
         self.left -= count
 
-    def wait(self, go_on: Callable[[], None]) -> None:
-        """Call `go_on` in the next turn: the budget is empty."""
-        self._behind[go_on] = None
+    def wait(self, callback: Callable[[], None]) -> None:
+        """Call `callback` in the next turn: the budget is empty."""
+        self._behind[callback] = None
 
     def _renew(self) -> None:
         self.left = self._size
         # Waiting peers go before new bytes, or a flood from one could block them forever.
         behind, self._behind = self._behind, {}
-        for go_on in behind:
-            go_on()
+        for callback in behind:
+            callback()
 
 
 def host_of(peer: str) -> str:
@@ -88,7 +88,7 @@ class Peer:
         self.sock = sock
         self.peer = name
         self.lost = False
-        self.broke_off = False
+        self.ended_with_error = False
         """True if it ended with an error, such as the reset of one that closed with bytes unread."""
         self._loop = asyncio.get_running_loop()
         self._clock = clock_of(self._loop) if self.counted else None
@@ -236,7 +236,7 @@ class Peer:
         if self._finished:
             return
         self._finished = True
-        self.broke_off = error is not None
+        self.ended_with_error = error is not None
         self._set_reading()
         if self._unsent:
             self._loop.remove_writer(self.sock)
@@ -250,7 +250,7 @@ class Peer:
         self.connection_lost(error)
 
 
-class TurnedAway(Peer):
+class RefusedPeer(Peer):
     """A refused connection: it gets a clean end, not a reset, and some time to notice it."""
 
     def __init__(
@@ -258,10 +258,10 @@ class TurnedAway(Peer):
     ) -> None:
         super().__init__(sock, name, budget)
         self._on_over = on_over
-        self._patience = self._loop.call_later(CLOSING, self.abort)
+        self._timeout = self._loop.call_later(CLOSING, self.abort)
         with contextlib.suppress(OSError):  # it has closed already
             sock.shutdown(socket.SHUT_WR)
 
     def connection_lost(self, error: OSError | None) -> None:
-        self._patience.cancel()
+        self._timeout.cancel()
         self._on_over(self)

@@ -130,4 +130,4 @@ def _group_to_join(name: str) -> str:
         group = ""
     if not group:
         return ""
-    return f": it belongs to the group {group}; join with: sudo usermod -aG {group} $USER, then log in anew"
+    return f": it belongs to the group {group}; join with: sudo usermod -aG {group} $USER, then log in again"

@@ -14,7 +14,7 @@ from msgspec import Struct
 from simmer_tui.config.dialects import BACKLOG
 from simmer_tui.errors import PortError
 from simmer_tui.links.access import AccessCheck, TokenCheck
-from simmer_tui.links.peer import MOST_WAITING, PIECE, Peer, ReadBudget, TurnedAway
+from simmer_tui.links.peer import MOST_WAITING, PIECE, Peer, ReadBudget, RefusedPeer
 
 # Judged: a port free on 127.0.0.1 is nearly always free on ::1, so two tries are usually enough.
 _TRIES = 50
@@ -159,7 +159,7 @@ class Acceptor:
         self._welcome = welcome
         self._access = access
         self._checking: dict[TokenCheck, None] = {}
-        self._turned_away: set[Peer] = set()
+        self._refused_peers: set[Peer] = set()
         self._budget = ReadBudget(PIECE)
         for sock in listener.sockets:
             self._listen(sock)
@@ -172,10 +172,10 @@ class Acceptor:
         for check in tuple(self._checking):
             check.look()
 
-    def turn_away(self, sock: socket.socket, peer: str) -> None:
+    def refuse(self, sock: socket.socket, peer: str) -> None:
         """End a refused connection cleanly; if there are too many of them, at once."""
-        if len(self._turned_away) < MOST_WAITING:
-            self._turned_away.add(TurnedAway(sock, peer, self._budget, self._turned_away.discard))
+        if len(self._refused_peers) < MOST_WAITING:
+            self._refused_peers.add(RefusedPeer(sock, peer, self._budget, self._refused_peers.discard))
         else:
             sock.close()
 
@@ -186,7 +186,7 @@ class Acceptor:
         for check in self._checking:
             check.cancel()
             check.sock.close()
-        for peer in tuple(self._turned_away):
+        for peer in tuple(self._refused_peers):
             peer.abort()
 
     def pause(self) -> None:
@@ -228,7 +228,7 @@ class Acceptor:
             self._welcome(sock, peer)
             return
         if not self._access.admits(sock, there):
-            self.turn_away(sock, peer)
+            self.refuse(sock, peer)
             return
         check = self._access.check_token(sock, peer, self._decided)
         if check is None:
@@ -244,4 +244,4 @@ class Acceptor:
 
     def _decided(self, check: TokenCheck, good: bool) -> None:
         del self._checking[check]
-        (self._welcome if good else self.turn_away)(check.sock, check.peer)
+        (self._welcome if good else self.refuse)(check.sock, check.peer)

@@ -1,4 +1,4 @@
-"""The processes behind local connections. Only Linux reports them; elsewhere clients are told apart by
+"""The processes behind local connections. Only Linux reports them; elsewhere clients are distinguished by
 time."""
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from itertools import chain
 from msgspec import Struct
 
 from simmer_tui import platform_has
-from simmer_tui.links.owners import FarSocket, OwnerLookup
+from simmer_tui.links.owners import OwnerLookup, RemoteSocket
 
 # The first is enough for two hundred processes, and delays no packet for long. The second is enough for two
 # thousand; a client waits for it once. It is processor time: on a busy machine real time passes meanwhile.
@@ -81,7 +81,7 @@ class ProcessLookup:
         """Take note of the program that the run has started."""
         self.of_run = _process(pid)
 
-    def _far(self, sock: socket.socket, peer: str) -> FarSocket | None:
+    def _far(self, sock: socket.socket, peer: str) -> RemoteSocket | None:
         """The socket at the other end, `address:port`, as far as the system reports it."""
         return self._owners.ask(sock, _address(peer))
 

@@ -162,7 +162,7 @@ LOOK_AGAIN = 0.02
 
 
 class PtyPort:
-    """The serial port at the path of a pseudo-terminal: a `SerialDoor` while a program has it open. It is
+    """The serial port at the path of a pseudo-terminal: a `SerialEndpoint` while a program has it open. It is
     opened, written, read and closed in the event loop, without blocking."""
 
     def __init__(self, device: PtyDevice, robot: SerialRobot) -> None:

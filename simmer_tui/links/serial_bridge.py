@@ -37,7 +37,7 @@ from simmer_tui.sim.simulator import Simulator
 from simmer_tui.sim.velocity_commands import WAIT, parse_wait
 
 # Robots usually do not answer a stop from a key. Judged: many times as long as a reply at 9600 baud.
-STOP_PATIENCE = 0.25
+STOP_TIMEOUT = 0.25
 """Seconds within which a robot may reply to a stop that no program asked for."""
 # Judged: greetings come in pieces, and are reported as one line.
 REPORT_DELAY = 1.0
@@ -166,7 +166,7 @@ class SerialBridge(RealRobot):
         stopping = bool(self._under_way) and self._under_way[-1].is_stop
         return message if _is_stop(message) and (self._waiting or not stopping) else None
 
-    def trail(self, data: bytes, session: BackendSession) -> None:
+    def append_late(self, data: bytes, session: BackendSession) -> None:
         """Pass on a line end that came late: it ends the client's last message."""
         waiting = self._waiting[-1] if self._waiting else None
         if waiting is not None and waiting.session is session:
@@ -477,7 +477,7 @@ class SerialBridge(RealRobot):
     def _due_of(self, exchange: _Exchange) -> float:
         """The time limit of a message that is sent now, by the event loop's clock."""
         nobody_asks = exchange.is_stop and exchange.answered is None
-        return self._loop.time() + (STOP_PATIENCE if nobody_asks else self.settings.timeout)
+        return self._loop.time() + (STOP_TIMEOUT if nobody_asks else self.settings.timeout)
 
     def _set_deadline(self) -> None:
         """Set the time limit: that of the message under way, or, without one, for the port to open. It counts

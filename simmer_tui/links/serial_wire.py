@@ -17,7 +17,7 @@ from simmer_tui.engine import Engine
 from simmer_tui.links.peer import ReadBudget
 
 
-class SerialDoor(Protocol):
+class SerialEndpoint(Protocol):
     """A program with an open serial port, by the hook in its pyserial or by a pseudo-terminal."""
 
     peer: str
@@ -43,19 +43,19 @@ class SerialRobot(Protocol):
     def reached(self) -> None:
         """A program with the hook has begun: it will find the port."""
 
-    def opened(self, door: SerialDoor, name: str, baud: float | None) -> None:
+    def opened(self, endpoint: SerialEndpoint, name: str, baud: float | None) -> None:
         """A program opens a port, at a baud rate if that is known. Its `answer` is called."""
 
-    def written(self, door: SerialDoor, data: bytes) -> None:
+    def written(self, endpoint: SerialEndpoint, data: bytes) -> None:
         """The program has written bytes."""
 
-    def set_baud(self, door: SerialDoor, baud: float) -> None:
+    def set_baud(self, endpoint: SerialEndpoint, baud: float) -> None:
         """The program has set another baud rate."""
 
-    def waits(self, door: SerialDoor, place: str) -> None:
+    def waits(self, endpoint: SerialEndpoint, place: str) -> None:
         """A read of the program has waited for long, at the line `place`."""
 
-    def closed(self, door: SerialDoor, unread: int) -> None:
+    def closed(self, endpoint: SerialEndpoint, unread: int) -> None:
         """The program has closed the port, or has ended, and has left so many bytes unread."""
 
 
@@ -79,7 +79,7 @@ class Wire:
         self._in_free = self._out_free = -math.inf
         self.byte = 0.0
         """Time of a byte, seconds."""
-        self._coming: deque[bytes] = deque()
+        self._in_transit: deque[bytes] = deque()
         self.left_out = 0
         """Count of messages of streams that were left out."""
         self.set_baud(baud)
@@ -88,26 +88,26 @@ class Wire:
         """Use another rate from now on."""
         self.byte = BITS_OF_A_BYTE / baud if baud > 0 else 0.0
 
-    def bring(self, data: bytes, receive: Callable[[bytes], None]) -> None:
-        """Have bytes of the program arrive at the robot: each message when its last byte does."""
+    def transmit(self, data: bytes, receive: Callable[[bytes], None]) -> None:
+        """Send bytes of the program to the robot. Each message arrives with its last byte."""
         now = self._engine.now()
         at = max(self._in_free, now)
         for part in _messages(data, self._framing):
             at += len(part) * self.byte
-            if at <= now and not self._coming:
+            if at <= now and not self._in_transit:
                 receive(part)
             else:
-                self._coming.append(part)
+                self._in_transit.append(part)
                 self._engine.call_at(at, lambda: self._arrive(receive))
         self._in_free = at
 
     def _arrive(self, receive: Callable[[bytes], None]) -> None:
-        if self._coming:
-            receive(self._coming.popleft())
+        if self._in_transit:
+            receive(self._in_transit.popleft())
 
-    def bring_rest(self, receive: Callable[[bytes], None]) -> None:
-        """Have all written bytes arrive now: the program has closed the port."""
-        while self._coming:
+    def flush(self, receive: Callable[[bytes], None]) -> None:
+        """Deliver all bytes under way now: the program has closed the port."""
+        while self._in_transit:
             self._arrive(receive)
 
     def delay(self, count: int, *, droppable: bool = False) -> float | None:

@@ -127,7 +127,7 @@ _ORDERS = (
     OrderSpec(":vv VX VY OMEGA [T]", "drive so fast, in/s and deg/s, for T (or 1) seconds", _velocity),
     OrderSpec(":stop", "stop the robot", _alone, ActionName.STOP),
     OrderSpec(":pause", "let commands wait", _alone, ActionName.PAUSE),
-    OrderSpec(":resume", "go on after a pause", _alone, ActionName.RESUME),
+    OrderSpec(":resume", "continue after a pause", _alone, ActionName.RESUME),
     OrderSpec(":step", "while paused, let one command through", _alone),
     OrderSpec(":plot_robot [on|off]", "draw the maze and the robot", _switch),
     OrderSpec(":plot_sense [on|off]", "draw what the sensors see", _switch),

@@ -108,12 +108,12 @@ class Program(RunningProgram):
             from simmer_tui.program.job_process import console_code_page
 
             unbuffered = console_variables(command, console_code_page())
-        surroundings = with_hook({**unbuffered, **os.environ, **environment})
+        variables = with_hook({**unbuffered, **os.environ, **environment})
         try:
             kept = output or ProgramOutput()
             route = OutputRoute(kept, on_line, at_once=bool(unbuffered))
             try:
-                process = _started(command, surroundings, folder, keeper, route, on_line is None, adopts)
+                process = _started(command, variables, folder, keeper, route, on_line is None, adopts)
             except BaseException:
                 route.abandon()
                 raise

@@ -32,10 +32,10 @@ MARK = "SIMMER_KEPT"
 KEEPER = "keeper"
 """Its value in a keeper."""
 # Enough for a program that catches SIGTERM to close its files.
-PATIENCE = 1.0
+TERMINATE_TIMEOUT = 1.0
 """Seconds between SIGTERM and SIGKILL."""
-# Together with `PATIENCE` below the 2 s that a run may take to end after a signal (cli/run_life.py).
-_LAST = 0.5
+# Together with `TERMINATE_TIMEOUT` below the 2 s that a run may take to end after a signal (cli/run_life.py).
+_KILL_TIMEOUT = 0.5
 """Seconds that killed processes may take to end: some wait for a disk."""
 _SOON, _LATER = 0.002, 0.02
 """Least and greatest time between two searches for processes, seconds. The first comes soon because most
@@ -67,8 +67,8 @@ def end_all(mark: str, program: int, adopted: Callable[[], set[int]] = set) -> N
 
     More may start meanwhile. `adopted` returns processes that are known to be the program's in other ways.
     """
-    for number, patience in ((signal.SIGTERM, PATIENCE), (signal.SIGKILL, _LAST)):
-        until = time.monotonic() + patience
+    for number, timeout in ((signal.SIGTERM, TERMINATE_TIMEOUT), (signal.SIGKILL, _KILL_TIMEOUT)):
+        until = time.monotonic() + timeout
         asked: set[int] = set()
         pause = _SOON
         while found := _started_by(mark, program, adopted()):

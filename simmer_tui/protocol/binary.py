@@ -63,7 +63,7 @@ class CommandReader:
         self._skipping = False
         self._overlong: Command | None = None
         """A command being skipped that is not answered yet: without newlines its end is unknown,
-        and a sender that waits for the answer may go on only after it."""
+        and a sender that waits for the answer may continue only after it."""
         self._just_taken = False
         self._known: dict[bytes, Command] = {}
         """Lines taken apart before: programs ask the same few things over and over."""

@@ -302,7 +302,7 @@ def _is_numbers(line: bytes) -> bool:
 
 
 def _number(word: str) -> float:
-    """The number a word stands for; NaN for any other word."""
+    """The number a word represents; NaN for any other word."""
     return float(word) if NUMBER.fullmatch(word) else _WORDS.get(word.lower(), math.nan)
 
 

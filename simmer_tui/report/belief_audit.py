@@ -19,7 +19,7 @@ from simmer_tui.report.robust_fit import Flags, binomial_tail, mad_scale, robust
 from simmer_tui.report.sensor_sample import poses_of, sensors_read, world_without_block
 from simmer_tui.run.attempt import Attempt
 from simmer_tui.run.episodes import SAME
-from simmer_tui.run.facts import UNTOLD_TURN
+from simmer_tui.run.facts import DEFAULT_ALLOWED_TURN
 from simmer_tui.run.table import Columns
 from simmer_tui.sim.angles import FloatArray, cos_sin_array
 from simmer_tui.sim.sensors import CountingSensor, ObservingSensor, modelled_sensor
@@ -95,7 +95,7 @@ class BeliefMotion:
         """For turns and for distances, the sensors and drives that explain a difference; none without one."""
         if len(self._beliefs) <= _FEWEST:
             return []
-        sure = self._beliefs["allowed_turn"] <= UNTOLD_TURN
+        sure = self._beliefs["allowed_turn"] <= DEFAULT_ALLOWED_TURN
         near = np.nan_to_num(self._beliefs["spread"]) <= SURE
         usable = sure[1:] & sure[:-1]
         in_half = np.abs(self._true_turn) <= _LONGEST_TURN
@@ -134,7 +134,7 @@ class BeliefMotion:
             f"with nothing read, but the log has no {of[0] if of else 'movement'}"
         )
         probability = binomial_tail(hits, count, _MOVED_BY_NOTHING)
-        return [Disagreement(of, text, hits, probability, 1.0, *moment(row), swallowed=True)]
+        return [Disagreement(of, text, hits, probability, 1.0, *moment(row), command_lost=True)]
 
     def _explained(self, axis: _Axis, sources: list[_Source]) -> list[Disagreement]:
         usable = axis.usable & ~self._same & np.isfinite(axis.believed)
@@ -264,7 +264,7 @@ def wrong_heading(attempt: Attempt) -> list[Disagreement]:
         # Beyond the error that the program allowed for, by the noise of a mean.
         beyond = (abs(value) - allowed) * len(rows) ** 0.5 / float(np.median(noise))
         turns = beliefs["turn"][beliefs["order"] >= believed["order"][0]]
-        stays = np.abs((turns - value + 180.0) % 360.0 - 180.0) <= np.maximum(UNTOLD_TURN, allowed)
+        stays = np.abs((turns - value + 180.0) % 360.0 - 180.0) <= np.maximum(DEFAULT_ALLOWED_TURN, allowed)
         if beyond <= 0.0 or stays.mean() < 0.5:
             continue
         more = f"{abs(value):.0f} {spec.unit} {'more' if value > 0 else 'less'}"

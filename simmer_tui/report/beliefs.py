@@ -66,7 +66,7 @@ def episode_text(episode: Episode) -> str:
         case EpisodeKind.BLOCK_MOVED:
             return f"a person moved the block {when}"
         case EpisodeKind.RESTARTED:
-            return f"a person began the run anew {when}"
+            return f"a person restarted the run {when}"
 
 
 def _size(episode: Episode) -> str:

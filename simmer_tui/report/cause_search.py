@@ -152,7 +152,7 @@ def _explained(attempt: Attempt, findings: Sequence[Finding]) -> Cause | None:
     if not found:
         return None
     surest = found[0]
-    if surest[0].swallowed:
+    if surest[0].command_lost:
         return _made_of(attempt, surest, Kind.NOT_CARRIED_OUT, surest[0].text)
     # With more explanations than can be named, none is named.
     if len(surest) > _NAMED:

@@ -1,4 +1,4 @@
-"""Causes of failed runs: their kinds, and the counterfactuals that speak for or against each.
+"""Causes of failed runs: their kinds, and the counterfactuals that support or refute each.
 
 A cause that its own counterfactual contradicts is never named: `contradicted` decides, here and in tests.
 """
@@ -51,7 +51,7 @@ class Kind(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class Bearing:
+class CounterfactualTest:
     """Changes of the deciding movement that support or refute a kind of cause. One of `supporting` must have
     saved it, if any of them could be decided; none of `refuting` may have."""
 
@@ -61,18 +61,18 @@ class Bearing:
 
 _WITHOUT_ERRORS = frozenset((Change.NO_NOISE, Change.NO_BIAS, Change.EXACT, Change.UNSEEN, Change.LAST))
 _BELIEVED, _NO_BLOCK = frozenset((Change.BELIEVED,)), frozenset((Change.NO_BLOCK,))
-BEARINGS = {
+COUNTERFACTUAL_TESTS = {
     # A lost program would have passed if its belief had been right.
-    Kind.LOST: Bearing(_BELIEVED),
-    Kind.UNSURE: Bearing(_BELIEVED),
+    Kind.LOST: CounterfactualTest(_BELIEVED),
+    Kind.UNSURE: CounterfactualTest(_BELIEVED),
     # A reading corrects the belief. A program that knew its place would have driven the same with a reading.
-    Kind.UNREAD: Bearing(_BELIEVED),
-    Kind.DRIVE_ERROR: Bearing(_WITHOUT_ERRORS),
-    Kind.HELD_BLOCK: Bearing(_NO_BLOCK),
+    Kind.UNREAD: CounterfactualTest(_BELIEVED),
+    Kind.DRIVE_ERROR: CounterfactualTest(_WITHOUT_ERRORS),
+    Kind.HELD_BLOCK: CounterfactualTest(_NO_BLOCK),
     # Too close means that the program knew its place and would have passed with more room.
-    Kind.CLEARANCE: Bearing(frozenset((Change.ASIDE, Change.FURTHER_OFF)), _BELIEVED),
+    Kind.CLEARANCE: CounterfactualTest(frozenset((Change.ASIDE, Change.FURTHER_OFF)), _BELIEVED),
     # Any other change that would have saved it points to another cause.
-    Kind.UNDECIDED: Bearing(refuting=_BELIEVED | _NO_BLOCK | {Change.EXACT}),
+    Kind.UNDECIDED: CounterfactualTest(refuting=_BELIEVED | _NO_BLOCK | {Change.EXACT}),
 }
 """Counterfactuals that support or refute each kind. Kinds that are not here need the program's own decisions,
 which no log has."""
@@ -80,11 +80,11 @@ which no log has."""
 
 def contradicted(kind: Kind, tried: Sequence[Counterfactual]) -> bool:
     """True if counterfactuals contradict a kind of cause."""
-    bearing = BEARINGS.get(kind, Bearing())
-    decided = [each.saved for each in tried if each.change in bearing.supporting and each.saved is not None]
+    test = COUNTERFACTUAL_TESTS.get(kind, CounterfactualTest())
+    decided = [each.saved for each in tried if each.change in test.supporting and each.saved is not None]
     if decided and not any(decided):
         return True
-    return any(each.saved for each in tried if each.change in bearing.refuting)
+    return any(each.saved for each in tried if each.change in test.refuting)
 
 
 class Sureness(StrEnum):

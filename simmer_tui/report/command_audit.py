@@ -197,7 +197,7 @@ def _as_measured(attempt: Attempt, row: DriveSpec, found: _Found) -> list[Disagr
         nexts = np.append(attempt.within(attempt.history.movements)["order"], np.iinfo(np.int64).max)
         until = nexts[np.searchsorted(nexts, found.rows["order"], side="right")]
         if np.mean(after < until) >= _BETWEEN:
-            text = f"{sensor.code} told the program twice the movement, or more"
+            text = f"{sensor.code} reported twice the movement, or more"
             made.append(_disagreement(sensor.code, text, found))
     return made
 
@@ -254,7 +254,7 @@ def vanished_movements(attempt: Attempt) -> list[Disagreement]:
         # The end of each drive's commands was tried.
         probability = min(probability * len(ends), 1.0)
         found.append(
-            Disagreement(of, text, len(gaps), probability, 1.0, *moment(rows[first]), swallowed=True)
+            Disagreement(of, text, len(gaps), probability, 1.0, *moment(rows[first]), command_lost=True)
         )
     return sorted(found, key=lambda each: each.probability)[:1]
 

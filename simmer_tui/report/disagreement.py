@@ -23,7 +23,7 @@ class Disagreement:
 
     `probability` is that of evidence as strong without a disagreement, corrected for all tests of its kind.
     `scatter` is the residual scatter, in a unit of the evidence. `elapsed` (seconds) and `line` (of the log)
-    are where it began. With `swallowed`, a command never reached the robot.
+    are where it began. With `command_lost`, a command never reached the robot.
     """
 
     of: tuple[str, ...]
@@ -33,7 +33,7 @@ class Disagreement:
     scatter: float
     elapsed: float
     line: int
-    swallowed: bool = False
+    command_lost: bool = False
 
 
 def moment(row: Columns) -> tuple[float, int]:

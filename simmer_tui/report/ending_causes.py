@@ -16,7 +16,12 @@ from simmer_tui.phrases import (
 )
 from simmer_tui.report.causes import Cause, Kind, Sureness, cause_of, undecided_text
 from simmer_tui.report.contact_causes import BLIND, BLIND_TURN, belief_text, wrong_text
-from simmer_tui.report.right_readings import looked_for_block, looked_in_vain, looked_while_lost, told_held
+from simmer_tui.report.right_readings import (
+    looked_for_block,
+    looked_in_vain,
+    looked_while_lost,
+    reported_held,
+)
 from simmer_tui.run.attempt import Attempt
 from simmer_tui.run.episodes import EpisodeKind
 from simmer_tui.run.facts import missed_zone, wrapped
@@ -83,7 +88,7 @@ class EndingCauses:
         block, zone = done.grip.block, seen.task.zone
         where = place_text(block.x, block.y)
         kind, sure, codes = Kind.DROPPED_OUTSIDE, Sureness.CERTAIN, tuple[str, ...]()
-        if (held_by := told_held(seen, done)) is not None:
+        if (held_by := reported_held(seen, done)) is not None:
             code, times = held_by
             kind, sure, codes = Kind.UNDECIDED, Sureness.LIKELY, (code,)
             either = undecided_text(f"a reply of {code} was changed")
@@ -189,20 +194,20 @@ class EndingCauses:
 
     def nowhere(self) -> Cause | None:
         """It continued to move, or only to read, and reached no goal and no new place."""
-        seen, task, stretch = self._seen, self._seen.task, self._seen.stretch
+        seen, task, stalled = self._seen, self._seen.task, self._seen.stalled
         if task is None:
             return None
         if (stood := self._stood(task.time_limit)) is not None:
             return stood
         # A robot that stands and reads is slow, not without progress: half of the time must have been
         # driving.
-        lasted = seen.elapsed - stretch.since
-        idle = lasted < STAYED * task.time_limit or stretch.driving < lasted / 2
-        if stretch.movements < (HUNDRED if idle or not seen.out_of_time else MOVES):
+        lasted = seen.elapsed - stalled.since
+        idle = lasted < STAYED * task.time_limit or stalled.driving < lasted / 2
+        if stalled.movements < (HUNDRED if idle or not seen.out_of_time else MOVES):
             return self._looped()
-        turned = f", {stretch.turned:.0f} deg" if stretch.turned >= 1.0 else ""
-        moved = f"{stretch.movements} movements ({stretch.driven:.0f} in{turned})"
-        return self._got_nowhere(stretch.since, f"{moved} reached no goal and no new place", stretch.place)
+        turned = f", {stalled.turned:.0f} deg" if stalled.turned >= 1.0 else ""
+        moved = f"{stalled.movements} movements ({stalled.driven:.0f} in{turned})"
+        return self._got_nowhere(stalled.since, f"{moved} reached no goal and no new place", stalled.place)
 
     def _looped(self) -> Cause | None:
         """It repeated the same few movements, whatever its sensors read."""
@@ -214,14 +219,14 @@ class EndingCauses:
 
     def _stood(self, time_limit: float) -> Cause | None:
         """It stood and read its sensors until time was up, or it gave up."""
-        seen, standing = self._seen, self._seen.standing
-        if standing is None or standing.readings < HUNDRED or seen.too_many_contacts:
+        seen, dwell = self._seen, self._seen.dwell
+        if dwell is None or dwell.readings < HUNDRED or seen.too_many_contacts:
             return None
-        if seen.elapsed - standing.since < STAYED * time_limit:
+        if seen.elapsed - dwell.since < STAYED * time_limit:
             return None
-        read = f"{standing.readings} times ({standing.code} {standing.often} times)"
+        read = f"{dwell.readings} times ({dwell.code} {dwell.often} times)"
         end = "" if seen.out_of_time else f"{self._end()}."
-        return self._got_nowhere(standing.since, f"it did not move and read sensors {read}", None, end)
+        return self._got_nowhere(dwell.since, f"it did not move and read sensors {read}", None, end)
 
     def _got_nowhere(self, since: float, text: str, pose: Pose | None, *evidence: str) -> Cause:
         text = f"It got nowhere. From {since:.1f} s on, {text}."
@@ -290,7 +295,7 @@ class EndingCauses:
         if belief is None or frozen:
             return None
         if lost is not None and looked_while_lost(self._seen):
-            known = f"the pose that the program told (its belief) was wrong. {wrong_text(self._seen, lost)}"
+            known = f"the pose that the program believed was wrong. {wrong_text(self._seen, lost)}"
         elif lost is None and looked_in_vain(self._seen) and self._seen.hardly_localized:
             known = "the program seldom knew where it was"
         else:

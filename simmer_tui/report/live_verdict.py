@@ -37,7 +37,7 @@ class LiveVerdict(EventHandler[None]):
         self._has_program = False
         self._search: threading.Thread | None = None
         self._last_text = ""
-        """Text of the last verdict that was told as a notice; empty without one on this run."""
+        """Text of the last verdict that was published as a notice; empty without one on this run."""
         self.verdict: Verdict | None = None
         """The verdict, once the run has ended."""
 

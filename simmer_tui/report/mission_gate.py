@@ -89,13 +89,13 @@ class MissionGate(EventHandler[bool]):
 class Analysis:
     """A reducer with a history that ends with the mission, until the run restarts."""
 
-    def __init__(self, reducer: Reducer, history: RunHistory, *, goes_on: bool = False) -> None:
-        """Give the reducer its history. With `goes_on` only the history ends: the reducer continues, for
+    def __init__(self, reducer: Reducer, history: RunHistory, *, ends_history_only: bool = False) -> None:
+        """Give the reducer its history. With `ends_history_only` the reducer continues after the history, for
         others that read its state."""
         reducer.history = history
         self._reducer = reducer
         self._history = history
-        self._goes_on = goes_on
+        self._ends_history_only = ends_history_only
         self._gate = MissionGate(reducer)
         self._uncounted_until = 0.0
         """Elapsed simulated seconds at the last event that does not count."""
@@ -107,7 +107,7 @@ class Analysis:
             # Only notices have no time, and they count.
             time: float = getattr(event, "time", 0.0)
             self._uncounted_until = max(self._uncounted_until, self._history.clock.before + time)
-            if self._goes_on:
+            if self._ends_history_only:
                 self._reducer.history = None
                 self._reducer.apply(event, line, real_time)
                 self._reducer.history = self._history

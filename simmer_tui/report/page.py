@@ -136,7 +136,7 @@ def _cards(run: RunStatistics, attempt: Attempt, log: str) -> Iterator[DocumentP
     if log:
         steps.append(("See it: ", Code(f"simmer-tui replay {file}")))
         take_over = f"simmer-tui replay {file} --take-over {verdict.elapsed:.1f}"
-        steps.append(("Go on from here: ", Code(take_over)))
+        steps.append(("Continue from here: ", Code(take_over)))
     yield Bullets("Next", steps, kind="card")
     if attempt.task is not None:
         yield Bullets("Goals", list(_goals(run, attempt.task, attempt)), kind="card")

@@ -17,7 +17,7 @@ function simmerPlayer(recording, live) {
   const strips = document.querySelector(".strips svg");
   const run = { ...recording, moment: recording.moment === null ? null : recording.moment / 1000 };
   let now = 0, speed = 1, playing = false, following = Boolean(live), last = 0, lastFollowed = 0, nextTrail = 0, drawnBelief, drawnScans;
-  const arrivals = []; // of a run that goes on: until when, and since when by the clock of this page
+  const arrivals = []; // of a run that continues: until when, and since when by the clock of this page
 
   // -- the recording ---------------------------------------------------------------------------
 
@@ -335,7 +335,7 @@ function simmerPlayer(recording, live) {
     heats.forEach((path, i) => set(path, { d: paths["bcd"[i]] }));
   }
 
-  // What a sensor was told stands as a line with a dot at its end, what was true as a light cone.
+  // A line with a dot at its end is the reported range, a light cone the true one.
   function showRays() {
     rays.replaceChildren();
     for (const sensor of run.sensors) {
@@ -420,7 +420,7 @@ function simmerPlayer(recording, live) {
     requestAnimationFrame(tick);
   }
 
-  // -- a run that goes on ------------------------------------------------------------------------
+  // -- a run that continues ------------------------------------------------------------------------
 
   function setFollowing(on) {
     following = Boolean(live) && on;
@@ -458,9 +458,9 @@ function simmerPlayer(recording, live) {
     requestAnimationFrame(followOn);
   }
 
-  // Takes in what has come of a run that goes on, or with `anew` all of it.
-  function take(data, anew = false) {
-    if (anew) clear();
+  // Adds the news of a run that continues. With `isFull` they are the whole run.
+  function take(data, isFull = false) {
+    if (isFull) clear();
     add(data);
     const came = performance.now();
     if (!arrivals.length || arrivals[arrivals.length - 1].end < run.end) arrivals.push({ end: run.end, came });

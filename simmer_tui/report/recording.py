@@ -111,7 +111,10 @@ class _Move:
         move = self._move
         if isinstance(move, Jump):
             return [Keyframe(move.elapsed, move.begin), Keyframe(move.elapsed, move.end)]
-        return [Keyframe(max(move.zero + time, 0.0), pose) for time, pose in way(move.trajectory, move.until)]
+        return [
+            Keyframe(max(move.zero + time, 0.0), pose)
+            for time, pose in keyframes_of(move.trajectory, move.until)
+        ]
 
 
 class Recording:
@@ -329,7 +332,7 @@ def _mission(row: MissionRow) -> Mark | None:
 # -- keyframes of a movement -------------------------------------------------------------------------
 
 
-def way(trajectory: Trajectory | Leg, until: float) -> list[Keyframe]:
+def keyframes_of(trajectory: Trajectory | Leg, until: float) -> list[Keyframe]:
     """Keyframes of a movement from its beginning till a time. Between them it moves evenly, to within a
     hundredth of an inch and a tenth of a degree.
 

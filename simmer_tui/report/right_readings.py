@@ -118,7 +118,7 @@ def looked_for_block(attempt: Attempt, done: GripRow) -> bool:
     return sum(map(len, right)) > 0 and all(each.all() for each in right)
 
 
-def told_held(attempt: Attempt, done: GripRow) -> tuple[str, int] | None:
+def reported_held(attempt: Attempt, done: GripRow) -> tuple[str, int] | None:
     """The load sensor that had read the block as held, and the number of these readings. None without any, or
     if the gripper released the block elsewhere, or the robot moved in between."""
     taken = [row.order for row in attempt.history.blocks.items if row.held and row.order < done.order]

@@ -10,7 +10,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 
-from simmer_tui.events import NOT_LED, Goal, NoticeKind, ProgramEnded, Result
+from simmer_tui.events import NOT_CONNECTED, Goal, NoticeKind, ProgramEnded, Result
 from simmer_tui.phrases import capitalized, contacts_text, counted, crash_text, place_text, program_end_text
 from simmer_tui.report.audit import audit
 from simmer_tui.report.cause_search import causes_of
@@ -263,9 +263,9 @@ class _Judge:
             return f"Fix first: {cause.kind.advice}."
         if not program.started:
             return "Fix first: the command after --run. Try it alone in a terminal."
-        not_led = any(row.text.startswith(NOT_LED) for row in self._history.faults.items)
-        if self._attempt.is_silent and not_led:
-            return "Fix first: how the program is started; it was not led to the robot's serial port."
+        not_connected = any(row.text.startswith(NOT_CONNECTED) for row in self._history.faults.items)
+        if self._attempt.is_silent and not_connected:
+            return "Fix first: how the program is started; it was not connected to the robot's serial port."
         if program.crashed:
             return f"Fix first: {escape_passage(program.place) or cause.kind.advice}."
         return f"Fix first: why the program ends with exit code {program.exit_code}."

@@ -24,7 +24,7 @@ from simmer_tui.run.history_rows import (
     MovementRow,
     RefusalRow,
 )
-from simmer_tui.run.progress import Loop, Stretch, loop_at_end, without_progress
+from simmer_tui.run.progress import CommandLoop, StalledPeriod, loop_at_end, without_progress
 from simmer_tui.run.run_history import RunHistory
 from simmer_tui.run.table import Columns, Newest, RowT, RowTable
 from simmer_tui.sim.block import Block
@@ -38,7 +38,7 @@ from simmer_tui.sim.specs import CELL_SIZE, Axes, DriveKind, SensorSpec
 LoggedRowT = TypeVar("LoggedRowT", bound=LoggedRow)
 
 # A cell: the effect of anything further back has shown in the sensors since.
-LAID_AGAIN = CELL_SIZE
+REPEATED_DISTANCE = CELL_SIZE
 """Inches of a continuous motion before a contact that counterfactuals repeat."""
 
 
@@ -98,7 +98,7 @@ class Collision:
 
 
 @dataclass(slots=True)
-class Spent:
+class SpentTime:
     """Time spent, simulated seconds; `between` is the real time from an answer to the next
     command: the program's thinking, and the link."""
 
@@ -110,7 +110,7 @@ class Spent:
 
 
 @dataclass(frozen=True, slots=True)
-class Standing:
+class Dwell:
     """A stretch at the end, from `since` on (elapsed seconds), in which the robot only read its sensors.
     There were `readings` readings, `often` of them by the sensor with `code`, the one read most."""
 
@@ -261,8 +261,8 @@ class Attempt:
 
     def _legs_to(self, order: int) -> tuple[list[Leg], int]:
         """The legs that led to a contact, the one with it last, and how many ended after the last reading.
-        They go back as far as the robot drove freely, and `LAID_AGAIN` inches or to the last reading. Empty
-        if no leg had the contact."""
+        They go back as far as the robot drove freely, and `REPEATED_DISTANCE` inches or to the last reading.
+        Empty if no leg had the contact."""
         newest = [row for row in self.history.newest_legs if row[0] <= order]
         if not newest or newest[-1][0] != order:
             return [], 0
@@ -272,7 +272,7 @@ class Attempt:
             leg, gone = ended.leg, gone + legs[0].travelled(legs[0].end_time)
             blind = at > looked
             is_free = leg.contact is None and not leg.pressed and leg.last_pose == legs[0].before
-            if not is_free or (gone >= LAID_AGAIN and not blind):
+            if not is_free or (gone >= REPEATED_DISTANCE and not blind):
                 break
             unseen += blind
             legs.insert(0, leg)
@@ -463,7 +463,7 @@ class Attempt:
     @property
     def load_sensors(self) -> list[SensorSpec]:
         """Sensors that say that the gripper holds something; those of a team's own devices are left out."""
-        return [each for each in self.spec.sensors if each.kind.feels_block and not each.kind.is_opaque]
+        return [each for each in self.spec.sensors if each.kind.detects_block and not each.kind.is_opaque]
 
     @property
     def asked_after_grip(self) -> bool:
@@ -498,7 +498,7 @@ class Attempt:
     # -- use of time -----------------------------------------------------------------------------
 
     @cached_property
-    def stretch(self) -> Stretch:
+    def stalled(self) -> StalledPeriod:
         """The stretch without progress that lasted until the end."""
         history = self.history
         goals = [row.order for row in history.missions.items if isinstance(row.event.subject, Goal)]
@@ -507,12 +507,12 @@ class Attempt:
         return without_progress(rows, history.are_legs(rows), *self._place)
 
     @cached_property
-    def loop(self) -> Loop | None:
+    def loop(self) -> CommandLoop | None:
         """The movements that it repeated until the end."""
         return loop_at_end(self.within(self.history.movements, max(self._placed, self._began)))
 
     @cached_property
-    def standing(self) -> Standing | None:
+    def dwell(self) -> Dwell | None:
         """The time since its last movement, while it only read sensors; None if it read none."""
         history = self.history
         place = history.movements.place_of(self._until + 1)
@@ -525,7 +525,7 @@ class Attempt:
         if not len(numbers):
             return None
         code = history.sensor_codes[numbers[counts.argmax()]]
-        return Standing(since, int(counts.sum()), code, int(counts.max()))
+        return Dwell(since, int(counts.sum()), code, int(counts.max()))
 
     @property
     def left_block(self) -> bool:
@@ -536,12 +536,12 @@ class Attempt:
         return bool((np.hypot(rows["x"] - lying.x, rows["y"] - lying.y) > CELL_SIZE).any())
 
     @cached_property
-    def spent(self) -> Spent:
+    def spent(self) -> SpentTime:
         """Simulated time by its use."""
         history = self.history
         commands, readings = self.within(history.commands), self.within(history.readings)
         movements = self.within(history.movements)
-        spent = Spent(float((movements["elapsed"] - movements["begin"]).sum()))
+        spent = SpentTime(float((movements["elapsed"] - movements["begin"]).sum()))
         spent.link = float(commands["link"].sum())
         sensors = {each.code: each for each in self.spec.sensors}
         for number, code in enumerate(history.sensor_codes):

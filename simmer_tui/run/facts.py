@@ -31,7 +31,7 @@ COVERED = 3.0
 SLIGHT, SLIGHT_TURN = 1.0, 10.0
 """or by no more than this anyway, inches and degrees."""
 # Judged: twice as much, since nothing says how sure the program was.
-UNTOLD, UNTOLD_TURN = 2.0, 20.0
+DEFAULT_ALLOWED, DEFAULT_ALLOWED_TURN = 2.0, 20.0
 """The same where a program gives no spread."""
 # Judged: a quarter of a cell.
 UNSURE = 3.0
@@ -168,11 +168,11 @@ def deviation(belief: Belief) -> Deviation:
     if belief.grid is not None:
         return _of_grid(belief, belief.grid, distance, turn)
     headings = [particle[2] for particle in belief.particles if len(particle) > 2]
-    allowed_turn = UNTOLD_TURN
+    allowed_turn = DEFAULT_ALLOWED_TURN
     if len(headings) > 1:
         allowed_turn = max(COVERED * _spread_of(headings), SLIGHT_TURN)
     spread = belief.spread
-    allowed = UNTOLD if spread is None else max(COVERED * spread, SLIGHT)
+    allowed = DEFAULT_ALLOWED if spread is None else max(COVERED * spread, SLIGHT)
     return Deviation(distance, turn, allowed, allowed_turn)
 
 

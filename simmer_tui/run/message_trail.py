@@ -23,8 +23,8 @@ class MessageTrail:
         """The newest message that is no reply; empty before the first and after an unknown one."""
         self._by_number: dict[int, str] = {}
 
-    def heard(self, message: WireMessage) -> None:
-        """A message has come, or a reply."""
+    def add_message(self, message: WireMessage) -> None:
+        """Add a message, or a reply, at the moment it has come."""
         if not message.reply:
             is_known = not message.meaning.startswith(UNKNOWN_MESSAGE)
             self.text, self._time = message.data.strip() if is_known else "", message.time

@@ -23,7 +23,7 @@ ROUNDS, LOOPED, LONGEST = 5, 40, 16
 
 
 @dataclass(frozen=True, slots=True)
-class Stretch:
+class StalledPeriod:
     """The latest stretch in which the robot reached no goal, and hardly any ground that was new since the
     last goal. It has its begin (elapsed seconds) and place, its movements, its path in inches and degrees,
     and the seconds of driving."""
@@ -36,7 +36,7 @@ class Stretch:
     driving: float
 
 
-def without_progress(rows: Columns, legs: BoolArray, place: Pose, since: float) -> Stretch:
+def without_progress(rows: Columns, legs: BoolArray, place: Pose, since: float) -> StalledPeriod:
     """The stretch without progress at the end of movements since a goal, (n,).
 
     Args:
@@ -60,7 +60,7 @@ def without_progress(rows: Columns, legs: BoolArray, place: Pose, since: float) 
     if last >= 0:
         x, y, heading = (float(rows[name][last]) for name in ("x", "y", "heading"))
         place, since = Pose(x, y, heading), float(rows["elapsed"][last])
-    return Stretch(
+    return StalledPeriod(
         place,
         since,
         movements=round(float(counts[last + 1 :].sum())),
@@ -71,7 +71,7 @@ def without_progress(rows: Columns, legs: BoolArray, place: Pose, since: float) 
 
 
 @dataclass(frozen=True, slots=True)
-class Loop:
+class CommandLoop:
     """Movements at the end that repeat a round of commands: begin (elapsed seconds), place, commands of a
     round, and number of rounds."""
 
@@ -81,7 +81,7 @@ class Loop:
     rounds: int
 
 
-def loop_at_end(rows: Columns) -> Loop | None:
+def loop_at_end(rows: Columns) -> CommandLoop | None:
     """The loop in which movements end, (n,); None where they repeat nothing, or lead further than a cell.
 
     Repeating one single command is no loop: a robot that looks around turns in equal steps.
@@ -102,5 +102,5 @@ def loop_at_end(rows: Columns) -> Loop | None:
         if period == 1 or max(np.ptp(repeated[axis]) for axis in ("x", "y")) > CELL_SIZE:
             return None
         pose = Pose(float(first["x"]), float(first["y"]), float(first["heading"]))
-        return Loop(pose, float(first["begin"]), period, len(repeated) // period)
+        return CommandLoop(pose, float(first["begin"]), period, len(repeated) // period)
     return None

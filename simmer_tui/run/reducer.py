@@ -248,7 +248,7 @@ class Reducer:
         if not (isinstance(last, _Track) and last.length < TRACK):
             self._legs.append(_Track(leg))
         else:
-            last.go_on(leg)
+            last.extend(leg)
         self._moved = self.number
         self._time = max(self._time, leg.start_time)
         self._commands = max(self._commands, begun.number)
@@ -502,7 +502,7 @@ class _Track:
         self._leg: Leg | None = leg
         self.contact: Contact | None = leg.contact
 
-    def go_on(self, leg: Leg) -> None:
+    def extend(self, leg: Leg) -> None:
         """Another leg begins."""
         self._leg = leg
         self.contact = leg.contact or self.contact

@@ -605,7 +605,7 @@ class RunHistory:
     def add_wire(self, message: WireMessage) -> None:
         """A message of a dialect, or a reply."""
         self._totals.wires += 1
-        self._trail.heard(message)
+        self._trail.add_message(message)
         if message.reply:
             return
         is_unknown = message.meaning.startswith(UNKNOWN_MESSAGE)
@@ -620,7 +620,7 @@ class RunHistory:
         self.missions.add(MissionRow(self.order, self.line, self.clock.advance(event.time), event))
 
     def add_program_end(self, event: ProgramEnded) -> None:
-        # A program that goes on after its mission takes none of the time that the history is about.
+        # A program that continues after its mission takes none of the time that the history is about.
         elapsed = self.clock.before + event.time if self.is_over else self.clock.advance(event.time)
         self.programs.add(ProgramRow(self.order, self.line, max(elapsed, self.elapsed), event))
 

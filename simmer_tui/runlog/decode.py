@@ -70,7 +70,7 @@ from simmer_tui.sim.legs import Leg
 from simmer_tui.sim.motion import profile_of, rebuilt, standing
 from simmer_tui.sim.path import Contact, Path, PathPosition
 from simmer_tui.sim.pose import Pose
-from simmer_tui.sim.recent_motion import Piece
+from simmer_tui.sim.recent_motion import Motion
 from simmer_tui.sim.records import Grip, LidarScan, Reading, Status, VelocityChange
 from simmer_tui.sim.specs import Axes, DriveSpec, GripperSpec, SensorSpec, SimulationSpec
 from simmer_tui.sim.trajectory import Trajectory, VelocityProfile
@@ -223,7 +223,7 @@ class LogDecoder:
         return (CommandResult(*arguments),)
 
     def _scan(self, record: ReadingRecord, sensor: SensorSpec, pose: Pose) -> LidarScan:
-        under_way: Piece | None = None
+        under_way: Motion | None = None
         if self._planned is not None:
             under_way = self._planned.trajectory
         elif self._leg is not None:
@@ -293,7 +293,7 @@ class LogDecoder:
             record.t,
             math.inf if record.end is None else record.end,
             Pose(*record.pose),
-            Twist(*record.told),
+            Twist(*record.commanded),
             pressed=record.pressed,
             contact=contact,
         )
@@ -324,7 +324,7 @@ class LogDecoder:
         self._leg = None
         self.pose = leg.last_pose
         self._legs.append(leg)
-        self._scans.went(leg)
+        self._scans.add_motion(leg)
         return (LegEnded(begun.number, begun.command, leg),)
 
     def _leg_cut(self, record: LegCutRecord) -> tuple[Event, ...]:
@@ -342,7 +342,7 @@ class LogDecoder:
             record.n, record.end, command, trajectory, self.pose, record.stopped_by, record.answers, grip
         )
         self._ended.append((ended, before))
-        self._scans.went(trajectory)
+        self._scans.add_motion(trajectory)
         return (planned, ended, self._done(ended, before)) if record.answers else (planned, ended)
 
     def _plan(self, record: PlanRecord) -> tuple[Event, ...]:
@@ -372,7 +372,7 @@ class LogDecoder:
         about = record.stopped_by, record.answers, planned.grip
         ended = MovementEnded(record.n, record.t, planned.command, trajectory, self.pose, *about)
         self._ended.append((ended, self._begun))
-        self._scans.went(trajectory)
+        self._scans.add_motion(trajectory)
         return (ended, self._done(ended, self._begun)) if record.answers else (ended,)
 
     def _done(self, ended: MovementEnded, before: Pose) -> CommandResult:
@@ -429,7 +429,7 @@ class LogDecoder:
         if segment >= count:
             raise RunLogError(f"the movement has no segment {segment}")
         x, y, turn = (each / count for each in total)
-        met = Path.laid_when_asked(start, x, y, turn, count).pose(segment, turned, translated)
+        met = Path.lazy(start, x, y, turn, count).pose(segment, turned, translated)
         same = {name: getattr(fields, name) for name in SHARED_WITH_CONTACT}
         return Contact(met, segment=segment, turned=turned, translated=translated, time=fields.t, **same)
 

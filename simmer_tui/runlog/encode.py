@@ -205,7 +205,7 @@ class LogEncoder:
             repeated = replace(belief, particles=(), again=True)
             yield _other_record(repeated, self._present(), real_time)
 
-    def begin_anew(self) -> None:
+    def begin_block(self) -> None:
         """Reading can begin here: later records refer to none before."""
         self._scans.clear()
 
@@ -296,7 +296,7 @@ def _leg_record(begun: LegBegun, real_time: float) -> LegRecord:
         velocity=arc.velocity,
         rate=arc.rate,
         spin=arc.spin or NO_DELAY,
-        told=(commanded.x, commanded.y, commanded.r),
+        commanded=(commanded.x, commanded.y, commanded.r),
         pose=_pose_fields(leg.last_pose),
         pressed=leg.pressed,
         contact=None if leg.contact is None else _contact_fields(leg.contact),

@@ -185,8 +185,8 @@ class MoveRecord(PlannedRecord, tag="move", frozen=True, kw_only=True):
 
 class LegRecord(LogRecord, tag="leg", frozen=True, kw_only=True):
     """The beginning of a leg of a continuous motion, and its course unless something interrupts it:
-    `velocity` of its centre (global), turning rate of its path and beside it, commanded velocity of the
-    wheels (`told`), and its end. Without an end it continues until something changes."""
+    `velocity` of its centre (global), turning rate of its path and beside it, commanded velocity of
+    the wheels (key `told`), and its end. Without an end it continues until something changes."""
 
     n: Count
     command: str = msgspec.field(name="cmd")
@@ -195,7 +195,7 @@ class LegRecord(LogRecord, tag="leg", frozen=True, kw_only=True):
     velocity: LoggedPoint
     rate: Real
     spin: Real = 0.0
-    told: tuple[Real, Real, Real]
+    commanded: tuple[Real, Real, Real] = msgspec.field(name="told")
     pose: LoggedPose
     pressed: bool = False
     contact: ContactFields | None = None

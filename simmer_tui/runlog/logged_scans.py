@@ -19,7 +19,7 @@ from simmer_tui.runlog.log_records import ReadingRecord
 from simmer_tui.sim.angles import FloatArray
 from simmer_tui.sim.maze import Maze
 from simmer_tui.sim.pose import Pose
-from simmer_tui.sim.recent_motion import BlockPlace, Piece, RecentMotion
+from simmer_tui.sim.recent_motion import BlockPlace, Motion, RecentMotion
 from simmer_tui.sim.records import LidarScan, ray_bearings
 from simmer_tui.sim.sensors import Lidar, sensor_of
 from simmer_tui.sim.specs import SensorSpec
@@ -113,12 +113,12 @@ class ScanDecoder:
             self._ranges.forget()
             self._last.clear()
 
-    def went(self, piece: Piece) -> None:
+    def add_motion(self, piece: Motion) -> None:
         """A movement or a leg is over."""
-        self._recent.went(piece)
+        self._recent.add_motion(piece)
 
     def scan(
-        self, record: ReadingRecord, sensor: SensorSpec, pose: Pose, under_way: Piece | None
+        self, record: ReadingRecord, sensor: SensorSpec, pose: Pose, under_way: Motion | None
     ) -> LidarScan:
         """The scan of a reading, with the robot now at a pose, perhaps in motion. Its true distances are left
         out: `with_truth` gives them. Raises RunLogError."""

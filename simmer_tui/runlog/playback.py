@@ -67,7 +67,7 @@ class Playback:
         return self.state_when(entry, time if elapsed > index.time_of(entry) else None)
 
     def state_when(self, entry: int, time: float | None = None, *, settled: bool = False) -> State:
-        """The same by simulated time, as the lines count it; infinity stands for the end of the entry's
+        """The same by simulated time, as the lines count it; infinity represents the end of the entry's
         events. With `settled` that end is past."""
         # The reducer only goes forward, and has applied this movement's end already.
         went_back = self._ended is not None and not settled and (time is None or time < self._ended)

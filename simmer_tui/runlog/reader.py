@@ -133,7 +133,7 @@ class LogReader(Closing):
         """Message that the last line is cut off, or empty."""
         return self._stream.note
 
-    def fold(self) -> Reducer:
+    def reducer(self) -> Reducer:
         """A reducer with the state in which the log begins."""
         return Reducer(self.header.beginning(self.configuration))
 

@@ -186,7 +186,7 @@ class RunLog(Closing):
         is_due = self.lines - self._last_checkpoint >= CHECKPOINT_EVERY
         if is_due and self._reducer.still and self._encoder.complete:
             self._last_checkpoint = self.lines
-            self._encoder.begin_anew()
+            self._encoder.begin_block()
             self._write(checkpoint_record(self._reducer.beginning(), real_time))
 
     @property

@@ -11,7 +11,8 @@ BoolArray = NDArray[np.bool_]
 
 # For at most so many angles a loop is quicker than array operations.
 _FEW = 32
-_QUADRANTS = {0.0: (1.0, 0.0), 90.0: (0.0, 1.0), 180.0: (-1.0, 0.0), 270.0: (0.0, -1.0)}
+# 360 is what a tiny negative angle becomes when a whole turn is added.
+_QUADRANTS = {0.0: (1.0, 0.0), 90.0: (0.0, 1.0), 180.0: (-1.0, 0.0), 270.0: (0.0, -1.0), 360.0: (1.0, 0.0)}
 
 
 def half_turn(degrees: float) -> float:

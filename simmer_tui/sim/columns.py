@@ -93,9 +93,7 @@ BIAS = _error("Bias", _ANY, _SHIFT, "what is always added, in the unit of the re
 DRIFT = _error(
     "Drift (per s)", _ANY, _SHIFT, "what is added for each second of simulated time", label="drift/s"
 )
-MIN_RANGE = _column(
-    "Min Range (in)", _NOT_NEGATIVE, _AT_LEAST, "what it says of anything nearer", label="min"
-)
+MIN_RANGE = _column("Min Range (in)", _NOT_NEGATIVE, _AT_LEAST, "its reading of anything nearer", label="min")
 MAX_RANGE = _column(
     *("Max Range (in)", _NOT_NEGATIVE, _AT_MOST),
     "beyond it the reading is Infinity (tof: 47 if blank)",
@@ -112,7 +110,7 @@ VERTICAL_FOV = _column(
 WRAP = _column("Wrap", _NOT_NEGATIVE, _SAME, "readings start again at 0 here, such as 360 (0: never)")
 DETECTS = _column(
     *("Detects", _COLOUR, _FREE),
-    "the colour of floor for which it says 1 (black)",
+    "the colour of floor for which it reads 1 (black)",
     label="detects",
     field="detects_white",
 )
@@ -160,7 +158,7 @@ CLOCKWISE = _column(
 )
 MISSED = _column(
     *("Missed", WordRule(("infinity", "0"), (False, True)), _FREE),
-    "what a ray of a lidar that meets nothing says: Infinity or 0 (Infinity)",
+    "the reading of a ray of a lidar that meets nothing: Infinity or 0 (Infinity)",
     field="missed_as_zero",
     label="missed",
 )

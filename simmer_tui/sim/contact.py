@@ -36,7 +36,7 @@ _Events = tuple[NDArray[np.intp], FloatArray]
 """Numbers of segments, and fractions of their legs after which something may begin to overlap, (n,) each."""
 
 
-class Met(Struct, frozen=True):
+class FirstContact(Struct, frozen=True):
     """The place of a path where the robot meets an obstacle, and a pose a little further on, at which they
     would overlap."""
 
@@ -46,7 +46,7 @@ class Met(Struct, frozen=True):
 
 def first_contact(
     footprint: Footprint, obstacles: Obstacles, path: Path, size: float, after: PathPosition = START
-) -> Met | None:
+) -> FirstContact | None:
     """The first place of `path`, not before `after`, beyond which the robot would overlap an
     obstacle, or None.
 
@@ -68,7 +68,7 @@ def first_contact(
 
 def _contact_within(
     body: Footprint, obstacles: Obstacles, path: Path, begin: int, shares: FloatArray, after: PathPosition
-) -> Met | None:
+) -> FirstContact | None:
     """The first contact in the segments from `begin` on; `shares` (k,) are the fractions of their straight
     legs to search."""
     end = begin + len(shares)
@@ -107,14 +107,16 @@ def _contact_within(
 
 def _first_overlap(
     body: Footprint, obstacles: Obstacles, path: Path, at: int, events: FloatArray, *, straight: bool
-) -> Met | None:
+) -> FirstContact | None:
     """The first of a leg's events after which the robot overlaps an obstacle. Between two of them nothing
     changes, so the middle represents the whole interval."""
     for free, following in pairwise(events.tolist()):
         for fraction in ((free + following) / 2, following):
             beyond = path.pose(at, 1.0, fraction) if straight else path.pose(at, fraction, 0.0)
             if obstacles.overlap(body, beyond):
-                return Met(PathPosition(at, 1.0, free) if straight else PathPosition(at, free, 0.0), beyond)
+                return FirstContact(
+                    PathPosition(at, 1.0, free) if straight else PathPosition(at, free, 0.0), beyond
+                )
     return None
 
 

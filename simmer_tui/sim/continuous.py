@@ -206,7 +206,7 @@ class ContinuousMotion:
         leg = leg.cut(time)
         ended = tuple(kind for kind, at in self._stretch_ends if at <= time)
         if self._noise:
-            self._errors.go_on(self._parts, time - leg.start_time, ended)
+            self._errors.advance(self._parts, time - leg.start_time, ended)
         if leg.pressed:
             self._wall.pressed_last = time
         if ended or time >= self._wall.dropped_until:
@@ -292,7 +292,7 @@ class ContinuousMotion:
             if end > time:
                 return end
             # The rest of the stretch is below the rounding of simulated time: it is over.
-            self._errors.go_on((part,), 0.0, (part.drive.kind,))
+            self._errors.advance((part,), 0.0, (part.drive.kind,))
 
     def _clear(self, arc: Arc, seconds: float, around: CollisionChecker) -> "_Way":
         """An arc for as many seconds at most, cut off at its first contact."""
@@ -340,8 +340,8 @@ class ContinuousMotion:
         if wall.stopped:
             return _Way(Arc.standing(pose)), here.until
         until = min(here.until, wall.dropped_until)
-        # A contact has ended a move early: the robot stands for the rest of that time, so that choices are
-        # few.
+        # A contact has ended a move early: the robot stands still for the rest of that time, so that
+        # choices are few.
         if time < wall.hold_until:
             return _Way(Arc.standing(pose)), min(until, wall.hold_until)
         hold_until = time + self._period

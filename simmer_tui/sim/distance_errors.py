@@ -116,7 +116,7 @@ class DistanceErrors:
         stretch = self._stretches[part.drive.kind]
         return (self.length(part.drive.kind) - stretch.driven) / part.pace
 
-    def go_on(self, parts: Iterable[Component], seconds: float, ended: Iterable[DriveKind]) -> None:
+    def advance(self, parts: Iterable[Component], seconds: float, ended: Iterable[DriveKind]) -> None:
         """Count some seconds of driving, exactly to the end of the stretches of the kinds `ended`."""
         # Not added up: a sum would miss the end by rounding, and leave a stretch of almost 0.
         over = frozenset(ended)

@@ -10,7 +10,7 @@ from msgspec import Struct
 from msgspec.structs import astuple, replace
 
 from simmer_tui.sim.angles import FloatArray
-from simmer_tui.sim.contact import Met, first_contact
+from simmer_tui.sim.contact import FirstContact, first_contact
 from simmer_tui.sim.footprint import Footprint
 from simmer_tui.sim.maze import Maze
 from simmer_tui.sim.noise import DRIVE_STREAM
@@ -39,7 +39,7 @@ class CollisionChecker(Struct, frozen=True):
         searched."""
         return math.hypot(self.maze.width, self.maze.height)
 
-    def first(self, path: Path, after: PathPosition = START) -> Met | None:
+    def first(self, path: Path, after: PathPosition = START) -> FirstContact | None:
         """The first contact of a path after a place on it."""
         return first_contact(self.footprint, self.obstacles, path, self.size, after)
 
@@ -137,7 +137,11 @@ class Planner:
         return path.before(stop, self._clearance, checker.footprint.reach, after)
 
     def _met(
-        self, trajectory: Trajectory, met: Met | None, checker: CollisionChecker, after: PathPosition = START
+        self,
+        trajectory: Trajectory,
+        met: FirstContact | None,
+        checker: CollisionChecker,
+        after: PathPosition = START,
     ) -> Trajectory:
         """The movement, ended or changed by the first contact on its path if there is one. The path before
         `after` is not searched."""
@@ -197,7 +201,7 @@ def rebuilt(
     Counts of odometers and gyros are left out.
     """
     x, y, turn = totals.x / segments, totals.y / segments, totals.r / segments
-    path = Path.laid_when_asked(start, x, y, turn, segments)
+    path = Path.lazy(start, x, y, turn, segments)
     plan = Trajectory(path, kind, totals, start_time, duration, contact, cut=cut, profile=profile)
     if contact is None or (contact.ended and stop is None):
         return plan
@@ -231,16 +235,16 @@ def rest_of(trajectory: Trajectory, stop: PathPosition) -> Path | None:
     return Path(pose.heading, 0.0, ((pose.x, pose.y), end))
 
 
-def profile_of(drive: DriveSpec, way: float) -> VelocityProfile | None:
+def profile_of(drive: DriveSpec, distance: float) -> VelocityProfile | None:
     """Profile of a drive over a distance; None if its speed is the same from beginning to end."""
     if not (drive.start_lag or drive.acceleration):
         return None
-    return VelocityProfile(way, drive.speed, drive.start_lag, drive.acceleration)
+    return VelocityProfile(distance, drive.speed, drive.start_lag, drive.acceleration)
 
 
 def _in_free_space(
     start: Pose, kind: DriveKind | None, totals: Axes, segments: int, time: float, duration: float
 ) -> Trajectory:
     """A movement in free space."""
-    path = Path.laid(start, totals.x / segments, totals.y / segments, totals.r / segments, segments)
+    path = Path.of_segments(start, totals.x / segments, totals.y / segments, totals.r / segments, segments)
     return Trajectory(path, kind, totals, time, duration)

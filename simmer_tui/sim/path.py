@@ -49,7 +49,7 @@ class _LazyPlaces(Sequence[tuple[float, float]]):
             start = self._asked[0]
             return start.x, start.y
         if self._places is None:
-            self._places = self._laid()
+            self._places = self._computed()
         return self._places[index]
 
     def __eq__(self, other: object) -> bool:
@@ -57,7 +57,7 @@ class _LazyPlaces(Sequence[tuple[float, float]]):
 
     __hash__ = None  # type: ignore[assignment]
 
-    def _laid(self) -> list[tuple[float, float]]:
+    def _computed(self) -> list[tuple[float, float]]:
         # One direction after the other: for the few segments of most paths twice as fast as arrays.
         start, x, y, turn = self._asked
         places = [(start.x, start.y)]
@@ -80,7 +80,7 @@ class Path(Struct, frozen=True, dict=True):
     """Plain numbers, not arrays: most paths have few segments, and most queries are about one place."""
 
     @classmethod
-    def laid(cls, start: Pose, x: float, y: float, turn: float, segments: int) -> "Path":
+    def of_segments(cls, start: Pose, x: float, y: float, turn: float, segments: int) -> "Path":
         """Segments that each turn by `turn` degrees and then go (x, y) in the robot's frame."""
         places = [(start.x, start.y)] * (segments + 1)
         path = cls(start.heading, turn, places)
@@ -91,8 +91,8 @@ class Path(Struct, frozen=True, dict=True):
         return path
 
     @classmethod
-    def laid_when_asked(cls, start: Pose, x: float, y: float, turn: float, segments: int) -> "Path":
-        """`laid`, the same numbers bit for bit, but its places are computed at the first access. A log has
+    def lazy(cls, start: Pose, x: float, y: float, turn: float, segments: int) -> "Path":
+        """`of_segments`, the same numbers bit for bit, with places computed at the first access. A log has
         millions of paths, and for most of them only the first place is used."""
         return cls(start.heading, turn, _LazyPlaces(start, x, y, turn, segments))
 

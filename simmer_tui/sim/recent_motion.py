@@ -19,7 +19,7 @@ from simmer_tui.sim.legs import Leg
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.trajectory import Trajectory
 
-Piece = Trajectory | Leg
+Motion = Trajectory | Leg
 """A piece of motion: a movement, or a leg of a continuous motion."""
 
 
@@ -41,14 +41,14 @@ class RecentMotion:
 
     def __init__(self, span: float) -> None:
         self._span = span
-        self._pieces: deque[Piece] = deque()
+        self._pieces: deque[Motion] = deque()
         self._blocks: deque[BlockPlace] = deque()
 
     def forget(self) -> None:
         """Forget all motion after the robot has been placed: it counts as if it had always stood there."""
         self._pieces.clear()
 
-    def went(self, piece: Piece) -> None:
+    def add_motion(self, piece: Motion) -> None:
         """Add a piece of motion that is over."""
         if not self._span:
             return
@@ -57,7 +57,7 @@ class RecentMotion:
         while self._pieces[0].end_time < oldest:
             self._pieces.popleft()
 
-    def block_is(self, place: BlockPlace) -> None:
+    def add_block_place(self, place: BlockPlace) -> None:
         """Add a place of the block, from now on: it was moved, grasped or released."""
         # Places before the run began are dropped.
         if not self._span or place.since <= 0.0:
@@ -67,7 +67,7 @@ class RecentMotion:
         while len(self._blocks) > 1 and self._blocks[1].since < place.since - self._span:
             self._blocks.popleft()
 
-    def poses(self, times: FloatArray, now: Pose, under_way: Piece | None) -> FloatArray:
+    def poses(self, times: FloatArray, now: Pose, under_way: Motion | None) -> FloatArray:
         """The poses, (n, 3), at n ascending simulated times up to the present. `now` is its present pose,
         `under_way` the piece of motion that has not ended, if any."""
         pieces = [*self._pieces, *([] if under_way is None else [under_way])]

@@ -14,13 +14,13 @@ class ScanRays(Struct, frozen=True, eq=False):
     unit vectors, (n, 2), and the ranges that the sensor reported, (n,) inches."""
 
     origins: FloatArray
-    ways: FloatArray
+    directions: FloatArray
     ranges: FloatArray
 
     @property
     def ends(self) -> FloatArray:
         """Places at which the beams ended, (n, 2) inches."""
-        ends: FloatArray = self.origins + self.ranges[:, None] * self.ways
+        ends: FloatArray = self.origins + self.ranges[:, None] * self.directions
         return ends
 
 
@@ -45,8 +45,8 @@ def rays_of(scan: LidarScan, sensor: SensorSpec, pose: Pose) -> ScanRays:
     x = poses[:, 0] + cos * sensor.x - sin * sensor.y
     y = poses[:, 1] + sin * sensor.x + cos * sensor.y
     angles = headings + np.radians(scan.bearings[echo])
-    ways = np.stack((np.cos(angles), np.sin(angles)), axis=-1)
-    return ScanRays(np.stack((x, y), axis=-1), ways, scan.ranges[echo])
+    directions = np.stack((np.cos(angles), np.sin(angles)), axis=-1)
+    return ScanRays(np.stack((x, y), axis=-1), directions, scan.ranges[echo])
 
 
 def has_echo(scan: LidarScan) -> BoolArray:

@@ -316,7 +316,7 @@ class Simulator:
         for sensor in self._counting:
             self._counted[sensor.spec.id] = self._count(sensor, end)
         self.trajectory, self._last = None, trajectory
-        self._recent.went(trajectory)
+        self._recent.add_motion(trajectory)
 
     def stop(self) -> bool:
         """End the motion under way now. Returns True if there was one."""
@@ -551,7 +551,7 @@ class Simulator:
     def leg_ended(self, leg: Leg) -> None:
         """A leg is over."""
         self._pose = leg.last_pose
-        self._recent.went(leg)
+        self._recent.add_motion(leg)
         self.distance += leg.travelled(leg.end_time)
         self.contacts += leg.contact is not None
         for sensor, rate in leg.counts.items():
@@ -628,7 +628,7 @@ class Simulator:
         self._world = World(self.maze, block)
         held = self._gripper.held
         place = BlockPlace(self.time, block) if held is None else BlockPlace(self.time, held, held=True)
-        self._recent.block_is(place)
+        self._recent.add_block_place(place)
         self._seen.clear()
         solid = self.spec.block_solid and block.size > 0.0 and not self.holding
         self._obstacles = self.walls.with_block(block) if solid else self.walls

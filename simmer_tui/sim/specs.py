@@ -109,11 +109,11 @@ class SensorKind:
     """True if it counts: movements add to its value."""
     is_heading: ClassVar[bool] = False
     """True if it gives the robot's heading, degrees, with errors."""
-    feels_block: ClassVar[bool] = False
+    detects_block: ClassVar[bool] = False
     """True if it says that the gripper holds something."""
-    feels_floor: ClassVar[bool] = False
+    detects_floor: ClassVar[bool] = False
     """True if its reading depends on the colour of the floor."""
-    stands_for: ClassVar[tuple[str, ...]] = ()
+    dialect_functions: ClassVar[tuple[str, ...]] = ()
     """The functions of a dialect's expressions that need such a sensor: ray, scan, contact."""
     devices: ClassVar[tuple[str, ...]] = ()
     """The classes of a simmer-python `config.py` that are this kind there."""

@@ -16,10 +16,10 @@ from simmer_tui.sim.specs import Axes, DriveKind
 
 class VelocityProfile(Struct, frozen=True):
     """Trapezoidal speed over time: 0 for `lag` seconds, then a ramp up to `speed`, and a ramp down to the
-    end, both at `acceleration` (0: at once). `way` (0 or more) is the commanded distance in inches or
+    end, both at `acceleration` (0: at once). `distance` (0 or more) is what is commanded in inches or
     degrees. A short one never reaches full speed; one of 0 takes no time."""
 
-    way: float
+    distance: float
     speed: float
     lag: float = 0.0
     acceleration: float = 0.0
@@ -29,8 +29,8 @@ class VelocityProfile(Struct, frozen=True):
         """The greatest speed that is reached."""
         if not self.acceleration:
             return self.speed
-        # A distance shorter than both ramps gives a triangle: v^2 = 2 a (way / 2) at its top.
-        return min(self.speed, math.sqrt(self.way * self.acceleration))
+        # A distance shorter than both ramps gives a triangle: v^2 = 2 a (distance / 2) at its top.
+        return min(self.speed, math.sqrt(self.distance * self.acceleration))
 
     @property
     def _ramp(self) -> float:
@@ -39,8 +39,8 @@ class VelocityProfile(Struct, frozen=True):
 
     @property
     def duration(self) -> float:
-        """Seconds from the command to standstill: lag + way / top + top / acceleration."""
-        return self.lag + self.way / self._top + self._ramp if self.way else 0.0
+        """Seconds from the command to standstill: lag + distance / top + top / acceleration."""
+        return self.lag + self.distance / self._top + self._ramp if self.distance else 0.0
 
     def fraction_at(self, elapsed: float) -> float:
         """The fraction of the distance that is done so many seconds after the command."""
@@ -52,17 +52,17 @@ class VelocityProfile(Struct, frozen=True):
         ramp, top = self._ramp, self._top
         if gone < ramp:
             # s = a t^2 / 2 from the start, and the same backwards from the end.
-            return self.acceleration * gone * gone / 2.0 / self.way
+            return self.acceleration * gone * gone / 2.0 / self.distance
         if left < ramp:
-            return 1.0 - self.acceleration * left * left / 2.0 / self.way
-        return top * (gone - ramp / 2.0) / self.way
+            return 1.0 - self.acceleration * left * left / 2.0 / self.distance
+        return top * (gone - ramp / 2.0) / self.distance
 
     def time_at(self, fraction: float) -> float:
         """Seconds after the command at which a fraction (0 to 1) of the distance is done."""
-        if not self.way:
+        if not self.distance:
             return 0.0
         ramp, top = self._ramp, self._top
-        gone, left = fraction * self.way, (1.0 - fraction) * self.way
+        gone, left = fraction * self.distance, (1.0 - fraction) * self.distance
         if gone < top * ramp / 2.0:
             return self.lag + math.sqrt(2.0 * gone / self.acceleration)
         if left < top * ramp / 2.0:

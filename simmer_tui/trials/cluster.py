@@ -90,7 +90,7 @@ def pack(command: str, folder: Path) -> ProgramBundle:
 
 def unpack(bundle: ProgramBundle, folder: Path) -> str:
     """Write the files to `folder`; returns the command to start there."""
-    lay_out(bundle.files, folder)
+    unpack_files(bundle.files, folder)
     words = list(bundle.words)
     if words and words[0] == _PYTHON:
         words[0] = sys.executable  # the Python that has this package
@@ -99,7 +99,7 @@ def unpack(bundle: ProgramBundle, folder: Path) -> str:
     return shlex.join(words) if platform_has.POSIX else subprocess.list2cmdline(words)
 
 
-def lay_out(files: Mapping[str, PackedFile], folder: Path) -> None:
+def unpack_files(files: Mapping[str, PackedFile], folder: Path) -> None:
     """Write packed files into a folder."""
     for name, file in files.items():
         path = folder / name

@@ -269,7 +269,7 @@ def _outcome_text(tried: int, saved: Sequence[ChangedRun], controls: Sequence[Ch
         text += ", perhaps by chance"
     else:
         text += (
-            ". These cannot be told apart" if others else f". The likely cause is {_LIKELY[named[0].part]}"
+            ". These cannot be distinguished" if others else f". The likely cause is {_LIKELY[named[0].part]}"
         )
     return f"{text}. {_shown([each for each in controls if each.change in {*others, last}])}"
 

@@ -35,7 +35,7 @@ from simmer_tui.trials.trial import Trial, TrialResult
 _OVERDUE = 30.0
 """Time from the real time limit until a worker that does not answer is killed, seconds. Only a simulator that
 hangs needs it."""
-_PATIENCE = 10.0
+_JOIN_TIMEOUT = 10.0
 """Time limit for workers to end their runs, seconds. Programs get 1.5 s of it before they are killed."""
 
 
@@ -140,7 +140,7 @@ class _Worker:
 
     def join(self) -> None:
         """Wait for its end after `dismiss`."""
-        self._process.join(_PATIENCE)
+        self._process.join(_JOIN_TIMEOUT)
         if self._process.exitcode is None:
             self._process.kill()
             self._process.join()

@@ -291,7 +291,7 @@ class _What(Enum):
     """Events that end the wait for a program."""
 
     OVER = "the mission is over"
-    STOP = "the run is not to go on"
+    STOP = "the run must stop"
     NOTHING = "time is up"
 
 

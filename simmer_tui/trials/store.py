@@ -120,8 +120,8 @@ class RunStore(Generic[Plan, Line]):
             return self._plan.decode(data)
         except ValueError as error:
             raise kind.error(
-                f"{shown_path(file)}: {escape_passage(str(error))}; simmer-tui {__version__} cannot go on "
-                "with it: begin in another folder"
+                f"{shown_path(file)}: {escape_passage(str(error))}; simmer-tui {__version__} cannot "
+                "continue with it: begin in another folder"
             ) from None
 
     def lines(self) -> Iterator[tuple[str, Line]]:
@@ -205,7 +205,7 @@ class RunStore(Generic[Plan, Line]):
     def _check_free(self) -> None:
         shown = shown_path(self.path)
         if (self.path / self._kind.plan_file).exists():
-            raise self._kind.error(f"{shown} holds {self._kind.noun} already: add --resume to go on")
+            raise self._kind.error(f"{shown} holds {self._kind.noun} already: add --resume to continue")
         if self._unfinished.exists():  # ours, by a process that was killed
             self._clear()
         if any(self.path.iterdir()):

@@ -37,7 +37,7 @@ _TRIES = 200
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Trial:
     """One run. `configuration` has the maze already, unless one is to be made at random. In a sweep
-    `repetition` is its number among the runs of its value; 0 stands for the run's number. With `drawn_for`
+    `repetition` is its number among the runs of its value; 0 represents the run's number. With `drawn_for`
     the mission is drawn as for that configuration, so that different robots have the same one. With
     `errors_seed` sensors and drives draw their errors by it; mission and maze stay those of `seed`."""
 

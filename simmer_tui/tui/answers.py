@@ -128,7 +128,7 @@ def _numbered(*lines: StyledLine) -> list[StyledLine]:
     return [((f"{number} ", "bold"), *line) for number, line in enumerate(lines, 1)]
 
 
-# -- while the run goes on -------------------------------------------------------------------------
+# -- while the run continues -------------------------------------------------------------------------
 
 
 def scan_answer(snapshot: Snapshot, *, plain: bool) -> AnswerCard | None:
@@ -161,7 +161,7 @@ def now_answer(snapshot: Snapshot, newest: Iterable[LogEntry], *, plain: bool) -
     if going:
         lines.append(going)
     elif velocity is not None:
-        lines.append(((velocity_text(velocity), "good"), (" until told otherwise", "value")))
+        lines.append(((velocity_text(velocity), "good"), (" until the next command", "value")))
     ended = _EndedLine()
     lines += islice(filter(None, (ended.handle(each.event) for each in newest)), _ENDED)
     belief = snapshot.state.belief

@@ -27,7 +27,7 @@ from simmer_tui.sim.specs import DriveKind
 from simmer_tui.snapshot import Snapshot
 from simmer_tui.tui import answers
 from simmer_tui.tui.console import ConsolePane, History
-from simmer_tui.tui.event_text import REASONS, complaint_of
+from simmer_tui.tui.event_text import REASONS, refusal_of
 from simmer_tui.tui.headline import RunPhase
 from simmer_tui.tui.help import CommandProvider, ReportScreen, help_screen
 from simmer_tui.tui.key_table import IN_CONSOLE, Hint, MazePane, drive_keys, hints_of, keymap, maze_hints
@@ -89,8 +89,8 @@ class SimmerApp(Shell):
         self.run_again: Callable[[], None] = partial(self.action_press, "reset")
         """Restarts the run."""
         self._panes.pointer = " ".join(REASONS)
-        self._panes.home.first_steps = self._first_steps
-        self._panes.home.has_orders = True
+        self._panes.slot.first_steps = self._first_steps
+        self._panes.slot.has_orders = True
         self._panes.program_name = program
 
     # -- putting together ------------------------------------------------------------------------
@@ -109,10 +109,10 @@ class SimmerApp(Shell):
 
     def shown(self, snapshot: Snapshot, since: int) -> None:
         self._operator.note_block(snapshot.state)
-        complaint = complaint_of(snapshot.entries, since)
+        refusal = refusal_of(snapshot.entries, since)
         new = [entry for entry in snapshot.entries if entry.number > since]
-        if complaint is not None:
-            self._console.show_complaint(complaint)
+        if refusal is not None:
+            self._console.show_refusal(refusal)
         elif any(not entry.folds for entry in new):
             self._console.note_event()
 
@@ -182,7 +182,7 @@ class SimmerApp(Shell):
 
     def action_again(self) -> None:
         """Restart the run after its end, and its program with it."""
-        self._panes.home.close()
+        self._panes.slot.close()
         self._console.forget_errors()
         self.run_again()
         self.refresh_frame()
@@ -317,7 +317,7 @@ class SimmerApp(Shell):
             self._console.show_error("web: no page is served; start with --web")
             return
         text = "\n\n".join(self.page_links)
-        self.push_screen(ReportScreen(text, "Page", "Esc closes; whoever has a link may use it"))
+        self.push_screen(ReportScreen(text, "Page", "Esc closes; anyone who has a link may use it"))
 
     async def _start_log(self, name: str) -> None:
         """Log the run from now on, or show why that fails."""

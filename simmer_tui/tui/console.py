@@ -122,14 +122,14 @@ class _ConsoleInput(Input):
     def take_paste(self, text: str) -> None:
         """Submit each whole line of a pasted text; the rest after the last line end stays in the line."""
         *lines, rest = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
-        complaints = []
+        refusals = []
         for line in lines:
             self.replace(line, *self.selection)
-            complaints.append(self._submit())
+            refusals.append(self._submit())
         if rest:
             self.replace(rest, *self.selection)
-        refused = [each for each in complaints if each]
-        if len(refused) > 1 or (refused and not complaints[-1]):
+        refused = [each for each in refusals if each]
+        if len(refused) > 1 or (refused and not refusals[-1]):
             self._owner.show_error(f"{len(refused)} of {len(lines)} lines refused; first {refused[0]}")
 
     def on_mouse_up(self) -> None:
@@ -147,12 +147,12 @@ class _ConsoleInput(Input):
             self.value = ""
             return ""
         self.history.add(self.value)
-        complaint = self._owner.give(self.value)
-        if complaint:
+        refusal = self._owner.give(self.value)
+        if refusal:
             self.select_all()
         else:
             self.value = ""
-        return complaint
+        return refusal
 
     def action_complete(self) -> None:
         """Use the first completion; without one, move to the next pane."""
@@ -197,7 +197,7 @@ class ConsolePane(Vertical):
         self._hint = LinePanel(id="hint")
         self._status: StyledLine = ()
         self._error = ""
-        self._complaint = ""
+        self._refusal = ""
         self._mistaken = ""
         """Text of the line when the error was shown; with something else in it the error goes."""
         self._note = ""
@@ -229,9 +229,9 @@ class ConsolePane(Vertical):
             self._error, self._mistaken = text, self.line.value
             self._show_hint()
 
-    def show_complaint(self, text: str) -> None:
+    def show_refusal(self, text: str) -> None:
         """Show an error of a person's last action, by key or line; an empty text for none."""
-        self._complaint, self._mistaken = text, self.line.value
+        self._refusal, self._mistaken = text, self.line.value
         self._show_hint()
 
     def show_note(self, text: str) -> None:
@@ -241,8 +241,8 @@ class ConsolePane(Vertical):
 
     def forget_errors(self) -> None:
         """Hide errors and notes: a person has done something else."""
-        if self._error or self._complaint or self._note:
-            self._error = self._complaint = self._note = ""
+        if self._error or self._refusal or self._note:
+            self._error = self._refusal = self._note = ""
             self._show_hint()
 
     def note_event(self) -> None:
@@ -259,7 +259,7 @@ class ConsolePane(Vertical):
         except ConsoleCommandError as error:
             self.show_error(str(error))
             return str(error)
-        self._error = self._complaint = ""
+        self._error = self._refusal = ""
         self._follow(order)
         return ""
 
@@ -279,15 +279,15 @@ class ConsolePane(Vertical):
         event.stop()
         value = self.line.value
         if value and value != self._mistaken:
-            self._error = self._complaint = self._note = ""
+            self._error = self._refusal = self._note = ""
         self._show_hint()
 
     def _show_hint(self) -> None:
         self._hint.show([self._hint_line()])
 
     def _hint_line(self) -> StyledLine:
-        if self._error or self._complaint:
-            return ((self._error or self._complaint, "danger"),)
+        if self._error or self._refusal:
+            return ((self._error or self._refusal, "danger"),)
         if self._note:
             return ((self._note, "value"),)
         value = self.line.value

@@ -70,10 +70,11 @@ class DeltaWriter:
         self._row = self._column = -1
         self._pen = 0
 
-    def begin(self, width: int, height: int, colors: ColorSystem, *, anew: bool = False) -> None:
-        """Begin an update of a screen. `anew` drops the known content of the screen, as a new size does."""
+    def begin(self, width: int, height: int, colors: ColorSystem, *, is_full: bool = False) -> None:
+        """Begin an update of a screen. `is_full` forgets the known content of the screen, as a new size
+        does."""
         screen = width, height, colors
-        if anew or self._screen != screen or len(self._pens) > _MOST_PENS:
+        if is_full or self._screen != screen or len(self._pens) > _MOST_PENS:
             self._screen = screen
             self._rows = [[_UNKNOWN] * width for _ in range(height)]
             self._forget_pens()

@@ -120,16 +120,16 @@ class EventWords(Struct, frozen=True):
         source: giver of the event: `client`, `console`, `keys`, `belief`, `robot`, or `program` for its
             output.
         subject: command, or kind of event.
-        told: makes the pieces that tell what happened.
-        complaint: reason why a command or action was refused; empty if it was not, None for other events.
+        pieces: makes the styled text of what happened.
+        refusal: reason why a command or action was refused; empty if it was not, None for other events.
         ends_mission: true for the event that ends a mission.
         is_departure: true for what a program does after its end.
     """
 
     source: str = "robot"
     subject: str = ""
-    told: Callable[[], StyledLine] = tuple
-    complaint: str | None = None
+    pieces: Callable[[], StyledLine] = tuple
+    refusal: str | None = None
     ends_mission: bool = False
     is_departure: bool = False
 
@@ -161,8 +161,8 @@ class _Wording(EventHandler[EventWords]):
             reply = reply_text(event)
             return ((reply, "danger"), (f"  {reason}", "warning")) if reason else ((reply, "value"),)
 
-        complaint = f"{command.shown}: {reason}" if reason else ""
-        return EventWords(command.source, command.shown, pieces, complaint)
+        refusal = f"{command.shown}: {reason}" if reason else ""
+        return EventWords(command.source, command.shown, pieces, refusal)
 
     def on_velocity_ended(self, event: events.VelocityEnded) -> EventWords:
         # The sender itself asked for an end at that time.
@@ -174,8 +174,8 @@ class _Wording(EventHandler[EventWords]):
         name = event.action.name.value
         arguments = "".join(f" {number:g}" for number in event.action.arguments)
         done: StyledLine = ((event.text, "danger" if event.refused else "good"),)
-        complaint = f"{name}: {event.text}" if event.refused else ""
-        return EventWords(event.action.source, f"{name}{arguments}", lambda: done, complaint)
+        refusal = f"{name}: {event.text}" if event.refused else ""
+        return EventWords(event.action.source, f"{name}{arguments}", lambda: done, refusal)
 
     def on_belief(self, event: Belief) -> EventWords:
         def pieces() -> StyledLine:
@@ -191,7 +191,7 @@ class _Wording(EventHandler[EventWords]):
         return EventWords(event.command.source, event.code, lambda: ((text, "belief"),))
 
     def on_mission(self, event: events.MissionEvent) -> EventWords:
-        return EventWords(subject="mission", told=lambda: _mission_pieces(event), ends_mission=event.over)
+        return EventWords(subject="mission", pieces=lambda: _mission_pieces(event), ends_mission=event.over)
 
     def on_notice(self, event: events.Notice) -> EventWords:
         source = _NOTICE_SOURCES.get(event.kind, "robot")
@@ -232,9 +232,9 @@ def entry_line(entry: LogEntry) -> StyledLine:
     if entry.folds:
         return (*_head(entry, ""), (folded_text(entry), "dim"))
     words = words_of(entry)
-    signed = words.complaint is not None and words.source in PEOPLE
+    signed = words.refusal is not None and words.source in PEOPLE
     by = ((f"  by {words.source}", "dim"),) if signed else ()
-    return (*_head(entry, words.subject), *words.told(), *by)
+    return (*_head(entry, words.subject), *words.pieces(), *by)
 
 
 def _mission_pieces(event: events.MissionEvent) -> StyledLine:
@@ -293,7 +293,7 @@ def _outweighing(entries: Sequence[LogEntry]) -> LogEntry:
     return entries[-1]
 
 
-def complaint_of(entries: Sequence[LogEntry], since: int = 0) -> str | None:
+def refusal_of(entries: Sequence[LogEntry], since: int = 0) -> str | None:
     """Reason why a person's last command or action after the event `since` was refused. Empty if it was not
     refused, None if there was none."""
     for entry in reversed(entries):
@@ -301,7 +301,7 @@ def complaint_of(entries: Sequence[LogEntry], since: int = 0) -> str | None:
             break
         # A program's readings come by the thousand; wording each would cost a tenth of the screen's time.
         if entry.readings or entry.beliefs or entry.velocities:
-            found = complaint_of(entry.kept, since)
+            found = refusal_of(entry.kept, since)
             if found is not None:
                 return found
             continue
@@ -309,6 +309,6 @@ def complaint_of(entries: Sequence[LogEntry], since: int = 0) -> str | None:
         if command is not None and command.source not in PEOPLE:
             continue
         words = words_of(entry)
-        if words.complaint is not None and words.source in PEOPLE:
-            return words.complaint
+        if words.refusal is not None and words.source in PEOPLE:
+            return words.refusal
     return None

@@ -94,7 +94,7 @@ def _words(snapshot: Snapshot, room: Room, phase: RunPhase) -> tuple[str, str]:
         case RunPhase.PAUSED:
             waits = "a command waits; " if snapshot.waiting else ""
             where = f"the robot is at {state.pose.x:.1f}, {state.pose.y:.1f}; "
-            return "PAUSED", f"{where if room.width >= _WORDY else ''}{waits}b goes on"
+            return "PAUSED", f"{where if room.width >= _WORDY else ''}{waits}b continues"
         case RunPhase.SUCCESS:
             assert snapshot.mission is not None, "only missions succeed"
             # The program's actions after the mission are not judged.

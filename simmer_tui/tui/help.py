@@ -45,7 +45,7 @@ def help_text(keys: KeySettings, spec: SimulationSpec) -> str:
         if table == "keys":
             fine = "  (fine with Shift)" if name in DRIVING else ""
             settings.append((_shown(keys_of(keys, name)) or "(none)", f"{item.help}{fine}"))
-    lines = ["THE ROBOT from above (:help u2 tells all about one code)", ""]
+    lines = ["THE ROBOT from above (:help u2 explains one code)", ""]
     lines += robot_drawing(spec, ascii_only=True)
     lines += _section("KEYS while the maze has the focus (settings.toml, [keys])", settings)
     lines += _section("KEYS anywhere", _key_rows(key_table.ANYWHERE))

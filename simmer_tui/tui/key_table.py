@@ -65,7 +65,7 @@ ANYWHERE = (
     KeyGroup("f2, or 1 to 4", "on small screens: the next page, or a page (from the maze)"),
     _QUIT,
     KeyGroup("f5", "run the sample program, while a simulated robot waits for one"),
-    KeyGroup("R", "after the end of a run: begin it anew, with its program"),
+    KeyGroup("R", "after the end of a run: restart it, with its program"),
 )
 IN_LOG = (
     KeyGroup("/, slash", "filter by what is typed next; escape shows all",

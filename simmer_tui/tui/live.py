@@ -41,7 +41,7 @@ class LiveSource:
     def has_news(self, known: int) -> bool:
         server = self._server
         if server.engine.timed and time.monotonic() - self._asked >= _CLOCK_TICK:
-            return True  # simulated time goes on
+            return True  # simulated time continues
         return server.recorder.number != known or server.moving
 
     async def snapshot(self, since: int, true_values: bool) -> Snapshot:

@@ -50,26 +50,26 @@ class LogPanel(StillWhenClamped, ScrollView, MarkableLines, can_focus=True):
         self._cursor: int | None = None
         self._typing = False
         self._at_end = True
-        self._told = 0
+        self._total = 0
         self.filter = ""
         """Text that an entry must have in its line, or as its source, to be shown; empty for all."""
         self._before_events = ""
 
     # -- what is shown ---------------------------------------------------------------------------
 
-    def add(self, entries: Sequence[LogEntry], *, told: int = 0, anew: bool = False) -> None:
+    def add(self, entries: Sequence[LogEntry], *, total: int = 0, is_full: bool = False) -> None:
         """Append entries; the first may be the last one grown. The oldest give way.
 
         Args:
-            told: number of all entries so far.
-            anew: true if they replace all others.
+            total: number of all entries so far.
+            is_full: true if they replace all others.
         """
-        if anew:
+        if is_full:
             self.entries.clear()
             self._rows.clear()
-        elif not entries and told == self._told:
+        elif not entries and total == self._total:
             return
-        self._told = told
+        self._total = total
         top = self._top_number()
         if entries and self.entries and self.entries[-1].first == entries[0].first != 0:
             grown = self.entries.pop()
@@ -269,7 +269,7 @@ class LogPanel(StillWhenClamped, ScrollView, MarkableLines, can_focus=True):
     def _line_at(self, row: int, width: int) -> StyledLine:
         """A row as it is shown."""
         if row >= len(self._rows):
-            return () if row or self._told else ((f" {self._before_events}", "dim"),)
+            return () if row or self._total else ((f" {self._before_events}", "dim"),)
         entry, folded = self._rows[row]
         mark = ">" if self.has_focus and row == self._cursor else " "
         if folded is not None:
@@ -286,7 +286,7 @@ class LogPanel(StillWhenClamped, ScrollView, MarkableLines, can_focus=True):
         if self._typing or self.filter:
             note = f"/{self.filter}{'_' if self._typing else ''}   Esc shows all"
         else:
-            note = f"{self._told}   {_HINTS}" if self._told else ""
+            note = f"{self._total}   {_HINTS}" if self._total else ""
         return line_panel.heading("events", note, width, plain=self._plain)
 
 

@@ -19,7 +19,7 @@ from simmer_tui.phrases import counted
 from simmer_tui.sim.maze import Maze
 from simmer_tui.sim.wheels import WheelKinematics
 from simmer_tui.snapshot import LogEntry, Snapshot
-from simmer_tui.tui.answer_home import AnswerHome
+from simmer_tui.tui.answer_slot import AnswerSlot
 from simmer_tui.tui.answers import AnswerCard
 from simmer_tui.tui.headline import RunPhase, header_line, phase_of
 from simmer_tui.tui.line_panel import LinePanel, StyledLine, fault_line, text_of
@@ -80,7 +80,7 @@ class Lags:
         self.waiting: set[str] = set()
         """Parts that do not show the newest snapshot yet."""
 
-    def hurry(self) -> None:
+    def make_due(self) -> None:
         """Make all parts due now."""
         self._shown = dict.fromkeys(_LAGS, -math.inf)
 
@@ -93,11 +93,11 @@ class Lags:
         state = snapshot.state
         calm = not state.moving and (before is None or before.state.pose == state.pose)
         # In a quiet run the waiting parts are due one after the other; then the screen does not change.
-        if before is None or snapshot.number != before.number or snapshot.anew or not calm:
+        if before is None or snapshot.number != before.number or snapshot.is_full or not calm:
             self.waiting = set(_LAGS)
         marks = state.paused, state.contacts, snapshot.verdict is None
         if marks != self._marks or (calm and not self._calm):
-            self.hurry()
+            self.make_due()
         self._calm, self._marks = calm, marks
 
     def is_due(self, part: str) -> bool:
@@ -180,7 +180,7 @@ class Panes:
             "program": lambda snapshot, room: program_lines(snapshot, self.log.entries, room),
         }
         self._panels = {name: LinePanel(id=name) for name in self._lines}
-        self.home = AnswerHome()
+        self.slot = AnswerSlot()
         self.answer: AnswerCard | None = None
         """AnswerCard of the moment."""
         self.phase = RunPhase.GOING
@@ -199,7 +199,7 @@ class Panes:
         }
         """Parts of the picture that are shown; see `switch`."""
         self._waiting: list[LogEntry] = []
-        self._anew = False
+        self._is_full = False
         self._snapshot: Snapshot | None = None
         self._lags = Lags()
         self._past: Mapping[str, Sequence[float]] = {}
@@ -238,12 +238,12 @@ class Panes:
     def switch(self, name: str, word: str = "") -> None:
         """Show something or not, `on` or `off`; without a word, switch over."""
         self.shown[name] = not self.shown[name] if not word else word == "on"
-        self._lags.hurry()
+        self._lags.make_due()
 
     def choose(self, code: str) -> None:
         """Choose a sensor for a closer look; the same one again ends the choice."""
         self.chosen = "" if code == self.chosen else code
-        self._lags.hurry()
+        self._lags.make_due()
 
     def show(self, snapshot: Snapshot) -> bool:
         """Show a snapshot, the same one in every pane. Returns True if the events, which may lag, show it."""
@@ -264,9 +264,9 @@ class Panes:
 
     def show_again(self) -> None:
         """Update everything after a change of sizes."""
-        self._lags.hurry()
+        self._lags.make_due()
         if self._snapshot is not None:
-            self.show(replace(self._snapshot, entries=(), anew=False))
+            self.show(replace(self._snapshot, entries=(), is_full=False))
 
     @property
     def whole_log(self) -> str:
@@ -278,8 +278,8 @@ class Panes:
 
     def _take_entries(self, snapshot: Snapshot) -> None:
         # After a jump in a replay the waiting entries are of another moment.
-        if snapshot.anew:
-            self._waiting, self._anew = [], True
+        if snapshot.is_full:
+            self._waiting, self._is_full = [], True
         entries = snapshot.entries
         if entries and self._waiting and self._waiting[-1].first == entries[0].first != 0:
             self._waiting.pop()  # it has grown
@@ -292,16 +292,16 @@ class Panes:
         if phase is not self.phase:
             self.phase = phase
             self._panels["header"].set_classes([phase.value])
-            self._lags.hurry()
+            self._lags.make_due()
         self.maze.frame_role = _FRAMES.get(phase, Role.EDGE)
 
     def _show_events(self) -> None:
-        told = 0
+        total = 0
         if self._snapshot is not None:
-            told = self._snapshot.told
+            total = self._snapshot.total
             self.log.show_before_events(self._ready_text(self._snapshot.state.seed))
-        self.log.add(self._waiting, told=told, anew=self._anew)
-        self._waiting, self._anew = [], False
+        self.log.add(self._waiting, total=total, is_full=self._is_full)
+        self._waiting, self._is_full = [], False
 
     def _ready_text(self, seed: int) -> str:
         maze, sensors = self._spec.maze, self._spec.sensors
@@ -313,7 +313,7 @@ class Panes:
         for name, lines in self._lines.items():
             self._show_panel(self._panels[name], lines, snapshot)
         self._show_panel(self.sensors, self._sensor_lines, snapshot)
-        self.legend.bring_up_to_date()
+        self.legend.update_content()
 
     def _show_panel(self, panel: LinePanel, lines: _Lines, snapshot: Snapshot) -> None:
         """Show lines made for a panel's size, or the fault in making them."""
@@ -331,7 +331,7 @@ class Panes:
         try:
             # The list of events lags; this line is of the same moment as the maze.
             newest = chain(reversed(self._waiting), reversed(self.log.entries))
-            self.answer = self.home.answer(snapshot, newest, self.phase, plain=self._plain)
+            self.answer = self.slot.answer(snapshot, newest, self.phase, plain=self._plain)
         except Exception as error:  # noqa: BLE001 - a fault in an answer must not end the app
             self.answer = AnswerCard("answer", "", (fault_line(error),), covers=False)
 

@@ -18,7 +18,7 @@ from simmer_tui.tui.strips import CellsWidget
 from simmer_tui.tui.terminal import ColorDepth, GlyphMode
 
 _SCALES = (24.0, 36.0, 48.0)
-"""Distances that the outer ring may stand for, inches."""
+"""Distances that the outer ring may have, inches."""
 # A foot, which is a maze cell.
 _RING_EVERY = 12.0
 """Inches from one ring to the next."""

@@ -98,7 +98,7 @@ class RecordedRun(EventHandler[None]):
         self.playing = False
         self.speed = 1.0
         self._changed = True
-        self._anew = True
+        self._is_full = True
         self._begin_feed()
         self._fed = -1
         self._event_real_time = 0.0
@@ -120,14 +120,14 @@ class RecordedRun(EventHandler[None]):
         self._changed = False
         state = self.playback.state_at(self.entry, self.elapsed)
         self._feed_until(state.time)
-        anew, self._anew = self._anew, False
+        is_full, self._is_full = self._is_full, False
         readings = {code: row.reading.true for code, row in state.sensors.items()}
         return Snapshot(
             state=state,
             number=self._number,
-            entries=self._feed.since(0 if anew else since),
-            anew=anew,
-            told=self.entry + 1,
+            entries=self._feed.since(0 if is_full else since),
+            is_full=is_full,
+            total=self.entry + 1,
             true_values=readings if true_values else {},
             mission=None if self._plan is None else mission_state(self._plan, state),
             verdict=self._end.verdict if self._end is not None and self.entry >= self._end.entry else None,
@@ -163,7 +163,7 @@ class RecordedRun(EventHandler[None]):
         """Restart the list of events, anywhere in the log."""
         # After a reset simulated time may be earlier than at the log's beginning.
         beginning = replace(self.index.header.beginning(self.configuration), time=0.0)
-        self._feed, self._reducer, self._anew = EventFeed(), Reducer(beginning), True
+        self._feed, self._reducer, self._is_full = EventFeed(), Reducer(beginning), True
         self._pending: tuple[float, MovementEnded] | None = None
         """The end of the movement shown, and the real time of its record."""
 
@@ -230,7 +230,7 @@ class RecordedRun(EventHandler[None]):
     def _show(self, entry: int, elapsed: float) -> None:
         self.entry, self.elapsed, self._changed = entry, elapsed, True
 
-    def take_in(self) -> bool:
+    def poll(self) -> bool:
         """Read what has been written since. Returns true if there was any. Who stood at the end stays there.
 
         Raises:

@@ -38,7 +38,7 @@ _SIGNS = {
     TimelineMarkKind.PAUSE: ("‖", "|", "value"),
 }
 """Sign of a kind of mark, that in ASCII, and its role."""
-# With fewer a column stands for too much of a run to be useful.
+# With fewer a column represents too much of a run to be useful.
 _LEAST_BAR = 5
 
 
@@ -102,7 +102,7 @@ class Timeline(LinePanel):
         self._run, self._moved = run, moved
         self._plain = plain
 
-    def bring_up_to_date(self, note: str) -> None:
+    def update_content(self, note: str) -> None:
         """Show the run's moment."""
         width = self.size.width
         if width:
@@ -139,7 +139,7 @@ class ReplayApp(Shell):
         self._following = follow
         self._note = ""
         self.taken_over: TakeOver | None = None
-        """Moment to go on from, once one has been chosen: the app ends for it."""
+        """Moment to continue from, once one has been chosen: the app ends for it."""
 
     # -- putting together ------------------------------------------------------------------------
 
@@ -163,7 +163,7 @@ class ReplayApp(Shell):
         self.events_shown(snapshot)
 
     def events_shown(self, snapshot: Snapshot) -> None:
-        self._timeline.bring_up_to_date(self._note or self.run_shown.index.note)
+        self._timeline.update_content(self._note or self.run_shown.index.note)
 
     def _arrange(self, width: int, height: int) -> None:
         super()._arrange(width, height)
@@ -198,7 +198,7 @@ class ReplayApp(Shell):
         index = self.run_shown.index
         known = index.count
         try:
-            fresh = self.run_shown.take_in()
+            fresh = self.run_shown.poll()
             has_program_ended = fresh and isinstance(index.record(index.count - 1), ProgramRecord)
             if has_program_ended or index.find_next(known - 1, EntryFlag.MISSION) is not None:
                 self.run_worker(self._find_verdict(), group="verdict", exclusive=True)

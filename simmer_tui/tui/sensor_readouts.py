@@ -88,7 +88,7 @@ def range_role(sensor: SensorSpec, value: float) -> str:
     return "danger" if value < SHORT else "warning"
 
 
-def way(sensor: SensorSpec, *, plain: bool) -> str:
+def direction_sign(sensor: SensorSpec, *, plain: bool) -> str:
     """Direction of a sensor, with the robot's front up: an arrow, or letters such as `FL`."""
     if sensor.kind.is_scan:
         return "" if plain else "○"
@@ -230,7 +230,7 @@ class _SensorTable:
     def _line(self, sensor: SensorSpec) -> StyledLine:
         """One sensor: its reading, and the parts after it."""
         row = self.rows.get(sensor.code)
-        role, look = self._role(row), way(sensor, plain=self.view.plain)
+        role, look = self._role(row), direction_sign(sensor, plain=self.view.plain)
         begin: StyledLine = (
             (sensor.code, "chosen" if sensor.code == self.view.chosen else role),
             (look.ljust(2) if self.view.plain else f" {look}".ljust(2), role),

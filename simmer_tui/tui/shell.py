@@ -35,11 +35,11 @@ from simmer_tui.tui.sizes import (
 )
 from simmer_tui.tui.terminal import ColorDepth, GlyphMode, TerminalChoice
 from simmer_tui.tui.terminal_app import AsciiFilter, Backpressure, TerminalApp
-from simmer_tui.tui.textual_internals import FaultTold, draw_at_once, forget_traceback
+from simmer_tui.tui.textual_internals import FaultReporting, draw_at_once, forget_traceback
 from simmer_tui.tui.themes import THEMES, theme_name, themes, variables
 
 
-class Shell(FaultTold, TerminalApp):
+class Shell(FaultReporting, TerminalApp):
     """Samples the newest snapshot some times a second and draws the changes."""
 
     CSS_PATH = "app.tcss"
@@ -292,13 +292,13 @@ class Shell(FaultTold, TerminalApp):
     def ask(self, answer: AnswerCard) -> None:
         """Show an answer in its place, until it is closed or the robot moves again."""
         if self._snapshot is not None:
-            self._panes.home.ask(answer, self._snapshot)
+            self._panes.slot.ask(answer, self._snapshot)
             self._show_again()
             self._make_room_for_answers()
 
     def action_close_answer(self) -> None:
         """Close the answer, or go to the maze if there is none to close."""
-        if self._panes.home.close():
+        if self._panes.slot.close():
             self._show_again()
             self._make_room_for_answers()
         else:

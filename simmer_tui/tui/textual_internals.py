@@ -59,7 +59,7 @@ def delta_updates() -> Iterator[bool]:
     def render_whole(self: LayoutUpdate, console: Console) -> str:
         region = self.region
         # Textual calls it only when it does not know the terminal's content.
-        writer.begin(region.right, region.bottom, _colors_of(console), anew=True)
+        writer.begin(region.right, region.bottom, _colors_of(console), is_full=True)
         for y, strips in enumerate(self.strips, region.y):
             x = region.x
             for strip in strips:
@@ -139,7 +139,7 @@ def set_virtual_size(view: ScrollView, size: Size) -> None:
     view._scroll_update(size)
 
 
-class FaultTold:
+class FaultReporting:
     """Mixin for an app with a method for exceptions that Textual cannot continue from."""
 
     def fault_met(self, error: Exception) -> None:

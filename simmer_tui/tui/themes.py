@@ -64,7 +64,7 @@ def variables(depth: ColorDepth, look: Look = Look.DARK) -> dict[str, str]:
 def contrast(first: int, second: int) -> float:
     """Contrast of two packed colours (WCAG 2, relative luminance)."""
     lighter, darker = sorted((_luminance(first), _luminance(second)), reverse=True)
-    # 0.05 stands for light that any screen reflects.
+    # 0.05 represents light that any screen reflects.
     return (lighter + 0.05) / (darker + 0.05)
 
 

@@ -7,7 +7,7 @@
     ["turn_left", "⟲", "turn left"], ["forward", "▲", "forward"], ["turn_right", "⟳", "turn right"],
     ["sideways_left", "◀", "to the left"], ["back", "▼", "back"], ["sideways_right", "▶", "to the right"],
   ];
-  const PRESSES = [["poll", "read all"], ["pause", "pause / go on"], ["step", "step"], ["reset", "to the start"]];
+  const PRESSES = [["poll", "read all"], ["pause", "pause / continue"], ["step", "step"], ["reset", "to the start"]];
   const WORD = /^#([A-Za-z0-9_-]{16,})$/;
   const word = takenWord();
   const title = document.querySelector("h1"), about = document.querySelector("p.run");
@@ -70,7 +70,7 @@
 
   function begin(run, news) {
     if (id !== null && run.id !== id) {
-      // The simulator was started anew: another run, perhaps another maze. A link's word holds no longer.
+      // The simulator was restarted: another run, perhaps another maze. A link's word holds no longer.
       location.reload();
       return;
     }

@@ -52,27 +52,27 @@ class PageControl:
         if isinstance(order, Command):
             self._operator.send(order, tell)
         elif isinstance(order, Action):
-            self._complain(self._operator.perform(order), tell)
+            self._show(self._operator.perform(order), tell)
         else:
             self._follow(order, tell)
 
     def press(self, name: str, tell: Callable[[str], None], *, fine: bool = False) -> None:
         """Do what a key does on the screen: drive by a step, stop, read all sensors ..."""
         if name in DRIVES:
-            self._complain(self._operator.drive(name, fine), tell)
+            self._show(self._operator.drive(name, fine), tell)
         elif name in PRESSES:
-            self._complain(self._operator.press(name, self._server.engine.paused), tell)
+            self._show(self._operator.press(name, self._server.engine.paused), tell)
 
     def _follow(self, order: Local, tell: Callable[[str], None]) -> None:
         if order.name == "step":
             self.press("step", tell)
         elif order.name == "vv":
-            self._complain(self._operator.drive_for(order.argument, tell), tell)
+            self._show(self._operator.drive_for(order.argument, tell), tell)
         else:
             tell(f":{order.name} is for the simulator's own screen; pages give orders to the robot alone")
 
     @staticmethod
-    def _complain(text: str, tell: Callable[[str], None]) -> None:
+    def _show(text: str, tell: Callable[[str], None]) -> None:
         if text:
             tell(text)
 

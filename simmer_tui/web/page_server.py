@@ -180,7 +180,7 @@ class PageServer:
         self._acceptor.pause()
         for viewer in tuple(self._strangers):
             viewer.abort()
-        self._frames.take_in()
+        self._frames.poll()
         self._publish({"over": True})
         for viewer in tuple(self._viewers):
             viewer.end(_GOING_AWAY, "the run is over")
@@ -223,7 +223,7 @@ class PageServer:
     def _show_news(self) -> None:
         """Send the news, if there is any."""
         frames = self._frames
-        has_news = frames.take_in()
+        has_news = frames.poll()
         if not self._viewers:
             frames.forget()
             return
@@ -237,7 +237,7 @@ class PageServer:
         self._sent = self._loop.time()
         frame = self._frames.next(fields)
         for viewer in self._viewers:
-            viewer.owe(frame)
+            viewer.send(frame)
 
     # -- viewers ---------------------------------------------------------------------------------
 
@@ -248,7 +248,7 @@ class PageServer:
         elif self._let_in == _MOST_AT_ONCE:
             self._acceptor.pause()
         if len(self._viewers) + len(self._strangers) >= MOST_CONNECTIONS:
-            self._acceptor.turn_away(sock, name)
+            self._acceptor.refuse(sock, name)
             return
         # Silent connections must not fill the port for others.
         silent = [each for each in self._strangers if not each.is_guessing]
@@ -312,7 +312,7 @@ class PageServer:
 
     def _tell(self, viewer: Viewer, text: str) -> None:
         if viewer in self._viewers:
-            viewer.owe(framed(msgspec.json.encode({"told": text})))
+            viewer.send(framed(msgspec.json.encode({"told": text})))
 
     def _take_word(self, viewer: Viewer, word: str) -> None:
         role = self._access.role_of(word)
@@ -330,10 +330,10 @@ class PageServer:
         if not self._frames.has_whole:
             self._publish({})  # so that the others have received the same as the newcomer
         keys = page_keys(self._server.configuration.settings.keys) if viewer.role is PageRole.DRIVE else {}
-        viewer.owe(framed(msgspec.json.encode({"role": viewer.role, "keys": keys})))
+        viewer.send(framed(msgspec.json.encode({"role": viewer.role, "keys": keys})))
         for frame in self._frames.whole():
-            viewer.owe(frame)
-        viewer.forgive()
+            viewer.send(frame)
+        viewer.reset_backlog()
         self._viewers.add(viewer)
 
     def viewer_gone(self, viewer: Viewer) -> None:

@@ -80,9 +80,9 @@ class LiveRecording:
     """The recording of a run up to now, for players. Only for the page's thread."""
 
     def __init__(self, beginning: Checkpoint) -> None:
-        self.begin_anew(beginning)
+        self.restart(beginning)
 
-    def begin_anew(self, beginning: Checkpoint) -> None:
+    def restart(self, beginning: Checkpoint) -> None:
         """Restart the recording with a checkpoint."""
         paths = PathRecord(beginning.spec.maze, beginning.pose, recorded=True)
         # Rows that no player shows are not kept.
@@ -141,11 +141,11 @@ class RunFrames:
         self._server = server
         self._task = task
         self._events = EventQueue(server.simulator, mission=server.referee is not None)
-        self._recording = LiveRecording(server.new_fold().beginning())
+        self._recording = LiveRecording(server.new_reducer().beginning())
         self._id = secrets.token_hex(4)
         self._base = b""
         self._tail: list[bytes] = []
-        self._is_anew = False
+        self._is_restarted = False
         self._verdict: dict[str, Any] | None = None
         self._moment: float | None = None
         self._has_judged = False
@@ -162,7 +162,7 @@ class RunFrames:
         """
         self._events.mark(self._server.engine.present)
 
-    def take_in(self) -> bool:
+    def poll(self) -> bool:
         """Process the events that have come. Returns True if there is news for viewers."""
         has_news = self._has_judged
         for _ in range(_MOST_SLICES):
@@ -173,8 +173,8 @@ class RunFrames:
                     continue
                 has_news = True
                 if isinstance(event, Checkpoint):
-                    self._recording.begin_anew(event)
-                    self._is_anew = True
+                    self._recording.restart(event)
+                    self._is_restarted = True
                     self.forget()
                 else:
                     self._recording.apply(event)
@@ -217,7 +217,7 @@ class RunFrames:
     def next(self, fields: dict[str, Any]) -> bytes:
         """The news, with further `fields`, for viewers that have received everything before."""
         self._elapsed = self._recording.update()
-        if self._is_anew:  # the run so far was lost: they get the new one whole
+        if self._is_restarted:  # the run so far was lost: they get the new one whole
             return self._encoded_whole(fields)
         if self._has_judged:
             fields |= self._judgement()
@@ -263,7 +263,7 @@ class RunFrames:
         }
         made = {"run": run, "news": self._recording.whole(), **self._judgement(), **fields}
         self._base, self._tail = framed(msgspec.json.encode(made)), []
-        self._is_anew = self._has_judged = False
+        self._is_restarted = self._has_judged = False
         return self._base
 
     def _judgement(self) -> dict[str, Any]:

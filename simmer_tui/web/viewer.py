@@ -28,7 +28,7 @@ _BEFORE_JOINING = 16 * 1024
 _AT_ONCE = 32 * 1024
 """Bytes given to the system at a time: less than the limit of unsent bytes of a `Peer`."""
 # A frame has some hundred bytes, so these are minutes of a calm run and seconds of a flood.
-MOST_OWED = 4 * 1024 * 1024
+LARGEST_BACKLOG = 4 * 1024 * 1024
 """Bytes of frames that may wait for a viewer, without its first recording."""
 # Otherwise the system would keep megabytes for each viewer that does not read.
 SEND_BUFFER = 128 * 1024
@@ -105,7 +105,7 @@ class Viewer(Peer):
 
     # -- what goes -------------------------------------------------------------------------------
 
-    def owe(self, data: bytes) -> None:
+    def send(self, data: bytes) -> None:
         """Send bytes as soon as the viewer takes them. They are not copied: all viewers share them."""
         if self._ending:
             return
@@ -115,7 +115,7 @@ class Viewer(Peer):
         self._waiting_bytes += len(data)
         self._pump()
 
-    def forgive(self) -> None:
+    def reset_backlog(self) -> None:
         """Do not count the bytes sent up to now as waiting."""
         self._waiting_bytes = 0
 
@@ -123,7 +123,7 @@ class Viewer(Peer):
         """True if it does not read."""
         if not self._waiting and not self._unsent:
             return False
-        return self._waiting_bytes > MOST_OWED or self._loop.time() - self._took > STALLED
+        return self._waiting_bytes > LARGEST_BACKLOG or self._loop.time() - self._took > STALLED
 
     def end(self, code: int, reason: str) -> None:
         """Close the connection, after all waiting bytes have been sent."""
@@ -135,7 +135,7 @@ class Viewer(Peer):
     def _send_protocol(self) -> None:
         for data in self._protocol.data_to_send():
             if data:
-                self.owe(data)
+                self.send(data)
             else:  # the protocol's end of the connection
                 self._end_soon()
 

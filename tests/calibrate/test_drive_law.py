@@ -22,7 +22,9 @@ degrees = st.floats(-170, 170)
 def test_it_leads_where_the_simulator_goes(
     x: float, y: float, heading: float, ahead: float, aside: float, turn: float, segments: int
 ) -> None:
-    path = Path.laid(Pose(x, y, heading), ahead / segments, aside / segments, turn / segments, segments)
+    path = Path.of_segments(
+        Pose(x, y, heading), ahead / segments, aside / segments, turn / segments, segments
+    )
     there = moved(np.array([[x, y, heading]]), np.array([[ahead, aside, turn]]), segments)[0]
     assert there[:2] == pytest.approx(path.points[-1], abs=1e-8)
     assert there[2] == pytest.approx(heading + turn)

@@ -22,7 +22,7 @@ from simmer_tui.calibrate.posterior import COUNTER, RANGE, outliers_in
 from simmer_tui.calibrate.rows import PER_STOP, Model
 from simmer_tui.config.loader import load
 from simmer_tui.config.sets import bundled_folder
-from simmer_tui.sim.sensors import Sort
+from simmer_tui.sim.sensors import ParameterKind
 from simmer_tui.sim.specs import Axes
 from tests.calibrate.conftest import Logged
 from tests.calibrate.synthetic import Synthetic, make
@@ -42,8 +42,8 @@ def test_standard_errors_of_normal_residuals_are_those_of_the_posterior(fitted: 
     told = fitted.identified
     # In so plain a room not every offset of a sensor shows.
     assert [
-        each.sort for each, is_told in zip(fitted.space.parameters, told, strict=True) if not is_told
-    ] == [Sort.OFFSET] * 2
+        each.kind for each, is_told in zip(fitted.space.parameters, told, strict=True) if not is_told
+    ] == [ParameterKind.OFFSET] * 2
     assert fitted.standard_errors[told] == pytest.approx(np.sqrt(np.diag(fitted.covariance))[told], rel=1e-12)
     assert fitted.pose_spread.shape == (fitted.run.stops, 3)
 

@@ -17,7 +17,7 @@ from simmer_tui.calibrate.pose_filter import PoseFilter
 from simmer_tui.calibrate.posterior import RANGE
 from simmer_tui.calibrate.prediction import held_back
 from simmer_tui.calibrate.written_set import Knowledge, knowledge_of, learned_spec
-from simmer_tui.sim.sensors import Compass, Sort
+from simmer_tui.sim.sensors import Compass, ParameterKind
 from tests.calibrate.synthetic import START, Synthetic, make
 
 
@@ -42,7 +42,7 @@ def fitted(known: Synthetic) -> Fit:
 def test_estimates_are_the_truth_within_their_errors(known: Synthetic, fitted: Fit) -> None:
     off = (fitted.state.parameters - known.truth.parameters) / fitted.standard_errors
     # In so plain a room not every offset shows.
-    places = [each.sort is not Sort.OFFSET for each in fitted.space.parameters]
+    places = [each.kind is not ParameterKind.OFFSET for each in fitted.space.parameters]
     assert fitted.identified[places].all()
     assert np.abs(off).max() < 3.5
     assert 0.6 < np.sqrt(np.mean(off**2)) < 1.3
@@ -167,7 +167,7 @@ def test_a_change_has_the_probability_of_a_chi_square(fitted: Fit) -> None:
 def test_knowledge_holds_what_the_data_say(fitted: Fit) -> None:
     knowledge = knowledge_of(fitted, estimates_of(fitted))
     told = fitted.identified
-    offsets = np.array([each.sort is Sort.OFFSET for each in fitted.space.parameters])
+    offsets = np.array([each.kind is ParameterKind.OFFSET for each in fitted.space.parameters])
     # The set has the sensors where they were found, so that offsets from there are 0.
     expected = np.where(offsets, 0.0, fitted.state.parameters)
     assert knowledge.values == pytest.approx(expected[told])
@@ -182,7 +182,7 @@ def filtered(made: Synthetic) -> PoseFilter:
     start = made.truth.chain[0, :3]
     pose_filter = PoseFilter(made.run, made.run.spec, start, 1e-6 * np.eye(3), 0)
     for stop in range(1, made.run.stops):
-        pose_filter.go_on(stop)
+        pose_filter.advance(stop)
     return pose_filter
 
 
@@ -201,7 +201,7 @@ def blind(known: Synthetic) -> PoseFilter:
     run = replace(known.run, readings={})
     start = known.truth.chain[0, :3]
     pose_filter = PoseFilter(run, run.spec, start, np.diag((0.04, 0.09, 4.0)), 0)
-    pose_filter.go_on(1)
+    pose_filter.advance(1)
     return pose_filter
 
 
@@ -229,7 +229,7 @@ def test_an_observation_is_a_kalman_update(known: Synthetic, blind: PoseFilter) 
     world = blind.world
     at_work = Compass(compass)
     expected = float(at_work.expected(world, blind.pose[None], 2.0)[0])
-    blind.said["c1"] = {1: (expected + 1.5, 2.0)}
+    blind.values_at_stops["c1"] = {1: (expected + 1.5, 2.0)}
     blind.look(1)
     sides = np.array([[0.0, 0.0, heading + 0.5], [0.0, 0.0, heading - 0.5]])
     above, below = at_work.expected(world, sides, 2.0)
@@ -242,7 +242,7 @@ def test_an_observation_is_a_kalman_update(known: Synthetic, blind: PoseFilter) 
     assert blind.covariance[2, 2] == pytest.approx(before[2, 2] * (1 - gain * slope), rel=1e-6)
     (off,) = blind.errors[type(at_work), 0]
     assert off == pytest.approx(1.5)
-    blind.said["c1"] = {1: (expected + 30.0, 2.0)}
+    blind.values_at_stops["c1"] = {1: (expected + 30.0, 2.0)}
     pose = blind.pose.copy()
     blind.look(1)
     assert blind.pose == pytest.approx(pose), "beyond the gate of four standard deviations"

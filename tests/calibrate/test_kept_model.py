@@ -29,7 +29,7 @@ from simmer_tui.calibrate.suspicions import suspicions, suspicions_without_path
 from simmer_tui.sim.angles import FloatArray
 from simmer_tui.sim.arcs import Twist
 from simmer_tui.sim.pose import Pose
-from simmer_tui.sim.sensors import Sort
+from simmer_tui.sim.sensors import ParameterKind
 from simmer_tui.sim.specs import ContactRule, RobotSpec
 from tests.calibrate.synthetic import START, make
 from tests.kept_numbers import assert_kept
@@ -61,10 +61,10 @@ def run_of(robot: str) -> tuple[MeasuredRun, Iterate]:
         9: (4.0, 8.0),
         12: (0.5, 50.0),
     }.items():
-        led = (ahead, 0.2 * number, turned)
+        commanded = (ahead, 0.2 * number, turned)
         parts = ((RIGHT, ahead), (ROT, turned)) if number % 4 else ((ROT, turned), (RIGHT, ahead))
         movements[number] = MeasuredMovement(
-            parts[0][0], parts[0][1], True, 2 + number, float("nan"), parts, led, 0.1 - 0.05j * number
+            parts[0][0], parts[0][1], True, 2 + number, float("nan"), parts, commanded, 0.1 - 0.05j * number
         )
     movements[6] = replace(movements[6], certain=False)
     poses = made.truth.chain[9, :3].tolist()
@@ -144,7 +144,7 @@ def test_a_filtered_path_is_that_which_was_kept(robot: str) -> None:
     made = PoseFilter(run, run.spec, start, np.diag((0.3, 0.2, 1.0)), first)
     made.free = frozenset(range(first, first + 5))
     for stop in range(first + 1, run.stops):
-        made.go_on(stop)
+        made.advance(stop)
     found = {
         "poses": [made.poses[stop] for stop in sorted(made.poses)],
         "covariance": made.covariance,
@@ -345,7 +345,7 @@ def test_counters_are_compared_over_six_movements_and_not_over_seven() -> None:
 
 def test_the_interval_of_a_noise_scale_is_by_factors_and_ends_before_it_overflows() -> None:
     space = parameters_of(make(2).run)
-    scale = next(each for each in space.noise_scales if each.sort is Sort.NOISE)
+    scale = next(each for each in space.noise_scales if each.kind is ParameterKind.NOISE)
     assert scale.interval(2.0, 0.5) == pytest.approx((2.0 * np.exp(-0.979982), 2.0 * np.exp(0.979982)))
     assert scale.interval(2.0, 1000.0) == pytest.approx((2.0 * np.exp(-50.0), 2.0 * np.exp(50.0)))
     bias = space.parameters[0]

@@ -25,7 +25,7 @@ from simmer_tui.calibrate.posterior import PROCESS, Posterior
 from simmer_tui.calibrate.prediction import HeldBack, widened
 from simmer_tui.calibrate.result_page import result_document
 from simmer_tui.document.as_data import document_value, plain
-from simmer_tui.sim.sensors import Sort, Ultrasonic, parameter_value, with_parameters
+from simmer_tui.sim.sensors import ParameterKind, Ultrasonic, parameter_value, with_parameters
 from simmer_tui.sim.specs import SensorSpec
 from tests.calibrate.synthetic import Synthetic, make
 
@@ -183,7 +183,7 @@ def test_biases_have_the_offset_along_from_those_across() -> None:
     space = known().model.space
     values, errors = np.ones(len(space.parameters)), np.full(len(space.parameters), 0.1)
     told = np.ones(len(values), bool)
-    offsets = [n for n, each in enumerate(space.parameters) if each.sort is Sort.OFFSET]
+    offsets = [n for n, each in enumerate(space.parameters) if each.kind is ParameterKind.OFFSET]
     values[offsets] = (0.3, -0.4, 0.5, 0.1, 0.2, 0.6)
     # The mean of the squares is 0.91 / 6, of which 0.01 is their error.
     spread, freedom = mounting_spread(space, values, errors, told)

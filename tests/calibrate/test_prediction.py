@@ -54,7 +54,7 @@ def test_a_robot_that_stopped_sooner_than_thought_is_found_again(done: float) ->
     spec = load(bundled_folder()).simulation
     run, stands = run_stopped_after(spec, 12.0, done)
     pose_filter = PoseFilter(run, spec, np.array((START.x, START.y, START.heading)), 0.01 * np.eye(3), 0)
-    pose_filter.go_on(1)
+    pose_filter.advance(1)
     off = pose_filter.pose - stands
     assert np.hypot(off[0], off[1]) < 0.3
     assert abs(off[2]) < 1.0
@@ -67,7 +67,7 @@ def test_readings_have_scores_and_counters_where_no_wall_was_met() -> None:
     for free, kinds in ((frozenset({1}), seen | {"gyro"}), (frozenset(), seen)):
         start = np.array((START.x, START.y, START.heading))
         pose_filter = PoseFilter(run, spec, start, 0.01 * np.eye(3), 0, free=free)
-        pose_filter.go_on(1)
+        pose_filter.advance(1)
         assert {kind.name for kind in pose_filter.scores} == kinds
         # All readings are those of a perfect robot.
         assert max(max(each) for each in pose_filter.scores.values()) < 0.5

@@ -1,4 +1,4 @@
-"""Logs of robots that drive until told otherwise, as stretches from one reading to another."""
+"""Logs of robots that drive until the next command, as stretches from one reading to another."""
 
 from __future__ import annotations
 
@@ -224,8 +224,8 @@ def test_sensors_that_are_asked_one_after_the_other_tell_of_one_stop(tmp_path: P
     for code, sensor in (("g1", "g1"), ("o1", "o1")):
         row = next(each for each in base.sensors if each.code == sensor)
         lever = sensor_of(row).lever  # type: ignore[attr-defined]
-        counted = np.diff([value for value, _ in run.said[code].values()])
-        stops = list(run.said[code])
+        counted = np.diff([value for value, _ in run.values_at_stops[code].values()])
+        stops = list(run.values_at_stops[code])
         asked = [sum(run.movements[k].asked(DRIVES) @ lever for k in range(a, b)) for a, b in pairwise(stops)]
         assert counted == pytest.approx(asked, abs=0.02)
     # Not always the same sensor comes first.

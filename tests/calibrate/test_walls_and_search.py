@@ -79,7 +79,7 @@ def grown(known: Synthetic, asked: float, gone: float) -> FloatArray:
 def test_a_movement_ends_where_the_wall_is(known: Synthetic, gap: float) -> None:
     """Of 4 in ahead only `gap` are free; the pose is less sure by 0.3 in and a fifth of what was left."""
     made = filter_at(known, (EAST_WALL - RADIUS - gap, 20.0, 0.0), (RIGHT, 4.0))
-    made.go_on(1)
+    made.advance(1)
     assert made.pose == pytest.approx((EAST_WALL - RADIUS, 20.0, 0.0), abs=1e-9)
     left = 1.0 - gap / 4.0
     shifted = np.diag((0.3 + 0.2 * left, 0.3 + 0.2 * left, 0.3)) ** 2
@@ -90,7 +90,7 @@ def test_a_movement_ends_where_the_wall_is(known: Synthetic, gap: float) -> None
 def test_a_wall_that_is_only_just_touched_is_none(known: Synthetic, gap: float) -> None:
     """Poses are off by 0.05 in at a wall."""
     made = filter_at(known, (EAST_WALL - RADIUS - gap, 20.0, 0.0), (RIGHT, 4.0))
-    made.go_on(1)
+    made.advance(1)
     assert made.pose == pytest.approx((EAST_WALL - RADIUS - gap + 4.0, 20.0, 0.0), abs=1e-9)
     assert made.covariance == pytest.approx(grown(known, 4.0, 4.0), abs=1e-9)
 
@@ -98,27 +98,27 @@ def test_a_wall_that_is_only_just_touched_is_none(known: Synthetic, gap: float) 
 def test_a_robot_that_stands_in_a_wall_may_leave_it_but_goes_no_deeper(known: Synthetic) -> None:
     inside = EAST_WALL - RADIUS + 0.2
     out = filter_at(known, (inside, 20.0, 180.0), (RIGHT, 4.0))
-    out.go_on(1)
+    out.advance(1)
     assert out.pose[0] == pytest.approx(inside - 4.0)
     along = filter_at(known, (inside, 20.0, 90.0), (RIGHT, 4.0))
-    along.go_on(1)
+    along.advance(1)
     assert along.pose[:2] == pytest.approx((inside, 24.0))
     deeper = filter_at(known, (inside, 20.0, 0.0), (RIGHT, 4.0))
-    deeper.go_on(1)
+    deeper.advance(1)
     assert deeper.pose[:2] == pytest.approx((inside, 20.0))
 
 
 def test_a_turn_on_the_spot_meets_no_wall(known: Synthetic) -> None:
     made = filter_at(known, (EAST_WALL - RADIUS + 0.2, 20.0, 0.0), (ROT, 40.0))
-    made.go_on(1)
+    made.advance(1)
     assert made.pose == pytest.approx((EAST_WALL - RADIUS + 0.2, 20.0, 40.0))
 
 
 def test_a_gyro_tells_the_turn_that_a_wall_left(known: Synthetic) -> None:
     spec = next(each for each in known.run.spec.sensors if each.kind.name == "gyro")
     made = filter_at(known, (EAST_WALL - RADIUS - 1.0, 20.0, 0.0), (RIGHT, 4.0))
-    made.said["g1"] = {0: (10.0, 0.0), 1: (10.0 + 3.0 * spec.gain + 2.0 * spec.drift, 2.0)}
-    made.go_on(1)
+    made.values_at_stops["g1"] = {0: (10.0, 0.0), 1: (10.0 + 3.0 * spec.gain + 2.0 * spec.drift, 2.0)}
+    made.advance(1)
     assert made.pose[2] == pytest.approx(3.0)
     assert made.pose[0] == pytest.approx(EAST_WALL - RADIUS, abs=0.02)
 
@@ -126,7 +126,7 @@ def test_a_gyro_tells_the_turn_that_a_wall_left(known: Synthetic) -> None:
 def test_an_unanswered_movement_may_have_been_made_or_not(known: Synthetic) -> None:
     made = filter_at(known, (40.0, 20.0, 0.0), (RIGHT, 4.0))
     made.movements[1] = replace(made.movements[1], certain=False)
-    made.go_on(1)
+    made.advance(1)
     expected = grown(known, 4.0, 4.0)
     expected[0, 0] += 16.0
     assert made.covariance == pytest.approx(expected, abs=1e-9)
@@ -140,11 +140,11 @@ def test_movements_ahead_are_counted_from_where_the_filter_was(known: Synthetic)
     gain of its own. One movement ahead it is off by that, and five ahead there is nothing to compare."""
     made = filter_at(known, (20.0, 30.0, 0.0), *[(RIGHT, 3.0)] * 3)
     wheel = next(each for each in known.run.spec.sensors if each.kind.name == "odom" and each.rotation == 0.0)
-    made.said[wheel.code] = {
+    made.values_at_stops[wheel.code] = {
         stop: ((wheel.gain * 2.9 + 2.0 * wheel.drift) * stop, 2.0 * stop) for stop in range(4)
     }
     for stop in (1, 2, 3):
-        made.go_on(stop)
+        made.advance(stop)
     assert made.errors[wheel.kind, 1] == pytest.approx([wheel.gain * 0.1] * 3)
     assert made.errors[wheel.kind, 0] == pytest.approx([wheel.gain * 0.1] * 3)
     assert not made.errors[wheel.kind, 5]
@@ -157,9 +157,9 @@ def test_a_reading_five_movements_ahead_is_predicted_by_commands_alone(known: Sy
     sensors = tuple(flat if each is compass else each for each in made.spec.sensors)
     spec = structs.replace(made.spec, sensors=sensors)
     made = PoseFilter(made.run, spec, made.pose, made.covariance, 0)
-    made.said["c1"] = {5: (7.0, 1.0), 6: (357.0, 1.0)}
+    made.values_at_stops["c1"] = {5: (7.0, 1.0), 6: (357.0, 1.0)}
     for stop in range(1, 7):
-        made.go_on(stop)
+        made.advance(stop)
     assert made.errors[compass.kind, 5][0] == pytest.approx(7.0)
     # The reading of 7 degrees has turned the filter's pose of stop 5, not that of stop 1.
     assert made.errors[compass.kind, 5][1] == pytest.approx(3.0)
@@ -188,8 +188,8 @@ def test_a_lost_pose_is_found_by_an_example(known: Synthetic) -> None:
     angle = math.radians(10.0)
     stands = np.array([30.0 + math.cos(angle), 20.0 + math.sin(angle), 10.0])
     for code, value in ranges_at(known, made.spec, stands, 2.0).items():
-        made.said[code] = {1: (value, 2.0)}
-    made.go_on(1)
+        made.values_at_stops[code] = {1: (value, 2.0)}
+    made.advance(1)
     assert made.pose == pytest.approx(LOST_POSE, abs=1e-6)
     assert np.sqrt(np.diag(made.covariance)) == pytest.approx(LOST_SPREAD, abs=1e-6)
     assert np.hypot(*(made.pose - stands)[:2]) < 0.2
@@ -201,8 +201,8 @@ def test_a_pose_that_is_a_little_off_is_not_searched_for(known: Synthetic) -> No
     angle = math.radians(10.0)
     stands = np.array([30.0 + 7.4 * math.cos(angle), 20.0 + 7.4 * math.sin(angle), 10.0])
     for code, value in ranges_at(known, made.spec, stands, 2.0).items():
-        made.said[code] = {1: (value, 2.0)}
-    made.go_on(1)
+        made.values_at_stops[code] = {1: (value, 2.0)}
+    made.advance(1)
     assert made.pose == pytest.approx(MENDED_POSE, abs=1e-6)
     assert np.hypot(*(made.pose - stands)[:2]) < 0.2
 
@@ -214,8 +214,8 @@ def test_a_pose_is_not_searched_for_by_sensors_that_see_a_moved_block(known: Syn
     spec = structs.replace(made.spec, block_size=4.0)
     made = PoseFilter(moved, spec, made.pose, made.covariance, 0)
     ranging = [each.code for each in spec.sensors if each.kind.is_range]
-    made.said.update({code: {1: (5.0, 2.0)} for code in ranging})
-    made.go_on(1)
+    made.values_at_stops.update({code: {1: (5.0, 2.0)} for code in ranging})
+    made.advance(1)
     angle = math.radians(10.0)
     there = (30.0 + 4.0 * math.cos(angle), 20.0 + 4.0 * math.sin(angle), 10.0)
     assert made.pose == pytest.approx(there)

@@ -45,7 +45,7 @@ def test_no_command_line_shows_the_token(how: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("content", "complaint"),
+    ("content", "mistake"),
     [
         (None, "cannot be read"),
         (b"", "is no token"),
@@ -55,13 +55,13 @@ def test_no_command_line_shows_the_token(how: str, tmp_path: Path) -> None:
     ],
 )
 def test_a_file_without_a_word_says_so(
-    content: bytes | None, complaint: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    content: bytes | None, mistake: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     file = tmp_path / "word"
     if content is not None:
         file.write_bytes(content)
     assert main(["--no-ui", "--port", "0", "--token-file", str(file)]) == 2
-    assert complaint in capsys.readouterr().err
+    assert mistake in capsys.readouterr().err
 
 
 def test_a_word_given_twice_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

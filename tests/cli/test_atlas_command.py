@@ -40,7 +40,7 @@ def test_settings_are_options_of_it_and_its_format_may_be_named(tmp_path: Path) 
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["atlas.txt"], "atlas.txt does not end in .npz, .mat, .csv, .h: say --format too"),
+        (["atlas.txt"], "atlas.txt does not end in .npz, .mat, .csv, .h: add --format"),
         (["no/atlas.npz"], "no/atlas.npz is in a folder that does not exist: name a file to write to"),
         (["folder.npz"], "folder.npz is a folder: name a file to write to"),
         (
@@ -76,7 +76,7 @@ def test_a_large_grid_is_computed_if_that_is_wanted(
     monkeypatch.chdir(tmp_path)
     large = ["atlas", "a.npz", "--step", "12", "--headings", "4", "--sensors", "u1"]
     assert main(large) == 2
-    assert "the grid has 128 poses, more than 100: take a larger --step, fewer --headings, or say --yes" in (
+    assert "the grid has 128 poses, more than 100: take a larger --step, fewer --headings, or add --yes" in (
         capsys.readouterr().err
     )
     assert main([*large, "--yes"]) == 0

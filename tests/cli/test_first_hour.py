@@ -24,7 +24,7 @@ from simmer_tui.config.new_set import mission_schema, schemas, settings_schema
 from simmer_tui.config.sets import bundled_sets, find_set
 from simmer_tui.config.settings import all_settings
 from simmer_tui.config.settings_file import Override
-from simmer_tui.notebook import told
+from simmer_tui.notebook import configuration_from_environment
 from simmer_tui.server import Server
 from simmer_tui.sim import Simulator
 from simmer_tui.sim.sensors import KINDS
@@ -258,7 +258,7 @@ def test_a_program_is_told_the_set(folder: Path) -> None:
     finally:
         server.stop()
     assert Path(told_set) == folder.resolve()
-    assert told({"SIMMER_CONFIG": told_set}).simulation == load(folder).simulation
+    assert configuration_from_environment({"SIMMER_CONFIG": told_set}).simulation == load(folder).simulation
 
 
 # -- JSON ------------------------------------------------------------------------------------------

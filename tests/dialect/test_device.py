@@ -44,7 +44,7 @@ class Host:
         self.now = BEGIN
         self.log: list[str] = []
         self.told: list[str] = []
-        self.mentioned: list[str] = []
+        self.informed: list[str] = []
         self.under_way: list[Callable[[MoveEnd], None]] = []
         self.readings = {"u1": 10.0, "u2": float("inf")}
         self.reads = 0
@@ -101,8 +101,8 @@ class Host:
     def tell(self, text: str) -> None:
         self.told.append(text)
 
-    def mention(self, text: str) -> None:
-        self.mentioned.append(text)
+    def inform(self, text: str) -> None:
+        self.informed.append(text)
 
     def take(self) -> list[str]:
         """Events since they were taken last."""
@@ -333,7 +333,7 @@ def test_a_mistake_that_is_repeated_is_told_once_and_counted_at_the_end(tmp_path
         robot.received(b"word%d\n" % number)
     robot.closed()
     assert len(host.told) == 21
-    assert host.told[-1] == "20 different faults were told, 80 more were not"
+    assert host.told[-1] == "20 different faults were reported, 80 more were not"
 
 
 def test_bytes_are_lost_while_it_boots_and_then_it_greets(tmp_path: Path) -> None:
@@ -372,7 +372,7 @@ def test_messages_of_a_stream_that_are_late_are_sent_at_once_up_to_a_second(tmp_
     assert host.take() == [f"< {tick}" for tick in range(6)]
     host.now += 60
     host.pass_time(0.1)
-    assert host.mentioned == ["598 messages of a stream that were more than 1 s late are left out"]
+    assert host.informed == ["598 messages of a stream that were more than 1 s late are left out"]
     assert host.take() == ["< 6", "< 605", "< 606"]
     robot.closed()
 

@@ -1,4 +1,4 @@
-"""Rules turned round: the message for a command, and what keeps a rule from it."""
+"""Inverse rules: the message for a command, and the reasons why a rule has no inverse."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from simmer_tui.config.dialect_reader import load_dialect
 from simmer_tui.config.loader import find_set, load
 from simmer_tui.dialect.dialect_rules import DialectRules
 from simmer_tui.dialect.expressions import FieldValue
-from simmer_tui.dialect.inverse import InverseRules, Turned
+from simmer_tui.dialect.inverse import DialectMessage, InverseRules
 from simmer_tui.dialect.set_parts import Parts
 from simmer_tui.errors import Problem
 
@@ -112,9 +112,9 @@ def rules_of(tmp_path: Path, text: str) -> DialectRules:
     return rules
 
 
-def data_of(turned: Turned | str | None) -> bytes:
-    assert isinstance(turned, Turned), turned
-    return turned.data
+def data_of(message: DialectMessage | str | None) -> bytes:
+    assert isinstance(message, DialectMessage), message
+    return message.data
 
 
 @pytest.mark.parametrize(

@@ -49,7 +49,7 @@ class Robot:
     def tell(self, text: str) -> None:
         self.faults.append(text)
 
-    mention = tell
+    inform = tell
 
 
 def rules_of(folder: Path, reply: str, problems: list[Problem]) -> object:

@@ -330,7 +330,7 @@ def test_mistake_in_a_teams_own_file_is_that_teams(
     folder = GradeFolder.read(tmp_path / "out")
     bad, good = team_results(folder, hidden=False)
     assert (bad.outcome, good.outcome) == (TeamStatus.REFUSED, TeamStatus.UNDER_WAY)
-    assert what in bad.said
+    assert what in bad.summary
     (tmp_path / "teams" / "bad" / "team.toml").write_text('command = "./robot"\n')
     folder.regrade("bad")
     assert folder.is_open(folder.entries[0])
@@ -338,7 +338,7 @@ def test_mistake_in_a_teams_own_file_is_that_teams(
 
 @pytest.mark.slow
 @pytest.mark.parametrize("listed", [False, True])
-def test_team_again_is_read_anew(make_course: Callable[..., Path], tmp_path: Path, listed: bool) -> None:
+def test_team_again_is_read_again(make_course: Callable[..., Path], tmp_path: Path, listed: bool) -> None:
     """Its team.toml and its robot; but what the course says of it goes first."""
     file = make_course({"a": ""})
     if listed:

@@ -146,7 +146,7 @@ class Reads:
     def tell(self, text: str) -> None:
         raise AssertionError(text)
 
-    mention = tell
+    inform = tell
 
 
 def test_a_ray_costs_the_read_time_of_its_sensor(tmp_path: Path, course_set: Path) -> None:

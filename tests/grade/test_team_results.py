@@ -67,8 +67,8 @@ def test_score_is_that_of_the_runs_up_to_the_decision(folder: GradeFolder) -> No
         assert (c.time, d.time, d.contacts) == (3.5, None, None)
         assert b.causes == [("x", 1), ("y", 1)]
         assert a.causes == []
-        assert a.said == f"success rate 1.000 ({0.025**0.25:.3f} to 1.000), 4 of 4 runs"
-        assert c.said == "2 of 3 runs so far"
+        assert a.summary == f"success rate 1.000 ({0.025**0.25:.3f} to 1.000), 4 of 4 runs"
+        assert c.summary == "2 of 3 runs so far"
         assert (last_failure(a), last_failure(b)) == ("", "y")
         assert [opened.is_open(each.entry) for each in (a, b, c, d)] == [False, False, True, True]
 

@@ -128,7 +128,7 @@ def test_container_ends_by_itself_when_nobody_ends_it(
     _engine(tmp_path, monkeypatch)
     files, ended = tmp_path / "files", threading.Event()
     files.mkdir()
-    monkeypatch.setattr("simmer_tui.grade.container.PATIENCE", 1.0)
+    monkeypatch.setattr("simmer_tui.grade.container.ANSWER_TIMEOUT", 1.0)
     monkeypatch.setattr("simmer_tui.grade.sandbox.FILES", str(files))
     monkeypatch.setattr("simmer_tui.grade.sandbox.HOME", str(tmp_path / "home"))
     with contextlib.closing(Container("podman", "x", files, Limits(time=2.0))) as container:
@@ -187,7 +187,7 @@ def test_container_whose_engine_fails_says_so(tmp_path: Path, monkeypatch: pytes
     engine = tmp_path / "podman"
     engine.write_text("#!/bin/sh\necho no such image\nexit 125\n")
     engine.chmod(0o755)
-    monkeypatch.setattr("simmer_tui.grade.container.PATIENCE", 0.3)
+    monkeypatch.setattr("simmer_tui.grade.container.ANSWER_TIMEOUT", 0.3)
     container = Container(str(engine), "x", tmp_path, Limits())
     with pytest.raises(Exception, match="no such image"):
         container.take("127.0.0.1", PortRequest(0, "x", ""))

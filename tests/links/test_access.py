@@ -24,7 +24,7 @@ from simmer_tui.config.sets import bundled_folder
 from simmer_tui.engine import Engine
 from simmer_tui.events import Event, Notice
 from simmer_tui.links.access import AccessCheck
-from simmer_tui.links.owners import FarSocket, OwnerLookup
+from simmer_tui.links.owners import OwnerLookup, RemoteSocket
 from simmer_tui.server import Server
 from simmer_tui.sim import Simulator
 
@@ -211,7 +211,7 @@ def test_whose_connection_cannot_be_told_is_turned_away_once_another_user_was_se
     ask, us = OwnerLookup.ask, os.geteuid()
     users = iter((us, us + 1, us, us + 1, us, us, us, us + 1, us))
 
-    def asked(self: OwnerLookup, sock: socket.socket, there: tuple[str, int]) -> FarSocket | None:
+    def asked(self: OwnerLookup, sock: socket.socket, there: tuple[str, int]) -> RemoteSocket | None:
         told = ask(self, sock, there)
         return told and told._replace(uid=next(users) if told.inode else 0)
 

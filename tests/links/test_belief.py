@@ -42,7 +42,7 @@ def test_all_fields_are_taken() -> None:
 
 
 @pytest.mark.parametrize(
-    ("value", "complaint"),
+    ("value", "mistake"),
     [
         ([1], 'a belief is an object, such as {"x": 6, "y": 42, "heading": 0}'),
         ({"x": 1, "y": 2}, "heading must be a number"),
@@ -57,8 +57,8 @@ def test_all_fields_are_taken() -> None:
         ({"x": 1, "y": 2, "heading": 0, "particles": [[1, None]]}, "a particle's number must be a number"),
     ],
 )
-def test_what_is_wrong_is_named(value: Any, complaint: str) -> None:
-    with pytest.raises(ValueError, match=re.escape(complaint)):
+def test_what_is_wrong_is_named(value: Any, mistake: str) -> None:
+    with pytest.raises(ValueError, match=re.escape(mistake)):
         parse(value)
 
 
@@ -71,14 +71,14 @@ def test_particles_and_notes_are_bounded() -> None:
 
 
 @given(st.binary(max_size=60) | st.recursive(st.none() | st.floats() | st.text(), st.lists).map(json.dumps))
-def test_any_bytes_are_a_belief_or_a_complaint(line: bytes | str) -> None:
+def test_any_bytes_are_a_belief_or_a_mistake(line: bytes | str) -> None:
     data = line if isinstance(line, bytes) else line.encode()
-    complaint = ""
+    mistake = ""
     try:
         parse_belief(data, 0.0, TRUE, MAZE)
     except ValueError as error:
-        complaint = str(error)
-    assert complaint.isprintable()
+        mistake = str(error)
+    assert mistake.isprintable()
 
 
 class Served:

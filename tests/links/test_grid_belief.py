@@ -83,7 +83,7 @@ def test_a_grid_of_the_largest_size_fits_into_a_line_also_as_a_list_of_three_dig
 
 
 @pytest.mark.parametrize(
-    ("grid", "complaint"),
+    ("grid", "mistake"),
     [
         (5, 'grid must be an object, such as {"p": [[0.1, 0.9], [0, 0]]}'),
         ({"q\x1b": 1}, r"'q\x1b' is no field of a grid; there are p, f32, u8, rows"),
@@ -124,8 +124,8 @@ def test_a_grid_of_the_largest_size_fits_into_a_line_also_as_a_list_of_three_dig
         ({"p": [[1]], "bounds": [0, 0, None, 1]}, "each of bounds must be a number"),
     ],
 )  # fmt: skip
-def test_each_limit_has_its_message(grid: Any, complaint: str) -> None:
-    with pytest.raises(ValueError, match=re.escape(complaint)) as caught:
+def test_each_limit_has_its_message(grid: Any, mistake: str) -> None:
+    with pytest.raises(ValueError, match=re.escape(mistake)) as caught:
         parse({"grid": grid})
     assert str(caught.value).isprintable()
 
@@ -140,7 +140,7 @@ _JSON = st.recursive(
 @given(
     st.dictionaries(st.sampled_from(["p", "f32", "u8", "rows", "cols", "headings", "first", "bounds"]), _JSON)
 )
-def test_any_fields_are_a_grid_or_a_complaint(fields: dict[str, Any]) -> None:
+def test_any_fields_are_a_grid_or_a_mistake(fields: dict[str, Any]) -> None:
     try:
         belief = parse({"grid": fields})
     except ValueError as error:

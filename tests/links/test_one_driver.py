@@ -19,7 +19,7 @@ from simmer_tui.config.settings import with_any_ports
 from simmer_tui.events import Event, Notice
 from simmer_tui.server import Server
 
-PATIENCE = 120.0
+TIMEOUT = 120.0
 DIALECT = '[[command]]\nmatch = "get"\nreply = "{u1:.2f}"\n'
 
 
@@ -31,12 +31,12 @@ class Told:
     def until(self, text: str) -> str:
         """Wait for a notice with a text; returns it."""
         while True:
-            event = self._events.get(timeout=PATIENCE)
+            event = self._events.get(timeout=TIMEOUT)
             if isinstance(event, Notice) and text in event.text:
                 return event.text
 
     def connect(self, purpose: str) -> socket.socket:
-        return socket.create_connection(("127.0.0.1", self.server.ports[purpose]), PATIENCE)
+        return socket.create_connection(("127.0.0.1", self.server.ports[purpose]), TIMEOUT)
 
     def open_serial(self, *, clock: bool = False) -> socket.socket:
         """A program that opens COM6, as the hook does."""
@@ -116,11 +116,11 @@ def test_two_programs_of_one_address_do_not_both_send_packets(tmp_path: Path) ->
         try:
             run.until("sends packets")
             with run.connect("packets") as second:
-                if sys.platform == "linux":  # elsewhere they cannot be told apart
+                if sys.platform == "linux":  # elsewhere they cannot be distinguished
                     assert "drives the robot" in run.until("turned away")
                     assert second.recv(100) == b""
         finally:
-            first.communicate(timeout=PATIENCE)
+            first.communicate(timeout=TIMEOUT)
         if sys.platform == "linux":
             with run.open_serial() as third:  # the program has ended: the robot is free at once
                 assert answer(third) == ""
@@ -163,11 +163,11 @@ def test_by_the_programs_clock_others_are_turned_away_from_tcp_too(tmp_path: Pat
         started = next(line for line in run.stderr if "commands on port" in line)
         port = int(started.split("commands on port ")[1].split(",")[0])
         assert next(line for line in run.stdout if line.strip()) == "8\n"
-        with socket.create_connection(("127.0.0.1", port), PATIENCE) as other:
+        with socket.create_connection(("127.0.0.1", port), TIMEOUT) as other:
             other.sendall(b"u1\n")
             assert other.recv(8) == b""
     finally:
-        _, rest = run.communicate("\n", timeout=PATIENCE)
+        _, rest = run.communicate("\n", timeout=TIMEOUT)
     assert "turned away: by the program's clock only the program of --run is served" in rest
 
 

@@ -199,7 +199,7 @@ def test_a_newcomer_waits_only_so_long_for_one_that_is_about_to_leave(served: Ca
 
 
 def test_newcomers_are_bounded(served: Callable[..., Served], monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("simmer_tui.links.binary_link.PATIENCE", 60.0)
+    monkeypatch.setattr("simmer_tui.links.binary_link.RETRY_DELAY", 60.0)
     running = served()
     with running.connect() as first, contextlib.ExitStack() as stack:
         assert math.isfinite(running.ask(first, "u1"))

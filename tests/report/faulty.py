@@ -63,9 +63,9 @@ class FaultyRobot:
         self.engine = Engine(self.simulator)
         self.history = RunHistory(checkpoint_of(self.simulator, mission=True))
         self.task = task_of(configuration, seed, plan)
-        fold = Reducer(checkpoint_of(self.simulator, mission=True), history=self.history)
-        self.engine.watch(fold.apply)
-        self.referee = Referee(plan, fold, self.engine.tell)
+        reducer = Reducer(checkpoint_of(self.simulator, mission=True), history=self.history)
+        self.engine.watch(reducer.apply)
+        self.referee = Referee(plan, reducer, self.engine.tell)
         self.engine.watch(self.referee.watch)
         self._session = self.engine.session()
         self.drives = 0

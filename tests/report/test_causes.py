@@ -89,9 +89,9 @@ def begin(
     plan = MissionPlan(Pose(*start), False, block, (Cell(18.0, 42.0),), zone, limit, contacts=0)
     engine = Engine(simulator)
     history = RunHistory(checkpoint_of(simulator, mission=True))
-    fold = Reducer(checkpoint_of(simulator, mission=True), history=history)
-    engine.watch(fold.apply)
-    referee = Referee(plan, fold, engine.tell)
+    reducer = Reducer(checkpoint_of(simulator, mission=True), history=history)
+    engine.watch(reducer.apply)
+    referee = Referee(plan, reducer, engine.tell)
     engine.watch(referee.watch)
     task = task_of(configuration, 3, plan)
     assert task is not None
@@ -487,8 +487,8 @@ def test_who_is_lost_though_its_readings_were_right_disagrees_with_its_log() -> 
     disagreeing, lost = causes_of(mission.attempt, ProgramEnded(0.0, 1))
     assert (disagreeing.kind, lost.kind) == (Kind.UNDECIDED, Kind.LOST)
     assert re.match(
-        r"Program and log disagree: the readings in the log were right, but the pose that the program told "
-        r"\(its belief\) was wrong\. "
+        r"Program and log disagree: the readings in the log were right, but the pose that the program "
+        r"believed was wrong\. "
         r"From 50\.. s on, its belief was off by "
         r"4.0 in; its spread was 0.3 in\. Either the program",
         disagreeing.text,

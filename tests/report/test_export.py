@@ -60,7 +60,7 @@ def test_the_still_picture_has_the_way(log: Path, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ([], "say what to write"),
+        ([], "name what to write"),
         (["--gif", "a.gif", "--from", "900"], "--from 900 is not in the run"),
         (["--gif", "a.gif", "--from", "2", "--until", "1"], "--until 1 is before --from 2"),
         (["--gif", "a.gif", "--speed", "0.01"], "take --speed 1 or more"),

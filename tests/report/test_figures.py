@@ -162,7 +162,7 @@ def test_wheels_that_slip_show_as_an_error(start_run: Any, configuration: Any) -
     assert abs(report.totals.sensors["gyro1"].errors.worst) < 1e-9
 
 
-def test_counters_start_anew_with_the_run_and_ignore_teleports(start_run: Any, configuration: Any) -> None:
+def test_counters_restart_with_the_run_and_ignore_teleports(start_run: Any, configuration: Any) -> None:
     run = start_run(**quiet(configuration))
     run.send("d1-5", "r1-30", "o3", "g1")
     run.perform(ActionName.TELEPORT, 30.0, 42.0, 10.0)

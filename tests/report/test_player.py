@@ -47,11 +47,11 @@ def mission_log(path: Path, seed: int = 3) -> None:
     plan = replace(plan, contacts=None)
     engine = Engine(Simulator(configuration.simulation, seed))
     simulator = engine.simulator
-    fold = Reducer(checkpoint_of(simulator, mission=True))
+    reducer = Reducer(checkpoint_of(simulator, mission=True))
     session = engine.session()
     with RunLog(path, configuration, simulator, mission=True) as log:
-        referee = Referee(plan, fold, engine.tell)
-        for watcher in (fold.apply, referee.watch, log):
+        referee = Referee(plan, reducer, engine.tell)
+        for watcher in (reducer.apply, referee.watch, log):
             engine.watch(watcher)
         referee.begin()
 
@@ -186,7 +186,7 @@ def test_keyframes_of_any_movement(mission_spec: SimulationSpec, moves: list[tup
         if trajectory is None:
             continue
         until = outcome.time
-        way = [recording.Keyframe(time, pose) for time, pose in recording.way(trajectory, until)]
+        way = [recording.Keyframe(time, pose) for time, pose in recording.keyframes_of(trajectory, until)]
         times = [frame.elapsed for frame in way]
         for part in range(40):
             time = trajectory.start_time + (until - trajectory.start_time) * part / 39
@@ -205,7 +205,7 @@ def test_keyframes_of_a_movement_cost_as_much_as_it_has_segments() -> None:
         counted: Counter[str] = Counter()
         sys.setprofile(lambda frame, event, _, counted=counted: counted.update((event,)))
         try:
-            way = recording.way(outcome.trajectory, outcome.time)
+            way = recording.keyframes_of(outcome.trajectory, outcome.time)
         finally:
             sys.setprofile(None)
         assert way[-1] == (outcome.time, outcome.trajectory.pose_at(outcome.time))

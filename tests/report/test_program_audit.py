@@ -66,7 +66,7 @@ def test_corrections_that_are_taken_back_name_their_drive_and_what_was_read_of_i
     assert (cause.kind, cause.culprits, cause.sure) == (Kind.UNDECIDED, culprits, Sureness.LIKELY)
     assert "r1 turned twice what the program meant, or more" in cause.text
     assert "corrections each took back the one before" in cause.text
-    assert ("g1 told the program twice the movement, or more" in cause.text) == ("g1" in culprits)
+    assert ("g1 reported twice the movement, or more" in cause.text) == ("g1" in culprits)
 
 
 def test_of_a_path_the_odometers_along_it_are_named() -> None:

@@ -108,7 +108,7 @@ def test_a_run_without_a_mission_has_its_end_and_its_worst(start_run: Callable[.
     assert found.cause is None
 
 
-def test_a_run_that_began_anew_is_judged_from_there(mission_run: Any) -> None:
+def test_a_run_that_restarted_is_judged_from_there(mission_run: Any) -> None:
     mission_run.engine.tell(CRASH)
     mission_run.perform(ActionName.RESET)
     mission_run.send("u1")
@@ -192,7 +192,7 @@ def test_a_leg_under_way_at_the_missions_end_counts_to_its_own_end(mission_run: 
     assert report.pose == place
 
 
-def test_a_run_that_begins_anew_counts_again_at_the_time_of_its_replay(mission_run: Any) -> None:
+def test_a_run_that_restarts_counts_again_at_the_time_of_its_replay(mission_run: Any) -> None:
     mission_run.send("u1", "d1-1")
     mission_run.engine.tell(SUCCESS)
     mission_run.send("d1-2", "d1--2")
@@ -247,16 +247,16 @@ def test_a_slow_robot_that_steers_often_makes_progress(mission_run: Any) -> None
     attempt = Attempt(run.history, None)
     assert run.totals.legs >= 600
     assert run.pose.x > 30.0
-    assert attempt.stretch.since > 20.0, "it came to new ground to the end"
-    assert attempt.stretch.movements < 5
+    assert attempt.stalled.since > 20.0, "it came to new ground to the end"
+    assert attempt.stalled.movements < 5
 
 
 def test_a_robot_that_steers_to_and_fro_makes_none(mission_run: Any) -> None:
     for step in range(600):
         mission_run.send(f"vv-{3 - 6 * (step % 2)};0;0", "wt-0.5")
     attempt = Attempt(build_report(mission_run.path).history, None)
-    assert attempt.stretch.since < 60.0
-    assert attempt.stretch.movements > 100
+    assert attempt.stalled.since < 60.0
+    assert attempt.stalled.movements > 100
 
 
 MANY = 600

@@ -25,8 +25,8 @@ class Run:
         self.simulator = Simulator(spec, 4)
         self.simulator.advance(100.0)
         self.engine = Engine(self.simulator, timed=timed)
-        self.fold = Reducer(checkpoint_of(self.simulator))
-        self.engine.watch(self.fold.apply)
+        self.reducer = Reducer(checkpoint_of(self.simulator))
+        self.engine.watch(self.reducer.apply)
         self.session = self.engine.session(answer_at_end=False)
 
     def give(self, *commands: str) -> str:
@@ -36,7 +36,7 @@ class Run:
 
     @property
     def why(self) -> str:
-        return "; ".join(f"{fact.label} {fact.text}" for fact in why(self.fold.at(), self.spec))
+        return "; ".join(f"{fact.label} {fact.text}" for fact in why(self.reducer.at(), self.spec))
 
 
 @pytest.fixture
@@ -66,7 +66,7 @@ def test_the_parts_of_the_error_add_up_to_it(run: Run, command: str) -> None:
     assert "errors bias" in said, said
     bias, noise = (float(each) for each in re.findall(r"[+-]\d+\.\d", said.partition("errors")[2])[:2])
     kind, _, value = command.partition("-")
-    ended = run.fold.at().ended
+    ended = run.reducer.at().ended
     assert ended is not None
     totals, sign = ended.trajectory.totals, -1.0 if float(value) < 0 and kind != "r1" else 1.0
     went = {"d1": totals.x, "w1": totals.y, "r1": totals.r}[kind]
@@ -93,7 +93,7 @@ def test_a_wall_is_named_with_what_the_sensor_that_looks_there_had_read(course_s
 def test_a_wall_inside_the_maze_is_named_by_its_cell(course_spec: SimulationSpec) -> None:
     run = Run(replace(course_spec, bot_center=(30.0, 42.0)))
     run.give("d1-100")
-    contact = run.fold.at().contact
+    contact = run.reducer.at().contact
     assert contact is not None
     assert contact.cell is not None
     row, column = contact.cell

@@ -145,7 +145,7 @@ def test_what_is_lost_by_a_contact_says_so(told: Told) -> None:
     assert "after the contact of line 0" in episode_text(told.episodes()[1])
 
 
-def test_a_run_begun_anew_has_its_own_episodes(told: Told) -> None:
+def test_a_run_restarted_later_has_its_own_episodes(told: Told) -> None:
     told.tells(*[0.1] * 6)
     told.engine.perform(Action(ActionName.BLOCK, (42.0, 42.0)))
     assert told.kinds == ["localized", "block moved"]

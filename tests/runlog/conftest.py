@@ -39,7 +39,7 @@ class Run:
     log: RunLog
     session: Session
     loop: ManualLoop
-    fold: Reducer
+    reducer: Reducer
     clock: Callable[[], float]
     events: list[Event] = field(default_factory=list)
     """Events that the engine has told."""
@@ -49,7 +49,7 @@ class Run:
     def look(self) -> None:
         """Note how the run stands now."""
         now = self.engine.now()
-        self.moments.append((self.log.lines - 2, now, self.fold.at(now)))
+        self.moments.append((self.log.lines - 2, now, self.reducer.at(now)))
 
     def send(self, *texts: str) -> None:
         for text in texts:
@@ -91,10 +91,10 @@ def start_run(tmp_path: Path, configuration: Configuration) -> Iterator[StartRun
         motion = replace(configuration.settings.motion, motion="timed" if timed else "instant")
         set_up = replace(configuration, settings=replace(configuration.settings, motion=motion))
         log = logs.enter_context(RunLog(path, set_up, simulator, on_stop=on_stop, clock=clock))
-        fold = Reducer(checkpoint_of(simulator))
+        reducer = Reducer(checkpoint_of(simulator))
         session = engine.session(answer_at_end=answer_at_end)
-        run = Run(path, simulator, engine, log, session, loop, fold, clock)
-        for watcher in (fold.apply, log, run.events.append):
+        run = Run(path, simulator, engine, log, session, loop, reducer, clock)
+        for watcher in (reducer.apply, log, run.events.append):
             engine.watch(watcher)
         return run
 

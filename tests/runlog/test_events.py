@@ -169,14 +169,14 @@ def test_a_long_run_is_folded_from_lines_that_sum_up(
 
 def test_the_state_at_each_entry_is_that_of_the_events_till_then(random_run: Callable[..., Any]) -> None:
     run = random_run(11, timed=False)
-    fold = Reducer(checkpoint_of(Simulator(run.simulator.spec, 7)))
+    reducer = Reducer(checkpoint_of(Simulator(run.simulator.spec, 7)))
     with RunLogIndex(run.path) as log, LogReader(run.path) as reader:
         playback, told = Playback(log), [each for each in reader if isinstance(each, Logged)]
         for entry in range(log.count):
             for each in told:
                 if each.line == entry + 2:
-                    fold.apply(each.event)
-            same_state(fold.at(), playback.state_at(entry, log.over_of(entry)))
+                    reducer.apply(each.event)
+            same_state(reducer.at(), playback.state_at(entry, log.over_of(entry)))
 
 
 def test_a_belief_told_long_ago_holds_until_the_robot_is_put_elsewhere(start_run: Any) -> None:

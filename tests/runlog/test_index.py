@@ -87,7 +87,7 @@ def test_the_index_agrees_with_reading_through(
         assert log.duration == max(times[-1], log.over_of(log.count - 1))
 
 
-def test_a_log_written_anew_by_another_program_reads_the_same(varied_log: Path, tmp_path: Path) -> None:
+def test_a_log_written_again_by_another_program_reads_the_same(varied_log: Path, tmp_path: Path) -> None:
     other = tmp_path / "other.jsonl"
     with other.open("w", newline="\r\n") as file:
         for line in varied_log.read_text().splitlines():

@@ -133,7 +133,7 @@ def test_going_back_along_a_path_goes_that_far(
     translated: float,
     distance: float,
 ) -> None:
-    path = Path.laid(Pose(3.0, 4.0, 20.0), move, 0.0, turn, segments)
+    path = Path.of_segments(Pose(3.0, 4.0, 20.0), move, 0.0, turn, segments)
     arc = math.radians(abs(turn)) * reach
 
     def gone(place: PathPosition) -> float:

@@ -278,7 +278,7 @@ def test_a_drop_still_to_come_is_forgotten(course_spec: SimulationSpec) -> None:
     assert again == first
 
 
-def test_dropped_errors_stay_dropped_and_the_rest_is_searched_anew(course_spec: SimulationSpec) -> None:
+def test_dropped_errors_stay_dropped_and_the_rest_is_searched_again(course_spec: SimulationSpec) -> None:
     simulator = drifting(course_spec)
     simulator.advance(1000.3 + 2.0)
     assert simulator.pose.y == pytest.approx(18.0)

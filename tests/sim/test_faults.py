@@ -259,7 +259,7 @@ def test_a_gyro_walks_with_the_root_of_time(course_spec: SimulationSpec) -> None
     assert_distributed(steps, lambda z: 0.5 * math.erfc(-z / math.sqrt(2.0)))
 
 
-def test_a_walk_begins_anew_with_a_run(course_spec: SimulationSpec) -> None:
+def test_a_walk_restarts_with_a_run(course_spec: SimulationSpec) -> None:
     gyro = SensorSpec(kind=Gyro, number=1, code="g1", random_walk=0.2)
     simulator = with_sensors(course_spec, gyro)
 

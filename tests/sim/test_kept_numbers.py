@@ -28,7 +28,7 @@ from simmer_tui.sim.gripper import Gripper, can_take, missed_by
 from simmer_tui.sim.legs import Leg
 from simmer_tui.sim.maze import Maze
 from simmer_tui.sim.obstacles import Obstacles, block_problem, placement_problems, robot_problem
-from simmer_tui.sim.path import Path as Way
+from simmer_tui.sim.path import Path as RobotPath
 from simmer_tui.sim.path import PathPosition
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.recent_motion import BlockPlace, RecentMotion
@@ -255,13 +255,13 @@ def placements() -> Any:
     return [[placement_problems(spec) for spec in specs], blocks]
 
 
-def ways(draw: random.Random, start: Pose) -> Iterator[Way]:
+def ways(draw: random.Random, start: Pose) -> Iterator[RobotPath]:
     """Random paths: with and without turn, one segment and several, short and longer than the maze."""
     for segments in (1, 4, 10):
         for length in (3.0, 15.0, 300.0):
             for turn in (0.0, draw.uniform(-30, 30), 400.0 if segments == 1 else -95.0):
                 way = draw.uniform(0, 6.28)
-                yield Way.laid(
+                yield RobotPath.of_segments(
                     start,
                     length * math.cos(way) / segments,
                     length * math.sin(way) / segments,
@@ -410,7 +410,7 @@ def errors_by_distance() -> Any:
                 true = TrueVelocity(twist, parts, errors, bias, noise=noisy)
                 found += [true.whole, true.own]
                 found += [true.counts(), true.counts(0.0), true.counts(5.0)]
-            errors.go_on(parts, 0.2, [part.drive.kind for part in parts[:1]])
+            errors.advance(parts, 0.2, [part.drive.kind for part in parts[:1]])
             for part in parts:
                 errors.begin(part)
                 found += [errors.left(part), errors.rates(part.drive.kind)]
@@ -515,16 +515,16 @@ def recent_motion() -> Any:
     found: list[Any] = []
     for span in (0.0, 1.0, 3.0, 60.0):
         recent = RecentMotion(span)
-        recent.block_is(BlockPlace(0.0, BLOCK))
+        recent.add_block_place(BlockPlace(0.0, BLOCK))
         found.append(recent.poses(times, Pose(1, 2, 3), None))
         for piece in pieces:
-            recent.went(piece)
+            recent.add_motion(piece)
             found += [
                 recent.poses(times, piece.pose_at(9), None),
                 recent.poses(times[2:8], Pose(0, 0, 0), moved),
             ]
         for since in (1.5, 3.0, 3.2, 5.0):
-            recent.block_is(BlockPlace(since, replace(BLOCK, x=since), held=since == 3.0))
+            recent.add_block_place(BlockPlace(since, replace(BLOCK, x=since), held=since == 3.0))
             found.append([(part.start, part.stop, place) for part, place in recent.blocks(times)])
         found.append([place.at(Pose(5, 5, 90)) for _, place in recent.blocks(times)])
         recent.forget()
@@ -592,8 +592,8 @@ def sensors_that_observe() -> Any:
             found.append(sensor.wrapped(value) if math.isfinite(value) else 0)
         generator = np.random.default_rng(4)
         found += [sensor.reading(true, generator, 3.0) for true in (0.0, 1.0, 12.0, 100.0)]
-        found += [(p.field, p.label, p.sort, p.spread, p.unit, p.usual, p.step) for p in sensor.parameters]
-        found += [(p.field, p.label, p.sort, p.spread, p.unit, p.usual, p.step) for p in sensor.noise_scales]
+        found += [(p.field, p.label, p.kind, p.spread, p.unit, p.usual, p.step) for p in sensor.parameters]
+        found += [(p.field, p.label, p.kind, p.spread, p.unit, p.usual, p.step) for p in sensor.noise_scales]
         found.append(sensor.least_error)
     spec = with_parameters(SENSORS[0].spec, {"offset": 0.5, "rotation": 40.0, "gain": 1.1})
     found += [spec, parameter_value(spec, "offset", (2.0, 1.0)), parameter_value(spec, "gain", (2.0, 1.0))]
@@ -617,8 +617,8 @@ def sensors_that_count() -> Any:
         found += [sensor.change((3.0, 1.0), (350.0, 6.0)), sensor.ideal(1.99), sensor.ideal(-0.01)]
         found += [sensor.worst_case(), sensor.error(3.3, 3.0), sensor.reading(3.3, None, 5.0)]
         found += [sensor.least_error, sensor.period, sensor.wrapped(200.0), sensor.wrapped(-180.0)]
-        found += [(p.field, p.label, p.sort, p.spread, p.unit, p.usual, p.step) for p in sensor.parameters]
-        found += [(p.field, p.label, p.sort, p.spread, p.unit, p.usual, p.step) for p in sensor.noise_scales]
+        found += [(p.field, p.label, p.kind, p.spread, p.unit, p.usual, p.step) for p in sensor.parameters]
+        found += [(p.field, p.label, p.kind, p.spread, p.unit, p.usual, p.step) for p in sensor.noise_scales]
     return found
 
 
@@ -640,9 +640,9 @@ def lidar_turns() -> Any:
         for held in (False, True):
             block = replace(BLOCK, x=4.0, y=0.5) if held else BLOCK
             recent = RecentMotion(2.0)
-            recent.block_is(BlockPlace(0.0, block, held=held))
+            recent.add_block_place(BlockPlace(0.0, block, held=held))
             arc = Arc.of(Pose(16, 12.5, 30), Twist(3, 1, 40), 1.0)
-            recent.went(Leg(arc, 0.2, 1.2, arc.end, Twist(3, 1, 40)))
+            recent.add_motion(Leg(arc, 0.2, 1.2, arc.end, Twist(3, 1, 40)))
             turning = Turning(lidar, maze(), recent)
             found.append(turning.waits_until(1.0, None))
             for time in (0.6, 1.0, 3.0):

@@ -284,7 +284,7 @@ def test_seeds_differ_and_repeat(noisy_spec: SimulationSpec) -> None:
     assert replies(noisy_spec, *commands) != replies(noisy_spec, *commands, seed=13)
 
 
-def test_reset_starts_every_stream_anew(noisy_spec: SimulationSpec) -> None:
+def test_reset_starts_every_stream_again(noisy_spec: SimulationSpec) -> None:
     simulator = Simulator(noisy_spec, seed=12)
     commands = ("u1", "d1-3", "u1", "o1", "g1", "i2")
     first = [simulator.execute(command).reply for command in commands]

@@ -394,8 +394,8 @@ def test_a_crossing_is_wall_if_one_of_its_four_cells_is(cells: tuple[tuple[int, 
 
 def test_kinds_say_what_analyses_ask_of_them() -> None:
     said = {
-        name: (kind.is_heading, kind.feels_block, kind.feels_floor)
+        name: (kind.is_heading, kind.detects_block, kind.detects_floor)
         for name, kind in KINDS.items()
-        if kind.is_heading or kind.feels_block or kind.feels_floor
+        if kind.is_heading or kind.detects_block or kind.detects_floor
     }
     assert said == {"comp": (True, False, False), "load": (False, True, False), "ir": (False, False, True)}

@@ -15,7 +15,7 @@ from simmer_tui.sim.trajectory import VelocityProfile
 
 paces = st.builds(
     VelocityProfile,
-    way=st.floats(1e-3, 1e4),
+    distance=st.floats(1e-3, 1e4),
     speed=st.floats(0.1, 200.0),
     lag=st.sampled_from([0.0, 0.3]),
     acceleration=st.sampled_from([0.0, 0.5, 12.0, 1e4]),
@@ -101,7 +101,7 @@ def test_it_never_goes_back(profile: VelocityProfile, moments: list[float]) -> N
     fractions = [profile.fraction_at(moment * profile.duration) for moment in sorted(moments)]
     assert all(b >= a - 1e-12 for a, b in pairwise(fractions))
     assert 0.0 <= fractions[0] <= fractions[-1] <= 1.0
-    assert profile.duration >= profile.way / profile.speed + profile.lag - 1e-12
+    assert profile.duration >= profile.distance / profile.speed + profile.lag - 1e-12
     assert math.isfinite(profile.duration)
 
 

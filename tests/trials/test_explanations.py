@@ -288,7 +288,7 @@ SURE = "ith other random errors 10 of 10 runs succeed, unchanged 0 of 10 (p = "
         ),
         (
             ("true readings of u1", "no noise of the drives"),
-            "succeeds with true readings of u1 or no noise of the drives. These cannot be told apart. "
+            "succeeds with true readings of u1 or no noise of the drives. These cannot be distinguished. "
             f"True readings of u1: w{SURE}0.0039). No noise of the drives: w{SURE}0.0039).",
             None,
         ),

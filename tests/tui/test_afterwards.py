@@ -113,7 +113,7 @@ def test_the_end_of_a_crashed_program_names_the_line_and_all_of_it_can_be_read(f
 
 
 @pytest.mark.slow
-def test_the_end_of_a_mission_is_an_event_until_the_run_begins_anew(fly: Fly) -> None:
+def test_the_end_of_a_mission_is_an_event_until_the_run_restarts(fly: Fly) -> None:
     async def scenario(cockpit: Cockpit) -> None:
         server = cockpit.server
         await cockpit.until(lambda: "○ pick the block up" in cockpit["run"])

@@ -99,7 +99,7 @@ def test_tab_completes_and_else_goes_to_the_next_pane(fly: Fly) -> None:
 @pytest.mark.slow
 def test_what_is_not_an_order_stays_to_be_mended(fly: Fly) -> None:
     async def scenario(cockpit: Cockpit) -> None:
-        for line, complaint in (
+        for line, mistake in (
             (":telport 1 2 3", 'did you mean "teleport"?'),
             (":teleport 1 2", ":teleport takes 3 numbers; :teleport X Y HEADING"),
             (":block 1 x", ":block each must be a number"),
@@ -108,7 +108,7 @@ def test_what_is_not_an_order_stays_to_be_mended(fly: Fly) -> None:
             (":reset now", ":reset takes nothing after it"),
         ):
             await cockpit.type(line)
-            await cockpit.until(lambda complaint=complaint: complaint in cockpit["hint"])
+            await cockpit.until(lambda mistake=mistake: mistake in cockpit["hint"])
             assert cockpit.line == line
         await cockpit.pilot.press("x")
         await cockpit.until(lambda: "takes nothing" not in cockpit["hint"])

@@ -86,7 +86,7 @@ def test_anything_else_is_a_command_from_the_console(
 
 
 @pytest.mark.parametrize(
-    ("line", "complaint"),
+    ("line", "mistake"),
     [
         ("u1 u2", "u1 u2: u1 takes nothing after it; one command a line"),
         ("u1u2", "u1u2: u1 takes nothing after it; one command a line"),
@@ -101,16 +101,16 @@ def test_anything_else_is_a_command_from_the_console(
     ],
 )
 def test_a_line_is_one_command_and_is_never_half_done(
-    course_spec: SimulationSpec, line: str, complaint: str
+    course_spec: SimulationSpec, line: str, mistake: str
 ) -> None:
     spec = replace(course_spec, gripper=GripperSpec(code="gr"))
     with pytest.raises(ConsoleCommandError) as caught:
         read_console_command(line, spec)
-    assert str(caught.value) == complaint
+    assert str(caught.value) == mistake
 
 
 @pytest.mark.parametrize(
-    ("line", "complaint"),
+    ("line", "mistake"),
     [
         (":", ": is not an order; :help lists them"),
         (":rest", ':rest is not an order; did you mean "reset"?'),
@@ -123,23 +123,23 @@ def test_a_line_is_one_command_and_is_never_half_done(
     ],
 )
 def test_what_is_wrong_is_said_with_what_is_allowed(
-    course_spec: SimulationSpec, line: str, complaint: str
+    course_spec: SimulationSpec, line: str, mistake: str
 ) -> None:
     with pytest.raises(ConsoleCommandError) as caught:
         read_console_command(line, course_spec)
-    assert str(caught.value) == complaint
+    assert str(caught.value) == mistake
 
 
 @given(st.text(max_size=40))
-def test_no_line_does_anything_but_give_an_order_or_a_printable_complaint(
+def test_no_line_does_anything_but_give_an_order_or_a_printable_mistake(
     course_spec: SimulationSpec, line: str
 ) -> None:
-    complaint = ""
+    mistake = ""
     try:
         read_console_command(line, course_spec)
     except ConsoleCommandError as error:
-        complaint = str(error)
-    assert complaint.isprintable()
+        mistake = str(error)
+    assert mistake.isprintable()
 
 
 def test_completions_have_meanings_and_can_be_read_back(course_spec: SimulationSpec) -> None:

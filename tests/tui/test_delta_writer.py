@@ -124,11 +124,11 @@ def test_the_colors_are_those_that_the_terminal_has() -> None:
     assert "38;2;255;0;0" in Glass().show(0, 0, Segment("a", STYLES[1]))
 
 
-@pytest.mark.parametrize("anew", [True, False])
-def test_all_is_sent_to_a_screen_that_is_not_known(anew: bool) -> None:
+@pytest.mark.parametrize("is_full", [True, False])
+def test_all_is_sent_to_a_screen_that_is_not_known(is_full: bool) -> None:
     glass = Glass()
     glass.show(0, 0, Segment("abc"))
-    glass.writer.begin(WIDTH if anew else WIDTH + 1, HEIGHT, TRUE, anew=anew)
+    glass.writer.begin(WIDTH if is_full else WIDTH + 1, HEIGHT, TRUE, is_full=is_full)
     glass.writer.write(0, 0, [Segment("abc")])
     assert "abc" in glass.writer.end()
 
@@ -136,7 +136,7 @@ def test_all_is_sent_to_a_screen_that_is_not_known(anew: bool) -> None:
 def test_of_a_line_some_columns_may_be_written() -> None:
     glass = Glass()
     for text, shown in (("abcdefgh", "efg"), ("a世cdefgh", "def")):
-        glass.writer.begin(WIDTH, HEIGHT, TRUE, anew=True)
+        glass.writer.begin(WIDTH, HEIGHT, TRUE, is_full=True)
         glass.writer.write(1, 2, [Segment(text[:3], STYLES[1]), Segment(text[3:], STYLES[2])], 6, 9)
         glass.stream.feed(glass.writer.end())
         assert glass.text(1).strip() == shown

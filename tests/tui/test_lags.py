@@ -43,7 +43,7 @@ def test_what_happens_makes_all_parts_wait(snapshot: Snapshot) -> None:
     aside = changed(snapshot.state, pose=Pose(9.0, 42.0, 1.0))
     for news in (
         replace(snapshot, number=snapshot.number + 1),
-        replace(snapshot, anew=True),
+        replace(snapshot, is_full=True),
         replace(snapshot, state=aside),
     ):
         lags = Lags()

@@ -85,7 +85,7 @@ def test_an_empty_list_says_what_is_ready() -> None:
     async def act(log: LogPanel, pilot: Pilot[None]) -> None:
         log.show_before_events("ready: default, seed 7")
         assert log.render_line(1).text.strip() == "ready: default, seed 7"
-        log.add(notices(1, 1), told=1)
+        log.add(notices(1, 1), total=1)
         assert "ready" not in log.render_line(1).text + log.render_line(2).text
 
     play(act)
@@ -93,22 +93,22 @@ def test_an_empty_list_says_what_is_ready() -> None:
 
 def test_it_follows_the_newest_until_scrolled_away() -> None:
     async def act(log: LogPanel, pilot: Pilot[None]) -> None:
-        log.add(notices(1, 30), told=30)
+        log.add(notices(1, 30), total=30)
         assert rows(log)[-1].endswith("notice 30")
         await pilot.pause()
-        log.add(notices(31, 31), told=31)
+        log.add(notices(31, 31), total=31)
         assert rows(log)[-1].endswith("notice 31")
         assert head(log).startswith(" events ──")
         assert "31   / filters" in head(log)
         log.scroll_to(y=3, animate=False, force=True)
-        log.add(notices(32, 40), told=40)
+        log.add(notices(32, 40), total=40)
         await pilot.pause()
         assert rows(log)[0].endswith("notice 4")
         log.focus()
         await pilot.press("end")
         await pilot.pause()
         await until(pilot, lambda: log.scroll_y >= log.max_scroll_y)
-        log.add(notices(41, 41), told=41)
+        log.add(notices(41, 41), total=41)
         assert rows(log)[-1].endswith("notice 41")
 
     play(act)
@@ -118,11 +118,11 @@ def test_it_is_bounded_and_keeps_its_place_as_the_oldest_go() -> None:
     async def act(log: LogPanel, pilot: Pilot[None]) -> None:
         log.add(notices(1, EVENTS))
         log.scroll_to(y=500, animate=False, force=True)
-        log.add(notices(EVENTS + 1, EVENTS + 100), told=EVENTS + 100)
+        log.add(notices(EVENTS + 1, EVENTS + 100), total=EVENTS + 100)
         await pilot.pause()
         assert rows(log)[0].endswith("notice 501")
         assert log.text.splitlines()[0].endswith("notice 101")
-        log.add(notices(EVENTS + 101, 3 * EVENTS), told=3 * EVENTS)
+        log.add(notices(EVENTS + 101, 3 * EVENTS), total=3 * EVENTS)
         assert log.text.splitlines()[0].endswith(f"notice {2 * EVENTS + 1}")
         assert len(log.text.splitlines()) == len(log.entries) == EVENTS
 
@@ -131,9 +131,9 @@ def test_it_is_bounded_and_keeps_its_place_as_the_oldest_go() -> None:
 
 def test_readings_fold_grow_in_place_and_unfold() -> None:
     async def act(log: LogPanel, pilot: Pilot[None]) -> None:
-        log.add([*notices(1, 1), folded(2, 6)], told=2)
+        log.add([*notices(1, 1), folded(2, 6)], total=2)
         assert rows(log)[1] == "00:03.0          5 readings  +"
-        log.add([folded(2, 9), *notices(10, 10)], told=3)
+        log.add([folded(2, 9), *notices(10, 10)], total=3)
         assert [row.split(maxsplit=1)[1].strip() for row in rows(log)[:3]] == [
             "robot   notice 1",
             "8 readings  +",
@@ -153,7 +153,7 @@ def test_readings_fold_grow_in_place_and_unfold() -> None:
 
 def test_the_cursor_picks_what_to_unfold() -> None:
     async def act(log: LogPanel, pilot: Pilot[None]) -> None:
-        log.add([folded(1, 3), *notices(4, 4, " and so on" * 20), folded(5, 6)], told=3)
+        log.add([folded(1, 3), *notices(4, 4, " and so on" * 20), folded(5, 6)], total=3)
         log.focus()
         await pilot.press("up", "up", "enter")
         assert rows(log)[1].startswith(">00:00.0")
@@ -166,14 +166,14 @@ def test_the_cursor_picks_what_to_unfold() -> None:
 
 def test_what_is_typed_after_a_slash_filters() -> None:
     async def act(log: LogPanel, pilot: Pilot[None]) -> None:
-        log.add([*notices(1, 2), reset(3, "keys"), folded(4, 5), reset(6, "console")], told=5)
+        log.add([*notices(1, 2), reset(3, "keys"), folded(4, 5), reset(6, "console")], total=5)
         log.focus()
         await pilot.press("slash", *"keys", "enter")
         assert [row for row in rows(log) if row] == ["00:00.0  reset   done  by keys"]
         assert "/keys   Esc shows all" in head(log)
         await pilot.press("slash", *["backspace"] * 4, *"u1")
         assert [row for row in rows(log) if row] == ["00:03.0          2 readings  +"], "in what is folded"
-        log.add(notices(7, 7), told=6)
+        log.add(notices(7, 7), total=6)
         assert len([row for row in rows(log) if row]) == 1
         await pilot.press("escape")
         assert len([row for row in rows(log) if row]) == 6

@@ -37,10 +37,10 @@ from simmer_tui.snapshot import EVENTS, LogEntry, Recorder, Snapshot
 from simmer_tui.tui.answers import end_answer, now_answer
 from simmer_tui.tui.event_text import (
     clock,
-    complaint_of,
     entry_line,
     kept_lines,
     last_event_line,
+    refusal_of,
     words_of,
 )
 from simmer_tui.tui.gauges import gauge, scale_end, sparkline
@@ -56,11 +56,11 @@ from simmer_tui.tui.readouts import (
 )
 from simmer_tui.tui.sensor_readouts import (
     SensorsView,
+    direction_sign,
     number_text,
     range_role,
     rows_wanted,
     sensor_lines,
-    way,
 )
 from simmer_tui.tui.terminal import GlyphMode
 
@@ -70,9 +70,9 @@ class Run:
 
     def __init__(self, spec: SimulationSpec) -> None:
         self.engine = Engine(Simulator(spec, 5))
-        fold = Reducer(checkpoint_of(self.engine.simulator))
-        self.recorder = Recorder(self.engine, fold)
-        self.engine.watch(fold.apply)
+        reducer = Reducer(checkpoint_of(self.engine.simulator))
+        self.recorder = Recorder(self.engine, reducer)
+        self.engine.watch(reducer.apply)
         self.engine.watch(self.recorder.watch)
         self._session = self.engine.session()
 
@@ -207,7 +207,7 @@ def test_row_0_is_the_state(run: Run) -> None:
     )
     run.engine.perform(Action(ActionName.PAUSE))
     assert header(run.snapshot(), 120, ports=ports).startswith(
-        " ‖ PAUSED   the robot is at 9.5, 42.0; b goes on  "
+        " ‖ PAUSED   the robot is at 9.5, 42.0; b continues"
     )
     for width in range(20, 130):
         assert len(header(run.snapshot(), width, ports=ports, plain=True)) <= width
@@ -350,8 +350,16 @@ def test_a_true_value_in_a_narrow_panel_is_never_cut(run: Run) -> None:
 
 def test_the_arrow_has_the_front_up(course_spec: SimulationSpec) -> None:
     by_code = {sensor.code: sensor for sensor in course_spec.sensors}
-    assert [way(by_code[code], plain=False) for code in ("u1", "u2", "u3", "u4", "g1")] == [*"↑↖↓↗", ""]
-    assert [way(by_code[code], plain=True) for code in ("u1", "u2", "u3", "u4")] == ["F", "FL", "B", "FR"]
+    assert [direction_sign(by_code[code], plain=False) for code in ("u1", "u2", "u3", "u4", "g1")] == [
+        *"↑↖↓↗",
+        "",
+    ]
+    assert [direction_sign(by_code[code], plain=True) for code in ("u1", "u2", "u3", "u4")] == [
+        "F",
+        "FL",
+        "B",
+        "FR",
+    ]
 
 
 @pytest.mark.parametrize(
@@ -482,7 +490,7 @@ def test_readings_in_between_fold_and_are_all_counted(run: Run) -> None:
     assert "before these are counted only" in kept[0]
     assert len(kept) < 100
     assert kept[-1].split()[1] == "u3"
-    assert run.snapshot().told == 3
+    assert run.snapshot().total == 3
 
 
 def test_what_a_person_types_is_not_folded(run: Run) -> None:
@@ -493,7 +501,7 @@ def test_what_a_person_types_is_not_folded(run: Run) -> None:
 def test_events_too_many_to_be_kept_are_counted(run: Run) -> None:
     run.give(*["zz"] * (EVENTS + 10))
     assert len(run.snapshot().entries) == EVENTS
-    assert run.snapshot().told == EVENTS + 10
+    assert run.snapshot().total == EVENTS + 10
 
 
 def test_the_last_event_in_one_line(run: Run) -> None:
@@ -525,14 +533,14 @@ def test_other_events_in_the_log(event: Event, source: str, text: str) -> None:
     assert text_of(entry_line(entry)) == text
 
 
-def test_only_what_people_asked_for_is_complained_about_in_the_console(run: Run) -> None:
-    assert complaint_of(run.give("zz").snapshot().entries) is None
+def test_only_what_people_asked_for_is_an_error_in_the_console(run: Run) -> None:
+    assert refusal_of(run.give("zz").snapshot().entries) is None
     run.give("d1-", source="console")
-    assert complaint_of(run.snapshot().entries) == "d1-: the value is missing, as in d1-3"
+    assert refusal_of(run.snapshot().entries) == "d1-: the value is missing, as in d1-3"
     run.give("u1", source="keys")
-    assert complaint_of(run.snapshot().entries) == ""
+    assert refusal_of(run.snapshot().entries) == ""
     run.engine.perform(Action(ActionName.SPEED, (0.0,), source="console"))
-    assert str(complaint_of(run.snapshot().entries)).startswith("speed: the speed is between")
+    assert str(refusal_of(run.snapshot().entries)).startswith("speed: the speed is between")
 
 
 @pytest.fixture

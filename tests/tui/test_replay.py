@@ -311,13 +311,13 @@ def test_small_screens_show_all_in_brief_and_have_pages(run: Run) -> None:
 
 def test_live_run_and_replay_say_the_same_of_the_same_events(run: Run) -> None:
     """The same words, whether the events come from the engine or from the log."""
-    fold = Reducer(checkpoint_of(Simulator(load_default().simulation, 5)))
+    reducer = Reducer(checkpoint_of(Simulator(load_default().simulation, 5)))
     feed = EventFeed()
     with RunLogIndex(run.path) as log:
         for told in Playback(log).events(0, 100):
             assert not isinstance(told, BrokenLine)
-            fold.apply(told.event)
-            feed.take(fold, 0.0, told.event)
+            reducer.apply(told.event)
+            feed.take(reducer, 0.0, told.event)
     live = [text_of(entry_line(entry)).rstrip() for entry in feed.since(0)]
 
     async def act(app: ReplayApp, pilot: Pilot[int]) -> None:

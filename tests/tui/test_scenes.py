@@ -16,9 +16,9 @@ from simmer_tui.tui.maze.scene import Scene, scene_of
 class Run:
     def __init__(self, spec: SimulationSpec) -> None:
         self.engine = Engine(Simulator(spec, 5))
-        fold = Reducer(checkpoint_of(self.engine.simulator))
-        self.recorder = Recorder(self.engine, fold)
-        self.engine.watch(fold.apply)
+        reducer = Reducer(checkpoint_of(self.engine.simulator))
+        self.recorder = Recorder(self.engine, reducer)
+        self.engine.watch(reducer.apply)
         self.engine.watch(self.recorder.watch)
         self._session = self.engine.session()
 

@@ -211,7 +211,7 @@ def test_a_program_beside_it_prints_into_the_log_and_its_code_is_passed_on(pane:
 
 
 @pytest.mark.slow
-def test_r_begins_the_run_anew_with_its_program(pane: Pane, tmp_path: Path) -> None:
+def test_r_restarts_the_run_with_its_program(pane: Pane, tmp_path: Path) -> None:
     code = (
         "import pathlib; from simmer_tui.client import Robot\n"
         "with Robot() as robot: x = robot.drive('d1', 2)\n"
@@ -264,8 +264,8 @@ def test_a_fault_of_the_screen_leaves_the_robot_served(pane: Pane, tmp_path: Pat
         "def fail(self, y):\n    raise RuntimeError('cannot render')\n"
         "LogPanel.on_resize = lambda self: None\n"
         "add = LogPanel.add\n"
-        "def break_later(self, entries, **told):\n"
-        "    add(self, entries, **told)\n"
+        "def break_later(self, entries, **given):\n"
+        "    add(self, entries, **given)\n"
         "    if entries: LogPanel.render_line = fail; self.refresh()\n"
         "LogPanel.add = break_later\n"
         "sys.exit(main(sys.argv[1:]))\n"

@@ -155,7 +155,7 @@ def test_no_time_is_shown_of_which_not_all_is_told(monkeypatch: pytest.MonkeyPat
         watching.wait(lambda message: seen.take(message) or (message.get("news") or {}).get("doing"))
 
 
-def test_a_page_that_lost_events_begins_anew_and_goes_on(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_page_that_lost_events_restarts_and_goes_on(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(run_frames, "MOST_WAITING_EVENTS", 10)
     with page_run() as run, PageViewer(run) as watching:
         watching.wait(lambda message: "run" in message)
@@ -398,7 +398,7 @@ def test_the_end_is_told_to_viewers() -> None:
             watching.next()
 
 
-def test_a_verdict_is_shown_until_the_run_begins_anew() -> None:
+def test_a_verdict_is_shown_until_the_run_restarts() -> None:
     with page_run() as run, PageViewer(run) as watching:
         watching.wait(lambda message: "run" in message)
         run.send("d1-3")

@@ -1,6 +1,6 @@
 // A robot that finds out where it is on an Arduino Mega, by the histogram filter of histogram.h.
 //
-// Beside this sketch belongs the table of what its sensors read in its maze; make it anew for your set:
+// Beside this sketch belongs the table of what its sensors read in its maze; make another for your set:
 //   simmer-tui atlas atlas.h --step 6 --headings 8 --sensors u1,u2,u3,u4
 // Start the robot square to the walls: it keeps to right angles, on which the headings of the table lie.
 // Replace readSensor, readGyro and drive by what your robot has.

@@ -18,7 +18,7 @@ class Robot:
 
     def __init__(self, port):
         self.port = serial.Serial(port, 9600, timeout=20)
-        time.sleep(2)  # most boards start anew when their port is opened
+        time.sleep(2)  # most boards restart when their port is opened
 
     def ask(self, message):
         """Send a message; returns the line that answers it."""

@@ -14,7 +14,7 @@
 #define REPLY TEXT
 
 const long BAUD = 9600;
-const unsigned long PATIENCE = 50;  // ms; a command that stays without a newline so long is whole
+const unsigned long IDLE_TIMEOUT = 50;  // ms; a command that stays without a newline so long is whole
 
 char command[24];  // the command that is coming in
 byte length = 0;
@@ -62,7 +62,7 @@ void loop() {
     take(Serial.read());
     lastByte = millis();
   }
-  if (length > 0 && !inBrackets && millis() - lastByte > PATIENCE) endCommand();
+  if (length > 0 && !inBrackets && millis() - lastByte > IDLE_TIMEOUT) endCommand();
 }
 
 // Whether a stop, "xx", waits while the robot drives. It stays there and is answered afterwards.

@@ -193,7 +193,7 @@ class ProgramTime:
         self._now, self._written = int(now), int(written)
 
     @property
-    def patience(self) -> float:
+    def timeout(self) -> float:
         """Real seconds within which the robot's sent bytes will arrive; 0 if all have."""
         return IN_FLIGHT if self._written > self.received else 0.0
 
@@ -326,8 +326,8 @@ def _replace_sockets(clock: ProgramTime) -> None:
     def look(readers: Any, writers: Any, others: Any) -> tuple[list[Any], list[Any], list[Any]]:
         """Descriptors that are ready now, after waiting for bytes from the robot that are on their way."""
         clock.answered()
-        found: tuple[list[Any], list[Any], list[Any]] = real_select(readers, writers, others, clock.patience)
-        if clock.patience and not any(found):
+        found: tuple[list[Any], list[Any], list[Any]] = real_select(readers, writers, others, clock.timeout)
+        if clock.timeout and not any(found):
             clock.give_up_missing()
         return found
 
@@ -371,7 +371,7 @@ def _replace_sockets(clock: ProgramTime) -> None:
             if not _is_ours(sock, ports):
                 return real(sock, *arguments, **named)
             await_data(sock)
-            if clock.patience and is_ready(sock):
+            if clock.timeout and is_ready(sock):
                 gather(sock)
             result = real(sock, *arguments, **named)
             piece = result[0] if isinstance(result, tuple) else result

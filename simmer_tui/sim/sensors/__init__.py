@@ -11,9 +11,9 @@ from types import MappingProxyType
 
 from simmer_tui.sim.sensors.base import CountingSensor as CountingSensor
 from simmer_tui.sim.sensors.base import ObservingSensor as ObservingSensor
+from simmer_tui.sim.sensors.base import ParameterKind as ParameterKind
 from simmer_tui.sim.sensors.base import Prior as Prior
 from simmer_tui.sim.sensors.base import Sensor as Sensor
-from simmer_tui.sim.sensors.base import Sort as Sort
 from simmer_tui.sim.sensors.base import View as View
 from simmer_tui.sim.sensors.base import World as World
 from simmer_tui.sim.sensors.base import modelled_sensor as modelled_sensor

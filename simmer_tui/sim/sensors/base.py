@@ -76,8 +76,8 @@ class World(Struct, frozen=True):
         return cosines
 
 
-class Sort(StrEnum):
-    """Sort of parameter; calibration is judged for each sort."""
+class ParameterKind(StrEnum):
+    """Kind of a parameter; calibration is judged for each kind."""
 
     BIAS = "bias"
     GAIN = "gain"
@@ -94,7 +94,7 @@ class Prior(Struct, frozen=True):
     field: str
     """The field of `SensorSpec`, or `OFFSET`."""
     label: str
-    sort: Sort
+    kind: ParameterKind
     spread: float
     """Prior standard deviation, in `unit`; for a gain a share of it, for a noise scale that of its
     logarithm."""
@@ -333,9 +333,9 @@ class CountingSensor(Sensor, ABC):
     translation of each segment, (n, 2); else for the turn alone, (n,)."""
     # Wheels wear and are measured with a ruler: a prior of 15 %. Noise scales are known to a factor of
     # exp(1.2), about 3.
-    parameters: ClassVar[tuple[Prior, ...]] = (Prior("gain", "gain", Sort.GAIN, 0.15),)
+    parameters: ClassVar[tuple[Prior, ...]] = (Prior("gain", "gain", ParameterKind.GAIN, 0.15),)
     noise_scales: ClassVar[tuple[Prior, ...]] = (
-        Prior("error", "percent error", Sort.NOISE, 1.2, usual=0.02),
+        Prior("error", "percent error", ParameterKind.NOISE, 1.2, usual=0.02),
     )
     least_error = 0.002
 

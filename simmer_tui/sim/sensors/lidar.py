@@ -22,7 +22,7 @@ from simmer_tui.sim.columns import CsvColumn
 from simmer_tui.sim.command import parse_value
 from simmer_tui.sim.maze import Maze, Rays, chosen_rays
 from simmer_tui.sim.pose import Pose
-from simmer_tui.sim.recent_motion import BlockPlace, Piece, RecentMotion
+from simmer_tui.sim.recent_motion import BlockPlace, Motion, RecentMotion
 from simmer_tui.sim.records import LidarScan, RangeScan, Reading
 from simmer_tui.sim.sensors.base import Prior, World
 from simmer_tui.sim.sensors.range_sensors import RangeSensor
@@ -53,7 +53,7 @@ class Lidar(RangeSensor):
     is_scan = True
     meaning = "ranges all around"
     spec_type = LidarSpec
-    stands_for = ("ray", "scan")
+    dialect_functions = ("ray", "scan")
     columns: ClassVar[tuple[CsvColumn, ...]] = (
         *(columns.X, columns.Y, columns.Z, columns.ROTATION),
         replace(columns.ERROR, needed=False),
@@ -228,7 +228,7 @@ class Now(Struct, frozen=True):
 
     time: float
     pose: Pose
-    under_way: Piece | None
+    under_way: Motion | None
 
 
 class Turning:

@@ -11,7 +11,14 @@ from msgspec.structs import replace
 from simmer_tui.sim import columns
 from simmer_tui.sim.angles import FloatArray, cos_sin
 from simmer_tui.sim.pose import Pose
-from simmer_tui.sim.sensors.base import CountingSensor, Linearisation, ObservingSensor, Prior, Sort, World
+from simmer_tui.sim.sensors.base import (
+    CountingSensor,
+    Linearisation,
+    ObservingSensor,
+    ParameterKind,
+    Prior,
+    World,
+)
 from simmer_tui.sim.specs import SensorSpec
 from simmer_tui.sim.trajectory import Trajectory
 
@@ -70,12 +77,12 @@ class Gyro(CountingSensor):
     # An MPU-6050's sensitivity is within 3 %, its rate at rest within 20 deg/s before and some tenths after
     # its offset is taken off (InvenSense, revision 3.4); priors are wider by a factor of 2 to 3.
     parameters = (
-        Prior("gain", "gain", Sort.GAIN, 0.1),
-        Prior("drift", "drift", Sort.DRIFT, 0.5, "deg/s"),
+        Prior("gain", "gain", ParameterKind.GAIN, 0.1),
+        Prior("drift", "drift", ParameterKind.DRIFT, 0.5, "deg/s"),
     )
     noise_scales = (
-        Prior("error", "percent error", Sort.NOISE, 1.2, usual=0.01),
-        Prior("random_walk", "random walk", Sort.NOISE, 1.5, "deg/sqrt s", usual=0.01),
+        Prior("error", "percent error", ParameterKind.NOISE, 1.2, usual=0.01),
+        Prior("random_walk", "random walk", ParameterKind.NOISE, 1.5, "deg/sqrt s", usual=0.01),
     )
     least_error = 0.003
 
@@ -104,10 +111,10 @@ class Compass(ObservingSensor):
         *(columns.READ_TIME, columns.DROPOUT, columns.OUTLIER, columns.HARD_IRON, columns.SOFT_IRON),
     )
     # Judged: sets are aligned with north by eye, and iron in a building turns it by tens of degrees.
-    parameters = (Prior("bias", "bias", Sort.BIAS, 30.0, "deg"),)
+    parameters = (Prior("bias", "bias", ParameterKind.BIAS, 30.0, "deg"),)
     noise_scales = (
-        Prior("absolute_error", "absolute error", Sort.NOISE, 1.5, "deg", usual=2.0),
-        Prior("error", "percent error", Sort.NOISE, 1.5, usual=0.01),
+        Prior("absolute_error", "absolute error", ParameterKind.NOISE, 1.5, "deg", usual=2.0),
+        Prior("error", "percent error", ParameterKind.NOISE, 1.5, usual=0.01),
     )
     least_error = 0.05
     # Degrees for an inch: the angle of an inch at a distance of one foot.

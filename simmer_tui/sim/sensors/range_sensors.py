@@ -14,7 +14,7 @@ from simmer_tui.sim.columns import CsvColumn
 from simmer_tui.sim.maze import Rays
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.records import RangeScan
-from simmer_tui.sim.sensors.base import OFFSET, ObservingSensor, Prior, Sort, World
+from simmer_tui.sim.sensors.base import OFFSET, ObservingSensor, ParameterKind, Prior, World
 from simmer_tui.sim.specs import SensorSpec
 
 USUAL_RANGE = 157.5
@@ -41,15 +41,15 @@ class RangeSensor(ObservingSensor):
     # people's mounting (a few degrees, half an inch). Derivatives by the mounting use the same steps as those
     # by the pose.
     parameters: ClassVar[tuple[Prior, ...]] = (
-        Prior("gain", "gain", Sort.GAIN, 0.1),
-        Prior("bias", "bias", Sort.BIAS, 1.5, "in"),
-        Prior("rotation", "mounting angle", Sort.ANGLE, 8.0, "deg", step=0.6),
-        Prior(OFFSET, "mounting offset", Sort.OFFSET, MOUNTED, "in"),
+        Prior("gain", "gain", ParameterKind.GAIN, 0.1),
+        Prior("bias", "bias", ParameterKind.BIAS, 1.5, "in"),
+        Prior("rotation", "mounting angle", ParameterKind.ANGLE, 8.0, "deg", step=0.6),
+        Prior(OFFSET, "mounting offset", ParameterKind.OFFSET, MOUNTED, "in"),
     )
     # Known to a factor of exp(1.2), about 3, or exp(1.5), about 4.5; if a set has none, those of an HC-SR04.
     noise_scales: ClassVar[tuple[Prior, ...]] = (
-        Prior("error", "percent error", Sort.NOISE, 1.2, usual=0.02),
-        Prior("absolute_error", "absolute error", Sort.NOISE, 1.5, "in", usual=0.1),
+        Prior("error", "percent error", ParameterKind.NOISE, 1.2, usual=0.02),
+        Prior("absolute_error", "absolute error", ParameterKind.NOISE, 1.5, "in", usual=0.1),
     )
 
     def __init__(self, spec: SensorSpec) -> None:

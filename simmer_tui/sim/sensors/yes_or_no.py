@@ -26,7 +26,7 @@ class LineSensor(ObservingSensor):
     name = "ir"
     meaning = "line sensor, 1 over its colour"
     is_yes_or_no = True
-    feels_floor = True
+    detects_floor = True
     devices = ("Infrared",)
     columns = (
         *(columns.X, columns.Y, columns.Z, columns.ERROR),
@@ -70,7 +70,7 @@ class LoadSensor(ObservingSensor):
     name = "load"
     meaning = "1 while the gripper holds something"
     is_yes_or_no = True
-    feels_block = True
+    detects_block = True
     columns = (columns.ERROR, columns.READ_TIME)
 
     def observe(self, world: World, pose: Pose) -> tuple[float, None]:

@@ -245,8 +245,8 @@ def dot_places(canvas: Canvas, rays: ScanRays) -> FloatArray:
     """Places of a scan's dots, units of the window, (n, 2); none for a beam without a free place."""
     viewport = canvas.viewport
     lengths = _within(canvas, rays)
-    places = viewport.to_units(rays.origins + lengths[:, None] * rays.ways)
-    back = _BACK * rays.ways * (1.0, -1.0)
+    places = viewport.to_units(rays.origins + lengths[:, None] * rays.directions)
+    back = _BACK * rays.directions * (1.0, -1.0)
     steps = lengths * viewport.scale / _BACK
     blocked = np.flatnonzero(_is_covered(canvas, places))
     shown = np.ones(len(places), dtype=np.bool_)
@@ -265,9 +265,9 @@ def _within(canvas: Canvas, rays: ScanRays) -> FloatArray:
     cell = canvas.viewport.maze_height / rows
     most = np.array((columns * cell, canvas.viewport.maze_height))
     with np.errstate(divide="ignore", invalid="ignore"):
-        ends = (np.where(rays.ways > 0.0, most, 0.0) - rays.origins) / rays.ways
+        ends = (np.where(rays.directions > 0.0, most, 0.0) - rays.origins) / rays.directions
     # A beam along a side never reaches it.
-    ends[rays.ways == 0.0] = np.inf
+    ends[rays.directions == 0.0] = np.inf
     lengths: FloatArray = np.clip(rays.ranges, 0.0, ends.min(axis=1, initial=np.inf).clip(0.0))
     return lengths
 

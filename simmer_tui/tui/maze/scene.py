@@ -253,5 +253,5 @@ def _view(row: SensorRow, maze: Maze) -> SensorView | None:
 
 def _line_age(state: State) -> float | None:
     """Simulated seconds since a line sensor was read; None for never."""
-    read = [row.time for row in state.sensors.values() if row.reading.sensor.kind.feels_floor]
+    read = [row.time for row in state.sensors.values() if row.reading.sensor.kind.detects_floor]
     return state.time - max(read) if read else None

@@ -31,9 +31,9 @@ from simmer_tui.tui.terminal import ColorDepth, GlyphMode
 from simmer_tui.tui.terminal_app import TerminalApp
 
 _FLOORS = {
-    FloorMode.AUTO: "tiles are told apart while line sensors are read",
-    FloorMode.LOUD: "tiles are always told apart",
-    FloorMode.QUIET: "tiles are never told apart",
+    FloorMode.AUTO: "black tiles are shown while line sensors are read",
+    FloorMode.LOUD: "black tiles are always shown",
+    FloorMode.QUIET: "black tiles are never shown",
 }
 """Ways to show the floor, in the order of the key that changes them, with their sentence."""
 _CELLS = {WALL: "a wall", START: "loading zone", BLOCK: "block zone"}
@@ -338,14 +338,14 @@ class Legend(DirectLines):
         self._maze = maze
         self._strip = Strip([])
 
-    def bring_up_to_date(self) -> None:
+    def update_content(self) -> None:
         strip = self._maze.legend(max(self.size.width - 1, 1)) if self.size.width else Strip([])
         if strip != self._strip:
             self._strip = strip
             self.refresh()
 
     def on_resize(self) -> None:
-        self.bring_up_to_date()
+        self.update_content()
 
     def render_line(self, y: int) -> Strip:
         line = Strip.join((Strip.blank(1, self.rich_style), self._strip))

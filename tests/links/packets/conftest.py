@@ -89,7 +89,7 @@ class Traffic:
     """Reads on the reply port that are not over yet."""
     unread: int
     """Replies handed to a client that has not taken all of them yet."""
-    owed: int
+    unanswered: int
     """Commands that have come in and are not answered yet."""
 
 

@@ -171,7 +171,7 @@ def test_xx_overtakes_a_drive_that_is_answered_at_its_end_and_those_behind_it(on
     async def scenario(bench: Any) -> tuple[bytes, float]:
         await bench.send(b"[w0:36,r0:90]", 0)
         await bench.send(b"[d0:6]", 0)
-        await bench.clock.until(lambda: bench.traffic.owed == 3)
+        await bench.clock.until(lambda: bench.traffic.unanswered == 3)
         await bench.clock.pass_by(1.0)
         await bench.send(b"[xx]", 4)
         reply = await bench.read()
@@ -231,13 +231,13 @@ def test_xx_is_a_word_of_packets_only(on_clock: Any) -> None:
 
 def test_the_trail_on_the_screen_ends_where_xx_stopped_the_robot(on_clock: Any) -> None:
     async def scenario(bench: Any) -> list[float]:
-        fold = Reducer(checkpoint_of(bench.simulator))
-        bench.engine.watch(fold.apply)
+        reducer = Reducer(checkpoint_of(bench.simulator))
+        bench.engine.watch(reducer.apply)
         await bench.ask(b"[w0:36]")
         await bench.clock.pass_by(1.0)
         await bench.ask(b"[xx]")
         await bench.clock.pass_by(3.0)
-        state = fold.at(bench.engine.now())
+        state = reducer.at(bench.engine.now())
         assert not state.moving
         return [float(y) for _, y in state.trail]
 

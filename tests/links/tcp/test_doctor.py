@@ -27,8 +27,8 @@ ONLY_LINUX = pytest.mark.skipif(sys.platform != "linux", reason="only Linux says
 @pytest.fixture
 def at_once(monkeypatch: pytest.MonkeyPatch) -> None:
     """Advice that comes after seconds of waiting comes at once."""
-    monkeypatch.setattr(binary_link, "ALONE", 0.02)
-    monkeypatch.setattr(connection_doctor, "LOOKS", (0.02, 0.1))
+    monkeypatch.setattr(binary_link, "LONE_LIMIT", 0.02)
+    monkeypatch.setattr(connection_doctor, "CHECK_TIMES", (0.02, 0.1))
 
 
 def faults(served: Any) -> list[str]:
@@ -160,7 +160,7 @@ def test_a_program_that_waits_for_more_than_its_first_reply_is_told_an_unusual_f
 def test_a_program_of_one_reading_in_an_unusual_form_is_told_nothing(
     serve: Any, form: dict[str, str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(connection_doctor, "LOOKS", (60.0,))  # a busy machine may take long to close
+    monkeypatch.setattr(connection_doctor, "CHECK_TIMES", (60.0,))  # a busy machine may take long to close
     served = serve(**{f"server__{name}": value for name, value in form.items()})
     for _ in range(3):
         program = serve.program(served, ">f" if "reply_format" in form else "<d").open_commands()

@@ -200,7 +200,7 @@ def test_a_second_client_gets_a_clean_end_and_disturbs_nobody(serve: Any) -> Non
 
 
 def test_one_that_comes_as_the_other_leaves_is_let_in(serve: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("simmer_tui.links.binary_link.PATIENCE", 10.0)  # this machine may be slow
+    monkeypatch.setattr("simmer_tui.links.binary_link.RETRY_DELAY", 10.0)  # this machine may be slow
     served = serve()
     first = serve.program(served).open_commands()
     first.ask("u1")

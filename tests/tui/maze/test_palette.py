@@ -1,4 +1,4 @@
-"""The colours: told apart by everybody, and sent as they were chosen."""
+"""The colours: distinct for everybody, and sent as they were chosen."""
 
 from __future__ import annotations
 

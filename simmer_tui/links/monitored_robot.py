@@ -1,7 +1,7 @@
-"""A real robot that speaks the team's own language, listened to beside its simulated twin.
+"""A real robot that speaks the team's own language, monitored beside its simulated twin.
 
-The bytes of the program that has the serial port open pass unchanged, both ways. The dialect only listens:
-the twin does what each message says, and readings come from replies.
+The bytes of the program that has the serial port open pass unchanged in both directions. The dialect only
+monitors them: the twin does what each message says, and readings come from replies.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from simmer_tui.backend import BackendSwitch
 from simmer_tui.dialect.device import DialectDevice, MoveEnd
 from simmer_tui.dialect.dialect_rules import DialectRules, MessageRule
 from simmer_tui.dialect.expressions import FieldValue
-from simmer_tui.dialect.reply_reader import SILENCE, Heard, ReplyReader
+from simmer_tui.dialect.reply_reader import SILENCE, ReplyReader, RobotReply
 from simmer_tui.engine import PEOPLE, Engine
 from simmer_tui.events import (
     LegBegun,
@@ -26,7 +26,7 @@ from simmer_tui.events import (
     TwinReading,
     WireMessage,
 )
-from simmer_tui.links.dialect_link import LOGGED_OF_STREAM, Moved, SimulatedHost, value_of
+from simmer_tui.links.dialect_link import LOGGED_OF_STREAM, MoveOutcome, SimulatedHost, value_of
 from simmer_tui.links.real_robot import RealRobot
 from simmer_tui.sessions import LoopTimer
 from simmer_tui.sim.command import parse_command
@@ -55,7 +55,7 @@ class Twin(SimulatedHost):
     def move(self, command: str, done: Callable[[MoveEnd], None]) -> None:
         def moved(result: CommandResult) -> None:
             self.refused = result.status in REFUSALS
-            done(Moved(result))
+            done(MoveOutcome(result))
             self._moved(result)
 
         self._moves.submit(parse_command(command, self.source), moved)
@@ -65,8 +65,8 @@ class Twin(SimulatedHost):
 
 
 @dataclass(eq=False)
-class HeardRobot(RealRobot):
-    """A real robot whose exchange with its program is listened to.
+class MonitoredRobot(RealRobot):
+    """A real robot whose exchange with its program is monitored.
 
     Args:
         engine: The twin.
@@ -83,14 +83,14 @@ class HeardRobot(RealRobot):
         super().__post_init__()
         rules = self.rules
         # Messages that the robot sends by itself come from the real one only.
-        heard = replace(rules, streams=(), robot=replace(rules.robot, boot=0.0, greeting=""), unknown=())
-        self._twin = Twin(self.engine, heard, self._twin_moved)
-        self._device = DialectDevice(heard, self._twin, self._note_message)
+        reactive = replace(rules, streams=(), robot=replace(rules.robot, boot=0.0, greeting=""), unknown=())
+        self._twin = Twin(self.engine, reactive, self._twin_moved)
+        self._device = DialectDevice(reactive, self._twin, self._note_message)
         self._reader = ReplyReader(rules, self._device.state)
         self._silence = LoopTimer(self._fell_silent, self._loop)
-        self._lost_told = False
+        self._lost_reported = False
         self._streamed = 0
-        self._stream_told = -math.inf
+        self._stream_reported = -math.inf
 
     def _end_listening(self) -> None:
         super()._end_listening()
@@ -101,8 +101,8 @@ class HeardRobot(RealRobot):
     def _twin_moved(self, result: CommandResult) -> None:
         """A movement of the twin has ended, or was refused."""
 
-    def _note_reply(self, heard: Heard) -> None:
-        """Called after a reply of the robot whose readings have been told."""
+    def _note_reply(self, reply: RobotReply) -> None:
+        """Called after a reply of the robot whose readings have been passed to the watchers."""
 
     def _advance(self) -> None:
         """Continue: the robot may be ready for a waiting command."""
@@ -114,7 +114,7 @@ class HeardRobot(RealRobot):
 
     def joined(self, baud: float | None) -> None:
         """A program has opened the port, at its own rate, which is not the robot's."""
-        self._lost_told = False
+        self._lost_reported = False
         if baud is not None and baud != self.settings.baud:
             text = (
                 f"the program opened the port at {baud:g} baud; the robot's is at {self.settings.baud}, "
@@ -125,8 +125,8 @@ class HeardRobot(RealRobot):
     def wrote(self, data: bytes) -> None:
         """A program has written bytes: they go to the robot unchanged."""
         if not self._open:
-            if not self._lost_told:
-                self._lost_told = True
+            if not self._lost_reported:
+                self._lost_reported = True
                 text = f"what the program writes is lost: {self.port} is closed"
                 self._tell(NoticeKind.FAULT, text)
             return
@@ -147,18 +147,18 @@ class HeardRobot(RealRobot):
         if self.switch.program is not None:
             self.switch.program(data)
         self._silence.cancel()
-        for heard in self._reader.receive(data):
-            self._hear(heard)
+        for reply in self._reader.receive(data):
+            self._note_received(reply)
         if self._reader.waits:
             self._silence.set_in(SILENCE)
 
     def _fell_silent(self) -> None:
-        for heard in self._reader.silence():
-            self._hear(heard)
+        for reply in self._reader.silence():
+            self._note_received(reply)
 
     def opened(self) -> None:
         super().opened()
-        self._lost_told = False
+        self._lost_reported = False
         self._advance()
 
     def lost(self, reason: str) -> None:
@@ -170,25 +170,25 @@ class HeardRobot(RealRobot):
         if not rule.stops:
             self._reader.asked(rule, values)
 
-    def _hear(self, heard: Heard) -> None:
+    def _note_received(self, reply: RobotReply) -> None:
         """Take a reply of the robot."""
-        self._streamed += heard.part == "stream"
-        if heard.part != "stream" or self._streamed <= LOGGED_OF_STREAM:
-            self.engine.tell(WireMessage(self.engine.now(), heard.data.decode("latin-1"), reply=True))
+        self._streamed += reply.part == "stream"
+        if reply.part != "stream" or self._streamed <= LOGGED_OF_STREAM:
+            self.engine.tell(WireMessage(self.engine.now(), reply.data.decode("latin-1"), reply=True))
         # The twin may be slower than the robot; it must not stop the robot's next movement.
-        if heard.ends and self._device.doing is heard.values:
+        if reply.ends and self._device.doing is reply.values:
             self.engine.finish_movement()
-        self._tell_readings(heard)
-        self._note_reply(heard)
+        self._tell_readings(reply)
+        self._note_reply(reply)
 
-    def _tell_readings(self, heard: Heard) -> None:
+    def _tell_readings(self, reply: RobotReply) -> None:
         """Tell the real readings in a reply beside the twin's."""
         now = self._loop.time()
-        if heard.part == "stream":
-            if now < self._stream_told + STREAM_READINGS:
+        if reply.part == "stream":
+            if now < self._stream_reported + STREAM_READINGS:
                 return
-            self._stream_told = now
-        for code, value in heard.readings.items():
+            self._stream_reported = now
+        for code, value in reply.readings.items():
             read = self._twin.read_last.pop(code, None)
             result = read or self.engine.peek(parse_command(code, self._twin.source))
             if result.reading is None:

@@ -7,7 +7,7 @@ from simmer_tui.tui.answers import AnswerCard, end_answer, now_answer, scan_answ
 from simmer_tui.tui.headline import RunPhase
 
 
-class AnswerHome:
+class AnswerSlot:
     """The one place for answers: a requested one, the end of the run, first steps, or the present
     movement."""
 

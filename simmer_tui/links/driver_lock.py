@@ -14,8 +14,8 @@ NOT_SERVED = "by the program's clock only the program of --run is served"
 """The reason why other programs are refused."""
 
 
-class DriverSeat:
-    """The right to drive. A link takes it for a program, and gives it back when the program has left."""
+class DriverLock:
+    """The right to drive. A link acquires it for a program, and releases it when the program has left."""
 
     def __init__(self, clock: ProgramClock | None, processes: ProcessLookup | None) -> None:
         self._clock = clock
@@ -24,11 +24,11 @@ class DriverSeat:
         self._name = ""
         self._process: Process | None = None
 
-    def take(self, holder: object, name: str, process: Process | None = None) -> str:
-        """Take the seat for a program; `name` is for messages. Returns the reason of a refusal, or an empty
-        text.
+    def acquire(self, holder: object, name: str, process: Process | None = None) -> str:
+        """Acquire the lock for a program; `name` is for messages. Returns the reason of a refusal, or an
+        empty text.
 
-        A link that has it takes it again for each connection.
+        A link that has it acquires it again for each connection.
         """
         if self._holder is not None and not self._is_free_for(holder, process):
             return f"{self._name} drives the robot, and one program at a time does"
@@ -38,16 +38,17 @@ class DriverSeat:
         self._process = process or self._process
         return ""
 
-    def take_by_process(self, holder: object, sock: socket.socket, peer: str) -> str:
-        """Take the seat for one of the many connections of a program, which is recognised by its process."""
+    def acquire_by_process(self, holder: object, sock: socket.socket, peer: str) -> str:
+        """Acquire the lock for one of the many connections of a program, which is recognised by its
+        process."""
         if refused := self.refusal(sock, peer, LONGEST_LOOK):
             return refused
         known = self._process if holder is self._holder else None
         process = None if self._processes is None else self._processes.holder(sock, peer, known)
-        return self.take(holder, f"client {host_of(peer)}", process)
+        return self.acquire(holder, f"client {host_of(peer)}", process)
 
     def _is_free_for(self, holder: object, process: Process | None) -> bool:
-        """True if the seat is the same program's, or that of a process that has ended."""
+        """True if the lock is the same program's, or that of a process that has ended."""
         before = self._process
         if before is not None and not before.lives:
             return True
@@ -56,8 +57,8 @@ class DriverSeat:
         # Processes that a program has started are in its session, and count as the same program.
         return process is None or before is None or session_of(process.pid) == session_of(before.pid)
 
-    def leave(self, holder: object) -> None:
-        """Give the seat back: the program of a link has left."""
+    def release(self, holder: object) -> None:
+        """Release the lock: the program of a link has left."""
         if holder is self._holder:
             self._holder = self._process = None
 
