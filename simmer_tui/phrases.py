@@ -22,14 +22,11 @@ _LONGEST = 200
 """Characters of text from a program that are shown."""
 # Inches; two decimals show less as 0.
 _SHOWN_MISS = 0.005
-# Directions of a drive with a positive and with a negative value.
-_DIRECTIONS = {
-    DriveKind.RIGHT: ("forward", "back"),
-    DriveKind.LEFT: ("back", "forward"),
-    DriveKind.UP: ("left", "right"),
-    DriveKind.DOWN: ("right", "left"),
-}
-# Counter-clockwise in steps of 45 degrees.
+# Both counter-clockwise in steps of 45 degrees, from the front.
+_DIRECTIONS = (
+    *("forward", "forward and left", "left", "back and left"),
+    *("back", "back and right", "right", "forward and right"),
+)
 _SIDES = ("ahead", "ahead left", "left", "behind left", "behind", "behind right", "right", "ahead right")
 
 
@@ -171,7 +168,7 @@ def movement_text(ended: MovementEnded) -> str:
     x, y = end.x - begin.x, end.y - begin.y
     ahead, left = x * math.cos(heading) + y * math.sin(heading), y * math.cos(heading) - x * math.sin(heading)
     along = ahead * kind.direction.x + left * kind.direction.y
-    return f"{_DIRECTIONS[kind][along < 0]} {went:.1f} in"
+    return f"{_direction(kind, along < 0)} {went:.1f} in"
 
 
 def went_text(ended: MovementEnded) -> str:
@@ -184,7 +181,13 @@ def asked_text(kind: DriveKind, value: float) -> str:
     """Movement that a command asks for: `20.0 in forward`, `turn by -30.0 deg`."""
     if kind.turns:
         return f"turn by {value:.1f} deg"
-    return f"{abs(value):.1f} in {_DIRECTIONS[kind][value < 0]}"
+    return f"{abs(value):.1f} in {_direction(kind, value < 0)}"
+
+
+def _direction(kind: DriveKind, reverse: bool) -> str:
+    """Direction of a drive that does not turn: `forward`; with `reverse` that of a negative value."""
+    bearing = math.degrees(math.atan2(kind.direction.y, kind.direction.x))
+    return _DIRECTIONS[eighth_of_turn(bearing + 180.0 * reverse)]
 
 
 def progress_text(trajectory: Trajectory, value: float | str, time: float) -> str:
@@ -197,7 +200,7 @@ def progress_text(trajectory: Trajectory, value: float | str, time: float) -> st
     if kind.turns:
         begin = trajectory.pose_at(trajectory.start_time).heading
         return f"turning, {abs(trajectory.pose_at(time).heading - begin):.1f}{asked} deg"
-    direction = _DIRECTIONS[kind][isinstance(value, float) and value < 0]
+    direction = _direction(kind, isinstance(value, float) and value < 0)
     return f"{direction}, {trajectory.travelled(time):.1f}{asked} in"
 
 
@@ -224,7 +227,7 @@ def velocity_text(twist: Twist) -> str:
     parts = []
     for value, kind in ((twist.x, DriveKind.RIGHT), (twist.y, DriveKind.UP)):
         if value:
-            parts.append(f"{_DIRECTIONS[kind][value < 0]} {abs(value):.1f} in/s")
+            parts.append(f"{_direction(kind, value < 0)} {abs(value):.1f} in/s")
     if twist.r:
         parts.append(f"turning {twist.r:.0f} deg/s")
     return ", ".join(parts) or "standing"

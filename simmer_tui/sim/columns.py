@@ -25,6 +25,8 @@ class CsvColumn(Value, frozen=True, kw_only=True):
     """The name in the summary of a set, if it is not the noun."""
     needed: bool = False
     """True if a blank cell is a mistake; otherwise it means the default."""
+    is_error: bool = False
+    """True for an error of a sensor's readings: 0 in true ones (`trials --why`)."""
 
 
 # Other brackets of a header, as in `Percent Error (0-1)` and `Drift (per s)`, hold no unit of the value.
@@ -70,6 +72,7 @@ ERROR = _base(
     *("Percent Error (0-1)", _SHARE, _AT_LEAST),
     "standard deviation of the random error, as a share of the reading: 0.02 is 2 %",
     field="error",
+    is_error=True,
 )
 FIELD_OF_VIEW = _base(
     "Field of View (deg)", NumberRule(0, 360), _SAME, "angle from edge to edge of what it sees"
@@ -84,17 +87,20 @@ GAIN = _column("Gain", _ANY, _SAME, "what the value is multiplied by (1)")
 ABSOLUTE_ERROR = _column(
     *("Absolute Error", _NOT_NEGATIVE, _AT_LEAST),
     "standard deviation of a random error of its own, in the unit of the reading",
+    is_error=True,
 )
-BIAS = _column("Bias", _ANY, _SHIFT, "what is always added, in the unit of the reading")
+BIAS = _column("Bias", _ANY, _SHIFT, "what is always added, in the unit of the reading", is_error=True)
 DRIFT = _column(
-    "Drift (per s)", _ANY, _SHIFT, "what is added for each second of simulated time", label="drift/s"
+    *("Drift (per s)", _ANY, _SHIFT, "what is added for each second of simulated time"),
+    label="drift/s",
+    is_error=True,
 )
 MIN_RANGE = _column(
     "Min Range (in)", _NOT_NEGATIVE, _AT_LEAST, "what it says of anything nearer", label="min"
 )
 MAX_RANGE = _column(
     *("Max Range (in)", _NOT_NEGATIVE, _AT_MOST),
-    "beyond it the reading is Infinity (tof: 47 if blank)",
+    "beyond it the reading is Infinity",
     label="max",
 )
 RESOLUTION = _column("Resolution", _NOT_NEGATIVE, _SHIFT, "readings are rounded to multiples of it (0: not)")
@@ -113,8 +119,10 @@ DETECTS = _column(
     field="detects_white",
 )
 READ_TIME = _column("Read Time (s)", _NOT_NEGATIVE, _AT_LEAST, "simulated time that a reading takes (0)")
-DROPOUT = _column("Dropout", _SHARE, _AT_LEAST, "probability that a reading is missed (0)")
-OUTLIER = _column("Outlier", _SHARE, _AT_LEAST, "probability that a reading is any value of its range (0)")
+DROPOUT = _column("Dropout", _SHARE, _AT_LEAST, "probability that a reading is missed (0)", is_error=True)
+OUTLIER = _column(
+    "Outlier", _SHARE, _AT_LEAST, "probability that a reading is any value of its range (0)", is_error=True
+)
 INCIDENCE_LIMIT = _column(
     *("Incidence Limit (deg)", NumberRule(0, 90), _AT_MOST),
     "angle to a wall's normal beyond which there is no echo (0: always one)",
@@ -123,6 +131,7 @@ CROSS_TALK = _column(
     *("Cross-Talk", _SHARE, _AT_LEAST),
     "probability that it takes another sensor's sound for its own (0)",
     label="cross-talk",
+    is_error=True,
 )
 TICKS = _column(
     *("Ticks per Inch", _NOT_NEGATIVE, _AT_MOST),
@@ -132,11 +141,16 @@ TICKS = _column(
 RANDOM_WALK = _column(
     *("Random Walk (deg/sqrt s)", _NOT_NEGATIVE, _AT_LEAST),
     "error of the angle that walks at random, deviation after one second (0)",
+    is_error=True,
 )
 HARD_IRON = _column(
-    "Hard Iron (deg)", _ANY, _SAME, "greatest deviation once a turn, by magnets on the robot (0)"
+    *("Hard Iron (deg)", _ANY, _SAME, "greatest deviation once a turn, by magnets on the robot (0)"),
+    is_error=True,
 )
-SOFT_IRON = _column("Soft Iron (deg)", _ANY, _SAME, "greatest deviation twice a turn, by iron nearby (0)")
+SOFT_IRON = _column(
+    *("Soft Iron (deg)", _ANY, _SAME, "greatest deviation twice a turn, by iron nearby (0)"),
+    is_error=True,
+)
 ANSWER = _column(
     *("Answer", _ANSWER, _SAME),
     "digital: 1 or 0 by the threshold; analog: the share itself, 0 to 1 (digital)",
@@ -148,7 +162,7 @@ SCAN_RATE = _column(
     *("Scan Rate (Hz)", NumberRule(1, 20), _AT_MOST), "revolutions of the lidar's head a second (5.5)"
 )
 TURN_RAYS = replace(
-    RAYS, rule=IntegerRule(1, 2000), course=_AT_MOST, help=f"{RAYS.help}; lidar: rays a revolution (360)"
+    RAYS, rule=IntegerRule(1, 2000), course=_AT_MOST, help=f"{RAYS.help}; lidar: rays a revolution"
 )
 CLOCKWISE = _column(
     *("Clockwise", WordRule(("0", "1"), (False, True)), _FREE),

@@ -106,13 +106,6 @@ def _effective(each: Intervention) -> tuple[SimulationSpec, LinkSettings]:
     return each.configuration.simulation, each.configuration.settings.link
 
 
-_ERRORS = (
-    *("error", "absolute_error", "bias", "drift", "dropout", "outlier"),
-    *("cross_talk", "random_walk", "hard_iron", "soft_iron"),
-)
-"""The errors of a sensor."""
-
-
 def _true_sensor(spec: SensorSpec, nominal: Nominal | None) -> SensorSpec:
     """The sensor as the program assumes it, without errors. A gain of 0, or another than the nominal one, is
     an error; its sign is its wiring."""
@@ -123,7 +116,7 @@ def _true_sensor(spec: SensorSpec, nominal: Nominal | None) -> SensorSpec:
     else:
         # Its number names its random stream and its time is no error of its readings.
         base = replace(known, number=spec.number, enabled=spec.enabled, read_time=spec.read_time)
-    return replace(base, **dict.fromkeys(_ERRORS, 0.0))
+    return replace(base, **{column.field: 0.0 for column in base.kind.columns if column.is_error})
 
 
 def _without_noise(spec: SimulationSpec) -> SimulationSpec:

@@ -16,7 +16,10 @@ from simmer_tui.cli.trials_command import run_trials
 from simmer_tui.config.loader import Configuration, load
 from simmer_tui.config.nominal import nominal_of
 from simmer_tui.config.sets import bundled_sets, init_set
-from simmer_tui.sim.specs import Axes
+from simmer_tui.sim.columns import CsvColumn
+from simmer_tui.sim.rules import NumberRule
+from simmer_tui.sim.sensors import Ultrasonic
+from simmer_tui.sim.specs import Axes, SensorSpec
 from simmer_tui.trials import explanations
 from simmer_tui.trials.explanations import ChangedRun, explained
 from simmer_tui.trials.interventions import UNCHANGED, ChangedPart, Intervention, interventions
@@ -187,6 +190,26 @@ def test_each_intervention_changes_one_thing(mission: Configuration) -> None:
     assert [each.error for each in fair.drives] == [each.error for each in old.drives]
     fast = found["no time for readings and link"].configuration.simulation
     assert all(each.read_time == 0.0 for each in fast.sensors)
+
+
+class WornSpec(SensorSpec, frozen=True, kw_only=True):
+    wear: float = 0.0
+
+
+class Worn(Ultrasonic):
+    """A range sensor with an error of its own."""
+
+    name = "worn"
+    spec_type = WornSpec
+    columns = (*Ultrasonic.columns, CsvColumn(NumberRule(0), name="Wear", field="wear", is_error=True))
+
+
+def test_an_error_of_a_kind_of_its_own_is_taken_away_too(mission: Configuration) -> None:
+    worn = WornSpec(kind=Worn, number=1, code="w1", wear=2.0, bias=1.0, max_range=90.0)
+    changed = replace(mission, simulation=replace(mission.simulation, sensors=(worn,)))
+    found = by_change(interventions(changed))
+    (true,) = found["true readings of w1"].configuration.simulation.sensors
+    assert true == replace(worn, wear=0.0, bias=0.0)
 
 
 def test_sensors_and_drives_become_those_of_the_nominal_set(mission: Configuration) -> None:
