@@ -22,11 +22,7 @@ _LONGEST = 200
 """Characters of text from a program that are shown."""
 # Inches; two decimals show less as 0.
 _SHOWN_MISS = 0.005
-# Both counter-clockwise in steps of 45 degrees, from the front.
-_DIRECTIONS = (
-    *("forward", "forward and left", "left", "back and left"),
-    *("back", "back and right", "right", "forward and right"),
-)
+# Counter-clockwise in steps of 45 degrees.
 _SIDES = ("ahead", "ahead left", "left", "behind left", "behind", "behind right", "right", "ahead right")
 
 
@@ -186,8 +182,10 @@ def asked_text(kind: DriveKind, value: float) -> str:
 
 def _direction(kind: DriveKind, reverse: bool) -> str:
     """Direction of a drive that does not turn: `forward`; with `reverse` that of a negative value."""
-    bearing = math.degrees(math.atan2(kind.direction.y, kind.direction.x))
-    return _DIRECTIONS[eighth_of_turn(bearing + 180.0 * reverse)]
+    along, (positive, negative) = (
+        (kind.direction.x, ("forward", "back")) if kind.direction.x else (kind.direction.y, ("left", "right"))
+    )
+    return negative if (along < 0.0) != reverse else positive
 
 
 def progress_text(trajectory: Trajectory, value: float | str, time: float) -> str:

@@ -12,7 +12,7 @@ from simmer_tui.config.sets import bundled_folder, init_set
 from tests.test_made_up_sensor import ROOT, cli
 
 BEFORE = '    ROT = "rot", Axes(r=1.0), "turn counter-clockwise"\n'
-MEMBER = '    DIAGONAL = "diagonal", Axes(x=0.8, y=0.8), "drive forward and left"\n'
+MEMBER = '    CREEP = "creep", Axes(x=-1.0), "creep back"\n'
 PROGRAM = """
 from simmer_tui.client import Robot
 
@@ -20,7 +20,7 @@ with Robot() as robot:
     for step in range(20):
         robot.read("u1", "u2", "o1", "o3", "g1")
         robot.send(("q1-3", "q1--3", "r1-20", "r1--20")[step % 4])
-    robot.send("q1-40")
+    robot.send("q1--40")
 """
 
 
@@ -35,11 +35,11 @@ def test_a_drive_costs_one_line(tmp_path: Path) -> None:
     made, log, program = tmp_path / "set", tmp_path / "run.jsonl", tmp_path / "program.py"
     init_set(made, bundled_folder())
     rows = made / "drive.csv"
-    rows.write_text(f"{rows.read_text()}diagonal,q1,1,0.02,0.02,0.02,0,0,0\n")
+    rows.write_text(f"{rows.read_text()}creep,q1,1,0.02,0.02,0.02,0,0,0\n")
     program.write_text(PROGRAM)
-    assert "drive forward and left" in cli(tmp_path, "check", made)
+    assert "creep back" in cli(tmp_path, "check", made)
     run = f"{sys.executable} {program}"
     cli(tmp_path, *("--no-ui", "--port", 0, "--config", made, "--seed", 5, "--log", log, "--run", run))
-    assert "q1-40 asked 40.0 in forward and left" in " ".join(cli(tmp_path, "report", log).split())
+    assert "q1    creep back" in cli(tmp_path, "report", log)
     assert "every reply the same" in cli(tmp_path, "rerun", log)
-    assert "diagonal" in cli(tmp_path, "calibrate", log, "--out", tmp_path / "learned")
+    assert "creep" in cli(tmp_path, "calibrate", log, "--out", tmp_path / "learned")

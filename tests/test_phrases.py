@@ -13,6 +13,7 @@ from msgspec.structs import replace
 from simmer_tui.cli.headless import EventLines
 from simmer_tui.events import MovementEnded
 from simmer_tui.phrases import (
+    asked_text,
     contact_ending,
     contact_line,
     contact_text,
@@ -25,7 +26,7 @@ from simmer_tui.phrases import (
     scan_text,
     side_text,
 )
-from simmer_tui.sim import Pose, SimulationSpec, Simulator
+from simmer_tui.sim import DriveKind, Pose, SimulationSpec, Simulator
 from simmer_tui.sim.records import Grip, LidarScan
 
 
@@ -75,6 +76,21 @@ def test_the_distance_of_a_movement_is_that_of_the_totals(noisy_spec: Simulation
     movement = MovementEnded(1, result.time, result.command, result.trajectory, result.pose)
     went = movement.trajectory.travelled(movement.time)
     assert movement_text(movement) == f"forward {went:.1f} in"
+
+
+@pytest.mark.parametrize(
+    ("kind", "directions"),
+    [
+        (DriveKind.RIGHT, ("forward", "back")),
+        (DriveKind.LEFT, ("back", "forward")),
+        (DriveKind.UP, ("left", "right")),
+        (DriveKind.DOWN, ("right", "left")),
+    ],
+)
+def test_a_drive_is_named_by_its_direction(kind: DriveKind, directions: tuple[str, str]) -> None:
+    assert tuple(asked_text(kind, value) for value in (2.0, -2.0)) == tuple(
+        f"2.0 in {each}" for each in directions
+    )
 
 
 def replace_contact(contact: Any, **changes: Any) -> Any:
