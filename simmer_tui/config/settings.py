@@ -520,7 +520,10 @@ def settings_from(values: Mapping[str, Any], usual: Settings = Settings()) -> Se
     server = tables.get("server", {})
     added = [name for name in server if name not in ServerSettings.__annotations__]
     if added:
-        server["added_ports"] = tuple((name, server.pop(name)) for name in added)
+        numbers = dict(usual.server.added_ports) | {name: server.pop(name) for name in added}
+        defaults = {port.setting: port.default for port in dialects.all_ports()}
+        # Those at their defaults are left out, as in `Settings()`: the same settings are equal.
+        server["added_ports"] = tuple(each for each in numbers.items() if each not in defaults.items())
     made = {table: replace(getattr(usual, table), **inner) for table, inner in tables.items() if table}
     return replace(usual, **tables.get("", {}), **made)
 
