@@ -267,10 +267,12 @@ def test_pages_state_the_numbers_of_the_code() -> None:
     assert [(name, phrase) for name, phrase in numbers() if phrase not in pages[name]] == []
 
 
-def test_pages_list_every_profile_kind_of_sensor_and_answer() -> None:
+def test_pages_list_every_profile_port_kind_of_sensor_and_answer() -> None:
     pages = {path.name: path.read_text("utf-8") for path in WRITTEN}
     for sort in (DRIVE, SENSOR, LINK):
         assert [name for name in profile_names(sort) if f"`{name}`" not in pages["mission.md"]] == []
+    variables = [port.variable for port in dialects.all_ports()]
+    assert [name for name in variables if f"`{name}`" not in pages["trials.md"]] == []
     explained = pages["sensors.md"] + pages["mission.md"]
     assert [name for name in KINDS if f"`{name}`" not in explained] == []
     with_json = {
