@@ -224,8 +224,8 @@ class DriveKind(StrEnum):
     def __new__(cls, value: str, direction: Axes = _NO_AXES, meaning: str = "") -> Self:
         """A member with its row of the table below."""
         # Formulas of errors, reports and calibration have one axis along the motion, and two across.
-        if sorted(map(abs, (direction.x, direction.y, direction.r))) != [0.0, 0.0, 1.0]:
-            raise ValueError(f"{value} is not along one axis")
+        parts = sorted(map(abs, (direction.x, direction.y, direction.r)))
+        assert parts == [0.0, 0.0, 1.0], f"{value} is not along one axis"
         kind = str.__new__(cls, value)
         kind._value_, kind.direction, kind.meaning = value, direction, meaning
         return kind
