@@ -119,17 +119,28 @@ def test_no_file_name_stands_for_two_things() -> None:
     assert sorted(names) == sorted(set(names))
 
 
-def test_all_rooms_but_the_command_line_are_forbidden_its_tools() -> None:
-    contracts = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["tool"]["importlinter"][
-        "contracts"
-    ]
-    forbidden = next(each for each in contracts if "argparse" in each.get("forbidden_modules", ()))
-    rooms = {".".join(name.split(".")[:2]) for name in modules()} - {
-        "simmer_tui",
-        "simmer_tui.cli",
-        "simmer_tui.__main__",
-    }
-    assert set(forbidden["source_modules"]) == rooms
+def contract(name: str) -> dict[str, list[str]]:
+    """An import contract."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
+    found: dict[str, list[str]]
+    (found,) = [each for each in project["tool"]["importlinter"]["contracts"] if each["name"] == name]
+    return found
+
+
+def rooms() -> set[str]:
+    """The rooms of the package: its folders, and the files beside them."""
+    return {name.split(".")[1] for name in modules() if "." in name} - {"__main__"}
+
+
+@pytest.mark.parametrize(
+    ("name", "users"),
+    [
+        ("Only the command line reads options and knows exit codes", {"cli"}),
+        ("Only the app imports Textual", {"cli", "tui"}),
+    ],
+)
+def test_all_rooms_but_its_users_are_forbidden_a_tool(name: str, users: set[str]) -> None:
+    assert set(contract(name)["source_modules"]) == {f"simmer_tui.{room}" for room in rooms() - users}
 
 
 def test_errors_stand_in_one_tree_that_is_drawn() -> None:
@@ -187,16 +198,18 @@ def test_every_file_that_the_map_names_is_there() -> None:
     assert missing == []
 
 
-def test_every_room_of_the_package_has_its_place_on_the_map() -> None:
+def test_the_map_has_every_room_in_the_order_of_the_import_contract() -> None:
     text = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
     table = text.partition("## The map")[2].partition("\n## ")[0]
-    named = {name for line in table.splitlines() for name in re.findall(r"`([\w./]+)`", line.split(" | ")[0])}
-    rooms = {
-        f"{path.name}/" if path.is_dir() else path.name
-        for path in (ROOT / "simmer_tui").glob("[a-z]*")
-        if path.suffix == ".py" or (path / "__init__.py").exists()
-    }
-    assert not rooms - named
+    cells = [line.split(" | ")[0] for line in table.splitlines() if line.startswith("| `")]
+    mapped = [
+        name.strip("/").removesuffix(".py") for cell in cells for name in re.findall(r"`([\w./]+)`", cell)
+    ]
+    assert sorted(mapped) == sorted(rooms())
+    layers = contract("Rooms import only downwards")["layers"][::-1]
+    level = {room: number for number, layer in enumerate(layers) for room in layer.split(" | ")}
+    mapped.remove("client")  # it stands alone, outside the layers
+    assert mapped == sorted(mapped, key=level.__getitem__)
 
 
 def test_the_readme_names_only_options_and_commands_there_are() -> None:

@@ -15,7 +15,7 @@ from simmer_tui.cli.main import main
 from simmer_tui.config.dialects import DIALECTS, Dialect, DialectPort
 from simmer_tui.config.loader import load
 from simmer_tui.config.sets import bundled_folder
-from simmer_tui.config.settings import ServerSettings
+from simmer_tui.config.settings import ServerSettings, Settings, settings_from
 from simmer_tui.config.settings_file import Override
 from simmer_tui.links.link import LinkContext
 from simmer_tui.links.peer import PIECE, Peer, ReadBudget
@@ -82,6 +82,12 @@ def row(monkeypatch: pytest.MonkeyPatch) -> None:
     here = "tests.test_made_up_dialect" if "tests.test_made_up_dialect" in sys.modules else __name__
     shout = Dialect((PORT,), f"{here}:ShoutLink", "Shouting: port {shout_port}.", f"{here}:shouted")
     monkeypatch.setitem(DIALECTS, "shouting", shout)
+
+
+def test_its_port_at_its_default_makes_no_other_settings() -> None:
+    assert settings_from({"server.shout_port": PORT.default}) == Settings()
+    changed = settings_from({"server.shout_port": 5})
+    assert settings_from({"server.port": 0}, changed).server.added_ports == (("shout_port", 5),)
 
 
 PROGRAM = """

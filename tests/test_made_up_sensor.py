@@ -156,9 +156,9 @@ def test_the_report_tells_its_errors(configuration: Configuration, tmp_path: Pat
 # -- a kind as CONTRIBUTING says: a file of its own, and its line in sim/sensors/__init__.py ----------------
 
 ROOT = Path(__file__).parent.parent
-TWO_KINDS = """
+KINDS_OF_A_FILE = """
 from simmer_tui.sim import columns
-from simmer_tui.sim.sensors.base import ObservingSensor
+from simmer_tui.sim.sensors.base import ObservingSensor, Prior, Sort
 from simmer_tui.sim.sensors.range_sensors import RangeSensor
 
 
@@ -185,13 +185,26 @@ class Thermometer(ObservingSensor):
 
     def observe(self, world, pose):
         return 20.0 + pose.x / 10.0, None
+
+
+class LightSensor(ObservingSensor):
+    '''Brighter to the right, with an observation model, in a unit that no other kind has.'''
+
+    name = "light"
+    meaning = "brightness"
+    unit = "lux"
+    columns = (columns.ERROR, columns.GAIN)
+    parameters = (Prior("gain", "gain", Sort.GAIN, 0.1),)
+
+    def observe(self, world, pose):
+        return 20.0 + pose.x, None
 """
 PROGRAM = """
 from simmer_tui.client import Robot
 
 with Robot() as robot:
     for step in range(32):
-        robot.read("u1", "u2", "u3", "u4", "z1", "h1", "o1", "o2", "o3", "o4", "g1")
+        robot.read("u1", "u2", "u3", "u4", "z1", "h1", "k1", "o1", "o2", "o3", "o4", "g1")
         robot.send(("r1-20", "d1-3", "r1--20", "d1--3")[step % 4])
 """
 
@@ -219,12 +232,12 @@ def test_a_range_sensor_costs_two_files_calibration_included(tmp_path: Path) -> 
     for name in ("simmer_tui", "config"):
         shutil.copytree(ROOT / name, tmp_path / name)
     sensors = tmp_path / "simmer_tui" / "sim" / "sensors"
-    (sensors / "sonar.py").write_text(TWO_KINDS)
+    (sensors / "sonar.py").write_text(KINDS_OF_A_FILE)
     text = (sensors / "__init__.py").read_text()
     here = "from simmer_tui.sim.sensors"
     for before, more in (
-        ("    TimeOfFlight,\n    Line", "    Sonar,\n    Thermometer,\n"),
-        (f"{here}.yes_or_no", f"{here}.sonar import Sonar, Thermometer\n"),
+        ("    TimeOfFlight,\n    Line", "    Sonar,\n    Thermometer,\n    LightSensor,\n"),
+        (f"{here}.yes_or_no", f"{here}.sonar import LightSensor, Sonar, Thermometer\n"),
     ):
         assert before in text
         text = text.replace(before, more + before)
@@ -235,7 +248,9 @@ def test_a_range_sensor_costs_two_files_calibration_included(tmp_path: Path) -> 
     made, log, program = tmp_path / "set", tmp_path / "run.jsonl", tmp_path / "program.py"
     init_set(made, bundled_folder())
     rows = made / "sensors.csv"
-    rows.write_text(f"{rows.read_text()}sonar1,z1,1,3,0,3,0,0.02,4,\ntemp1,h1,1,,,,,0.1,,\n")
+    rows.write_text(
+        f"{rows.read_text()}sonar1,z1,1,3,0,3,0,0.02,4,\ntemp1,h1,1,,,,,0.1,,\nlight1,k1,1,,,,,0.02,,\n"
+    )
     program.write_text(PROGRAM)
     assert "sonar1" in cli(tmp_path, "check", made)
     cli(tmp_path, "doctor")
@@ -247,6 +262,7 @@ def test_a_range_sensor_costs_two_files_calibration_included(tmp_path: Path) -> 
     figures = [line.split() for line in learned.splitlines() if line.split()[:1] == ["sonar1"]]
     assert {"gain", "bias", "mounting", "percent", "outliers"} <= {line[1] for line in figures}
     (gain,) = [line for line in figures if line[1] == "gain"]
+    assert " light1  gain " in learned
     low, high = float(gain[4]), float(gain[6])
     assert low < 1.0 < high
     assert "the kind temp (temperature) has no observation model" in " ".join(left.split())

@@ -23,11 +23,15 @@ from simmer_tui.report.finding import FEWEST, Basis, Claim, Finding, FindingKind
 from simmer_tui.report.sensor_audit import other_quantity
 from simmer_tui.report.sensor_sample import Alternative, SensorSample, stuck, turned
 from simmer_tui.sim.angles import BoolArray, FloatArray
-from simmer_tui.sim.sensors import CountingSensor, ObservingSensor, Sensor
+from simmer_tui.sim.sensors import CountingSensor, ObservingSensor, Sensor, ParameterKind
 
 # Judged: unknown gains, biases and mounting have an effect of an inch in a foot, and of 10 degrees.
 _UNKNOWN = {"in": 1.0, "deg": 10.0}
-"""Standard deviations of readings against the set's own figures, inches and degrees."""
+"""Standard deviations of readings against the set's own figures, inches and degrees. In other units it is the
+prior of the kind's bias."""
+# Judged: 50 times 0.02 is the inch of a range sensor.
+_ERRORS = 50.0
+"""The same of a kind without a bias, in least errors of its readings."""
 # A movement in the opposite direction has a probability of 0.01 by chance: four have one in a hundred
 # million.
 _FEWEST_MOVEMENTS = 4
@@ -90,7 +94,7 @@ def _observed(
     spec, world = sensor.spec, found.model.world
     poses = found.poses[readings.stops]
     expected = sensor.expected(world, poses, 0.0)
-    spread = np.hypot(spec.error * np.abs(expected), _UNKNOWN[spec.unit])
+    spread = np.hypot(spec.error * np.abs(expected), _unknown(sensor))
     usable = np.isfinite(readings.values) & sensor.within_limits(expected, spread)
     usable &= is_known_to(found.run, sensor, readings.stops)
     sample = SensorSample(sensor, readings.values[usable], expected[usable], spread[usable])
@@ -101,6 +105,12 @@ def _observed(
         if isinstance(each, ObservingSensor) and each.spec.kind.is_range == spec.kind.is_range
     ]
     return sample.against([*stuck(sample), *turned(sample, base), *others])
+
+
+def _unknown(sensor: Sensor) -> float:
+    """Standard deviation of readings against the set's own figures, in the sensor's unit."""
+    biases = (prior.spread for prior in sensor.parameters if prior.kind is ParameterKind.BIAS)
+    return _UNKNOWN.get(sensor.spec.unit) or max(biases, default=_ERRORS * sensor.least_error)
 
 
 def _counted(
@@ -123,7 +133,7 @@ def _counted(
     values = sensor.wrapped(np.diff(readings.values))[usable]
     expected = row.gain * driven @ sensor.lever + drift
     # Its gain is uncertain by a tenth, and the path by a fraction of that.
-    spread = np.hypot(0.1 * np.abs(expected), _UNKNOWN[row.unit] / 4)
+    spread = np.hypot(0.1 * np.abs(expected), _unknown(sensor) / 4)
     sample = SensorSample(sensor, values, expected, spread)
     others = [
         Alternative(FindingKind.SWAPPED, row.gain * driven @ each.lever, 1.0, each.spec.code)

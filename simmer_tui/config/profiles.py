@@ -14,7 +14,7 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from simmer_tui.config.sets import bundled_folder
-from simmer_tui.config.settings import Settings, all_settings
+from simmer_tui.config.settings import USUAL_DRIVE, USUAL_LINK, USUAL_SENSORS, Settings, all_settings
 from simmer_tui.config.settings_file import LoadedSettings
 from simmer_tui.config.toml_file import TomlFile
 from simmer_tui.errors import Problem
@@ -26,18 +26,6 @@ from simmer_tui.sim.values import Value, with_values
 
 DRIVE, SENSOR, LINK = "drive", "sensor", "link"
 _FOLDERS = {DRIVE: "drive", SENSOR: "sensors", LINK: "link"}
-USUAL_DRIVE, USUAL_LINK = "omni-4", "usb"
-"""The drive and the link of `realistic`."""
-# The sensors of `realistic`, by the name of the kind.
-_USUAL_SENSORS = {
-    "ultra": "hc-sr04",
-    "tof": "vl53l0x",
-    "ir": "qtr",
-    "gyro": "mpu-6050",
-    "comp": "qmc5883l",
-    "odom": "encoder",
-    "lidar": "rplidar-a1m8",
-}
 _TITLE = Value(TextRule(), name="title")
 _ENABLED = Value(FlagRule(), name="enabled", field="enabled")
 _STRENGTH = Value(next(item.rule for item in all_settings() if item.name == "strength"), name="strength")
@@ -223,7 +211,7 @@ def usual_sensors(sensors: Iterable[SensorSpec], chosen: Iterable[SensorProfile]
     """The names of the profiles that `realistic` adds to those `chosen`: one for each kind with sensors and
     without a profile."""
     left = {sensor.kind.name for sensor in sensors} - {profile.kind.name for profile in chosen}
-    return tuple(name for kind, name in _USUAL_SENSORS.items() if kind in left)
+    return tuple(name for kind, name in USUAL_SENSORS.items() if kind in left)
 
 
 def _folder(sort: str) -> Path:

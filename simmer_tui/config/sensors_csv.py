@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from msgspec.structs import replace
+from msgspec.structs import fields, replace
 
 from simmer_tui.config.csv_table import (
     CODE,
@@ -34,13 +34,36 @@ HEADERS = (ID, POLL_CHARACTER, ENABLED.name, *(column.name for column in BASE))
 
 
 def meanings(kinds: SensorKinds = KINDS) -> dict[str, str]:
-    """The help of each column by its header; in brackets the meaning of a blank cell of an optional one."""
+    """The help of each column by its header; in brackets the meaning of a blank cell of an optional one, also
+    for kinds with a default of their own."""
     named = "; ".join(f"{kind.name} ({kind.meaning})" for kind in kinds.values())
     columns = [*(CODE, ENABLED, *BASE), *(column for kind in kinds.values() for column in kind.columns)]
     return {
         ID: f"the type and a number, such as ultra1; types are {named}",
-        **{column.name: column.help for column in columns},
+        **{column.name: _with_defaults(column, kinds) for column in columns},
     }
+
+
+def _with_defaults(column: CsvColumn, kinds: SensorKinds) -> str:
+    """The help of a column, and what a blank cell means to kinds with another default than most."""
+    usual = _defaults(SensorSpec).get(column.field)
+    shown = []
+    for kind in kinds.values():
+        for own in (each for each in kind.columns if each.name == column.name):
+            blank = _defaults(kind.spec_type).get(own.field) if own.default is None else own.default
+            if usual not in (None, blank):
+                shown.append(
+                    f"{kind.name}: {blank:g}" if isinstance(blank, float) else f"{kind.name}: {blank}"
+                )
+    if not shown:
+        return column.help
+    begin = f"{column.help[:-1]}; " if column.help.endswith(")") else f"{column.help} ("
+    return f"{begin}{', '.join(shown)})"
+
+
+def _defaults(spec_type: type[SensorSpec]) -> dict[str, Any]:
+    """The values of the fields of a row that its file leaves blank."""
+    return {each.name: each.default for each in fields(spec_type)}
 
 
 def optional_headers(kinds: SensorKinds = KINDS) -> tuple[str, ...]:

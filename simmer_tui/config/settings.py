@@ -39,6 +39,18 @@ ELSE_REAL = "program, else real"
 """The program's clock, or the real one for programs that cannot run with it."""
 CLOCKS = ("real", "program", ELSE_REAL)
 """The clocks that can be chosen."""
+USUAL_DRIVE, USUAL_LINK = "omni-4", "usb"
+"""The profiles of the drive and of the link of `realistic`."""
+USUAL_SENSORS = {
+    "ultra": "hc-sr04",
+    "tof": "vl53l0x",
+    "ir": "qtr",
+    "gyro": "mpu-6050",
+    "comp": "qmc5883l",
+    "odom": "encoder",
+    "lidar": "rplidar-a1m8",
+}
+"""Its profiles of sensors, by the name of the kind."""
 # The headings in `--help` of settings outside tables, by the first setting under each.
 _HEADINGS = {
     "bot_center": "start positions",
@@ -112,9 +124,7 @@ class ServerSettings(Struct, frozen=True, kw_only=True):
     """The ports and the form of replies."""
 
     host: Annotated[str, _text("address the ports are taken on", "ADDRESS", blank=False)] = "127.0.0.1"
-    listeners: Annotated[
-        _Names, _talk(SeveralRule(()), "which programs are served: binary, packets, dialect")
-    ] = ("binary",)
+    listeners: Annotated[_Names, _talk(SeveralRule(()), "which programs are served")] = ("binary",)
     port: Annotated[int, _port(dialects.COMMANDS)] = dialects.COMMANDS.default
     reply_port: Annotated[int, _port(dialects.REPLIES)] = dialects.REPLIES.default
     reply_format: Annotated[str, _talk(ChoiceRule(("float64", "float32")), "size of a reply")] = "float64"
@@ -418,9 +428,9 @@ class Settings(Struct, frozen=True, kw_only=True):
     realistic: Annotated[
         bool,
         _flag(
-            "simulate a robot with real faults and delays: the profiles omni-4, hc-sr04, vl53l0x, qtr, "
-            "mpu-6050, qmc5883l, encoder, rplidar-a1m8 and usb where no other is chosen; not the real robot "
-            "(that is --serial)",
+            "simulate a robot with real faults and delays: the profiles "
+            f"{', '.join((USUAL_DRIVE, *USUAL_SENSORS.values()))} and {USUAL_LINK} where no other is chosen; "
+            "not the real robot (that is --serial)",
         ),
     ] = False
     sim: Annotated[bool, _flag("simulate the robot, else drive the one on the serial port")] = True
@@ -472,7 +482,8 @@ def _described(defaults: Struct, prefix: str, group: str) -> Iterator[Setting]:
         item: Setting = annotation.__metadata__[0]
         # The dialects are read here, not at the field, because one may be added at any time.
         if name == "listeners":
-            item = replace(item, rule=SeveralRule(dialects.choices()))
+            names = dialects.choices()
+            item = replace(item, rule=SeveralRule(names), help=f"{item.help}: {', '.join(names)}")
         yield _completed(item, name, default, prefix, group)
 
 
@@ -509,7 +520,10 @@ def settings_from(values: Mapping[str, Any], usual: Settings = Settings()) -> Se
     server = tables.get("server", {})
     added = [name for name in server if name not in ServerSettings.__annotations__]
     if added:
-        server["added_ports"] = tuple((name, server.pop(name)) for name in added)
+        numbers = dict(usual.server.added_ports) | {name: server.pop(name) for name in added}
+        defaults = {port.setting: port.default for port in dialects.all_ports()}
+        # Those at their defaults are left out, as in `Settings()`: the same settings are equal.
+        server["added_ports"] = tuple(each for each in numbers.items() if each not in defaults.items())
     made = {table: replace(getattr(usual, table), **inner) for table, inner in tables.items() if table}
     return replace(usual, **tables.get("", {}), **made)
 

@@ -96,7 +96,7 @@ DRIFT = _error(
 MIN_RANGE = _column("Min Range (in)", _NOT_NEGATIVE, _AT_LEAST, "its reading of anything nearer", label="min")
 MAX_RANGE = _column(
     *("Max Range (in)", _NOT_NEGATIVE, _AT_MOST),
-    "beyond it the reading is Infinity (tof: 47 if blank)",
+    "beyond it the reading is Infinity",
     label="max",
 )
 RESOLUTION = _column("Resolution", _NOT_NEGATIVE, _SHIFT, "readings are rounded to multiples of it (0: not)")
@@ -150,7 +150,7 @@ SCAN_RATE = _column(
     *("Scan Rate (Hz)", NumberRule(1, 20), _AT_MOST), "revolutions of the lidar's head a second (5.5)"
 )
 TURN_RAYS = replace(
-    RAYS, rule=IntegerRule(1, 2000), course=_AT_MOST, help=f"{RAYS.help}; lidar: rays a revolution (360)"
+    RAYS, rule=IntegerRule(1, 2000), course=_AT_MOST, help=f"{RAYS.help}; lidar: rays a revolution"
 )
 CLOCKWISE = _column(
     *("Clockwise", WordRule(("0", "1"), (False, True)), _FREE),

@@ -47,7 +47,7 @@ class Streams(dict[str, "np.random.Generator"]):
 
 
 def random_bias(seed: int, strength: tuple[float, float]) -> dict[DriveKind, Axes]:
-    """A drive bias for every kind of movement, from fifteen independent normal draws.
+    """A drive bias for every kind of movement, from three independent normal draws each.
 
     `strength` is the manual's pair: for translations and for rotations.
     """

@@ -217,12 +217,15 @@ class DriveKind(StrEnum):
     """The movements a robot can make; the value is the ID in drive.csv."""
 
     direction: Axes
-    """Direction of a positive value, in the robot's frame."""
+    """Direction of a positive value, along one axis of the robot's frame: 1 or -1 there."""
     meaning: str
     """Motion of a positive value, in words."""
 
     def __new__(cls, value: str, direction: Axes = _NO_AXES, meaning: str = "") -> Self:
         """A member with its row of the table below."""
+        # Formulas of errors, reports and calibration have one axis along the motion, and two across.
+        parts = sorted(map(abs, (direction.x, direction.y, direction.r)))
+        assert parts == [0.0, 0.0, 1.0], f"{value} is not along one axis"
         kind = str.__new__(cls, value)
         kind._value_, kind.direction, kind.meaning = value, direction, meaning
         return kind

@@ -13,6 +13,7 @@ from simmer_tui.sim.specs import Axes, DriveKind, SensorSpec
 
 DRIVES = ", ".join(f'"{kind.value}"' for kind in DriveKind)
 IDS = f'{DRIVES}, "grip", "velocity", "velocity-x", "velocity-y", "velocity-r"'
+RANGES = listed(kind.name for kind in KINDS.values() if kind.is_range)
 Edit = Callable[[str, str, str], None]
 Problems = Callable[..., list[str]]
 
@@ -116,9 +117,7 @@ def test_the_vertical_field_of_view_is_read(folder: Path) -> None:
 @pytest.mark.parametrize("column", ["Min Range (in)", "Max Range (in)", "Rays", "Vertical FOV (deg)"])
 def test_range_columns_are_for_range_sensors_only(folder: Path, problems: Problems, column: str) -> None:
     write_sensors(folder, "comp1,c1,1,,,,0,0.1,,,5", columns=(column,))
-    assert problems() == [
-        f'sensors.csv:2:{column}: is for ultra, tof or lidar only; leave it blank for comp, not "5"'
-    ]
+    assert problems() == [f'sensors.csv:2:{column}: is for {RANGES} only; leave it blank for comp, not "5"']
 
 
 @pytest.mark.parametrize(
