@@ -126,7 +126,7 @@ class VelocityStretch:
         near = self._travelled <= _NEAR and self._turn <= _NEAR_TURN
         if isinstance(kind, CountingSensor) and near:
             return value - sensor.gain * float(kind.lever @ self._asked)
-        if kind is not None and sensor.kind.is_heading and near:
+        if kind is not None and kind.is_heading and near:
             return value - sensor.gain * float(self._asked[2])
         return value if self._travelled <= _THERE and self._turn <= _THERE_TURN else None
 

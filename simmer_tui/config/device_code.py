@@ -38,8 +38,11 @@ def kinds_of(file: DeviceFile) -> tuple[type[Sensor], ...]:
 
 def _guarded_kinds(file: DeviceFile, module: ModuleType) -> tuple[type[Sensor], ...]:
     """The kinds among the classes of a module, checked and guarded. Raises ConfigurationError."""
-    classes = dict.fromkeys(each for each in vars(module).values() if isinstance(each, type))
-    own = [each for each in classes if each.__module__ == file.module and issubclass(each, Sensor)]
+    classes = [each for each in vars(module).values() if isinstance(each, type)]
+    # Only the sensors are hashed: a class beside them may have a metaclass without a hash.
+    own = dict.fromkeys(
+        each for each in classes if each.__module__ == file.module and issubclass(each, Sensor)
+    )
     # A class without a `name` that others of the file derive from is only their base.
     kinds = [each for each in own if isinstance(getattr(each, "name", None), str)]
     problems: list[Problem] = []

@@ -32,7 +32,7 @@ from simmer_tui.runlog.writer import RunLog
 from simmer_tui.sim import Simulator, parse_command
 from simmer_tui.sim.arcs import Arc, Twist
 from simmer_tui.sim.pose import Pose
-from simmer_tui.sim.sensors import sensor_of
+from simmer_tui.sim.sensors import Compass, sensor_of
 from simmer_tui.sim.specs import SimulationSpec
 
 DRIVES = load_default().simulation.drives
@@ -79,6 +79,19 @@ def test_a_stretch_has_the_distance_of_each_drive() -> None:
     assert stretch.distances[0][0] == RIGHT  # 10 of 12 in are more than 30 of 90 deg
     stretch.clear()
     assert not stretch.has_moved
+
+
+def test_a_heading_is_corrected_only_of_a_kind_whose_meaning_is_known() -> None:
+    class OwnCompass(Compass):
+        """A team's own kind, which analyses do not look into."""
+
+        is_opaque = True
+
+    stretch = VelocityStretch(DRIVES)
+    stretch.drive(Twist(0.0, 0.0, 20.0), 0.1)
+    known = next(each for each in load_default().simulation.sensors if each.kind is Compass)
+    assert stretch.at_stop(known, 40.0) == pytest.approx(38.0)
+    assert stretch.at_stop(replace(known, kind=OwnCompass), 40.0) is None
 
 
 def test_its_errors_are_those_of_the_simulator() -> None:

@@ -293,6 +293,11 @@ def test_classes_that_run_code_when_they_are_judged_are_mistakes_too(
     assert said in problem.what
 
 
+def test_a_class_beside_the_sensors_may_be_of_any_sort(make_set: MakeSet) -> None:
+    text = f"{THERMAL}\n\nclass Same(type):\n    def __eq__(cls, other):\n        return False\n\n\n"
+    assert load(make_set(f"{text}class Table(metaclass=Same):\n    pass\n")).devices
+
+
 def test_a_class_of_another_name_than_its_own_is_a_mistake(make_set: MakeSet) -> None:
     text = THERMAL + "\n\nThermal.__name__ = 'cold \\x1b[2J'\n"
     with pytest.raises(ConfigurationError, match="must stand in the file under that name") as raised:
