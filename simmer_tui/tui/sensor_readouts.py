@@ -333,11 +333,14 @@ class _SensorTable:
             return (" ", "plain"), *gauge(value, end, max(room - 1, 0), plain=plain, role=role)
         past = self.view.past.get(sensor.code, row.history)
         bars, spark, tail = self._bar_columns(room - 1)
+        span = span_text(past, plain=plain)
+        # The sparkline never touches a span that fills its columns, such as 364–437.
+        drawn = spark - (len(span) >= tail)
         return (
             (" ", "plain"),
             *gauge(value, end, bars, plain=plain, role=role),
-            (f" {sparkline(past, spark, plain=plain).ljust(spark)}", "dim"),
-            (span_text(past, plain=plain).rjust(tail), "dim"),
+            (f" {sparkline(past, drawn, plain=plain).ljust(spark)}", "dim"),
+            (span.rjust(tail), "dim"),
         )
 
     def _digits(self, group: Sequence[SensorSpec]) -> StyledLine:

@@ -299,6 +299,16 @@ def test_in_full_there_are_units_history_and_its_range(run: Run) -> None:
     assert all(line.isascii() for line in plain)
 
 
+@pytest.mark.parametrize("values", [(364.0, 437.0), (2.0, 35.0)])
+def test_history_and_its_range_never_touch(run: Run, values: tuple[float, float]) -> None:
+    run.engine.perform(Action(ActionName.NOISE, (0.0,)))
+    past = tuple(values) * 10
+    (o3,) = (line for line in run.give("o3").sensors(36, past={"o3": past}) if line.startswith("o3"))
+    bars, _, span = o3.rpartition(" ")
+    assert span == f"{values[0]:.0f}–{values[1]:.0f}"
+    assert bars.rstrip()[-1] in "▁▇"
+
+
 def test_a_range_without_an_echo_is_a_word_and_no_bar(run: Run) -> None:
     run.give("u1")
     snapshot = run.snapshot()
