@@ -24,7 +24,7 @@ import hypothesis
 import pytest
 
 from simmer_tui import platform_has
-from simmer_tui.config.sets import bundled_folder, init_set
+from simmer_tui.config.sets import bundled_folder, bundled_sets, init_set
 from simmer_tui.sim import (
     Axes,
     DriveKind,
@@ -35,6 +35,7 @@ from simmer_tui.sim import (
     SimulationSpec,
 )
 from simmer_tui.sim.sensors import Compass, Gyro, LineSensor, Odometer, TimeOfFlight, Ultrasonic
+from tests.stepped_clock import Clock
 from tests.windows_stubs import imports_posix, posix_functions
 
 # Deterministic, and no deadline: these machines are shared, and nothing here measures time.
@@ -205,3 +206,32 @@ def edit(folder: Path) -> Callable[[str, str, str], None]:
         (folder / name).write_text(text.replace(old, new, 1), encoding="utf-8", newline="")
 
     return replace
+
+
+@pytest.fixture
+def clock() -> Iterator[Clock]:
+    """A clock that tests move on."""
+    loop = Clock()
+    yield loop
+    loop.close()
+
+
+@pytest.fixture
+def exact_mission(tmp_path: Path) -> Path:
+    """The bundled mission without errors: the robot faces the block, 10 in away, and stands in the
+    drop zone."""
+    folder = tmp_path / "set"
+    init_set(folder, bundled_sets()["mission"])
+    (folder / "mission.toml").write_text(
+        "start = [30, 42]\nheading = 180\nblock = [20, 42]\ndrop_zone = [30, 42]\n"
+        "time_limit = 60\ncontacts = 0\n"
+    )
+    rows = ["ID,Poll Character,Enabled,Y-Axis Error,X-Axis Error,Rotation Error,Y-Axis Bias,X-Axis Bias,"
+            "Rotation Bias,Reach,Width"]  # fmt: skip
+    codes = {"up": "w1", "down": "s1", "left": "a1", "right": "d1", "rot": "r1"}
+    rows += [f"{name},{code},1,0,0,0,0,0,0,," for name, code in codes.items()]
+    rows.append("grip,p1,1,,,,,,,3,4")
+    (folder / "drive.csv").write_text("\n".join(rows) + "\n")
+    settings = (folder / "settings.toml").read_text()
+    (folder / "settings.toml").write_text(settings.replace("randbias = true", "randbias = false"))
+    return folder

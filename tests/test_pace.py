@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
-import selectors
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -25,37 +22,9 @@ from simmer_tui.sessions import Session
 from simmer_tui.sim import CommandResult, Simulator, parse_command
 from simmer_tui.sim.command import Command
 from simmer_tui.snapshot import Recorder, Snapshot
+from tests.stepped_clock import Clock
 
 PACES = (0.0, 0.25, 4.0, 400.0)
-
-
-class _Jump(selectors.SelectSelector):
-    now = 50.0
-
-    def select(self, timeout: float | None = None) -> list[tuple[selectors.SelectorKey, int]]:
-        self.now += timeout or 0.0
-        return super().select(0)
-
-
-class Clock(asyncio.SelectorEventLoop):
-    """An event loop whose time passes only when `pass_by` says so."""
-
-    def __init__(self) -> None:
-        self.selector = _Jump()
-        super().__init__(self.selector)
-
-    def time(self) -> float:
-        return self.selector.now
-
-    def pass_by(self, seconds: float) -> None:
-        self.run_until_complete(asyncio.sleep(seconds))
-
-
-@pytest.fixture
-def clock() -> Iterator[Clock]:
-    loop = Clock()
-    yield loop
-    loop.close()
 
 
 @dataclass

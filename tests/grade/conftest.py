@@ -12,7 +12,6 @@ from pathlib import Path
 
 import pytest
 
-from simmer_tui.config.sets import bundled_sets, init_set
 from simmer_tui.grade.bubblewrap import what_is_missing
 
 CONNECT = """
@@ -55,27 +54,7 @@ def isolation() -> str:
 
 
 @pytest.fixture
-def course_set(tmp_path: Path) -> Path:
-    """The bundled mission without errors: the robot faces the block, 10 in away, in the drop zone."""
-    folder = tmp_path / "set"
-    init_set(folder, bundled_sets()["mission"])
-    (folder / "mission.toml").write_text(
-        "start = [30, 42]\nheading = 180\nblock = [20, 42]\ndrop_zone = [30, 42]\n"
-        "time_limit = 60\ncontacts = 0\n"
-    )
-    rows = ["ID,Poll Character,Enabled,Y-Axis Error,X-Axis Error,Rotation Error,Y-Axis Bias,X-Axis Bias,"
-            "Rotation Bias,Reach,Width"]  # fmt: skip
-    codes = {"up": "w1", "down": "s1", "left": "a1", "right": "d1", "rot": "r1"}
-    rows += [f"{name},{code},1,0,0,0,0,0,0,," for name, code in codes.items()]
-    rows.append("grip,p1,1,,,,,,,3,4")
-    (folder / "drive.csv").write_text("\n".join(rows) + "\n")
-    settings = (folder / "settings.toml").read_text()
-    (folder / "settings.toml").write_text(settings.replace("randbias = true", "randbias = false"))
-    return folder
-
-
-@pytest.fixture
-def make_course(tmp_path: Path, course_set: Path) -> Callable[..., Path]:
+def make_course(tmp_path: Path, exact_mission: Path) -> Callable[..., Path]:
     """Makes a teams.toml with a team for each program; `more` is TOML behind it."""
 
     def make(programs: dict[str, str], more: str = "") -> Path:
@@ -85,7 +64,7 @@ def make_course(tmp_path: Path, course_set: Path) -> Callable[..., Path]:
             (folder / "main.py").write_text(lines)
         file = tmp_path / "teams.toml"
         file.write_text(
-            f'name = "A course"\nset = "{course_set.name}"\nteams = "teams"\n'
+            f'name = "A course"\nset = "{exact_mission.name}"\nteams = "teams"\n'
             f'command = "python -S main.py"\n{more}'
         )
         return file

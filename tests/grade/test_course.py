@@ -26,18 +26,18 @@ from tests.grade.conftest import read_grades
 
 
 @pytest.fixture
-def problems(tmp_path: Path, course_set: Path) -> Callable[..., str]:
+def problems(tmp_path: Path, exact_mission: Path) -> Callable[..., str]:
     """Changes text in a file of a team's own set, and says what is against the rules."""
 
     def found(file: str, old: str, new: str, rules: Rules | None = None) -> str:
         team = tmp_path / "teams" / "a"
-        shutil.copytree(course_set, team / "config")
+        shutil.copytree(exact_mission, team / "config")
         text = (team / "config" / file).read_text()
         assert old in text
         (team / "config" / file).write_text(text.replace(old, new, 1))
         one = Team("a", team, "python main.py", "config")
         keep_files(one, tmp_path / "home", 10**6)
-        check = check_submission(one, tmp_path / "home", load(course_set), rules or Rules())
+        check = check_submission(one, tmp_path / "home", load(exact_mission), rules or Rules())
         assert (check.configuration is None) == bool(check.problems)
         return "\n".join(map(str, check.problems))
 
@@ -112,13 +112,13 @@ _SENSOR = dict(zip(("ID", "Poll Character", "Enabled", "X Position (in)", "Y Pos
     ],
 )  # fmt: skip
 def test_sensor_that_is_better_by_a_detour(
-    tmp_path: Path, course_set: Path, sensor: str, course: dict[str, str], team: dict[str, str], what: str
+    tmp_path: Path, exact_mission: Path, sensor: str, course: dict[str, str], team: dict[str, str], what: str
 ) -> None:
     """Whatever comes before or after an error in a reading, and so changes what the error amounts to."""
     row = _SENSOR | {"ID": sensor, "Poll Character": "q1", "Threshold": "0.8" if sensor == "ir1" else ""}
     loaded = []
     for name, cells in (("course", course), ("team", team)):
-        folder = shutil.copytree(course_set, tmp_path / name)
+        folder = shutil.copytree(exact_mission, tmp_path / name)
         table = row | course | cells
         (folder / "sensors.csv").write_text(f"{','.join(table)}\n{','.join(table.values())}\n")
         loaded.append(load(folder))
@@ -133,7 +133,7 @@ def test_every_property_of_a_sensor_is_judged_or_the_teams() -> None:
     assert judged == fields - {"kind", "number", "code", "enabled"}
 
 
-def test_robot_is_no_better_than_one_of_the_courses_sensors(tmp_path: Path, course_set: Path) -> None:
+def test_robot_is_no_better_than_one_of_the_courses_sensors(tmp_path: Path, exact_mission: Path) -> None:
     """The best of each property of two sensors would be a third."""
     head = ",".join((*_SENSOR, "Max Range (in)"))
     near, far = "ultra1,q1,1,2,0,4,0,0.01,30,,20", "ultra2,q2,1,2,0,4,0,0.05,30,,90"
@@ -141,7 +141,7 @@ def test_robot_is_no_better_than_one_of_the_courses_sensors(tmp_path: Path, cour
     loaded = []
     for name, rows in (("course", (near, far)), ("one", (near,)), ("two", (far, far.replace("2,q2", "3,q3"))),
                        ("third", (both,))):  # fmt: skip
-        folder = shutil.copytree(course_set, tmp_path / name)
+        folder = shutil.copytree(exact_mission, tmp_path / name)
         (folder / "sensors.csv").write_text("\n".join((head, *rows)) + "\n")
         loaded.append(load(folder))
     base, *teams = loaded
@@ -155,37 +155,37 @@ def test_bias_of_a_drive_is_the_courses(problems: Callable[..., str], bias: str)
     assert found == "drive.csv:up: its X-axis bias is not the course's 0"
 
 
-def test_errors_of_drives_are_at_least_the_courses(problems: Callable[..., str], course_set: Path) -> None:
-    drives = course_set / "drive.csv"
+def test_errors_of_drives_are_at_least_the_courses(problems: Callable[..., str], exact_mission: Path) -> None:
+    drives = exact_mission / "drive.csv"
     drives.write_text(drives.read_text().replace("up,w1,1,0,0,0", "up,w1,1,0.05,0,0"))
     found = problems("drive.csv", "up,w1,1,0.05", "up,w1,1,0.01")
     assert found == "drive.csv:up: its Y-axis error is below the course's 0.05"
 
 
-def test_maze_and_mission_are_the_courses_and_ports_the_teams(tmp_path: Path, course_set: Path) -> None:
+def test_maze_and_mission_are_the_courses_and_ports_the_teams(tmp_path: Path, exact_mission: Path) -> None:
     own = tmp_path / "teams" / "a" / "config"
-    shutil.copytree(course_set, own)
+    shutil.copytree(exact_mission, own)
     (own / "maze.csv").write_text("2,3\n2,3\n")
     (own / "mission.toml").write_text("contacts = 'any'\n")
     settings = (own / "settings.toml").read_text().replace("port = 9000", "port = 9100")
     (own / "settings.toml").write_text(settings.replace("randerror = true", "randerror = false"))
     team = Team("a", tmp_path / "teams" / "a", "x", "config")
     keep_files(team, tmp_path / "home", 10**6)
-    course = load(course_set)
+    course = load(exact_mission)
     found = check_submission(team, tmp_path / "home", course, Rules()).configuration
     assert found is not None
     assert (found.simulation.maze, found.mission) == (course.simulation.maze, course.mission)
     assert (found.settings.server.port, found.settings.randerror) == (9100, course.settings.randerror)
 
 
-def test_config_py_is_imported_and_not_executed(tmp_path: Path, course_set: Path) -> None:
+def test_config_py_is_imported_and_not_executed(tmp_path: Path, exact_mission: Path) -> None:
     team = tmp_path / "teams" / "a"
     team.mkdir(parents=True)
     executed = tmp_path / "executed"
     (team / "config.py").write_text(f"import os\nopen({str(executed)!r}, 'w')\nROBOT = 1\n")
     one = Team("a", team, "x", "config.py")
     keep_files(one, tmp_path / "home", 10**6)
-    check = check_submission(one, tmp_path / "home", load(course_set), Rules())
+    check = check_submission(one, tmp_path / "home", load(exact_mission), Rules())
     assert check.configuration is None
     assert "config.py" in str(check.problems[0])
     assert not executed.exists()

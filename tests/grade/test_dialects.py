@@ -29,7 +29,7 @@ REFUSED = (
 
 
 @pytest.fixture
-def check(tmp_path: Path, course_set: Path) -> Callable[..., SubmissionCheck]:
+def check(tmp_path: Path, exact_mission: Path) -> Callable[..., SubmissionCheck]:
     def checked(dialect: str, *, dialects: bool, settings: str = "") -> SubmissionCheck:
         own = tmp_path / "team" / "config"
         own.mkdir(parents=True, exist_ok=True)
@@ -40,7 +40,7 @@ def check(tmp_path: Path, course_set: Path) -> Callable[..., SubmissionCheck]:
         home = tmp_path / "home"
         home.mkdir(exist_ok=True)
         keep_files(team, home, 1_000_000)
-        return check_submission(team, home, load(course_set), Rules(dialects=dialects))
+        return check_submission(team, home, load(exact_mission), Rules(dialects=dialects))
 
     return checked
 
@@ -149,8 +149,8 @@ class Reads:
     inform = tell
 
 
-def test_a_ray_costs_the_read_time_of_its_sensor(tmp_path: Path, course_set: Path) -> None:
-    course = load(course_set)
+def test_a_ray_costs_the_read_time_of_its_sensor(tmp_path: Path, exact_mission: Path) -> None:
+    course = load(exact_mission)
     spec = course.simulation
     lidar = LidarSpec(kind=Lidar, number=1, code="li", read_time=0.2)
     text = '[[command]]\nmatch = "q"\nreply = "{ray(0):.0f} {ray(90):.0f} {u1:.0f} {u1:.0f}"\n'

@@ -163,29 +163,29 @@ def test_group_of_this_system_bounds_a_process() -> None:
         ("robot.csv", "(in),6", "(in),3", ""),
     ],
 )
-def test_robot_has_a_least_size(course_set: Path, file: str, old: str, new: str, what: str) -> None:
-    course = load(course_set)
-    text = (course_set / file).read_text()
+def test_robot_has_a_least_size(exact_mission: Path, file: str, old: str, new: str, what: str) -> None:
+    course = load(exact_mission)
+    text = (exact_mission / file).read_text()
     assert old in text
-    (course_set / file).write_text(text.replace(old, new))
-    assert "\n".join(map(str, rule_problems(Rules(), course, load(course_set)))) == what
+    (exact_mission / file).write_text(text.replace(old, new))
+    assert "\n".join(map(str, rule_problems(Rules(), course, load(exact_mission)))) == what
 
 
-def test_robot_is_measured_at_its_narrowest(course_set: Path) -> None:
-    course = load(course_set)
-    (course_set / "robot.csv").write_text("Shape,1\nx-size (in),8\ny-size (in),2\n")
-    problems = rule_problems(Rules(), course, load(course_set))
+def test_robot_is_measured_at_its_narrowest(exact_mission: Path) -> None:
+    course = load(exact_mission)
+    (exact_mission / "robot.csv").write_text("Shape,1\nx-size (in),8\ny-size (in),2\n")
+    problems = rule_problems(Rules(), course, load(exact_mission))
     assert [*map(str, problems)] == ["robot.csv: the robot is 2.00 in across; at least 3 are needed"]
 
 
-def test_sensors_are_at_most_64(course_set: Path) -> None:
-    course = load(course_set)
-    lines = (course_set / "sensors.csv").read_text().splitlines()
+def test_sensors_are_at_most_64(exact_mission: Path) -> None:
+    course = load(exact_mission)
+    lines = (exact_mission / "sensors.csv").read_text().splitlines()
     row = next(line for line in lines if line.startswith("ultra1,u1,"))
     codes = [f"{first}{second}" for first in "BCDEFG" for second in "0123456789"]
     more = [row.replace("ultra1,u1,1", f"ultra{20 + number},{code},0") for number, code in enumerate(codes)]
-    (course_set / "sensors.csv").write_text("\n".join([*lines, *more]) + "\n")
-    (problem,) = rule_problems(Rules(), course, load(course_set))
+    (exact_mission / "sensors.csv").write_text("\n".join([*lines, *more]) + "\n")
+    (problem,) = rule_problems(Rules(), course, load(exact_mission))
     assert (
         str(problem)
         == f"sensors.csv: has {len(course.simulation.sensors) + 60} sensors; at most 64 are allowed"

@@ -26,32 +26,32 @@ control_period = 0.1
 
 
 @pytest.fixture
-def check(tmp_path: Path, course_set: Path) -> Callable[..., SubmissionCheck]:
+def check(tmp_path: Path, exact_mission: Path) -> Callable[..., SubmissionCheck]:
     def checked(settings: str, *, wheels: bool = False) -> SubmissionCheck:
         own = tmp_path / "team" / "config"
         own.mkdir(parents=True)
-        (own / "robot.csv").write_text((course_set / "robot.csv").read_text())
+        (own / "robot.csv").write_text((exact_mission / "robot.csv").read_text())
         (own / "settings.toml").write_text(settings)
         (tmp_path / "home").mkdir()
         team = Team("team", tmp_path / "team", "python main.py", "config")
         keep_files(team, tmp_path / "home", 1_000_000)
-        return check_submission(team, tmp_path / "home", load(course_set), Rules(wheels=wheels))
+        return check_submission(team, tmp_path / "home", load(exact_mission), Rules(wheels=wheels))
 
     return checked
 
 
 def test_time_walls_and_clock_are_the_courses(
-    check: Callable[..., SubmissionCheck], course_set: Path
+    check: Callable[..., SubmissionCheck], exact_mission: Path
 ) -> None:
-    course, found = load(course_set), check(MOTION, wheels=True).configuration
+    course, found = load(exact_mission), check(MOTION, wheels=True).configuration
     assert found is not None
     assert found.settings.motion == course.settings.motion
     for name in ("loop_time", "wall_friction", "velocity_timeout", "control_period"):
         assert getattr(found.simulation, name) == getattr(course.simulation, name)
 
 
-def test_wheels_are_the_courses(check: Callable[..., SubmissionCheck], course_set: Path) -> None:
-    course, found = load(course_set), check('[wheels]\nlayout = "diff"\n').configuration
+def test_wheels_are_the_courses(check: Callable[..., SubmissionCheck], exact_mission: Path) -> None:
+    course, found = load(exact_mission), check('[wheels]\nlayout = "diff"\n').configuration
     assert found is not None
     assert found.simulation.wheels == course.simulation.wheels
     assert found.settings.wheels == course.settings.wheels
@@ -66,11 +66,11 @@ def test_wheels_are_the_teams_if_the_course_says_so(check: Callable[..., Submiss
 
 
 def test_without_wheels_of_its_own_a_team_has_the_courses(
-    check: Callable[..., SubmissionCheck], course_set: Path
+    check: Callable[..., SubmissionCheck], exact_mission: Path
 ) -> None:
     found = check("[server]\nport = 9100\n", wheels=True).configuration
     assert found is not None
-    assert found.simulation.wheels == load(course_set).simulation.wheels
+    assert found.simulation.wheels == load(exact_mission).simulation.wheels
 
 
 @pytest.mark.parametrize(

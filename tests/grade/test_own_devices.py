@@ -18,18 +18,18 @@ SETTINGS = '[sensors]\ndevices = ["devices/thermal.py"]\n'
 ENDS_THE_GRADER = "raise SystemExit('it ran')\n"
 
 
-def test_a_team_with_a_device_is_refused_and_nothing_of_it_runs(tmp_path: Path, course_set: Path) -> None:
+def test_a_team_with_a_device_is_refused_and_nothing_of_it_runs(tmp_path: Path, exact_mission: Path) -> None:
     own = tmp_path / "team" / "config"
     (own / "devices").mkdir(parents=True)
     (own / "settings.toml").write_text(SETTINGS)
-    rows = (course_set / "sensors.csv").read_text()
+    rows = (exact_mission / "sensors.csv").read_text()
     (own / "sensors.csv").write_text(f"{rows}temp1,h1,1,,,,,0,,\n")
     (own / "devices" / "thermal.py").write_text(ENDS_THE_GRADER)
     home = tmp_path / "home"
     home.mkdir()
     team = Team("team", tmp_path / "team", "python main.py", "config")
     keep_files(team, home, 1_000_000)
-    found = check_submission(team, home, load(course_set), Rules())
+    found = check_submission(team, home, load(exact_mission), Rules())
     assert found.configuration is None
     assert [str(each) for each in found.problems] == [
         "settings.toml:sensors.devices: devices/thermal.py: a grading runs no devices of a team's own; take "
@@ -38,12 +38,12 @@ def test_a_team_with_a_device_is_refused_and_nothing_of_it_runs(tmp_path: Path, 
 
 
 def test_a_course_with_a_device_is_refused(
-    make_course: Callable[..., Path], course_set: Path, tmp_path: Path
+    make_course: Callable[..., Path], exact_mission: Path, tmp_path: Path
 ) -> None:
-    settings = course_set / "settings.toml"
+    settings = exact_mission / "settings.toml"
     settings.write_text(f"{settings.read_text()}\n{SETTINGS}")
-    (course_set / "devices").mkdir()
-    (course_set / "devices" / "thermal.py").write_text(ENDS_THE_GRADER)
+    (exact_mission / "devices").mkdir()
+    (exact_mission / "devices" / "thermal.py").write_text(ENDS_THE_GRADER)
     course = read_course(make_course({"a": "pass"}))
     with pytest.raises(GradeError, match=r"take devices/thermal\.py out of sensors\.devices"):
         GradeFolder.create(tmp_path / "out", course, 1, Isolation.NONE)

@@ -61,9 +61,9 @@ def test_workflows_install_from_the_repository_that_the_package_names(name: str)
 
 
 def test_example_of_the_page_is_a_course(
-    tmp_path: Path, course_set: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, exact_mission: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    (tmp_path / "course-set").symlink_to(course_set)
+    (tmp_path / "course-set").symlink_to(exact_mission)
     for team in ("teams/blue", "handed-in/red"):
         (tmp_path / team).mkdir(parents=True)
     (example,) = re.findall(r"```toml\n(.*?)```", (DOCS / "grading.md").read_text(), re.DOTALL)

@@ -10,7 +10,6 @@ from pathlib import Path
 
 import pytest
 
-from simmer_tui.config.sets import bundled_sets, init_set
 from simmer_tui.trials.trial import Ending, TrialResult
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -34,27 +33,6 @@ def program(tmp_path: Path) -> Callable[[str], str]:
         return subprocess.list2cmdline(words) if sys.platform == "win32" else shlex.join(words)
 
     return make
-
-
-@pytest.fixture
-def mission_set(tmp_path: Path) -> Path:
-    """The bundled mission without errors: the robot faces the block, 10 in away, and stands in the
-    drop zone."""
-    folder = tmp_path / "mission"
-    init_set(folder, bundled_sets()["mission"])
-    (folder / "mission.toml").write_text(
-        "start = [30, 42]\nheading = 180\nblock = [20, 42]\ndrop_zone = [30, 42]\n"
-        "time_limit = 60\ncontacts = 0\n"
-    )
-    rows = ["ID,Poll Character,Enabled,Y-Axis Error,X-Axis Error,Rotation Error,Y-Axis Bias,X-Axis Bias,"
-            "Rotation Bias,Reach,Width"]  # fmt: skip
-    codes = {"up": "w1", "down": "s1", "left": "a1", "right": "d1", "rot": "r1"}
-    rows += [f"{name},{code},1,0,0,0,0,0,0,," for name, code in codes.items()]
-    rows.append("grip,p1,1,,,,,,,3,4")
-    (folder / "drive.csv").write_text("\n".join(rows) + "\n")
-    settings = (folder / "settings.toml").read_text()
-    (folder / "settings.toml").write_text(settings.replace("randbias = true", "randbias = false"))
-    return folder
 
 
 @pytest.fixture

@@ -28,11 +28,11 @@ robot.drive("p1", 0)
 
 
 @pytest.fixture
-def trial(mission_set: Path) -> Trial:
+def trial(exact_mission: Path) -> Trial:
     return Trial(
         number=3,
         seed=run_seed(7, 3),
-        configuration=load(mission_set),
+        configuration=load(exact_mission),
         maze="",
         command="",
         fixed_ports=False,
