@@ -458,8 +458,9 @@ def lost_stretch(model: Model, rows: Rows) -> str | None:
     # On a right path outliers and edges are some percent, on a wrong one most ranges.
     if share[worst] < 0.5:
         return None
-    movement = model.movement_at[min(worst, model.stops - 1)]
-    line = model.run.movements[max(int(movement), 0)].line
+    # The movement after that stop, or the last one.
+    movement = min(int(np.searchsorted(model.before, worst)), len(model.before) - 1)
+    line = model.run.movements[movement].line
     return (
         f"near line {line}, {share[worst]:.0%} of the ranges fit no place that the robot could have been at"
     )
