@@ -62,7 +62,7 @@ def known_fit(made: Synthetic, run: MeasuredRun | None = None) -> Fit:
 
 def difficult() -> MeasuredRun:
     """A run of a robot with outliers, missed walls, a compass with heavy tails, a wheel that was seldom read,
-    a sensor that was never read, a slip, and two movements without an answer."""
+    a sensor that was never read, a slip, two movements without an answer, and three by a velocity."""
     made = known()
     random = np.random.default_rng(12)
     readings = {code: each for code, each in made.run.readings.items() if code != "t1"}
@@ -78,6 +78,10 @@ def difficult() -> MeasuredRun:
     (chain,) = made.run.chains
     movements = list(chain.movements)
     movements[13] = replace(movements[13], value=0.2 * movements[13].value)
+    for number in (25, 30, 35):
+        each = movements[number]
+        parts = ((RIGHT, each.value),)
+        movements[number] = replace(each, took=float("nan"), parts=parts, led=(each.value, 0.0, 0.0))
     for number in (20, 21):
         movements[number] = replace(movements[number], certain=False, took=float("nan"))
     return replace(made.run, chains=(replace(chain, movements=movements),), readings=readings)

@@ -1,0 +1,274 @@
+"""Whole reports as they were kept, of robots that nobody looked at while the calibration was made, and what
+planning, checking and filtering do with a fit."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import json
+import re
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from msgspec import structs
+from scipy import stats
+
+from benchmarks.emulated_robots import draw_robot, placed, record, set_with, wandering
+from simmer_tui.calibrate import change_detection
+from simmer_tui.calibrate.change_detection import judged, require_one_robot
+from simmer_tui.calibrate.estimates import estimates_of
+from simmer_tui.calibrate.fit import Fit, Progress
+from simmer_tui.calibrate.guided import WANTED, SessionPlanner, guided_run, where_to_put
+from simmer_tui.calibrate.measured_run import MeasuredRun, read_runs
+from simmer_tui.calibrate.parameters import main_axis
+from simmer_tui.calibrate.prediction import HeldBack, widened
+from simmer_tui.calibrate.written_set import knowledge_of
+from simmer_tui.cli.main import main
+from simmer_tui.config.loader import load
+from simmer_tui.config.sets import bundled_folder
+from simmer_tui.errors import CalibrationError
+from simmer_tui.sim.sensors import Sort, Ultrasonic
+from tests.calibrate.conftest import CODES
+from tests.kept_numbers import assert_kept
+
+KEPT = Path(__file__).with_name("kept_reports.json")
+ALL_CODES = (*CODES, "u5", "t1")
+
+
+def log_of(folder: Path, seed: int, movements: int) -> str:
+    """The name of the log of a drawn robot, all of whose sensors are read at each stop."""
+    random = np.random.default_rng(seed)
+    configured, hidden = placed(load(bundled_folder()).simulation, random)
+    program = wandering(movements, seed, ALL_CODES)
+    name = f"{seed}.jsonl"
+    record(folder / name, set_with(configured), draw_robot(random, hidden), seed, program, latency=0.03)
+    return name
+
+
+def said_by(*arguments: str) -> tuple[int, list[str]]:
+    """Exit code and output of a command, line by line."""
+    out = io.StringIO()
+    with contextlib.redirect_stdout(out):
+        code = main(["calibrate", *arguments])
+    return code, [line.rstrip() for line in out.getvalue().splitlines()]
+
+
+def words(page: str) -> list[str]:
+    """Texts of a page, without its style, its scripts and pictures."""
+    bare = re.sub(r"(?s)<(style|script|head|svg)\b.*?</\1>", "", page)
+    return [text for text in map(str.strip, re.split(r"<[^>]*>", bare)) if text]
+
+
+def test_reports_of_unknown_robots_are_those_that_were_kept(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """One robot is calibrated, another is checked against the first one's set."""
+    monkeypatch.chdir(tmp_path)
+    code, lines = said_by(log_of(tmp_path, 909, 20), "--out", "made")
+    assert code == 0
+    made = tmp_path / "made"
+    files = {
+        name: (made / name).read_text("utf-8").splitlines()
+        for name in ("drive.csv", "sensors.csv", "settings.toml")
+    }
+    knowledge = json.loads((made / "calibration.json").read_text("utf-8"))
+    variances = np.diag(knowledge.pop("covariance"))
+    found = {
+        "answer": lines,
+        "files": files,
+        "knowledge": knowledge,
+        "variances": variances,
+        "page": words((made / "calibration.html").read_text("utf-8")),
+    }
+    assert str(tmp_path) not in str(found)
+    assert_kept(found, KEPT, "calibrated")
+    code, lines = said_by(log_of(tmp_path, 101, 10), "--check", "./made")
+    assert code == 1
+    assert_kept(lines, KEPT, "checked")
+
+
+# -- logs of one robot ---------------------------------------------------------------------------------
+
+
+def with_offsets_of_the_set(found: Fit) -> Fit:
+    """The fit of the robot as the written set has it: sensors are where they were found."""
+    offsets = [each.sort is Sort.OFFSET for each in found.space.parameters]
+    parameters = np.where(offsets, 0.0, found.state.parameters)
+    return replace(found, state=replace(found.state, parameters=parameters))
+
+
+@pytest.mark.parametrize(("factor", "refused"), [(0.99, False), (1.01, True)])
+def test_logs_are_of_two_robots_if_chance_has_less_than_one_in_a_thousand(
+    found: Fit, monkeypatch: pytest.MonkeyPatch, factor: float, refused: bool
+) -> None:
+    """The longest run is fitted first, by the wide priors; the others by those of a known robot."""
+    same = with_offsets_of_the_set(found)
+    column = found.space.column(False, 0, "bias")
+
+    def off_by(amount: float) -> Fit:
+        parameters = same.state.parameters.copy()
+        parameters[column] += amount
+        return replace(same, state=replace(same.state, parameters=parameters))
+
+    knowledge = knowledge_of(found, estimates_of(found))
+    parts = {each.owner: each for each in judged(off_by(0.1), knowledge)}
+    freedom = len(parts["ultra1"].figures)
+    size = stats.chi2.isf(parts["ultra1"].probability, freedom) / 0.1**2
+    limit = np.sqrt(stats.chi2.isf(0.001 / len(parts), freedom) / size)
+    long = found.run
+    short = replace(long.before_stop(20), names=("short",))
+    lost = replace(long.before_stop(10), names=("lost",))
+    asked: list[tuple[str, int, float]] = []
+
+    def fit(
+        run: MeasuredRun, *, seed: int = 0, prior_scale: float = 1.0, progress: Progress | None = None
+    ) -> Fit:
+        asked.append((run.names[0], seed, prior_scale))
+        if run.names == lost.names:
+            raise CalibrationError("no path")
+        return found if run.names == long.names else off_by(factor * limit)
+
+    monkeypatch.setattr(change_detection, "fit", fit)
+    said = ""
+    try:
+        require_one_robot([lost, long, short], 5)
+    except CalibrationError as error:
+        said = str(error)
+    assert asked == [(long.names[0], 5, 1.0), ("lost", 0, 0.3), ("short", 0, 0.3)]
+    expected = (
+        f"short is of another robot than {long.names[0]}, or the robot has changed in between: ultra1 "
+        "differ; calibrate each by itself"
+    )
+    assert said == (expected if refused else "")
+
+
+def test_a_check_takes_the_maze_from_the_log_and_the_robot_from_the_set(
+    found: Fit, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    here = found.run.configuration
+    there = structs.replace(
+        here.simulation,
+        drives=tuple(structs.replace(each, speed=9.0) for each in here.simulation.drives),
+        bot_rot=77.0,
+        randbias=True,
+    )
+    seen: list[MeasuredRun] = []
+
+    def fit(run: MeasuredRun, **_: object) -> Fit:
+        seen.append(run)
+        return found
+
+    monkeypatch.setattr(change_detection, "fit", fit)
+    knowledge = knowledge_of(found, estimates_of(found))
+    change_detection.check_robot(found.run, structs.replace(here, simulation=there), knowledge)
+    (run,) = seen
+    assert run.spec == structs.replace(here.simulation, drives=there.drives, randbias=False)
+    fewer = structs.replace(there, drives=there.drives[1:])
+    with pytest.raises(CalibrationError, match=r"the log's drives \(w1, s1, a1, d1, r1\) are not those of"):
+        change_detection.check_robot(found.run, structs.replace(here, simulation=fewer), knowledge)
+
+
+# -- a guided session that has estimates ---------------------------------------------------------------
+
+
+def test_a_session_with_estimates_asks_for_what_was_kept(found: Fit) -> None:
+    guide = SessionPlanner(found.run.configuration, np.random.default_rng(3))
+    for code in ("w1", "d1", "d1", "r1", "r1", "r1"):
+        drive = next(each for each in guide.drives if each.code == code)
+        guide.made(drive, 1.0, True)
+        guide.settled()
+    guide.learned(found)
+    asked: list[tuple[str, float]] = []
+    while len(asked) < 24 and (move := guide.next_move()) is not None:
+        number = len(asked)
+        asked.append((move[0].code, move[1]))
+        guide.made(*move, number % 6 != 3)
+        guide.seen("u1", 10.0 + number, 1.0 * number)
+        guide.seen("u1", 12.0 + number, 1.0 * number)
+        guide.settled()
+    session = {
+        "asked": asked,
+        "stuck": guide.stuck,
+        "pose": structs.astuple(guide.pose),
+        "reached": guide.reached,
+        "done": guide.done,
+        "counts": dict(guide.counts),
+        "where": where_to_put(guide),
+        "spread": [chain.spread for chain in guided_run(found.run).chains],
+    }
+    assert_kept(session, KEPT, "session")
+
+
+def test_a_session_ends_at_its_goals_or_its_last_movement(found: Fit) -> None:
+    guide = SessionPlanner(found.run.configuration, np.random.default_rng(3), most=9)
+    assert guide.reached == dict.fromkeys(WANTED, np.inf)
+    assert not guide.done
+    space, drives = found.space, found.run.spec.drives
+    offsets = np.array([each.sort is Sort.OFFSET for each in space.parameters])
+
+    def done(told: bool = True, **spreads: float) -> bool:
+        errors = np.full(len(space.parameters), 99.0)
+        for number, each in enumerate(space.parameters):
+            if each.drive and each.field == f"bias.{main_axis(drives[each.index].kind)}":
+                errors[number] = spreads.get("main", 0.01)
+            elif each.sort is Sort.ANGLE:
+                errors[number] = spreads.get("angle", 0.3)
+            elif not each.drive and each.field == "bias" and each.unit == "in":
+                errors[number] = spreads.get("range", 0.03)
+        guide.fit = replace(found, standard_errors=errors, identified=~offsets if told else offsets)
+        return guide.done
+
+    assert done()
+    assert guide.reached == {"main": 0.01, "angle": 0.3, "range": 0.03}
+    assert not done(told=False)
+    assert not done(main=0.0101)
+    assert not done(angle=0.301)
+    assert not done(range=0.0301)
+    guide.count = 8
+    assert not done(range=0.0301)
+    guide.count = 9
+    assert guide.done
+    guide.fit = None
+    assert guide.done
+
+
+# -- predictions ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("score", [1.2, 4.0])
+def test_a_factor_below_one_narrows_nothing(found: Fit, score: float) -> None:
+    """Nine in ten are right with this factor, but more are far off than chance allows."""
+    scores = np.where(np.arange(100) < 80, score, 9.0)
+    wide = widened(found, HeldBack(10, found, (), {Ultrasonic: np.where(scores < 9.0, score, 4.0)}))
+    factor = wide.misfits[-1].value
+    assert wide.noise_scale_errors == pytest.approx(max(factor, 1.0) * found.noise_scale_errors)
+    assert wide.covariance == pytest.approx(max(factor, 1.0) ** 2 * found.covariance)
+
+
+# -- reading logs --------------------------------------------------------------------------------------
+
+
+def test_what_is_read_of_a_log_is_that_which_was_kept(tmp_path: Path) -> None:
+    """Of a log with a movement that was not answered, and a sensor that was read twice in between."""
+    name = log_of(tmp_path, 101, 5)
+    lines = (tmp_path / name).read_text("utf-8").splitlines()
+    number = next(i for i, line in enumerate(lines) if '"status":"done"' in line)
+    edits: list[tuple[int, Callable[[str], str]]] = [
+        (number, lambda line: line.replace('"status":"done"', '"status":"unanswered"')),
+    ]
+    for place, edit in edits:
+        lines[place] = edit(lines[place]).replace('"reply":"inf"', '"reply":"nan"')
+    (tmp_path / name).write_text("\n".join(lines) + "\n", "utf-8")
+    run = read_runs([tmp_path / name])
+    found = {
+        "movements": [(m.drive, m.value, m.certain, m.line, m.took) for m in run.movements],
+        "readings": {
+            code: (each.stops, each.values, each.times, each.gaps) for code, each in run.readings.items()
+        },
+        "chains": [(structs.astuple(each.start), each.line, each.spread) for each in run.chains],
+        "rest": (run.block_moved_at, run.simulated, len(run.notes)),
+    }
+    assert_kept(found, KEPT, "read")
