@@ -1,0 +1,148 @@
+"""What is read of logs of simulated robots with velocities, teleports, a moved block and a gripper, as it was
+kept; suspicions of stretches, and the movements that are held back."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from msgspec import structs
+
+from simmer_tui.actions import Action, ActionName
+from simmer_tui.calibrate.measured_run import Chain, MeasuredRun, read_runs
+from simmer_tui.calibrate.prediction import held_back
+from simmer_tui.calibrate.suspicions import suspicions
+from simmer_tui.config import load_default
+from simmer_tui.engine import Engine
+from simmer_tui.runlog.writer import RunLog
+from simmer_tui.sim import Simulator, parse_command
+from simmer_tui.sim.pose import Pose
+from tests.calibrate.synthetic import make
+from tests.calibrate.test_kept_fit import known_fit
+from tests.kept_numbers import assert_kept
+
+KEPT = Path(__file__).with_name("kept_logs.json")
+DOWN, RIGHT, ROT = 1, 3, 4
+
+
+def log(path: Path, steps: list[str | Action]) -> MeasuredRun:
+    """What is read of the log of a simulated robot that gets these commands and actions."""
+    configuration = load_default()
+    simulator = Simulator(configuration.simulation, 7)
+    engine = Engine(simulator)
+    with RunLog(path, configuration, simulator, clock=lambda: 1.8e9 + simulator.time) as written:
+        engine.watch(written)
+        session = engine.session()
+        for step in steps:
+            if isinstance(step, Action):
+                engine.perform(step)
+            else:
+                session.submit(parse_command(step), lambda outcome: None)
+    return read_runs([path])
+
+
+def numbers(run: MeasuredRun) -> dict[str, object]:
+    return {
+        "movements": [
+            (m.drive, m.value, m.certain, m.line, m.took, m.parts, m.led, m.bend) for m in run.movements
+        ],
+        "readings": {
+            code: (each.stops, each.values, each.times, each.gaps) for code, each in run.readings.items()
+        },
+        "chains": [
+            (structs.astuple(each.start), each.line, each.spread, len(each.movements)) for each in run.chains
+        ],
+        "rest": (run.block_moved_at, run.simulated, len(run.notes), run.stops),
+        "numbered": (run.first_stops(), run.stops_before_movements(), run.chains_of(np.arange(run.stops))),
+    }
+
+
+def test_what_is_read_of_commands_and_actions_is_that_which_was_kept(tmp_path: Path) -> None:
+    looks = ["u1", "u2", "c1", "g1", "o1", "i1"]
+    steps: list[str | Action] = [*looks, "d1-2", *looks, "d1-30", *looks, "r1-40", "r1-0", *looks]
+    steps += [Action(ActionName.TELEPORT, (18.0, 42.0, 10.0)), *looks, "w1-1.5", "u1", "u1", "g1"]
+    steps += ["xx", "u1", "d1-1", Action(ActionName.BLOCK, (66.0, 42.0)), *looks, "s1-1"]
+    steps += [
+        Action(ActionName.BLOCK, (64.0, 42.0)),
+        *looks,
+        Action(ActionName.RESET),
+        *looks,
+        "a1-1",
+        *looks,
+    ]
+    run = log(tmp_path / "run.jsonl", steps)
+    assert_kept(numbers(run), KEPT, "commands")
+    parts = {str(last): numbers(run.before_stop(last)) for last in (3, 5)}
+    assert_kept(parts, KEPT, "before")
+
+
+def test_what_is_read_of_velocities_is_that_which_was_kept(tmp_path: Path) -> None:
+    looks = ["u1", "g1", "o1", "c1", "u2"]
+    steps: list[str | Action] = ["u1", "d1-2", "vv-5;0;10", "wt-0.1", *looks]
+    for turn in (10, -40, 0, 60):
+        steps += [f"vv-4;0;{turn}", "wt-0.4", *looks, "wt-0.08", *looks, "wt-0.5", *looks]
+    steps += ["vv-0;0;0", *looks, "vv-4;1;0", "wt-1", "d1-1", *looks, "vv-3;0;0", "wt-0.3", "vv-0;0;0"]
+    steps += [Action(ActionName.RESET), "u1", "vv-0;0;30", "wt-1", *looks, "vv-0;0;-30", "wt-0.02", *looks]
+    assert_kept(numbers(log(tmp_path / "run.jsonl", steps)), KEPT, "velocities")
+
+
+# -- suspicions and predictions ------------------------------------------------------------------------
+
+
+def test_stretches_are_held_against_no_drive() -> None:
+    """Those to the right are not movements of the drive whose number is 1, nor of any other."""
+    made = make(40)
+    (chain,) = made.run.chains
+    movements = [
+        replace(each, parts=((RIGHT, each.value),), led=(each.value, 0.0, 0.0))
+        if each.drive == RIGHT
+        else replace(each, value=0.0 if each.drive == DOWN else each.value)
+        for each in chain.movements
+    ]
+    run = replace(made.run, chains=(replace(chain, movements=movements),))
+    assert suspicions(known_fit(made, run)) == ()
+
+
+@pytest.mark.parametrize(("made_by", "count", "suspected"), [(0.51, 4, 1), (0.49, 4, 0), (0.51, 3, 0)])
+def test_four_movements_of_half_their_distance_tell_of_a_drive(
+    made_by: float, count: int, suspected: int
+) -> None:
+    """They went the other way."""
+    made = make(5 * count)
+    (chain,) = made.run.chains
+    movements = list(chain.movements)
+    for number, each in enumerate(movements):
+        if each.drive == RIGHT:
+            gone = float(np.hypot(*made.truth.chain[number, 3:5]))
+            movements[number] = replace(each, value=-float(np.sign(each.value)) * gone / made_by)
+    run = replace(made.run, chains=(replace(chain, movements=movements),))
+    found = [each for each in suspicions(known_fit(made, run)) if each.of == "d1"]
+    assert len(found) == suspected
+
+
+def test_nineteen_movements_are_too_few_to_hold_readings_back() -> None:
+    assert held_back(known_fit(make(19))) is None
+
+
+def test_predictions_of_the_end_of_the_last_long_chain_are_those_that_were_kept() -> None:
+    """Of a chain of 21 movements, five of which are held back, and one of 3."""
+    made = make(25)
+    (chain,) = made.run.chains
+    start = Pose(*made.truth.chain[22, :3].tolist())
+    chains = (replace(chain, movements=chain.movements[:21]), Chain(start, 30, chain.movements[22:]))
+    truth = made.truth.chain.copy()
+    truth[21, 3:] = 0.0
+    readings = {code: made.run.readings[code] for code in ("u1", "u3", "c1", "o1", "g1")}
+    run = replace(made.run, chains=chains, readings=readings)
+    contacts = np.zeros(24, bool)
+    state = replace(made.truth, chain=truth, contacts=contacts, slipped=contacts)
+    held = held_back(known_fit(replace(made, truth=state), run))
+    assert held is not None
+    assert (held.movements, held.learned.run.stops) == (5, 17)
+    found = {
+        "errors": [(each.kind.name, each.ahead, each.before, each.after, each.count) for each in held.errors],
+        "scores": {kind.name: each for kind, each in held.scores.items()},
+    }
+    assert_kept(found, KEPT, "held_back")
