@@ -11,14 +11,17 @@ import pytest
 from msgspec import structs
 
 from simmer_tui.actions import Action, ActionName
+from simmer_tui.calibrate.find_path import PathFinder
 from simmer_tui.calibrate.measured_run import Chain, MeasuredRun, read_runs
 from simmer_tui.calibrate.prediction import held_back
 from simmer_tui.calibrate.suspicions import suspicions
-from simmer_tui.config import load_default
+from simmer_tui.config.loader import find_set, load
 from simmer_tui.engine import Engine
+from simmer_tui.errors import CalibrationError
 from simmer_tui.runlog.writer import RunLog
 from simmer_tui.sim import Simulator, parse_command
 from simmer_tui.sim.pose import Pose
+from simmer_tui.sim.specs import Axes
 from tests.calibrate.synthetic import make
 from tests.calibrate.test_kept_fit import known_fit
 from tests.kept_numbers import assert_kept
@@ -27,9 +30,9 @@ KEPT = Path(__file__).with_name("kept_logs.json")
 DOWN, RIGHT, ROT = 1, 3, 4
 
 
-def log(path: Path, steps: list[str | Action]) -> MeasuredRun:
-    """What is read of the log of a simulated robot that gets these commands and actions."""
-    configuration = load_default()
+def log(path: Path, steps: list[str | Action], of: str = "default") -> MeasuredRun:
+    """What is read of the log of a simulated robot of a set that gets these commands and actions."""
+    configuration = load(find_set(of))
     simulator = Simulator(configuration.simulation, 7)
     engine = Engine(simulator)
     with RunLog(path, configuration, simulator, clock=lambda: 1.8e9 + simulator.time) as written:
@@ -86,6 +89,44 @@ def test_what_is_read_of_velocities_is_that_which_was_kept(tmp_path: Path) -> No
     steps += ["vv-0;0;0", *looks, "vv-4;1;0", "wt-1", "d1-1", *looks, "vv-3;0;0", "wt-0.3", "vv-0;0;0"]
     steps += [Action(ActionName.RESET), "u1", "vv-0;0;30", "wt-1", *looks, "vv-0;0;-30", "wt-0.02", *looks]
     assert_kept(numbers(log(tmp_path / "run.jsonl", steps)), KEPT, "velocities")
+
+
+def test_a_block_that_is_gripped_is_nowhere(tmp_path: Path) -> None:
+    steps: list[str | Action] = ["u1", "d1-1", "u1", "p1-1", "d1-1", "u1", "p1-0", "u1"]
+    run = log(tmp_path / "run.jsonl", steps, "mission")
+    assert (run.block_moved_at, len(run.movements)) == (1, 2)
+    assert run.readings["u1"].stops.tolist() == [0, 1, 2, 2]
+    assert run.readings["u1"].gaps == pytest.approx([np.nan, 0.06, 0.06, np.nan], abs=1e-6, nan_ok=True)
+
+
+def test_a_robot_that_never_moved_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(CalibrationError, match=r"run\.jsonl: the robot never moved, so nothing can be est"):
+        log(tmp_path / "run.jsonl", ["u1", "u1"])
+
+
+# -- a rough path ----------------------------------------------------------------------------------------
+
+
+def test_a_path_that_begins_in_a_wall_is_that_which_was_kept() -> None:
+    """Of a robot with exact drives, whose wheels and gyro were read; one movement met a wall."""
+    made = make(6)
+    drives = tuple(
+        structs.replace(each, error=Axes(0.0, 0.0, 0.0), bias=Axes(0.0, 0.0, 0.0))
+        for each in made.run.spec.drives
+    )
+    spec = structs.replace(made.run.spec, drives=drives)
+    run = replace(made.run, configuration=structs.replace(made.run.configuration, simulation=spec))
+    (chain,) = run.chains
+    movements = [
+        replace(each, value=4.0 * each.value) if k == 2 else each for k, each in enumerate(chain.movements)
+    ]
+    chain = replace(chain, movements=movements, start=Pose(66.0, 30.0, 20.0), spread=(0.2, 0.2, 1.0))
+    told: list[int] = []
+    path = PathFinder(replace(run, chains=(chain,))).find(
+        chain, 0, 25, np.random.default_rng(2), wide=1.0, progress=told.append
+    )
+    assert told == list(range(7))
+    assert_kept({"poses": path.poses, "contacts": path.contacts, "fit": path.fit}, KEPT, "path")
 
 
 # -- suspicions and predictions ------------------------------------------------------------------------

@@ -1,8 +1,9 @@
-"""Whole reports as they were kept, of robots that nobody looked at while the calibration was made, and what
-planning, checking and filtering do with a fit."""
+"""The whole report of a robot that calibration was not tuned to, as it was kept, and what checks, sessions
+and predictions make of a fit."""
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
 import io
 import json
@@ -21,16 +22,17 @@ from simmer_tui.calibrate import change_detection
 from simmer_tui.calibrate.change_detection import judged, require_one_robot
 from simmer_tui.calibrate.estimates import estimates_of
 from simmer_tui.calibrate.fit import Fit, Progress
-from simmer_tui.calibrate.guided import WANTED, SessionPlanner, guided_run, where_to_put
+from simmer_tui.calibrate.guided import WANTED, SessionPlanner, drive_guided, guided_run, where_to_put
 from simmer_tui.calibrate.measured_run import MeasuredRun, read_runs
 from simmer_tui.calibrate.parameters import main_axis
 from simmer_tui.calibrate.prediction import HeldBack, widened
-from simmer_tui.calibrate.written_set import knowledge_of
+from simmer_tui.calibrate.written_set import knowledge_of, read_knowledge
 from simmer_tui.cli.main import main
 from simmer_tui.config.loader import load
 from simmer_tui.config.sets import bundled_folder
 from simmer_tui.errors import CalibrationError
 from simmer_tui.sim.sensors import Sort, Ultrasonic
+from simmer_tui.sim.specs import DriveSpec
 from tests.calibrate.conftest import CODES
 from tests.kept_numbers import assert_kept
 
@@ -62,18 +64,19 @@ def words(page: str) -> list[str]:
     return [text for text in map(str.strip, re.split(r"<[^>]*>", bare)) if text]
 
 
-def test_reports_of_unknown_robots_are_those_that_were_kept(
+def test_a_report_of_an_unknown_robot_is_that_which_was_kept(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """One robot is calibrated, another is checked against the first one's set."""
     monkeypatch.chdir(tmp_path)
-    code, lines = said_by(log_of(tmp_path, 909, 20), "--out", "made")
+    code, lines = said_by(log_of(tmp_path, 909, 12), "--out", "made")
     assert code == 0
     made = tmp_path / "made"
-    files = {
-        name: (made / name).read_text("utf-8").splitlines()
-        for name in ("drive.csv", "sensors.csv", "settings.toml")
-    }
+    files = {name: (made / name).read_text("utf-8").splitlines() for name in ("drive.csv", "sensors.csv")}
+    settings = (made / "settings.toml").read_text("utf-8").splitlines()
+    assert settings[settings.index("randbias = false") - 1] == (
+        "# calibrated from 909.jsonl: the biases of drive.csv are this robot's own."
+    )
+    assert {"sim = true", 'nominal = ""', "realistic = false", 'drive_profile = ""'} <= set(settings)
     knowledge = json.loads((made / "calibration.json").read_text("utf-8"))
     variances = np.diag(knowledge.pop("covariance"))
     found = {
@@ -85,9 +88,6 @@ def test_reports_of_unknown_robots_are_those_that_were_kept(
     }
     assert str(tmp_path) not in str(found)
     assert_kept(found, KEPT, "calibrated")
-    code, lines = said_by(log_of(tmp_path, 101, 10), "--check", "./made")
-    assert code == 1
-    assert_kept(lines, KEPT, "checked")
 
 
 # -- logs of one robot ---------------------------------------------------------------------------------
@@ -171,6 +171,33 @@ def test_a_check_takes_the_maze_from_the_log_and_the_robot_from_the_set(
         change_detection.check_robot(found.run, structs.replace(here, simulation=fewer), knowledge)
 
 
+KNOWN = {"parameters": ["up x-axis bias"], "values": [0.1], "covariance": [[0.01]]}
+
+
+@pytest.mark.parametrize(
+    "changed",
+    [
+        {"values": []}, {"values": [0.1, 0.2]}, {"covariance": []}, {"covariance": [[]]},
+        {"covariance": [[0.01, 0.0]]}, {"parameters": []},
+    ],
+)  # fmt: skip
+def test_what_was_learned_is_read_if_its_parts_fit(tmp_path: Path, changed: dict[str, object]) -> None:
+    path = tmp_path / "calibration.json"
+    with pytest.raises(CalibrationError) as refusal:
+        read_knowledge(tmp_path)
+    assert str(refusal.value) == (
+        f"{path} cannot be read (No such file or directory); --check takes a set that simmer-tui calibrate "
+        "wrote"
+    )
+    path.write_text(json.dumps(KNOWN))
+    found = read_knowledge(tmp_path)
+    assert (found.parameters, found.values, found.covariance) == (("up x-axis bias",), (0.1,), ((0.01,),))
+    path.write_text(json.dumps({**KNOWN, **changed}))
+    with pytest.raises(CalibrationError) as refusal:
+        read_knowledge(tmp_path)
+    assert str(refusal.value) == f"{path} is damaged: its parts are of different sizes"
+
+
 # -- a guided session that has estimates ---------------------------------------------------------------
 
 
@@ -233,6 +260,43 @@ def test_a_session_ends_at_its_goals_or_its_last_movement(found: Fit) -> None:
     assert guide.done
     guide.fit = None
     assert guide.done
+
+
+@pytest.mark.parametrize("ends", ["stuck", "done"])
+def test_a_session_shows_its_steps_until_it_ends(
+    found: Fit, monkeypatch: pytest.MonkeyPatch, ends: str
+) -> None:
+    """A reading is asked for again until it is answered; estimates are made after 20 movements."""
+    monkeypatch.setattr("simmer_tui.calibrate.guided._WAIT", 0.0)
+    steps = iter(range(22))
+
+    class Guide(SessionPlanner):
+        def looks(self) -> list[str]:
+            return ["u1"]
+
+        def next_move(self) -> tuple[DriveSpec, float] | None:
+            drive = next(each for each in self.drives if each.code == "r1")
+            return (drive, 0.25) if next(steps, None) is not None else None
+
+    guide = Guide(found.run.configuration, np.random.default_rng(1), most=21 if ends == "done" else 99)
+    answers = iter([float("nan"), float("nan"), 9.0])
+    shown: list[str] = []
+    learned: list[int] = []
+
+    async def ask(text: str) -> float:
+        return next(answers, 9.0)
+
+    async def learn() -> Fit | None:
+        learned.append(guide.count)
+        return None
+
+    asyncio.run(drive_guided(ask, guide, learn, lambda: 1.0, shown.append))
+    waits = ["the robot does not answer; waiting for it"] * 2
+    moves = 21 if ends == "done" else 22
+    turns = ["r1-0.25"] * moves
+    assert shown == [*waits, *turns[:20], "estimating", *turns[20:]]
+    assert learned == [20]
+    assert guide.count == moves
 
 
 # -- predictions ---------------------------------------------------------------------------------------
