@@ -32,7 +32,7 @@ from simmer_tui.calibrate.model_check import (
     held_back_misfits,
 )
 from simmer_tui.calibrate.parameters import parameters_of
-from simmer_tui.calibrate.posterior import COUNTER, KINEMATIC, PROCESS, RANGE, Posterior
+from simmer_tui.calibrate.posterior import COUNTER, KINEMATIC, PROCESS, RANGE, Posterior, Rows
 from simmer_tui.calibrate.rows import Model
 from simmer_tui.errors import CalibrationError
 from simmer_tui.sim.angles import FloatArray
@@ -48,6 +48,11 @@ EAST_WALL = 96.0
 @cache
 def known() -> Synthetic:
     return make(40)
+
+
+@cache
+def known_rows() -> Rows:
+    return known().model.rows(known().truth)
 
 
 def known_fit(made: Synthetic, run: MeasuredRun | None = None) -> Fit:
@@ -238,12 +243,11 @@ def test_the_second_chain_begins_where_its_line_has_the_robot(
     assert found == (said and f"the path that fits best {said}")
 
 
-def stretch(odd: Sequence[int], share: float, made: Synthetic | None = None) -> str | None:
+def stretch(odd: Sequence[int], share: float) -> str | None:
     """The reason for rejecting a path whose ranges at some stops have this share of outliers."""
-    made = made or known()
-    rows = made.model.rows(made.truth)
+    rows = known_rows()
     weights = np.where((rows.family == RANGE) & np.isin(rows.stop, odd), 1.0 - share, 1.0)
-    return lost_stretch(made.model, replace(rows, weights=weights))
+    return lost_stretch(known().model, replace(rows, weights=weights))
 
 
 def test_a_stretch_that_fits_no_place_is_twelve_stops_long() -> None:
@@ -273,7 +277,7 @@ def test_a_stretch_at_the_end_is_near_the_last_movement() -> None:
 @pytest.mark.parametrize(("count", "is_enough"), [(5, False), (6, True)])
 def test_a_stretch_is_tested_by_six_ranges(count: int, is_enough: bool) -> None:
     made = known()
-    rows = made.model.rows(made.truth)
+    rows = known_rows()
     chosen = np.flatnonzero((rows.family == RANGE) & (rows.stop < 6))[:count]
     few = replace(
         rows,
@@ -335,7 +339,7 @@ def test_a_movement_near_a_wall_slipped_from_four_standard_deviations(
     chain = made.truth.chain.copy()
     chain[number] = (EAST_WALL - radius - 3.0 - gap, 20.0, 0.0, 3.0, 0.0, 0.0)
     state = replace(made.truth, chain=chain)
-    rows = made.model.rows(made.truth)
+    rows = known_rows()
     row = np.flatnonzero((rows.family == family) & (rows.stop == number + (family == COUNTER)))[0]
     for factor, slipped in ((-0.99, False), (1.01, True), (-1.01, True)):
         residuals = np.zeros(len(rows.residuals))

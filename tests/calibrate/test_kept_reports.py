@@ -24,12 +24,15 @@ from simmer_tui.calibrate.estimates import estimates_of
 from simmer_tui.calibrate.fit import Fit, Progress
 from simmer_tui.calibrate.guided import WANTED, SessionPlanner, drive_guided, guided_run, where_to_put
 from simmer_tui.calibrate.measured_run import MeasuredRun, read_runs
+from simmer_tui.calibrate.model_check import Misfit, MisfitKind
 from simmer_tui.calibrate.parameters import main_axis
 from simmer_tui.calibrate.prediction import HeldBack, widened
+from simmer_tui.calibrate.result_page import result_page
 from simmer_tui.calibrate.written_set import knowledge_of, read_knowledge
 from simmer_tui.cli.main import main
 from simmer_tui.config.loader import load
 from simmer_tui.config.sets import bundled_folder
+from simmer_tui.document.as_html import html_page
 from simmer_tui.errors import CalibrationError
 from simmer_tui.sim.sensors import Sort, Ultrasonic
 from simmer_tui.sim.specs import DriveSpec
@@ -88,6 +91,20 @@ def test_a_report_of_an_unknown_robot_is_that_which_was_kept(
     }
     assert str(tmp_path) not in str(found)
     assert_kept(found, KEPT, "calibrated")
+
+
+def test_a_report_without_changes_and_predictions_is_that_which_was_kept(found: Fit) -> None:
+    """Of a robot that the model does not fit, from logs and a set with long names, cut at 200 and 400."""
+    misfit = Misfit(MisfitKind.SHORTFALL, "up", 0.2, 0.1, 0.3, "in", 2e-4)
+    configuration = structs.replace(found.run.configuration, name="s" * 390)
+    run = replace(found.run, names=("n" * 150, "m" * 150), configuration=configuration)
+    fit = replace(found, run=run, misfits=(misfit,))
+    same = replace(estimates_of(found)[0], value=0.5, low=0.0, high=1.0, present=0.5)
+    assert_kept(words(html_page(result_page(fit, [same], None))), KEPT, "unchanged")
+    many = [replace(same, label=f"bias {number}", present=2.0) for number in range(11)]
+    for count, notes in ((10, []), (11, ["1 more, under All parameters."])):
+        page = words(html_page(result_page(fit, many[:count], None)))
+        assert [each for each in page if "more, under" in each] == notes
 
 
 # -- logs of one robot ---------------------------------------------------------------------------------
@@ -196,6 +213,16 @@ def test_what_was_learned_is_read_if_its_parts_fit(tmp_path: Path, changed: dict
     with pytest.raises(CalibrationError) as refusal:
         read_knowledge(tmp_path)
     assert str(refusal.value) == f"{path} is damaged: its parts are of different sizes"
+
+
+def test_names_of_files_that_are_damaged_are_cut(tmp_path: Path) -> None:
+    """At 200 characters."""
+    folder = tmp_path / ("f" * 200)
+    folder.mkdir()
+    (folder / "calibration.json").write_text("{")
+    with pytest.raises(CalibrationError) as refusal:
+        read_knowledge(folder)
+    assert str(refusal.value).startswith(f"{str(folder)[:197]}... is damaged: ")
 
 
 # -- a guided session that has estimates ---------------------------------------------------------------
