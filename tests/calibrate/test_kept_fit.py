@@ -176,6 +176,27 @@ def test_a_fit_starts_with_the_rough_paths_and_the_parameters_of_the_set() -> No
     assert state.noise_scales.tolist() == [each.prior for each in made.model.space.noise_scales]
 
 
+def test_a_contact_without_a_distance_has_the_frame_of_its_start() -> None:
+    """Its totals are 0: the rows are how far it was pushed, ahead and aside, by (3, 4) in at 90 degrees."""
+    made = known()
+    chain, met = made.truth.chain.copy(), np.arange(40) == 7
+    chain[7, 2:] = (90.0, 0.0, 0.0, 0.0)
+    chain[8, :3] = chain[7, :3] + (3.0, 4.0, 1.0)
+    rows = made.model.rows(replace(made.truth, chain=chain, contacts=met))
+    mine = (rows.family == KINEMATIC) & (rows.stop == 7)
+    assert rows.residuals[mine] == pytest.approx([4.0, -3.0, 1.0])
+    slopes = rows.jacobian[np.flatnonzero(mine)][:, 48:51].toarray()
+    assert slopes == pytest.approx(np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]))
+
+
+def test_expected_readings_have_no_drift() -> None:
+    made = known()
+    index = next(i for i, each in enumerate(made.run.spec.sensors) if each.code == "u3")
+    drift, each = made.run.spec.sensors[index].drift, made.run.readings["u3"]
+    expected = made.model.expected(made.truth, index, each.stops)
+    assert expected + drift * each.times + made.readings_off["u3"] == pytest.approx(each.values, abs=1e-9)
+
+
 # -- is the path the right one? ------------------------------------------------------------------------
 
 
