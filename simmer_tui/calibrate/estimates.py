@@ -227,9 +227,7 @@ def timings(run: MeasuredRun) -> list[ParameterEstimate]:
         if sensor.enabled and sensor.kind.has("read_time")
     }
     if constants:
-        # A tenth of a millisecond is below the resolution of these clocks, so that no drive outweighs all
-        # others.
-        weights = np.array([1.0 / max(error, 1e-4) ** 2 for _, error in constants])
+        weights = np.array([1.0 / error**2 for _, error in constants])
         both = float(np.average([constant for constant, _ in constants], weights=weights))
         error = max(1.0 / math.sqrt(weights.sum()), _CLOCK)
         # Two standard errors to either side; the constant is the latency there and back.

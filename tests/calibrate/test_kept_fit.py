@@ -133,8 +133,11 @@ def test_a_path_and_its_end_for_fixed_parameters_are_those_that_were_kept() -> N
     chain[:, :3] += np.cos(1.7 * np.arange(54)).reshape(18, 3) * (0.6, 0.6, 2.0)
     parameters = made.truth.parameters + 0.01 * np.sin(np.arange(len(made.truth.parameters)))
     path = fit_path(run, space, parameters, 1.2 * made.truth.noise_scales, replace(made.truth, chain=chain))
+    chain[9, 0] += 42.0  # a step moves a stop by 6 in at most
+    far = fit_path(run, space, parameters, made.truth.noise_scales, replace(made.truth, chain=chain))
     pose, covariance = fit_tail(run, space, path)
     found = {"chain": path.chain, "contacts": path.contacts, "pose": pose, "covariance": covariance}
+    found["far"] = far.chain[::3]
     assert path.parameters == pytest.approx(parameters, abs=1e-9)
     assert_kept(found, KEPT, "path")
 
