@@ -37,7 +37,7 @@ from simmer_tui.calibrate.posterior import (
     noise_scale_score,
     outliers_in,
 )
-from simmer_tui.calibrate.rows import FIXED, PER_STOP, Model
+from simmer_tui.calibrate.rows import PER_STOP, Model
 from simmer_tui.errors import CalibrationError
 from simmer_tui.report.robust_fit import Z_95
 from simmer_tui.sim.angles import BoolArray, FloatArray
@@ -384,8 +384,7 @@ def _result(model: Model, state: Iterate, random: np.random.Generator) -> Fit:
     spreads = spreads + check.shifts / Z_95
     noise_scale_errors = noise_scale_errors + check.log_shifts / Z_95
     noise_scale_errors = noise_scale_errors * np.where(model.is_of_continuous_drive, _APPROXIMATED, 1.0)
-    held_spreads = np.where(identified, prior_spreads, FIXED)
-    data = posterior.information - np.diag(1.0 / held_spreads**2)
+    data = posterior.information - np.diag(1.0 / prior_spreads**2)
     data[~identified] = 0.0
     data[:, ~identified] = 0.0
     return Fit(

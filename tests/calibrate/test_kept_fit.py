@@ -66,8 +66,9 @@ def known_fit(made: Synthetic, run: MeasuredRun | None = None) -> Fit:
 
 
 def difficult() -> MeasuredRun:
-    """A run of a robot with outliers, missed walls, a compass with heavy tails, a wheel that was seldom read,
-    a sensor that was never read, a slip, two movements without an answer, and three by a velocity."""
+    """A run of a robot with outliers, missed walls, heavy tails of compass and gyro, a wheel that
+    was seldom read, a sensor that was never read, a slip, two movements without an answer, and three by a
+    velocity."""
     made = known()
     random = np.random.default_rng(12)
     readings = {code: each for code, each in made.run.readings.items() if code != "t1"}
@@ -78,7 +79,11 @@ def difficult() -> MeasuredRun:
             values[3::11] = np.inf
         if code == "c1":
             values += 0.5 * random.standard_t(1.5, len(values)).clip(-20, 20)
+        if code == "g1":
+            values[[8, 23]] += (1.2, -1.2)
         kept = np.arange(len(values)) % (13 if code == "o2" else 1) == 0
+        if code == "g1":
+            kept[32:] = False  # 31 increments are enough for a test of their tails
         readings[code] = Readings(each.stops[kept], values[kept], each.times[kept], each.gaps[kept])
     (chain,) = made.run.chains
     movements = list(chain.movements)
