@@ -405,15 +405,14 @@ def _result(model: Model, state: Iterate, random: np.random.Generator) -> Fit:
 
 
 def _robust_spreads(model: Model, rows: Rows, posterior: Posterior) -> FloatArray:
-    """Standard deviations of the parameters by the sandwich, only from sources whose residuals have heavy
-    tails; 0 for the others."""
+    """Standard deviations of the parameters by the sandwich, with the squares of the residuals of sources
+    that have heavy tails, and the variances of the others."""
     count = len(model.space.parameters)
     chosen = np.zeros((model.width + count, count))
     chosen[model.width :] = np.eye(count)
     influence = posterior.sensitivities(chosen)
     squares = rows.weights * rows.residuals**2 / rows.variances
     factors = np.ones(len(squares))
-    heavy = False
     for family in range(PRIOR):
         for source in np.unique(rows.source[rows.family == family]):
             mine = (rows.family == family) & (rows.source == source)
@@ -421,9 +420,6 @@ def _robust_spreads(model: Model, rows: Rows, posterior: Posterior) -> FloatArra
             if mine.sum() > _FEW_RESIDUALS and float((squares[mine] ** 2).mean()) > _HEAVY_TAILS * mean**2:
                 # A residual may be almost 0 by chance, even if its row has an error.
                 factors[mine] = np.maximum(squares[mine], 1e-3)
-                heavy = True
-    if not heavy:
-        return np.zeros(count)
     return np.asarray(np.sqrt((influence**2 * factors[:, None]).sum(axis=0)))
 
 

@@ -8,7 +8,6 @@ import contextlib
 import io
 import json
 import re
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -342,20 +341,26 @@ def test_a_factor_below_one_narrows_nothing(found: Fit, score: float) -> None:
 # -- reading logs --------------------------------------------------------------------------------------
 
 
-def test_what_is_read_of_a_log_is_that_which_was_kept(tmp_path: Path) -> None:
-    """Of a log with a movement that was not answered, and a sensor that was read twice in between."""
+def test_what_is_read_of_two_logs_is_that_which_was_kept(tmp_path: Path) -> None:
+    """Of a log and the same with another start, in which some movements were not answered: one is followed by
+    another movement, one by readings, one by the second log, and one is the last."""
     name = log_of(tmp_path, 101, 5)
-    lines = (tmp_path / name).read_text("utf-8").splitlines()
-    number = next(i for i, line in enumerate(lines) if '"status":"done"' in line)
-    edits: list[tuple[int, Callable[[str], str]]] = [
-        (number, lambda line: line.replace('"status":"done"', '"status":"unanswered"')),
-    ]
-    for place, edit in edits:
-        lines[place] = edit(lines[place]).replace('"reply":"inf"', '"reply":"nan"')
-    (tmp_path / name).write_text("\n".join(lines) + "\n", "utf-8")
-    run = read_runs([tmp_path / name])
+    header, *lines = (tmp_path / name).read_text("utf-8").splitlines()
+    answers = [number for number, line in enumerate(lines) if '"reply":"inf","status":"done"' in line]
+    moves = [number for number, line in enumerate(lines) if '"kind":"move"' in line]
+    left_out = {answers[2], *range(answers[0], moves[1]), *range(answers[4], len(lines))}
+    lines[answers[1]] = lines[answers[1]].replace('"status":"done"', '"status":"unanswered"')
+    lines[answers[1]] = lines[answers[1]].replace('"reply":"inf"', '"reply":"nan"')
+    kept = [line for number, line in enumerate(lines) if number not in left_out]
+    paths = [tmp_path / "one.jsonl", tmp_path / "other.jsonl"]
+    later = header.replace('"real":1800000000.0', '"real":1800000100.0').replace("08:00:00", "08:01:40")
+    assert later != header
+    for path, begin in zip(paths, (header, later), strict=True):
+        path.write_text("\n".join([begin, *kept]) + "\n", "utf-8")
+    run = read_runs(paths)
+    assert [each.certain for each in run.movements] == [False, False, True, True, False] * 2
     found = {
-        "movements": [(m.drive, m.value, m.certain, m.line, m.took) for m in run.movements],
+        "movements": [(m.drive, m.value, m.line, m.took) for m in run.movements],
         "readings": {
             code: (each.stops, each.values, each.times, each.gaps) for code, each in run.readings.items()
         },
