@@ -14,7 +14,7 @@ from simmer_tui.actions import Action, ActionName
 from simmer_tui.calibrate.find_path import PathFinder
 from simmer_tui.calibrate.measured_run import Chain, MeasuredRun, read_runs
 from simmer_tui.calibrate.prediction import held_back
-from simmer_tui.calibrate.suspicions import suspicions
+from simmer_tui.calibrate.suspicions import suspicions, suspicions_without_path
 from simmer_tui.config.loader import find_set, load
 from simmer_tui.engine import Engine
 from simmer_tui.errors import CalibrationError
@@ -148,6 +148,67 @@ def test_stretches_are_held_against_no_drive() -> None:
     ]
     run = replace(made.run, chains=(replace(chain, movements=movements),))
     assert suspicions(known_fit(made, run)) == ()
+
+
+def test_swapped_sensors_are_compared_without_their_drifts() -> None:
+    """Of two sensors that would drift by 100 in a second, read at the beginning alone."""
+    made = make(20)
+    sensors = tuple(
+        structs.replace(each, drift=100.0) if each.code in ("u1", "u2") else each
+        for each in made.run.spec.sensors
+    )
+    spec = structs.replace(made.run.spec, sensors=sensors)
+    still = {
+        code: replace(made.run.readings[code], times=np.zeros(21)) for code in ("u1", "u2", "u3", "o1", "g1")
+    }
+    for code in ("u1", "u2"):
+        drifted = 0.002 * made.run.readings[code].times
+        still[code] = replace(still[code], values=still[code].values - drifted)
+    readings = {**still, "u1": still["u2"], "u2": still["u1"]}
+    configuration = structs.replace(made.run.configuration, simulation=spec)
+    run = replace(made.run, configuration=configuration, readings=readings)
+    told = {(each.of, each.kind.value, each.other, each.value) for each in suspicions(known_fit(made, run))}
+    assert told == {("u1", "swapped", "u2", 1.0), ("u2", "swapped", "u1", 1.0)}
+
+
+def test_suspicions_of_two_chains_are_those_that_were_kept() -> None:
+    """Of a compass and a gyro that drifts, which are turned, and two wheels that are swapped."""
+    made = make(51)
+    (chain,) = made.run.chains
+    start = Pose(*made.truth.chain[11, :3].tolist())
+    sensors = tuple(
+        structs.replace(each, drift=5.0) if each.code == "g1" else each for each in made.run.spec.sensors
+    )
+    spec = structs.replace(made.run.spec, sensors=sensors)
+    readings = dict(made.run.readings)
+    gyro = readings["g1"]
+    readings["g1"] = replace(gyro, values=4.998 * gyro.times - (gyro.values - 0.002 * gyro.times))
+    for code in ("g1", "o1", "o3"):  # the second chain begins with other counts
+        each = readings[code]
+        readings[code] = replace(each, values=each.values + 500.0 * (each.stops > 10))
+    readings |= {"o1": readings["o3"], "o3": readings["o1"]}
+    readings["c1"] = replace(readings["c1"], values=-readings["c1"].values)
+    run = replace(
+        made.run,
+        chains=(replace(chain, movements=chain.movements[:10]), Chain(start, 20, chain.movements[11:])),
+        configuration=structs.replace(made.run.configuration, simulation=spec),
+        readings=readings,
+    )
+    truth = made.truth.chain.copy()
+    truth[10, 3:] = 0.0
+    contacts = np.zeros(50, bool)
+    state = replace(made.truth, chain=truth, contacts=contacts, slipped=contacts)
+    found = {
+        name: [
+            (each.of, each.kind.value, each.value, each.low, each.high, each.unit, each.count, each.other)
+            for each in found
+        ]
+        for name, found in (
+            ("path", suspicions(known_fit(replace(made, truth=state), run))),
+            ("commands", suspicions_without_path(run)),
+        )
+    }
+    assert_kept(found, KEPT, "suspicions")
 
 
 @pytest.mark.parametrize(("made_by", "count", "suspected"), [(0.51, 4, 1), (0.49, 4, 0), (0.51, 3, 0)])
