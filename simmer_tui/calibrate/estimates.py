@@ -167,29 +167,30 @@ def _faults(fit: Fit) -> list[ParameterEstimate]:
     silence = _silences(fit.run)
     ranging = {i: each.spec for i, each in observed_sensors(fit.run.spec).items() if each.spec.kind.is_range}
     for index, sensor in ranging.items():
+        dropout, outlier = (
+            _as_it_was(sensor.id, field, f"{field}s", "", getattr(sensor, field))
+            for field in ("dropout", "outlier")
+        )
+        if sensor.id in silence:
+            found += [each.unidentified(silence[sensor.id]) for each in (dropout, outlier)]
+            continue
         count, missed = _missed(fit, index)
         mine = (fit.rows.family == RANGE) & (fit.rows.source == index)
         odd = float((1.0 - fit.rows.weights[mine]).sum())
-        for field, label, hits, seen in (
-            ("dropout", "dropouts", missed, count),
-            ("outlier", "outliers", odd, int(mine.sum())),
-        ):
-            estimate = _as_it_was(sensor.id, field, label, "", getattr(sensor, field))
-            why = "" if seen >= _SEEN else f"{sensor.code} faced a wall within range only {seen} times"
-            if why := silence.get(sensor.id, why):
-                found.append(estimate.unidentified(why))
-            else:
+        for estimate, hits, seen in ((dropout, missed, count), (outlier, odd, int(mine.sum()))):
+            if seen >= _SEEN:
                 low, high = share_interval(hits, seen)
                 found.append(replace(estimate, value=hits / seen, low=low, high=high))
+            else:
+                why = f"{sensor.code} faced a wall within range only {seen} times"
+                found.append(estimate.unidentified(why))
     return found
 
 
 def _missed(fit: Fit, index: int) -> tuple[int, int]:
     """Readings of a wall that is well within a sensor's range, and how many of them missed it."""
     sensor = fit.run.spec.sensors[index]
-    readings = fit.run.readings.get(sensor.code)
-    if readings is None:
-        return 0, 0
+    readings = fit.run.readings[sensor.code]
     near = fit.model.expected(fit.state, index, readings.stops) < _NEAR_LIMIT * sensor.max_range
     return int(near.sum()), int(np.isinf(readings.values[near]).sum())
 
@@ -227,9 +228,7 @@ def timings(run: MeasuredRun) -> list[ParameterEstimate]:
         if sensor.enabled and sensor.kind.has("read_time")
     }
     if constants:
-        # A tenth of a millisecond is below the resolution of these clocks, so that no drive outweighs all
-        # others.
-        weights = np.array([1.0 / max(error, 1e-4) ** 2 for _, error in constants])
+        weights = np.array([1.0 / error**2 for _, error in constants])
         both = float(np.average([constant for constant, _ in constants], weights=weights))
         error = max(1.0 / math.sqrt(weights.sum()), _CLOCK)
         # Two standard errors to either side; the constant is the latency there and back.

@@ -37,7 +37,7 @@ from simmer_tui.calibrate.posterior import (
     noise_scale_score,
     outliers_in,
 )
-from simmer_tui.calibrate.rows import FIXED, PER_STOP, Model
+from simmer_tui.calibrate.rows import PER_STOP, Model
 from simmer_tui.errors import CalibrationError
 from simmer_tui.report.robust_fit import Z_95
 from simmer_tui.sim.angles import BoolArray, FloatArray
@@ -384,8 +384,7 @@ def _result(model: Model, state: Iterate, random: np.random.Generator) -> Fit:
     spreads = spreads + check.shifts / Z_95
     noise_scale_errors = noise_scale_errors + check.log_shifts / Z_95
     noise_scale_errors = noise_scale_errors * np.where(model.is_of_continuous_drive, _APPROXIMATED, 1.0)
-    held_spreads = np.where(identified, prior_spreads, FIXED)
-    data = posterior.information - np.diag(1.0 / held_spreads**2)
+    data = posterior.information - np.diag(1.0 / prior_spreads**2)
     data[~identified] = 0.0
     data[:, ~identified] = 0.0
     return Fit(
@@ -406,15 +405,14 @@ def _result(model: Model, state: Iterate, random: np.random.Generator) -> Fit:
 
 
 def _robust_spreads(model: Model, rows: Rows, posterior: Posterior) -> FloatArray:
-    """Standard deviations of the parameters by the sandwich, only from sources whose residuals have heavy
-    tails; 0 for the others."""
+    """Standard deviations of the parameters by the sandwich, with the squares of the residuals of sources
+    that have heavy tails, and the variances of the others."""
     count = len(model.space.parameters)
     chosen = np.zeros((model.width + count, count))
     chosen[model.width :] = np.eye(count)
     influence = posterior.sensitivities(chosen)
     squares = rows.weights * rows.residuals**2 / rows.variances
     factors = np.ones(len(squares))
-    heavy = False
     for family in range(PRIOR):
         for source in np.unique(rows.source[rows.family == family]):
             mine = (rows.family == family) & (rows.source == source)
@@ -422,9 +420,6 @@ def _robust_spreads(model: Model, rows: Rows, posterior: Posterior) -> FloatArra
             if mine.sum() > _FEW_RESIDUALS and float((squares[mine] ** 2).mean()) > _HEAVY_TAILS * mean**2:
                 # A residual may be almost 0 by chance, even if its row has an error.
                 factors[mine] = np.maximum(squares[mine], 1e-3)
-                heavy = True
-    if not heavy:
-        return np.zeros(count)
     return np.asarray(np.sqrt((influence**2 * factors[:, None]).sum(axis=0)))
 
 
@@ -458,8 +453,9 @@ def lost_stretch(model: Model, rows: Rows) -> str | None:
     # On a right path outliers and edges are some percent, on a wrong one most ranges.
     if share[worst] < 0.5:
         return None
-    movement = model.movement_at[min(worst, model.stops - 1)]
-    line = model.run.movements[max(int(movement), 0)].line
+    # The movement after that stop, or the last one.
+    movement = min(int(np.searchsorted(model.before, worst)), len(model.before) - 1)
+    line = model.run.movements[movement].line
     return (
         f"near line {line}, {share[worst]:.0%} of the ranges fit no place that the robot could have been at"
     )

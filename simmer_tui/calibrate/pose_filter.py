@@ -102,10 +102,9 @@ class PoseFilter:
         if (clear < least).any() and np.hypot(*totals[:2]) > 0.05:
             first = int((clear < least).argmax())
             past = clear[first - 1] if first else 0.0
-            part = past / (past - clear[first]) if past > clear[first] else 0.0
-            share = float(([0.0, *SHARES][first]) + max(part, 0.0) / len(SHARES))
-        done = totals * np.array((share, share, 1.0 if share == 1.0 else max(share, 0.0)))
-        return moved(pose[None], done[None], segments, share * bend)[0], 1.0 - share
+            part = max(past / (past - clear[first]), 0.0)  # 0 if the robot stands in the wall
+            share = float(([0.0, *SHARES][first]) + part / len(SHARES))
+        return moved(pose[None], share * totals[None], segments, share * bend)[0], 1.0 - share
 
     def _predict_from(self, origin: int, stop: int) -> None:
         """Predict the readings at a stop from the pose at an earlier one, and note the errors."""

@@ -119,8 +119,6 @@ class RowStack:
         """All rows together."""
 
         def matrix(entries: list[tuple[Any, Any, Any]], width: int) -> Any:
-            if not entries:
-                return sparse.csr_matrix((self._count, width))
             row, column, value = (np.concatenate(each) for each in zip(*entries, strict=True))
             return sparse.csr_matrix((value.astype(float), (row, column)), shape=(self._count, width))
 

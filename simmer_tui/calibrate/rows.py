@@ -54,7 +54,7 @@ PER_STOP = 6
 LONGEST_COUNT = 6
 """Movements between two readings of a counter beyond which they are not compared: every row between
 them would touch all of these."""
-_KINEMATIC_SPREADS = (0.002, 0.002, 0.003)
+_KINEMATIC_SPREAD, _KINEMATIC_TURN_SPREAD = 0.002, 0.003
 """Standard deviations of the kinematic constraints, inches and degrees. The constraints are exact: these are
 small compared with any sensor's errors, and large enough for well-conditioned normal equations."""
 FIXED = 1e-7
@@ -284,9 +284,9 @@ class Model:
         # push against the wall.
         off = np.where(met, off * along.conj(), off)
         spreads = (
-            np.where(met, np.where(self.turns, 1.0, 0.4 * length + 0.5), _KINEMATIC_SPREADS[0]),
-            np.where(met, np.where(self.turns, 1.0, 0.1 * length + 0.4), _KINEMATIC_SPREADS[1]),
-            np.where(met, loose * np.abs(here[:, 5]) + 0.3, _KINEMATIC_SPREADS[2]),
+            np.where(met, np.where(self.turns, 1.0, 0.4 * length + 0.5), _KINEMATIC_SPREAD),
+            np.where(met, np.where(self.turns, 1.0, 0.1 * length + 0.4), _KINEMATIC_SPREAD),
+            np.where(met, loose * np.abs(here[:, 5]) + 0.3, _KINEMATIC_TURN_SPREAD),
         )
         frame = np.where(met, along.conj(), 1.0)
         d_there = heading * frame

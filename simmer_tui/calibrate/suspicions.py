@@ -98,7 +98,7 @@ def _observed(
     usable = np.isfinite(readings.values) & sensor.within_limits(expected, spread)
     usable &= is_known_to(found.run, sensor, readings.stops)
     sample = SensorSample(sensor, readings.values[usable], expected[usable], spread[usable])
-    base = (expected[usable] - spec.bias) / (spec.gain or 1.0)
+    base = expected[usable] / (spec.gain or 1.0)  # with its bias, since a compass counts from any zero
     others = [
         Alternative(FindingKind.SWAPPED, each.expected(world, poses[usable], 0.0), 1.0, each.spec.code)
         for each in alike

@@ -29,7 +29,7 @@ from simmer_tui.document.model import DataTable, Figure, Paragraph
 from tests.report.browser import SIZES, measured
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def picture(found: Fit) -> tuple[Fit, ElementTree.Element]:
     """The picture of a path of which the third and the last movement met a wall, and a fit that is a little
     sure of some poses and hardly of others."""

@@ -150,6 +150,17 @@ def test_movements_ahead_are_counted_from_where_the_filter_was(known: Synthetic)
     assert not made.errors[wheel.kind, 5]
 
 
+def test_only_errors_in_degrees_are_those_of_the_shorter_way_round(known: Synthetic) -> None:
+    """A wheel that counted 200 in is wrong by these, and a gyro that counted 200 degrees by -160."""
+    made = filter_at(known, (20.0, 30.0, 0.0), (RIGHT, 0.0))
+    for code in ("o1", "g1"):
+        made.said[code] = {0: (0.0, 0.0), 1: (200.0, 0.0)}
+    made.go_on(1)
+    off = {kind.name: errors for (kind, ahead), errors in made.errors.items() if ahead == 1}
+    assert off["odom"] == pytest.approx([200.0])
+    assert off["gyro"] == pytest.approx([160.0])
+
+
 def test_a_reading_five_movements_ahead_is_predicted_by_commands_alone(known: Synthetic) -> None:
     made = filter_at(known, (20.0, 30.0, 0.0), *[(RIGHT, 1.0)] * 6)
     compass = next(each for each in known.run.spec.sensors if each.kind.name == "comp")
