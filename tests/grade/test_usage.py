@@ -112,6 +112,8 @@ def test_files_in_memory_cost_the_kernel_a_kibibyte_each(proc: Proc, monkeypatch
     assert SandboxUsage(10, folders=("/tmp", "/dev/shm")).memory() == 21 * 1024
     used |= {"/proc/10/root/tmp": (9, 0), "/proc/10/root/dev/shm": (9, 0)}
     assert SandboxUsage(10, folders=("/tmp", "/dev/shm")).memory() == 21 * 1024
+    used |= {"/proc/20/root/tmp": (9, 2), "/proc/20/root/dev/shm": (9, 4)}
+    assert SandboxUsage(10, folders=("/tmp", "/dev/shm")).memory() == 12 * 1024
     assert SandboxUsage(99, folders=("/tmp",)).memory() == 0
 
 
