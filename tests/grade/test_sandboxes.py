@@ -99,7 +99,7 @@ class Launched:
         if "pass_fds" in options:
             link, *files = options["pass_fds"]
             self.link = socket.socket(fileno=os.dup(link))
-            self.contents = [os.pread(each, 1 << 16, 0) for each in files]
+            self.contents = [os.read(each, 1 << 16) for each in files]
         else:
             self.link = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
             name = next(each.split(":")[0] for each in words if each.endswith(":/door:ro"))
@@ -302,9 +302,7 @@ def test_a_program_with_a_clock_of_its_own_has_the_hook_in_the_sandbox(
     assert path == "/simmer/simmer_tui/program/hook:/simmer"
 
 
-def test_a_program_that_runs_is_killed_with_its_sandbox(
-    sandbox: LaunchedSandbox, launched: Launched
-) -> None:
+def test_a_program_that_runs_is_killed_with_its_sandbox(sandbox: LaunchedSandbox, launched: Launched) -> None:
     launched.answers = [{}] * isinstance(sandbox, Bubblewrap)
     run = start(sandbox)
     sandbox.close()

@@ -80,14 +80,19 @@ def test_memory_is_the_proportional_set_or_else_the_resident_one(proc: Proc) -> 
 
 def stat(own: tuple[int, int], waited: tuple[int, int], started: int = 5) -> str:
     """A /proc/PID/stat with times in clock ticks, proc(5): fields 14 to 17 and 22."""
-    fields = ["S"] + ["0"] * 10 + [*map(str, own), *map(str, waited)] + ["0"] * 4 + [str(started)] + ["0"] * 30
+    fields = (
+        ["S"] + ["0"] * 10 + [*map(str, own), *map(str, waited)] + ["0"] * 4 + [str(started)] + ["0"] * 30
+    )
     return f"1 (a (name) b) {' '.join(fields)}\n"
 
 
 def test_processor_time_counts_what_has_ended(proc: Proc) -> None:
     ticks = os.sysconf("SC_CLK_TCK")
     usage = SandboxUsage(10)
-    proc(family({10: ["20 30 "]}) | {"10/stat": stat((1, 20), (300, 4000)), "20/stat": stat((50000, 0), (0, 0))})
+    proc(
+        family({10: ["20 30 "]})
+        | {"10/stat": stat((1, 20), (300, 4000)), "20/stat": stat((50000, 0), (0, 0))}
+    )
     assert usage.processor_time() * ticks == pytest.approx(54321)
     # 20 has ended and nobody waited for it; another process has its number
     proc({"20/stat": stat((7, 0), (0, 0), started=6)})
