@@ -548,6 +548,8 @@ def test_bubblewrap_is_tried_with_a_program(
 
         def ended(words: Sequence[str], **options: Any) -> Process:
             process = popen(words, **options)
+            files = Path(words_of(launched)[words_of(launched).index("/program") - 1])
+            assert files.stat().st_mode & 0o777 == 0o755  # every user can read it
             process.end(code)
             return process
 
