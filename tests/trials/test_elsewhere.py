@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import gc
 import multiprocessing
 import os
 import shlex
 import signal
+import socket
 import sys
 import threading
 from collections.abc import Callable, Iterator, Sequence
@@ -374,6 +376,27 @@ class Run:
         return result_of(self._trial)
 
 
+class End(Connection):
+    """A worker's end of its connection, which is closed only when nobody receives any more."""
+
+    def __init__(self, descriptor: int) -> None:
+        super().__init__(descriptor)
+        self._unused = threading.Event()
+
+    def recv(self) -> Any:
+        try:
+            return super().recv()
+        except (EOFError, OSError):
+            self._unused.set()
+            raise
+
+    def close(self) -> None:
+        with socket.socket(fileno=os.dup(self.fileno())) as same, contextlib.suppress(OSError):
+            same.shutdown(socket.SHUT_RDWR)
+        self._unused.wait()
+        super().close()
+
+
 class Keeper:
     def close(self) -> None:
         pass
@@ -390,7 +413,7 @@ def workers(monkeypatch: pytest.MonkeyPatch) -> list[str]:
         def __init__(self, target: Callable[..., None], args: Any, name: str, daemon: bool) -> None:
             assert (target, daemon) == (work, True)
             end, folder, make = args
-            self._end = Connection(os.dup(end.fileno()))
+            self._end = End(os.dup(end.fileno()))
             self._thread = threading.Thread(target=self._work, args=(folder, make), name=name)
 
         def _work(self, folder: Path, make: Any) -> None:
