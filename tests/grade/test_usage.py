@@ -281,13 +281,13 @@ class Meter:
 
 def test_the_first_limit_that_is_passed_ends_a_sandbox() -> None:
     """At the limit it may go on."""
-    by_memory = "ended: its processes took more than 2 MB together"
+    by_memory = "ended: its processes took more than 2000000 MB together"
     by_time = "ended: its processes took more than 1.5 s of processor time together"
     grouped: Any = SimpleNamespace(processor_time=iter([1.5, 1.6]).__next__)
     cases: list[tuple[Meter, ControlGroup | None, str]] = [
-        (Meter([2_000_000, 2_000_001], [0.0]), None, by_memory),
+        (Meter([2 * 10**12, 2 * 10**12 + 1], [0.0]), None, by_memory),
         (Meter([0], [1.5, 1.500001]), None, by_time),
-        (Meter([9_000_000], [9.0]), grouped, by_time),
+        (Meter([9 * 10**12], [9.0]), grouped, by_time),
     ]
     told: dict[int, str] = {}
     ends = [threading.Event() for _ in cases]
@@ -300,7 +300,7 @@ def test_the_first_limit_that_is_passed_ends_a_sandbox() -> None:
         return end
 
     watching = [
-        Supervisor(usage, group, 2_000_000, 1.5, ended(case))  # type: ignore[arg-type]
+        Supervisor(usage, group, 2 * 10**12, 1.5, ended(case))  # type: ignore[arg-type]
         for case, (usage, group, _) in enumerate(cases)
     ]
     for end, each in zip(ends, watching, strict=True):

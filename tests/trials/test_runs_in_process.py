@@ -106,6 +106,8 @@ def figures(result: TrialResult) -> dict[str, object]:
     assert result.real_seconds > 0.0
     assert result.simulator_seconds > 0.0
     fields = structs.asdict(result)
+    evidence = [each for each in result.verdict["evidence"] if not each.startswith("Real time")]
+    fields["verdict"] = {**result.verdict, "evidence": evidence}
     return {name: fields[name] for name in fields if name not in ("real_seconds", "simulator_seconds")}
 
 
