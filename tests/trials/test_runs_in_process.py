@@ -34,6 +34,7 @@ class Program:
         self.variables: dict[str, str] = {}
         self.ended = threading.Event()
         self.closed = 0
+        self.can_be_ended, self.last_lines = True, 1.0
 
     take = staticmethod(take_port)
 
@@ -52,7 +53,11 @@ class Program:
         for line in self.lines:
             output.stderr.add(f"{line}\n".encode())
             on_line(line)
-        return RunningProgram(self.run, self.ended.set, OutputReader([]), on_end, 1.0)
+        return RunningProgram(self.run, self.stop, OutputReader([]), on_end, self.last_lines)
+
+    def stop(self) -> None:
+        if self.can_be_ended:
+            self.ended.set()
 
     def run(self) -> int:
         address = self.variables["SIMMER_HOST"]
@@ -154,6 +159,13 @@ def test_a_program_that_stays_has_its_time(run: Run, configuration: str, mission
     result = run(Program(("r1-90",), None, ("last",)), time_limit=0.3, configuration=loaded)
     assert (result.ending.value, result.exit_code, result.success) == ("real time limit", None, False)
     assert result.reason == "the real time limit of 0.3 s"
+
+
+def test_a_program_that_cannot_be_ended_does_not_keep_its_run(run: Run) -> None:
+    program = Program(("d1-100",), None)
+    program.can_be_ended, program.last_lines = False, 0.01
+    result = run(program)
+    assert (result.ending.value, result.exit_code, result.verdict["program"]) == ("contacts", None, None)
 
 
 def test_a_program_that_cannot_be_started_has_failed(run: Run, trial: Trial, tmp_path: Path) -> None:
