@@ -160,7 +160,7 @@ def test_tests_are_those_that_were_kept() -> None:
         (0.8, 0.3, 0.1),
         (1.0, 0.2, 0.01),
         (0.6, 0.5, 0.2, 4),
-        (0.95, 0.15, 0.3),
+        (0.95, 0.4, 0.02),
         (0.99, 0.98),
     ):
         test = sequential_test(*given)  # type: ignore[arg-type]
