@@ -238,3 +238,38 @@ def test_a_folder_of_runs_may_exist_and_its_lock_ends(tmp_path: Path) -> None:
     for _ in range(2):
         with store.locked():
             assert math.isfinite(store.results.stat().st_size)
+
+
+def test_a_file_that_cannot_be_read_or_written_says_why(tmp_path: Path) -> None:
+    store = RunStore(tmp_path, KIND)
+    (tmp_path / KIND.plan_file).mkdir()
+    (tmp_path / "results.jsonl").mkdir()
+    (tmp_path / "main.py").touch()
+
+    def refused(self: Path, *given: object) -> bytes:
+        raise PermissionError(13, "Permission denied", "a file")
+
+    found = []
+    for call in (
+        store.read_plan,
+        lambda: [*store.lines()],
+        store.recover,
+        lambda: store.locked().__enter__(),
+        lambda: store.write("results.jsonl", ""),
+    ):
+        with pytest.raises(TrialsError) as caught:
+            call()
+        found.append(str(caught.value).replace(str(tmp_path), "HERE"))
+    assert found == [
+        "HERE cannot be read: Is a directory",
+        "HERE/results.jsonl cannot be read: Is a directory",
+        "HERE/results.jsonl cannot be written: Is a directory",
+        "HERE/results.jsonl cannot be written: Is a directory",
+        "HERE/results.jsonl.part cannot be written: Is a directory",
+    ]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Path, "read_bytes", refused)
+        with pytest.raises(TrialsError, match=r"^--run: .*main\.py cannot be read: Permission denied$"):
+            pack("python main.py", tmp_path)
+    with pytest.raises(TrialsError, match=r"^.* cannot be read: odd$"), store.reported("read"):
+        raise OSError("odd")
