@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -273,3 +274,11 @@ def test_a_file_that_cannot_be_read_or_written_says_why(tmp_path: Path) -> None:
             pack("python main.py", tmp_path)
     with pytest.raises(TrialsError, match=r"^.* cannot be read: odd$"), store.reported("read"):
         raise OSError("odd")
+
+
+def test_a_plan_is_a_file_that_people_can_read(folder: TrialFolder) -> None:
+    lines = (folder.path / "trials.json").read_text().split("\n")
+    assert lines[:2] == ["{", ' "format": 1,']
+    assert re.fullmatch(r' "written": "\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d[+-]\d\d:\d\d",', lines[3])
+    assert lines[-2:] == ["}", ""]
+    assert ' "command": "python a.py",' in lines
