@@ -36,6 +36,7 @@ class Odd(socket.socket):
     """Sockets of the launcher. Those of IPv6 are refused `refusals` times; `waiting` has their backlogs."""
 
     refusals = 0
+    refused = socket.AF_INET6
     why = errno.EADDRINUSE
     waiting: ClassVar[list[int]] = []
     made: ClassVar[list[socket.socket]] = []
@@ -45,7 +46,7 @@ class Odd(socket.socket):
         self.made.append(self)
 
     def bind(self, address: Any) -> None:
-        if self.family == socket.AF_INET6 and Odd.refusals:
+        if self.family == Odd.refused and Odd.refusals:
             Odd.refusals -= 1
             raise OSError(Odd.why, os.strerror(Odd.why))
         super().bind(address)
@@ -57,7 +58,8 @@ class Odd(socket.socket):
 
 @pytest.fixture
 def odd(monkeypatch: pytest.MonkeyPatch) -> type[Odd]:
-    for name, value in (("waiting", []), ("made", []), ("refusals", 0), ("why", errno.EADDRINUSE)):
+    usual = {"waiting": [], "made": [], "refusals": 0, "refused": socket.AF_INET6, "why": errno.EADDRINUSE}
+    for name, value in usual.items():
         monkeypatch.setattr(Odd, name, value)
     return Odd
 
@@ -177,6 +179,13 @@ def test_machine_without_the_second_protocol_has_one_address(ask: Ask, odd: type
     odd.refusals, odd.why = 1, errno.EADDRNOTAVAIL
     ((answer, sockets),) = ask({"listen": 0})
     assert [each.getsockname() for each in sockets] == [("127.0.0.1", answer["port"])]
+
+
+@pytest.mark.parametrize("why", [errno.EACCES, errno.EADDRNOTAVAIL])
+def test_what_hinders_every_port_is_not_tried_again(ask: Ask, odd: type[Odd], why: int) -> None:
+    odd.refusals, odd.refused, odd.why = 2, socket.AF_INET, why
+    assert ask({"listen": 0}) == [({"error": os.strerror(why)}, [])]
+    assert odd.refusals == 1
 
 
 def test_a_port_that_is_taken_is_said_and_the_next_order_carried_out(ask: Ask, odd: type[Odd]) -> None:

@@ -134,8 +134,8 @@ def test_changes_of_a_faulty_robot() -> None:
     loaded = load(find_set("mission"))
     spec = loaded.simulation
     wrong = {
-        "error": 0.1, "absolute_error": 0.5, "bias": 1.0, "drift": 0.1, "dropout": 0.1, "outlier": 0.1, "gain": -2.0,
-        "read_time": 0.5, "rotation": 10.0,
+        "error": 0.1, "absolute_error": 0.5, "bias": 1.0, "drift": 0.1, "dropout": 0.1, "outlier": 0.1,
+        "gain": -2.0, "read_time": 0.5, "rotation": 10.0,
     }  # fmt: skip
     sensors = tuple(
         replace(each, **wrong) if number < 2 else each for number, each in enumerate(spec.sensors)
