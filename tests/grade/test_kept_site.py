@@ -142,3 +142,4 @@ def test_output_that_is_not_there_is_no_error(folder: GradeFolder, paged: list[t
     index = site(folder, team_results(folder, hidden=False), "")["index.html"]
     assert "silent0: last lines of its program" not in words(index)
     assert "silent1: last lines of its program" in words(index)
+    assert re.search(r"<table class='[^']*sortable", index)  # by a click on a heading

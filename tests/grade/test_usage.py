@@ -209,7 +209,7 @@ def test_every_kind_of_socket_is_asked_for() -> None:
 
 
 def test_buffers_of_all_sockets_are_added_up() -> None:
-    """What is allocated to receive, to send (or queued, the same bytes), for options and in the backlog."""
+    """Bytes allocated to receive, to send (or queued, the same ones), for options and in the backlog."""
     answers = []
     for place, (_, kind, wanted) in enumerate(REQUESTS):
         body = bytes(IN_OF[kind])

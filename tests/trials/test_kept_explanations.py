@@ -106,7 +106,7 @@ def test_a_change_in_which_the_simulator_failed_was_not_tried(result: Callable[.
 
 
 def differences(found: list[Intervention]) -> dict[str, object]:
-    """What each intervention changes in the robot and the link."""
+    """Changes of each intervention in the robot and the link."""
     first = found[0].configuration
     told: dict[str, object] = {}
     for each in found:
