@@ -27,7 +27,7 @@ from simmer_tui.trials.mazes import maze_text, random_maze
 from simmer_tui.trials.sequential import sequential_test, shown_test
 from simmer_tui.trials.store import RunStore
 from simmer_tui.trials.sweep_summary import WANTED_RATE
-from simmer_tui.trials.trial import RANDOM, Trial, TrialResult, maze_of, run_seed
+from simmer_tui.trials.trial import RANDOM, Trial, TrialResult, clock_of, maze_of, run_seed, with_clock
 from tests.kept_numbers import assert_kept
 
 KEPT = Path(__file__).with_name("kept_bounds.json")
@@ -282,3 +282,11 @@ def test_a_plan_is_a_file_that_people_can_read(folder: TrialFolder) -> None:
     assert re.fullmatch(r' "written": "\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d[+-]\d\d:\d\d",', lines[3])
     assert lines[-2:] == ["}", ""]
     assert ' "command": "python a.py",' in lines
+
+
+def test_the_clock_of_a_set_is_never_left_open() -> None:
+    """However the word came into its settings."""
+    configuration = load(find_set("mission"))
+    for clock, found in (("auto", "real"), ("program", "program"), ("real", "real")):
+        given = with_clock(configuration, "".join([*clock]))
+        assert clock_of(given) == found
