@@ -22,7 +22,7 @@ from simmer_tui.trials.cluster import pack
 from simmer_tui.trials.explanations import EXPLAINED
 from simmer_tui.trials.figures import write_run_pages
 from simmer_tui.trials.folder import KIND, TrialFolder, TrialPlan
-from simmer_tui.trials.intervals import PairCounts
+from simmer_tui.trials.intervals import PairCounts, student_quantile
 from simmer_tui.trials.mazes import maze_text, random_maze
 from simmer_tui.trials.sequential import sequential_test, shown_test
 from simmer_tui.trials.store import RunStore
@@ -290,3 +290,11 @@ def test_the_clock_of_a_set_is_never_left_open() -> None:
     for clock, found in (("auto", "real"), ("program", "program"), ("real", "real")):
         given = with_clock(configuration, "".join([*clock]))
         assert clock_of(given) == found
+
+
+@pytest.mark.parametrize(
+    ("degrees", "quantile"), [(11, 2.200980255324827), (13, 2.1603665523392532), (40, 2.0210753829953374)]
+)
+def test_the_expansion_of_students_quantile_is_exact(degrees: int, quantile: float) -> None:
+    """All terms of Abramowitz and Stegun, 26.7.5, added up in rational numbers."""
+    assert student_quantile(degrees) == pytest.approx(quantile, rel=1e-14)
