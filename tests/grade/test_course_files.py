@@ -17,6 +17,8 @@ from simmer_tui.grade.sandbox import Limits
 from simmer_tui.grade.submission import check_submission, reference
 from simmer_tui.grade.submission_copy import copy_submission
 
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="links are a privilege there")
+
 
 def problems_of(file: Path, alone: bool = False) -> list[str]:
     with pytest.raises(ConfigurationError) as caught:
@@ -240,8 +242,6 @@ def test_a_team_without_a_robot_has_the_courses_without_its_names(tmp_path: Path
 
 # -- copies ------------------------------------------------------------------------------------------
 
-links = pytest.mark.skipif(sys.platform == "win32", reason="links are a privilege there")
-
 
 @pytest.fixture(params=[True, False])
 def by_descriptor(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -250,7 +250,6 @@ def by_descriptor(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatc
         monkeypatch.setattr(submission_copy, "_BY_DESCRIPTOR", False)
 
 
-@links
 @pytest.mark.usefixtures("by_descriptor")
 def test_a_copy_is_of_files_up_to_the_last_byte(tmp_path: Path) -> None:
     source = tmp_path / "from"
@@ -305,7 +304,6 @@ def test_files_may_be_as_many_as_is_said(tmp_path: Path, monkeypatch: pytest.Mon
         copy_submission(source, tmp_path / "more", 0)
 
 
-@links
 def test_a_file_that_grows_while_it_is_read_is_too_large(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -323,7 +321,6 @@ def test_a_file_that_grows_while_it_is_read_is_too_large(
         copy_submission(tmp_path / "from", tmp_path / "to", 19)
 
 
-@links
 def test_a_disk_that_takes_a_part_at_a_time_gets_all(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "from").mkdir()
     (tmp_path / "from" / "x").write_bytes(b"0123456789")
@@ -333,7 +330,6 @@ def test_a_disk_that_takes_a_part_at_a_time_gets_all(tmp_path: Path, monkeypatch
     assert (tmp_path / "to" / "x").read_bytes() == b"0123456789"
 
 
-@links
 def test_what_cannot_be_read_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     source = tmp_path / "from"
     (source / "in").mkdir(parents=True)

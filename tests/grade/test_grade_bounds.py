@@ -24,6 +24,7 @@ from simmer_tui.grade.sandbox import Isolation
 from simmer_tui.links.ports import take_port
 from simmer_tui.trials.run import TrialRun, fault_result
 
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="there are no sandboxes")
 LIMITS = "[limits]\ntime = 7.0\nmemory = 3.0\noutput = 2.5\n"
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import os
 import re
+import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -30,6 +31,7 @@ from simmer_tui.trials.sweep_summary import WANTED_RATE
 from simmer_tui.trials.trial import RANDOM, Trial, TrialResult, clock_of, maze_of, run_seed, with_clock
 from tests.kept_numbers import assert_kept
 
+posix = pytest.mark.skipif(sys.platform == "win32", reason="errors and paths are told in another way there")
 KEPT = Path(__file__).with_name("kept_bounds.json")
 
 
@@ -221,6 +223,7 @@ def test_usual_numbers_are_those_of_the_documents() -> None:
     assert (EXPLAINED, WANTED_RATE) == (3, 0.9)  # docs/trials.md
 
 
+@posix
 def test_a_file_after_a_module_goes_alone(tmp_path: Path) -> None:
     here, there = tmp_path / "here", tmp_path / "there"
     for path in (here, there):
@@ -241,6 +244,7 @@ def test_a_folder_of_runs_may_exist_and_its_lock_ends(tmp_path: Path) -> None:
             assert math.isfinite(store.results.stat().st_size)
 
 
+@posix
 def test_a_file_that_cannot_be_read_or_written_says_why(tmp_path: Path) -> None:
     store = RunStore(tmp_path, KIND)
     (tmp_path / KIND.plan_file).mkdir()

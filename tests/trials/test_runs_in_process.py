@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import socket
+import sys
 import threading
 from collections.abc import Callable, Mapping
 from dataclasses import replace
@@ -21,6 +22,7 @@ from simmer_tui.trials.run import TrialRun
 from simmer_tui.trials.trial import Trial, TrialResult
 from tests.kept_numbers import assert_kept
 
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="signals have no names there")
 KEPT = Path(__file__).with_name("kept_runs.json")
 SOLVE = ("d1-5", "p1-1", "a1-9", "p1-0")
 """The mission of `mission_set` in four commands."""
