@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import sys
 from collections.abc import Callable
 from dataclasses import replace
@@ -17,10 +18,11 @@ from simmer_tui.grade import cgroup, grade_folder
 from simmer_tui.grade.bubblewrap import Bubblewrap
 from simmer_tui.grade.cgroup import ControlGroup, made_group
 from simmer_tui.grade.container import Container
-from simmer_tui.grade.course import read_course
+from simmer_tui.grade.course import Team, read_course
 from simmer_tui.grade.grade_folder import GradeFolder, number_in_team
 from simmer_tui.grade.grade_run import GradeRun, OpenCopy, sandbox_of
 from simmer_tui.grade.sandbox import Isolation
+from simmer_tui.grade.submission_reader import SubmissionReader
 from simmer_tui.links.ports import take_port
 from simmer_tui.trials.run import TrialRun, fault_result
 
@@ -214,3 +216,24 @@ def test_a_process_without_groups_of_the_second_version_has_none(
     monkeypatch.setattr(Path, "mkdir", lambda self: made.append(str(self)))
     assert made_group() is None
     assert made == []
+
+
+def test_only_a_team_with_a_robot_of_its_own_is_read_in_a_child(
+    make_course: Callable[..., Path], tmp_path: Path, course_set: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Or one with a team.toml; each is read once when the grading begins."""
+    called: list[str] = []
+
+    def call(self: SubmissionReader, function: Callable[..., Any], team: Team, *given: object) -> Any:
+        called.append(f"{function.__name__} {team.name}")
+        return function(team, *given)
+
+    monkeypatch.setattr(SubmissionReader, "call", call)
+    file = make_course({"a": "", "b": "", "c": ""})
+    (tmp_path / "teams" / "b" / "config").mkdir()
+    shutil.copy(course_set / "robot.csv", tmp_path / "teams" / "b" / "config")
+    (tmp_path / "teams" / "c" / "team.toml").write_text('command = "./x"\n')
+    made = GradeFolder.create(tmp_path / "out", read_course(file), 3, Isolation.NONE)
+    assert called == ["submitted_team c", "check_submission b"]
+    assert [entry.problems for entry in made.entries] == [(), (), ()]
+    assert [entry.check.configuration is None for entry in made.entries] == [False] * 3
