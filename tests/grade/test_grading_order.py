@@ -163,7 +163,9 @@ def test_files_of_a_team_go_to_a_cluster_once(folder: GradeFolder, monkeypatch: 
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="folders have no modes there")
-@pytest.mark.parametrize(("isolation", "mode"), [(Isolation.NONE, 0o700), (Isolation.BWRAP, 0o755)])
+@pytest.mark.parametrize(
+    ("isolation", "mode"), [(Isolation.NONE, 0o700), (Isolation.BWRAP, 0o755), (Isolation.PODMAN, 0o755)]
+)
 def test_a_run_on_a_worker_leaves_its_files(
     folder: GradeFolder, monkeypatch: pytest.MonkeyPatch, isolation: Isolation, mode: int
 ) -> None:
