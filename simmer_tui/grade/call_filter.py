@@ -65,31 +65,35 @@ def call_filter(machine: str | None = None) -> bytes:
     clone3 = calls.pop("clone3")  # a filter cannot read its flags in memory; libraries fall back to clone
     flock, fcntl = calls.pop("flock"), calls.pop("fcntl")
     program = [
-        (_LOAD, 0, 0, _ARCHITECTURE),
+        _load(_ARCHITECTURE),
         (_EQUAL, 1, 0, _ARCHITECTURES[machine]),
-        (_RETURN, 0, 0, _KILL),
-        (_LOAD, 0, 0, _NUMBER),
+        _return(_KILL),
+        _load(_NUMBER),
     ]
     if machine == "x86_64":  # the x32 numbers are the same calls again
-        program += [(_ABOVE, 0, 1, _X32), (_RETURN, 0, 0, _REFUSE)]
-    program += [(_EQUAL, 0, 1, clone3), (_RETURN, 0, 0, _UNKNOWN)]
-    program += [(_EQUAL, 0, 1, flock), (_RETURN, 0, 0, _NO_LOCK)]
-    program += [(_EQUAL, 0, len(_LOCKS) + 3, fcntl), (_LOAD, 0, 0, _SECOND)]
+        program += [(_ABOVE, 0, 1, _X32), _return(_REFUSE)]
+    answers = {clone3: _UNKNOWN, flock: _NO_LOCK, **dict.fromkeys(calls.values(), _REFUSE)}
+    for number, answer in answers.items():
+        program += [(_EQUAL, 0, 1, number), _return(answer)]
+    program += [(_EQUAL, 0, len(_LOCKS) + 3, fcntl), _load(_SECOND)]
     program += [(_EQUAL, len(_LOCKS) - at, 0, command) for at, command in enumerate(_LOCKS)]
-    program += [(_RETURN, 0, 0, _ALLOW), (_RETURN, 0, 0, _NO_LOCK)]
-    for number in calls.values():
-        program += [(_EQUAL, 0, 1, number), (_RETURN, 0, 0, _REFUSE)]
+    program += [_return(_ALLOW), _return(_NO_LOCK)]
     for number in flagged:
-        program += [
-            (_EQUAL, 0, 4, number),
-            (_LOAD, 0, 0, _FIRST),
-            (_ANY_BIT, 0, 1, _NEW_USER),
-            (_RETURN, 0, 0, _REFUSE),
-            (_RETURN, 0, 0, _ALLOW),
-        ]
+        program += [(_EQUAL, 0, 4, number), _load(_FIRST), (_ANY_BIT, 0, 1, _NEW_USER)]
+        program += [_return(_REFUSE), _return(_ALLOW)]
     for number in sockets:
-        program += [(_EQUAL, 0, len(_FAMILIES) + 3, number), (_LOAD, 0, 0, _FIRST)]
+        program += [(_EQUAL, 0, len(_FAMILIES) + 3, number), _load(_FIRST)]
         program += [(_EQUAL, len(_FAMILIES) - at, 0, family) for at, family in enumerate(_FAMILIES)]
-        program += [(_RETURN, 0, 0, _REFUSE), (_RETURN, 0, 0, _ALLOW)]
-    program.append((_RETURN, 0, 0, _ALLOW))
+        program += [_return(_REFUSE), _return(_ALLOW)]
+    program.append(_return(_ALLOW))
     return b"".join(struct.pack("=HBBI", *each) for each in program)
+
+
+def _load(offset: int) -> tuple[int, int, int, int]:
+    """Instruction to load a word of struct seccomp_data."""
+    return _LOAD, 0, 0, offset
+
+
+def _return(verdict: int) -> tuple[int, int, int, int]:
+    """Instruction to end with a verdict."""
+    return _RETURN, 0, 0, verdict

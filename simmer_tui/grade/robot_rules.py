@@ -129,8 +129,8 @@ def _places(course: Configuration, team: Configuration) -> Iterable[Problem]:
 def _better(sensor: SensorSpec, model: SensorSpec) -> Iterable[str]:
     """Properties in which a sensor is better than one of the course's, or different."""
     yield from _differences(sensor, model, sensor.kind.columns, limited=sensor.kind.is_range)
-    if _errs_by_opposite(sensor) and 1.0 - sensor.error < min(model.error, 0.5) - _ROUNDING:
-        most = 1.0 - model.error
+    most = max(model.error, 1.0 - model.error)
+    if _errs_by_opposite(sensor) and sensor.error > most + _ROUNDING:
         yield f"its error is above {most:g}: the opposite of its answers would nearly always be right"
 
 

@@ -201,8 +201,8 @@ def _means(pairs: list[RunPair]) -> DataTable:
 _OF_THE_TASK = (*mission_toml.OVERRIDDEN, "blocksize", "motion.block_solid")
 _NOT_OF_A_RUN = ("seed", "randerror", "sim", "plot_robot", "plot_sense")
 """Settings that trials do not use, or set themselves."""
-_TABLES_NOT_OF_A_RUN = ("server", "serial", "screen", "keys")
-"""Tables of settings that change neither task nor robot: links to the program, and the screen."""
+_TABLES_NOT_OF_A_RUN = ("server", "serial", "screen", "keys", "web")
+"""Tables of settings that change neither task nor robot: links to the program, the screen and the page."""
 
 _ROBOT_FILES: dict[str, Callable[[Configuration], object]] = {
     robot_csv.FILE: lambda configuration: configuration.simulation.robot,

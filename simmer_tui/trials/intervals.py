@@ -82,7 +82,7 @@ def paired_difference(pairs: PairCounts) -> IntervalEstimate:
     difference = (b - c) / pairs.count
     below = _joined(second.value - second.low, first.high - first.value, phi)
     above = _joined(second.high - second.value, first.value - first.low, phi)
-    return IntervalEstimate(difference, max(difference - below, -1.0), min(difference + above, 1.0))
+    return IntervalEstimate(difference, difference - below, difference + above)
 
 
 def _joined(one: float, other: float, phi: float) -> float:

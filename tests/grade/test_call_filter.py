@@ -124,3 +124,11 @@ def test_locks_of_all_kinds_are_not_there(machine: str) -> None:
     # F_SETDELEG; not F_GETLK, F_SETFL, F_DUPFD_CLOEXEC, F_SETPIPE_SZ and all others
     assert refused == {6, 7, 37, 38, 1024, 1026, 1036, 1038, 1040}
     assert {answers[command] for command in answers if command not in refused} == {ALLOWED}
+
+
+@machines
+def test_only_comparisons_jump(machine: str) -> None:
+    """Loads and returns have no offsets; a program ends with a return."""
+    program = list(struct.iter_unpack("=HBBI", call_filter(machine)))
+    assert all(jumps == [0, 0] for code, *jumps, _ in program if code in (0x20, 0x06))
+    assert program[-1][0] == 0x06
