@@ -12,10 +12,11 @@ options of classes (`frozen=True`) are left out, since they do not affect a run.
 Python any more.
 
 Each fault is tested alone in a copy of the repository. The quick tests that run its statement are run, those
-of its room first and then the shortest, until one fails. A statement that runs while a module is imported
-(constants, defaults) is tried by the tests that run any other line of the module; one that no test runs in
-its own process by the tests of the room. A fault that no test finds survives. At the end, the tests that
-found faults are run without any fault: one that also fails then has found nothing.
+of its room first and then the shortest, until one fails; at last the files of its room with such a test. A
+statement that runs while a module is imported (constants, defaults) is tried by the tests that run any other
+line of the module; one that no test runs in its own process by the tests of the room. A fault that no test
+finds survives. At the end, the tests that found faults are run without any fault: one that also fails then
+has found nothing.
 """
 
 from __future__ import annotations
@@ -297,11 +298,13 @@ def found_by(copy: Path, mutant: Mutant, known: Coverage) -> str:
         covering = known.tests(mutant)
         first = known.most(covering, *FIRST)
         then = known.most(covering[len(first) :], *MOST)
-        if not covering:
-            room = room_of(mutant)
-            then = [place for place in (f"tests/{room}", f"tests/test_{room}.py") if (copy / place).exists()]
-        for tests in filter(None, (first, then)):
-            if found := failing(copy, tests, sum(map(known.seconds, tests)) if covering else MOST[1]):
+        room = room_of(mutant)
+        own = [place for place in (f"tests/{room}", f"tests/test_{room}.py") if (copy / place).exists()]
+        # What a shared fixture runs counts for the first of its tests alone: the others look at it too.
+        files = {test.partition("::")[0] for test in covering}
+        last = sorted(file for file in files if file.startswith(tuple(own))) if covering else own
+        for tests in filter(None, (first, then, last)):
+            if found := failing(copy, tests, MOST[1] if tests is last else sum(map(known.seconds, tests))):
                 return found
         return ""
     finally:

@@ -34,7 +34,7 @@ from simmer_tui.calibrate.stretches import (
 )
 from simmer_tui.sim.angles import FloatArray
 from simmer_tui.sim.arcs import Twist
-from simmer_tui.sim.sensors import Sort
+from simmer_tui.sim.sensors import ParameterKind
 from tests.calibrate.synthetic import START, Synthetic, make
 from tests.kept_numbers import assert_kept
 
@@ -353,7 +353,7 @@ def test_noise_too_small_to_see_is_told_with_its_limit() -> None:
 def test_offsets_are_of_the_mounting_if_chance_has_less_than_one_in_twenty() -> None:
     """The limit is the 95 % quantile of chi-square with six degrees of freedom, 12.5916."""
     space = make(2).model.space
-    offsets = [n for n, each in enumerate(space.parameters) if each.sort is Sort.OFFSET]
+    offsets = [n for n, each in enumerate(space.parameters) if each.kind is ParameterKind.OFFSET]
     values, errors = np.zeros(len(space.parameters)), np.full(len(space.parameters), 0.5)
     told = np.ones(len(values), bool)
     for size, spread in ((12.58, 0.0), (12.60, np.sqrt(0.25 * (12.60 / 6 - 1.0)))):

@@ -91,7 +91,7 @@ def difficult() -> MeasuredRun:
     for number in (25, 30, 35):
         each = movements[number]
         parts = ((RIGHT, each.value),)
-        movements[number] = replace(each, took=float("nan"), parts=parts, led=(each.value, 0.0, 0.0))
+        movements[number] = replace(each, took=float("nan"), parts=parts, commanded=(each.value, 0.0, 0.0))
     for number in (20, 21):
         movements[number] = replace(movements[number], certain=False, took=float("nan"))
     return replace(made.run, chains=(replace(chain, movements=movements),), readings=readings)
@@ -230,7 +230,7 @@ def test_a_fit_takes_six_ranges(count: int, is_enough: bool) -> None:
         return
     assert str(refusal.value).startswith("made up: the robot's path was not found in 3 tries: ")
     assert str(refusal.value).endswith(
-        "Check its start pose and its maze against the set, and that nobody carried it in between."
+        "Check its start pose and its maze against the set, and that nobody moved it in between."
     )
     assert [each for each in told if each[0] == "finding the path"] == [
         ("finding the path", k / 4) for k in range(4)

@@ -49,7 +49,7 @@ def log(path: Path, steps: list[str | Action], of: str = "default") -> MeasuredR
 def numbers(run: MeasuredRun) -> dict[str, object]:
     return {
         "movements": [
-            (m.drive, m.value, m.certain, m.line, m.took, m.parts, m.led, m.bend) for m in run.movements
+            (m.drive, m.value, m.certain, m.line, m.took, m.parts, m.commanded, m.bend) for m in run.movements
         ],
         "readings": {
             code: (each.stops, each.values, each.times, each.gaps) for code, each in run.readings.items()
@@ -100,11 +100,13 @@ def test_a_block_that_is_gripped_is_nowhere(tmp_path: Path) -> None:
 
 
 def test_a_robot_that_never_moved_is_refused(tmp_path: Path) -> None:
-    """Names are cut at 200 characters."""
-    path = tmp_path / f"{'n' * 200}.jsonl"
+    """Paths are cut at 400 characters."""
+    folder = tmp_path / ("m" * 200)
+    folder.mkdir()
+    path = folder / f"{'n' * 200}.jsonl"
     with pytest.raises(CalibrationError) as refusal:
         log(path, ["u1", "u1"])
-    shown = f"{str(path)[:197]}..."
+    shown = f"{str(path)[:397]}..."
     assert str(refusal.value) == f"{shown}: the robot never moved, so nothing can be estimated"
 
 
@@ -141,7 +143,7 @@ def test_stretches_are_held_against_no_drive() -> None:
     made = make(40)
     (chain,) = made.run.chains
     movements = [
-        replace(each, parts=((RIGHT, each.value),), led=(each.value, 0.0, 0.0))
+        replace(each, parts=((RIGHT, each.value),), commanded=(each.value, 0.0, 0.0))
         if each.drive == RIGHT
         else replace(each, value=0.0 if each.drive == DOWN else each.value)
         for each in chain.movements

@@ -33,7 +33,7 @@ from simmer_tui.config.loader import load
 from simmer_tui.config.sets import bundled_folder
 from simmer_tui.document.as_html import html_page
 from simmer_tui.errors import CalibrationError
-from simmer_tui.sim.sensors import Sort, Ultrasonic
+from simmer_tui.sim.sensors import ParameterKind, Ultrasonic
 from simmer_tui.sim.specs import DriveSpec
 from tests.calibrate.conftest import CODES
 from tests.kept_numbers import assert_kept
@@ -111,7 +111,7 @@ def test_a_report_without_changes_and_predictions_is_that_which_was_kept(found: 
 
 def with_offsets_of_the_set(found: Fit) -> Fit:
     """The fit of the robot as the written set has it: sensors are where they were found."""
-    offsets = [each.sort is Sort.OFFSET for each in found.space.parameters]
+    offsets = [each.kind is ParameterKind.OFFSET for each in found.space.parameters]
     parameters = np.where(offsets, 0.0, found.state.parameters)
     return replace(found, state=replace(found.state, parameters=parameters))
 
@@ -215,13 +215,13 @@ def test_what_was_learned_is_read_if_its_parts_fit(tmp_path: Path, changed: dict
 
 
 def test_names_of_files_that_are_damaged_are_cut(tmp_path: Path) -> None:
-    """At 200 characters."""
-    folder = tmp_path / ("f" * 200)
-    folder.mkdir()
+    """At 400 characters."""
+    folder = tmp_path / ("f" * 200) / ("g" * 200)
+    folder.mkdir(parents=True)
     (folder / "calibration.json").write_text("{")
     with pytest.raises(CalibrationError) as refusal:
         read_knowledge(folder)
-    assert str(refusal.value).startswith(f"{str(folder)[:197]}... is damaged: ")
+    assert str(refusal.value).startswith(f"{str(folder)[:397]}... is damaged: ")
 
 
 # -- a guided session that has estimates ---------------------------------------------------------------
@@ -260,14 +260,14 @@ def test_a_session_ends_at_its_goals_or_its_last_movement(found: Fit) -> None:
     assert guide.reached == dict.fromkeys(WANTED, np.inf)
     assert not guide.done
     space, drives = found.space, found.run.spec.drives
-    offsets = np.array([each.sort is Sort.OFFSET for each in space.parameters])
+    offsets = np.array([each.kind is ParameterKind.OFFSET for each in space.parameters])
 
     def done(told: bool = True, **spreads: float) -> bool:
         errors = np.full(len(space.parameters), 99.0)
         for number, each in enumerate(space.parameters):
             if each.drive and each.field == f"bias.{main_axis(drives[each.index].kind)}":
                 errors[number] = spreads.get("main", 0.01)
-            elif each.sort is Sort.ANGLE:
+            elif each.kind is ParameterKind.ANGLE:
                 errors[number] = spreads.get("angle", 0.3)
             elif not each.drive and each.field == "bias" and each.unit == "in":
                 errors[number] = spreads.get("range", 0.03)

@@ -154,8 +154,8 @@ def test_only_errors_in_degrees_are_those_of_the_shorter_way_round(known: Synthe
     """A wheel that counted 200 in is wrong by these, and a gyro that counted 200 degrees by -160."""
     made = filter_at(known, (20.0, 30.0, 0.0), (RIGHT, 0.0))
     for code in ("o1", "g1"):
-        made.said[code] = {0: (0.0, 0.0), 1: (200.0, 0.0)}
-    made.go_on(1)
+        made.values_at_stops[code] = {0: (0.0, 0.0), 1: (200.0, 0.0)}
+    made.advance(1)
     off = {kind.name: errors for (kind, ahead), errors in made.errors.items() if ahead == 1}
     assert off["odom"] == pytest.approx([200.0])
     assert off["gyro"] == pytest.approx([160.0])

@@ -219,7 +219,7 @@ def test_a_process_without_groups_of_the_second_version_has_none(
 
 
 def test_only_a_team_with_a_robot_of_its_own_is_read_in_a_child(
-    make_course: Callable[..., Path], tmp_path: Path, course_set: Path, monkeypatch: pytest.MonkeyPatch
+    make_course: Callable[..., Path], tmp_path: Path, exact_mission: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Or one with a team.toml; each is read once when the grading begins."""
     called: list[str] = []
@@ -231,7 +231,7 @@ def test_only_a_team_with_a_robot_of_its_own_is_read_in_a_child(
     monkeypatch.setattr(SubmissionReader, "call", call)
     file = make_course({"a": "", "b": "", "c": ""})
     (tmp_path / "teams" / "b" / "config").mkdir()
-    shutil.copy(course_set / "robot.csv", tmp_path / "teams" / "b" / "config")
+    shutil.copy(exact_mission / "robot.csv", tmp_path / "teams" / "b" / "config")
     (tmp_path / "teams" / "c" / "team.toml").write_text('command = "./x"\n')
     made = GradeFolder.create(tmp_path / "out", read_course(file), 3, Isolation.NONE)
     assert called == ["submitted_team c", "check_submission b"]

@@ -25,7 +25,7 @@ from tests.kept_numbers import assert_kept
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="signals have no names there")
 KEPT = Path(__file__).with_name("kept_runs.json")
 SOLVE = ("d1-5", "p1-1", "a1-9", "p1-0")
-"""The mission of `mission_set` in four commands."""
+"""The mission of `exact_mission` in four commands."""
 
 
 class Program:
@@ -85,9 +85,9 @@ Run = Callable[..., TrialResult]
 
 
 @pytest.fixture
-def trial(mission_set: Path) -> Trial:
+def trial(exact_mission: Path) -> Trial:
     return Trial(
-        number=7, seed=5, configuration=load(mission_set), maze="", command="x", fixed_ports=False,
+        number=7, seed=5, configuration=load(exact_mission), maze="", command="x", fixed_ports=False,
         time_limit=60.0,
     )  # fmt: skip
 
@@ -156,8 +156,8 @@ def test_without_a_mission_the_exit_code_decides(
 
 
 @pytest.mark.parametrize("configuration", ["mission", "default"])
-def test_a_program_that_stays_has_its_time(run: Run, configuration: str, mission_set: Path) -> None:
-    loaded = load(mission_set if configuration == "mission" else find_set("default"))
+def test_a_program_that_stays_has_its_time(run: Run, configuration: str, exact_mission: Path) -> None:
+    loaded = load(exact_mission if configuration == "mission" else find_set("default"))
     result = run(Program(("r1-90",), None, ("last",)), time_limit=0.3, configuration=loaded)
     assert (result.ending.value, result.exit_code, result.success) == ("real time limit", None, False)
     assert result.reason == "the real time limit of 0.3 s"
