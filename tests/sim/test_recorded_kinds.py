@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from pathlib import Path
 from typing import Any
 
@@ -129,8 +130,8 @@ def test_a_recorded_sensor_has_its_row_and_no_readings_of_its_own() -> None:
         (RecordedKind(name="", title="Thermometer"), "a kind of sensor whose name is no name"),
         (RecordedKind(name="temp", title="no title"), "a kind of sensor whose name is no name"),
         (RecordedKind(name="temp", title="x" * 101), "a kind of sensor whose name is no name"),
-        (RecordedKind(name="temp", title="T", meaning="a\n"), "the meaning or unit of the kind temp is no line"),
-        (RecordedKind(name="temp", title="T", unit="\x1b"), "the meaning or unit of the kind temp is no line"),
+        (RecordedKind(name="temp", title="T", meaning="a\n"), "the meaning or unit of the kind temp is no"),
+        (RecordedKind(name="temp", title="T", unit="\x1b"), "the meaning or unit of the kind temp is no"),
         (with_column(header="a\n"), "a column of the kind temp has a name that is no line"),
         (with_column(unit="a\n"), "a column of the kind temp has a name that is no line"),
         (with_column(label="a\n"), "a column of the kind temp has a name that is no line"),
@@ -146,9 +147,8 @@ def test_a_recorded_sensor_has_its_row_and_no_readings_of_its_own() -> None:
     ],
 )  # fmt: skip
 def test_a_description_that_fits_no_class_is_refused(kind: RecordedKind, reason: str) -> None:
-    with pytest.raises(ValueError, match=".") as raised:
+    with pytest.raises(ValueError, match="^" + re.escape(reason)):
         recorded_class(kind)
-    assert str(raised.value).startswith(reason)
 
 
 def test_names_and_labels_have_greatest_lengths() -> None:
