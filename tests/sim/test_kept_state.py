@@ -62,7 +62,9 @@ class Listener:
         contact = leg.contact
         if contact is not None:
             said = (contact.ended, contact.drift, contact.held_block)
-            self.contacts.append([contact.point, contact.cell, *said])
+            self.contacts.append(
+                [contact.point, contact.cell, contact.place, contact.time, contact.pose, *said]
+            )
 
     def velocity_expired(self, time: float) -> None:
         self.expired.append(time)
@@ -200,6 +202,8 @@ PROGRAMS: dict[str, list[Step]] = {
         *("vv-5;0;0", "vv-5;0;0"),
         lambda simulator: later(simulator, 1.5),
         *("vv-5;0;0;0.5", "wt-1", "vv-1e7;0;0", "vv-9;0;90", "wt-0.2"),
+        lambda simulator: [simulator.begin(text).velocity for text in ("vx-3", "vr-9;0.25", "vx-2", "vx-2;0.2")],
+        lambda simulator: later(simulator, 0.2),
         lambda simulator: setattr(simulator, "noise", False),
         *("u1", "wt-0.2"),
         lambda simulator: setattr(simulator, "noise", True),
@@ -226,6 +230,9 @@ SETS: dict[str, dict[str, Any]] = {
     "disc": {},
     "rectangle, solid block, kept clear": {
         "robot": BODIES["rectangle"], "block_solid": True, "clearance": 0.1, "velocity_timeout": 0.0,
+    },
+    "L, no lags": {
+        "robot": BODIES["L"], "drives": load_default().simulation.drives, "control_period": 0.07,
     },
     "wheels, stops": {
         "contact": ContactRule.STOP, "wheels": WheelsSpec(layout=WheelLayout.OMNI_3), "randbias": False,
