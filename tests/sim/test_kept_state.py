@@ -202,7 +202,7 @@ PROGRAMS: dict[str, list[Step]] = {
         *("vv-5;0;0", "vv-5;0;0"),
         lambda simulator: later(simulator, 1.5),
         *("vv-5;0;0;0.5", "wt-1", "vv-1e7;0;0", "vv-9;0;90", "wt-0.2"),
-        lambda simulator: [simulator.begin(text).velocity for text in ("vx-3", "vr-9;0.25", "vx-2", "vx-2;0.2")],
+        lambda simulator: [simulator.begin(text).velocity for text in ("vx-3", "vr-9;0.25", "vx-2")],
         lambda simulator: later(simulator, 0.2),
         lambda simulator: setattr(simulator, "noise", False),
         *("u1", "wt-0.2"),
