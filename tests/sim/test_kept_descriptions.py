@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import math
 from collections.abc import Iterator
 from pathlib import Path
@@ -62,7 +63,16 @@ def test_columns_are_those_that_were_kept() -> None:
 
 
 def test_kinds_are_those_that_were_kept() -> None:
-    said = ("name", "meaning", "unit", "is_range", "is_yes_or_no", "is_scan", "counts", "is_heading")
+    said: tuple[str, ...] = (
+        "name",
+        "meaning",
+        "unit",
+        "is_range",
+        "is_yes_or_no",
+        "is_scan",
+        "counts",
+        "is_heading",
+    )
     said += ("feels_block", "feels_floor", "stands_for", "devices", "is_opaque", "any_columns", "spec_type")
     said += ("missed", "pings", "least_error")
     found = {}
@@ -313,7 +323,7 @@ def test_a_fingerprint_is_of_the_functions_that_a_simulation_calls(monkeypatch: 
         def hexdigest(self) -> str:
             return "0123456789abcdef0123456789abcdef"
 
-    monkeypatch.setattr(fingerprint.hashlib, "sha256", Recorder)
+    monkeypatch.setattr(hashlib, "sha256", Recorder)
     assert fingerprint.math_fingerprint.__wrapped__() == "0123456789abcdef"
     # Of 16,000 numbers, tangents among them, a sum is that of the largest alone.
     found = [(len(each), each[:: len(each) // 20], np.tanh(each).sum()) for each in hashed]
