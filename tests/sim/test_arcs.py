@@ -132,3 +132,41 @@ def test_a_halt_is_at_once() -> None:
     plan.command(3.0, VelocityTarget(Twist(4.0), lag=1.0, acceleration=Twist(1.0)))
     plan.halt()
     assert (plan.moves, plan.twist, plan.due) == (False, STILL, math.inf)
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "seconds"),
+    [
+        ((-1.0, -1.0), (1.0, 1.0), 0.0),  # it begins inside
+        ((0.0, 0.0), (1.0, 1.0), 0.0),  # on a corner
+        ((-2.0, -1.0), (-1e-10, 1.0), 0.0),  # within rounding of an edge
+        ((-2.0, -1.0), (-1e-8, 1.0), None),
+        ((3.0, -1.0), (4.0, 1.0), 1.5),
+        ((8.0, -1.0), (9.0, 0.0), 4.0),  # reached at its very end
+        ((8.001, -1.0), (9.0, 0.0), None),
+        ((3.0, 0.5), (4.0, 1.0), None),
+    ],
+)
+def test_a_straight_arc_is_in_a_box_from_its_edge_on(
+    low: tuple[float, float], high: tuple[float, float], seconds: float | None
+) -> None:
+    for quarter in range(4):  # the same, turned by quarter turns
+        places = [(low[0], low[1]), (high[0], high[1])]
+        for _ in range(quarter):
+            places = [(-y, x) for x, y in places]
+        corners = [(min(each), max(each)) for each in zip(*places, strict=True)]
+        arc = Arc.of(Pose(0.0, 0.0, 90.0 * quarter), Twist(2.0), 4.0)
+        found = arc.seconds_in_box((corners[0][0], corners[1][0]), (corners[0][1], corners[1][1]))
+        assert found == (None if seconds is None else pytest.approx(seconds, abs=1e-9))
+
+
+def test_a_quarter_circle_is_in_a_box_by_hand() -> None:
+    """A circle of 4 in around (0, 4), by 45 degrees a second: its place is 4 sin, 4 - 4 cos."""
+    arc = Arc.of(Pose(0.0, 0.0, 0.0), Twist(math.pi, 0.0, 45.0), 2.0)
+    assert arc.seconds_in_box((2.0, 0.0), (3.0, 4.0)) == pytest.approx(2.0 / 3.0)
+    assert arc.seconds_in_box((0.0, 2.0), (5.0, 3.0)) == pytest.approx(4.0 / 3.0)
+    assert arc.seconds_in_box((4.0, 4.0), (5.0, 5.0)) == pytest.approx(2.0)
+    assert arc.seconds_in_box((0.0, 2.0), (3.0, 3.0)) is None
+    still = Arc.standing(Pose(1.0, 1.0, 0.0))
+    assert still.seconds_in_box((0.0, 0.0), (1.0, 1.0)) == 0.0
+    assert still.seconds_in_box((0.0, 0.0), (0.5, 1.0)) is None

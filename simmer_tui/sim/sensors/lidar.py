@@ -81,11 +81,11 @@ class Lidar(RangeSensor):
 
     def combined(self, distances: Sequence[float]) -> float:
         """The one distance, inches."""
-        return distances[0]
+        (distance,) = distances
+        return distance
 
     def combined_many(self, fans: FloatArray) -> FloatArray:
-        nearest: FloatArray = fans[:, 0]
-        return nearest
+        return fans.ravel()
 
     # -- its turns -----------------------------------------------------------------------------------
 
