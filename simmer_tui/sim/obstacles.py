@@ -107,11 +107,11 @@ class Obstacles(Struct, frozen=True, dict=True):
         # A disc is the same at every heading, so that each place is looked at once.
         places, place_of = np.unique(poses[:, :2], axis=0, return_inverse=True)
         if footprint.radius:
-            overlapping |= self._within(places, footprint.radius)[place_of.reshape(-1)]
+            overlapping |= self._within(places, footprint.radius)[place_of.ravel()]
         if not footprint.polygons:
             return overlapping
         # Only what is within reach of a wall needs its outline.
-        close = self._within(places, footprint.reach + SKIN)[place_of.reshape(-1)]
+        close = self._within(places, footprint.reach + SKIN)[place_of.ravel()]
         looked_at = np.flatnonzero(close & ~overlapping)
         cos, sin = (each[:, None] for each in cos_sin_array(poses[looked_at, 2]))
         for polygon in footprint.polygons:
