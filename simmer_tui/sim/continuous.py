@@ -329,9 +329,8 @@ class ContinuousMotion:
         contact = self._contact(here.time, here.pose, met, here)
         if contact is not None:
             # It already touched the obstacle: a leg of length 0 reports the contact.
-            arc = replace(way.arc, duration=0.0)
             counts = here.true.counts()
-            leg = Leg(arc, here.time, here.time, here.pose, self._plan.twist, counts, contact=contact)
+            leg = Leg(way.arc, here.time, here.time, here.pose, self._plan.twist, counts, contact=contact)
             self._listener.leg_begun(leg)
             self._listener.leg_ended(leg)
 

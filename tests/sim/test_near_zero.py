@@ -1,0 +1,209 @@
+"""Values on both sides of a threshold, and close to it: by hand."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from msgspec.structs import replace
+
+from simmer_tui.config import load_default
+from simmer_tui.sim import DriveKind, DriveSpec, MazeSpec, Pose, RobotSpec, Simulator
+from simmer_tui.sim.angles import cos_sin, half_turn
+from simmer_tui.sim.arcs import Arc, Twist
+from simmer_tui.sim.block import Block
+from simmer_tui.sim.contact import first_contact
+from simmer_tui.sim.distance_errors import components
+from simmer_tui.sim.footprint import Footprint
+from simmer_tui.sim.legs import Leg
+from simmer_tui.sim.maze import Maze
+from simmer_tui.sim.motion import AT_ONCE, CollisionChecker
+from simmer_tui.sim.obstacles import Obstacles
+from simmer_tui.sim.path import Path, PathPosition
+from simmer_tui.sim.recent_motion import BlockPlace, RecentMotion
+from simmer_tui.sim.records import LidarScan
+from simmer_tui.sim.scan_rays import extremes
+from simmer_tui.sim.specs import VelocityKind, VelocitySpec, WheelLayout, WheelsSpec
+from simmer_tui.sim.trajectory import VelocityProfile
+from simmer_tui.sim.velocity_commands import VelocityControl, VelocityRequest
+from simmer_tui.sim.wheels import WheelKinematics
+
+ALL = VelocitySpec(kind=VelocityKind.ALL, code="vv")
+DRIVES = tuple(DriveSpec(kind=kind, code=kind.value[:2], speed=4.0) for kind in DriveKind)
+WALL = MazeSpec(((1, 1, 1), (1, 0, 1), (1, 1, 1)))
+
+
+@pytest.mark.parametrize("size", [0.25, 1.0, -0.25, -1.0])
+def test_any_component_moves(size: float) -> None:
+    assert Twist(size).moves
+    assert Twist(0.0, size).moves
+    assert Twist(0.0, 0.0, size).moves
+    assert not Twist(0.0, -0.0, 0.0).moves
+
+
+@pytest.mark.parametrize(
+    ("asked", "kind"),
+    [
+        (Twist(0.5), DriveKind.RIGHT), (Twist(-0.5), DriveKind.LEFT), (Twist(0.0, 0.5), DriveKind.UP),
+        (Twist(0.0, -0.5), DriveKind.DOWN), (Twist(0.5, -0.5), DriveKind.RIGHT),
+        (Twist(0.4, 0.5, 9.0), DriveKind.UP), (Twist(-0.5, 0.4, 9.0), DriveKind.LEFT),
+        (Twist(0.0, 0.0, 0.5), DriveKind.ROT), (Twist(), DriveKind.ROT),
+    ],
+)  # fmt: skip
+def test_a_leg_is_a_movement_of_its_greatest_direction(asked: Twist, kind: DriveKind) -> None:
+    arc = Arc.of(Pose(1.0, 2.0, 30.0), Twist(0.3, 0.1, 5.0), 2.0)
+    movement = Leg(arc, 1.0, 3.0, arc.end, asked).as_movement()
+    assert (movement.kind, movement.path.segments, movement.start_time) == (kind, 1, 1.0)
+    assert (movement.totals.x, movement.totals.y, movement.totals.r) == pytest.approx((0.6, 0.2, 10.0))
+
+
+@pytest.mark.parametrize(
+    ("seconds", "points"), [(0.0, 2), (1.0, 2), (1.01, 3), (2.0, 3), (2.01, 4), (9.0, 4)]
+)
+def test_a_leg_is_drawn_with_a_piece_for_each_six_degrees(seconds: float, points: int) -> None:
+    arc = Arc.of(Pose(0.0, 0.0, 0.0), Twist(1.0, 0.0, 6.0), 2.5)
+    assert len(Leg(arc, 5.0, 7.5, arc.end, Twist()).centres(5.0 + seconds)) == points
+
+
+@pytest.mark.parametrize("value", [0.5, -0.5])
+def test_components_use_the_row_of_their_direction(value: float) -> None:
+    rows = {drive.kind: drive for drive in DRIVES}
+    ahead, back = (DriveKind.RIGHT, DriveKind.LEFT)[:: 1 if value > 0 else -1]
+    up, down = (DriveKind.UP, DriveKind.DOWN)[:: 1 if value > 0 else -1]
+    found = components(Twist(value, value, value), rows)
+    assert [part.drive.kind for part in found] == [ahead, up, DriveKind.ROT]
+    assert [(part.speed, part.pace) for part in found] == [(value, 0.5)] * 3
+    left = components(Twist(value, value, value), {kind: rows[kind] for kind in (back, down)})
+    assert [part.drive.kind for part in left] == [back, down]
+
+
+@pytest.mark.parametrize(
+    ("text", "limited", "seconds"),
+    [
+        ("3.9;0;0", 1.0, math.inf), ("4;0;0", 1.0, math.inf), ("-4.4;0;0;0.5", 1 / 1.1, 0.5),
+        ("2;6;0", 2 / 3, math.inf), ("0;0;4.1", 4 / 4.1, math.inf), ("0;0;0", 1.0, math.inf),
+    ],
+)  # fmt: skip
+def test_a_velocity_is_limited_by_the_fastest_of_its_rows(text: str, limited: float, seconds: float) -> None:
+    request = VelocityControl(DRIVES, None).parse(ALL, text, Twist())
+    assert isinstance(request, VelocityRequest)
+    assert (request.limited, request.seconds) == (pytest.approx(limited), seconds)
+    x, y, r = (float(each) for each in text.split(";")[:3])
+    target = request.target.twist
+    assert (target.x, target.y, target.r) == pytest.approx((x * limited, y * limited, r * limited))
+
+
+@pytest.mark.parametrize(("text", "taken"), [("1;0;0;0.5", True), ("1;0;0;0", False), ("1;0;0;-0.5", False)])
+def test_a_velocity_lasts_more_than_no_time(text: str, taken: bool) -> None:
+    request = VelocityControl(DRIVES, None).parse(ALL, text, Twist())
+    assert isinstance(request, VelocityRequest) == taken
+
+
+@pytest.mark.parametrize(("x", "share"), [(8.9, 1.0), (9.0, 1.0), (9.5, 9.0 / 9.5)])
+def test_rims_are_as_fast_as_their_top_speed(x: float, share: float) -> None:
+    wheels = WheelKinematics.of(WheelsSpec(layout=WheelLayout.DIFF, top_speed=9.0))
+    assert wheels.share(Twist(x)) == pytest.approx(share)
+
+
+@pytest.mark.parametrize(
+    ("x", "distance"), [(0.75, 0.25), (0.6, 0.1), (0.4, 0.9), (0.0, 0.5), (-0.4, 0.1), (-0.6, math.inf)]
+)
+@pytest.mark.parametrize("turn", range(4))
+def test_a_ray_meets_a_small_block_near_its_origin(x: float, distance: float, turn: int) -> None:
+    """A block of 1 in, its centre `x` ahead: from outside its near side, from inside the far one."""
+    cos, sin = cos_sin(90.0 * turn)
+    block = Block(x * cos, x * sin, 1.0)
+    assert block.cast(0.0, 0.0, cos, sin) == pytest.approx(distance)
+    many = block.cast_many(*(np.array([each]) for each in (0.0, 0.0, cos, sin)))
+    assert many.tolist() == [block.cast(0.0, 0.0, cos, sin)]
+
+
+def test_the_cosine_of_an_angle_is_that_of_the_angle_within_a_turn() -> None:
+    for angle, within in ((-0.5, 359.5), (0.5, 0.5), (-1.5, 358.5), (360.5, 0.5), (-720.5, 359.5)):
+        assert cos_sin(angle) == (math.cos(math.radians(within)), math.sin(math.radians(within)))
+    assert [half_turn(each) for each in (180.5, -179.5, -180.0, 180.0)] == [-179.5, -179.5, 180.0, 180.0]
+
+
+def test_a_short_echo_counts_and_a_range_of_0_does_not() -> None:
+    empty = np.zeros(3)
+    scan = LidarScan(0, np.array((0.5, 0.0, math.inf)), np.array((10.0, 20.0, 30.0)), empty, empty)
+    found = extremes(scan)
+    assert (found.nearest, found.farthest, found.missed) == ((0.5, 10.0), (0.5, 10.0), 2)
+
+
+def test_the_block_was_where_it_lay_before_the_run_and_moves_at_once() -> None:
+    times = np.array((-0.5, 0.0, 0.4, 0.5, 0.6))
+    recent = RecentMotion(2.0)
+    first, second, third = (BlockPlace(since, Block(since, 1.0, 1.0)) for since in (-0.5, 0.0, 0.5))
+    for place in (first, second, third):
+        recent.block_is(place)
+    assert [(part.start, part.stop, place) for part, place in recent.blocks(times)] == [
+        (0, 4, second),
+        (4, 5, third),
+    ]
+
+
+def test_a_leg_ends_where_it_ended_also_for_the_last_of_many_times() -> None:
+    arc = Arc.of(Pose(0.0, 0.0, 0.0), Twist(2.0), 1.0)
+    recent = RecentMotion(9.0)
+    recent.went(Leg(arc, 1.0, 2.0, arc.end, Twist(2.0)))
+    for times in ((0.5, 1.5, 2.5), (1.5, 2.0), (1.0, 2.0, 7.0), (1.5, 1.75)):
+        poses = recent.poses(np.array(times), arc.end, None)
+        expected = [2.0 * min(max(time - 1.0, 0.0), 1.0) for time in times]
+        assert poses[:, 0].tolist() == pytest.approx(expected), times
+
+
+def test_a_thin_robot_meets_a_corner_that_is_near_its_centre() -> None:
+    """A body of 8 x 1 in turns clockwise beside a corner 0.8 in from its centre: by acos(0.5 / 0.8)."""
+    body = Footprint.of(RobotSpec.rectangle(8.0, 1.0))
+    walls = Obstacles.of_maze(Maze(WALL).walls)
+    start = Pose(12.0 - 0.8, 24.0, 90.0)
+    turn = Path.laid(start, 0.0, 0.0, -80.0, 1)
+    met = first_contact(body, walls, turn, 60.0)
+    assert met is not None
+    assert met.stop.turned * 80.0 == pytest.approx(math.degrees(math.acos(0.5 / 0.8)), abs=1e-6)
+    later = first_contact(body, walls, turn, 60.0, PathPosition(0, 0.5, 0.0))
+    assert later == met
+
+
+def test_a_rest_is_blocked_at_once_within_a_millionth_of_an_inch() -> None:
+    maze = Maze(WALL)
+    checker = CollisionChecker(Footprint.of(RobotSpec.circle(6.0)), Obstacles.of_maze(maze.walls), maze)
+    assert checker.size == pytest.approx(math.hypot(36.0, 36.0))
+    for gap, blocked in ((0.0, True), (0.5 * AT_ONCE, True), (1.5 * AT_ONCE, False), (1.0, False)):
+        for length in (0.5, 5.0):
+            end = (9.0 - gap + length, 18.0)
+            rest = Path(0.0, 0.0, ((9.0 - gap, 18.0), end))
+            assert checker.blocked_at_once(rest) == blocked, (gap, length)
+    assert not checker.blocked_at_once(Path(0.0, 0.0, ((9.0, 18.0), (9.0, 18.0))))
+
+
+@pytest.mark.parametrize(
+    ("profile", "duration", "shares"),
+    [
+        # 0.5 s of lag, ramps of 0.5 s up to 2 in/s (0.5 in each), and 0.25 s at full speed.
+        (VelocityProfile(1.5, 2.0, 0.5, 4.0), 1.75, {0.5: 0.0, 0.75: 1 / 12, 1.0: 1 / 3, 1.5: 11 / 12}),
+        # A triangle: 0.5 in, of which half within sqrt(0.125) s.
+        (VelocityProfile(0.5, 2.0, 0.0, 4.0), math.sqrt(0.5), {math.sqrt(0.125): 0.5, 0.25: 0.25, 0.0: 0.0}),
+        (VelocityProfile(0.5, 2.0, 0.25), 0.5, {0.25: 0.0, 0.375: 0.5, 0.5: 1.0, 0.6: 1.0}),
+        (VelocityProfile(0.0, 2.0, 0.25), 0.0, {0.0: 0.0}),
+    ],
+)  # fmt: skip
+def test_a_profile_by_hand(profile: VelocityProfile, duration: float, shares: dict[float, float]) -> None:
+    assert profile.duration == pytest.approx(duration)
+    for elapsed, share in shares.items():
+        assert profile.fraction_at(elapsed) == pytest.approx(share, abs=1e-12)
+        if 0.0 < share < 1.0:
+            assert profile.time_at(share) == pytest.approx(elapsed)
+
+
+def test_a_small_solid_block_is_in_the_way() -> None:
+    base = load_default().simulation
+    spec = replace(base, block_solid=True, block_size=0.5, block_center=(15.0, 42.0), randbias=False)
+    drives = tuple(replace(drive, error=replace(drive.error, x=0.0, y=0.0, r=0.0)) for drive in base.drives)
+    simulator = Simulator(replace(spec, drives=drives))
+    assert simulator.execute("d1-9").pose.x == pytest.approx(15.0 - 0.25 - 3.0)
+    read = Simulator(replace(spec, drives=drives, block_center=(15.0, 41.5))).execute("d1-9")
+    assert read.contact is not None
+    assert read.contact.cell is None
