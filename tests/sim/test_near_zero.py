@@ -9,7 +9,17 @@ import pytest
 from msgspec.structs import replace
 
 from simmer_tui.config import load_default
-from simmer_tui.sim import DriveKind, DriveSpec, MazeSpec, Pose, RobotSpec, Simulator
+from simmer_tui.sim import (
+    Axes,
+    DriveKind,
+    DriveSpec,
+    MazeSpec,
+    Pose,
+    RobotSpec,
+    SensorSpec,
+    Simulator,
+    columns,
+)
 from simmer_tui.sim.angles import cos_sin, half_turn
 from simmer_tui.sim.arcs import Arc, Twist
 from simmer_tui.sim.block import Block
@@ -18,14 +28,15 @@ from simmer_tui.sim.distance_errors import components
 from simmer_tui.sim.footprint import Footprint
 from simmer_tui.sim.legs import Leg
 from simmer_tui.sim.maze import Maze
-from simmer_tui.sim.motion import AT_ONCE, CollisionChecker
+from simmer_tui.sim.motion import AT_ONCE, CollisionChecker, rebuilt
 from simmer_tui.sim.obstacles import Obstacles
-from simmer_tui.sim.path import Path, PathPosition
+from simmer_tui.sim.path import Contact, Path, PathPosition
 from simmer_tui.sim.recent_motion import BlockPlace, RecentMotion
 from simmer_tui.sim.records import LidarScan
 from simmer_tui.sim.scan_rays import extremes
+from simmer_tui.sim.sensors import Ultrasonic
 from simmer_tui.sim.specs import VelocityKind, VelocitySpec, WheelLayout, WheelsSpec
-from simmer_tui.sim.trajectory import VelocityProfile
+from simmer_tui.sim.trajectory import Trajectory, VelocityProfile
 from simmer_tui.sim.velocity_commands import VelocityControl, VelocityRequest
 from simmer_tui.sim.wheels import WheelKinematics
 
@@ -88,7 +99,8 @@ def test_components_use_the_row_of_their_direction(value: float) -> None:
 def test_a_velocity_is_limited_by_the_fastest_of_its_rows(text: str, limited: float, seconds: float) -> None:
     request = VelocityControl(DRIVES, None).parse(ALL, text, Twist())
     assert isinstance(request, VelocityRequest)
-    assert (request.limited, request.seconds) == (pytest.approx(limited), seconds)
+    assert request.limited == pytest.approx(limited)
+    assert request.seconds == seconds
     x, y, r = (float(each) for each in text.split(";")[:3])
     target = request.target.twist
     assert (target.x, target.y, target.r) == pytest.approx((x * limited, y * limited, r * limited))
@@ -207,3 +219,58 @@ def test_a_small_solid_block_is_in_the_way() -> None:
     read = Simulator(replace(spec, drives=drives, block_center=(15.0, 41.5))).execute("d1-9")
     assert read.contact is not None
     assert read.contact.cell is None
+
+
+@pytest.mark.parametrize(("rays", "bearings"), [(1, [20.0]), (2, [5.0, 35.0]), (3, [5.0, 20.0, 35.0])])
+def test_rays_are_spread_over_the_field_of_view(rays: int, bearings: list[float]) -> None:
+    spec = SensorSpec(kind=Ultrasonic, number=1, code="u1", rotation=20.0, field_of_view=30.0, rays=rays)
+    assert Ultrasonic(spec).bearings == bearings
+
+
+@pytest.mark.parametrize(("least", "contradicts"), [(3.9, False), (4.0, False), (4.1, True)])
+def test_a_least_range_is_not_above_the_greatest(least: float, contradicts: bool) -> None:
+    spec = SensorSpec(kind=Ultrasonic, number=1, code="u1", min_range=least, max_range=4.0)
+    found = Ultrasonic.contradiction(spec)
+    what = "the least range, 4.1, must not be above the greatest, 4"
+    assert found == (((columns.MIN_RANGE, columns.MAX_RANGE), what) if contradicts else None)
+
+
+def slid(ended: bool, drift: bool = True) -> Trajectory:
+    """Ten inches ahead in two seconds from 1 s on; a contact in the middle, and its rest ends at 2.5 s."""
+    contact = Contact(Pose(5.0, 0.0, 0.0), (8.0, 0.0), 2, 1.0, 0.5, 2.0, ended, drift)
+    stop = PathPosition(0, 1.0, 0.5) if ended else None
+    return rebuilt(Pose(0.0, 0.0, 0.0), DriveKind.RIGHT, Axes(10.0), 5, 1.0, 2.0, contact, stop)
+
+
+def test_a_movement_is_cut_short_before_its_end_only() -> None:
+    free = rebuilt(Pose(0.0, 0.0, 0.0), DriveKind.RIGHT, Axes(10.0), 5, 1.0, 2.0)
+    assert free.stopped(3.0) is free
+    assert [free.stopped(time).cut for time in (2.9, 1.0, 0.5)] == [2.9, 1.0, 1.0]
+    assert [free.stopped(2.0).pose_at(time).x for time in (1.5, 2.0, 2.5)] == pytest.approx([2.5, 5.0, 5.0])
+    assert free.stopped(2.5).stopped(2.5).cut == 2.5
+
+
+def test_a_movement_that_is_stopped_has_the_contacts_that_it_had_until_then() -> None:
+    held = slid(True)
+    assert held.held_at == pytest.approx(2.5)
+    for time, touched, blocked in (
+        (1.9, False, False),
+        (2.0, True, False),
+        (2.4, True, False),
+        (2.6, True, True),
+    ):
+        stopped = held.stopped(time)
+        assert (stopped.contact is not None) == touched, time
+        assert (stopped.contact is not None and stopped.contact.ended) == blocked, time
+        assert (stopped.rest is not None) == touched
+        assert (stopped.rest_stop is not None) == blocked
+    went = [held.pose_at(time).x for time in (1.5, 2.0, 2.25, 2.5, 2.75, 3.0)]
+    assert went == pytest.approx([2.5, 5.0, 6.25, 7.5, 7.5, 7.5])
+    assert [held.travelled(time) for time in (1.5, 2.25, 3.0)] == pytest.approx([2.5, 6.25, 7.5])
+    assert slid(False).held_at is None
+    assert slid(False).pose_at(3.0).x == pytest.approx(10.0)
+    ended = replace(slid(True), rest=None, rest_stop=None)
+    assert ended.held_at == 2.0
+    assert ended.pose_at(2.5).x == pytest.approx(5.0)
+    assert [len(ended.centres(time)) for time in (1.0, 1.5, 2.5)] == [2, 3, 4]
+    assert [len(held.centres(time)) for time in (1.0, 1.5, 2.5)] == [2, 3, 5]
