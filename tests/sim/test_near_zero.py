@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -34,7 +35,8 @@ from simmer_tui.sim.path import Contact, Path, PathPosition
 from simmer_tui.sim.recent_motion import BlockPlace, RecentMotion
 from simmer_tui.sim.records import LidarScan
 from simmer_tui.sim.scan_rays import extremes
-from simmer_tui.sim.sensors import Ultrasonic
+from simmer_tui.sim.sensors import Gyro, TimeOfFlight, Ultrasonic
+from simmer_tui.sim.sensors.faults import Faults, Pings, has_faults
 from simmer_tui.sim.specs import VelocityKind, VelocitySpec, WheelLayout, WheelsSpec
 from simmer_tui.sim.trajectory import Trajectory, VelocityProfile
 from simmer_tui.sim.velocity_commands import VelocityControl, VelocityRequest
@@ -42,6 +44,7 @@ from simmer_tui.sim.wheels import WheelKinematics
 
 ALL = VelocitySpec(kind=VelocityKind.ALL, code="vv")
 DRIVES = tuple(DriveSpec(kind=kind, code=kind.value[:2], speed=4.0) for kind in DriveKind)
+ULTRA = SensorSpec(kind=Ultrasonic, number=1, code="u1")
 WALL = MazeSpec(((1, 1, 1), (1, 0, 1), (1, 1, 1)))
 
 
@@ -274,3 +277,93 @@ def test_a_movement_that_is_stopped_has_the_contacts_that_it_had_until_then() ->
     assert ended.pose_at(2.5).x == pytest.approx(5.0)
     assert [len(ended.centres(time)) for time in (1.0, 1.5, 2.5)] == [2, 3, 4]
     assert [len(held.centres(time)) for time in (1.0, 1.5, 2.5)] == [2, 3, 5]
+
+
+class FixedDraws:
+    """A generator whose draws are given."""
+
+    def __init__(self, *draws: float) -> None:
+        self.draws = list(draws)
+
+    def random(self, size: int | None = None) -> Any:
+        return self.draws.pop(0) if size is None else np.array([self.draws.pop(0) for _ in range(size)])
+
+    def standard_normal(self) -> float:
+        return self.draws.pop(0)
+
+
+@pytest.mark.parametrize(
+    ("draws", "reading"),
+    [
+        ((0.1, 0.9, 0.25), math.inf), ((0.2, 0.9, 0.25), 12.0), ((0.3, 0.1, 0.25), 11.0),
+        ((0.3, 0.3, 0.25), 12.0), ((0.3, 0.29, 0.75), 31.0), ((0.19, 0.0, 0.75), math.inf),
+    ],
+)  # fmt: skip
+def test_a_reading_is_missed_or_any_value_by_its_draws(draws: tuple[float, ...], reading: float) -> None:
+    """Dropouts of 0.2 come before outliers of 0.3, which are from 1 to 41 in."""
+    row = replace(ULTRA, dropout=0.2, outlier=0.3, min_range=1.0, max_range=41.0)
+    faults = Faults(Ultrasonic(row), cast(Any, FixedDraws(*draws)), Pings())
+    assert faults.reading(12.0, cast(Any, FixedDraws(0.7)), 5.0) == reading
+
+
+def test_a_walk_goes_with_the_root_of_the_time_since_the_last_reading() -> None:
+    row = SensorSpec(kind=Gyro, number=1, code="g1", random_walk=0.5)
+    faults = Faults(Gyro(row), cast(Any, FixedDraws(1.0, -3.0, 9.0)), Pings())
+    nothing = cast(Any, FixedDraws())
+    read = [faults.reading(10.0, nothing, time) for time in (0.0, 0.25, 0.25, 4.25)]
+    assert read == pytest.approx([10.0, 10.0 + 0.5 * 0.5, 10.25, 10.25 - 3.0 * 0.5 * 2.0])
+
+
+@pytest.mark.parametrize(("draw", "heard"), [(0.29, True), (0.3, False)])
+def test_an_echo_of_another_is_read_by_its_probability(draw: float, heard: bool) -> None:
+    """Sound of 1 ms earlier, from a reflector 15 in away: (15 + 20 - 13.504) / 2 in."""
+    row = replace(ULTRA, read_time=0.06, cross_talk=0.3)
+    pings = Pings({"ultra9": (4.999, 5.02, 15.0)})
+    faults = Faults(Ultrasonic(row), cast(Any, FixedDraws(draw)), pings)
+    read = faults.reading(20.0, cast(Any, FixedDraws(0.0)), 5.0)
+    assert read == pytest.approx((15.0 + 20.0 - 13.503937) / 2.0 if heard else 20.0)
+    assert pings.sent["ultra1"] == (5.0, 5.06, 20.0)
+
+
+def test_readings_have_faults_only_if_a_column_says_so() -> None:
+    assert not has_faults(Ultrasonic(ULTRA))
+    assert has_faults(Ultrasonic(replace(ULTRA, read_time=0.1)))
+    assert not has_faults(TimeOfFlight(replace(ULTRA, kind=TimeOfFlight, read_time=0.1)))
+    for column in ("random_walk", "dropout", "outlier"):
+        assert has_faults(TimeOfFlight(replace(ULTRA, kind=TimeOfFlight, **{column: 0.1})))
+
+
+@pytest.mark.parametrize(
+    ("body", "reach"),
+    [(RobotSpec.circle(6.0), 3.0), (RobotSpec.rectangle(6.0, 4.0), 3.0)],
+    ids=["disc", "box"],
+)
+def test_touching_is_not_overlapping_within_a_ten_billionth_of_an_inch(body: RobotSpec, reach: float) -> None:
+    walls, footprint = Obstacles.of_maze(Maze(WALL).walls), Footprint.of(body)
+    depths = (-1e-9, 0.0, 0.9e-10, 1.2e-10, 1e-9)
+    for x, sign in ((12.0 - reach, 1.0), (24.0 + reach, -1.0), (reach, -1.0), (36.0 - reach, 1.0)):
+        poses = [(x + sign * depth, 18.0, 180.0) for depth in depths]
+        expected = [False, False, False, True, True]
+        assert walls.overlapped(footprint, np.array(poses)).tolist() == expected, x
+        assert [walls.overlap(footprint, Pose(*pose)) for pose in poses] == expected, x
+    far = np.array([(6.0, 6.0, 0.0), (6.0, 6.0, 90.0), (18.0, 18.0, 0.0), (18.0, 18.0, 45.0)])
+    assert walls.overlapped(footprint, far).tolist() == [False, False, True, True]
+    assert walls.overlapped(footprint, np.empty((0, 3))).tolist() == []
+
+
+def test_a_deviation_of_readings_is_at_least_that_of_a_grid() -> None:
+    assert Ultrasonic(replace(ULTRA, error=0.2)).worst_case().error == pytest.approx(math.hypot(0.2, 0.05))
+    assert Gyro(SensorSpec(kind=Gyro, number=1, code="g1", error=0.3)).worst_case().error == 0.3
+    assert Gyro(SensorSpec(kind=Gyro, number=1, code="g1", error=0.05)).worst_case().error == 0.1
+    expected, poses = np.array((0.0, 3.0)), np.zeros((2, 3))
+    row = replace(ULTRA, error=0.1, absolute_error=0.3)
+    assert Ultrasonic(row).model_error(expected, poses).tolist() == pytest.approx([0.4, 0.5])
+    limits = Ultrasonic(replace(ULTRA, min_range=1.0, max_range=9.0))
+    values = np.array((1.5, 1.6, 8.4, 8.5))
+    assert limits.within_limits(values, np.full(4, 0.5)).tolist() == [False, True, True, False]
+    assert Ultrasonic(ULTRA).within_limits(values - 1.0, np.full(4, 0.5)).tolist() == [
+        False,
+        True,
+        True,
+        True,
+    ]
