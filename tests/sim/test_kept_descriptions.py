@@ -254,20 +254,14 @@ def test_a_word_is_suggested_whatever_its_case_and_length() -> None:
 # -- small functions -----------------------------------------------------------------------------------
 
 
-class _Described:
-    """A class whose annotations describe values."""
-
-    speed: Annotated[float, Value(rules.NumberRule(0), "how fast", "in/s")] = 6.0
-    size: float = 1.0
-    start_lag: Annotated[float, Value(rules.NumberRule(0), noun="lag", course=CourseRule.FREE)] = 0.5
-
-
-# As in a module without `from __future__ import annotations`.
-_Described.__annotations__ = {name: eval(text) for name, text in _Described.__annotations__.items()}
-
-
 def test_a_value_takes_its_name_and_default_from_its_field() -> None:
-    speed, lag = described(_Described())
+    notes = {
+        "speed": Annotated[float, Value(rules.NumberRule(0), "how fast", "in/s")],
+        "size": float,
+        "start_lag": Annotated[float, Value(rules.NumberRule(0), noun="lag", course=CourseRule.FREE)],
+    }
+    made = type("Made", (), {"__annotations__": notes, "speed": 6.0, "size": 1.0, "start_lag": 0.5})
+    speed, lag = described(made())
     assert (speed.name, speed.field, speed.default, speed.unit, speed.help) == (
         *("speed", "speed", 6.0, "in/s", "how fast"),
     )

@@ -367,3 +367,78 @@ def test_a_deviation_of_readings_is_at_least_that_of_a_grid() -> None:
         True,
         True,
     ]
+
+
+class Legs:
+    """A listener that keeps the legs that have ended."""
+
+    def __init__(self) -> None:
+        self.ended: list[Leg] = []
+
+    def leg_begun(self, leg: Leg) -> None:
+        """Nothing is kept of a leg that may still be cut short."""
+
+    def leg_ended(self, leg: Leg) -> None:
+        self.ended.append(leg)
+
+    def velocity_expired(self, time: float) -> None:
+        """Nothing is kept of it."""
+
+
+def exact(**changes: Any) -> tuple[Simulator, Legs]:
+    """A robot without errors in the middle of a room of 96 in."""
+    base = load_default().simulation
+    drives = tuple(replace(drive, error=Axes()) for drive in base.drives)
+    spec = replace(base, drives=drives, randbias=False, maze=MazeSpec(((1,) * 8,) * 8), velocities=(ALL,))
+    simulator = Simulator(replace(spec, bot_center=(48.0, 48.0), block_size=0.0, **changes))
+    simulator.noise = False
+    simulator.listener = legs = Legs()
+    return simulator, legs
+
+
+@pytest.mark.parametrize("body", [RobotSpec.circle(6.0), RobotSpec.rectangle(6.0, 4.0)], ids=["disc", "box"])
+@pytest.mark.parametrize("speed", [0.0, 3.0])
+def test_a_turn_is_a_chain_of_quarter_turns(body: RobotSpec, speed: float) -> None:
+    simulator, legs = exact(robot=body)
+    simulator.begin(f"vv-{speed};0;100;3")
+    simulator.advance(10.0)
+    assert [leg.duration for leg in legs.ended] == pytest.approx([0.9, 0.9, 0.9, 0.3])
+    radius = speed / math.radians(100.0)
+    angle = math.radians(300.0)
+    there = (48.0 + radius * math.sin(angle), 48.0 + radius * (1.0 - math.cos(angle)))
+    assert (simulator.pose.x, simulator.pose.y) == pytest.approx(there)
+    assert simulator.pose.heading == pytest.approx(300.0)
+    assert simulator.distance == pytest.approx(3.0 * speed)
+
+
+def test_velocities_of_one_moment_make_one_leg() -> None:
+    simulator, legs = exact()
+    for text in ("vv-3;0;0", "vv-4;0;0", "vv-5;0;0"):
+        simulator.begin(text)
+    simulator.advance(0.5)
+    for text in ("vv-5;0;0", "vv-2;0;0;0.5"):
+        simulator.begin(text)
+    simulator.advance(1.0)
+    simulator.advance(2.0)
+    assert [(leg.start_time, leg.end_time) for leg in legs.ended] == [(0.0, 0.5), (0.5, 1.0)]
+    assert [leg.commanded.x for leg in legs.ended] == [5.0, 2.0]
+    assert simulator.pose.x == pytest.approx(48.0 + 2.5 + 1.0)
+    assert (simulator.leg, simulator.next_event, simulator.velocity.moves) == (None, math.inf, False)
+
+
+def test_a_contact_counts_once_while_a_robot_stays_at_a_wall() -> None:
+    """It leaves the wall for less than 0.1 s, which belongs to the same contact, or for longer."""
+    for away, contacts in ((0.05, 1), (0.09, 1), (0.11, 2), (0.5, 2)):
+        simulator, _ = exact()
+        simulator.teleport(Pose(90.0, 48.0, 0.0))
+        simulator.begin("vv-6;0;0")
+        simulator.advance(1.0)
+        assert simulator.pose.x == pytest.approx(93.0)
+        assert simulator.contacts == 1
+        simulator.begin("vv--6;0;0")
+        simulator.advance(1.0 + away / 2)
+        assert simulator.pose.x == pytest.approx(93.0 - 3.0 * away)
+        simulator.begin("vv-6;0;0")
+        simulator.advance(3.0)
+        assert simulator.pose.x == pytest.approx(93.0)
+        assert simulator.contacts == contacts, away
