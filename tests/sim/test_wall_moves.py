@@ -80,7 +80,7 @@ def test_a_robot_touches_a_wall_within_two_billionths_of_an_inch(
 def test_a_box_touches_a_face_with_its_corners_and_a_corner_with_its_edges(
     y: float, around: bool | None
 ) -> None:
-    """Where the corners of both meet it touches two faces; the other one is across its motion."""
+    """Two faces are touched where the corners of both meet; the other face is across the motion."""
     expected = {None: [(0.0, 1.7)], True: [(0.0, 1.7), (0.4, 0.0)], False: []}[around]
     assert slides(BOX, Pose(9.0, y, 0.0), Twist(1.0, 2.0)) == expected
 
