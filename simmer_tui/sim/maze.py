@@ -99,7 +99,8 @@ class Maze:
         The origin must not be on a wall (`is_wall`). A ray that touches a wall's corner or runs
         along its face meets it.
         """
-        return self.cast_fan(x, y, ((dx, dy),))[0]
+        (distance,) = self.cast_fan(x, y, ((dx, dy),))
+        return distance
 
     def cast_fan(self, x: float, y: float, directions: Sequence[tuple[float, float]]) -> list[float]:
         """`cast` for several unit vectors from one place."""

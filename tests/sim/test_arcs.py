@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 from itertools import pairwise
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from simmer_tui.sim.arcs import STILL, Arc, Twist
+from simmer_tui.sim.arcs import STILL, Arc, TimedArc, Twist, poses_along
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.specs import WheelLayout, WheelsSpec
 from simmer_tui.sim.velocity_plan import VelocityPlan, VelocityTarget
@@ -170,3 +171,21 @@ def test_a_quarter_circle_is_in_a_box_by_hand() -> None:
     still = Arc.standing(Pose(1.0, 1.0, 0.0))
     assert still.seconds_in_box((0.0, 0.0), (1.0, 1.0)) == 0.0
     assert still.seconds_in_box((0.0, 0.0), (0.5, 1.0)) is None
+
+
+ARCS = st.builds(
+    lambda x, y, heading, vx, vy, rate, spin: Arc(Pose(x, y, heading), (vx, vy), rate, 1.0, spin),
+    *(SPEEDS, SPEEDS, st.floats(-400.0, 400.0)),
+    *(st.one_of(st.just(0.0), SPEEDS), st.one_of(st.just(0.0), SPEEDS)),
+    *(st.sampled_from([0.0, 40.0, -80.0]), st.sampled_from([0.0, 30.0, -40.0])),
+)
+
+
+@given(st.lists(st.tuples(ARCS, st.integers(0, 3)), min_size=1, max_size=4))
+def test_poses_along_arcs_are_those_of_each_arc(chosen: list[tuple[Arc, int]]) -> None:
+    chosen = [*chosen, (chosen[0][0], 1)]
+    lots = [(TimedArc(arc, 2.0 * number), count) for number, (arc, count) in enumerate(chosen)]
+    moments = [(each, each.since + 0.3 * k) for each, count in lots for k in range(count)]
+    poses = poses_along(lots, np.array([time for _, time in moments]))
+    expected = [each.arc.pose_after(time - each.since) for each, time in moments]
+    assert poses.tolist() == [[pose.x, pose.y, pose.heading] for pose in expected]

@@ -233,9 +233,11 @@ def test_rays_are_spread_over_the_field_of_view(rays: int, bearings: list[float]
 @pytest.mark.parametrize(("least", "contradicts"), [(3.9, False), (4.0, False), (4.1, True)])
 def test_a_least_range_is_not_above_the_greatest(least: float, contradicts: bool) -> None:
     spec = SensorSpec(kind=Ultrasonic, number=1, code="u1", min_range=least, max_range=4.0)
-    found = Ultrasonic.contradiction(spec)
     what = "the least range, 4.1, must not be above the greatest, 4"
-    assert found == (((columns.MIN_RANGE, columns.MAX_RANGE), what) if contradicts else None)
+    for asked in (Ultrasonic, Ultrasonic(spec)):
+        found = asked.contradiction(spec)
+        assert found == (((columns.MIN_RANGE, columns.MAX_RANGE), what) if contradicts else None)
+    assert Gyro(spec).contradiction(spec) is None
 
 
 def slid(ended: bool, drift: bool = True) -> Trajectory:
