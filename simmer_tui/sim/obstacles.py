@@ -147,7 +147,7 @@ class Obstacles(Struct, frozen=True, dict=True):
         for part, index in pairs:
             gap = float(shapely.distance(part.geometry, self.tree.geometries[index])) - part.margin
             # Only a part that is nearer by more than rounding replaces an earlier one.
-            if gap < least - SKIN:
+            if gap < least - 2 * SKIN:
                 nearest, least = (part, index), gap
         return nearest
 
