@@ -35,7 +35,7 @@ from simmer_tui.sim.path import Contact, Path, PathPosition
 from simmer_tui.sim.recent_motion import BlockPlace, RecentMotion
 from simmer_tui.sim.records import LidarScan
 from simmer_tui.sim.scan_rays import extremes
-from simmer_tui.sim.sensors import Gyro, TimeOfFlight, Ultrasonic
+from simmer_tui.sim.sensors import Gyro, ObservingSensor, TimeOfFlight, Ultrasonic, World
 from simmer_tui.sim.sensors.faults import Faults, Pings, has_faults
 from simmer_tui.sim.specs import VelocityKind, VelocitySpec, WheelLayout, WheelsSpec
 from simmer_tui.sim.trajectory import Trajectory, VelocityProfile
@@ -444,3 +444,49 @@ def test_a_contact_counts_once_while_a_robot_stays_at_a_wall() -> None:
         simulator.advance(3.0)
         assert simulator.pose.x == pytest.approx(93.0)
         assert simulator.contacts == contacts, away
+
+
+def test_the_held_block_is_the_last_part_of_a_body() -> None:
+    square = np.array(((1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0), (1.0, -1.0)))
+    body = Footprint(2.5, (square, square + np.array((4.0, 0.0))), True)
+    parts = body.shapes(Pose(10.0, 20.0, 90.0))
+    assert [part.held for part in parts] == [False, False, True]
+    assert [part.margin for part in parts] == [2.5, 0.0, 0.0]
+    assert [part.geometry.bounds for part in parts] == [
+        pytest.approx(bounds) for bounds in ((10, 20, 10, 20), (9, 19, 11, 21), (9, 23, 11, 25))
+    ]
+    assert body.reach == pytest.approx(math.hypot(5.0, 1.0))
+    assert body.front == 5.0
+    assert [part.held for part in replace(body, holding=False).shapes(Pose(0.0, 0.0, 0.0))] == [False] * 3
+
+
+class Dial(ObservingSensor):
+    """A sensor whose readings are from 20 to 50."""
+
+    name = "dial"
+    meaning = "a dial"
+    columns = ()
+
+    def observe(self, world: World, pose: Pose) -> tuple[float, None]:
+        return 20.0 + pose.x, None
+
+    def anywhere(self, fraction: float) -> float:
+        return 50.0 - 30.0 * fraction
+
+
+def test_the_span_of_a_sensor_is_that_of_its_values() -> None:
+    row = SensorSpec(kind=Dial, number=1, code="d1", gain=2.0, bias=1.0, drift=0.5)
+    dial = Dial(row)
+    assert dial.span == 30.0
+    world = World(Maze(WALL), Block(0.0, 0.0, 0.0))
+    poses = np.array([(3.0, 1.0, 0.0), (5.0, 1.0, 0.0)])
+    assert dial.expected(world, poses, 4.0).tolist() == [49.0, 53.0]
+    assert dial.linearised(world, poses).by_pose.tolist() == [
+        pytest.approx([1.0, 1.0]),
+        [0.0, 0.0],
+        [0.0, 0.0],
+    ]
+    assert (dial.sees_block(3.0), dial.within_limits(poses[:, 0], poses[:, 0]).tolist()) == (
+        False,
+        [True, True],
+    )
