@@ -136,7 +136,7 @@ class Obstacles(Struct, frozen=True, dict=True):
             for part, further in zip(footprint.shapes(pose), footprint.shapes(beyond), strict=True)
             for index in self._overlapped(further).tolist()
         ]
-        part, index = pairs[0] if len(pairs) == 1 else self._nearest_pair(pairs)
+        part, index = self._nearest_pair(pairs)
         point = self._point(part, index)
         return Obstruction(point, part.held, self._cell(index, point))
 
