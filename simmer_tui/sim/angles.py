@@ -46,7 +46,7 @@ def cos_sin_array(degrees: FloatArray) -> tuple[FloatArray, FloatArray]:
     Not by numpy's own functions: their last bits differ from one kind of CPU to another.
     """
     if degrees.size <= _FEW:
-        pairs = np.array([cos_sin(angle) for angle in degrees.ravel().tolist()]).reshape(-1, 2)
+        pairs = np.array([cos_sin(angle) for angle in degrees.ravel().tolist()]).reshape(degrees.size, 2)
         return pairs[:, 0].reshape(degrees.shape), pairs[:, 1].reshape(degrees.shape)
     angle = degrees
     if degrees.min() < 0.0 or degrees.max() >= 360.0:

@@ -64,25 +64,24 @@ def _events(footprint: Footprint, obstacles: Obstacles, arc: Arc, last: float) -
     found: list[FloatArray] = []
     if footprint.radius:
         beside = faces.beside(footprint.radius)
-        found.append(_line_crossings(start[None, :], velocity[None, :], w, beside, last))
-        found.append(_disc_at_corners(start - corners, velocity, w, footprint.radius, last))
+        found.append(_line_crossings(start[None, :], velocity[None, :], w, beside))
+        found.append(_disc_at_corners(start - corners, velocity, w, footprint.radius))
     if len(footprint.vertices):
         cos, sin = cos_sin(arc.start.heading)
         arms = turned(footprint.vertices, cos, sin)
-        found.append(_line_crossings(start + arms, velocity + w * _left(arms), w, faces, last))
+        found.append(_line_crossings(start + arms, velocity + w * _left(arms), w, faces))
         # Seen from the robot the corners move by the inverse twist.
         seen = turned(corners - start, cos, -sin)
         own = turned(velocity[None, :], cos, -sin)
-        found.append(_line_crossings(seen, -(own + w * _left(seen)), -w, footprint.edges, last))
-    inside = np.unique(np.concatenate(found))
-    return [0.0, *inside[(inside > 0.0) & (inside < last)].tolist(), last]
+        found.append(_line_crossings(seen, -(own + w * _left(seen)), -w, footprint.edges))
+    every = np.concatenate(found)
+    with np.errstate(invalid="ignore"):
+        inside = every[(every > 0.0) & (every < last)]
+    return [0.0, *np.unique(inside).tolist(), last]
 
 
-def _line_crossings(
-    points: FloatArray, velocities: FloatArray, w: float, edges: Edges, last: float
-) -> FloatArray:
-    """Numbers h up to `last` at which points (v, 2) with velocities (v, 2), turning at `w` rad/s, are on
-    edges: (n,)."""
+def _line_crossings(points: FloatArray, velocities: FloatArray, w: float, edges: Edges) -> FloatArray:
+    """Numbers h at which points (v, 2) with velocities (v, 2), turning at `w` rad/s, are on edges: (n,)."""
     across, along = edges.places(points)
     speed, speed_along = edges.places(velocities)
     bend, bend_along = edges.places(_left(velocities))
@@ -93,15 +92,13 @@ def _line_crossings(
     for h in roots:
         with np.errstate(invalid="ignore", over="ignore"):
             place = along + h * (speed_along + (w / 2.0) * h * bend_along) / (1.0 + (w * w / 4.0) * h * h)
-            met = (h >= 0.0) & (h <= last) & (place >= low) & (place <= high)
-        found.append(h[met])
+            found.append(h[(place >= low) & (place <= high)])
     return np.concatenate(found)
 
 
-def _disc_at_corners(
-    apart: FloatArray, velocity: FloatArray, w: float, radius: float, last: float
-) -> FloatArray:
-    """Numbers h up to `last` at which a disc whose centre lies `apart` (c, 2) from corners touches them."""
+def _disc_at_corners(apart: FloatArray, velocity: FloatArray, w: float, radius: float) -> FloatArray:
+    """Numbers h at which a disc whose centre lies `apart` (c, 2) from corners touches them, not finite where
+    it does not."""
     distance = distances(apart[:, 0], apart[:, 1])
     # As a product: the difference of two squares would lose the digits that distinguish touching from not
     # touching.
@@ -110,11 +107,7 @@ def _disc_at_corners(
     ahead = apart[:, 0] * x + apart[:, 1] * y
     aside = apart[:, 1] * x - apart[:, 0] * y
     square = gap * (w * w / 4.0) + w * aside + (x * x + y * y)
-    found = []
-    for h in _roots(square, 2.0 * ahead, gap, np.abs(distance - radius) <= TOUCHING):
-        with np.errstate(invalid="ignore"):
-            found.append(h[(h >= 0.0) & (h <= last)])
-    return np.concatenate(found)
+    return np.concatenate(_roots(square, 2.0 * ahead, gap, np.abs(distance - radius) <= TOUCHING))
 
 
 def _roots(a: FloatArray, b: FloatArray, c: FloatArray, touching: BoolArray) -> tuple[FloatArray, FloatArray]:

@@ -69,14 +69,20 @@ class _WallState(Struct):
         self.hold_until, self.stopped = -math.inf, False
 
 
-class _FreePlace(Struct):
+class _FreePlace(Struct, frozen=True):
     """A place with its distance from the nearest obstacle, inches. Motion within that distance needs no
     search."""
 
-    obstacles: Obstacles | None = None
-    x: float = 0.0
-    y: float = 0.0
-    clearance: float = 0.0
+    obstacles: Obstacles
+    x: float
+    y: float
+    clearance: float
+
+    @classmethod
+    def at_start(cls, arc: Arc, obstacles: Obstacles) -> "_FreePlace":
+        """The place where an arc begins."""
+        x, y = arc.start.x, arc.start.y
+        return cls(obstacles, x, y, obstacles.clearance(x, y))
 
     def has_room(self, arc: Arc, around: CollisionChecker) -> bool:
         """True if a robot on an arc cannot reach an obstacle."""
@@ -84,11 +90,6 @@ class _FreePlace(Struct):
             return False
         x, y = arc.start.x - self.x, arc.start.y - self.y
         return math.sqrt(x * x + y * y) + arc.length + around.footprint.reach + TOUCHING < self.clearance
-
-    def look(self, arc: Arc, around: CollisionChecker) -> None:
-        """Store the place where an arc begins."""
-        self.obstacles, self.x, self.y = around.obstacles, arc.start.x, arc.start.y
-        self.clearance = around.obstacles.clearance(self.x, self.y)
 
 
 class ContinuousMotion:
@@ -120,7 +121,7 @@ class ContinuousMotion:
         self._expires = math.inf
         self._release = VelocityTarget(STILL)
         self._wall = _WallState()
-        self._free = _FreePlace()
+        self._free: _FreePlace | None = None
 
     # -- commands ----------------------------------------------------------------------------------
 
@@ -303,11 +304,11 @@ class ContinuousMotion:
         arc = replace(arc, duration=min(seconds, most))
         if arc.duration == math.inf or not (speed or len(around.footprint.vertices)):
             return _Way(arc)
-        if self._free.has_room(arc, around):
+        if self._free is not None and self._free.has_room(arc, around):
             return _Way(arc)
         met = first_arc_contact(around.footprint, around.obstacles, arc)
         if met is None:
-            self._free.look(arc, around)
+            self._free = _FreePlace.at_start(arc, around.obstacles)
             return _Way(arc)
         after = arc.seconds_at(met.h)
         moved = after * (speed + math.radians(rate) * around.footprint.reach)
@@ -328,9 +329,8 @@ class ContinuousMotion:
         contact = self._contact(here.time, here.pose, met, here)
         if contact is not None:
             # It already touched the obstacle: a leg of length 0 reports the contact.
-            arc = replace(way.arc, duration=0.0)
             counts = here.true.counts()
-            leg = Leg(arc, here.time, here.time, here.pose, self._plan.twist, counts, contact=contact)
+            leg = Leg(way.arc, here.time, here.time, here.pose, self._plan.twist, counts, contact=contact)
             self._listener.leg_begun(leg)
             self._listener.leg_ended(leg)
 

@@ -99,7 +99,8 @@ class Maze:
         The origin must not be on a wall (`is_wall`). A ray that touches a wall's corner or runs
         along its face meets it.
         """
-        return self.cast_fan(x, y, ((dx, dy),))[0]
+        (distance,) = self.cast_fan(x, y, ((dx, dy),))
+        return distance
 
     def cast_fan(self, x: float, y: float, directions: Sequence[tuple[float, float]]) -> list[float]:
         """`cast` for several unit vectors from one place."""
@@ -166,10 +167,9 @@ class Maze:
 
     def are_walls(self, x: FloatArray, y: FloatArray) -> NDArray[np.bool_]:
         """`is_wall` for arrays of points, both (n,)."""
-        # Points outside are moved to the middle of a cell, so that no index leaves the grid. The result says
-        # wall for them.
+        # Points outside are moved to a corner, so that no index leaves the grid. They count as wall below.
         inside = (x > ON_WALL) & (x < self.width - ON_WALL) & (y > ON_WALL) & (y < self.height - ON_WALL)
-        x, y = np.where(inside, x, CELL_SIZE / 2), np.where(inside, y, CELL_SIZE / 2)
+        x, y = np.where(inside, x, 0.0), np.where(inside, y, 0.0)
         column, row = np.floor(x / CELL_SIZE), np.floor(y / CELL_SIZE)
         walls = self._flat[((row + 1.0) * self._stride + column + 1.0).astype(np.intp)]
         from_left, from_bottom = x - column * CELL_SIZE, y - row * CELL_SIZE

@@ -52,9 +52,9 @@ class Obstacles(Struct, frozen=True, dict=True):
     @classmethod
     def of_maze(cls, walls: NDArray[np.bool_]) -> "Obstacles":
         """The walls of a maze, given as `Maze.walls`."""
-        upright = _runs(walls[1:-1, :], walls.shape[0] - 2)
+        upright = _runs(walls[1:-1, :])
         # The same for the transposed grid, whose x and y are swapped back.
-        level = _runs(walls[:, 1:-1].T, walls.shape[1] - 2)[:, [1, 0, 3, 2]]
+        level = _runs(walls[:, 1:-1].T)[:, [1, 0, 3, 2]]
         segments = np.concatenate((upright, level)) * CELL_SIZE
         start, end = segments[:, :2], segments[:, 2:]
         corners = np.array(sorted({(x, y) for x, y in np.concatenate((start, end)).tolist()}))
@@ -107,11 +107,11 @@ class Obstacles(Struct, frozen=True, dict=True):
         # A disc is the same at every heading, so that each place is looked at once.
         places, place_of = np.unique(poses[:, :2], axis=0, return_inverse=True)
         if footprint.radius:
-            overlapping |= self._within(places, footprint.radius)[place_of.reshape(-1)]
+            overlapping |= self._within(places, footprint.radius)[place_of.ravel()]
         if not footprint.polygons:
             return overlapping
         # Only what is within reach of a wall needs its outline.
-        close = self._within(places, footprint.reach + SKIN)[place_of.reshape(-1)]
+        close = self._within(places, footprint.reach + SKIN)[place_of.ravel()]
         looked_at = np.flatnonzero(close & ~overlapping)
         cos, sin = (each[:, None] for each in cos_sin_array(poses[looked_at, 2]))
         for polygon in footprint.polygons:
@@ -136,7 +136,7 @@ class Obstacles(Struct, frozen=True, dict=True):
             for part, further in zip(footprint.shapes(pose), footprint.shapes(beyond), strict=True)
             for index in self._overlapped(further).tolist()
         ]
-        part, index = pairs[0] if len(pairs) == 1 else self._nearest_pair(pairs)
+        part, index = self._nearest_pair(pairs)
         point = self._point(part, index)
         return Obstruction(point, part.held, self._cell(index, point))
 
@@ -204,13 +204,14 @@ def _onto(place: float, lines: tuple[int, int]) -> float:
     return place
 
 
-def _runs(walls: NDArray[np.bool_], rows: int) -> NDArray[np.float64]:
-    """Upright wall faces as (x, y, x, y) in cells, neighbouring ones joined. `walls` has `rows`
-    rows and a ring column on either side."""
+def _runs(walls: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """Upright wall faces as (x, y, x, y) in cells, neighbouring ones joined. `walls` has a ring column on
+    either side."""
     side = walls[:, 1:].astype(np.int8) - walls[:, :-1]
     columns, breaks = np.nonzero(np.diff(side, axis=0, prepend=0, append=0).T)
     column, begin, end = columns[:-1], breaks[:-1], breaks[1:]
-    kept = np.flatnonzero((column == columns[1:]) & (begin < rows))
+    # A break in the last row is the last of its column.
+    kept = np.flatnonzero(column == columns[1:])
     kept = kept[side[begin[kept], column[kept]] != 0]
     runs: FloatArray = np.column_stack((column, begin, column, end))[kept].astype(np.float64)
     return runs

@@ -81,9 +81,7 @@ class RecentMotion:
             if begin == end:
                 continue
             if isinstance(piece, Leg):
-                within = end
-                if times[end - 1] >= piece.end_time:
-                    within = begin + int(np.searchsorted(times[begin:end], piece.end_time))
+                within = begin + int(times[begin:end].searchsorted(piece.end_time))
                 arcs.append((TimedArc(piece.arc, piece.start_time), within - begin))
                 arcs.append((TimedArc(Arc.standing(piece.last_pose), 0.0), end - within))
             else:

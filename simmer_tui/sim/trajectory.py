@@ -169,7 +169,7 @@ class Trajectory(Struct, frozen=True):
         """`pose_at` for many times, (n,): poses (n, 3), the same numbers bit for bit."""
         if self.contact is not None or self.profile is not None or not self.duration:
             one_by_one = map(self.pose_at, times.tolist())
-            return np.array([(pose.x, pose.y, pose.heading) for pose in one_by_one]).reshape(-1, 3)
+            return np.array([(pose.x, pose.y, pose.heading) for pose in one_by_one]).reshape(len(times), 3)
         # As `_parts`, `progress` and `Path.pose` do it.
         if self.cut is not None:
             times = np.minimum(times, self.cut)

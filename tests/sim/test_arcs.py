@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 from itertools import pairwise
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from simmer_tui.sim.arcs import STILL, Arc, Twist
+from simmer_tui.sim.arcs import STILL, Arc, TimedArc, Twist, poses_along
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.specs import WheelLayout, WheelsSpec
 from simmer_tui.sim.velocity_plan import VelocityPlan, VelocityTarget
@@ -132,3 +133,59 @@ def test_a_halt_is_at_once() -> None:
     plan.command(3.0, VelocityTarget(Twist(4.0), lag=1.0, acceleration=Twist(1.0)))
     plan.halt()
     assert (plan.moves, plan.twist, plan.due) == (False, STILL, math.inf)
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "seconds"),
+    [
+        ((-1.0, -1.0), (1.0, 1.0), 0.0),  # it begins inside
+        ((0.0, 0.0), (1.0, 1.0), 0.0),  # on a corner
+        ((-2.0, -1.0), (-1e-10, 1.0), 0.0),  # within rounding of an edge
+        ((-2.0, -1.0), (-1e-8, 1.0), None),
+        ((3.0, -1.0), (4.0, 1.0), 1.5),
+        ((8.0, -1.0), (9.0, 0.0), 4.0),  # reached at its very end
+        ((8.001, -1.0), (9.0, 0.0), None),
+        ((3.0, 0.5), (4.0, 1.0), None),
+    ],
+)
+def test_a_straight_arc_is_in_a_box_from_its_edge_on(
+    low: tuple[float, float], high: tuple[float, float], seconds: float | None
+) -> None:
+    for quarter in range(4):  # the same, turned by quarter turns
+        places = [(low[0], low[1]), (high[0], high[1])]
+        for _ in range(quarter):
+            places = [(-y, x) for x, y in places]
+        corners = [(min(each), max(each)) for each in zip(*places, strict=True)]
+        arc = Arc.of(Pose(0.0, 0.0, 90.0 * quarter), Twist(2.0), 4.0)
+        found = arc.seconds_in_box((corners[0][0], corners[1][0]), (corners[0][1], corners[1][1]))
+        assert found == (None if seconds is None else pytest.approx(seconds, abs=1e-9))
+
+
+def test_a_quarter_circle_is_in_a_box_by_hand() -> None:
+    """A circle of 4 in around (0, 4), by 45 degrees a second: its place is 4 sin, 4 - 4 cos."""
+    arc = Arc.of(Pose(0.0, 0.0, 0.0), Twist(math.pi, 0.0, 45.0), 2.0)
+    assert arc.seconds_in_box((2.0, 0.0), (3.0, 4.0)) == pytest.approx(2.0 / 3.0)
+    assert arc.seconds_in_box((0.0, 2.0), (5.0, 3.0)) == pytest.approx(4.0 / 3.0)
+    assert arc.seconds_in_box((4.0, 4.0), (5.0, 5.0)) == pytest.approx(2.0)
+    assert arc.seconds_in_box((0.0, 2.0), (3.0, 3.0)) is None
+    still = Arc.standing(Pose(1.0, 1.0, 0.0))
+    assert still.seconds_in_box((0.0, 0.0), (1.0, 1.0)) == 0.0
+    assert still.seconds_in_box((0.0, 0.0), (0.5, 1.0)) is None
+
+
+ARCS = st.builds(
+    lambda x, y, heading, vx, vy, rate, spin: Arc(Pose(x, y, heading), (vx, vy), rate, 1.0, spin),
+    *(SPEEDS, SPEEDS, st.floats(-400.0, 400.0)),
+    *(st.one_of(st.just(0.0), SPEEDS), st.one_of(st.just(0.0), SPEEDS)),
+    *(st.sampled_from([0.0, 40.0, -80.0]), st.sampled_from([0.0, 30.0, -40.0])),
+)
+
+
+@given(st.lists(st.tuples(ARCS, st.integers(0, 3)), min_size=1, max_size=4))
+def test_poses_along_arcs_are_those_of_each_arc(chosen: list[tuple[Arc, int]]) -> None:
+    chosen = [*chosen, (chosen[0][0], 1)]
+    lots = [(TimedArc(arc, 2.0 * number), count) for number, (arc, count) in enumerate(chosen)]
+    moments = [(each, each.since + 0.3 * k) for each, count in lots for k in range(count)]
+    poses = poses_along(lots, np.array([time for _, time in moments]))
+    expected = [each.arc.pose_after(time - each.since) for each, time in moments]
+    assert poses.tolist() == [[pose.x, pose.y, pose.heading] for pose in expected]

@@ -271,8 +271,8 @@ class ObservingSensor(Sensor, ABC):
         offsets = np.diag(self.steps)
         shifts = np.concatenate((np.zeros((1, 3)), offsets, -offsets))
         # All in one call, because the calls take the time.
-        around = (poses + shifts[:, None, :]).reshape(-1, 3)
-        middle, *sides = self.true_values(world, around).reshape(len(shifts), -1)
+        around = np.concatenate(poses + shifts[:, None, :])
+        middle, *sides = self.true_values(world, around).reshape(len(shifts), len(poses))
         slopes = [(sides[k] - sides[k + 3]) / (2 * self.steps[k]) for k in range(3)]
         # Half of the second difference is the error of the tangent one step away.
         bends = np.array([0.5 * (sides[k] + sides[k + 3] - 2 * middle) for k in range(3)])

@@ -81,11 +81,11 @@ class Lidar(RangeSensor):
 
     def combined(self, distances: Sequence[float]) -> float:
         """The one distance, inches."""
-        return distances[0]
+        (distance,) = distances
+        return distance
 
     def combined_many(self, fans: FloatArray) -> FloatArray:
-        nearest: FloatArray = fans[:, 0]
-        return nearest
+        return fans.ravel()
 
     # -- its turns -----------------------------------------------------------------------------------
 
@@ -218,11 +218,6 @@ def _meet(block: Block, rays: Rays, distances: FloatArray, block_from: float) ->
     distances[near[nearer]] = to_block[nearer]
 
 
-def _same(poses: FloatArray, others: FloatArray) -> bool:
-    # The last pose of a robot in motion differs, so that one comparison is enough.
-    return bool((poses[-1] == others[-1]).all()) and np.array_equal(poses, others)
-
-
 class Now(Struct, frozen=True):
     """The present of a robot: simulated time, its pose, and the piece of motion under way, if any."""
 
@@ -287,7 +282,7 @@ class Turning:
         moments = lidar.moments(revolution)
         poses = self._recent.poses(moments, now.pose, now.under_way)
         blocks = tuple(self._recent.blocks(moments))
-        if before is not None and blocks == self._blocks and _same(poses, before.poses):
+        if before is not None and blocks == self._blocks and np.array_equal(poses, before.poses):
             # A robot at rest sees the same again.
             true = before.true
         else:

@@ -122,7 +122,7 @@ class RangeSensor(ObservingSensor):
         fans = world.fans(rays, block_from)
         if self.least_cosine:
             fans = self.echoes(world, rays, fans, block_from)
-        ranges[free] = self.combined_many(fans.reshape(-1, count))
+        ranges[free] = self.combined_many(fans.reshape(len(free), count))
         return ranges
 
     def true_values(self, world: World, poses: FloatArray) -> FloatArray:
