@@ -150,14 +150,14 @@ Reasons = Callable[..., list[str]]
 
 
 @pytest.fixture
-def reasons(start_run: StartRun) -> Reasons:
+def reasons(start_run: StartRun, configuration: Configuration) -> Reasons:
     """Reads lines after the header, and gives the reasons for broken ones."""
 
     def read(*lines: dict[str, Any]) -> list[str]:
         path = start_run().path
         head = path.read_text().splitlines()[0]
         path.write_text("\n".join([head, *(json.dumps({"t": 0.0, **line}) for line in lines)]) + "\n")
-        with LogReader(path) as log:
+        with LogReader(path, configuration) as log:
             return [each.reason for each in log if isinstance(each, BrokenLine)]
 
     return read
