@@ -110,6 +110,31 @@ def test_numbers_of_lines_have_the_limits_that_were_kept() -> None:
     assert_kept(found, KEPT, "limits")
 
 
+LEAST: tuple[dict[str, Any], ...] = (
+    {"kind": "read", "n": 1, "cmd": "u1"},
+    {"kind": "answer", "n": 1, "cmd": "u1", "reply": 1.0, "status": "done", "velocity": {"twist": [1, 2, 3]}},
+    {"kind": "move", "n": 1, "cmd": "d1-1", "end": 1.0, **POSE},
+    {"kind": "plan", "n": 1, "cmd": "d1-1", "contact": {"t": 1.0, "at": [1, 0.5, 0.5], "point": [1.0, 2.0]}},
+    {"kind": "end", "n": 1, **POSE},
+    {"kind": "leg", "n": 1, "cmd": "vx-1", "velocity": [1, 2], "rate": 1, "told": [1, 2, 3], **POSE},
+    {"kind": "velocity", "reason": "its time was over"},
+    {"kind": "action", "n": 1, "action": "reset", "source": "", "arguments": [], "text": "", **POSE},
+    {"kind": "belief", "believed": [1.0, 2.0, 3.0], **POSE},
+    {"kind": "notice", "about": "fault", "text": ""},
+    {"kind": "wire", "data": ""},
+    {"kind": "mission", "goal": "block taken", "text": ""},
+    {"kind": "program", "exit_code": 1},
+    {"kind": "twin", "cmd": "u1", "code": "u1", "robot": 1.0, "simulated": 1.0},
+    {key: value for key, value in LINES[-1].items() if key not in ("driving", "link", "reading", "mission")},
+)
+
+
+def test_fields_that_a_line_leaves_out_have_the_values_that_were_kept() -> None:
+    """Logs of older versions leave out more than those of this one."""
+    found = [decode_line(json.dumps({"t": 0.5, **line}).encode(), 2) for line in LEAST]
+    assert_kept(found, KEPT, "defaults")
+
+
 @pytest.mark.parametrize(
     ("line", "whole"),
     [

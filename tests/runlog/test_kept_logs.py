@@ -34,14 +34,16 @@ from simmer_tui.events import (
     WireMessage,
 )
 from simmer_tui.run.state import State
-from simmer_tui.runlog import writer
+from simmer_tui.runlog import encode, writer
 from simmer_tui.runlog.index import EntryFlag, RunLogIndex
+from simmer_tui.runlog.log_records import BrokenLine
 from simmer_tui.runlog.playback import Playback
-from simmer_tui.runlog.reader import LogReader
+from simmer_tui.runlog.reader import Logged, LogReader
 from simmer_tui.runlog.rerun import Rerun
 from simmer_tui.runlog.writer import RunLog
 from simmer_tui.sessions import LinkDelay
 from simmer_tui.sim import Pose, Simulator, Status, parse_command
+from simmer_tui.sim.records import LidarScan
 from tests.brief_events import brief, sums
 from tests.kept_numbers import assert_kept
 from tests.manual_loop import ManualLoop
@@ -94,7 +96,7 @@ class Run:
         while self.engine.driving.waits and not self.engine.timed:
             self.loop.run_until(self.loop.now)
 
-    def believe(self, number: int = -1, shape: tuple[int, int, int] = (24, 48, 4)) -> None:
+    def believe(self, number: int = -1, shape: tuple[int, int, int] = (6, 8, 1)) -> None:
         """Tell a pose with particles, or a grid whose best state is of this number."""
         now, pose = self.engine.now(), self.simulator.pose
         if number < 0:
@@ -187,6 +189,37 @@ def timed(run: Run) -> None:
     run.wait(0.7)
 
 
+def beliefs(run: Run) -> None:
+    """Large grids, without their cells where they come too soon after another, before what they led to."""
+
+    def believe(*numbers: int) -> None:
+        for number in numbers:
+            run.believe(number)
+
+    believe(1, 2)
+    run.send("vx-3", "wt-0.2")
+    believe(3)
+    run.send("wt-0.2", "u1")
+    believe(4, 5)
+    run.send("vx-0", "u1", "d1-60")
+    believe(6)
+    run.tell(MissionEvent(run.simulator.time, Goal.REACHED, "there"))
+    believe(7)
+    run.tell(MissionEvent(run.simulator.time, Result.SUCCESS, "done"))
+    believe(8, 9)
+    run.act(ActionName.RESET)
+    believe(10, 11)
+    run.act(ActionName.TELEPORT, 30.0, 42.0, 90.0)
+    run.send("vx-6", "wt-0.4")
+    believe(12)
+    run.send("wt-1")
+    run.act(ActionName.TELEPORT, -5.0, 42.0, 90.0)
+    run.act(ActionName.BLOCK, 40.0, 42.0)
+    believe(13)
+    run.tell(ProgramEnded(run.simulator.time, 0))
+    run.send("u1", "d1-1", "u1", "r1-20", "u1")
+
+
 def real(run: Run) -> None:
     """Commands that a real robot was sent, with its answers, and those that it did not answer."""
     for text, status in (("d1-3", Status.DONE), ("u1", Status.READING), ("u1", Status.UNANSWERED)):
@@ -196,13 +229,19 @@ def real(run: Run) -> None:
         )
     run.tell(replace(run.engine.peek(parse_command("sc")), status=Status.UNANSWERED, reply=math.nan))
     run.tell(replace(run.engine.mirror(parse_command("d1-2")), status=Status.UNANSWERED, trajectory=None))
-    run.send("d1-1", "u1")
+    run.send("d1-1", "u1", "sc")
+    done = run.engine.peek(parse_command("sc"))
+    assert done.reading is not None
+    # Its lidar has other rays than that of the set.
+    rays = LidarScan(5, np.arange(5.0), np.arange(5) * 72.0, np.empty(0), np.empty((0, 3)))
+    run.tell(replace(done, reply=0.0, reading=replace(done.reading, true=0.0, scan=rays)))
 
 
 RUNS: dict[str, tuple[Callable[[Run], None], dict[str, bool]]] = {
     "instant": (instant, {}),
     "timed": (timed, {"timed": True}),
     "timed over a link": (timed, {"timed": True, "link": True}),
+    "beliefs": (beliefs, {}),
     "real": (real, {}),
 }
 
@@ -227,6 +266,7 @@ def logs(configuration: Configuration, tmp_path_factory: pytest.TempPathFactory)
     folder = tmp_path_factory.mktemp("logs")
     with pytest.MonkeyPatch.context() as patched:
         patched.setattr(writer, "CHECKPOINT_EVERY", 9)
+        patched.setattr(encode, "LARGE_GRID", 40)
         for name, (happen, how) in RUNS.items():
             run = Run(configuration, folder / name, **how)
             happen(run)
@@ -248,7 +288,7 @@ def test_the_lines_are_those_that_were_kept(logs: dict[str, Path], name: str) ->
 @pytest.mark.parametrize("name", RUNS)
 def test_the_events_are_those_that_were_kept(logs: dict[str, Path], name: str) -> None:
     with LogReader(logs[name]) as log:
-        found = [[each.line, brief(each.real_time - 1.7e9), brief(each.event)] for each in log]  # type: ignore[union-attr]
+        found = [read_back(each) for each in log]
     assert_kept(found, KEPT, f"events, {name}")
 
 
@@ -267,6 +307,27 @@ def test_the_index_is_the_one_that_was_kept(logs: dict[str, Path], name: str) ->
             )
         found.append([log.find_time(log.duration * step / 20) for step in range(-1, 22)])
     assert_kept(found, KEPT, f"index, {name}")
+
+
+def damaged(path: Path) -> Path:
+    """A copy of a log in which some lines are broken, and some do not fit those before."""
+    lines = path.read_text().splitlines()
+    for number in range(9, len(lines), 7):
+        lines[number] = lines[number][:30]
+    for number in range(4, len(lines), 11):
+        lines[number] = lines[number].replace('"cmd":"u1"', '"cmd":"q9"').replace('"cmd":"d1-', '"cmd":"q9-')
+    checkpoints = [number for number, line in enumerate(lines) if '"kind":"checkpoint"' in line]
+    for number in checkpoints[1::2]:
+        lines[number] = "{}"
+    copy = path.with_name("damaged")
+    copy.write_text("\n".join(lines) + "\n")
+    return copy
+
+
+def read_back(each: Logged | BrokenLine) -> list[Any]:
+    if isinstance(each, BrokenLine):
+        return [each.line, each.reason[:9]]
+    return [each.line, brief(each.real_time - 1.7e9), brief(each.event)]
 
 
 def shown(state: State) -> list[Any]:
@@ -306,13 +367,17 @@ def shown(state: State) -> list[Any]:
     ]
 
 
-@pytest.mark.parametrize(("name", "look_back"), [("instant", 400), ("instant", 5), ("timed", 5)])
+@pytest.mark.parametrize(
+    ("name", "look_back"),
+    [("instant", 400), ("instant", 5), ("timed", 5), ("beliefs", 3), ("instant, damaged", 5)],
+)
 def test_the_moments_of_a_replay_are_those_that_were_kept(
     logs: dict[str, Path], name: str, look_back: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("simmer_tui.runlog.playback.LOOK_BACK", look_back)
     monkeypatch.setattr("simmer_tui.runlog.playback.SKIP", 3 * look_back)
-    with RunLogIndex(logs[name]) as log:
+    path = damaged(logs["instant"]) if "damaged" in name else logs[name]
+    with RunLogIndex(path) as log:
         playback, found = Playback(log), []
         steps = 45
         for step in (*range(-1, steps + 2, 3), *range(steps, 0, -4), 3, 40, 41, 5, 4, 44):
@@ -323,11 +388,11 @@ def test_the_moments_of_a_replay_are_those_that_were_kept(
             found.append([entry, shown(playback.state_at(entry, log.over_of(max(entry, 0))))])
             found.append([entry, shown(playback.state_when(entry, 1.25))])
         told = [*playback.events(20, 29), *playback.events(-3, 2), *playback.events(log.count - 1, 999)]
-        found.append([[each.line, brief(each.real_time - 1.7e9), brief(each.event)] for each in told])  # type: ignore[union-attr, list-item]
+        found.append([read_back(each) for each in told])
     assert_kept(found, KEPT, f"replay, {name}, {look_back}")
 
 
-@pytest.mark.parametrize("name", ["instant", "timed", "timed over a link"])
+@pytest.mark.parametrize("name", ["instant", "timed", "timed over a link", "beliefs"])
 def test_a_log_runs_again(logs: dict[str, Path], name: str) -> None:
     with Rerun(logs[name]) as run:
         positions = list(run.steps())

@@ -11,20 +11,23 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
+from simmer_tui.belief_grid import grid_belief
 from simmer_tui.config.loader import Configuration
 from simmer_tui.config.set_devices import DeviceStatus
 from simmer_tui.errors import RunLogError
-from simmer_tui.events import ActionName, Notice, NoticeKind
+from simmer_tui.events import ActionName, Belief, Notice, NoticeKind
 from simmer_tui.runlog import reader, saved_runs, writer
+from simmer_tui.runlog.encode import LogEncoder
 from simmer_tui.runlog.header import FORMAT, Header, TakenOver, parse_header, rebuild
 from simmer_tui.runlog.index import RunLogIndex
-from simmer_tui.runlog.log_records import BrokenLine, NoticeRecord, decode_line
+from simmer_tui.runlog.log_records import BeliefRecord, BrokenLine, NoticeRecord, decode_line
 from simmer_tui.runlog.reader import READS_LARGE, LogReader
 from simmer_tui.runlog.saved_runs import SavedRun, last_run, make_room, saved_runs_folder
 from simmer_tui.runlog.writer import ReplayedPrefix, RunLog, auto_path, new_file, steady_clock
-from simmer_tui.sim import Simulator, parse_command
+from simmer_tui.sim import Pose, Simulator, parse_command
 from tests.runlog.conftest import StartRun
 
 posix = pytest.mark.skipif(sys.platform == "win32", reason="of POSIX alone")
@@ -218,6 +221,20 @@ def test_the_clock_runs_on_when_the_system_sets_its_own_back(monkeypatch: pytest
     monkeypatch.setattr(writer.time, "time", lambda: 10.0)
     monkeypatch.setattr(writer.time, "monotonic", lambda: 103.0)
     assert clock() == 5003.0
+
+
+@pytest.mark.parametrize(("shape", "whole"), [((40, 50, 1), True), ((29, 69, 1), False), ((20, 25, 4), True)])
+def test_grids_of_2000_states_are_logged_whole(shape: tuple[int, int, int], whole: bool) -> None:
+    encoder, here = LogEncoder(False, lambda: (0, 0.0)), Pose(50.0, 20.0, 0.0)
+    grid = grid_belief(np.full(shape, 0.1), (0.0, 0.0, 96.0, 48.0), 0.0, here)
+    cells = []
+    for time in (3.0, 3.0, 3.25, 3.4989, 3.499, 3.75, 3.9981, 2.0, 2.4):
+        (record,) = encoder.records(Belief(time, here, here, grid=grid), 0.0)
+        assert isinstance(record, BeliefRecord)
+        assert record.grid is not None
+        cells.append(bool(record.grid.cells))
+    some = [True, False, False, False, True, False, True, True, False]
+    assert cells == ([True] * len(some) if whole else some)
 
 
 # -- saved runs ------------------------------------------------------------------------------------------
