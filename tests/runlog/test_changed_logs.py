@@ -286,7 +286,7 @@ def changes_of(name: str, value: Any) -> list[Any]:
 
 
 def said_of(path: Path) -> str:
-    """What a rerun says of a log, with rounded numbers."""
+    """The message of a rerun of a log, with rounded numbers."""
     try:
         with Rerun(path) as run:
             for _ in run.steps():

@@ -13,21 +13,24 @@ from typing import Any
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
 
 from simmer_tui.belief_grid import grid_belief
 from simmer_tui.config.loader import Configuration
 from simmer_tui.config.set_devices import DeviceStatus
 from simmer_tui.errors import RunLogError
 from simmer_tui.events import ActionName, Belief, Notice, NoticeKind
+from simmer_tui.run.state import checkpoint_of
 from simmer_tui.runlog import reader, saved_runs, writer
-from simmer_tui.runlog.encode import LogEncoder
+from simmer_tui.runlog.encode import LogEncoder, checkpoint_record
 from simmer_tui.runlog.header import FORMAT, Header, TakenOver, parse_header, rebuild
-from simmer_tui.runlog.index import RunLogIndex
-from simmer_tui.runlog.log_records import BeliefRecord, BrokenLine, NoticeRecord, decode_line
+from simmer_tui.runlog.index import EntryFlag, RunLogIndex
+from simmer_tui.runlog.log_records import BeliefRecord, BrokenLine, NoticeRecord, decode_line, encode_line
+from simmer_tui.runlog.playback import Playback
 from simmer_tui.runlog.reader import READS_LARGE, LogReader
 from simmer_tui.runlog.saved_runs import SavedRun, last_run, make_room, saved_runs_folder
 from simmer_tui.runlog.writer import ReplayedPrefix, RunLog, auto_path, new_file, steady_clock
-from simmer_tui.sim import Pose, Simulator, parse_command
+from simmer_tui.sim import CommandResult, Pose, Simulator, parse_command
 from tests.runlog.conftest import StartRun
 
 posix = pytest.mark.skipif(sys.platform == "win32", reason="of POSIX alone")
@@ -449,6 +452,85 @@ def test_names_in_messages_have_200_characters_at_most(
     assert str(raised.value).startswith(f"cannot log to {shown}: it exists already")
 
 
+# -- the replay ------------------------------------------------------------------------------------------
+
+
+def test_a_replay_looks_400_entries_back_and_1500_ahead(
+    start_run: StartRun, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(writer, "CHECKPOINT_EVERY", 50)
+    run = start_run()
+    run.send("u3", *("zz",) * 1500)
+    while run.log.lines < 1520:
+        run.loop.run_until(run.loop.now)
+    with RunLogIndex(run.path) as log:
+        first = log.find_next(-1, EntryFlag.CHECKPOINT)
+        assert first is not None
+        for more, known in ((400, True), (401, False)):
+            playback = Playback(log)
+            playback.state_at(log.count - 1)
+            assert ("u3" in playback.state_at(first + more).sensors) == known
+        for entry, still in ((1500, True), (1501, False)):
+            playback = Playback(log)
+            playback.state_at(0)
+            assert ("u3" in playback.state_at(entry).sensors) == still
+
+
+@pytest.mark.parametrize(("without", "shown"), [(499, True), (500, False)])
+def test_cells_of_a_grid_are_sought_in_500_beliefs(start_run: StartRun, without: int, shown: bool) -> None:
+    run = start_run()
+    here = run.simulator.pose
+    grid = grid_belief(np.full((4, 8, 1), 0.1), (0.0, 0.0, 96.0, 48.0), 0.0, here)
+    run.engine.tell(Belief(0.0, here, here, grid=grid))
+    run.engine.tell(Belief(0.0, here, here, grid=replace(grid, cells=b"")))
+    run.engine.tell(Notice(NoticeKind.FAULT, ""))
+    header, belief, bare, notice = run.path.read_text().splitlines()
+    # Beliefs are recalled from before a checkpoint.
+    summary = encode_line(checkpoint_record(checkpoint_of(run.simulator), 0.0)).decode().strip()
+    run.path.write_text("\n".join([header, belief, *[bare] * without, summary, *[notice] * 1500]) + "\n")
+    with RunLogIndex(run.path) as log:
+        found = Playback(log).state_at(log.count - 1).belief
+        assert found is not None
+        assert found.grid is not None
+        assert bool(found.grid.cells) == shown
+
+
+def results(path: Path, *added: dict[str, Any]) -> list[CommandResult]:
+    """The results of the lines of a log, with others at its end."""
+    with path.open("a") as file:
+        file.writelines(json.dumps(line) + "\n" for line in added)
+    with LogReader(path) as log:
+        events = [each.event for each in log if not isinstance(each, BrokenLine)]
+    return [each for each in events if isinstance(each, CommandResult)]
+
+
+def test_the_last_16_movements_may_be_answered_late(start_run: StartRun) -> None:
+    run = start_run(timed=True, answer_at_end=False)
+    for _ in range(17):
+        run.send("d1-0.3")
+        run.loop.run_until(run.loop.now + 0.1)
+    run.log.close()
+    answer = {"kind": "answer", "t": run.simulator.time, "cmd": "d1-0.3", "reply": "inf", "status": "done"}
+    late = results(run.path, *({**answer, "n": number} for number in (1, 2, 17)))[-3:]
+    assert [each.trajectory is None for each in late] == [True, False, False]
+    assert late[1].pose.x < late[2].pose.x
+
+
+def test_the_last_16_legs_are_known_to_late_answers(start_run: StartRun) -> None:
+    run = start_run()
+    for number in range(18):
+        run.send(f"vx-{1 + number % 2}", "wt-0.1")
+    run.log.close()
+    # A leg that another replaces at once lasts no time.
+    starts = sorted({line["t"] for line in lines(run.path) if line["kind"] == "leg"})
+    reading = {"kind": "read", "n": 99, "cmd": "u1", "reply": 1.0, "t": 1.8}
+    # The last of the legs is under way.
+    taken = [starts[index] + 0.01 for index in (-18, -17, -16)]
+    late = results(run.path, *({**reading, "taken": time} for time in taken))[-3:]
+    # Of a leg before them only the end of the latest is known.
+    assert late[1].before.x < late[2].before.x < late[0].before.x
+
+
 # -- the header ------------------------------------------------------------------------------------------
 
 
@@ -547,8 +629,6 @@ def test_a_log_begins_where_its_header_says(start_run: StartRun, configuration: 
 
 
 def test_an_access_token_is_not_logged(tmp_path: Path, configuration: Configuration) -> None:
-    from msgspec.structs import replace
-
     server = replace(configuration.settings.server, token="secret")
     files = {**configuration.files, "settings.toml": '[server]\ntoken = "secret"\nport = 1\n'}
     changed = replace(configuration, settings=replace(configuration.settings, server=server), files=files)
