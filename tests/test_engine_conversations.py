@@ -153,6 +153,13 @@ def people(bench: Bench) -> None:
     bench.act(ActionName.SPEED, 2.0)
     bench.act(ActionName.RESUME)
     bench.wait(0.5)
+    bench.send("b", "d1-1", "u1")
+    bench.act(ActionName.PAUSE)
+    for _ in range(4):
+        bench.engine.step()
+        bench.wait(0.1)
+    bench.act(ActionName.RESUME)
+    bench.engine.step()
     bench.act(ActionName.BLOCK, 40.0, 42.0)
     bench.send("a", "d1-6")
     bench.wait(0.2)
@@ -189,6 +196,10 @@ def a_real_robot(bench: Bench) -> None:
         bench.wait(0.1)
     note("peeked", engine.peek(parse_command("u1")))
     engine.finish_movement()
+    engine.mirror(parse_command("d1-2"))
+    bench.wait(0.1)
+    engine.finish_movement()
+    bench.wait(0.1)
     note("refused", engine.refuse(replace(parse_command("d1-3"), stops=True)))
     bench.happened.append([engine.draw_link(3), engine.draw_link(1)])
     engine.restart_link()
@@ -204,6 +215,10 @@ def a_real_robot(bench: Bench) -> None:
     bench.wait(0.2)
     note("halted", engine.halt(parse_command("xx")))
     bench.wait(4.0)
+    bench.send("a", "d1-3")
+    bench.loop.now += 5.0  # its timer is late
+    bench.send("b", "u1", "d1-1")
+    bench.wait(1.0)
 
 
 SCRIPTS: dict[str, Callable[[Bench], None]] = {
