@@ -446,10 +446,27 @@ def test_names_in_messages_have_200_characters_at_most(
         with pytest.raises(RunLogError) as raised:
             opener(path)
         assert str(raised.value) == f"{shown}: there is no such file"
+    with pytest.raises(RunLogError) as raised:
+        last_run(path)
+    assert str(raised.value).startswith(f"no run is saved in {shown} yet")
+    simulator, stopped = Simulator(configuration.simulation, 1), list[str]()
     path.write_text("old")
     with pytest.raises(RunLogError) as raised:
-        RunLog(path, configuration, Simulator(configuration.simulation, 1))
+        RunLog(path, configuration, simulator)
     assert str(raised.value).startswith(f"cannot log to {shown}: it exists already")
+    with pytest.raises(RunLogError) as raised:
+        SavedRun(configuration, simulator, folder=path)
+    assert str(raised.value).startswith(f"runs cannot be saved in {shown}: ")
+    path.unlink()
+    log = RunLog(path, configuration, simulator, on_stop=stopped.append)
+    os.truncate(path, 0)
+    log.close()
+    assert stopped[0].startswith(f"logging to {shown} has stopped: ")
+    path.unlink()
+    path.mkdir()
+    with pytest.raises(RunLogError) as raised:
+        LogReader(path)
+    assert str(raised.value).startswith(f"{shown} cannot be read: ")
 
 
 # -- the replay ------------------------------------------------------------------------------------------
