@@ -47,7 +47,7 @@ def recorded_kinds(kinds: Iterable[RecordedKind]) -> SensorKinds:
     found: list[type[SensorKind]] = []
     for kind in kinds:
         if kind.name in KINDS:
-            raise RunLogError(f"the header describes {escape(kind.name, 40)!r}, which is a built-in kind")
+            raise RunLogError(f"the header describes {kind.name!r}, which is a built-in kind")
         try:
             found.append(recorded_class(kind))
         except (ValueError, TypeError) as error:

@@ -93,5 +93,9 @@ def test_a_run_is_rebuilt_with_its_files_and_no_other(make_set: MakeSet) -> None
         "the run had sensors of the kind 'temp', which is in none of its device files: they were given in "
         "Python, and can be run again from there only"
     )
+    (kind,) = header.kinds
+    for length, shown in ((40, "x" * 40), (41, "x" * 37 + "...")):
+        odd = replace(header, kinds=(replace(kind, name="x" * length),))
+        assert f"sensors of the kind '{shown}', which" in raised(rebuild_to_run, odd, folder)
     other = replace(header, devices=(LoggedDevice(DEVICE, "0"),))
     assert "another" in raised(rebuild_to_run, other, folder)

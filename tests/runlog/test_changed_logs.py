@@ -23,6 +23,7 @@ from simmer_tui.runlog.log_records import AnyRecord, BrokenLine, decode_line
 from simmer_tui.runlog.reader import LogReader
 from simmer_tui.runlog.rerun import InOrder, Rerun
 from simmer_tui.sim import Simulator, Status, parse_command
+from simmer_tui.sim.fingerprint import math_fingerprint
 from tests.kept_numbers import assert_kept
 from tests.runlog.conftest import StartRun
 
@@ -356,6 +357,22 @@ def test_numbers_of_another_machine_are_equal_within_a_billionth(
     assert ("line 10, command 'd1-3': pose is" in said_of(varied_log)) == differs
 
 
+@pytest.mark.parametrize(("name", "shown"), [("m" * 20, "m" * 20), ("m" * 21, "m" * 17 + "...")])
+def test_notes_of_a_rerun_say_where_the_log_is_from(varied_log: Path, name: str, shown: str) -> None:
+    lines = varied_log.read_text().splitlines()
+    taken_over = {"log": "other.jsonl", "line": 3, "elapsed": 1.5}
+    lines[0] = json.dumps({**json.loads(lines[0]), "mathematics": name, "taken_over": taken_over})
+    varied_log.write_text("\n".join(lines) + "\n")
+    with Rerun(varied_log) as run:
+        first, second = run.notes
+        assert not run.same_machine
+    assert first == (
+        f"the log was written on a machine with other mathematics ({shown}, here {math_fingerprint()}): the "
+        "last bits of its sines differ, so numbers count as equal within 1e-09"
+    )
+    assert second == "the run took over from other.jsonl at 1.50 s; it is compared from its beginning"
+
+
 # -- the order of a rerun ----------------------------------------------------------------------------
 
 
@@ -467,6 +484,11 @@ def test_a_run_up_to_a_moment_needs_its_beginning_and_the_same_numbers(start_run
     run.path.write_text(f"{json.dumps({**header, 'number': 2})}\n{json.dumps(line)}\n")
     with pytest.raises(RunLogError, match=r"begins after 2 commands: what was before is not known$"):
         up_to(run.path, 2, 0.0)
+    for program, shown in (("p" * 20, "p" * 20), ("p" * 21, "p" * 17 + "...")):
+        changed_header = json.dumps({**header, "program": program})
+        run.path.write_text(f"{changed_header}\n{json.dumps({**line, 'reply': 1.0})}\n")
+        with pytest.raises(RunLogError, match=rf"\(written by simmer-tui {re.escape(shown)}, this is "):
+            up_to(run.path, 2, 0.0)
     run.path.write_text(f"{json.dumps(header)}\n{json.dumps({**line, 'reply': 1.0})}\n")
     with pytest.raises(
         RunLogError, match=r"does not repeat exactly: line 2, command 'u1': reply is 1.0 in the"
