@@ -6,6 +6,7 @@ import gzip
 import json
 import os
 import sys
+import threading
 import zlib
 from datetime import datetime
 from pathlib import Path
@@ -299,6 +300,8 @@ class Saving:
 
     def __init__(self, folder: Path, configuration: Configuration, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr(saved_runs, "GATHER", 60.0)
+        # Lines of the same event have the same length.
+        monkeypatch.setattr(writer, "steady_clock", lambda: lambda: 5.0)
         self.stopped: list[str] = []
         self.run = SavedRun(
             configuration, Simulator(configuration.simulation, 3), folder=folder, on_stop=self.stopped.append
@@ -319,7 +322,6 @@ class Saving:
 def test_eight_megabytes_may_wait_for_the_disk(
     tmp_path: Path, configuration: Configuration, monkeypatch: pytest.MonkeyPatch, more: int
 ) -> None:
-    monkeypatch.setattr(writer, "steady_clock", lambda: lambda: 5.0)
     saving = Saving(tmp_path / "runs", configuration, monkeypatch)
     saving.tell(8 * MEGABYTE + more)
     saving.tell(100)
@@ -336,6 +338,9 @@ def test_a_saved_run_has_64_megabytes_at_most(
 ) -> None:
     assert saved_runs.LARGEST == 64 * MEGABYTE
     saving = Saving(tmp_path / "runs", configuration, monkeypatch)
+    threads = [each.daemon for each in threading.enumerate() if each.name == "saved run"]
+    assert threads
+    assert all(threads), "a disk that hangs does not keep the process from ending"
     saving.run(Notice(NoticeKind.FAULT, "a"))
     saving.run.flush()
     line = len(saving.run.path.read_bytes().splitlines(keepends=True)[1])
