@@ -21,6 +21,7 @@ def brief(value: Any) -> Any:
     match value:
         case Command():
             marks = f" {value.problem}" if value.problem else ""
+            marks += f" as {value.code}" if value.stops else ""
             return f"{value.text} from {value.source}{' stops' if value.stops else ''}{marks}"
         case Pose():
             return [brief(each) for each in (value.x, value.y, value.heading)]

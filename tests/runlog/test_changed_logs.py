@@ -127,7 +127,14 @@ LEAST: tuple[dict[str, Any], ...] = (
     {"kind": "program", "exit_code": 1},
     {"kind": "twin", "cmd": "u1", "code": "u1", "robot": 1.0, "simulated": 1.0},
     {key: value for key, value in LINES[-1].items() if key not in ("driving", "link", "reading", "mission")},
-)
+    {
+        **LINES[-1],
+        "mission": {
+            "goals": {}, "result": "failed", "reason": "", "helped": False,
+            "end": {"time": 1.0, "distance": 1.0, "commands": 1, "contacts": 1},
+        },
+    },
+)  # fmt: skip
 
 
 def test_fields_that_a_line_leaves_out_have_the_values_that_were_kept() -> None:
@@ -255,6 +262,7 @@ CONTACT = {"t": 0.2, "at": [0, 0.5, 0.5], "point": [1.0, 2.0]}
         ([{**MOVE, "contact": {**CONTACT, "at": [10, 0.5, 0.5]}}], ["the movement has no segment 10"]),
         ([PLAN, END], []),
         ([END], ["the end of command number 1 has no beginning before it"]),
+        ([{**PLAN, "n": 2}, END], ["the end of command number 1 has no beginning before it"]),
         ([PLAN, {**END, "n": 2}], ["the end of command number 2 has no beginning before it"]),
         ([{**PLAN, "t": 0.5}, END], []),
         ([{**PLAN, "t": 0.6}, END], ["the movement ends before it begins"]),

@@ -172,7 +172,7 @@ def timed(run: Run) -> None:
     run.act(ActionName.RESUME)
     run.wait(0.3)
     run.engine.refuse(replace(parse_command("xx"), stops=True))
-    run.send("xx", second=True, stops=True)
+    run.send(" xx-3", second=True, stops=True)
     run.wait(0.5)
     run.act(ActionName.TELEPORT, 54.0, 30.0, 0.0)
     run.send("vv-4;0;30", "wt-0.5", "u1")

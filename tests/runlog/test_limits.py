@@ -90,6 +90,7 @@ def test_a_deleted_file_is_noticed_at_the_hundredth_line(start_run: StartRun) ->
     assert stopped == [f"logging to {str(run.path)[:200]} has stopped: the file has been deleted"]
 
 
+@posix
 def test_the_bytes_of_a_cut_file_are_counted(start_run: StartRun) -> None:
     stopped: list[str] = []
     run = start_run(on_stop=stopped.append)
@@ -441,6 +442,7 @@ def test_logs_that_were_packed_one_by_one_are_one_log(start_run: StartRun) -> No
         assert len(list(log.lines())) == len(parts) - 1
 
 
+@posix
 @pytest.mark.parametrize("length", [200, 201])
 def test_names_in_messages_have_200_characters_at_most(
     tmp_path: Path, configuration: Configuration, length: int
