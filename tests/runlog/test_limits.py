@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
+from simmer_tui import platform_has
 from simmer_tui.belief_grid import grid_belief
 from simmer_tui.config.loader import Configuration
 from simmer_tui.config.set_devices import DeviceStatus
@@ -162,6 +163,43 @@ def test_no_file_is_written_through_a_link(tmp_path: Path, configuration: Config
     with RunLog(tmp_path / "device", configuration, simulator) as log:
         assert (log.stopped, log.lines) == ("", 1)
     assert log.stopped == "the log is closed"
+
+
+@posix
+@pytest.mark.parametrize("kind", ["new", "made before", "saved"])
+def test_a_log_is_only_appended_to(
+    tmp_path: Path, configuration: Configuration, monkeypatch: pytest.MonkeyPatch, kind: str
+) -> None:
+    notice = Notice(NoticeKind.FAULT, "a")
+    if kind == "saved":
+        run = Saving(tmp_path, configuration, monkeypatch).run
+        os.truncate(run.path, 10)
+        run(notice)
+        run.flush()
+        data = run.path.read_bytes()
+        run.close()
+    else:
+        path = tmp_path / "log"
+        if kind == "made before":
+            path.touch()
+        with RunLog(path, configuration, Simulator(configuration.simulation, 1)) as log:
+            os.truncate(path, 10)
+            log(notice)
+            data = path.read_bytes()
+    begin, end = data[:10], data[10:]
+    assert begin == b'{"kind":"h'
+    assert json.loads(end)["text"] == "a"
+
+
+@posix
+@pytest.mark.parametrize("name", ["run.jsonl", "run.jsonl.gz"])
+def test_a_log_is_locked_until_it_is_closed(tmp_path: Path, configuration: Configuration, name: str) -> None:
+    log = RunLog(tmp_path / name, configuration, Simulator(configuration.simulation, 1))
+    with (tmp_path / name).open("ab") as other:
+        with pytest.raises(BlockingIOError):
+            platform_has.lock_alone(other.fileno())
+        log.close()
+        platform_has.lock_alone(other.fileno())
 
 
 def test_files_of_one_second_are_numbered(tmp_path: Path) -> None:
