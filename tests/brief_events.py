@@ -33,7 +33,8 @@ def brief(value: Any) -> Any:
             fields = (value.end_time, value.last_pose, value.pressed, value.contact, value.arc.rate)
             return [brief(each) for each in fields]
         case LidarScan():
-            return [value.revolution, sums(value.ranges), sums(value.bearings), sums(value.poses)]
+            arrays = (value.ranges, value.bearings, value.poses)
+            return [value.revolution, *map(sums, arrays), list(value.poses.shape)]
         case Reading():
             return [brief(each) for each in (value.sensor, value.value, value.true, value.took, value.scan)]
         case CommandResult():

@@ -115,6 +115,13 @@ def stops(bench: Bench) -> None:
     bench.stop("b")
     bench.leave("b")
     bench.wait(5.0)
+    bench.send("a", "u2")
+    bench.send("b", "d1-2")
+    bench.wait(0.15)
+    bench.stop("a")
+    bench.send("a", "u1", "u3")
+    bench.wait(0.12)
+    bench.wait(2.0)
 
 
 def velocities(bench: Bench) -> None:
