@@ -183,6 +183,12 @@ def timed(run: Run) -> None:
     run.wait(0.2)
     run.act(ActionName.TELEPORT, 18.0, 42.0, 0.0)
     run.send("d1-4", "u1")
+    run.wait(1.0)
+    run.send("d1--1", "u1")
+    run.wait(0.16)  # over a link it has ended and is not answered yet
+    run.act(ActionName.TELEPORT, 19.0, 42.0, 0.0)
+    run.wait(0.3)
+    run.send("d1-4", "u1")
     run.wait(0.2)
     run.act(ActionName.RESET)
     run.send("d1-30", "u1")
@@ -389,6 +395,7 @@ def test_the_moments_of_a_replay_are_those_that_were_kept(
             found.append([entry, shown(playback.state_when(entry, 1.25))])
         told = [*playback.events(20, 29), *playback.events(-3, 2), *playback.events(log.count - 1, 999)]
         found.append([read_back(each) for each in told])
+        found.append([each.line for each in playback.events(0, 999) if isinstance(each, BrokenLine)])
     assert_kept(found, KEPT, f"replay, {name}, {look_back}")
 
 
