@@ -234,6 +234,19 @@ def test_a_scan_has_4000_rays_at_most() -> None:
         assert (np.size(answer) == count) == whole
 
 
+@pytest.mark.parametrize("following", [0, 1, 2])
+def test_behind_a_scan_only_the_replies_that_are_due_may_come(following: int) -> None:
+    data = struct.pack("<3f", 2.0, 1.5, 2.5)
+    for behind in range(12):
+        framer = ReplyFramer()
+        framer.following = following
+        framer.expect(ReplyEnd.FLOAT32, scans=[True])
+        assert framer.receive(b"\xff\xfe" + data + bytes(behind)) is None
+        is_due = behind in (0, 4, 8)[: following + 1]
+        assert framer.silence() == (data if is_due else None)
+        assert framer.discarded == (2 if is_due else 0)
+
+
 def test_65536_bytes_are_kept_of_a_reply_without_an_end() -> None:
     framer = trusting(ReplyEnd.BRACKET)
     assert framer.receive(b"[" + b"x" * 65535) is None
