@@ -1,4 +1,4 @@
-"""Conversations of several senders with one robot, on a clock that the test moves: every event and answer is
+"""Exchanges of several senders with one robot, on a clock that the test moves: every event and answer is
 the one that was kept."""
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from tests.brief_events import brief
 from tests.kept_numbers import assert_kept
 from tests.manual_loop import ManualLoop
 
-KEPT = Path(__file__).with_name("kept_conversations.json")
+KEPT = Path(__file__).with_name("kept_exchanges.json")
 
 
 class Bench:
@@ -258,7 +258,7 @@ def spec() -> SimulationSpec:
 
 @pytest.mark.parametrize("mode", MODES)
 @pytest.mark.parametrize("script", SCRIPTS)
-def test_a_conversation_is_the_one_that_was_kept(
+def test_an_exchange_is_the_one_that_was_kept(
     script: str, mode: str, spec: SimulationSpec, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     # However busy the machine is: all that there is to compute takes no slice of time, or each event does.
