@@ -511,10 +511,9 @@ class Engine:
     def _stop_arrives(self, session: Session, command: Command, stop: Stop, request_delay: float) -> None:
         if not session.open:
             return
-        # If its turn came while it was on the link, the session waits for it.
-        waits = session.waiting and bool(session.queue) and session.queue[0].stop is stop
         self._do_stop(command, stop, request_delay)
-        if waits:
+        # Otherwise the session may wait for the answer of an earlier command.
+        if stop.awaited:
             session.waiting = False
         self._scheduler.wake(session)
 
@@ -527,7 +526,7 @@ class Engine:
         """Send the answer of a stop whose turn has come back over the link."""
         session, outcome = queued.session, stop.outcome
         if outcome is None:
-            session.waiting = True
+            session.waiting = stop.awaited = True
             session.queue.appendleft(queued)
         elif stop.reply_delay and self._passes:
             self._go_on_at(self.now() + stop.reply_delay, session, self._hand_over, queued, outcome)

@@ -45,13 +45,14 @@ class Lane:
 
 class Stop(Struct):
     """The result of a command that stops, once it has arrived over the link. `reply_delay` is that of its
-    answer, simulated seconds.
+    answer, simulated seconds. `awaited` is true if its turn came before it: its session waits for it.
 
     A stop is done before its turn; only its answer waits.
     """
 
     outcome: CommandResult | None = None
     reply_delay: float = 0.0
+    awaited: bool = False
 
 
 class Queued(Struct, frozen=True):

@@ -10,6 +10,7 @@ import math
 import os
 from collections.abc import Iterable, Mapping
 from enum import Enum
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -20,12 +21,18 @@ import pytest
 
 def assert_kept(found: Any, file: Path, name: str) -> None:
     """Assert that an answer is the one kept under a name in a file; with KEEP=1, keep it."""
-    kept = json.loads(file.read_text("utf-8")) if file.exists() else {}
+    kept = _kept(file)
     if os.environ.get("KEEP"):
         kept[name] = in_json(found)
         lines = ",\n".join(f"{json.dumps(key)}: {json.dumps(kept[key])}" for key in sorted(kept))
         file.write_text(f"{{\n{lines}\n}}\n", "utf-8")
     assert_same(found, kept[name], name)
+
+
+@cache
+def _kept(file: Path) -> dict[str, Any]:
+    """The answers in a file. They are read once, since some files have many."""
+    return dict(json.loads(file.read_text("utf-8"))) if file.exists() else {}
 
 
 def in_json(value: Any) -> Any:

@@ -24,7 +24,7 @@ from simmer_tui.events import (
     Notice,
     NoticeKind,
 )
-from simmer_tui.sessions import SLICE, SLICE_SECONDS, Session
+from simmer_tui.sessions import SLICE, SLICE_SECONDS, LinkDelay, Session
 from simmer_tui.sim import Command, CommandResult, SimulationSpec, Simulator, Status, parse_command
 from simmer_tui.sim.sensors import Lidar, LidarSpec
 from simmer_tui.sim.specs import VelocityKind, VelocitySpec
@@ -525,6 +525,25 @@ def test_a_stop_costs_the_same_however_many_wait(timed: Bench) -> None:
     timed.send(session, "d1-1")
     timed.clock.pass_by(1.0)
     assert timed.answers[-1][2].status is Status.DONE, "what comes after a stop is done"
+
+
+def test_a_stop_that_arrives_while_an_answer_is_due_is_answered_after_it(
+    clock: Clock, course_spec: SimulationSpec
+) -> None:
+    first, *rest = course_spec.sensors
+    spec = replace(course_spec, sensors=(replace(first, read_time=1.0), *rest))
+    bench = Bench(clock, spec, timed=True, link=LinkDelay(0.1, 0.0, 3))
+    session = bench.session()
+    bench.send(bench.session(answer_at_end=False), "d1-6")
+    bench.send(session, "u1")
+    clock.pass_by(0.5)
+    session.submit(stop(), bench._note)
+    bench.send(session, "u2")
+    clock.pass_by(0.2)
+    assert not bench.simulator.moving, "it stops before its turn"
+    clock.pass_by(3.0)
+    assert [text for _, text in bench.answered] == ["d1-6", "u1", "xx", "u2"]
+    assert bench.answered[1:3] == [(1.2, "u1"), (1.3, "xx")]
 
 
 def test_a_drive_waits_for_the_drive_of_another_session(timed: Bench) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Callable, Mapping
+from functools import lru_cache
 from typing import Any
 
 from msgspec.structs import astuple, replace
@@ -83,7 +84,7 @@ _SLACK = 1e-3
 """Tolerance, inches or degrees, by which a leg may lead out of the maze, or exceed the largest turn."""
 # A program uses some hundred texts; one that never repeats itself must not fill the memory.
 _CACHED = 4096
-"""Texts of commands that are parsed only once."""
+"""Texts of commands that are kept parsed."""
 
 
 class LogDecoder:
@@ -107,8 +108,8 @@ class LogDecoder:
         """The latest movements that are over, and where each began."""
         self._begun = pose
         self._scans = ScanDecoder(spec.sensors)
-        self._commands: dict[tuple[str, str], Command] = {}
-        self._profiles: dict[str, tuple[VelocityProfile | None, float]] = {}
+        self._parsed = lru_cache(_CACHED)(parse_command)
+        self._profile = lru_cache(_CACHED)(self._profile_of)
         self._decoders: Mapping[type, Callable[[Any], tuple[Event, ...]]] = {
             ReadingRecord: self._reading,
             AnswerRecord: self._answer,
@@ -193,16 +194,12 @@ class LogDecoder:
         return next((begun for ended, begun in self._ended if ended.number == number), self._begun)
 
     def _command(self, text: str, source: str, stops: bool = False) -> Command:
-        known = self._commands.get((text, source))
-        # A text that stops the robot is not in the grammar, so it is never cached as a command.
-        if known is not None and not stops:
-            return known
-        if stops:
-            return Command(text, text.strip()[:2], source=source, stops=True)
-        command = parse_command(text, source)
-        if len(self._commands) < _CACHED:
-            self._commands[text, source] = command
-        return command
+        # A text that stops the robot is not in the grammar.
+        return (
+            Command(text, text.strip()[:2], source=source, stops=True)
+            if stops
+            else self._parsed(text, source)
+        )
 
     def _reading(self, record: ReadingRecord) -> tuple[Event, ...]:
         command = self._command(record.command, record.source)
@@ -402,7 +399,7 @@ class LogDecoder:
             return standing(start, begin, 1.0 / drive.speed, cut=cut)
         if total is None:
             return standing(start, begin, 0.0, cut=cut)
-        profile, whole = self._profile(command, drive)
+        profile, whole = self._profile(command.text)
         # After a contact the errors are dropped, so the rest is one straight piece or one turn.
         if record.stop is not None and record.stop[0]:
             raise RunLogError("the rest of a movement has one segment")
@@ -433,22 +430,20 @@ class LogDecoder:
         same = {name: getattr(fields, name) for name in SHARED_WITH_CONTACT}
         return Contact(met, segment=segment, turned=turned, translated=translated, time=fields.t, **same)
 
-    def _profile(self, command: Command, drive: DriveSpec) -> tuple[VelocityProfile | None, float]:
-        """A command's velocity profile, and its duration, seconds."""
-        known = self._profiles.get(command.text)
-        if known is None:
-            value = parse_value(command.argument)
-            if isinstance(value, str):
-                raise RunLogError(f"{command.shown} has no value: {value}")
-            distance = abs(value * drive.gain)
-            profile = profile_of(drive, distance)
-            known = profile, distance / drive.speed if profile is None else profile.duration
-            # Written so that NaN is refused too.
-            if not known[1] <= LARGEST:
-                raise RunLogError(f"{command.shown} takes too long")
-            if len(self._profiles) < _CACHED:
-                self._profiles[command.text] = known
-        return known
+    def _profile_of(self, text: str) -> tuple[VelocityProfile | None, float]:
+        """The velocity profile of a drive's command, and its duration, seconds."""
+        command = parse_command(text)
+        drive, value = self._drives[command.code], parse_value(command.argument)
+        assert isinstance(drive, DriveSpec), "a gripper has no profile"
+        if isinstance(value, str):
+            raise RunLogError(f"{command.shown} has no value: {value}")
+        distance = abs(value * drive.gain)
+        profile = profile_of(drive, distance)
+        duration = distance / drive.speed if profile is None else profile.duration
+        # Written so that NaN is refused too.
+        if not duration <= LARGEST:
+            raise RunLogError(f"{command.shown} takes too long")
+        return profile, duration
 
     def _grip(self, time: float, fields: GripFields, pose: Pose) -> Grip:
         """The gripper's action at a pose. The distance by which it missed the block is computed from them."""

@@ -132,7 +132,7 @@ class LogEncoder:
                 if event.reading is not None and event.status is Status.READING:
                     yield self._reading_record(event, event.reading, real_time)
                 # The end of a movement may have been its answer: then no record is needed.
-                elif event.status is not Status.DONE or event.number != self._answered:
+                elif event.number != self._answered:
                     yield _answer_record(event, real_time)
                 # Numbers restart after a reset: an earlier movement must not answer for a later one.
                 self._answered = None

@@ -182,8 +182,7 @@ class RunLogIndex(Closing):
 
     def zero_of(self, i: int) -> float:
         """Origin of the `t` of an entry, on the scale of `time_of`: the last reset before it."""
-        stretch = max(bisect_right(self._zeros, i, key=itemgetter(0)) - 1, 0)
-        return self._zeros[stretch][1]
+        return self._zeros[bisect_right(self._zeros, i, key=itemgetter(0)) - 1][1]
 
     def flags_of(self, i: int) -> EntryFlag:
         """Properties of an entry, without reading it."""

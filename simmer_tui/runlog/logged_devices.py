@@ -15,7 +15,7 @@ from simmer_tui.config.device_file import DeviceFile, is_device_name, read_devic
 from simmer_tui.config.device_trust import OPTION, is_trusted
 from simmer_tui.config.set_devices import DeviceStatus
 from simmer_tui.errors import ConfigurationError, Problem, RunLogError
-from simmer_tui.sim.command import escape, escape_word, shown_path
+from simmer_tui.sim.command import escape, shown_path
 from simmer_tui.sim.sensors import KINDS, SensorKinds, sensor_kinds
 from simmer_tui.sim.sensors.recorded_kinds import RecordedKind, described, recorded_class
 from simmer_tui.sim.specs import SensorKind, SensorSpec
@@ -47,7 +47,7 @@ def recorded_kinds(kinds: Iterable[RecordedKind]) -> SensorKinds:
     found: list[type[SensorKind]] = []
     for kind in kinds:
         if kind.name in KINDS:
-            raise RunLogError(f"the header describes {escape_word(kind.name)!r}, which is a built-in kind")
+            raise RunLogError(f"the header describes {kind.name!r}, which is a built-in kind")
         try:
             found.append(recorded_class(kind))
         except (ValueError, TypeError) as error:

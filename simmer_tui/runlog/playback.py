@@ -90,7 +90,7 @@ class Playback:
         """The events of the entries from `begin` to before `end`."""
         begin = max(begin, 0)
         # The poses that a lidar's rays were sent from follow from the movements before.
-        decoder, at = self._decoder_before(max(begin - LOOK_BACK, 0) if self._has_scans else begin)
+        decoder, at = self._decoder_before(begin - LOOK_BACK if self._has_scans else begin)
         found: list[Logged | BrokenLine] = []
         for entry in range(at, min(end, self.index.count)):
             line = self.index.record(entry)
@@ -131,7 +131,7 @@ class Playback:
 
     def _restart(self, entry: int) -> None:
         """Begin to reduce at least `LOOK_BACK` entries before an entry."""
-        self._decoder, at = self._decoder_before(max(entry - LOOK_BACK, 0))
+        self._decoder, at = self._decoder_before(entry - LOOK_BACK)
         index = self.index
         beginning = index.header.beginning(self.configuration)
         if at > 0:

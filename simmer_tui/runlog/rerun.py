@@ -513,7 +513,7 @@ def _same(logged: object, now: object) -> bool:
         case Pose(), Pose():
             return _same((logged.x, logged.y, logged.heading), (now.x, now.y, now.heading))
         case tuple(), tuple():
-            return len(logged) == len(now) and all(map(_same, logged, now))
+            return all(map(_same, logged, now))
         case float(), float():
             near = math.isclose(logged, now, rel_tol=_SAME_NUMBER, abs_tol=_SAME_NUMBER)
             return near or _text(logged) == _text(now)

@@ -212,7 +212,7 @@ def test_names_of_files_tell_teams_apart() -> None:
         ("in\\..\\robot", "config: must lie in the team's folder"),
         ("link", "config: must lie in the team's folder"),
         ("/", "config: must lie in the team's folder"),
-        ("x" * 120, f'config: there is no "{"x" * 97}..."'),
+        ("x" * 140, f'config: there is no "{"x" * 117}..."'),
     ],
 )
 def test_a_teams_robot_lies_in_its_folder(tmp_path: Path, config: str, what: str) -> None:

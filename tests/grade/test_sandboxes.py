@@ -25,7 +25,7 @@ from simmer_tui.grade import bubblewrap, container
 from simmer_tui.grade.bubblewrap import Bubblewrap, limits_text, seen_folders
 from simmer_tui.grade.call_filter import call_filter
 from simmer_tui.grade.container import Container
-from simmer_tui.grade.sandbox import LaunchedSandbox, Limits, package_folders, surroundings
+from simmer_tui.grade.sandbox import LaunchedSandbox, Limits, package_folders, sandbox_environment
 from simmer_tui.links.ports import PortRequest
 from simmer_tui.program import ProgramOutput
 
@@ -384,7 +384,7 @@ def test_our_package_is_all_that_a_sandbox_sees_of_ours() -> None:
         package: "/simmer/simmer_tui",
         package.parent / "config": "/simmer/config",
     }
-    assert surroundings("/a/b/python")["PATH"] == "/a/b:/usr/local/bin:/usr/bin:/bin"
+    assert sandbox_environment("/a/b/python")["PATH"] == "/a/b:/usr/local/bin:/usr/bin:/bin"
 
 
 # -- bubblewrap ------------------------------------------------------------------------------------

@@ -148,10 +148,10 @@ def test_a_scheduler_is_connected_to_in_ten_seconds(monkeypatch: pytest.MonkeyPa
     assert asked == [("tcp://a:1", {"timeout": "10s", "set_as_default": False})]
     fails.append(ValueError("odd"))
     with pytest.raises(TrialsError, match=r"^--dask x{397}\.\.\.: odd$"):
-        connect("x" * 300)
+        connect("x" * 500)
     fails.append(OSError("late"))
     with pytest.raises(ClusterError, match=r"^--dask x{397}\.\.\.: no Dask scheduler answers there: late$"):
-        connect("x" * 300)
+        connect("x" * 500)
     monkeypatch.setitem(sys.modules, "distributed", None)
     with pytest.raises(TrialsError, match=r"--dask needs the package distributed: pip install '.*dask.*'"):
         connect("x")
