@@ -35,11 +35,11 @@ WEB = Diagnosis("HTTP", "HTTP request on port 9, which is no web server: it take
             Diagnosis("packets on a line port", "port 9 takes lines; '[u0]' is a packet: send it to port 5"),
         ),
         (
-            "[" + "x" * 20,
+            "[" + "x" * 40,
             {"packets": 0},
             Diagnosis(
                 "packets on a line port",
-                "port 9 takes lines; '[xxxxxxxxxxxxxxxx...' is a packet: start with --listeners packets",
+                f"port 9 takes lines; '[{'x' * 36}...' is a packet: start with --listeners packets",
             ),
         ),
         (
@@ -70,11 +70,11 @@ LINES = "lines on a packet port"
             Diagnosis(LINES, "port 9 takes packets such as [u0]; 'u1' is a line: send lines to port 4"),
         ),
         (
-            b"\xff" + b"x" * 20 + b"\nu2\n",
+            b"\xff" + b"x" * 40 + b"\nu2\n",
             None,
             Diagnosis(
                 LINES,
-                "port 9 takes packets such as [u0]; '\\xffxxxxxxxxxxxxx...' is a line: start with "
+                f"port 9 takes packets such as [u0]; '\\xff{'x' * 33}...' is a line: start with "
                 "--listeners binary",
             ),
         ),
@@ -130,13 +130,13 @@ def test_commands_without_line_ends_between_them_are_named(text: str, named: boo
     assert joined(text, KNOWN) == (Diagnosis("commands joined", said) if named else None)
 
 
-def test_what_came_is_shown_with_20_characters_at_most() -> None:
-    found = joined("u1u2" * 5, KNOWN), joined("u1u2" * 6, KNOWN), without_end(b"x" * 20, "a:1")
+def test_what_came_is_shown_with_40_characters_at_most() -> None:
+    found = joined("u1u2" * 10, KNOWN), joined("u1u2" * 11, KNOWN), without_end(b"x" * 40, "a:1")
     shown = [diagnosis.text.split("'")[1] for diagnosis in found if diagnosis is not None]
-    assert shown == ["u1u2" * 5, "u1u2u1u2u1u2u1u2u...", "x" * 20]
-    assert without_end(b"\x00" + b"x" * 20, "a:1") == Diagnosis(
+    assert shown == ["u1u2" * 10, "u1u2" * 9 + "u...", "x" * 40]
+    assert without_end(b"\x00" + b"x" * 40, "a:1") == Diagnosis(
         "line without an end",
-        "client a:1 sent '\\x00xxxxxxxxxxxxx...' without a line end and waits: its earlier lines ended with "
+        f"client a:1 sent '\\x00{'x' * 33}...' without a line end and waits: its earlier lines ended with "
         "a newline (\\n), so every one must",
     )
 

@@ -365,7 +365,7 @@ def test_numbers_of_another_machine_are_equal_within_a_billionth(
     assert ("line 10, command 'd1-3': pose is" in said_of(varied_log)) == differs
 
 
-@pytest.mark.parametrize(("name", "shown"), [("m" * 20, "m" * 20), ("m" * 21, "m" * 17 + "...")])
+@pytest.mark.parametrize(("name", "shown"), [("m" * 40, "m" * 40), ("m" * 41, "m" * 37 + "...")])
 def test_notes_of_a_rerun_say_where_the_log_is_from(varied_log: Path, name: str, shown: str) -> None:
     lines = varied_log.read_text().splitlines()
     taken_over = {"log": "other.jsonl", "line": 3, "elapsed": 1.5}
@@ -492,7 +492,7 @@ def test_a_run_up_to_a_moment_needs_its_beginning_and_the_same_numbers(start_run
     run.path.write_text(f"{json.dumps({**header, 'number': 2})}\n{json.dumps(line)}\n")
     with pytest.raises(RunLogError, match=r"begins after 2 commands: what was before is not known$"):
         up_to(run.path, 2, 0.0)
-    for program, shown in (("p" * 20, "p" * 20), ("p" * 21, "p" * 17 + "...")):
+    for program, shown in (("p" * 40, "p" * 40), ("p" * 41, "p" * 37 + "...")):
         changed_header = json.dumps({**header, "program": program})
         run.path.write_text(f"{changed_header}\n{json.dumps({**line, 'reply': 1.0})}\n")
         with pytest.raises(RunLogError, match=rf"\(written by simmer-tui {re.escape(shown)}, this is "):

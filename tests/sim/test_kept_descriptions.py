@@ -16,7 +16,7 @@ from msgspec.structs import fields, replace
 from simmer_tui.sim import columns, fingerprint, rules
 from simmer_tui.sim.angles import eighth_of_turn
 from simmer_tui.sim.columns import CsvColumn
-from simmer_tui.sim.command import Command, escape, printable
+from simmer_tui.sim.command import Command, escape, escape_passage, escape_word, printable, shown_path
 from simmer_tui.sim.noise import RandomBias, random_bias
 from simmer_tui.sim.path import Path as Way
 from simmer_tui.sim.pose import Pose
@@ -73,7 +73,15 @@ def test_kinds_are_those_that_were_kept() -> None:
         "counts",
         "is_heading",
     )
-    said += ("feels_block", "feels_floor", "stands_for", "devices", "is_opaque", "any_columns", "spec_type")
+    said += (
+        "detects_block",
+        "detects_floor",
+        "dialect_functions",
+        "devices",
+        "is_opaque",
+        "any_columns",
+        "spec_type",
+    )
     said += ("missed", "pings", "least_error")
     found = {}
     for kind in sensor_kinds().values():
@@ -228,8 +236,11 @@ def test_a_message_shortens_what_it_shows() -> None:
     assert rules.describe(-(10**30)) == rules.describe(10**30) == "a far larger whole number"
     assert rules.describe({}) == "a table"
     assert rules.describe(1.5) == "1.5"
-    assert escape("x" * 80) == "x" * 80
-    assert escape("x" * 81) == "x" * 77 + "..."
+    assert escape("x" * 120) == "x" * 120
+    assert escape("x" * 121) == "x" * 117 + "..."
+    assert escape_word("x" * 41) == "x" * 37 + "..."
+    assert escape_passage("x" * 400) == shown_path("x" * 400) == "x" * 400
+    assert escape_passage("x" * 401) == shown_path("x" * 401) == "x" * 397 + "..."
     assert escape("é\x1b") == "\\xe9\\x1b"
     assert printable("é\x1b") == "é\\x1b"
     assert printable("é") == "é"
@@ -292,7 +303,7 @@ def results() -> Iterator[CommandResult]:
     reading = Reading(sensor, 3.25, 3.0, RangeScan((0, 0), (0.0,), (3.0,)), 0.4)
     empty = np.zeros(1)
     scan = LidarScan(0, np.array((5.0, 6.0)), empty, empty, empty)
-    path = Way.laid(Pose(0, 0, 0), 1, 0, 0, 2)
+    path = Way.of_segments(Pose(0, 0, 0), 1, 0, 0, 2)
     movement = Trajectory(path, DriveKind.RIGHT, Axes(2.0), 1.0, 0.9)
     yield plain
     yield replace(plain, reading=reading)

@@ -152,7 +152,7 @@ def test_the_block_was_where_it_lay_before_the_run_and_moves_at_once() -> None:
     recent = RecentMotion(2.0)
     first, second, third = (BlockPlace(since, Block(since, 1.0, 1.0)) for since in (-0.5, 0.0, 0.5))
     for place in (first, second, third):
-        recent.block_is(place)
+        recent.add_block_place(place)
     assert [(part.start, part.stop, place) for part, place in recent.blocks(times)] == [
         (0, 4, second),
         (4, 5, third),
@@ -162,7 +162,7 @@ def test_the_block_was_where_it_lay_before_the_run_and_moves_at_once() -> None:
 def test_a_leg_ends_where_it_ended_also_for_the_last_of_many_times() -> None:
     arc = Arc.of(Pose(0.0, 0.0, 0.0), Twist(2.0), 1.0)
     recent = RecentMotion(9.0)
-    recent.went(Leg(arc, 1.0, 2.0, arc.end, Twist(2.0)))
+    recent.add_motion(Leg(arc, 1.0, 2.0, arc.end, Twist(2.0)))
     for times in ((0.5, 1.5, 2.5), (1.5, 2.0), (1.0, 2.0, 7.0), (1.5, 1.75)):
         poses = recent.poses(np.array(times), arc.end, None)
         expected = [2.0 * min(max(time - 1.0, 0.0), 1.0) for time in times]
@@ -174,7 +174,7 @@ def test_a_thin_robot_meets_a_corner_that_is_near_its_centre() -> None:
     body = Footprint.of(RobotSpec.rectangle(8.0, 1.0))
     walls = Obstacles.of_maze(Maze(WALL).walls)
     start = Pose(12.0 - 0.8, 24.0, 90.0)
-    turn = Path.laid(start, 0.0, 0.0, -80.0, 1)
+    turn = Path.of_segments(start, 0.0, 0.0, -80.0, 1)
     met = first_contact(body, walls, turn, 60.0)
     assert met is not None
     assert met.stop.turned * 80.0 == pytest.approx(math.degrees(math.acos(0.5 / 0.8)), abs=1e-6)
