@@ -247,6 +247,15 @@ def test_behind_a_scan_only_the_replies_that_are_due_may_come(following: int) ->
         assert framer.discarded == (2 if is_due else 0)
 
 
+@pytest.mark.parametrize(("end", "data"), [(ReplyEnd.NEWLINE, b"1\n2\n"), (ReplyEnd.BRACKET, b"[1][2]")])
+def test_of_two_replies_the_first_counts_and_in_doubt_the_last(end: ReplyEnd, data: bytes) -> None:
+    assert trusting(end).receive(data) == data[: len(data) // 2]
+    framer = ReplyFramer()
+    framer.expect(end)
+    assert framer.receive(data) is None
+    assert framer.silence() == data[len(data) // 2 :]
+
+
 def test_65536_bytes_are_kept_of_a_reply_without_an_end() -> None:
     framer = trusting(ReplyEnd.BRACKET)
     assert framer.receive(b"[" + b"x" * 65535) is None
