@@ -18,13 +18,16 @@ from typing import Any
 import numpy as np
 
 from simmer_tui.errors import DeviceError
-from simmer_tui.sim.command import escape, escape_passage
+from simmer_tui.sim.command import escape
 from simmer_tui.sim.records import FloorPatch, RangeScan
 from simmer_tui.sim.sensors import CountingSensor, Sensor
 
 # A lidar of the course has 360 rays, and a line sensor 113 test points.
 _MOST_RAYS, _MOST_POINTS = 2000, 10_000
 """Most rays, and most points of floor, of a reading."""
+# An exception may quote a whole array.
+_LONGEST = 200
+"""Characters of an error that are shown."""
 _MARK = "_simmer_guard"
 """Attribute of functions that are already guarded."""
 _FAULT = "_simmer_fault"
@@ -40,7 +43,7 @@ def located(path: str, what: str, error: BaseException) -> DeviceError:
     lines = [line for file, line in _frames(error.__traceback__) if file == path]
     where = f"{path}:{lines[-1]}" if lines else path
     try:
-        told = escape_passage(" ".join(str(error).split()))
+        told = escape(" ".join(str(error).split()), _LONGEST)
     except Exception:  # noqa: BLE001 - an exception of the team's own, whose text fails too
         told = "(its text cannot be shown)"
     if isinstance(error, NotImplementedError):

@@ -1,4 +1,4 @@
-"""What is read of logs of simulated robots with velocities, teleports, a moved block and a gripper, as it was
+"""Contents read from logs of simulated robots with velocities, teleports, a moved block and a gripper, as it was
 kept; suspicions of stretches, and the movements that are held back."""
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ DOWN, RIGHT, ROT = 1, 3, 4
 
 
 def log(path: Path, steps: list[str | Action], of: str = "default") -> MeasuredRun:
-    """What is read of the log of a simulated robot of a set that gets these commands and actions."""
+    """The contents read from the log of a simulated robot of a set that gets these commands and actions."""
     configuration = load(find_set(of))
     simulator = Simulator(configuration.simulation, 7)
     engine = Engine(simulator)
