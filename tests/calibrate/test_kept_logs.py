@@ -1,5 +1,5 @@
-"""Contents read from logs of simulated robots with velocities, teleports, a moved block and a gripper, as it was
-kept; suspicions of stretches, and the movements that are held back."""
+"""Contents read from logs of simulated robots with velocities, teleports, a moved block and a gripper; suspicions
+of stretches, and the movements that are held back. All as they were kept."""
 
 from __future__ import annotations
 
