@@ -1,5 +1,6 @@
-"""Contents read from logs of simulated robots with velocities, teleports, a moved block and a gripper; suspicions
-of stretches, and the movements that are held back. All as they were kept."""
+"""Contents read from logs of simulated robots with velocities, teleports, a moved block and a gripper.
+
+Suspicions of stretches, and the movements that are held back, are those that were kept."""
 
 from __future__ import annotations
 

@@ -34,6 +34,7 @@ def _results(out: Path) -> Counter[tuple[str, int, int]]:
     return Counter((line["team"], line["attempt"], line["result"]["number"]) for line in lines)
 
 
+@pytest.mark.slow
 def test_course_is_graded_and_all_of_the_answer_is_there(
     isolation: str, make_course: Callable[..., Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
