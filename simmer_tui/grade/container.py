@@ -29,6 +29,7 @@ from simmer_tui.grade.sandbox import (
     Limits,
     package_folders,
 )
+from simmer_tui.sim.command import escape_passage
 
 DEFAULT_IMAGE = "python:3.12-slim"
 _DOOR, _KNOCKER = "/door", "launcher"
@@ -37,6 +38,9 @@ _USER = 65534
 # An engine that is starting takes seconds.
 _ASKED = 30.0
 """Time limit for an engine to answer that it is running, seconds."""
+# The reason is at the end, below a history of what the engine tried.
+_END = 300
+"""Characters of an engine's output that are shown."""
 
 
 class Container(LaunchedSandbox):
@@ -84,8 +88,8 @@ class Container(LaunchedSandbox):
             except TimeoutError:
                 self._kill()
                 process.kill()
-                said = b"".join(process.communicate()).decode(errors="replace").strip()[-300:]
-                raise GradeError(f"the container did not begin: {said}") from None
+                said = b"".join(process.communicate()).decode(errors="replace")
+                raise GradeError(f"the container did not begin: {_shown_end(said)}") from None
         (self._door / _KNOCKER).unlink()  # only one launcher may connect, and it has
         return process, link
 
@@ -132,4 +136,8 @@ def what_is_missing(engine: str) -> str:
         asked = subprocess.run([engine, "info"], capture_output=True, text=True, timeout=_ASKED, check=False)
     except (OSError, subprocess.TimeoutExpired) as error:
         return f"{engine} does not answer: {error}"
-    return "" if asked.returncode == 0 else f"{engine} does not answer: {asked.stderr.strip()[-200:]}"
+    return "" if asked.returncode == 0 else f"{engine} does not answer: {_shown_end(asked.stderr)}"
+
+
+def _shown_end(output: str) -> str:
+    return escape_passage(output.strip()[-_END:])
