@@ -39,7 +39,7 @@ _USER = 65534
 _ASKED = 30.0
 """Time limit for an engine to answer that it is running, seconds."""
 # The reason is at the end, below a history of what the engine tried.
-_END = 300
+_END = 200
 """Characters of an engine's output that are shown."""
 
 

@@ -649,7 +649,7 @@ def test_a_container_that_does_not_begin_says_why(
     ("code", "error", "said"),
     [
         (0, "a warning", ""),
-        (1, " " + "q" * 400 + "\n", "docker does not answer: " + "q" * 300),
+        (1, " " + "q" * 300 + "\n", "docker does not answer: " + "q" * 200),
         (1, "a\x1b[2J", "docker does not answer: a\\x1b[2J"),
         (None, "", "docker does not answer: "),
     ],
