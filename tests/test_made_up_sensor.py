@@ -158,7 +158,7 @@ def test_the_report_tells_its_errors(configuration: Configuration, tmp_path: Pat
 ROOT = Path(__file__).parent.parent
 KINDS_OF_A_FILE = """
 from simmer_tui.sim import columns
-from simmer_tui.sim.sensors.base import ObservingSensor, Prior, Sort
+from simmer_tui.sim.sensors.base import ObservingSensor, Prior, ParameterKind
 from simmer_tui.sim.sensors.range_sensors import RangeSensor
 
 
@@ -194,7 +194,7 @@ class LightSensor(ObservingSensor):
     meaning = "brightness"
     unit = "lux"
     columns = (columns.ERROR, columns.GAIN)
-    parameters = (Prior("gain", "gain", Sort.GAIN, 0.1),)
+    parameters = (Prior("gain", "gain", ParameterKind.GAIN, 0.1),)
 
     def observe(self, world, pose):
         return 20.0 + pose.x, None
