@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import asyncio
 import math
-import selectors
 from collections.abc import Callable, Iterator
 from itertools import pairwise
 from typing import Any
@@ -28,36 +26,7 @@ from simmer_tui.sessions import SLICE, SLICE_SECONDS, LinkDelay, Session
 from simmer_tui.sim import Command, CommandResult, SimulationSpec, Simulator, Status, parse_command
 from simmer_tui.sim.sensors import Lidar, LidarSpec
 from simmer_tui.sim.specs import VelocityKind, VelocitySpec
-
-
-class _Jump(selectors.SelectSelector):
-    """Instead of waiting, moves the clock on to when the wait would have ended."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.now = 0.0
-
-    def select(self, timeout: float | None = None) -> list[tuple[selectors.SelectorKey, int]]:
-        self.now += timeout or 0.0
-        return super().select(0)
-
-
-class Clock(asyncio.SelectorEventLoop):
-    """An event loop whose time passes only when `pass_by` says so."""
-
-    def __init__(self) -> None:
-        self.selector = _Jump()
-        super().__init__(self.selector)
-
-    def time(self) -> float:
-        return self.selector.now
-
-    def pass_by(self, seconds: float) -> None:
-        self.run_until_complete(asyncio.sleep(seconds))
-
-    def settle(self) -> None:
-        for _ in range(5):
-            self.run_until_complete(asyncio.sleep(0))
+from tests.stepped_clock import Clock
 
 
 class Bench:
@@ -101,7 +70,7 @@ class Bench:
 
 @pytest.fixture
 def clock() -> Iterator[Clock]:
-    loop = Clock()
+    loop = Clock(0.0)
     yield loop
     loop.close()
 

@@ -508,7 +508,8 @@ def _set_up(simulator: Simulator, header: Header) -> None:
 
 
 def _same(logged: object, now: object) -> bool:
-    """True if two values are the same within `_SAME_NUMBER`."""
+    """True if two values are the same within `_SAME_NUMBER`. Tuples have the same length: what is compared
+    as one has a fixed number of parts."""
     match logged, now:
         case Pose(), Pose():
             return _same((logged.x, logged.y, logged.heading), (now.x, now.y, now.heading))
