@@ -127,7 +127,7 @@ class Screen:
 
     def show(self, turn: int) -> None:
         cells = self.painter.cells(self.scenes[turn], self.viewport)
-        make_strips(cells, [span.row for span in changed_spans(self.cells, cells)], self.style)
+        make_strips(cells, [span.y for span in changed_spans(self.cells, cells)], self.style)
         self.cells = cells
 
     def repaint(self, _turn: int) -> None:

@@ -262,11 +262,6 @@ class Document:
     title: str
     parts: Sequence[DocumentPart]
 
-    @property
-    def tables(self) -> list[DataTable]:
-        """All its tables."""
-        return [part for part in unfolded(self.parts) if isinstance(part, DataTable)]
-
 
 def unfolded(parts: Iterable[DocumentPart]) -> Iterator[DocumentPart]:
     """Parts in order, those within others too."""

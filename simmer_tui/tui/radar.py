@@ -189,9 +189,7 @@ class _Radar:
     def _put_pixels(self, role: Role, mask: Mask, paper: Role | None = None) -> None:
         """Draw pixels over the picture, on the ground or on a `paper`."""
         cells, signs, palette = self.cells, self.signs, self.palette
-        rows, columns = cells.shape
-        bits = mask.reshape(rows, signs.down, columns, signs.across).transpose(0, 2, 1, 3)
-        patterns = (bits.reshape(rows, columns, -1) << np.arange(signs.down * signs.across)).sum(axis=-1)
+        patterns = signs.patterns(signs.by_cell(mask))
         there = patterns > 0
         reverse = palette.is_mono and paper is not None
         cells.characters[there] = np.array(signs.blocks, dtype=np.uint32)[patterns[there]]
@@ -223,9 +221,8 @@ class _Radar:
         places = self._pixels(scale)
         body: Mask = covers(self.scene.robot, places)
         hand = on_hand(places / radius)
-        (rows, columns), (across, down) = self.cells.shape, (self.signs.across, self.signs.down)
-        by_cell = body.reshape(rows, down, columns, across).all(axis=(1, 3))
-        whole = np.kron(by_cell, np.ones((down, across), dtype=np.bool_))
+        pixels = np.ones((self.signs.down, self.signs.across), dtype=np.bool_)
+        whole = np.kron(self.signs.by_cell(body).all(axis=-1), pixels)
         # In cells of the rim the ground shows through the hand: the hand's own colour would be a third one
         # there.
         self._put_pixels(Role.ROBOT, body & ~(hand & ~whole))

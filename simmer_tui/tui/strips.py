@@ -5,7 +5,6 @@ from functools import lru_cache
 from typing import ClassVar
 
 import numpy as np
-from msgspec import Struct
 from numpy.typing import NDArray
 from rich.color import Color
 from rich.segment import Segment
@@ -18,22 +17,14 @@ from simmer_tui.tui.maze.glyphs import BLANK, Cells, Mask
 from simmer_tui.tui.maze.palette import DEFAULT, Attribute
 
 
-class Span(Struct, frozen=True):
-    """Cells `start` to `stop` (exclusive) of a row."""
-
-    row: int
-    start: int
-    stop: int
-
-
-def changed_spans(old: Cells, new: Cells) -> list[Span]:
+def changed_spans(old: Cells, new: Cells) -> list[Region]:
     """Spans in which two pictures of one shape differ, one a row. The writer leaves out equal cells in
     between."""
     changed = new.differs(old)
-    spans: list[Span] = []
+    spans: list[Region] = []
     for row in np.flatnonzero(changed.any(axis=1)).tolist():
-        columns = np.flatnonzero(changed[row])
-        spans.append(Span(row, int(columns[0]), int(columns[-1]) + 1))
+        columns = np.flatnonzero(changed[row]).tolist()
+        spans.append(Region(columns[0], row, columns[-1] + 1 - columns[0], 1))
     return spans
 
 
@@ -163,13 +154,12 @@ class CellsWidget(DirectLines):
             return
         spans = changed_spans(before, cells)
         strips = list(self._strips)
-        rows = [span.row for span in spans]
+        rows = [span.y for span in spans]
         for row, strip in zip(rows, make_strips(cells, rows, style), strict=True):
             strips[row] = strip
         self._strips = strips
         if spans:
-            top = self.CELLS_TOP
-            self.refresh(*(Region(span.start, top + span.row, span.stop - span.start, 1) for span in spans))
+            self.refresh(*(span.translate((0, self.CELLS_TOP)) for span in spans))
 
     def forget_cells(self) -> None:
         """Have the next picture sent as a whole: the colours around it have changed."""

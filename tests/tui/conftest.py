@@ -54,7 +54,6 @@ def full_scene(plain_scene: Scene) -> Scene:
             SensorView(FloorPatch((20.0, 6.0), 2.0, points, points[:, 0] > 20)),
         ),
         contact=(9.0, 12.0),
-        in_contact=True,
         belief=BeliefMark(Pose(16.0, 16.0, 90.0), 4.0, np.array([(15.0, 15.0), (17.0, 18.0)])),
     )
 

@@ -47,12 +47,11 @@ def test_pose_block_trail_and_contact_are_those_of_the_snapshot(course_spec: Sim
     scene = run.scene(show_rays=False, show_trail=False)
     assert scene.pose == run.engine.simulator.pose
     assert scene.block_centre == (25.0, 41.0)
-    assert scene.in_contact
     assert scene.contact is not None
     assert abs(scene.contact[1] - 48.0) < 1e-9
     assert scene.trail[0][0].tolist() == [9.5, 42.0]
     assert scene.trail[-1][-1].tolist() == [scene.pose.x, scene.pose.y]
-    assert (scene.show_rays, scene.show_trail, scene.show_robot) == (False, False, True)
+    assert (scene.show_rays, scene.show_trail) == (False, False)
 
 
 def test_a_belief_brings_its_particles_with_or_without_headings(course_spec: SimulationSpec) -> None:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from simmer_tui.belief_grid import Levels
 from simmer_tui.sim.angles import FloatArray
 from simmer_tui.sim.specs import TILES_PER_CELL, WALL
-from simmer_tui.tui.maze.glyphs import BLANK, BRAILLE, DOT_BITS, Cells, Mask, Signs
+from simmer_tui.tui.maze.glyphs import BLANK, BRAILLE, DOT_BITS, Cells, Mask, Signs, by_cell
 from simmer_tui.tui.maze.heat import HeatNumber
 from simmer_tui.tui.maze.palette import FLOORS, HEATS, ZONES, Attribute, Palette, Role
 from simmer_tui.tui.maze.scene import MazeCells, Scene, Zones, zones_of
@@ -147,9 +147,7 @@ class Backdrop:
                 ground[tinted] = np.where(is_white, bright, dark)[tinted]
         ground[wall] = Role.WALL
         ground[wall & open_near] = Role.EDGE
-        by_cell = ground.reshape(view.rows, down, view.columns, across).transpose(0, 2, 1, 3)
-        pixels: Grounds = by_cell.reshape(view.rows, view.columns, -1)
-        return pixels
+        return self.signs.by_cell(ground)
 
     def _walls_at(self, x: FloatArray, y: FloatArray, width: float, height: float) -> Mask:
         """True for each pixel that is wall, by its middle in maze cells, or by most of its area if it covers
@@ -162,7 +160,7 @@ class Backdrop:
         found: Mask = padded[_ring_index(self.walls.shape, sample_x, sample_y)]
         if samples == 1:
             return found
-        filled: Mask = found.reshape(len(y), samples, len(x), samples).mean(axis=(1, 3)) >= 0.5
+        filled: Mask = by_cell(found, samples, samples).mean(axis=-1) >= 0.5
         return filled
 
     def _members(self, cells: MazeCells, x: FloatArray, y: FloatArray) -> Mask:
@@ -179,7 +177,7 @@ class Backdrop:
         """Cells from the two grounds that each one shows."""
         colors, signs = self.palette.array, self.signs
         shown = (self.pixels == ink[..., None]) & (ink != paper)[..., None]
-        patterns = (shown * signs.bits).sum(axis=-1)
+        patterns = signs.patterns(shown)
         characters = np.array(signs.blocks, dtype=np.uint32)[patterns]
         foreground = np.where(patterns > 0, colors[ink], colors[paper]).astype(np.int32)
         for role, (sign, color) in signs.fills.items():
@@ -212,8 +210,7 @@ class Backdrop:
 
     def _put_dots(self, dots: Mask, role: Role, free: Mask) -> None:
         """Draw dots, or signs in their place, in cells that are `free`."""
-        blocks = dots.reshape(len(dots) // 4, 4, -1, 2)
-        patterns = np.einsum("rycx,yx->rc", blocks, DOT_BITS, dtype=np.uint32)
+        patterns = (by_cell(dots, 2, 4) * DOT_BITS.ravel()).sum(axis=-1, dtype=np.uint32)
         there = (patterns > 0) & free
         cells = self.cells
         if self.signs.dotted:

@@ -150,10 +150,8 @@ def _pixel_places(cells: CellRange, across: int, down: int) -> tuple[FloatArray,
 
 def patch_of(canvas: Canvas, place: CellRange, mask: Mask) -> Patch:
     """Pixels (rows * down, columns * across) sorted into their cells."""
-    signs, (rows, columns) = canvas.signs, place
-    height, width = rows.stop - rows.start, columns.stop - columns.start
-    cells = mask.reshape(height, signs.down, width, signs.across).transpose(0, 2, 1, 3)
-    return Patch(rows.start, columns.start, cells.reshape(height, width, -1))
+    rows, columns = place
+    return Patch(rows.start, columns.start, canvas.signs.by_cell(mask))
 
 
 def square_of(canvas: Canvas, x: float, y: float, size: float) -> Patch | None:

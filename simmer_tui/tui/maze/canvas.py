@@ -55,6 +55,13 @@ class Canvas:
         """True for a cell of the window."""
         return 0 <= row < self.rows and 0 <= column < self.columns
 
+    def are_in(self, where: Mask, x: FloatArray, y: FloatArray) -> Mask:
+        """True for places in units of the window that lie in some of its cells, (rows, columns)."""
+        row, column = np.floor(y / 2).astype(np.intp), np.floor(x).astype(np.intp)
+        inside = (row >= 0) & (row < self.rows) & (column >= 0) & (column < self.columns)
+        found: Mask = inside & where[row.clip(0, self.rows - 1), column.clip(0, self.columns - 1)]
+        return found
+
     def attribute(self, role: Role, paper: Role | None = None) -> int:
         """Attributes of a mark: they replace colours where there are none."""
         if not self.palette.is_mono:
@@ -71,11 +78,8 @@ class Canvas:
         """Dots at global places (n, 2), in all cells except `spare` (rows, columns)."""
         self.dots(role, 2 * self.viewport.to_units(places), spare)
 
-    def dots(
-        self, role: Role, dots: FloatArray, spare: Mask | None = None, paper: Role | None = None
-    ) -> None:
-        """Dots by their place in dots of the window (n, 2), half a unit apart; on the ground, or on a `paper`
-        of another role."""
+    def dots(self, role: Role, dots: FloatArray, spare: Mask | None = None) -> None:
+        """Dots by their place in dots of the window (n, 2), half a unit apart."""
         if not len(dots):
             return
         patterns = dot_patterns(dots, self.rows, self.columns)
@@ -83,12 +87,16 @@ class Canvas:
         if spare is not None:
             cells = cells[~spare.reshape(-1)[cells]]
         signs = BRAILLE + patterns[cells] if self.signs.dotted else self.signs.line(role)
-        self._put(cells, signs, role, paper)
+        self._put(cells, signs, role)
 
     def _put(
-        self, cells: NDArray[np.intp], characters: NDArray[np.uint32] | int, role: Role, paper: Role | None
+        self,
+        cells: NDArray[np.intp],
+        characters: NDArray[np.uint32] | int,
+        role: Role,
+        paper: Role | None = None,
     ) -> None:
-        """Set cells by their number."""
+        """Set cells by their number, on the ground or on a `paper` of another role."""
         ground = self.backdrop.under.reshape(-1)[cells] if paper is None else paper
         self.cells.characters.reshape(-1)[cells] = characters
         self.cells.foreground.reshape(-1)[cells] = self.palette[role]
@@ -105,7 +113,7 @@ class Canvas:
     def clear(self, where: Mask) -> None:
         """Have some cells, (rows, columns), show only the ground."""
         cells = np.flatnonzero(where)
-        self._put(cells, BLANK, Role.TEXT, None)
+        self._put(cells, BLANK, Role.TEXT)
         self.cells.attributes[where] = 0
 
     def area(self, role: Role, patch: Patch, spare: Mask | None = None, paper: Role | None = None) -> None:
@@ -113,7 +121,7 @@ class Canvas:
         covered = patch.covered
         if spare is not None:
             covered = covered & ~spare[patch.place][..., None]
-        patterns = (covered * self.signs.bits).sum(axis=-1)
+        patterns = self.signs.patterns(covered)
         there = patterns > 0
         full = patterns == (1 << self.signs.pixels) - 1
         ground = self.palette.array[self._ground_beside(patch, covered) if paper is None else paper]

@@ -39,6 +39,14 @@ def dot_patterns(dots: FloatArray, rows: int, columns: int) -> NDArray[np.uint32
     return patterns
 
 
+def by_cell(pixels: NDArray[Any], across: int, down: int) -> NDArray[Any]:
+    """Pixels (rows * down, columns * across) sorted into cells of `across` x `down`, (rows, columns,
+    pixels)."""
+    rows, columns = pixels.shape[0] // down, pixels.shape[1] // across
+    cells = pixels.reshape(rows, down, columns, across).transpose(0, 2, 1, 3)
+    return cells.reshape(rows, columns, -1)
+
+
 class Cells(Struct, frozen=True, eq=False):
     """A rectangle of terminal cells: code points, packed colours or `DEFAULT`, and `Attribute`
     bits, each (rows, columns)."""
@@ -126,10 +134,14 @@ class Signs(Struct, frozen=True):
         """Pixels of a cell."""
         return self.across * self.down
 
-    @property
-    def bits(self) -> NDArray[np.uint32]:
-        """Bit of each pixel, (pixels,)."""
-        return np.left_shift(1, np.arange(self.pixels, dtype=np.uint32)).astype(np.uint32)
+    def by_cell(self, pixels: NDArray[Any]) -> NDArray[Any]:
+        """Pixels of a picture sorted into its cells: see `by_cell`."""
+        return by_cell(pixels, self.across, self.down)
+
+    def patterns(self, shown: Mask) -> NDArray[np.intp]:
+        """Patterns of cells that show some of their pixels, (..., pixels): their places in `blocks`."""
+        patterns: NDArray[np.intp] = (shown << np.arange(self.pixels)).sum(axis=-1)
+        return patterns
 
     @property
     def has_blocks(self) -> bool:

@@ -25,9 +25,6 @@ _STEP_DOTS = 0.9
 # which could not be seen on every floor.
 _TRAIL_GAPS = ((2, _STEP_DOTS), (4, 2.6), (math.inf, 4.2))
 """For the last movements, up to the count given first, dots from one mark of the trail to the next."""
-# A line with more samples is longer than any screen has dots.
-_MOST_SAMPLES = 4096
-"""Samples of one movement's trail."""
 _STANDSTILL = 0.05
 """Inches; a movement shorter than this leaves no trail."""
 # The cones of the bundled sets, 5 degrees, are hardly wider than one ray on a screen.
@@ -79,7 +76,7 @@ def draw_trail(canvas: Canvas, scene: Scene) -> None:
     parts = []
     for age, (begin, end) in enumerate(reversed(legs)):
         step = dot * next(gap for until, gap in _TRAIL_GAPS if age < until)
-        parts += [np.arange(begin, min(end, begin + _MOST_SAMPLES * step), step), np.array((end,))]
+        parts += [np.arange(begin, min(end, begin + shapes.MOST_SAMPLES * step), step), np.array((end,))]
     if parts:
         at = np.concatenate(parts)
         places = np.stack((np.interp(at, along, points[:, 0]), np.interp(at, along, points[:, 1])), axis=-1)
@@ -275,8 +272,4 @@ def _within(canvas: Canvas, rays: ScanRays) -> FloatArray:
 def _is_covered(canvas: Canvas, places: FloatArray) -> Mask:
     """True for places in units of the window that are in a wall, or in a terminal cell that shows one."""
     x, y = places.T
-    covered = canvas.backdrop.in_wall(x, y)
-    row, column = np.floor(y / 2).astype(np.intp), np.floor(x).astype(np.intp)
-    inside = (row >= 0) & (row < canvas.rows) & (column >= 0) & (column < canvas.columns)
-    covered[inside] |= canvas.backdrop.has_wall[row[inside], column[inside]]
-    return covered
+    return canvas.backdrop.in_wall(x, y) | canvas.are_in(canvas.backdrop.has_wall, x, y)

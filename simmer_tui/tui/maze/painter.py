@@ -65,8 +65,7 @@ class Painter:
         canvas = Canvas(self._ground(scene, viewport))
         belief = scene.belief
         pose = scene.pose
-        is_robot = scene.show_robot and is_near(pose.x, pose.y, pose.heading)
-        robot = DrawnRobot(canvas, scene) if is_robot else None
+        robot = DrawnRobot(canvas, scene) if is_near(pose.x, pose.y, pose.heading) else None
         # From the least important to the robot, since each replaces earlier marks in its cells.
         if scene.show_trail:
             draw_trail(canvas, scene)
@@ -79,7 +78,7 @@ class Painter:
         if robot is not None and not scene.block_held:
             robot.draw_needle()
         draw_past_contacts(canvas, scene)
-        if not (scene.block_held and scene.show_robot):
+        if not scene.block_held:
             draw_block(canvas, scene)
         if belief is not None:
             draw_belief(canvas, scene, belief)

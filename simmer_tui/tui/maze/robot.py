@@ -7,7 +7,7 @@ import numpy as np
 from simmer_tui.sim.angles import FloatArray
 from simmer_tui.tui.maze.bodies import LARGE, CellRange, cell_range, local_places, patch_of, square_of
 from simmer_tui.tui.maze.canvas import Canvas, Patch
-from simmer_tui.tui.maze.glyphs import Mask, heading_arrow
+from simmer_tui.tui.maze.glyphs import Mask, by_cell, heading_arrow
 from simmer_tui.tui.maze.palette import Role
 from simmer_tui.tui.maze.scene import Scene
 from simmer_tui.tui.maze.shapes import covers, front
@@ -118,9 +118,7 @@ class DrawnRobot:
             return None
         local = self._local(place, signs.across * _SAMPLES, signs.down * _SAMPLES) / self.radius
         inside = on_hand(local, _HAND_NARROW if self.radius >= _NARROW_FROM else _HAND_WIDE)
-        height, width = inside.shape[0] // _SAMPLES, inside.shape[1] // _SAMPLES
-        part = inside.reshape(height, _SAMPLES, width, _SAMPLES).mean(axis=(1, 3))
-        return patch_of(self.canvas, place, part >= 0.5)
+        return patch_of(self.canvas, place, by_cell(inside, _SAMPLES, _SAMPLES).mean(axis=-1) >= 0.5)
 
     def _draw_ends(self, whole: Mask) -> None:
         """Brackets around the rows of a body of letters, where the arrow leaves room for them."""
@@ -166,9 +164,7 @@ class DrawnRobot:
         along = np.arange(rim, tip + 4, 0.2)
         across, down = self._direction
         x, y = self.x + along * across, self.y + along * down
-        column, row = np.floor(x).astype(np.intp), np.floor(y / 2).astype(np.intp)
-        inside = (column >= 0) & (column < canvas.columns) & (row >= 0) & (row < canvas.rows)
-        on_body = inside & spare[row.clip(0, canvas.rows - 1), column.clip(0, canvas.columns - 1)]
+        on_body = canvas.are_in(spare, x, y)
         tip = max(tip, float(along[int(on_body.argmin())]) + _LEAST_NEEDLE)
         ends = canvas.backdrop.in_wall(x, y) | (along > tip)
         dots = 2 * np.stack((x, y), axis=-1)[: int(ends.argmax())]

@@ -75,7 +75,7 @@ class Scene(Struct, frozen=True, kw_only=True, eq=False):
         views: in the order in which they were read. The last is drawn brightly, and so is the one
             of the sensor with the code `chosen`.
         scans: newest scan of each lidar. `scan_is_newest` is true if one was read after all views.
-        contact: last place where the robot touched something; `in_contact` is true if it touches now.
+        contact: last place where the robot touched something.
         past_contacts: places where it touched something before that, oldest first.
         heat: grid that the program believes with.
         line_age: seconds since a line sensor was read, None for never.
@@ -97,7 +97,6 @@ class Scene(Struct, frozen=True, kw_only=True, eq=False):
     scan_is_newest: bool = False
     chosen: str = ""
     contact: MazePoint | None = None
-    in_contact: bool = False
     past_contacts: tuple[MazePoint, ...] = ()
     belief: BeliefMark | None = None
     heat: HeatMark | None = None
@@ -106,7 +105,6 @@ class Scene(Struct, frozen=True, kw_only=True, eq=False):
     drop_zone: MazePoint | None = None
     show_trail: bool = True
     show_rays: bool = True
-    show_robot: bool = True
 
     def __post_init__(self) -> None:
         expected = (self.maze.rows * TILES_PER_CELL, self.maze.columns * TILES_PER_CELL)
@@ -184,7 +182,6 @@ def scene_of(
         scans=tuple(filter(None, map(_scan_rays, rows))),
         scan_is_newest=bool(rows) and rows[-1].reading.scan is not None,
         contact=touched[-1] if touched else None,
-        in_contact=state.touching,
         past_contacts=touched[-1 - MOST_CONTACTS : -1],
         belief=_belief_mark(state),
         heat=_heat_mark(state),

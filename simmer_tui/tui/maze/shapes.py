@@ -11,20 +11,21 @@ from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.specs import RobotSpec
 
 # Places further out are not drawn, and drawn ones must not overflow an integer.
-_FAR = 1e6
-"""Largest coordinate, inches."""
-# A line of 4096 samples is longer than any screen has dots.
-_MOST_SAMPLES = 4096
+FAR = 1e6
+"""Largest coordinate, inches or units of a window."""
+# A line of more samples is longer than any screen has dots.
+MOST_SAMPLES = 4096
+"""Samples of one line."""
 
 
 def is_near(*numbers: float) -> bool:
     """True if something can be drawn at these coordinates and angles."""
-    return all(abs(number) < _FAR for number in numbers)
+    return all(abs(number) < FAR for number in numbers)
 
 
 def near_places(places: FloatArray) -> FloatArray:
     """Places (n, 2), with those too far out moved to the edge of the drawable area."""
-    near: FloatArray = np.clip(np.nan_to_num(places, nan=_FAR), -_FAR, _FAR)
+    near: FloatArray = np.clip(np.nan_to_num(places, nan=FAR), -FAR, FAR)
     return near
 
 
@@ -90,10 +91,10 @@ def ray_points(origin: tuple[float, float], bearing: float, end: float, step: fl
 def sample_segments(starts: FloatArray, ends: FloatArray, step: float) -> FloatArray:
     """Places (m, 2) about `step` apart along segments from `starts` to `ends` (both (n, 2)).
 
-    A segment gets its two ends at least and `_MOST_SAMPLES` places at most.
+    A segment gets its two ends at least and `MOST_SAMPLES` places at most.
     """
     lengths = np.hypot(*(ends - starts).T)
-    counts = np.clip(np.ceil(lengths / step), 1, _MOST_SAMPLES - 1).astype(np.intp) + 1
+    counts = np.clip(np.ceil(lengths / step), 1, MOST_SAMPLES - 1).astype(np.intp) + 1
     owners: NDArray[np.intp] = np.repeat(np.arange(len(counts)), counts)
     position = np.arange(len(owners)) - np.repeat(np.cumsum(counts) - counts, counts)
     fraction = (position / (counts - 1)[owners])[:, None]

@@ -306,7 +306,7 @@ class MazeView(CellsWidget, can_focus=True, inherit_bindings=False):
         draw_frame(cells, layout, window, painter.signs, painter.palette, self.frame_role)
         if not layout.fits:
             paste_overview(self._overview, cells, scene, layout, window)
-        marks = [(scene.pose, Role.ROBOT)] if scene.show_robot else []
+        marks = [(scene.pose, Role.ROBOT)]
         if scene.belief is not None:
             marks.append((scene.belief.pose, Role.BELIEF))
         for pose, role in marks:

@@ -13,6 +13,7 @@ from simmer_tui.sim.angles import FloatArray
 from simmer_tui.sim.specs import CELL_SIZE, MazeSpec
 from simmer_tui.tui.maze.glyphs import Cells, Signs, side_arrow
 from simmer_tui.tui.maze.palette import Attribute, Palette, Role
+from simmer_tui.tui.maze.shapes import FAR, near_places
 
 # A cell of 64 columns fills most terminals: a larger one would show nothing more.
 LARGEST_ZOOM = 64.0
@@ -23,9 +24,6 @@ _WHOLE = 4.0
 """From this zoom on zooms are whole numbers of columns."""
 # A quarter more: three steps double the size.
 _STEP = 1.25
-# Places further out are drawn no differently, and must not overflow an integer.
-_FAR = 1e6
-"""Largest coordinate, units."""
 # The edge of the outer wall, drawn around the window.
 FRAME = 1
 """Cells the frame is wide on every side."""
@@ -54,15 +52,13 @@ class Viewport(Struct, frozen=True):
         units = np.empty(points.shape)
         units[..., 0] = points[..., 0] * self.scale - self.left
         units[..., 1] = (self.maze_height - points[..., 1]) * self.scale - 2 * self.top
-        finite = np.nan_to_num(units, nan=_FAR, posinf=_FAR, neginf=-_FAR)
-        within: FloatArray = np.clip(finite, -_FAR, _FAR)
-        return within
+        return near_places(units)
 
     def place(self, x: float, y: float) -> tuple[float, float]:
         """Unit coordinates of one global place."""
         # As `to_units`, without the arrays: a frame asks for a dozen places.
         units = x * self.scale - self.left, (self.maze_height - y) * self.scale - 2 * self.top
-        across, down = (min(max(unit, -_FAR), _FAR) if unit == unit else _FAR for unit in units)
+        across, down = (min(max(unit, -FAR), FAR) if unit == unit else FAR for unit in units)
         return across, down
 
     def to_inches(self, column: float, row: float) -> tuple[float, float]:

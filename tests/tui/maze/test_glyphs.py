@@ -11,10 +11,11 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from rich.color import Color
 from rich.style import Style
+from textual.geometry import Region
 
 from simmer_tui.tui.maze.glyphs import Cells, blank_cells, heading_arrow, side_arrow, signs_for
 from simmer_tui.tui.maze.palette import DEFAULT, Attribute
-from simmer_tui.tui.strips import Span, changed_spans, make_strips
+from simmer_tui.tui.strips import changed_spans, make_strips
 from simmer_tui.tui.terminal import ColorDepth, GlyphMode
 
 THEIRS = Style(color="cyan", bgcolor="blue")
@@ -123,8 +124,8 @@ def test_pasting_the_changed_spans_turns_the_old_picture_into_the_new(old: Cells
     names = ("characters", "foreground", "background", "attributes")
     shown = {name: getattr(old, name).copy() for name in names}
     for span in changed_spans(old, new):
-        place = (span.row, slice(span.start, span.stop))
-        assert span.start < span.stop
+        place = (span.y, slice(span.x, span.right))
+        assert span.width > 0
         for name in names:
             shown[name][place] = getattr(new, name)[place]
     assert all((shown[name] == getattr(new, name)).all() for name in names)
@@ -135,4 +136,4 @@ def test_a_row_has_one_span() -> None:
     new.write(1, 2, "x")
     new.write(1, 15, "x")
     assert changed_spans(old, old) == []
-    assert changed_spans(old, new) == [Span(1, 2, 16)]
+    assert changed_spans(old, new) == [Region(2, 1, 14, 1)]

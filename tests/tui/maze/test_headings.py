@@ -73,7 +73,6 @@ def crowded(heading: float, *, contact: float | None = 100.0, held: bool = False
         trail=tuple(np.split(trail, (2, 3, 4))),
         views=rays,
         contact=point,
-        in_contact=point is not None,
         belief=BeliefMark(Pose(pose.x - 2.4, pose.y + 1.3, heading + 130), 4.0, np.array([(66.0, 30.0)])),
         drop_zone=(66.0, 42.0),
     )
@@ -199,7 +198,7 @@ def test_a_contact_with_the_outer_wall_is_marked_beside_the_arrow(
 ) -> None:
     pose, point = at(share)
     pose = Pose(pose.x, pose.y, heading)
-    scene = replace(crowded(heading), pose=pose, contact=point, in_contact=True, belief=None, views=())
+    scene = replace(crowded(heading), pose=pose, contact=point, belief=None, views=())
     painter = Painter(*kind)
     cells = painter.cells(scene, window(size))
     rows, columns = np.nonzero(cells.characters == ord("X"))

@@ -135,7 +135,7 @@ HEAT = mark(of_cells(1.0))
 @pytest.mark.parametrize("glyphs", list(GlyphMode))
 def test_every_terminal_shows_it(glyphs: GlyphMode, depth: ColorDepth) -> None:
     painter = Painter(glyphs, depth)
-    scene = replace(SCENE, heat=HEAT, show_robot=False)
+    scene = replace(SCENE, heat=HEAT, pose=Pose(500.0, 500.0, 0.0))
     cells = painter.cells(scene, WINDOW)
     text = "\n".join("".join(map(chr, row)) for row in cells.characters)
     assert "100%" in text

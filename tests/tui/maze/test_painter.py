@@ -27,7 +27,8 @@ def painter() -> Painter:
 
 @pytest.fixture
 def bare(plain_scene: Scene) -> Scene:
-    return replace(plain_scene, show_robot=False)
+    """The floor alone: the robot is outside the window."""
+    return replace(plain_scene, pose=Pose(500.0, 500.0, 0.0))
 
 
 def draw(painter: Painter, scene: Scene, zoom: float = 8.0) -> Cells:
@@ -228,9 +229,7 @@ def test_the_contact_leaves_the_arrow_alone(painter: Painter, plain_scene: Scene
             way = math.radians(aside)
             point = (9 + 3 * math.cos(way), 9 + 3 * math.sin(way))
             for zoom in (4.0, 8.0, 16.0):
-                scene = replace(
-                    plain_scene, pose=Pose(9, 9, heading), contact=point, in_contact=True, block_centre=None
-                )
+                scene = replace(plain_scene, pose=Pose(9, 9, heading), contact=point, block_centre=None)
                 cells = draw(painter, scene, zoom)
                 assert (cells.characters == ord("X")).sum() == 1
                 assert ink(cells, painter, Role.HEADING)
@@ -239,12 +238,11 @@ def test_the_contact_leaves_the_arrow_alone(painter: Painter, plain_scene: Scene
 def test_a_contact_is_marked_beside_the_robot_that_stands_over_it(
     painter: Painter, plain_scene: Scene
 ) -> None:
-    for now in (False, True):
-        cells = draw(painter, replace(plain_scene, contact=(9.0, 9.0), in_contact=now))
-        assert (cells.characters == ord("X")).sum() == 1
-        robot = draw(painter, plain_scene)
-        there = robot.background == painter.palette[Role.ROBOT]
-        assert (cells.background[there] == robot.background[there]).all(), "it covers no part of the body"
+    cells = draw(painter, replace(plain_scene, contact=(9.0, 9.0)))
+    assert (cells.characters == ord("X")).sum() == 1
+    robot = draw(painter, plain_scene)
+    there = robot.background == painter.palette[Role.ROBOT]
+    assert (cells.background[there] == robot.background[there]).all(), "it covers no part of the body"
 
 
 def test_earlier_contacts_stay_as_small_crosses_one_a_cell(painter: Painter, bare: Scene) -> None:
@@ -274,7 +272,7 @@ def test_the_needle_covers_no_part_of_a_block(painter: Painter, plain_scene: Sce
             way = math.radians(heading)
             place = (18 + away * math.cos(way), 12 + away * math.sin(way))
             scene = replace(plain_scene, pose=Pose(18, 12, heading), block_centre=place)
-            alone = draw(painter, replace(scene, show_robot=False), 12.0)
+            alone = draw(painter, replace(scene, pose=Pose(500.0, 500.0, 0.0)), 12.0)
             both = draw(painter, scene, 12.0)
             body = (both.background == painter.palette[Role.ROBOT]) | (
                 both.background == painter.palette[Role.HEADING]

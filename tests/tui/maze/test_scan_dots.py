@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from msgspec.structs import replace
 
-from simmer_tui.sim.records import RangeScan
+from simmer_tui.sim.records import Pose, RangeScan
 from simmer_tui.sim.scan_rays import ScanRays
 from simmer_tui.tui.maze.canvas import Canvas
 from simmer_tui.tui.maze.glyphs import BRAILLE, Cells
@@ -114,7 +114,7 @@ def test_every_terminal_tells_a_scan_from_a_trail(
     """By colour, by the sign, or by the brightness where there is neither."""
     painter = Painter(glyphs, depth)
     window = whole_maze(plain_scene.maze, 10.0)
-    bare = replace(plain_scene, show_robot=False)
+    bare = replace(plain_scene, pose=Pose(500.0, 500.0, 0.0))  # the robot is outside the window
     ground = painter.cells(bare, window)
     looks = []
     for scene in (
