@@ -12,7 +12,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from simmer_tui.sim.command import escape
+from simmer_tui.sim.command import escape_passage, escape_word
 
 Plain = str | bool | int | float | Sequence[Any] | None
 """A value that JSON has: text, a number, a list of these, or nothing."""
@@ -67,11 +67,6 @@ def number(form: str = "", unit: str = "") -> Format:
     return Format(lambda value: f"{value:{form}}{unit}", numeric=True)
 
 
-def short(limit: int) -> Format:
-    """Format of text from outside, in ASCII and cut at `limit` characters."""
-    return Format(lambda value: escape(value, limit))
-
-
 def estimate(form: str = ".3f") -> Format:
     """Format of an estimate with an interval: `0.940 (0.838 to 0.979)`; it has `value`, `low`, `high`."""
 
@@ -111,6 +106,10 @@ LENGTH = number(".1f")
 WORDS = Format(str, (), lambda value: ())
 """Text for people only; other columns have it for programs."""
 TEXT = Format(str)
+QUOTED = Format(escape_word)
+"""Text from outside for a column that does not wrap: a longer one would leave no room for the others."""
+PASSAGE = Format(escape_passage)
+"""Text from outside for a column that wraps, and for records."""
 UNIT = Format(str, split=lambda unit: (unit or None,))
 """Unit of the numbers beside it, null for none: of a count or a share."""
 COUNT = number("d")

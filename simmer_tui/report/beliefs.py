@@ -1,6 +1,6 @@
 """Episodes of a program's beliefs, in sentences and as a table: localized, lost, frozen or moved."""
 
-from simmer_tui.document.formats import COUNT, number, short
+from simmer_tui.document.formats import COUNT, PASSAGE, QUOTED, number
 from simmer_tui.document.model import DataColumn, DataTable
 from simmer_tui.run.episodes import Episode, EpisodeKind
 from simmer_tui.run.run_history import RunHistory
@@ -14,8 +14,8 @@ EPISODES = DataTable(
         DataColumn("line", COUNT),
         DataColumn("off_in", number(".1f")),
         DataColumn("off_deg", number(".0f")),
-        DataColumn("after", short(80)),
-        DataColumn("text", short(200), "what", wraps=True),
+        DataColumn("after", QUOTED),
+        DataColumn("text", PASSAGE, "what", wraps=True),
     ),
 )
 # Episodes named in sentences; the table has all.

@@ -13,14 +13,15 @@ from simmer_tui.document.formats import (
     COUNT_OR_BLANK,
     DURATION,
     HISTOGRAM,
+    PASSAGE,
     PLACE,
     POSE,
+    QUOTED,
     SHARE,
     UNIT,
     WORDS,
     Format,
     number,
-    short,
 )
 from simmer_tui.document.model import (
     Bullets,
@@ -56,16 +57,16 @@ _SOURCES = Format(lambda counts: ", ".join(f"{name} {count}" for name, count in 
 _TIME = DataColumn("time_s", number(".2f"))
 _SHARE = DataColumn("share", SHARE)
 _LINE = DataColumn("line", COUNT)
-_COMMAND = DataColumn("command", short(80))
+_COMMAND = DataColumn("command", QUOTED)
 RUN = DataTable(
     "run",
     "Run",
     (
-        DataColumn("log", short(200)),
-        DataColumn("configuration", short(120)),
+        DataColumn("log", PASSAGE),
+        DataColumn("configuration", PASSAGE),
         DataColumn("seed"),
-        DataColumn("started", short(40)),
-        DataColumn("program", short(20), "simmer-tui"),
+        DataColumn("started", QUOTED),
+        DataColumn("program", QUOTED, "simmer-tui"),
         DataColumn("simulated_s", DURATION, "simulated time"),
         DataColumn("real_s", DURATION, "real time"),
         DataColumn("commands"),
@@ -82,7 +83,7 @@ RUN = DataTable(
 MISSION = DataTable(
     "mission",
     "Mission",
-    (DataColumn("time_s", number(".1f")), DataColumn("text", short(300), "what", wraps=True)),
+    (DataColumn("time_s", number(".1f")), DataColumn("text", PASSAGE, "what", wraps=True)),
 )
 _SENSOR = Format(lambda names: " ".join(filter(None, reversed(names))), ("", "_code"), tuple)
 """A sensor by its ID and its code, None if the set has no such sensor: `u1 ultra1`."""
@@ -117,9 +118,9 @@ MESSAGES = DataTable(
     "messages",
     "Messages of the dialect",
     (
-        DataColumn("message", short(80)),
+        DataColumn("message", QUOTED),
         DataColumn("sent", COUNT),
-        DataColumn("text", short(120), "not understood", wraps=True),
+        DataColumn("text", PASSAGE, "not understood", wraps=True),
     ),
 )
 CONTACTS = DataTable(
@@ -139,7 +140,7 @@ CONTACTS = DataTable(
 REFUSALS = DataTable(
     "refusals",
     "Refused commands",
-    (_TIME, _LINE, _COMMAND, DataColumn("text", short(120), "why", wraps=True)),
+    (_TIME, _LINE, _COMMAND, DataColumn("text", PASSAGE, "why", wraps=True)),
 )
 _ERROR = number("+.3g")
 SENSORS = DataTable(

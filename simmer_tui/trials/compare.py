@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable
 from simmer_tui.config import drive_csv, maze_csv, mission_toml, robot_csv, sensors_csv
 from simmer_tui.config.loader import Configuration
 from simmer_tui.config.settings import all_settings, value_of
-from simmer_tui.document.formats import COUNT, ESTIMATE, UNIT, Format, estimate, number, numbers, short
+from simmer_tui.document.formats import COUNT, ESTIMATE, PASSAGE, UNIT, Format, estimate, number, numbers
 from simmer_tui.document.model import DataColumn, DataTable, Document, Paragraph
 from simmer_tui.errors import TrialsError
 from simmer_tui.sim.command import escape
@@ -32,8 +32,8 @@ SETS = DataTable(
     (
         DataColumn("set", heading=""),
         DataColumn("folder", Format(str), hidden=True),
-        DataColumn("program", short(120), wraps=True),
-        DataColumn("configuration", short(80), wraps=True),
+        DataColumn("program", PASSAGE, wraps=True),
+        DataColumn("configuration", PASSAGE, wraps=True),
         DataColumn("runs", COUNT),
         DataColumn("clock"),
         DataColumn("success_rate", ESTIMATE),

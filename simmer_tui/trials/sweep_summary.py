@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 from simmer_tui.document import svg
 from simmer_tui.document.as_data import csv_text
-from simmer_tui.document.formats import COUNT, ESTIMATE, LENGTH, short
+from simmer_tui.document.formats import COUNT, ESTIMATE, LENGTH, QUOTED
 from simmer_tui.document.model import (
     DataColumn,
     DataTable,
@@ -34,7 +34,7 @@ SWEEP = DataTable(
     "Sweep",
     (
         DataColumn("setting", hidden=True),
-        DataColumn("value", short(60)),
+        DataColumn("value", QUOTED),
         DataColumn("runs", COUNT),
         DataColumn("successes", COUNT),
         DataColumn("success_rate", ESTIMATE),

@@ -11,13 +11,14 @@ from simmer_tui.document.formats import (
     COUNT,
     ESTIMATE,
     LENGTH,
+    PASSAGE,
     POSE,
+    QUOTED,
     SHARE,
     UNIT,
     Format,
     estimate,
     number,
-    short,
 )
 from simmer_tui.document.model import DataColumn, DataTable, Document, DocumentPart, Paragraph
 from simmer_tui.report.causes import Kind
@@ -57,8 +58,8 @@ TRIALS = DataTable(
     "Trials",
     (
         DataColumn("folder", Format(str), hidden=True),
-        DataColumn("program", short(200)),
-        DataColumn("configuration", short(120)),
+        DataColumn("program", PASSAGE),
+        DataColumn("configuration", PASSAGE),
         DataColumn("success_is", heading="success is"),
         DataColumn("mazes"),
         DataColumn("options", _OPTIONS),
@@ -115,7 +116,7 @@ FAILED_RUNS = DataTable(
     "failed", "Failed runs", (*_RUN, DataColumn("text", heading="what happened", wraps=True), _REPLAY)
 )
 _CELL = Format(lambda at: f"({at[0]:g}, {at[1]:g})", ("_x_in", "_y_in"), tuple)
-BY_MAZE = DataTable("mazes", "By maze", (DataColumn("maze", short(60)), *_COUNTED, _RATE, _CONTACTS))
+BY_MAZE = DataTable("mazes", "By maze", (DataColumn("maze", QUOTED), *_COUNTED, _RATE, _CONTACTS))
 BY_START = DataTable(
     "start_cells", "By start cell", (DataColumn("middle", _CELL, "middle in"), *_COUNTED, _RATE, _CONTACTS)
 )

@@ -18,20 +18,21 @@ from rich.console import Console
 
 from simmer_tui.document.as_data import csv_text, json_text
 from simmer_tui.document.as_html import embedded, html_page
-from simmer_tui.document.as_terminal import print_document
+from simmer_tui.document.as_terminal import print_document, print_table
 from simmer_tui.document.formats import (
     COUNT_OR_BLANK,
     DURATION,
     ESTIMATE,
     HISTOGRAM,
     NUMBERS,
+    PASSAGE,
     PLACE,
     POSE,
+    QUOTED,
     SHARE,
     WORDS,
     TextLink,
     number,
-    short,
 )
 from simmer_tui.document.model import (
     Bullets,
@@ -49,13 +50,14 @@ from simmer_tui.document.model import (
     Tone,
     VerdictBox,
 )
+from simmer_tui.report.content import REFUSALS
 from simmer_tui.sim import Pose
 from tests.report.browser import opened
 
 RATE = SimpleNamespace(value=0.94, low=0.838, high=0.979)
 COLUMNS = (
     DataColumn("time_s", number(".1f")),
-    DataColumn("text", short(60), "what", wraps=True),
+    DataColumn("text", PASSAGE, "what", wraps=True),
     DataColumn("success_rate", ESTIMATE),
     DataColumn("end", POSE, "ended at"),
     DataColumn("code", hidden=True),
@@ -189,7 +191,7 @@ def hostile(text: str) -> Document:
     """A document with a text from outside wherever one can be."""
     columns = (
         DataColumn("a", heading=text),
-        DataColumn("b", short(30)),
+        DataColumn("b", QUOTED),
         DataColumn("c", line=True),
         DataColumn("d"),
     )
@@ -206,6 +208,14 @@ def hostile(text: str) -> Document:
             Figure(text, 10.0, 10.0, ""),
         ),
     )
+
+
+def test_a_long_command_leaves_room_for_the_reason_why_it_was_refused() -> None:
+    file = io.StringIO()
+    rows = [(12.5, 3, "x" * 200, "no enabled drive has the code")]
+    print_table(REFUSALS.filled(rows), Console(file=file, width=80))
+    assert "12.50" in file.getvalue()
+    assert "no enabled drive" in file.getvalue()
 
 
 @given(
