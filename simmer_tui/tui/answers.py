@@ -29,9 +29,9 @@ from simmer_tui.sim.scan_rays import extremes
 from simmer_tui.sim.specs import Axes, DriveKind
 from simmer_tui.snapshot import LogEntry, Snapshot
 from simmer_tui.tui.event_text import clock, distance_off, grid_lines, off_text
+from simmer_tui.tui.gauges import bearing_words
 from simmer_tui.tui.line_panel import StyledLine, heading, length, shortened, wrapped
 from simmer_tui.tui.readouts import Room, goals_line, movement_line, spent_words, standing_scan
-from simmer_tui.tui.sensor_readouts import bearing_words
 
 # Two frames show the place and its caller; each has a line of code below it.
 _FRAMES = 2
@@ -133,11 +133,11 @@ def _numbered(*lines: StyledLine) -> list[StyledLine]:
 
 def scan_answer(snapshot: Snapshot, *, plain: bool) -> AnswerCard | None:
     """The scan that was read last, if the robot has not moved since."""
-    row = standing_scan(snapshot.state)
-    scan = None if row is None else row.reading.scan
-    if row is None or scan is None:
+    standing = standing_scan(snapshot.state)
+    if standing is None:
         return None
-    sensor, found = row.reading.sensor, extremes(scan)
+    sensor, scan = standing
+    found = extremes(scan)
     lines: list[StyledLine] = [
         ((counted(len(scan.ranges), "point"), "bold"), (f", {360.0 / len(scan.ranges):.3g} deg apart", "dim"))
     ]

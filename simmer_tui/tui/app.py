@@ -66,12 +66,7 @@ class SimmerApp(Shell):
     ]
 
     def __init__(
-        self,
-        server: Server,
-        choice: TerminalChoice,
-        history_file: Path | None = None,
-        *,
-        program: str = "",
+        self, server: Server, choice: TerminalChoice, history_file: Path | None = None, *, program: str = ""
     ) -> None:
         """`program` is the name of the run's own program, or empty."""
         super().__init__(LiveSource(server), choice, MazePane(choice.glyphs, choice.color))

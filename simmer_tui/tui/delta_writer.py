@@ -4,7 +4,7 @@ It knows the terminal's content, its cursor position and its style. So it skips 
 the changes of a style. `textual_internals` installs it.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from functools import lru_cache
 from typing import Final
 
@@ -241,19 +241,18 @@ _NAMES = (
 
 def change_of(before: Pen, after: Pen) -> str:
     """The shortest SGR codes that turn one pen into another; empty for the same."""
+    return min(";".join(_codes(before, after)), ";".join(("0", *_codes(_PLAIN, after))), key=len)
+
+
+def _codes(before: Pen, after: Pen) -> Iterator[str]:
+    """The codes for each difference of two pens."""
     removed = before.attributes & ~after.attributes
     offs = dict.fromkeys(off for bit, off in enumerate(_OFF) if removed >> bit & 1)
     # A code switches off all attributes of its kind, so the others of them are switched on again.
     kept = [bit for bit, off in enumerate(_OFF) if off not in offs and before.attributes >> bit & 1]
-    ons = [on for bit, on in enumerate(_ON) if after.attributes >> bit & 1 and bit not in kept]
-    delta = [*offs, *ons]
+    yield from offs
+    yield from (on for bit, on in enumerate(_ON) if after.attributes >> bit & 1 and bit not in kept)
     if after.foreground != before.foreground:
-        delta.append(after.foreground)
+        yield after.foreground
     if after.background != before.background:
-        delta.append(after.background)
-    whole = ["0", *(on for bit, on in enumerate(_ON) if after.attributes >> bit & 1)]
-    if after.foreground != _PLAIN.foreground:
-        whole.append(after.foreground)
-    if after.background != _PLAIN.background:
-        whole.append(after.background)
-    return min(";".join(delta), ";".join(whole), key=len)
+        yield after.background

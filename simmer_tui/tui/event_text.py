@@ -25,8 +25,8 @@ from simmer_tui.sim.command import escape_passage
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.records import CommandResult, Reading, Status
 from simmer_tui.snapshot import LogEntry
+from simmer_tui.tui.gauges import number_text, with_unit
 from simmer_tui.tui.line_panel import StyledLine
-from simmer_tui.tui.sensor_readouts import number_text, with_unit
 
 REASONS = (":why", ":report")
 """Orders that explain what went wrong."""
@@ -146,9 +146,6 @@ class _Wording(EventHandler[EventWords]):
 
     def other(self, event: events.Event) -> EventWords:
         return EventWords()
-
-    def on_planned(self, event: events.MovementPlanned) -> EventWords:
-        return EventWords(event.command.source)
 
     def on_ended(self, event: MovementEnded) -> EventWords:
         command = event.command

@@ -1,8 +1,11 @@
-"""Values as lines: gauges on a scale, and sparklines of earlier values."""
+"""Values in few columns: numbers with units, signs of directions, gauges on a scale, and sparklines."""
 
 import math
 from collections.abc import Iterable, Sequence
 
+from simmer_tui.sim.angles import eighth_of_turn
+from simmer_tui.sim.directions import ARROWS, side_name
+from simmer_tui.sim.specs import SensorSpec
 from simmer_tui.tui.line_panel import StyledLine
 
 # Without the full block, which would run into the row above.
@@ -11,6 +14,49 @@ _PLAIN_BARS = " .:-=+*#"
 # Two maze cells: most distances in a maze are shorter.
 _SCALE = 24.0
 """Least end of the gauges of lengths, inches."""
+_POINTS = ("E", "NE", "N", "NW", "W", "SW", "S", "SE")
+
+
+# -- words and signs -------------------------------------------------------------------------------
+
+
+def number_text(value: float) -> str:
+    """Number for a table: two decimals, infinities by name."""
+    if not math.isfinite(value):
+        return f"{value:g}"
+    return f"{value:.2f}"
+
+
+def with_unit(value: float, sensor: SensorSpec) -> str:
+    """A reading with its unit; a yes or no as a bare 1 or 0."""
+    if not sensor.unit and value in (0.0, 1.0):
+        return f"{value:.0f}"
+    return f"{number_text(value)} {sensor.unit}".rstrip()
+
+
+def bearing_sign(bearing: float, *, plain: bool) -> str:
+    """Direction from the robot's front, degrees, with the front up: an arrow, or letters such as `FL`."""
+    if plain:
+        return "".join(word[0].upper() for word in side_name(bearing, "front", "back").split())
+    # A quarter on: the robot's front is up here, and to the right in the table.
+    return ARROWS[eighth_of_turn(bearing + 90.0)]
+
+
+def bearing_words(bearing: float, *, plain: bool) -> str:
+    """The same in words, with the arrow if there is one: `behind left ↙`."""
+    side = side_name(bearing)
+    words = f"to the {side}" if side in ("left", "right") else side
+    return words if plain else f"{words} {bearing_sign(bearing, plain=False)}"
+
+
+def heading_sign(value: float, *, plain: bool) -> str:
+    """Arrow, or point of the compass, for a heading in degrees counter-clockwise; empty for NaN."""
+    if not math.isfinite(value):
+        return ""
+    return (_POINTS if plain else ARROWS)[eighth_of_turn(value)]
+
+
+# -- lines -----------------------------------------------------------------------------------------
 
 
 def sparkline(values: Sequence[float], width: int, *, plain: bool) -> str:
@@ -51,11 +97,7 @@ def gauge(value: float, end: float, width: int, *, plain: bool, role: str = "mar
 
 def scale_end(values: Iterable[float], unit: str) -> float:
     """End of the gauges of a kind: the least round number that none of its values exceeds."""
-    # Computed for every picture; hardly any value is not finite.
-    given = list(map(abs, values))
-    most = max(given, default=0.0)
-    if not math.isfinite(sum(given)):
-        most = max(filter(math.isfinite, given), default=0.0)
+    most = max(filter(math.isfinite, map(abs, values)), default=0.0)
     # Doubled, so that few longer readings change the scale of all gauges.
     if unit == "in":
         end = _SCALE

@@ -3,9 +3,7 @@
 To add a panel of lines: write a function of a `Snapshot` and a `Room`, and list it in `PANELS`.
 """
 
-import math
-import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import chain
 from typing import Protocol
@@ -19,8 +17,8 @@ from simmer_tui.phrases import counted
 from simmer_tui.sim.maze import Maze
 from simmer_tui.sim.wheels import WheelKinematics
 from simmer_tui.snapshot import LogEntry, Snapshot
-from simmer_tui.tui.answer_slot import AnswerSlot
-from simmer_tui.tui.answers import AnswerCard
+from simmer_tui.tui.answers import AnswerCard, end_answer, now_answer, scan_answer
+from simmer_tui.tui.frame_pace import Lags
 from simmer_tui.tui.headline import RunPhase, header_line, phase_of
 from simmer_tui.tui.line_panel import LinePanel, StyledLine, fault_line, text_of
 from simmer_tui.tui.log_panel import LogPanel
@@ -33,11 +31,6 @@ from simmer_tui.tui.sensor_facts import sensor_facts
 from simmer_tui.tui.sensor_readouts import SensorsView, rows_wanted, sensor_lines
 from simmer_tui.tui.sizes import BRIEF_ANSWER
 from simmer_tui.tui.terminal import GlyphMode, TerminalChoice
-
-# Parts with history may lag, since nothing beside them shows the same. Each changed line is bytes over a slow
-# link, and nobody reads faster.
-_LAGS = {"events": 0.5, "values": 1.0, "radar": 0.2}
-"""Least seconds between two pictures of a part with history."""
 
 
 class SnapshotSource(Protocol):
@@ -70,46 +63,6 @@ class SnapshotSource(Protocol):
         ...
 
 
-class Lags:
-    """Parts of the screen that may show an older moment than the rest: which of them is due."""
-
-    def __init__(self) -> None:
-        self._shown = dict.fromkeys(_LAGS, -math.inf)
-        self._calm = False
-        self._marks: tuple[object, ...] = ()
-        self.waiting: set[str] = set()
-        """Parts that do not show the newest snapshot yet."""
-
-    def make_due(self) -> None:
-        """Make all parts due now."""
-        self._shown = dict.fromkeys(_LAGS, -math.inf)
-
-    def take(self, snapshot: Snapshot, before: Snapshot | None) -> None:
-        """Take note of a new snapshot.
-
-        When the robot comes to stand, at a pause, a contact and a verdict, the whole screen shows that
-        moment.
-        """
-        state = snapshot.state
-        calm = not state.moving and (before is None or before.state.pose == state.pose)
-        # In a quiet run the waiting parts are due one after the other; then the screen does not change.
-        if before is None or snapshot.number != before.number or snapshot.is_full or not calm:
-            self.waiting = set(_LAGS)
-        marks = state.paused, state.contacts, snapshot.verdict is None
-        if marks != self._marks or (calm and not self._calm):
-            self.make_due()
-        self._calm, self._marks = calm, marks
-
-    def is_due(self, part: str) -> bool:
-        """True if a part is to show the newest snapshot now; it counts as shown then."""
-        now = time.monotonic()
-        if now - self._shown[part] < _LAGS[part]:
-            return False
-        self._shown[part] = now
-        self.waiting.discard(part)
-        return True
-
-
 _Lines = Callable[[Snapshot, Room], Sequence[StyledLine]]
 
 
@@ -134,6 +87,57 @@ _BARS = (
     PanelKind("header", 1, lambda snapshot, room: [header_line(snapshot, room)]),
     PanelKind("pose", 1, lambda snapshot, room: [pose_line(snapshot, room)]),
 )
+
+
+class AnswerSlot:
+    """The one place for answers: a requested one, the end of the run, first steps, or the present
+    movement."""
+
+    def __init__(self) -> None:
+        self.first_steps: Callable[[], AnswerCard | None] = lambda: None
+        """Advice for a beginning, if there is any."""
+        self.has_orders = False
+        """True if orders can be typed, which an answer may name."""
+        self._asked: AnswerCard | None = None
+        self._moved = 0
+        self._closed = False
+        self._commands = -1
+        self._has_end = False
+
+    def ask(self, answer: AnswerCard, snapshot: Snapshot) -> None:
+        """Show an answer until it is closed, or until the robot moves again."""
+        self._asked, self._moved = answer, snapshot.state.moved
+
+    def close(self) -> bool:
+        """Close the answer, if it can be closed. Returns True if it could."""
+        had = self._asked is not None or (self._has_end and not self._closed)
+        self._closed = self._closed or (self._asked is None and self._has_end)
+        self._asked = None
+        return had
+
+    def answer(
+        self, snapshot: Snapshot, newest: Iterable[LogEntry], phase: RunPhase, *, plain: bool
+    ) -> AnswerCard:
+        """The answer to show now; `newest` are the events, the newest first."""
+        state = snapshot.state
+        if self._asked is not None and state.moved != self._moved:
+            self._asked = None
+        end = end_answer(snapshot, orders=self.has_orders)
+        if end is None:
+            self._closed, self._commands = False, -1
+        elif phase is RunPhase.ENDED:
+            # A person who drives on has seen it.
+            self._commands = state.commands if self._commands < 0 else self._commands
+            self._closed = self._closed or state.commands != self._commands
+        self._has_end = end is not None
+        if self._asked is not None:
+            return self._asked
+        if end is not None and not self._closed:
+            return end
+        steps = self.first_steps() if phase is RunPhase.WAITING else None
+        if steps is not None:
+            return steps
+        return scan_answer(snapshot, plain=plain) or now_answer(snapshot, newest, plain=plain)
 
 
 class SensorsPanel(LinePanel):

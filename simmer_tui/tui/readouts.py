@@ -7,9 +7,12 @@ from msgspec import Struct, field
 from simmer_tui.events import EventHandler, Goal, Notice, NoticeKind, Result
 from simmer_tui.mission import MissionState
 from simmer_tui.phrases import counted, progress_text, side_text, velocity_text
-from simmer_tui.run.state import SensorRow, State, TimeSpent
+from simmer_tui.run.state import State, TimeSpent
 from simmer_tui.sim.angles import half_turn
 from simmer_tui.sim.command import escape, parse_value, printable
+from simmer_tui.sim.records import LidarScan
+from simmer_tui.sim.scan_rays import extremes
+from simmer_tui.sim.specs import SensorSpec
 from simmer_tui.sim.wheels import WheelKinematics
 from simmer_tui.snapshot import LogEntry, Snapshot
 from simmer_tui.tui.event_text import (
@@ -21,9 +24,8 @@ from simmer_tui.tui.event_text import (
     spread_text,
     truth_text,
 )
-from simmer_tui.tui.gauges import gauge
+from simmer_tui.tui.gauges import bearing_words, gauge, heading_sign
 from simmer_tui.tui.line_panel import StyledLine, between, heading, length, shortened
-from simmer_tui.tui.sensor_readouts import heading_sign, scan_line
 
 # The longest labels, "contacts" and "commands", have eight letters.
 LABEL = 9
@@ -281,22 +283,36 @@ def status_line(
     way, a scan or the last event."""
     if brief and snapshot.state.movement is not None:
         return movement_line(snapshot, plain=plain)
-    row = standing_scan(snapshot.state) if brief else None
-    if row is not None and row.reading.scan is not None:
-        return scan_line(row.reading.sensor, row.reading.scan, plain=plain)
+    found = standing_scan(snapshot.state) if brief else None
+    if found is not None:
+        return _scan_line(*found, plain=plain)
     if brief and entries:
         return last_event_line(entries)
     return (("last reply  ", "label"), *(last_reply(snapshot) or (("none yet", "value"),)))
 
 
-def standing_scan(state: State) -> SensorRow | None:
-    """The row of a lidar whose scan was the last reading, if the robot has not moved since."""
+def _scan_line(sensor: SensorSpec, scan: LidarScan, *, plain: bool) -> StyledLine:
+    """A scan in one line: its points, and the nearest and farthest echo with their directions."""
+    found = extremes(scan)
+    pieces: list[tuple[str, str]] = [(sensor.code, "newest"), (f" {len(scan.ranges)} points", "value")]
+    if found.nearest is None:
+        pieces.append((", no echo", "value"))
+    for word, echo in (("nearest", found.nearest), ("farthest", found.farthest)):
+        if echo is not None:
+            distance, bearing = echo
+            where = f" {sensor.unit} {bearing_words(bearing, plain=plain)}"
+            pieces += [(f", {word} ", "value"), (f"{distance:.1f}", "bold"), (where, "value")]
+    return tuple(pieces)
+
+
+def standing_scan(state: State) -> tuple[SensorSpec, LidarScan] | None:
+    """A lidar and its scan, if that was the last reading and the robot has not moved since."""
     if state.moving or state.velocity is not None:
         return None
     newest = max(state.sensors.values(), key=lambda row: row.number, default=None)
     if newest is None or newest.reading.scan is None or newest.number <= state.moved:
         return None
-    return newest
+    return newest.reading.sensor, newest.reading.scan
 
 
 def last_reply(snapshot: Snapshot) -> StyledLine:

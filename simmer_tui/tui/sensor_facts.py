@@ -10,10 +10,9 @@ from simmer_tui.sim.sensors import LidarSpec
 from simmer_tui.sim.specs import SensorSpec
 from simmer_tui.snapshot import Snapshot
 from simmer_tui.tui.event_text import clock
-from simmer_tui.tui.gauges import sparkline
+from simmer_tui.tui.gauges import bearing_sign, sparkline, with_unit
 from simmer_tui.tui.line_panel import StyledLine, heading
 from simmer_tui.tui.readouts import LABEL, fact_line
-from simmer_tui.tui.sensor_readouts import bearing_sign, with_unit
 
 # Inches; the panel shows tenths.
 _NEAR = 0.05

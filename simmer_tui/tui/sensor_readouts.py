@@ -10,13 +10,11 @@ from msgspec import Struct, field
 from simmer_tui.events import TwinReading
 from simmer_tui.run.reducer import HISTORY
 from simmer_tui.run.state import SensorRow
-from simmer_tui.sim.angles import eighth_of_turn
-from simmer_tui.sim.directions import ARROWS, side_name
 from simmer_tui.sim.records import LidarScan
 from simmer_tui.sim.scan_rays import extremes
 from simmer_tui.sim.specs import SensorKind, SensorSpec
 from simmer_tui.snapshot import Snapshot
-from simmer_tui.tui.gauges import gauge, scale_end, span_text, sparkline
+from simmer_tui.tui.gauges import bearing_sign, gauge, heading_sign, scale_end, span_text, sparkline
 from simmer_tui.tui.line_panel import StyledLine, between, heading, length
 from simmer_tui.tui.terminal import GlyphMode
 
@@ -31,7 +29,6 @@ _BEFORE_BAR = 14
 """Columns before the gauge of a row with all its parts."""
 # ` sim 35.8` and ` -10.0` beside each other.
 _TWIN_ROOM = 14
-_POINTS = ("E", "NE", "N", "NW", "W", "SW", "S", "SE")
 # Four maze cells: ranges in the bundled mazes are seldom longer, and a scale that never changes is easy to
 # read.
 RANGE_SCALE = 48.0
@@ -67,20 +64,6 @@ class SensorsView(Struct, frozen=True):
         return "-" if self.plain else "–"
 
 
-def number_text(value: float) -> str:
-    """Number for a table: two decimals, infinities by name."""
-    if not math.isfinite(value):
-        return f"{value:g}"
-    return f"{value:.2f}"
-
-
-def with_unit(value: float, sensor: SensorSpec) -> str:
-    """A reading with its unit; a yes or no as a bare 1 or 0."""
-    if not sensor.unit and value in (0.0, 1.0):
-        return f"{value:.0f}"
-    return f"{number_text(value)} {sensor.unit}".rstrip()
-
-
 def range_role(sensor: SensorSpec, value: float) -> str:
     """Role of a reading: short ranges stand out."""
     if not sensor.kind.is_range or value >= NEAR:
@@ -93,35 +76,6 @@ def direction_sign(sensor: SensorSpec, *, plain: bool) -> str:
     if sensor.kind.is_scan:
         return "" if plain else "○"
     return bearing_sign(sensor.rotation, plain=plain) if sensor.kind.has("rotation") else ""
-
-
-def bearing_sign(bearing: float, *, plain: bool) -> str:
-    """Direction from the robot's front, degrees, with the front up: an arrow, or letters such as `FL`."""
-    if plain:
-        return "".join(word[0].upper() for word in side_name(bearing, "front", "back").split())
-    # A quarter on: the robot's front is up here, and to the right in the table.
-    return ARROWS[eighth_of_turn(bearing + 90.0)]
-
-
-def bearing_words(bearing: float, *, plain: bool) -> str:
-    """The same in words, with the arrow if there is one: `behind left ↙`."""
-    side = side_name(bearing)
-    words = f"to the {side}" if side in ("left", "right") else side
-    return words if plain else f"{words} {bearing_sign(bearing, plain=False)}"
-
-
-def scan_line(sensor: SensorSpec, scan: LidarScan, *, plain: bool) -> StyledLine:
-    """A scan in one line: its points, and the nearest and farthest echo with their directions."""
-    found = extremes(scan)
-    pieces: list[tuple[str, str]] = [(sensor.code, "newest"), (f" {len(scan.ranges)} points", "value")]
-    if found.nearest is None:
-        pieces.append((", no echo", "value"))
-    for word, echo in (("nearest", found.nearest), ("farthest", found.farthest)):
-        if echo is not None:
-            distance, bearing = echo
-            where = f" {sensor.unit} {bearing_words(bearing, plain=plain)}"
-            pieces += [(f", {word} ", "value"), (f"{distance:.1f}", "bold"), (where, "value")]
-    return tuple(pieces)
 
 
 def kind_name(kind: type[SensorKind]) -> str:
@@ -398,13 +352,6 @@ def _true_text(true: float, sensor: SensorSpec, room: int) -> str:
     if len(text) > room and math.isfinite(true):
         text = f" {true:.0f}"
     return text if len(text) <= room else ""
-
-
-def heading_sign(value: float, *, plain: bool) -> str:
-    """Arrow, or point of the compass, for a heading in degrees counter-clockwise; empty for NaN."""
-    if not math.isfinite(value):
-        return ""
-    return (_POINTS if plain else ARROWS)[eighth_of_turn(value)]
 
 
 def _ranges(codes: Sequence[str], *, plain: bool) -> list[str]:

@@ -18,7 +18,7 @@ from textual.widget import Widget
 from simmer_tui.sim.command import escape_passage
 from simmer_tui.snapshot import Snapshot
 from simmer_tui.tui.answers import AnswerCard
-from simmer_tui.tui.jump_thinning import JumpThinning
+from simmer_tui.tui.frame_pace import Backpressure, JumpThinning
 from simmer_tui.tui.key_table import ANYWHERE, IN_LOG, Hint, hints_of, keys_line
 from simmer_tui.tui.line_panel import LinePanel, heading
 from simmer_tui.tui.maze.palette import Look
@@ -34,7 +34,7 @@ from simmer_tui.tui.sizes import (
     arrangement,
 )
 from simmer_tui.tui.terminal import ColorDepth, GlyphMode, TerminalChoice
-from simmer_tui.tui.terminal_app import AsciiFilter, Backpressure, TerminalApp
+from simmer_tui.tui.terminal_app import AsciiFilter, TerminalApp
 from simmer_tui.tui.textual_internals import FaultReporting, draw_at_once, forget_traceback
 from simmer_tui.tui.themes import THEMES, theme_name, themes, variables
 

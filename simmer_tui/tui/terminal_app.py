@@ -1,6 +1,6 @@
 """Base of the apps: features of a terminal that Textual lacks.
 
-These are keys in order, its clipboard, plain ASCII if it has no more, and no frames while it does not read.
+These are keys in order, its clipboard, and plain ASCII if it has no more.
 """
 
 import os
@@ -10,7 +10,6 @@ import sys
 import threading
 from base64 import b64encode
 from collections.abc import Mapping
-from contextlib import ExitStack
 from typing import Protocol, runtime_checkable
 
 from rich.cells import cell_len
@@ -20,7 +19,7 @@ from textual.app import App
 from textual.color import Color
 from textual.filter import LineFilter
 
-from simmer_tui.tui.textual_internals import write_sequence, writes_waiting
+from simmer_tui.tui.textual_internals import write_sequence
 
 # The bytes of base64 that xterm accepts, and many other terminals after it.
 _COMMON_LIMIT = 74_994
@@ -29,9 +28,6 @@ ALLOWING = (
     ("terminal", "allow OSC 52 (access to the clipboard) in its settings"),
 )
 """Settings that allow the copying of text."""
-# One is under way whenever something has just been drawn.
-_WAITING = 2
-"""Pending writes to the terminal at which it counts as behind."""
 _RESEMBLING = {
     "-": "─━▁▂▔–—",
     "|": "│┃▌▐▎▊▏",
@@ -173,37 +169,3 @@ def plain_text(text: str) -> str:
     if text.isascii():
         return text
     return "".join(c if c.isascii() else _REPLACED.get(c, "?" * cell_len(c)) for c in text)
-
-
-class Backpressure:
-    """Open while the terminal keeps up; while it is closed, nothing is drawn.
-
-    A terminal may not read for a while (ctrl+S, a dead connection). Textual writes from a thread with a queue
-    of 30 writes; a 31st blocks the whole app until the terminal reads again. So nothing is sent while writes
-    are pending. Textual keeps the pending changes, except those of the layout, after which the whole screen
-    is sent.
-    """
-
-    def __init__(self, app: App[int]) -> None:
-        self._app = app
-        self._batch = ExitStack()
-        self._lost = False
-        self.closed = False
-
-    def keep_up(self) -> bool:
-        """Open or close it by the number of pending writes. Returns True if it is open."""
-        behind = writes_waiting(self._app) >= (1 if self.closed else _WAITING)
-        if behind and not self.closed:
-            self._batch.enter_context(self._app.batch_update())
-        elif self.closed and not behind:
-            self._batch.close()
-            if self._lost:
-                self._app.screen.refresh(layout=True)
-            self._app.screen.check_idle()
-            self._lost = False
-        self.closed = behind
-        return not behind
-
-    def note_display(self) -> None:
-        """Take note that something was displayed, or would have been."""
-        self._lost |= self.closed

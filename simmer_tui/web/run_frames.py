@@ -80,10 +80,6 @@ class LiveRecording:
     """The recording of a run up to now, for players. Only for the page's thread."""
 
     def __init__(self, beginning: Checkpoint) -> None:
-        self.restart(beginning)
-
-    def restart(self, beginning: Checkpoint) -> None:
-        """Restart the recording with a checkpoint."""
         paths = PathRecord(beginning.spec.maze, beginning.pose, recorded=True)
         # Rows that no player shows are not kept.
         self._history = RunHistory(beginning, log_begins=beginning.time, paths=paths, kept=READINGS)
@@ -173,7 +169,7 @@ class RunFrames:
                     continue
                 has_news = True
                 if isinstance(event, Checkpoint):
-                    self._recording.restart(event)
+                    self._recording = LiveRecording(event)
                     self._is_restarted = True
                     self.forget()
                 else:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from itertools import pairwise
 
-from simmer_tui.tui.jump_thinning import JumpThinning
+from simmer_tui.tui.frame_pace import JumpThinning
 
 
 def test_eight_of_fifteen_pictures_of_jumps_are_shown_and_never_none_of_two() -> None:

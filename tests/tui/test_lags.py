@@ -12,7 +12,7 @@ from simmer_tui.run.reducer import Reducer
 from simmer_tui.run.state import checkpoint_of
 from simmer_tui.sim import Pose, SimulationSpec, Simulator
 from simmer_tui.snapshot import Recorder, Snapshot
-from simmer_tui.tui.panes import Lags
+from simmer_tui.tui.frame_pace import Lags
 
 PARTS = {"events", "values", "radar"}
 

@@ -43,7 +43,7 @@ from simmer_tui.tui.event_text import (
     refusal_of,
     words_of,
 )
-from simmer_tui.tui.gauges import gauge, scale_end, sparkline
+from simmer_tui.tui.gauges import gauge, number_text, scale_end, sparkline
 from simmer_tui.tui.headline import header_line
 from simmer_tui.tui.line_panel import StyledLine, text_of
 from simmer_tui.tui.readouts import (
@@ -57,7 +57,6 @@ from simmer_tui.tui.readouts import (
 from simmer_tui.tui.sensor_readouts import (
     SensorsView,
     direction_sign,
-    number_text,
     range_role,
     rows_wanted,
     sensor_lines,

@@ -14,7 +14,7 @@ from simmer_tui.sim.specs import TILES_PER_CELL, WALL
 from simmer_tui.tui.maze.glyphs import BLANK, BRAILLE, DOT_BITS, Cells, Mask, Signs, by_cell
 from simmer_tui.tui.maze.heat import HeatNumber
 from simmer_tui.tui.maze.palette import FLOORS, HEATS, ZONES, Attribute, Palette, Role
-from simmer_tui.tui.maze.scene import MazeCells, Scene, Zones, zones_of
+from simmer_tui.tui.maze.scene import Scene, Zones, zones_of
 from simmer_tui.tui.maze.viewport import Viewport
 
 Grounds = NDArray[np.uint8]
@@ -72,7 +72,7 @@ class Backdrop:
             # The only ink is that of the walls' edges.
             ink = np.where(ink == Role.EDGE, ink, paper)
         self.cells = self._encoded(paper, ink)
-        if zones.loading or zones.drop:
+        if zones.loading.any() or zones.drop.any():
             self._draw_zones(zones, ~has_edge & (walled == 0))
 
     def write_numbers(self, numbers: Sequence[HeatNumber]) -> None:
@@ -140,7 +140,7 @@ class Backdrop:
             ground[:] = black  # tiles smaller than pixels would look like noise
         if not loud and heat is None:
             for role, cells in zip(ZONES, (zones.loading, zones.drop), strict=True):
-                ground[self._members(cells, x, y)] = role
+                ground[_cells_at(cells, x, y)] = role
         if heat is not None:
             for level, (dark, bright) in enumerate(HEATS, 1):
                 tinted = heat == level
@@ -156,22 +156,11 @@ class Backdrop:
         offsets = (np.arange(samples) + 0.5) / samples - 0.5
         sample_x = (x[:, None] + offsets * width).ravel()
         sample_y = (y[:, None] + offsets * height).ravel()
-        padded = np.pad(self.walls, 1, constant_values=True)
-        found: Mask = padded[_ring_index(self.walls.shape, sample_x, sample_y)]
+        found = _cells_at(self.walls, sample_x, sample_y, outside=True)
         if samples == 1:
             return found
         filled: Mask = by_cell(found, samples, samples).mean(axis=-1) >= 0.5
         return filled
-
-    def _members(self, cells: MazeCells, x: FloatArray, y: FloatArray) -> Mask:
-        """True for each place, in maze cells, that lies in one of some cells, (y, x)."""
-        rows, columns = self.walls.shape
-        member = np.zeros((rows + 2, columns + 2), dtype=np.bool_)
-        for row, column in cells:
-            if 0 <= row < rows and 0 <= column < columns:
-                member[row + 1, column + 1] = True
-        found: Mask = member[_ring_index(self.walls.shape, x, y)]
-        return found
 
     def _encoded(self, paper: Grounds, ink: Grounds) -> Cells:
         """Cells from the two grounds that each one shows."""
@@ -195,17 +184,17 @@ class Backdrop:
     def _draw_zones(self, zones: Zones, free: Mask) -> None:
         """Outline, hatching and names, in cells that are `free` of walls."""
         x, y = self._places(2, 4)
-        loading = self._members(zones.loading, x, y)
+        loading = _cells_at(zones.loading, x, y)
         inner = loading[1:-1, 1:-1]
         inside = loading[:-2, 1:-1] & loading[2:, 1:-1] & loading[1:-1, :-2] & loading[1:-1, 2:]
         self._put_dots(inner & ~inside, Role.LOADING_LINE, free)
-        drop = self._members(zones.drop, x, y)[1:-1, 1:-1]
+        drop = _cells_at(zones.drop, x, y)[1:-1, 1:-1]
         column = np.arange(drop.shape[1]) + 2 * self.viewport.left
         row = np.arange(drop.shape[0])[:, None] + 4 * self.viewport.top
         slope = (column + row) % _HATCH if self.signs.dotted else (column // 2 + row // 4) % _HATCH_CELLS
         self._put_dots(drop & (slope == 0), Role.DROP_LINE, free)
         for role, cells in ((Role.LOADING_LINE, zones.loading), (Role.DROP_LINE, zones.drop)):
-            if cells:
+            if cells.any():
                 self._put_name(cells, role)
 
     def _put_dots(self, dots: Mask, role: Role, free: Mask) -> None:
@@ -222,12 +211,12 @@ class Backdrop:
         cells.foreground[there] = self.palette[role]
         cells.background[there] = self.palette.array[self.under[there]]
 
-    def _put_name(self, cells: MazeCells, role: Role) -> None:
+    def _put_name(self, cells: Mask, role: Role) -> None:
         """Write a zone's name into its first row, if there is room for it."""
         view = self.viewport
-        row, first = min(cells)
+        row, first = np.argwhere(cells)[0].tolist()
         last = first
-        while (row, last + 1) in cells:
+        while last + 1 < cells.shape[1] and cells[row, last + 1]:
             last += 1
         text = f" {_NAMES[role]} "
         left = math.ceil(first * view.zoom - view.left)
@@ -244,11 +233,12 @@ class Backdrop:
         self.named[line, at + 1 : at + len(text) - 1] = True
 
 
-def _ring_index(shape: tuple[int, ...], x: FloatArray, y: FloatArray) -> tuple[NDArray[np.intp], ...]:
-    """Index (y, x) of places into an array of maze cells with a ring of other cells around it."""
-    columns = np.floor(x).astype(np.intp).clip(-1, shape[1]) + 1
-    rows = np.floor(y).astype(np.intp).clip(-1, shape[0]) + 1
-    return np.ix_(rows, columns)
+def _cells_at(cells: Mask, x: FloatArray, y: FloatArray, *, outside: bool = False) -> Mask:
+    """Maze cells at places in units of a cell, (y, x); a place outside the maze has the value `outside`."""
+    columns = np.floor(x).astype(np.intp).clip(-1, cells.shape[1]) + 1
+    rows = np.floor(y).astype(np.intp).clip(-1, cells.shape[0]) + 1
+    found: Mask = np.pad(cells, 1, constant_values=outside)[np.ix_(rows, columns)]
+    return found
 
 
 def _two_grounds(pixels: Grounds) -> tuple[Grounds, Grounds]:

@@ -11,19 +11,11 @@ from operator import is_not
 from msgspec import Struct
 from msgspec.structs import replace
 
+from simmer_tui.tui.maze import bodies, lines
 from simmer_tui.tui.maze.backdrop import Backdrop
-from simmer_tui.tui.maze.bodies import draw_block, draw_contact, draw_past_contacts
 from simmer_tui.tui.maze.canvas import Canvas
 from simmer_tui.tui.maze.glyphs import Cells, blank_cells, signs_for
 from simmer_tui.tui.maze.heat import HeatMap, HeatMark, heat_numbers
-from simmer_tui.tui.maze.lines import (
-    draw_belief,
-    draw_codes,
-    draw_particles,
-    draw_rays,
-    draw_scans,
-    draw_trail,
-)
 from simmer_tui.tui.maze.palette import DEFAULT, HEATS, Attribute, Look, Palette, Role, palette_for
 from simmer_tui.tui.maze.robot import DrawnRobot
 from simmer_tui.tui.maze.scene import FloorMode, MazePoint, Scene, zones_of
@@ -68,27 +60,27 @@ class Painter:
         robot = DrawnRobot(canvas, scene) if is_near(pose.x, pose.y, pose.heading) else None
         # From the least important to the robot, since each replaces earlier marks in its cells.
         if scene.show_trail:
-            draw_trail(canvas, scene)
+            lines.draw_trail(canvas, scene)
         if belief is not None:
-            draw_particles(canvas, belief)
+            lines.draw_particles(canvas, belief)
         if scene.show_rays:
-            draw_scans(canvas, scene)
-        rays = draw_rays(canvas, scene) if scene.show_rays else []
+            lines.draw_scans(canvas, scene)
+        rays = lines.draw_rays(canvas, scene) if scene.show_rays else []
         # Under the block: the needle is long, the block may be right ahead.
         if robot is not None and not scene.block_held:
             robot.draw_needle()
-        draw_past_contacts(canvas, scene)
+        bodies.draw_past_contacts(canvas, scene)
         if not scene.block_held:
-            draw_block(canvas, scene)
+            bodies.draw_block(canvas, scene)
         if belief is not None:
-            draw_belief(canvas, scene, belief)
+            lines.draw_belief(canvas, scene, belief)
         if robot is not None:
             robot.draw_body()
             if scene.block_held:
                 robot.draw_held(scene.block_size)
         if scene.contact is not None:
-            draw_contact(canvas, scene, scene.contact)
-        draw_codes(canvas, rays)
+            bodies.draw_contact(canvas, scene, scene.contact)
+        lines.draw_codes(canvas, rays)
         return canvas.cells
 
     def _ground(self, scene: Scene, viewport: Viewport) -> Backdrop:
@@ -237,14 +229,14 @@ def _line_entries(scene: Scene, painter: Painter) -> list[LegendEntry]:
     zones = zones_of(scene)
     rays = len(scene.views) if scene.show_rays else 0
     read_last = min(rays, 0 if scene.scan_is_newest else 1)
-    lines = (
+    marks = (
         (Role.TRAIL, "trail", scene.show_trail and len(scene.trail)),
         (Role.RAY_STRONG, "read last", read_last),
         (Role.RAY_WEAK, "ray", rays > read_last),
-        (Role.LOADING_LINE, "loading", zones.loading),
-        (Role.DROP_LINE, "drop", zones.drop),
+        (Role.LOADING_LINE, "loading", zones.loading.any()),
+        (Role.DROP_LINE, "drop", zones.drop.any()),
     )
-    entries = [LegendEntry(_line_sign(painter, role), role, word) for role, word, there in lines if there]
+    entries = [LegendEntry(_line_sign(painter, role), role, word) for role, word, there in marks if there]
     if scene.show_rays and scene.scans:
         sign = "⠢⠔" if painter.signs.dotted else 2 * chr(painter.signs.line(Role.RAY_STRONG))
         entries.insert(0, LegendEntry(sign, Role.RAY_STRONG, "scan"))

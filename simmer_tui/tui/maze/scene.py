@@ -19,10 +19,10 @@ from simmer_tui.sim.scan_rays import ScanRays, rays_of
 from simmer_tui.sim.sensors import ObservingSensor, View, World, modelled_sensor
 from simmer_tui.sim.specs import BLOCK, CELL_SIZE, TILES_PER_CELL, MazeSpec, RobotSpec, SimulationSpec
 from simmer_tui.snapshot import Snapshot
+from simmer_tui.tui.maze.glyphs import Mask
 from simmer_tui.tui.maze.heat import HeatMark
 
 MazePoint = tuple[float, float]
-MazeCells = frozenset[tuple[int, int]]
 # A program that follows a line reads its sensors far more often; one that reads rarely causes no flicker.
 LOUD_SECONDS = 10.0
 """Time after a line sensor's reading during which the floor keeps its contrast, seconds."""
@@ -124,26 +124,25 @@ class Scene(Struct, frozen=True, kw_only=True, eq=False):
 
 
 class Zones(NamedTuple):
-    """Zones by row and column of the maze's cells, the first row on top."""
+    """True for the maze's cells in each zone, (maze rows, maze columns), the first row on top."""
 
-    loading: MazeCells
-    drop: MazeCells
+    loading: Mask
+    drop: Mask
 
 
 def zones_of(scene: Scene) -> Zones:
     """Cells of the maze that belong to a zone."""
     maze = scene.maze
-
-    def cell(place: MazePoint) -> tuple[int, int]:
-        return maze.rows - 1 - int(place[1] // CELL_SIZE), int(place[0] // CELL_SIZE)
-
-    if scene.loading_zone is None:
-        loading = frozenset(
-            (int(row), int(column)) for row, column in np.argwhere(np.array(maze.cells) == BLOCK)
-        )
-    else:
-        loading = frozenset(map(cell, scene.loading_zone))
-    return Zones(loading, frozenset() if scene.drop_zone is None else frozenset((cell(scene.drop_zone),)))
+    zones = Zones(np.array(maze.cells) == BLOCK, np.zeros((maze.rows, maze.columns), dtype=np.bool_))
+    if scene.loading_zone is not None:
+        zones.loading[:] = False
+    drop = () if scene.drop_zone is None else (scene.drop_zone,)
+    for cells, places in zip(zones, (scene.loading_zone or (), drop), strict=True):
+        for x, y in places:
+            row, column = maze.rows - 1 - int(y // CELL_SIZE), int(x // CELL_SIZE)
+            if 0 <= row < maze.rows and 0 <= column < maze.columns:
+                cells[row, column] = True
+    return zones
 
 
 # -- from a snapshot -------------------------------------------------------------------------------

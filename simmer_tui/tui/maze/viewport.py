@@ -147,12 +147,7 @@ def next_zoom(zoom: float, step: int) -> float:
 
 
 def draw_frame(
-    cells: Cells,
-    layout: Layout,
-    viewport: Viewport,
-    signs: Signs,
-    palette: Palette,
-    role: Role = Role.EDGE,
+    cells: Cells, layout: Layout, viewport: Viewport, signs: Signs, palette: Palette, role: Role = Role.EDGE
 ) -> None:
     """Draw the outer wall's edge around the window in the colour of `role`, with a plain line where the maze
     continues."""

@@ -1,0 +1,109 @@
+"""Frames that are left out: all while the terminal is behind, some while the robot jumps, and parts of them
+that change slowly."""
+
+import math
+import time
+from contextlib import ExitStack
+
+from textual.app import App
+
+from simmer_tui.snapshot import Snapshot
+from simmer_tui.tui.textual_internals import writes_waiting
+
+# One is under way whenever something has just been drawn.
+_WAITING = 2
+"""Pending writes to the terminal at which it counts as behind."""
+# Instant movements have no frames between, and each picture is a new one. 8 of 15 are enough to see
+# where the robot goes, in half the bytes.
+_SHOWN = 8
+_OF = 15
+# Parts with history may lag, since nothing beside them shows the same. Each changed line is bytes over a slow
+# link, and nobody reads faster.
+_LAGS = {"events": 0.5, "values": 1.0, "radar": 0.2}
+"""Least seconds between two pictures of a part with history."""
+
+
+class Backpressure:
+    """Open while the terminal keeps up; while it is closed, nothing is drawn.
+
+    A terminal may not read for a while (ctrl+S, a dead connection). Textual writes from a thread with a queue
+    of 30 writes; a 31st blocks the whole app until the terminal reads again. So nothing is sent while writes
+    are pending. Textual keeps the pending changes, except those of the layout, after which the whole screen
+    is sent.
+    """
+
+    def __init__(self, app: App[int]) -> None:
+        self._app = app
+        self._batch = ExitStack()
+        self._lost = False
+        self.closed = False
+
+    def keep_up(self) -> bool:
+        """Open or close it by the number of pending writes. Returns True if it is open."""
+        behind = writes_waiting(self._app) >= (1 if self.closed else _WAITING)
+        if behind and not self.closed:
+            self._batch.enter_context(self._app.batch_update())
+        elif self.closed and not behind:
+            self._batch.close()
+            if self._lost:
+                self._app.screen.refresh(layout=True)
+            self._app.screen.check_idle()
+            self._lost = False
+        self.closed = behind
+        return not behind
+
+    def note_display(self) -> None:
+        """Take note that something was displayed, or would have been."""
+        self._lost |= self.closed
+
+
+class JumpThinning:
+    """Leaves out about every other picture while the robot jumps."""
+
+    def __init__(self) -> None:
+        self._turn = 0
+
+    def passes_over(self, jumps: bool) -> bool:
+        """True if the next picture is left out. `jumps` is true while the robot jumps."""
+        self._turn = self._turn % _OF + _SHOWN if jumps else _OF
+        return self._turn < _OF
+
+
+class Lags:
+    """Parts of the screen that may show an older moment than the rest: which of them is due."""
+
+    def __init__(self) -> None:
+        self._shown = dict.fromkeys(_LAGS, -math.inf)
+        self._calm = False
+        self._marks: tuple[object, ...] = ()
+        self.waiting: set[str] = set()
+        """Parts that do not show the newest snapshot yet."""
+
+    def make_due(self) -> None:
+        """Make all parts due now."""
+        self._shown = dict.fromkeys(_LAGS, -math.inf)
+
+    def take(self, snapshot: Snapshot, before: Snapshot | None) -> None:
+        """Take note of a new snapshot.
+
+        When the robot comes to stand, at a pause, a contact and a verdict, the whole screen shows that
+        moment.
+        """
+        state = snapshot.state
+        calm = not state.moving and (before is None or before.state.pose == state.pose)
+        # In a quiet run the waiting parts are due one after the other; then the screen does not change.
+        if before is None or snapshot.number != before.number or snapshot.is_full or not calm:
+            self.waiting = set(_LAGS)
+        marks = state.paused, state.contacts, snapshot.verdict is None
+        if marks != self._marks or (calm and not self._calm):
+            self.make_due()
+        self._calm, self._marks = calm, marks
+
+    def is_due(self, part: str) -> bool:
+        """True if a part is to show the newest snapshot now; it counts as shown then."""
+        now = time.monotonic()
+        if now - self._shown[part] < _LAGS[part]:
+            return False
+        self._shown[part] = now
+        self.waiting.discard(part)
+        return True
