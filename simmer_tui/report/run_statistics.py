@@ -141,9 +141,9 @@ class RunStatistics:
         return self.history.totals
 
 
-def report_of(log: LogReader) -> RunStatistics:
+def report_of(log: LogReader, *, recorded: bool = True) -> RunStatistics:
     """The figures of a log that is read to its end."""
-    run = RunStatistics(log.header, log.configuration)
+    run = RunStatistics(log.header, log.configuration, recorded=recorded)
     for logged in log:
         run.add(logged)
     run.finish(log.note)

@@ -127,12 +127,12 @@ class _Radar:
         shown = max(min(length, self.outer), 0.0) if echo else _NO_ECHO
         middle = view.bearings[len(view.bearings) // 2]
         step = 1 / (2 * scale)
-        ray = to_local(ray_points(view.origin, middle, shown + step, step), pose)
+        ray = to_local(ray_points(view.origin, middle, np.arange(0.0, shown + step, step)), pose)
         self._put_dots(role, ray)
         wide = max(view.bearings) - min(view.bearings)
         if echo and wide >= _BEAM:
             for bearing in (min(view.bearings), max(view.bearings)):
-                side = ray_points(view.origin, bearing, shown, _SPARSE / scale)
+                side = ray_points(view.origin, bearing, np.arange(0.0, shown, _SPARSE / scale))
                 self._put_dots(role, to_local(side, pose))
             # At two feet two degrees are 0.8 in: an arc as sparse as the sides.
             angles = np.radians(np.arange(min(view.bearings), max(view.bearings), 2.0))

@@ -139,21 +139,19 @@ def draw_belief(canvas: Canvas, scene: Scene, belief: BeliefMark) -> None:
         return
     step = _step(canvas)
     radius = robot.reach * canvas.viewport.scale
-    parts = []
     if belief.spread is not None and 0 < belief.spread < math.inf:
         # Every third dot, so that the circle does not look like another robot.
         ring = shapes.outline_points(RobotSpec(radius=belief.spread), pose, 3 * step)
         canvas.line(Role.BELIEF, ring, canvas.backdrop.keeps_wall)
     if canvas.signs.dotted:
-        rim = shapes.front(robot)
-        tick = np.linspace(rim, rim + _TICK * robot.reach, 8)
-        parts.append(shapes.outline_points(robot, pose, step))
-    if canvas.signs.dotted and belief.headed:
-        parts.append(shapes.to_global(np.stack((tick, np.zeros(8)), axis=-1), pose))
+        outline = shapes.outline_points(robot, pose, step)
+        if belief.headed:
+            rim = shapes.front(robot)
+            tick = np.linspace((rim, 0.0), (rim + _TICK * robot.reach, 0.0), 8)
+            outline = np.concatenate((outline, shapes.to_global(tick, pose)))
+        canvas.line(Role.BELIEF, outline)
     elif radius >= 2:
         _draw_sides(canvas, robot, pose)
-    if parts:
-        canvas.line(Role.BELIEF, np.concatenate(parts))
     ahead = min(_ARROW_AHEAD * canvas.viewport.scale, radius / 2)
     x, y = canvas.viewport.place(pose.x, pose.y)
     heading = math.radians(pose.heading)
@@ -208,8 +206,7 @@ def _seen(seen: SensorView, canvas: Canvas) -> list[FloatArray]:
 
 def _dots_along(canvas: Canvas, origin: tuple[float, float], bearing: float, along: FloatArray) -> FloatArray:
     """Places (n, 2) at distances from an origin, up to the first in a wall."""
-    way = np.array((math.cos(math.radians(bearing)), math.sin(math.radians(bearing))))
-    places: FloatArray = np.array(origin) + along[:, None] * way
+    places = shapes.ray_points(origin, bearing, along)
     blocked = canvas.backdrop.in_wall(*canvas.viewport.to_units(places).T)
     # The sensor itself may be over a wall, as that of a robot that touches one.
     blocked[: int(blocked.argmin())] = False

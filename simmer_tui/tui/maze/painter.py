@@ -5,7 +5,7 @@ It also makes the parts beside a picture: the legend under it and the small over
 
 import math
 from collections.abc import Callable, Sequence
-from functools import lru_cache
+from functools import lru_cache, partial
 from operator import is_not
 
 from msgspec import Struct
@@ -18,12 +18,11 @@ from simmer_tui.tui.maze.glyphs import Cells, blank_cells, signs_for
 from simmer_tui.tui.maze.heat import HeatMap, HeatMark, heat_numbers
 from simmer_tui.tui.maze.palette import DEFAULT, HEATS, Attribute, Look, Palette, Role, palette_for
 from simmer_tui.tui.maze.robot import DrawnRobot
-from simmer_tui.tui.maze.scene import FloorMode, MazePoint, Scene, zones_of
+from simmer_tui.tui.maze.scene import FloorMode, Scene, zones_of
 from simmer_tui.tui.maze.shapes import is_near
 from simmer_tui.tui.maze.viewport import FRAME, Layout, Viewport, arrange, best_zoom, draw_frame
 from simmer_tui.tui.terminal import ColorDepth, GlyphMode
 
-_Key = tuple[Viewport, tuple[MazePoint, ...] | None, MazePoint | None, Palette]
 # A tile of the course's floor: those that the sensors at the robot's rim may see next.
 _LOUD_BEYOND = 3.0
 """Inches beyond the robot within which tiles differ clearly while a line sensor is in use."""
@@ -44,7 +43,7 @@ class Painter:
         self.heat = True
         """True if a grid's belief is drawn as a map."""
         self._heat_map = HeatMap()
-        self._drawn: dict[str, tuple[tuple[object, ...], _Key, Backdrop]] = {}
+        self._drawn: dict[str, tuple[tuple[object, ...], tuple[object, ...], Backdrop]] = {}
         """For each kind of backdrop the last: what it was drawn from, compared by identity and by value."""
 
     @property
@@ -98,20 +97,15 @@ class Painter:
 
     def backdrop(self, scene: Scene, viewport: Viewport, *, loud: bool) -> Backdrop:
         """Floor, walls and zones of a window."""
-
-        def draw() -> Backdrop:
-            return Backdrop(scene, viewport, self.signs, self.palette, loud=loud)
-
-        kind = "loud" if loud else "quiet"
-        return self._kept(kind, (scene.maze, scene.floor), self._key(scene, viewport), draw)
-
-    def _key(self, scene: Scene, viewport: Viewport) -> _Key:
-        return viewport, scene.loading_zone, scene.drop_zone, self.palette
+        draw = partial(Backdrop, scene, viewport, self.signs, self.palette, loud=loud)
+        return self._kept("loud" if loud else "quiet", scene, viewport, draw)
 
     def _kept(
-        self, kind: str, sources: tuple[object, ...], key: _Key, draw: Callable[[], Backdrop]
+        self, kind: str, scene: Scene, viewport: Viewport, draw: Callable[[], Backdrop], grid: object = None
     ) -> Backdrop:
-        """The last backdrop of a kind; a new one if `sources` are other objects, or the key differs."""
+        """The last backdrop of a kind; a new one if anything differs that it shows."""
+        sources = grid, scene.maze, scene.floor
+        key = viewport, scene.loading_zone, scene.drop_zone, self.palette
         drawn = self._drawn.get(kind)
         # By identity: comparing all cells of two mazes would cost more than it saves.
         if drawn is None or drawn[1] != key or any(map(is_not, drawn[0], sources)):
@@ -134,7 +128,7 @@ class Painter:
             made.write_numbers(heat_numbers(mark.grid, viewport, tinted=self.tints))
             return made
 
-        return self._kept("heat", (mark.grid, scene.maze, scene.floor), self._key(scene, viewport), draw)
+        return self._kept("heat", scene, viewport, draw, mark.grid)
 
 
 # -- the legend ------------------------------------------------------------------------------------

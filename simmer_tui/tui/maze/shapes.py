@@ -79,12 +79,10 @@ def to_local(places: FloatArray, pose: Pose) -> FloatArray:
     return np.stack((cosine * x + sine * y, cosine * y - sine * x), axis=-1)
 
 
-def ray_points(origin: tuple[float, float], bearing: float, end: float, step: float) -> FloatArray:
-    """Places (n, 2) along a ray, `step` apart, from its origin to before the distance `end`."""
-    along = np.arange(0.0, end, step)[:, None]
-    places: FloatArray = np.array(origin) + along * np.array(
-        (math.cos(math.radians(bearing)), math.sin(math.radians(bearing)))
-    )
+def ray_points(origin: tuple[float, float], bearing: float, along: FloatArray) -> FloatArray:
+    """Places (n, 2) along a ray at some distances from its origin, (n,)."""
+    way = np.array((math.cos(math.radians(bearing)), math.sin(math.radians(bearing))))
+    places: FloatArray = np.array(origin) + along[:, None] * way
     return places
 
 

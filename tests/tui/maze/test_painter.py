@@ -205,6 +205,15 @@ def test_lines_leave_walls_alone(painter: Painter, bare: Scene) -> None:
     assert draw(painter, scene).text(1)[16:] == draw(painter, bare).text(1)[16:]
 
 
+def test_a_belief_without_headings_has_no_dots_beside_its_outline(painter: Painter, bare: Scene) -> None:
+    for x in (9.0, 9.7, 16.2):
+        for y in (9.0, 9.9, 10.6):
+            belief = BeliefMark(Pose(x, y, 30.0))
+            headed = ink(draw(painter, replace(bare, belief=belief)), painter, Role.BELIEF)
+            plain = replace(bare, belief=replace(belief, headed=False))
+            assert set(ink(draw(painter, plain), painter, Role.BELIEF)) <= set(headed)
+
+
 def test_floor_spots_show_beside_the_robot(painter: Painter, bare: Scene) -> None:
     grid = np.array([(i, j) for i in range(-6, 7) for j in range(-6, 7) if i * i + j * j <= 36])
     points = np.array((18.0, 6.0)) + grid / 6 * 2.0
