@@ -29,7 +29,7 @@ from simmer_tui.sim.specs import CELL_SIZE, WALL, MazeSpec, RobotSpec
 from simmer_tui.tui.maze.glyphs import blank_cells
 from simmer_tui.tui.maze.painter import Painter
 from simmer_tui.tui.maze.scene import Scene, SensorView
-from simmer_tui.tui.maze.viewport import Viewport, whole_maze
+from simmer_tui.tui.maze.viewport import Viewport, arrange
 from simmer_tui.tui.strips import changed_spans, make_strips
 from simmer_tui.tui.terminal import ColorDepth, GlyphMode
 
@@ -137,7 +137,7 @@ class Screen:
 def measure_times(frames: int) -> Iterator[dict[str, float | str]]:
     scenes = drive(frames)
     for zoom in (8.0, 16.0, 24.0):
-        viewport = whole_maze(MAZE, zoom)
+        viewport = arrange(MAZE, zoom, 1000, 1000).viewport(MAZE, 0, 0)
         for glyphs, depth in (
             (GlyphMode.QUADRANT, ColorDepth.TRUECOLOR),
             (GlyphMode.QUADRANT, ColorDepth.COLORS_256),

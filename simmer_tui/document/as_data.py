@@ -116,18 +116,15 @@ def csv_text(table: DataTable) -> str:
 
 def _cell(value: object) -> object:
     if isinstance(value, str):
-        return no_formula(escape(value, _LONGEST) if _is_unsafe(value) else value)
+        # Letters of all scripts are safe.
+        is_safe = value.isprintable() and len(value) <= _LONGEST
+        return no_formula(value if is_safe else escape(value, _LONGEST))
     # 1 and 0 are numbers to spreadsheets in every language; True is a word to some.
     if isinstance(value, bool):
         return int(value)
     if isinstance(value, list | tuple):
         return " ".join(map(str, value))
     return value
-
-
-def _is_unsafe(text: str) -> bool:
-    """True if text could control a terminal, or is too long; letters of all scripts are safe."""
-    return not text.isprintable() or len(text) > _LONGEST
 
 
 def no_formula(shown: str) -> str:

@@ -192,15 +192,11 @@ def _cell(cell: Prose, kind: str, label: str, value: str) -> str:
 
 def _least_width(columns: Sequence[DataColumn], rows: Iterable[Sequence[Prose]]) -> float:
     """Points that a table needs if no word is broken."""
-    texts = [[column.title] for column in columns]
-    for row in rows:
-        for kept, cell in zip(texts, row, strict=True):
-            kept.append(words(cell))
     letters = 0
-    for column, kept in zip(columns, texts, strict=True):
-        whole = column.format.numeric or column.format.fixed
-        pieces = kept if whole else [piece for text in kept for piece in text.split()]
-        letters += max(map(len, pieces), default=0)
+    for column, *cells in zip(columns, *rows, strict=True):
+        texts = [column.title, *map(words, cells)]
+        is_whole = column.format.numeric or column.format.fixed
+        letters += max(map(len, texts if is_whole else " ".join(texts).split()), default=0)
     return letters * _LETTER + len(columns) * _BETWEEN
 
 

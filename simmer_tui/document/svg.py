@@ -104,9 +104,9 @@ def dash(color: str, width: float = 2.0, **attributes: object) -> str:
     return element("line", x1=0.0, y1=0.0, x2=20.0, y2=0.0, stroke=color, stroke_width=width, **attributes)
 
 
-def cross(color: str, width: float = 2.0, **attributes: object) -> str:
+def cross(color: str, width: float = 2.0) -> str:
     """A cross for a legend."""
-    return element("path", d="M6 -4l8 8m0 -8l-8 8", stroke=color, stroke_width=width, **attributes)
+    return element("path", d="M6 -4l8 8m0 -8l-8 8", stroke=color, stroke_width=width)
 
 
 def tooltip(words: str) -> str:

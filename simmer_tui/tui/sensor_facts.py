@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 
 from simmer_tui.phrases import counted
 from simmer_tui.run.state import SensorRow
+from simmer_tui.sim.angles import half_turn
 from simmer_tui.sim.records import LidarScan
 from simmer_tui.sim.scan_rays import extremes
 from simmer_tui.sim.sensors import LidarSpec
@@ -73,10 +74,10 @@ def _looks(sensor: SensorSpec) -> str:
         return f"all around, {way}, {sensor.scan_rate:g} scans a second"
     if not sensor.kind.has("rotation"):
         return f"straight down{wide}" if wide else ""
-    angle = (sensor.rotation + 180.0) % 360.0 - 180.0
+    angle = half_turn(sensor.rotation)
     if not angle:
         return f"ahead{wide}"
-    if abs(angle) == 180.0:
+    if angle == 180.0:
         return f"to the rear{wide}"
     return f"{abs(angle):g} deg to the {'left' if angle > 0 else 'right'} of the front{wide}"
 

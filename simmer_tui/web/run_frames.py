@@ -6,6 +6,7 @@ is encoded once for all.
 
 from __future__ import annotations
 
+import contextlib
 import secrets
 import time
 from collections import deque
@@ -66,13 +67,10 @@ class EventQueue:
 
     def take(self, most: int) -> list[Event | Checkpoint | float]:
         """Remove at most `most` events and times, in order, in the page's thread."""
-        items = self._items
         taken: list[Event | Checkpoint | float] = []
-        while items and len(taken) < most:
-            try:
-                taken.append(items.popleft())
-            except IndexError:  # cleared meanwhile
-                break
+        with contextlib.suppress(IndexError):  # empty, perhaps cleared meanwhile
+            while len(taken) < most:
+                taken.append(self._items.popleft())
         return taken
 
 
@@ -83,19 +81,11 @@ class LiveRecording:
         paths = PathRecord(beginning.spec.maze, beginning.pose, recorded=True)
         # Rows that no player shows are not kept.
         self._history = RunHistory(beginning, log_begins=beginning.time, paths=paths, kept=READINGS)
-        self._reducer = Reducer(beginning, history=self._history)
+        self.reducer = Reducer(beginning, history=self._history)
+        """Applies each event."""
         self._recording = Recording(self._history, paths)
         self._encoder = RecordingEncoder(self._recording)
         self._passed = 0.0
-
-    def apply(self, event: Event) -> None:
-        """Add an event."""
-        self._reducer.apply(event)
-
-    @property
-    def is_still(self) -> bool:
-        """True if no movement is under way."""
-        return self._reducer.still
 
     def pass_time(self, time: float) -> None:
         """Let simulated time pass to `time`, without further events."""
@@ -173,7 +163,7 @@ class RunFrames:
                     self._is_restarted = True
                     self.forget()
                 else:
-                    self._recording.apply(event)
+                    self._recording.reducer.apply(event)
                     self._note_verdict(event)
             if len(events) < _SLICE:
                 break
@@ -182,7 +172,7 @@ class RunFrames:
 
     def has_passed(self, *, is_due: bool) -> bool:
         """True if time has passed since the last frame, and the robot moves or a frame `is_due`."""
-        return (is_due or not self._recording.is_still) and self._recording.update() > self._elapsed
+        return (is_due or not self._recording.reducer.still) and self._recording.update() > self._elapsed
 
     def judge(self, verdict: Verdict) -> None:
         """Show the verdict on the run."""

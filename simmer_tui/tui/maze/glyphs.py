@@ -150,7 +150,7 @@ class Signs(Struct, frozen=True):
 
     def line(self, role: Role) -> int:
         """Sign of a line, where lines are not dotted."""
-        return ord(self.lines.get(role, self.lines[Role.TRAIL]))
+        return ord(self.lines[role])
 
 
 def heading_arrow(signs: Signs, heading: float) -> str:

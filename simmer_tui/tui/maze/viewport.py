@@ -103,20 +103,10 @@ class Layout(Struct, frozen=True):
         return Viewport(self.zoom, first_column, first_row, self.columns, self.rows, maze.height)
 
 
-def maze_cells(maze: MazeSpec, zoom: float) -> tuple[int, int]:
-    """(columns, rows) of terminal cells that the whole maze takes."""
-    # A sum that only rounding makes larger than a whole number needs no further cell.
-    return math.ceil(maze.columns * zoom - 1e-6), math.ceil(maze.rows * zoom / 2 - 1e-6)
-
-
-def whole_maze(maze: MazeSpec, zoom: float) -> Viewport:
-    """Window that shows all of a maze."""
-    return Viewport(zoom, 0, 0, *maze_cells(maze, zoom), maze.height)
-
-
 def arrange(maze: MazeSpec, zoom: float, width: int, height: int) -> Layout:
     """Layout with as much of the maze as fits into a widget at a zoom."""
-    maze_columns, maze_rows = maze_cells(maze, zoom)
+    # A sum that only rounding makes larger than a whole number needs no further cell.
+    maze_columns, maze_rows = math.ceil(maze.columns * zoom - 1e-6), math.ceil(maze.rows * zoom / 2 - 1e-6)
     columns = max(0, min(maze_columns, width - 2 * FRAME))
     rows = max(0, min(maze_rows, height - 2 * FRAME))
     return Layout(zoom, width, height, columns, rows, maze_columns, maze_rows)

@@ -8,12 +8,19 @@ import re
 import numpy as np
 from numpy.typing import NDArray
 
+from simmer_tui.sim.specs import MazeSpec
 from simmer_tui.tui.maze.glyphs import BRAILLE, DOT_BITS, Cells, Signs
 from simmer_tui.tui.maze.painter import Painter
 from simmer_tui.tui.maze.palette import Attribute, Role
+from simmer_tui.tui.maze.viewport import Viewport, arrange
 
 Places = NDArray[np.float64]
 _PLAIN_BODY = r"[(OX]({})[)OX]"
+
+
+def whole_maze(maze: MazeSpec, zoom: float) -> Viewport:
+    """The window that shows all of a maze."""
+    return arrange(maze, zoom, 1000, 1000).viewport(maze, 0, 0)
 
 
 def turned(one: float, other: float) -> float:

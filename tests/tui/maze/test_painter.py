@@ -16,8 +16,9 @@ from simmer_tui.tui.maze.glyphs import BRAILLE, Cells
 from simmer_tui.tui.maze.painter import Painter
 from simmer_tui.tui.maze.palette import DEFAULT, GROUNDS, Attribute, Role
 from simmer_tui.tui.maze.scene import BeliefMark, FloorMode, Scene, SensorView
-from simmer_tui.tui.maze.viewport import Viewport, whole_maze
+from simmer_tui.tui.maze.viewport import Viewport
 from simmer_tui.tui.terminal import ColorDepth, GlyphMode
+from tests.tui.maze.decoding import whole_maze
 
 
 @pytest.fixture

@@ -18,8 +18,8 @@ from simmer_tui.tui.maze.lines import dot_places
 from simmer_tui.tui.maze.painter import Painter, legend_cells
 from simmer_tui.tui.maze.palette import Attribute, Role
 from simmer_tui.tui.maze.scene import Scene, SensorView
-from simmer_tui.tui.maze.viewport import whole_maze
 from simmer_tui.tui.terminal import ColorDepth, GlyphMode
+from tests.tui.maze.decoding import whole_maze
 
 EVERY_MODE = [(glyphs, depth) for glyphs in GlyphMode for depth in ColorDepth]
 
