@@ -55,9 +55,9 @@ def print_table(table: DataTable, console: Console) -> None:
             no_wrap=not column.wraps,
         )
     plain = console.options.ascii_only
-    for row in table.cells():
+    for row in table.texts():
         cells: list[Text] = []
-        for column, text in zip(shown, map(words, row), strict=True):
+        for column, text in zip(shown, row, strict=True):
             if column.line:
                 cells[-1].append(f"\n{printable(text)}")
             else:

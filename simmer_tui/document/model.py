@@ -98,6 +98,11 @@ class DataTable:
             else:
                 yield [shown for _, shown in cells]
 
+    def texts(self) -> Iterator[list[str]]:
+        """The same without the targets of links."""
+        for row in self.cells():
+            yield [words(cell) for cell in row]
+
     def objects(self) -> Iterator[dict[str, object]]:
         """Rows as programs read them."""
         for row in self.rows:
