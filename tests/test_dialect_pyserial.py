@@ -14,7 +14,7 @@ from msgspec.structs import replace
 
 from simmer_tui.config.loader import find_set, init_set, load
 from simmer_tui.config.settings import with_any_ports
-from simmer_tui.program.hook_folder import FOLDER
+from simmer_tui.program.program_command import HOOK_FOLDER
 from simmer_tui.server import Server
 
 pytest.importorskip("serial")
@@ -200,7 +200,7 @@ def results_of(tmp_path: Path, *, hook: bool) -> dict[str, Any]:
     try:
         variables = {**os.environ, **server.environment}
         if hook:
-            variables["PYTHONPATH"] = str(FOLDER)
+            variables["PYTHONPATH"] = str(HOOK_FOLDER)
         else:
             del variables["SIMMER_DIALECT_PORT"]
         ended = subprocess.run(

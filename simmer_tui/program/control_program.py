@@ -18,8 +18,7 @@ from simmer_tui import platform_has
 from simmer_tui.errors import ProgramError
 from simmer_tui.program import keeper
 from simmer_tui.program.adoption import Adoption
-from simmer_tui.program.hook_folder import with_hook
-from simmer_tui.program.program_command import console_variables, words_of
+from simmer_tui.program.program_command import console_variables, with_hook, words_of
 from simmer_tui.program.program_output import OutputReader, OutputRoute, ProgramOutput
 
 if TYPE_CHECKING:
@@ -191,10 +190,9 @@ class Keeper:
                 cwd="/",
                 start_new_session=True,  # Ctrl-C in our terminal must not end it
             )
-            assert self._process.stdin is not None, "it is a pipe"
-            if sys.platform != "win32":  # no keeper is running
-                os.set_blocking(self._process.stdin.fileno(), False)  # a stopped keeper reads no more
         assert self._process.stdin is not None, "it is a pipe"
+        if sys.platform != "win32":  # no keeper is running
+            os.set_blocking(self._process.stdin.fileno(), False)  # a stopped keeper reads no more
         self._process.stdin.write(line.encode())
 
     def _end(self) -> None:

@@ -95,19 +95,20 @@ class ProgramOutput:
             stopped: True if the simulator ended the program.
         """
         # Imported only when a program has ended: its patterns take a hundredth of the start.
-        from simmer_tui.program.crash import crash_of, signal_name
+        from simmer_tui.program.crash import Crash, crash_of, signal_name
 
         stderr, stdout = self.stderr.lines(), self.stdout.lines()
-        crash = None
-        if not stopped:
-            crash = crash_of(code, *([line.text for line in lines] for lines in (stderr, stdout)))
+        found = (
+            None if stopped else crash_of(code, *([each.text for each in one] for one in (stderr, stdout)))
+        )
+        crash = found or Crash("")
         return ProgramEnded(
             moment,
             code,
             signal=signal_name(code),
             stopped=stopped,
-            error="" if crash is None else crash.error,
-            place="" if crash is None else crash.place,
+            error=crash.error,
+            place=crash.place,
             stderr=tuple(stderr[-LAST_LINES:]),
             stdout=tuple(stdout[-LAST_LINES:]),
         )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import os
 import queue
 import socket
 import subprocess
@@ -21,6 +22,7 @@ from simmer_tui.events import Event, Notice
 from simmer_tui.links import driver_lock
 from simmer_tui.links.driver_lock import DriverLock
 from simmer_tui.links.processes import LONGEST_LOOK, Process, ProcessLookup
+from simmer_tui.program.program_command import with_hook
 from simmer_tui.program_clock import ProgramClock
 from simmer_tui.server import Server
 
@@ -183,6 +185,25 @@ def test_a_read_that_waits_for_long_is_told_with_its_place_and_what_was_written(
         told = run.until("waits at")
         assert "the program waits at robot.py:7 for bytes that have not come for 10 s" in told
         assert told.endswith("; the last message was 'gett'")
+
+
+def test_a_program_in_a_folder_called_serial_waits_at_its_own_line(tmp_path: Path) -> None:
+    pytest.importorskip("serial")
+    program = tmp_path / "serial" / "robot.py"
+    program.parent.mkdir()
+    program.write_text(
+        "import sys\ndel sys.path[0]\nimport serial, simmer_serial\n"
+        "simmer_serial._LONG = 0.01\nserial.Serial('COM6').read_until()\n",
+        "utf-8",
+    )
+    with running(tmp_path) as run:
+        variables = with_hook({**os.environ, **run.server.environment})
+        process = subprocess.Popen([sys.executable, program], env=variables)
+        try:
+            assert "the program waits at robot.py:5 for bytes" in run.until("waits at")
+        finally:
+            process.kill()
+            process.wait()
 
 
 def test_the_process_of_a_packet_connection_is_looked_up_once(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -40,6 +40,19 @@ def last_written() -> bytes:
     return _LAST[0] if _LAST else b""
 
 
+def _host() -> str:
+    return os.environ.get("SIMMER_HOST", "127.0.0.1")
+
+
+def _connected(timeout: float) -> socket.socket:
+    """A connection to the simulator, on which the token has been sent. Raises OSError, ValueError."""
+    sock = socket.create_connection((_host(), int(os.environ[PORT])), timeout)
+    token = os.environ.get("SIMMER_TOKEN", "")
+    if token:
+        sock.sendall(token.encode() + b"\n")
+    return sock
+
+
 class _Piece:
     """Bytes that the robot has written in one piece, with the time of their beginning and of each byte.
 
@@ -73,11 +86,10 @@ class SerialLine:
 
     def __init__(self, name: str, baud: int, clock: Callable[[], float]) -> None:
         self._clock = clock
-        host = os.environ.get("SIMMER_HOST", "127.0.0.1")
         try:
-            self._sock = socket.create_connection((host, int(os.environ[PORT])), _CONNECTING)
+            self._sock = _connected(_CONNECTING)
         except ConnectionRefusedError:
-            where = f"{host}, port {os.environ[PORT]}"
+            where = f"{_host()}, port {os.environ[PORT]}"
             raise OSError(f"no simmer-tui with a dialect.toml runs at {where}: start it first") from None
         self._sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self._sending = threading.Lock()
@@ -90,9 +102,6 @@ class SerialLine:
         self._byte = 10.0 / baud if baud else 0.0
         self._free = 0.0
         self._offset = 0.0
-        token = os.environ.get("SIMMER_TOKEN", "")
-        if token:
-            self._sock.sendall(token.encode() + b"\n")
         self._send(
             b"O", json.dumps({"name": name, "baud": baud, "clock": _program_clock() is not None}).encode()
         )
@@ -180,7 +189,8 @@ class SerialLine:
                 break
             if self._broken and first is None:
                 raise OSError(self._broken)
-            if _is_over(until, now, wake):
+            # It has waited until its end, or was cancelled.
+            if (wake is not None and wake.is_set()) or (until is not None and until <= now):
                 return False
             if until is None and now - begun > _LONG:
                 self._tell_waiting()
@@ -253,26 +263,16 @@ class SerialLine:
         if self._told:
             return
         self._told = True
-        here = __file__.rpartition(os.sep)[0]
-        frame: Any = sys._getframe(1)
-        while frame is not None:
-            file = frame.f_code.co_filename
-            if not file.startswith(here) and os.sep + "serial" + os.sep not in file:
-                place = f"{file.rpartition(os.sep)[2]}:{frame.f_lineno}"
-                self._send(b"N", place.encode("utf-8", "replace"))
-                return
-            frame = frame.f_back
+        # Only a program has this folder on its path.
+        from simmer_clock import place  # type: ignore[import-not-found]
+
+        self._send(b"N", place().encode("utf-8", "replace"))
 
 
 def _program_clock() -> Any:
     """The program's clock, if this process uses it."""
     module = sys.modules.get("simmer_clock")
     return module.CLOCK[0] if module is not None and module.CLOCK else None
-
-
-def _is_over(until: float | None, now: float, wake: threading.Event | None) -> bool:
-    """True if a read has waited until its end, or was cancelled."""
-    return (wake is not None and wake.is_set()) or (until is not None and until <= now)
 
 
 def _pass_time_until(first: float, until: float | None, now: float) -> bool:
@@ -446,9 +446,8 @@ def install() -> None:
 def _say_hello() -> None:
     """Report that this process will find the port. For programs without a report the simulator gives
     advice."""
-    host, token = os.environ.get("SIMMER_HOST", "127.0.0.1"), os.environ.get("SIMMER_TOKEN", "")
     try:
-        with socket.create_connection((host, int(os.environ[PORT])), _HELLO) as sock:
-            sock.sendall((token.encode() + b"\n" if token else b"") + _HEAD.pack(b"H", 0))
+        with _connected(_HELLO) as sock:
+            sock.sendall(_HEAD.pack(b"H", 0))
     except (OSError, ValueError):
         pass  # the error comes when the port is opened
