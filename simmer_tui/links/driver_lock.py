@@ -17,7 +17,8 @@ NOT_SERVED = "by the program's clock only the program of --run is served"
 class DriverLock:
     """The right to drive. A link acquires it for a program, and releases it when the program has left."""
 
-    def __init__(self, clock: ProgramClock | None, processes: ProcessLookup | None) -> None:
+    def __init__(self, clock: ProgramClock | None = None, processes: ProcessLookup | None = None) -> None:
+        """Without `clock` and `processes` it is a lock of one link's own, which that can always acquire."""
         self._clock = clock
         self._processes = processes
         self._holder: object = None

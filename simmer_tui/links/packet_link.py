@@ -12,6 +12,7 @@ from simmer_tui.backend import CommandBudget, Message
 from simmer_tui.config.dialects import PACKETS
 from simmer_tui.links.access import RefusalNotices
 from simmer_tui.links.connection_doctor import ConnectionDoctor
+from simmer_tui.links.driver_lock import DriverLock
 from simmer_tui.links.link import LinkContext
 from simmer_tui.links.packet_presence import PacketDriver, Presence
 from simmer_tui.links.packet_replies import EMPTY_DELAY, LONGEST_WAIT, ReplyPort
@@ -229,7 +230,8 @@ class PacketLink:
         """Commands that have come in and are not answered yet."""
         self._users = context.processes if settings.any_user else None
         self._budgets: dict[tuple[str, int | None], CommandBudget] = {}
-        self._refusals = RefusalNotices(context.engine)
+        self._lock = context.driver_lock or DriverLock()
+        self._refusals = RefusalNotices(context.engine.tell)
         self._presence = Presence(context, self.mailbox, self._is_connected, self._client_left)
         self._requests = context.accept(PACKETS, self._welcome)
         self.replies = ReplyPort(
@@ -261,9 +263,7 @@ class PacketLink:
     def _welcome(self, sock: socket.socket, peer: str) -> None:
         if len(self.senders) >= MOST_CONNECTIONS:
             self._make_room()
-        lock = self.context.driver_lock
-        refused = "" if lock is None else lock.acquire_by_process(self, sock, peer)
-        if refused:
+        if refused := self._lock.acquire_by_process(self, sock, peer):
             self._requests.refuse(sock, peer)
             self._refusals.tell(f"client {peer} turned away: {refused}", refused)
             return
@@ -321,5 +321,5 @@ class PacketLink:
         self.context.client_left()
 
     def _release_lock(self) -> None:
-        if self.context.driver_lock is not None and not self._presence.any and not self.senders:
-            self.context.driver_lock.release(self)
+        if not self._presence.any and not self.senders:
+            self._lock.release(self)

@@ -30,13 +30,12 @@ class PortRequest(Struct, frozen=True):
     backlog: int = BACKLOG
 
 
-class Listener:
+class Listener(Struct, frozen=True):
     """The listening sockets of one port, one for each address."""
 
-    def __init__(self, port: int, sockets: Sequence[socket.socket], backlog: int = BACKLOG) -> None:
-        self.port = port
-        self.sockets = tuple(sockets)
-        self.backlog = backlog
+    port: int
+    sockets: Sequence[socket.socket]
+    backlog: int = BACKLOG
 
     def close(self) -> None:
         """Stop listening and release the port."""
@@ -186,6 +185,7 @@ class Acceptor:
         for check in self._checking:
             check.cancel()
             check.sock.close()
+        self._checking.clear()
         for peer in tuple(self._refused_peers):
             peer.abort()
 

@@ -114,17 +114,6 @@ class PtyDevice:
             known = _TERMIOS2.unpack(answer)[-1]
         return float(known) if known is not None else float(rate)
 
-    def set_baud(self, rate: int) -> None:
-        """Set the rate, as a program would."""
-        if sys.platform == "win32":
-            return
-        import termios
-
-        with contextlib.suppress(termios.error, OSError):
-            flags = termios.tcgetattr(self.descriptor)
-            flags[4] = flags[5] = getattr(termios, f"B{rate}")
-            termios.tcsetattr(self.descriptor, termios.TCSANOW, flags)
-
     def forget_unread(self) -> int:
         """Drop the bytes that a program which has left did not read. Returns their count, as far as it is
         known."""

@@ -176,7 +176,7 @@ def test_a_belief_port_in_use_is_only_a_warning() -> None:
         server = Server(load(bundled_folder(), overrides))
         server.start()
         try:
-            assert server.port("beliefs") is None
+            assert "beliefs" not in server.ports
             assert "SIMMER_BELIEF_PORT" not in server.environment
             assert [warning.startswith("no beliefs will be shown: ") for warning in server.warnings] == [True]
         finally:
