@@ -36,7 +36,7 @@ class RunningProgram:
         self,
         wait: Callable[[], int],
         stop: Callable[[], None],
-        output: OutputRoute | OutputReader,
+        output: OutputReader,
         on_end: Callable[[int], None],
         last_lines: float,
     ) -> None:
@@ -118,10 +118,9 @@ class Program(RunningProgram):
                 raise
         except OSError as error:
             raise ProgramError(f"--run {command!r}: {error.strerror or error}") from None
-        route.start()
         self.pid = process.pid
         """Its process ID."""
-        super().__init__(process.wait, process.end, route, on_end, _LAST_LINES)
+        super().__init__(process.wait, process.end, route.start(), on_end, _LAST_LINES)
 
 
 def _started(

@@ -220,7 +220,6 @@ class OutputRoute:
         self.stderr: int | None = None
         """Ends for the program; None where it shares ours."""
         self._streams: list[_Stream] = []
-        self._readers: list[OutputReader] = []
         if on_line is not None:
             self.stdout, self.stderr = (
                 self._opened(tail, None, on_line) for tail in (output.stdout, output.stderr)
@@ -247,13 +246,10 @@ class OutputRoute:
         except OSError:  # our output is closed
             return None
 
-    def start(self) -> None:
+    def start(self) -> OutputReader:
         """Begin to read: the program has its ends."""
         self._close_ends()
-        # Windows cannot wait for several pipes; elsewhere one thread keeps the order of both.
-        groups = [[each] for each in self._streams] if self._windows else [self._streams]
-        for streams in groups:
-            self._readers.append(OutputReader(streams))
+        return OutputReader(self._streams, windows=self._windows)
 
     def abandon(self) -> None:
         """Close everything: the program has not been started."""
@@ -265,16 +261,6 @@ class OutputRoute:
         for end in {self.stdout, self.stderr} - {None}:
             assert end is not None, "it has been taken out"
             os.close(end)
-
-    def join(self, seconds: float) -> None:
-        """Wait until all has been read, for `seconds` at most."""
-        until = time.monotonic() + seconds
-        for reader in self._readers:
-            reader.join(max(until - time.monotonic(), 0.0))
-
-    def settle(self) -> bool:
-        """Wait until all output so far is kept; False if that takes too long."""
-        return all(reader.settle() for reader in self._readers)
 
 
 def reading(output: ProgramOutput, stdout: int, stderr: int, on_line: Callable[[str], None]) -> OutputReader:
@@ -290,16 +276,23 @@ _SETTLING = 0.2
 
 
 class OutputReader:
-    """A thread that reads streams to their ends, from now on."""
+    """Reads streams to their ends, from now on, in threads."""
 
-    def __init__(self, streams: list[_Stream]) -> None:
+    def __init__(self, streams: list[_Stream], *, windows: bool = not platform_has.POSIX) -> None:
         self._streams = streams
-        self._thread = threading.Thread(target=_read_all, args=(streams,), name="output", daemon=True)
-        self._thread.start()
+        # Windows cannot wait for several pipes; elsewhere one thread keeps the order of both.
+        groups = [[each] for each in streams] if windows else [streams]
+        self._threads = [
+            threading.Thread(target=_read_all, args=(each,), name="output", daemon=True) for each in groups
+        ]
+        for thread in self._threads:
+            thread.start()
 
     def join(self, seconds: float) -> None:
         """Wait for the ends, for `seconds` at most."""
-        self._thread.join(seconds)
+        until = time.monotonic() + seconds
+        for thread in self._threads:
+            thread.join(max(until - time.monotonic(), 0.0))
 
     def settle(self) -> bool:
         """Wait until all output so far is kept; False if that takes too long."""
