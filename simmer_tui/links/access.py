@@ -152,7 +152,7 @@ class TokenCheck:
             clock = clock_of(self._loop)
             if clock is not None:
                 clock.received += len(line + end)
-        except (BlockingIOError, InterruptedError):
+        except BlockingIOError:
             return
         except OSError:
             self._decide(False)

@@ -83,17 +83,13 @@ class Client(Peer):
         at_end = link.context.reply != "accepted"
         self._session = link.context.backend.open_session(answer_at_end=at_end, budget=self._command_budget)
         self._timer = LoopTimer(self._silence, self._loop)
-        self._ended = False
+        self.ending = False
+        """True if the client has closed its side and waits for replies."""
         self._waiting = 0
         self._watch = ClientWatch(link.doctor, self, link.encoder.form, link.encoder.size)
         self.replies: Peer | None = None
         """Connection for replies, once the first has been routed."""
         self.commands = 0
-
-    @property
-    def ending(self) -> bool:
-        """True if the client has closed its side and waits for replies."""
-        return self._ended
 
     @property
     def has_sent(self) -> bool:
@@ -111,7 +107,7 @@ class Client(Peer):
 
     def eof_received(self) -> bool:
         # Closed for sending only: programs may close their side and still read the replies.
-        self._ended = True
+        self.ending = True
         self._timer.cancel()
         self._submit(self._reader.end())
         # If the program was ended, its robot must not drive on to the end of a wait.
@@ -167,7 +163,7 @@ class Client(Peer):
         self._close_if_done()
 
     def _close_if_done(self) -> None:
-        if self._ended and not self._waiting:
+        if self.ending and not self._waiting:
             self.close()
 
 

@@ -86,8 +86,7 @@ def _has_ipv6_loopback() -> bool:
         return False
     # Compiled in is not enough: containers often have no ::1. Only a bind shows it.
     try:
-        with socket.socket(socket.AF_INET6, socket.SOCK_STREAM) as probe:
-            probe.bind(("::1", 0))
+        listen_on(socket.AF_INET6, "::1", 0, 1).close()
     except OSError:
         return False
     return True

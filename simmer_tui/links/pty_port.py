@@ -204,7 +204,7 @@ class PtyPort:
         size = min(PIECE, max(self._robot.budget.left, 1))
         try:
             data = os.read(self._device.descriptor, size)
-        except (BlockingIOError, InterruptedError):
+        except BlockingIOError:
             self._enter()
             return
         except OSError:
@@ -319,7 +319,7 @@ class PtyPort:
         """Send bytes. Returns the count that the system has taken."""
         try:
             return os.write(self._device.descriptor, data)
-        except (BlockingIOError, InterruptedError):
+        except BlockingIOError:
             return 0
         except OSError:  # the program has closed the port, which a read reports
             return len(data)

@@ -120,7 +120,7 @@ class DescriptorChannel(SerialChannel):
     def _read(self) -> None:
         try:
             data = os.read(self._descriptor, PIECE)  # a robot that floods must not delay anything else
-        except (BlockingIOError, InterruptedError):
+        except BlockingIOError:
             return
         except OSError as error:
             self.failed(error)
@@ -136,7 +136,7 @@ class DescriptorChannel(SerialChannel):
             while self._rest or self._outbox:
                 self._rest = self._rest or self._outbox.popleft()
                 self._rest = self._rest[os.write(self._descriptor, self._rest) :]
-        except (BlockingIOError, InterruptedError):
+        except BlockingIOError:
             self._set_stalled(True)
         except OSError as error:
             # Not in the middle of a caller's write. The port is not used until then.

@@ -172,8 +172,6 @@ class ProgramTime:
         while b"\n" not in self._buffer:
             try:
                 piece = self._real_recv(self._sock, 4096)
-            except InterruptedError:
-                continue
             except OSError:
                 piece = b""
             if not piece:

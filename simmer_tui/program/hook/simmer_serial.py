@@ -229,7 +229,7 @@ class SerialLine:
             try:
                 self._sock.settimeout(None if seconds is None else max(seconds, 0.0))
                 data = self._sock.recv(65536)
-            except (socket.timeout, BlockingIOError, InterruptedError):  # TimeoutError since Python 3.10
+            except (socket.timeout, BlockingIOError):  # TimeoutError since Python 3.10
                 return
             except OSError as error:
                 self._broken = str(error)
