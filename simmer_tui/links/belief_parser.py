@@ -10,6 +10,7 @@ import binascii
 import contextlib
 import json
 import math
+from collections.abc import Sequence
 from itertools import chain, islice
 from typing import Any
 
@@ -52,10 +53,7 @@ def parse_belief(line: bytes, time: float, true: Pose, whole: Bounds) -> Belief:
         raise ValueError("a belief is one JSON object a line") from None
     if not isinstance(fields, dict):
         raise ValueError('a belief is an object, such as {"x": 6, "y": 42, "heading": 0}')
-    # An error, not ignored: a misspelt field would never be drawn, without a word.
-    unknown = sorted(set(fields) - set(_FIELDS))
-    if unknown:
-        raise ValueError(f"'{escape_word(unknown[0])}' is not a field; there are {', '.join(_FIELDS)}")
+    _check_names(fields, _FIELDS, "is not a field")
     grid = None if fields.get("grid") is None else _grid(fields["grid"], whole, true)
     # Missing fields follow from the grid.
     derived = {} if grid is None else asdict(grid.best_pose)
@@ -68,6 +66,12 @@ def parse_belief(line: bytes, time: float, true: Pose, whole: Bounds) -> Belief:
     if not isinstance(note, str):
         raise ValueError("note must be text")
     return Belief(time, pose, true, spread, _particles(fields.get("particles")), note[:200], grid)
+
+
+def _check_names(fields: dict[str, Any], known: Sequence[str], what: str) -> None:
+    # An error, not ignored: a misspelt field would never be drawn, without a word.
+    if unknown := sorted(set(fields) - set(known)):
+        raise ValueError(f"'{escape_word(unknown[0])}' {what}; there are {', '.join(known)}")
 
 
 def _number(value: Any, name: str) -> float:
@@ -120,11 +124,7 @@ def _grid(value: Any, whole: Bounds, true: Pose) -> GridBelief:
     """A grid. One that names no bounds has those of the `whole` maze."""
     if not isinstance(value, dict):
         raise ValueError('grid must be an object, such as {"p": [[0.1, 0.9], [0, 0]]}')
-    unknown = sorted(set(value) - set(_GRID_FIELDS))
-    if unknown:
-        raise ValueError(
-            f"'{escape_word(unknown[0])}' is no field of a grid; there are {', '.join(_GRID_FIELDS)}"
-        )
+    _check_names(value, _GRID_FIELDS, "is no field of a grid")
     written = [name for name in _GRID_FIELDS[:3] if value.get(name) is not None]
     if len(written) != 1:
         raise ValueError("a grid needs exactly one of p, f32 and u8")

@@ -7,7 +7,6 @@ import math
 import struct
 import sys
 import threading
-import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -149,7 +148,7 @@ def program(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[Scene], Any]]
         port = scene.server.ports[SERIAL.purpose]
         monkeypatch.setenv(SERIAL.variable, str(port))
         monkeypatch.setenv("SIMMER_HOST", "127.0.0.1")
-        made = make_class(serial.serialutil, time.monotonic)("COM6", 9600, timeout=20)
+        made = make_class(serial.serialutil)("COM6", 9600, timeout=20)
         opened.append(made)
         return made
 

@@ -16,7 +16,7 @@ import struct
 import sys
 import threading
 import time
-from typing import Any, Callable
+from typing import Any
 
 PORT = "SIMMER_DIALECT_PORT"
 NAMES = "SIMMER_SERIAL_NAMES"
@@ -32,6 +32,8 @@ _ON_ITS_WAY = 0.05
 _LONG = 10.0
 
 
+# By now the program's clock is installed, if it is in force (sitecustomize.py).
+_now = time.monotonic
 _LAST: list[bytes] = []
 
 
@@ -84,8 +86,7 @@ class SerialLine:
     A program may read in one thread and write in another.
     """
 
-    def __init__(self, name: str, baud: int, clock: Callable[[], float]) -> None:
-        self._clock = clock
+    def __init__(self, name: str, baud: int) -> None:
         try:
             self._sock = _connected(_CONNECTING)
         except ConnectionRefusedError:
@@ -132,7 +133,7 @@ class SerialLine:
         """Send bytes to the robot. Raises OSError."""
         _LAST[:] = [bytes(data[-60:])]
         self._send(b"W", bytes(data))
-        self._free = max(self._free, self._clock()) + len(data) * self._byte
+        self._free = max(self._free, _now()) + len(data) * self._byte
 
     def set_baud(self, baud: int) -> None:
         """Send and receive at another rate from now on."""
@@ -141,7 +142,7 @@ class SerialLine:
 
     def unsent(self) -> tuple[float, int]:
         """Seconds until all written bytes have been sent, and the count of waiting bytes."""
-        left = max(0.0, self._free - self._clock())
+        left = max(0.0, self._free - _now())
         return left, int(left / self._byte + 0.999999) if self._byte else 0
 
     def _send(self, kind: bytes, payload: bytes) -> None:
@@ -154,13 +155,13 @@ class SerialLine:
     def waiting(self) -> int:
         """The count of bytes that have arrived."""
         self._receive(0.0)
-        now = self._clock()
+        now = _now()
         with self._receiving:
             return sum(part.readable(now) for part in self._coming)
 
     def take(self, size: int) -> bytes:
         """At most `size` of the bytes that have arrived."""
-        now, taken = self._clock(), bytearray()
+        now, taken = _now(), bytearray()
         with self._receiving:
             while self._coming and len(taken) < size:
                 part = self._coming[0]
@@ -176,15 +177,15 @@ class SerialLine:
     def wait(self, seconds: float | None, wake: threading.Event | None = None) -> bool:
         """Wait at most `seconds` until a byte has arrived. True if one has. Raises OSError at the end of the
         connection."""
-        until = None if seconds is None else self._clock() + seconds
-        begun = now = self._clock()
+        until = None if seconds is None else _now() + seconds
+        begun = now = _now()
         # Checked first, since readline() reads byte by byte: a read of the connection costs more than a byte.
         first = self._first()
         while first is None or first > now:
             if first is not None and _program_clock() is not None:
                 return _pass_time_until(first, until, now)
             self._receive(0.0)
-            now, first = self._clock(), self._first()
+            now, first = _now(), self._first()
             if first is not None and first <= now:
                 break
             if self._broken and first is None:
@@ -195,7 +196,7 @@ class SerialLine:
             if until is None and now - begun > _LONG:
                 self._tell_waiting()
             if self._pauses(first, until, now):
-                now, first = self._clock(), self._first()
+                now, first = _now(), self._first()
         return True
 
     def _pauses(self, first: float | None, until: float | None, now: float) -> bool:
@@ -249,7 +250,7 @@ class SerialLine:
             del self._buffer[: _HEAD.size + size]
             if kind == b"A":
                 (there,) = struct.unpack_from(">d", payload)
-                behind = self._clock() - there
+                behind = _now() - there
                 # On one machine both clocks are the same: the difference is the delay of this frame.
                 self._offset = 0.0 if 0 <= behind < _ON_ITS_WAY else behind
                 self._answer = payload[8:].decode("utf-8", "replace")
@@ -285,7 +286,7 @@ def _pass_time_until(first: float, until: float | None, now: float) -> bool:
     return comes
 
 
-def make_class(serialutil: Any, clock: Callable[[], float]) -> Any:
+def make_class(serialutil: Any) -> Any:
     """The class that replaces `serial.Serial`: pyserial's own base, with the bytes of a `SerialLine`."""
 
     class Serial(serialutil.SerialBase):  # type: ignore[misc]
@@ -298,7 +299,7 @@ def make_class(serialutil: Any, clock: Callable[[], float]) -> Any:
             if self.is_open:
                 raise serialutil.SerialException("Port is already open.")
             try:
-                self._line = SerialLine(self._port, self._baudrate, clock)
+                self._line = SerialLine(self._port, self._baudrate)
             except (OSError, ValueError, KeyError) as error:
                 text = str(error)
                 if not text.startswith("could not open"):
@@ -408,7 +409,7 @@ def names() -> list[str]:
 
 
 def _patch_serial(module: Any) -> None:
-    module.Serial = make_class(module.serialutil, time.monotonic)
+    module.Serial = make_class(module.serialutil)
 
 
 def _patch_ports(module: Any) -> None:
