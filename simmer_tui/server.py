@@ -26,7 +26,7 @@ from simmer_tui.config.set_warnings import set_warnings
 from simmer_tui.config.settings import LinkSettings, SerialSettings, ServerSettings
 from simmer_tui.engine import Engine
 from simmer_tui.errors import PortError, RunLogError
-from simmer_tui.events import Event, MissionEnd, MissionEvent, Notice, NoticeKind, Result
+from simmer_tui.events import Event, MissionEnd, Notice, NoticeKind
 from simmer_tui.links.access import AccessCheck
 from simmer_tui.links.clock_link import CLOCK
 from simmer_tui.links.driver_lock import NOT_SERVED, DriverLock
@@ -57,10 +57,6 @@ _T = TypeVar("_T")
 # An environment variable, since other users can read the arguments of a process.
 TOKEN = "SIMMER_TOKEN"
 """The environment variable with the token that programs must send first."""
-NOT_REACHED = (
-    "the program's clock does not reach this program: it is not Python, or was started with -I, -E or -S"
-)
-OUT_OF_REACH = f"{NOT_REACHED}. The real clock is in force: use --clock real"
 # Judged: long enough for the last replies, short enough for Ctrl-C to feel immediate.
 _ENDING = 0.7
 """Seconds that the robot's thread may take to end; nobody waits longer for it."""
@@ -598,20 +594,6 @@ class Server:
             from simmer_tui.links.clock_link import ClockLink
 
             self._links.append(ClockLink(context))
-            self.engine.watch(self._watch_clock)
-
-    def _watch_clock(self, event: Event) -> None:
-        """Use the real clock if a program connects that does not use the program's clock. Freeze the clock
-        when a mission has failed."""
-        clock = self.clock
-        assert clock is not None, "watched where it is in force"
-        if isinstance(event, Notice) and event.kind is NoticeKind.CONNECTED and not clock.reached:
-            if not clock.is_real:
-                self.engine.tell_fault(OUT_OF_REACH)
-                clock.unfit = NOT_REACHED
-            clock.use_real_clock()
-        elif isinstance(event, MissionEvent) and event.over:
-            clock.frozen = event.subject is not Result.SUCCESS
 
     def _check_mission(self, referee: Referee) -> None:
         """Check a mission's time limit regularly: in real time it passes without a command."""

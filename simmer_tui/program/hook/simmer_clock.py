@@ -282,21 +282,13 @@ def _replace_clocks(clock: ProgramTime) -> None:
         clock.check_thread("sleeps")
         clock.sleep(float(seconds))
 
-    def seconds() -> float:
-        return clock.look() / 1e9
-
-    def date() -> int:
-        return EPOCH + clock.look()
-
-    def date_seconds() -> float:
-        return date() / 1e9
-
     # Partial objects: pyserial keeps time.monotonic as an attribute of a class, where a function would become
     # a method.
     time.sleep = functools.partial(sleep)
-    time.monotonic = time.perf_counter = functools.partial(seconds)
+    time.monotonic = time.perf_counter = functools.partial(lambda: clock.look() / 1e9)
     time.monotonic_ns = time.perf_counter_ns = functools.partial(clock.look)
-    time.time, time.time_ns = functools.partial(date_seconds), functools.partial(date)
+    time.time = functools.partial(lambda: (EPOCH + clock.look()) / 1e9)
+    time.time_ns = functools.partial(lambda: EPOCH + clock.look())
     real_input = builtins.input
 
     def ask(prompt: object = "", /) -> str:
