@@ -677,15 +677,9 @@ class _PacketLink:
 
     def _read(self, deadline: float) -> str:
         """One whole message, or an empty text if none is waiting."""
-        message = b""
         with self._connection(self.reply_port, deadline) as receiver:
             # A reply may come in several segments; its bracket ends it.
-            while not message.endswith(b"]"):
-                receiver.settimeout(max(deadline - time.monotonic(), 0.001))
-                piece = receiver.recv(4096)
-                if not piece:
-                    break
-                message += piece
+            message = _received(receiver, b"]", deadline)
         if message and not message.endswith(b"]"):
             raise ConnectionError(f"half a reply came: {message!r}")
         return message.decode("ascii", "replace")
@@ -707,6 +701,18 @@ class _PacketLink:
 
     def _connection(self, port: int, deadline: float) -> socket.socket:
         return self._dial.connect(port, max(deadline - time.monotonic(), 0.001))
+
+
+def _received(connection: socket.socket, end: bytes, deadline: float) -> bytes:
+    """What has come with this end, or before the other side has closed."""
+    data = b""
+    while not data.endswith(end):
+        connection.settimeout(max(deadline - time.monotonic(), 0.001))
+        piece = connection.recv(4096)
+        if not piece:
+            break
+        data += piece
+    return data
 
 
 class _Why(NamedTuple):
@@ -820,17 +826,10 @@ class _Reasons:
 
     def _answer(self, command: str) -> Any:
         deadline = time.monotonic() + _QUESTION_TIMEOUT
-        line = b""
         try:
             with self._dial.connect(self._belief_port, _QUESTION_TIMEOUT) as connection:
                 connection.sendall(json.dumps({"why": command}).encode("ascii") + b"\n")
-                while not line.endswith(b"\n"):
-                    connection.settimeout(max(deadline - time.monotonic(), 0.001))
-                    piece = connection.recv(4096)
-                    if not piece:
-                        return None
-                    line += piece
-            return json.loads(line)
+                return json.loads(_received(connection, b"\n", deadline))
         except (OSError, ValueError):
             return None
 

@@ -103,7 +103,7 @@ class Client(Peer):
             self._session.append_late(late_end)
         self._submit(self._reader.receive(data))
         self._watch.line_began(self._reader.unended)
-        self._await_silence()
+        self._timer.set_in(None if self._closing else self._reader.idle_timeout)
 
     def eof_received(self) -> bool:
         # Closed for sending only: programs may close their side and still read the replies.
@@ -128,12 +128,6 @@ class Client(Peer):
         self._timer.cancel()
         self._session.close()
         super().close()
-
-    def _await_silence(self) -> None:
-        self._timer.cancel()
-        idle_timeout = self._reader.idle_timeout
-        if idle_timeout is not None and not self._closing:
-            self._timer.set_in(idle_timeout)
 
     def _silence(self) -> None:
         commands = self._reader.silence()

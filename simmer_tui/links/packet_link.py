@@ -88,10 +88,7 @@ class _Sender(Peer):
             self._link.doctor.packet_came(data)
         self.last_received, self.spoken = self._loop.time(), True
         self._submit(self._reader.receive(data))
-        self._silence.cancel()
-        idle_timeout = self._reader.idle_timeout
-        if idle_timeout is not None and not self._closing:
-            self._silence.set_in(idle_timeout)
+        self._silence.set_in(None if self._closing else self._reader.idle_timeout)
 
     def eof_received(self) -> bool:
         """Take the client's end of sending. If it reads here, it stays until all is answered."""

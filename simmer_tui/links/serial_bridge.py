@@ -400,10 +400,7 @@ class SerialBridge(RealRobot):
             exchange.answered(outcomes, unchanged)
 
     def _listen_on(self) -> None:
-        self._silence.cancel()
-        idle_timeout = self._framer.idle_timeout
-        if idle_timeout is not None:
-            self._silence.set_in(idle_timeout)
+        self._silence.set_in(self._framer.idle_timeout)
         if self._framer.discarded and self._report.due == math.inf:
             self._report.set_in(REPORT_DELAY)
 
