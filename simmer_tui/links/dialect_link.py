@@ -135,14 +135,9 @@ class SimulatedHost:
         """Drive at a velocity, for a time or until another command."""
         values = [*(velocity or (0.0, 0.0, 0.0)), *([] if seconds is None else [seconds])]
         text = f"{self._rules.parts.velocity}-{';'.join(f'{each:.12g}' for each in values)}"
-        refused: list[str] = []
-
-        def answered(result: CommandResult) -> None:
-            if result.status in REFUSALS:
-                refused.append(result.reason or result.status.value)
-
-        self._moves.submit(parse_command(text, self.source), answered)
-        return refused[0] if refused else ""
+        ends: list[MoveOutcome] = []
+        self._moves.submit(parse_command(text, self.source), lambda result: ends.append(MoveOutcome(result)))
+        return ends[0].refused if ends else ""
 
     def halt(self, by: str = "") -> None:
         """End all motion. `by` names the cause if there is no message."""

@@ -106,12 +106,13 @@ class SerialLine:
         self._send(
             b"O", json.dumps({"name": name, "baud": baud, "clock": _program_clock() is not None}).encode()
         )
-        while self._answer is None and not self._broken:
+        received = -1
+        while self._answer is None and not self._broken and len(self._buffer) > received:
+            received = len(self._buffer)
             self._receive(_CONNECTING)
-        if self._answer is None:
-            raise OSError(self._broken or "the simulator does not answer")
-        if self._answer:
-            raise OSError(self._answer)
+        if self._answer != "":
+            self._sock.close()
+            raise OSError(self._answer or self._broken or "the simulator does not answer")
 
     def fileno(self) -> int:
         """The descriptor of the connection."""
