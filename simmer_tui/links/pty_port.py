@@ -166,7 +166,8 @@ class PtyPort:
         self._next = LoopTimer(self._pass_on, self._loop)
         self._unread = bytearray()
         """Bytes that have arrived, and that the system takes no more."""
-        self._lost = 0
+        self._has_lost = False
+        """True once bytes were lost; reported once, since more of them mean the same."""
         self.port = self.peer = str(device.path)
         self.by_clock = False
         self._look_again = LoopTimer(self._look, self._loop)
@@ -223,7 +224,7 @@ class PtyPort:
         if self._open:
             return
         self._open = True
-        self._lost = 0
+        self._has_lost = False
         self._loop.add_reader(self._device.descriptor, self._readable)
         self._robot.opened(self, self.port, None)
 
@@ -300,14 +301,10 @@ class PtyPort:
             if data:
                 self._loop.add_writer(self._device.descriptor, self._flush)
         room = max(DRIVER_BUFFER - len(self._unread), 0)
-        if len(data) > room:
-            # Reported once: more of them mean the same.
-            if not self._lost:
-                where = escape(self.port)
-                self._robot.engine.tell_fault(
-                    f"dialect: the program at {where} does not read: replies are lost"
-                )
-            self._lost += len(data) - room
+        if len(data) > room and not self._has_lost:
+            self._has_lost = True
+            where = escape(self.port)
+            self._robot.engine.tell_fault(f"dialect: the program at {where} does not read: replies are lost")
         self._unread += data[:room]
 
     def _flush(self) -> None:
