@@ -41,14 +41,8 @@ _GATHERED = 65536
 """Bytes on a connection that a read waits for at most."""
 _REAL_TIME, _REAL_PAUSE = time.monotonic, time.sleep
 """The system's functions, before they are replaced."""
-_PORTS = (
-    "SIMMER_PORT",
-    "SIMMER_REPLY_PORT",
-    "SIMMER_PACKET_PORT",
-    "SIMMER_PACKET_REPLY_PORT",
-    "SIMMER_BELIEF_PORT",
-    "SIMMER_DIALECT_PORT",
-)
+_PORT = "SIMMER_CLOCK_PORT"
+"""The variable with the port of the clock."""
 _HINT = "The program's clock cannot follow that: use --clock real"
 _REFUSED: dict[str, tuple[str, ...]] = {
     "asyncio.base_events": ("BaseEventLoop.run_forever", "BaseEventLoop.run_until_complete"),
@@ -70,7 +64,7 @@ class ProgramTime:
         self._real_recv = socket.socket.recv
         self._real_send = socket.socket.sendall
         host = os.environ.get("SIMMER_HOST", "127.0.0.1")
-        self._sock = socket.create_connection((host, int(os.environ["SIMMER_CLOCK_PORT"])), 10.0)
+        self._sock = socket.create_connection((host, int(os.environ[_PORT])), 10.0)
         self._sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self._sock.settimeout(None)
         self._buffer = b""
@@ -313,7 +307,9 @@ def _is_ours(sock: Any, ports: tuple[int, ...]) -> bool:
 
 
 def _replace_sockets(clock: ProgramTime) -> None:
-    ports = tuple(int(os.environ[name]) for name in _PORTS if os.environ.get(name, "").isdigit())
+    # Those of all dialects (`DialectPort.variable`), as far as they are served.
+    names = {name for name in os.environ if name.startswith("SIMMER_") and name.endswith("PORT")}
+    ports = tuple(int(os.environ[name]) for name in names - {_PORT} if os.environ[name].isdigit())
     kind: Any = socket.socket
     real_select = select.select
 
