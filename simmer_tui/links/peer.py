@@ -161,7 +161,7 @@ class Peer:
 
     def has_left(self) -> bool:
         """True if the other end has closed and all its bytes are read."""
-        return self.lost or self._finished or self._next() == b""
+        return self._finished or self._next() == b""
 
     def has_unread(self) -> bool:
         """True if bytes or an end have come that are still unread."""
