@@ -80,7 +80,7 @@ class Client(Peer):
         self._link = link
         self._reader = CommandReader(grace=link.context.settings.grace)
         self._command_budget = CommandBudget(peer, link.engine.tell)
-        at_end = link.context.reply != "accepted"
+        at_end = link.context.answers_at_end(in_packets=False)
         self._session = link.context.backend.open_session(answer_at_end=at_end, budget=self._command_budget)
         self._timer = LoopTimer(self._silence, self._loop)
         self.ending = False

@@ -51,8 +51,7 @@ class _Sender(Peer):
         self._link = link
         self._reader = RequestReader(link.context.settings.grace)
         self._command_budget = link.budget_of(sock, peer)
-        # simmer-python answers drives at once: "auto" means accepted here, done in the binary dialects.
-        at_end = link.context.reply == "done"
+        at_end = link.context.answers_at_end(in_packets=True)
         self._session = link.context.backend.open_session(
             answer_at_end=at_end, lane="packets", budget=self._command_budget
         )
