@@ -258,9 +258,9 @@ class OutputRoute:
             os.close(stream.source)
 
     def _close_ends(self) -> None:
-        for end in {self.stdout, self.stderr} - {None}:
-            assert end is not None, "it has been taken out"
-            os.close(end)
+        for end in (self.stdout, self.stderr):
+            if end is not None:
+                os.close(end)
 
 
 def reading(output: ProgramOutput, stdout: int, stderr: int, on_line: Callable[[str], None]) -> OutputReader:
