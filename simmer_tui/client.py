@@ -704,7 +704,7 @@ class _PacketLink:
 
 
 def _received(connection: socket.socket, end: bytes, deadline: float) -> bytes:
-    """What has come with this end, or before the other side has closed."""
+    """The bytes up to an end, or until the other side has closed."""
     data = b""
     while not data.endswith(end):
         connection.settimeout(max(deadline - time.monotonic(), 0.001))
