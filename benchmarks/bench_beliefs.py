@@ -31,7 +31,7 @@ from pathlib import Path
 import numpy as np
 
 from simmer_tui.config import load_default
-from simmer_tui.links.belief_link import parse_belief
+from simmer_tui.links.belief_parser import parse_belief
 from simmer_tui.run.reducer import Reducer
 from simmer_tui.run.run_history import RunHistory
 from simmer_tui.run.state import checkpoint_of

@@ -147,26 +147,24 @@ class Robot:
         belief_port = _port("belief_port", belief_port, "SIMMER_BELIEF_PORT", DEFAULT_BELIEF_PORT)
         dial = _Dial(self.host, _token(token))
         self._belief = _BeliefLine(dial, belief_port)
+        is_packets = protocol == "packets"
+        usual = DEFAULT_PACKET_PORT if is_packets else DEFAULT_PORT
+        self.port = _port("port", port, "SIMMER_PACKET_PORT" if is_packets else "SIMMER_PORT", usual)
+        self._reasons = _Reasons(dial, belief_port, self.port)
         self._link: _BinaryLink | _PacketLink
-        if protocol == "packets":
-            port = _port("port", port, "SIMMER_PACKET_PORT", DEFAULT_PACKET_PORT)
+        if is_packets:
             name = "SIMMER_PACKET_REPLY_PORT"
             reply_port = _port("reply_port", reply_port, name, DEFAULT_PACKET_REPLY_PORT)
-            reasons = _Reasons(dial, belief_port, port)
-            self._link = _PacketLink(dial, port, reply_port, self.timeout, reasons)
+            self._link = _PacketLink(dial, self.port, reply_port, self.timeout, self._reasons)
         else:
-            port = _port("port", port, "SIMMER_PORT", DEFAULT_PORT)
             # With another command port, port 9001 may belong to another simulator.
-            usual = DEFAULT_REPLY_PORT if port == DEFAULT_PORT else 0
+            usual = DEFAULT_REPLY_PORT if self.port == DEFAULT_PORT else 0
             reply_port = _port("reply_port", reply_port, "SIMMER_REPLY_PORT", usual, lowest=0)
             # Big-endian doubles by default: what MATLAB's tcpip objects read.
             number = struct.Struct(
                 (">" if byte_order == "big" else "<") + ("d" if reply_format == "float64" else "f")
             )
-            reasons = _Reasons(dial, belief_port, port)
-            self._link = _BinaryLink(dial, port, reply_port, self.timeout, number, reasons)
-        self._reasons = reasons
-        self.port = port
+            self._link = _BinaryLink(dial, self.port, reply_port, self.timeout, number, self._reasons)
 
     @overload
     def read(self, code: str) -> float: ...
@@ -188,10 +186,7 @@ class Robot:
             values = self._link.exchange(commands, self.timeout)
         for each, value in zip(codes, values):
             if math.isnan(value):
-                why = self._reasons.why(each)
-                known = f"{each!r} is a drive" if why.kind == "drive" else why.reason
-                known = known or "or it is disabled"
-                raise UnknownCodeError(f"the robot knows no sensor {each!r} ({known}): see its sensors.csv")
+                raise _no_such("sensor", each, self._reasons.why(each))
         return tuple(values) if more else values[0]
 
     def scan(self, code: str) -> list[float]:
@@ -449,15 +444,16 @@ class _BinaryLink:
 
     def exchange(self, commands: Sequence[str], timeout: float) -> list[float]:
         """The numbers that come back for commands sent in one go, in their order."""
-        reply = self._reply(commands, timeout)
-        return [float(number) for (number,) in self._number.iter_unpack(reply)]
+        return self._numbers(self._reply(commands, timeout))
 
     def scan(self, code: str, timeout: float) -> list[float]:
-        reply = self._reply([code], timeout, scan=True)
-        ranges = [float(number) for (number,) in self._number.iter_unpack(reply)]
+        ranges = self._numbers(self._reply([code], timeout, scan=True))
         if math.isnan(ranges[0]):
             raise _not_scanned(self._reasons.why(code), code)
         return ranges[1:]
+
+    def _numbers(self, reply: bytes) -> list[float]:
+        return [float(number) for (number,) in self._number.iter_unpack(reply)]
 
     def _reply(self, commands: Sequence[str], timeout: float, *, scan: bool = False) -> bytes:
         """The reply bytes for commands sent in one go: a number for each. With `scan`, the count and numbers
@@ -499,14 +495,13 @@ class _BinaryLink:
     def _begins_scan(self, commands: Sequence[str], reply: bytes) -> bool:
         """True if a lidar with few rays is among the commands. Its scan fits into the bytes expected for all
         commands, whose other numbers are still to come."""
-        numbers = [float(number) for (number,) in self._number.iter_unpack(reply)]
         return any(
             len(command) == 2
             and _is_count(number)
             and place + number < len(commands)
             # Counters and yes-or-no sensors give whole numbers too.
             and self._reasons.gives_scan(command)
-            for place, (command, number) in enumerate(zip(commands, numbers))
+            for place, (command, number) in enumerate(zip(commands, self._numbers(reply)))
         )
 
     def _surplus(self, commands: Sequence[str]) -> RobotError:
@@ -682,15 +677,9 @@ class _PacketLink:
 
     def _read(self, deadline: float) -> str:
         """One whole message, or an empty text if none is waiting."""
-        message = b""
         with self._connection(self.reply_port, deadline) as receiver:
             # A reply may come in several segments; its bracket ends it.
-            while not message.endswith(b"]"):
-                receiver.settimeout(max(deadline - time.monotonic(), 0.001))
-                piece = receiver.recv(4096)
-                if not piece:
-                    break
-                message += piece
+            message = _received(receiver, b"]", deadline)
         if message and not message.endswith(b"]"):
             raise ConnectionError(f"half a reply came: {message!r}")
         return message.decode("ascii", "replace")
@@ -712,6 +701,18 @@ class _PacketLink:
 
     def _connection(self, port: int, deadline: float) -> socket.socket:
         return self._dial.connect(port, max(deadline - time.monotonic(), 0.001))
+
+
+def _received(connection: socket.socket, end: bytes, deadline: float) -> bytes:
+    """The bytes up to an end, or until the other side has closed."""
+    data = b""
+    while not data.endswith(end):
+        connection.settimeout(max(deadline - time.monotonic(), 0.001))
+        piece = connection.recv(4096)
+        if not piece:
+            break
+        data += piece
+    return data
 
 
 class _Why(NamedTuple):
@@ -771,8 +772,12 @@ def _no_lidar(code: str, answer: str) -> CommandRefusedError:
 def _not_scanned(why: _Why, code: str) -> CommandRefusedError:
     if why.scan:
         return CommandRefusedError(f"the robot refused {code!r}: {why.reason or 'it does not say why'}")
+    return _no_such("lidar", code, why)
+
+
+def _no_such(what: str, code: str, why: _Why) -> UnknownCodeError:
     known = f"{code!r} is a drive" if why.kind == "drive" else why.reason or "or it is disabled"
-    return UnknownCodeError(f"the robot knows no lidar {code!r} ({known}): see its sensors.csv")
+    return UnknownCodeError(f"the robot knows no {what} {code!r} ({known}): see its sensors.csv")
 
 
 def _is_count(number: float) -> bool:
@@ -791,52 +796,42 @@ class _Reasons:
         self._belief_port = belief_port
         self._port = port
         self._given_up = False
-        self._kinds: dict[str, str] = {}  # asked once a code: a real robot answers each drive with a number
-        self._scans: dict[str, bool | None] = {}
+        self._known: dict[str, _Why] = {}  # asked once a code: a real robot answers each drive with a number
 
     def why(self, command: str) -> _Why:
         """The simulator's answer about a refused command."""
         if self._given_up:
             return _Why()
         answer = self._answer(command)
+        ports = answer.get("ports") if isinstance(answer, dict) else None
         # Nobody answers, or it is another simulator than the one that was driven.
-        if not isinstance(answer, dict) or self._port not in _listed(answer.get("ports")):
+        if not isinstance(ports, list) or self._port not in ports:
             self._given_up = True
             return _Why()
         return _Why(str(answer.get("why", "")), str(answer.get("kind", "")), answer.get("scan") is True)
 
     def is_sensor(self, code: str) -> bool:
         """True if the simulator says that a code is a sensor's."""
-        if code not in self._kinds:
-            self._kinds[code] = self.why(code).kind
-        return self._kinds[code] == "sensor"
+        return self._about(code).kind == "sensor"
 
     def gives_scan(self, code: str) -> bool | None:
         """True if the simulator says that a code is a lidar's; None if nobody says."""
-        if code not in self._scans:
-            why = self.why(code)
-            self._scans[code] = why.scan if why.kind else None
-        return self._scans[code]
+        why = self._about(code)
+        return why.scan if why.kind else None
+
+    def _about(self, code: str) -> _Why:
+        if code not in self._known:
+            self._known[code] = self.why(code)
+        return self._known[code]
 
     def _answer(self, command: str) -> Any:
         deadline = time.monotonic() + _QUESTION_TIMEOUT
-        line = b""
         try:
             with self._dial.connect(self._belief_port, _QUESTION_TIMEOUT) as connection:
                 connection.sendall(json.dumps({"why": command}).encode("ascii") + b"\n")
-                while not line.endswith(b"\n"):
-                    connection.settimeout(max(deadline - time.monotonic(), 0.001))
-                    piece = connection.recv(4096)
-                    if not piece:
-                        return None
-                    line += piece
-            return json.loads(line)
+                return json.loads(_received(connection, b"\n", deadline))
         except (OSError, ValueError):
             return None
-
-
-def _listed(value: object) -> list[Any]:
-    return value if isinstance(value, list) else []
 
 
 class _BeliefLine:

@@ -26,10 +26,10 @@ from simmer_tui.config.set_warnings import set_warnings
 from simmer_tui.config.settings import LinkSettings, SerialSettings, ServerSettings
 from simmer_tui.engine import Engine
 from simmer_tui.errors import PortError, RunLogError
-from simmer_tui.events import Event, MissionEnd, MissionEvent, Notice, NoticeKind, Result
+from simmer_tui.events import Event, MissionEnd, Notice, NoticeKind
 from simmer_tui.links.access import AccessCheck
 from simmer_tui.links.clock_link import CLOCK
-from simmer_tui.links.driver_lock import DriverLock
+from simmer_tui.links.driver_lock import NOT_SERVED, DriverLock
 from simmer_tui.links.link import Link, LinkContext, open_links, port_requests, typed_message
 from simmer_tui.links.owners import OwnerLookup
 from simmer_tui.links.ports import Listener, PortRequest, take_port
@@ -57,10 +57,6 @@ _T = TypeVar("_T")
 # An environment variable, since other users can read the arguments of a process.
 TOKEN = "SIMMER_TOKEN"
 """The environment variable with the token that programs must send first."""
-NOT_REACHED = (
-    "the program's clock does not reach this program: it is not Python, or was started with -I, -E or -S"
-)
-OUT_OF_REACH = f"{NOT_REACHED}. The real clock is in force: use --clock real"
 # Judged: long enough for the last replies, short enough for Ctrl-C to feel immediate.
 _ENDING = 0.7
 """Seconds that the robot's thread may take to end; nobody waits longer for it."""
@@ -138,7 +134,8 @@ class Server:
         self.host = settings.server.host
         self._token = settings.server.token or os.environ.get(TOKEN, "").strip()
         self._take = take
-        self._listeners = self._take_ports(settings.server)
+        self._listeners: dict[str, Listener] = {}
+        self._take_ports(settings.server)
         self.terminal = self._take_terminal(settings.server.pty)
         """The pseudo-terminal that leads to the robot, if there is one."""
         self._owners = None if settings.server.any_user else OwnerLookup()
@@ -159,7 +156,7 @@ class Server:
         """The program's clock, if that is in force."""
         self._loop = ProgramClockLoop(self.clock) if self.clock else asyncio.SelectorEventLoop()
         self._links: list[Link] = []
-        self._processes: ProcessLookup | None = None
+        self._processes = ProcessLookup()
         self._log: RunLog | None = None
         self.saved_run: SavedRun | None = None
         """The run in the folder of saved runs, if there is one."""
@@ -173,8 +170,9 @@ class Server:
         self._client_left: Callable[[], None] = lambda: None
         self._verdict: LiveVerdict | None = None
 
-    def _take_ports(self, server: ServerSettings) -> dict[str, Listener]:
-        taken: dict[str, Listener] = {}
+    def _take_ports(self, server: ServerSettings) -> None:
+        """Take all ports. Raises PortError."""
+        taken = self._listeners
         for dialect, requests in port_requests(server):
             try:
                 for request in requests:
@@ -182,13 +180,15 @@ class Server:
             except PortError as error:
                 # The server needs its command ports; without the port for beliefs it does less.
                 if not dialect.warning:
-                    for listener in taken.values():
-                        listener.close()
+                    self._close_listeners()
                     raise
                 self.warnings.append(f"{dialect.warning}: {error}")
         if self.configuration.settings.motion.is_by_program:
             taken[CLOCK.purpose] = self._take(server.host, PortRequest(0, CLOCK.purpose, "--clock"))
-        return taken
+
+    def _close_listeners(self) -> None:
+        for listener in self._listeners.values():
+            listener.close()
 
     def _take_port(self, host: str, request: PortRequest) -> Listener:
         """Take a port. Raises PortError."""
@@ -208,28 +208,23 @@ class Server:
     def _take_terminal(self, path: str) -> PtyDevice | None:
         """The pseudo-terminal at a path. None without a path, or where this run cannot have one. Raises
         PortError."""
-        if path and not platform_has.POSIX:
+        if not path:
+            return None
+        if not platform_has.POSIX:
             self.warnings.append(NOT_ON_WINDOWS)
-            return None
-        if path and self.configuration.settings.motion.is_by_program:
-            self.warnings.append(
-                "--pty: by the program's clock only the program of --run is served; use --clock real"
-            )
-            return None
-        try:
-            return PtyDevice(path) if path else None
-        except PortError:
-            for listener in self._listeners.values():
-                listener.close()
-            raise
-
-    def port(self, purpose: str) -> int | None:
-        """The port taken for a purpose (`COMMANDS`, `REPLIES`, `PACKETS`, ...), or None."""
-        return self.ports.get(purpose)
+        elif self.configuration.settings.motion.is_by_program:
+            self.warnings.append(f"--pty: {NOT_SERVED}; use --clock real")
+        else:
+            try:
+                return PtyDevice(path)
+            except PortError:
+                self._close_listeners()
+                raise
+        return None
 
     @property
     def ports(self) -> dict[str, int]:
-        """All ports taken, by purpose."""
+        """All ports taken, by purpose (`COMMANDS`, `REPLIES`, `PACKETS`, ...)."""
         return {purpose: listener.port for purpose, listener in self._listeners.items()}
 
     @property
@@ -500,12 +495,7 @@ class Server:
 
     def note_program(self, pid: int) -> None:
         """Take note of the process of the run's own program; after `start`. Any thread may call it."""
-
-        def note() -> None:
-            if self._processes is not None:
-                self._processes.note_run(pid)
-
-        self.call(note)
+        self.call(self._processes.note_run, pid)
 
     def record(self, pace: float = 0.0) -> None:
         """Keep the events that snapshots show; before `start`.
@@ -578,8 +568,7 @@ class Server:
         settings = self.configuration.settings
         # Simulated time begins before the ports are served: the first command finds a running clock.
         self.engine.start(self._loop)
-        access = AccessCheck(self.engine, self._owners, token=self._token)
-        self._processes = ProcessLookup()
+        access = AccessCheck(self.engine.tell, self._owners, token=self._token)
         if self.referee is not None:
             if self.prefix is None:
                 self.referee.begin()
@@ -605,20 +594,6 @@ class Server:
             from simmer_tui.links.clock_link import ClockLink
 
             self._links.append(ClockLink(context))
-            self.engine.watch(self._watch_clock)
-
-    def _watch_clock(self, event: Event) -> None:
-        """Use the real clock if a program connects that does not use the program's clock. Freeze the clock
-        when a mission has failed."""
-        clock = self.clock
-        assert clock is not None, "watched where it is in force"
-        if isinstance(event, Notice) and event.kind is NoticeKind.CONNECTED and not clock.reached:
-            if not clock.is_real:
-                self.engine.tell_fault(OUT_OF_REACH)
-                clock.unfit = NOT_REACHED
-            clock.use_real_clock()
-        elif isinstance(event, MissionEvent) and event.over:
-            clock.frozen = event.subject is not Result.SUCCESS
 
     def _check_mission(self, referee: Referee) -> None:
         """Check a mission's time limit regularly: in real time it passes without a command."""
@@ -636,11 +611,10 @@ class Server:
         """Close all connections, their listeners and the look-ups of processes."""
         for link in self._links:
             link.close()
-        for listener in self._listeners.values():
-            listener.close()
-        for lookup in (self._owners, self._processes):
-            if lookup is not None:
-                lookup.close()
+        self._close_listeners()
+        self._processes.close()
+        if self._owners is not None:
+            self._owners.close()
         if self.terminal is not None:
             self.terminal.close()
 

@@ -309,8 +309,11 @@ class LoopTimer:
             self._handle.cancel()
         self._handle = self.loop.call_at(time, self._make, *arguments)
 
-    def set_in(self, seconds: float, *arguments: object) -> None:
-        """Make the call after so many seconds."""
+    def set_in(self, seconds: float | None, *arguments: object) -> None:
+        """Make the call after so many seconds; None cancels it."""
+        if seconds is None:
+            self.cancel()
+            return
         assert self.loop is not None, "timed motion needs a started engine"
         self.set_at(self.loop.time() + seconds, *arguments)
 

@@ -38,7 +38,7 @@ from simmer_tui.client import (
     RobotUnreachableError,
     UnknownCodeError,
 )
-from simmer_tui.links.belief_link import parse_belief
+from simmer_tui.links.belief_parser import parse_belief
 from simmer_tui.sim import Pose
 from simmer_tui.version import requirement
 from tests.listening import HOST, listening

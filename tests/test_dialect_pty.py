@@ -22,8 +22,7 @@ from simmer_tui.config.settings import with_any_ports
 from simmer_tui.config.settings_file import Override
 from simmer_tui.errors import ConfigurationError, PortError
 from simmer_tui.events import Event, Notice, WireMessage
-from simmer_tui.program.hook_folder import FOLDER
-from simmer_tui.program.program_command import out_of_reach
+from simmer_tui.program.program_command import HOOK_FOLDER, out_of_reach
 from simmer_tui.server import Server
 
 serial = pytest.importorskip("serial")
@@ -101,7 +100,7 @@ def test_a_program_reaches_the_robot_at_the_path_with_the_bytes_of_the_hook(tmp_
     program = "import serial\nr = serial.Serial('COM6', 115200, timeout=20)\n"
     program += "r.write(b'get\\nw 2\\n')\nprint(r.readline() + r.readline())\nr.close()\n"
     with running(configuration(tmp_path)) as run:
-        variables = run.server.environment | {"PYTHONPATH": str(FOLDER)}
+        variables = run.server.environment | {"PYTHONPATH": str(HOOK_FOLDER)}
         words = [sys.executable, "-c", program]
         ended = subprocess.run(
             words, env={**os.environ, **variables}, capture_output=True, text=True, timeout=300, check=True

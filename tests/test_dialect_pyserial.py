@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import socket
 import subprocess
 import sys
 from pathlib import Path
@@ -14,7 +15,8 @@ from msgspec.structs import replace
 
 from simmer_tui.config.loader import find_set, init_set, load
 from simmer_tui.config.settings import with_any_ports
-from simmer_tui.program.hook_folder import FOLDER
+from simmer_tui.program.hook import simmer_serial
+from simmer_tui.program.program_command import HOOK_FOLDER
 from simmer_tui.server import Server
 
 pytest.importorskip("serial")
@@ -200,7 +202,7 @@ def results_of(tmp_path: Path, *, hook: bool) -> dict[str, Any]:
     try:
         variables = {**os.environ, **server.environment}
         if hook:
-            variables["PYTHONPATH"] = str(FOLDER)
+            variables["PYTHONPATH"] = str(HOOK_FOLDER)
         else:
             del variables["SIMMER_DIALECT_PORT"]
         ended = subprocess.run(
@@ -228,3 +230,11 @@ def test_every_call_gives_what_it_gives_at_a_pseudo_terminal(tmp_path: Path) -> 
     assert all(by_hook[name] == ["PortNotOpenError", True, True] for name in AS_WINDOWS)
     # A pseudo-terminal refuses the modem's lines, a real port has them.
     assert all(by_hook[MODEM + name] in (True, False) for name in ("cts", "dsr", "ri", "cd", "dtr", "rts"))
+
+
+def test_a_simulator_that_does_not_answer_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as silent:
+        monkeypatch.setenv(simmer_serial.PORT, str(silent.getsockname()[1]))
+        monkeypatch.setattr(simmer_serial, "_CONNECTING", 0.05)
+        with pytest.raises(OSError, match="the simulator does not answer"):
+            simmer_serial.SerialLine("COM6", 9600)

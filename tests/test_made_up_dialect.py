@@ -136,6 +136,22 @@ def test_a_program_that_speaks_it_is_served_logged_reported_and_calibrated_from(
     assert (tmp_path / "learned" / "drive.csv").is_file()
 
 
+def test_its_programs_live_by_the_programs_clock(
+    capfd: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(signal, "signal", lambda number, handler: None)  # those of the tests stay
+    program = tmp_path / "program.py"
+    program.write_text(
+        "import os, socket\n"
+        "with socket.create_connection(('127.0.0.1', int(os.environ['SIMMER_SHOUT_PORT'])), 5) as robot:\n"
+        "    robot.sendall(b'D1-2!')\n"
+        "    print(robot.recv(100))\n"
+    )
+    options = ["--no-ui", "--listeners", "shouting", "--shout-port", "0", "--clock", "program"]
+    assert main([*options, "--run", f'"{sys.executable}" "{program}"']) == 0
+    assert "b'inf\\n'" in capfd.readouterr().out
+
+
 def test_what_is_typed_is_written_as_its_programs_do() -> None:
     overrides = {
         "server.listeners": Override("--listeners", "shouting"),

@@ -17,7 +17,7 @@ from pathlib import Path
 
 import pytest
 
-from simmer_tui.links.belief_link import parse_belief
+from simmer_tui.links.belief_parser import parse_belief
 from simmer_tui.sim import Pose
 from tests.listening import HOST, listening
 

@@ -376,9 +376,9 @@ def test_last_lines_are_kept_though_output_goes_to_a_console_of_windows(at_once:
     with console() as screen:
         route = OutputRoute(output, None, windows=True, at_once=at_once)
         process = subprocess.Popen([sys.executable, "-c", code], stdout=route.stdout, stderr=route.stderr)
-        route.start()
+        reader = route.start()
         code_of_it = process.wait(SECONDS)
-        route.join(SECONDS)
+        reader.join(SECONDS)
         while (b"one" not in shown or b"two" not in shown) and select.select([screen], [], [], SECONDS)[0]:
             shown += os.read(screen, 1000)
     assert code_of_it == 3

@@ -190,10 +190,10 @@ def test_ports_that_are_taken_are_others(tmp_path: Path) -> None:
     with taken_over(path, Moment(1, 0.0, 0.0)) as first:
         header, *lines = path.read_text().splitlines(keepends=True)
         fields = json.loads(header)
-        fields["settings"]["server"] |= {"port": first.port("commands"), "host": "0.0.0.0", "any_user": True}
+        fields["settings"]["server"] |= {"port": first.ports["commands"], "host": "0.0.0.0", "any_user": True}
         path.write_text(json.dumps(fields, separators=(",", ":")) + "\n" + "".join(lines))
         with taken_over(path, Moment(1, 0.0, 0.0)) as second:
-            assert first.port("commands") != second.port("commands")
+            assert first.ports["commands"] != second.ports["commands"]
             assert any("other ports are used" in each for each in second.warnings)
             assert second.host == "127.0.0.1", "a log opens nothing to others"
             assert not second.configuration.settings.server.any_user

@@ -23,7 +23,7 @@ from simmer_tui.config.dialects import SERIAL, TEAM
 from simmer_tui.config.loader import Configuration, load
 from simmer_tui.config.sets import find_set
 from simmer_tui.errors import ConfigurationError, Problem
-from simmer_tui.program.hook_folder import with_hook
+from simmer_tui.program.program_command import with_hook
 
 # Loopback answers in less than a millisecond, another machine of the same network in a few.
 _LOOK = 0.5

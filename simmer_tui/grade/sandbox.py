@@ -19,8 +19,7 @@ from simmer_tui.grade.cgroup import ControlGroup
 from simmer_tui.grade.usage import SandboxUsage, Supervisor
 from simmer_tui.links.ports import Listener, PortRequest
 from simmer_tui.program.control_program import RunningProgram
-from simmer_tui.program.hook_folder import with_hook
-from simmer_tui.program.program_command import words_of
+from simmer_tui.program.program_command import with_hook, words_of
 from simmer_tui.program.program_output import ProgramOutput, reading
 from simmer_tui.sim.command import escape_passage
 

@@ -11,7 +11,6 @@ import hmac
 import socket
 from collections.abc import Callable
 from ipaddress import ip_address
-from typing import Protocol
 
 from simmer_tui import platform_has
 from simmer_tui.events import Event, Notice, NoticeKind
@@ -28,18 +27,12 @@ _AGAIN = 1.0
 """Seconds before the same notice is repeated."""
 
 
-class EventPublisher(Protocol):
-    """Passes events to the watchers."""
-
-    def tell(self, event: Event) -> None: ...
-
-
 class RefusalNotices:
     """Notices of refused connections: at most one a second for each reason."""
 
-    def __init__(self, publisher: EventPublisher) -> None:
-        """Needs a running event loop; its clock is used."""
-        self._publisher = publisher
+    def __init__(self, publish: Callable[[Event], None]) -> None:
+        """`publish` passes events to the watchers. Needs a running event loop; its clock is used."""
+        self._publish = publish
         self._loop = asyncio.get_running_loop()
         self._reported: dict[str, float] = {}
 
@@ -52,7 +45,7 @@ class RefusalNotices:
         if now >= self._reported.get(reason, now):
             self._reported = {each: until for each, until in self._reported.items() if until > now}
             self._reported[reason] = now + _AGAIN
-            self._publisher.tell(Notice(NoticeKind.TURNED_AWAY, text))
+            self._publish(Notice(NoticeKind.TURNED_AWAY, text))
 
 
 class AccessCheck:
@@ -60,7 +53,7 @@ class AccessCheck:
 
     def __init__(
         self,
-        publisher: EventPublisher,
+        publish: Callable[[Event], None],
         owners: OwnerLookup | None = None,
         *,
         token: str = "",
@@ -68,14 +61,13 @@ class AccessCheck:
     ) -> None:
         """Without `owners` programs of other users of this machine may connect.
 
-        With a `token`, each connection has to send it as its first line. `way_in` is advice for other users
-        in the notice. Needs a running event loop.
+        `publish` passes events to the watchers. With a `token`, each connection has to send it as its first
+        line. `way_in` is advice for other users in the notice. Needs a running event loop.
         """
-        self.tell = RefusalNotices(publisher).tell
+        self.tell = RefusalNotices(publish).tell
         self._way_in = way_in
         self._owners = owners
         self._token = token.encode()
-        self._ours = ourselves()
         self._stranger_seen = False
         """True once a connection of another user has been seen on any port of this run."""
 
@@ -84,10 +76,11 @@ class AccessCheck:
         if self._owners is None:
             return True
         uid = self._owners.owner(sock, there)
-        if uid in self._ours:
-            return True
         if uid is None:
             return self._admits_unknown(self._owners, sock, there)
+        # The administrator can do everything anyway; services and containers often run as this user.
+        if uid in (0, platform_has.user_id()):
+            return True
         self._stranger_seen = True
         user = escape_word(platform_has.user_name(uid))
         self.tell(
@@ -145,15 +138,12 @@ class TokenCheck:
         self._access = access
         self._decided = decided
         self._line = b""
-        self._open = True
         self._loop = asyncio.get_running_loop()
         self._timeout = self._loop.call_later(CLOSING, self._decide, False)
         self._loop.add_reader(sock, self.look)
 
     def look(self) -> None:
         """Check whether the line has arrived."""
-        if not self._open:
-            return
         try:
             # Peeked at first: the bytes after the line are commands, and must stay in the socket.
             seen = self.sock.recv(LONGEST_TOKEN, socket.MSG_PEEK)
@@ -162,7 +152,7 @@ class TokenCheck:
             clock = clock_of(self._loop)
             if clock is not None:
                 clock.received += len(line + end)
-        except (BlockingIOError, InterruptedError):
+        except BlockingIOError:
             return
         except OSError:
             self._decide(False)
@@ -175,10 +165,8 @@ class TokenCheck:
 
     def cancel(self) -> None:
         """Stop waiting for the token, without calling `decided`."""
-        if self._open:
-            self._open = False
-            self._timeout.cancel()
-            self._loop.remove_reader(self.sock)
+        self._timeout.cancel()
+        self._loop.remove_reader(self.sock)
 
     def _decide(self, good: bool) -> None:
         self.cancel()
@@ -187,11 +175,3 @@ class TokenCheck:
                 f"a connection from {host_of(self.peer)} turned away: its first line is not the --token"
             )
         self._decided(self, good)
-
-
-def ourselves() -> frozenset[int]:
-    """User ids that may drive this robot: this process's user and the administrator. None on Windows, which
-    has no such numbers."""
-    # The administrator can do everything anyway; services and containers often run as this user.
-    user = platform_has.user_id()
-    return frozenset() if user is None else frozenset((0, user))

@@ -6,26 +6,17 @@ connection.
 
 from __future__ import annotations
 
-import contextlib
 import json
-import math
 import socket
-from itertools import chain, islice
-from typing import Any
 
-import numpy as np
-from msgspec.structs import asdict
-
-from simmer_tui.belief_grid import Bounds, GridBelief, grid_belief
 from simmer_tui.config.dialects import BELIEFS
 from simmer_tui.engine import Engine
 from simmer_tui.errors import UnknownSensorError
-from simmer_tui.events import LARGEST, Belief, EventHandler
-from simmer_tui.links.grid_parser import JSON_NUMBERS, parse_grid
+from simmer_tui.events import EventHandler
+from simmer_tui.links.belief_parser import parse_belief
 from simmer_tui.links.link import LinkContext
 from simmer_tui.links.peer import MOST_WAITING, Peer, ReadBudget
-from simmer_tui.sim.command import escape_word, parse_command
-from simmer_tui.sim.pose import Pose
+from simmer_tui.sim.command import parse_command
 from simmer_tui.sim.records import REFUSALS, CommandResult
 
 # A program asks right after a refusal; few other commands are refused in between.
@@ -73,8 +64,8 @@ class RefusalReasons(EventHandler[None]):
         if not isinstance(question, dict) or set(question) != {"why"} or not isinstance(question["why"], str):
             return None
         text = question["why"].strip()
-        answer: dict[str, object] = {"why": self._reasons.get(text, ""), "kind": self._kind(text)}
-        answer["ports"] = self._ports
+        reason, kind = self._reasons.get(text, ""), self._kind(text)
+        answer: dict[str, object] = {"why": reason, "kind": kind, "ports": self._ports}
         if self._engine.simulator.asks_for_scan(parse_command(text)):
             answer["scan"] = True
         return json.dumps(answer).encode() + b"\n"
@@ -101,94 +92,6 @@ TURN, LINE = 128 * 1024, 4 * 1024
 
 They allow 32 lines, or one line with some 5,000 particles, which takes 3 to 8 ms.
 """
-# Judged: more than a large terminal has cells, so that more could not be distinguished.
-MOST_PARTICLES = 5000
-"""Particles kept of one belief, evenly picked; a screen shows no more."""
-# Finer than any filter's estimate. Screen, log and replay get the same rounded numbers. A log of particles
-# with all digits would be three times as large.
-DECIMALS = 2
-"""Decimals of a belief, inches and degrees."""
-
-
-_FIELDS = ("x", "y", "heading", "spread", "particles", "grid", "note")
-
-
-def parse_belief(line: bytes, time: float, true: Pose, whole: Bounds) -> Belief:
-    """A belief from one line of JSON; `whole` are the maze's bounds. The ValueError says what is allowed."""
-    try:
-        fields = json.loads(line)
-    except (ValueError, RecursionError):
-        raise ValueError("a belief is one JSON object a line") from None
-    if not isinstance(fields, dict):
-        raise ValueError('a belief is an object, such as {"x": 6, "y": 42, "heading": 0}')
-    # An error, not ignored: a misspelt field would never be drawn, without a word.
-    unknown = sorted(set(fields) - set(_FIELDS))
-    if unknown:
-        raise ValueError(f"'{escape_word(unknown[0])}' is not a field; there are {', '.join(_FIELDS)}")
-    grid = None if fields.get("grid") is None else _grid(fields["grid"], whole, true)
-    # Missing fields follow from the grid.
-    derived = None if grid is None else asdict(grid.best_pose)
-    pose = Pose(*(_told(fields, name, derived) for name in _FIELDS[:3]))
-    spread = None if fields.get("spread") is None else abs(_number(fields["spread"], "spread"))
-    if grid is not None and spread is None:
-        spread = round(grid.spread, DECIMALS)
-    note = fields.get("note") or ""
-    if not isinstance(note, str):
-        raise ValueError("note must be text")
-    return Belief(time, pose, true, spread, _particles(fields.get("particles")), note[:200], grid)
-
-
-def _told(fields: dict[str, Any], name: str, derived: dict[str, float] | None) -> float:
-    value = fields.get(name)
-    return _number(derived[name] if derived is not None and value is None else value, name)
-
-
-def _grid(value: Any, whole: Bounds, true: Pose) -> GridBelief:
-    probabilities, bounds, first = parse_grid(value, _number, whole)
-    return grid_belief(probabilities, bounds, first, true)
-
-
-def _number(value: Any, name: str) -> float:
-    # JSON's true is an int in Python, but is no coordinate.
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        raise ValueError(f"{name} must be a number")
-    try:
-        number = float(value)
-    except OverflowError:
-        number = math.inf
-    if not math.isfinite(number):
-        raise ValueError(f"{name} must be finite")
-    if abs(number) > LARGEST:
-        raise ValueError(f"{name} must be between -{LARGEST:g} and {LARGEST:g}")
-    return round(number, DECIMALS) + 0.0  # the sum makes 0.0 of -0.0
-
-
-def _particles(value: Any) -> tuple[tuple[float, ...], ...]:
-    if value is None:
-        return ()
-    if not isinstance(value, list):
-        raise ValueError("particles must be a list of [x, y] or [x, y, heading]")
-    # Thinned out before the check: a million particles cost no more than 5,000.
-    rows = value[:: max(1, math.ceil(len(value) / MOST_PARTICLES))]
-    # Thousands come at once: no call of a Python function for each.
-    lengths = set(map(len, rows)) if {list}.issuperset(map(type, rows)) else {0}
-    if not {2, 3}.issuperset(lengths):
-        raise ValueError("each particle must be [x, y] or [x, y, heading]")
-    numbers = iter(_rounded(list(chain.from_iterable(rows))))
-    if len(lengths) == 1:  # nearly always true
-        return tuple(zip(*[numbers] * lengths.pop(), strict=True))
-    return tuple([tuple(islice(numbers, len(row))) for row in rows])
-
-
-def _rounded(values: list[Any]) -> list[float]:
-    """The rounded numbers of particles, usually without a call for each."""
-    if JSON_NUMBERS.issuperset(map(type, values)):
-        with contextlib.suppress(OverflowError):  # an integer too large for a float
-            numbers = np.array(values, dtype=np.float64)
-            if (np.abs(numbers) <= LARGEST).all():
-                rounded: list[float] = (np.round(numbers, DECIMALS) + 0.0).tolist()
-                return rounded
-    return [_number(value, "a particle's number") for value in values]
 
 
 class _BeliefPeer(Peer):

@@ -14,6 +14,7 @@ from simmer_tui.config.dialects import COMMANDS, REPLIES
 from simmer_tui.events import Notice, NoticeKind
 from simmer_tui.links.access import RefusalNotices
 from simmer_tui.links.connection_doctor import LONE_LIMIT, ClientWatch, ConnectionDoctor
+from simmer_tui.links.driver_lock import DriverLock
 from simmer_tui.links.link import LinkContext
 from simmer_tui.links.peer import MOST_WAITING, PIECE, UNREAD_LIMIT, Peer, ReadBudget, host_of
 from simmer_tui.links.processes import children
@@ -79,20 +80,16 @@ class Client(Peer):
         self._link = link
         self._reader = CommandReader(grace=link.context.settings.grace)
         self._command_budget = CommandBudget(peer, link.engine.tell)
-        at_end = link.context.reply != "accepted"
+        at_end = link.context.answers_at_end(in_packets=False)
         self._session = link.context.backend.open_session(answer_at_end=at_end, budget=self._command_budget)
         self._timer = LoopTimer(self._silence, self._loop)
-        self._ended = False
+        self.ending = False
+        """True if the client has closed its side and waits for replies."""
         self._waiting = 0
         self._watch = ClientWatch(link.doctor, self, link.encoder.form, link.encoder.size)
         self.replies: Peer | None = None
         """Connection for replies, once the first has been routed."""
         self.commands = 0
-
-    @property
-    def ending(self) -> bool:
-        """True if the client has closed its side and waits for replies."""
-        return self._ended
 
     @property
     def has_sent(self) -> bool:
@@ -106,11 +103,11 @@ class Client(Peer):
             self._session.append_late(late_end)
         self._submit(self._reader.receive(data))
         self._watch.line_began(self._reader.unended)
-        self._await_silence()
+        self._timer.set_in(None if self._closing else self._reader.idle_timeout)
 
     def eof_received(self) -> bool:
         # Closed for sending only: programs may close their side and still read the replies.
-        self._ended = True
+        self.ending = True
         self._timer.cancel()
         self._submit(self._reader.end())
         # If the program was ended, its robot must not drive on to the end of a wait.
@@ -131,12 +128,6 @@ class Client(Peer):
         self._timer.cancel()
         self._session.close()
         super().close()
-
-    def _await_silence(self) -> None:
-        self._timer.cancel()
-        idle_timeout = self._reader.idle_timeout
-        if idle_timeout is not None and not self._closing:
-            self._timer.set_in(idle_timeout)
 
     def _silence(self) -> None:
         commands = self._reader.silence()
@@ -166,7 +157,7 @@ class Client(Peer):
         self._close_if_done()
 
     def _close_if_done(self) -> None:
-        if self._ended and not self._waiting:
+        if self.ending and not self._waiting:
             self.close()
 
 
@@ -190,7 +181,8 @@ class BinaryLink:
         """Time of the last refusal of a program, by the loop's clock."""
         self._waiting_replies: list[ReplyConnection] = []
         self._loop = asyncio.get_running_loop()
-        self._refusals = RefusalNotices(context.engine)
+        self._lock = context.driver_lock or DriverLock()
+        self._refusals = RefusalNotices(context.engine.tell)
         self.reply_budget = ReadBudget(PIECE)
         self._commands = context.accept(COMMANDS, self._command_connection)
         self._replies = context.accept(REPLIES, self._reply_connection)
@@ -222,9 +214,8 @@ class BinaryLink:
     # -- coming --------------------------------------------------------------------------------
 
     def _command_connection(self, sock: socket.socket, peer: str) -> None:
-        lock = self.context.driver_lock
         # At once: by the program's clock no time passes for others while the program computes.
-        if lock is not None and (refused := lock.refusal(sock, peer)):
+        if refused := self._lock.refusal(sock, peer):
             self._refuse(sock, peer, refused)
             return
         if self.client is None:
@@ -236,8 +227,7 @@ class BinaryLink:
         self._loop.call_later(RETRY_DELAY, self._consider, sock)
 
     def _admit(self, sock: socket.socket, peer: str) -> None:
-        lock = self.context.driver_lock
-        if lock is not None and (refused := lock.acquire(self, f"client {peer}")):
+        if refused := self._lock.acquire(self, f"client {peer}"):
             self._refuse(sock, peer, refused)
             return
         _probe_silent_peer(sock)
@@ -260,11 +250,8 @@ class BinaryLink:
             self._refuse_newcomer(sock)
 
     def _refuse_newcomer(self, sock: socket.socket) -> None:
-        peer = self._newcomers.pop(sock).peer
         self._sent_away = self._loop.time()
-        self._commands.refuse(sock, peer)
-        text = f"client {peer} turned away: one program at a time drives the robot"
-        self._refusals.tell(text, "one program at a time")
+        self._refuse(sock, self._newcomers.pop(sock).peer, "one program at a time drives the robot")
 
     def _reply_connection(self, sock: socket.socket, peer: str) -> None:
         if len(self._waiting_replies) >= MOST_WAITING:
@@ -344,11 +331,8 @@ class BinaryLink:
 
     def client_lost(self, client: Client) -> None:
         """The command connection of a client has gone."""
-        if client is not self.client:
-            return
         self.client = None
-        if self.context.driver_lock is not None:
-            self.context.driver_lock.release(self)
+        self._lock.release(self)
         if client.replies is not None:
             client.replies.close()
         text = f"client {client.peer} disconnected after {counted(client.commands, 'command')}"

@@ -18,6 +18,7 @@ import math
 import socket
 
 from simmer_tui.config.dialects import DialectPort
+from simmer_tui.events import Event, MissionEvent, Notice, NoticeKind, Result
 from simmer_tui.links.link import LinkContext
 from simmer_tui.links.peer import MOST_WAITING, PIECE, Peer, ReadBudget
 from simmer_tui.program_clock import ProgramClock, ProgramWait
@@ -25,6 +26,9 @@ from simmer_tui.sim.command import escape_passage
 
 CLOCK = DialectPort("clock", "clock_port", 0, "")
 """The port of the clock: any free one. The program gets its number in its environment."""
+_NOT_REACHED = (
+    "the program's clock does not reach this program: it is not Python, or was started with -I, -E or -S"
+)
 # Bytes. Enough for `W 0.123456789012345678` and for a text with a path.
 _LONGEST_LINE = 2000
 
@@ -97,6 +101,19 @@ class ClockLink:
         self.engine = context.engine
         self._processes: set[_Process] = set()
         self._acceptor = context.accept(CLOCK, self._welcome)
+        context.engine.watch(self._watch)
+
+    def _watch(self, event: Event) -> None:
+        """Use the real clock if a program connects that does not use the program's clock. Freeze the clock
+        when a mission has failed."""
+        clock = self.clock
+        if isinstance(event, Notice) and event.kind is NoticeKind.CONNECTED and not clock.reached:
+            if not clock.is_real:
+                self.engine.tell_fault(f"{_NOT_REACHED}. The real clock is in force: use --clock real")
+                clock.unfit = _NOT_REACHED
+            clock.use_real_clock()
+        elif isinstance(event, MissionEvent) and event.over:
+            clock.frozen = event.subject is not Result.SUCCESS
 
     @property
     def has_clients(self) -> bool:

@@ -44,7 +44,7 @@ class ConnectionDoctor:
     ) -> None:
         """Without `processes` the unread bytes of a program are not known."""
         self._engine = engine
-        self._processes = processes
+        self.processes = processes
         self._loop = asyncio.get_running_loop()
         self._told: set[str] = set()
         self._ports = {purpose: listener.port for purpose, listener in listeners.items()}
@@ -60,12 +60,6 @@ class ConnectionDoctor:
     def has_reported(self, name: str) -> bool:
         """True if a mistake of this name has been reported."""
         return name in self._told
-
-    def unread(self, connection: Peer) -> int | None:
-        """Bytes of replies that a program has received and not read, if that is known."""
-        if self._processes is None:
-            return None
-        return self._processes.unread(connection.sock, connection.peer)
 
     @property
     def ports_of_lines(self) -> tuple[int, int]:
@@ -170,7 +164,9 @@ class ClientWatch:
             self._misread(f"'{result.command.shown}' makes no sense as a movement: ")
 
     def _look(self, waited: float) -> None:
-        unread = self._doctor.unread(self._route)
+        processes, route = self._doctor.processes, self._route
+        # Bytes of replies that the program has received and not read, if that is known.
+        unread = None if processes is None else processes.unread(route.sock, route.peer)
         if not unread or self._client.lost:
             return
         if unread % self._size:

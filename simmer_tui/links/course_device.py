@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from functools import partial
 
-from simmer_tui.backend import BackendSession, CommandBudget, Message
+from simmer_tui.backend import Answered, BackendSession, CommandBudget, Message
 from simmer_tui.dialect.dialect_rules import CourseProtocol
 from simmer_tui.dialect.frames import FrameKind, Framing
 from simmer_tui.events import WireMessage
@@ -52,9 +52,7 @@ class CourseDevice:
         """A program has opened the port."""
         grace = self._context.settings.grace
         self._requests, self._commands = RequestReader(grace), CommandReader(grace=grace)
-        # As over TCP: in packets a drive is answered at once, otherwise at its end.
-        is_packets = self._protocol is CourseProtocol.PACKETS
-        at_end = self._context.reply == "done" if is_packets else self._context.reply != "accepted"
+        at_end = self._context.answers_at_end(in_packets=self._protocol is CourseProtocol.PACKETS)
         budget = CommandBudget("on the serial port", self._engine.tell)
         self._session = self._context.backend.open_session(answer_at_end=at_end, budget=budget)
 
@@ -99,9 +97,7 @@ class CourseDevice:
         for command, sent in zip(commands, self._commands.sent, strict=False):
             self._submit(Message(sent, (command,), self._encoder.form), self._answer_command)
 
-    def _submit(
-        self, message: Message, answered: Callable[[Sequence[CommandResult], bytes | None], None]
-    ) -> None:
+    def _submit(self, message: Message, answered: Answered) -> None:
         session = self._session
         assert session is not None, "bytes are taken while a program has the port open"
         shown = message.data.decode("latin-1")

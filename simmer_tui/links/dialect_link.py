@@ -16,7 +16,7 @@ from simmer_tui.dialect.expressions import FieldValue
 from simmer_tui.engine import Engine
 from simmer_tui.events import NOT_CONNECTED, Event, Notice, NoticeKind, ProgramEnded, WireMessage
 from simmer_tui.links.course_device import FRAMINGS, CourseDevice
-from simmer_tui.links.driver_lock import NOT_SERVED
+from simmer_tui.links.driver_lock import NOT_SERVED, DriverLock
 from simmer_tui.links.hook_port import HookedProgram
 from simmer_tui.links.link import LinkContext
 from simmer_tui.links.peer import MOST_WAITING, PIECE, ReadBudget
@@ -135,14 +135,9 @@ class SimulatedHost:
         """Drive at a velocity, for a time or until another command."""
         values = [*(velocity or (0.0, 0.0, 0.0)), *([] if seconds is None else [seconds])]
         text = f"{self._rules.parts.velocity}-{';'.join(f'{each:.12g}' for each in values)}"
-        refused: list[str] = []
-
-        def answered(result: CommandResult) -> None:
-            if result.status in REFUSALS:
-                refused.append(result.reason or result.status.value)
-
-        self._moves.submit(parse_command(text, self.source), answered)
-        return refused[0] if refused else ""
+        ends: list[MoveOutcome] = []
+        self._moves.submit(parse_command(text, self.source), lambda result: ends.append(MoveOutcome(result)))
+        return ends[0].refused if ends else ""
 
     def halt(self, by: str = "") -> None:
         """End all motion. `by` names the cause if there is no message."""
@@ -181,6 +176,7 @@ class DialectLink:
         assert rules is not None, "the loader serves a dialect only where there is one"
         self.budget = ReadBudget(PIECE)
         self._context = context
+        self._lock = context.driver_lock or DriverLock()
         self._programs: set[HookedProgram] = set()
         self._driver: SerialEndpoint | None = None
         """The program that has the port open."""
@@ -277,8 +273,7 @@ class DialectLink:
             return f", but {NOT_SERVED}"
         if self._driver is not None:
             return f" while another one drives the robot by {escape_word(self._driver.port)}"
-        lock = self._context.driver_lock
-        refused = "" if lock is None else lock.acquire(self, f"a program by {name}")
+        refused = self._lock.acquire(self, f"a program by {name}")
         return f", but {refused}" if refused else ""
 
     def written(self, endpoint: SerialEndpoint, data: bytes) -> None:
@@ -314,8 +309,7 @@ class DialectLink:
         backend.program = None
         if backend.byte_robot is not None:
             backend.byte_robot.left()
-        if self._context.driver_lock is not None:
-            self._context.driver_lock.release(self)
+        self._lock.release(self)
         self._device.closed()
         if unread:
             # Nobody reads the last messages of a stream.

@@ -167,12 +167,8 @@ class DialectRobot(MonitoredRobot):
         if command.code == WAIT and not simulator.is_drive(command):
             wait = parse_wait(command.argument)
             return wait if isinstance(wait, str) else ""
-        if not self._open:
-            return f"{self.port} is closed"
-        if self.switch.program is not None:
-            return _TAKEN
-        if command.source in PEOPLE and self._drives(command) and self._inverse.stop(state) is None:
-            return NO_STOP
+        if hindrance := self._hindrance(command):
+            return hindrance
         if not simulator.is_drive(command):
             made = self._inverse.read(command.code, state)
         else:
@@ -182,6 +178,15 @@ class DialectRobot(MonitoredRobot):
             return made
         request.message = made
         return ""
+
+    def _hindrance(self, command: Command) -> str:
+        """The reason why no message can be sent for a command now; empty if one can."""
+        if not self._open:
+            return f"{self.port} is closed"
+        if self.switch.program is not None:
+            return _TAKEN
+        is_unsafe = command.source in PEOPLE and self._drives(command)
+        return NO_STOP if is_unsafe and self._inverse.stop(self._device.state) is None else ""
 
     def _refuse(self, request: _Request, reason: str) -> None:
         result = self.engine.peek(replace(request.command, problem=reason))
@@ -306,19 +311,16 @@ class DialectRobot(MonitoredRobot):
 
     def _press(self, request: _Request) -> None:
         """Drive by a key; the robot is stopped when no more keys come."""
-        command, state = request.command, self._device.state
+        command = request.command
         driven = self._meant(command)
         if driven is None:  # a velocity of 0: the key was released
             self._keys_silent()
             request.answer(self._result(command, Status.DONE, math.inf))
             return
-        problem = "" if self._open else f"{self.port} is closed"
-        problem = _TAKEN if self.switch.program is not None else problem
-        if self._inverse.stop(state) is None:
-            problem = NO_STOP
-        made = self._inverse.held(*driven, state) if not isinstance(driven, str) else driven
-        if problem or isinstance(made, str):
-            self._refuse(request, problem or str(made))
+        hindrance = self._hindrance(command)
+        made = driven if isinstance(driven, str) else self._inverse.held(*driven, self._device.state)
+        if hindrance or isinstance(made, str):
+            self._refuse(request, hindrance or str(made))
             return
         if self._key is not None and (self._key.data != made.data or not self._device.moves):
             same = self._key.data == made.data

@@ -6,7 +6,7 @@ from __future__ import annotations
 import socket
 
 from simmer_tui.links.peer import host_of
-from simmer_tui.links.processes import LONGEST_LOOK, LONGEST_SEARCH, Process, ProcessLookup, session_of
+from simmer_tui.links.processes import LONGEST_SEARCH, Process, ProcessLookup, session_of
 from simmer_tui.program_clock import ProgramClock
 from simmer_tui.sim.command import escape
 
@@ -17,7 +17,8 @@ NOT_SERVED = "by the program's clock only the program of --run is served"
 class DriverLock:
     """The right to drive. A link acquires it for a program, and releases it when the program has left."""
 
-    def __init__(self, clock: ProgramClock | None, processes: ProcessLookup | None) -> None:
+    def __init__(self, clock: ProgramClock | None = None, processes: ProcessLookup | None = None) -> None:
+        """Without `clock` and `processes` it is a lock of one link's own, which that can always acquire."""
         self._clock = clock
         self._processes = processes
         self._holder: object = None
@@ -41,10 +42,10 @@ class DriverLock:
     def acquire_by_process(self, holder: object, sock: socket.socket, peer: str) -> str:
         """Acquire the lock for one of the many connections of a program, which is recognised by its
         process."""
-        if refused := self.refusal(sock, peer, LONGEST_LOOK):
-            return refused
-        known = self._process if holder is self._holder else None
+        known = (self._process if holder is self._holder else None) or self._only_served
         process = None if self._processes is None else self._processes.holder(sock, peer, known)
+        if self._is_outsider(process):
+            return NOT_SERVED
         return self.acquire(holder, f"client {host_of(peer)}", process)
 
     def _is_free_for(self, holder: object, process: Process | None) -> bool:
@@ -62,17 +63,28 @@ class DriverLock:
         if holder is self._holder:
             self._holder = self._process = None
 
-    def refusal(self, sock: socket.socket, peer: str, longest: float = LONGEST_SEARCH) -> str:
+    def refusal(self, sock: socket.socket, peer: str) -> str:
         """The reason why a connection is not served: only the program of --run is, and it is not from it.
         Otherwise an empty text.
 
         Where the system does not report processes (other systems than Linux, a sandbox), or not within
-        `longest` seconds of processor time, everybody is served.
+        `LONGEST_SEARCH` seconds of processor time, everybody is served.
         """
-        started = None if self._processes is None else self._processes.of_run
-        if self._clock is None or self._processes is None or started is None:
+        served = self._only_served
+        if self._processes is None or served is None:
             return ""
-        process = self._processes.holder(sock, peer, started, longest)
-        # The program begins a session of its own, whose number is its process ID.
-        is_outsider = process is not None and session_of(process.pid) not in (None, started.pid)
-        return NOT_SERVED if is_outsider else ""
+        process = self._processes.holder(sock, peer, served, LONGEST_SEARCH)
+        return NOT_SERVED if self._is_outsider(process) else ""
+
+    @property
+    def _only_served(self) -> Process | None:
+        """The program of --run, if by the program's clock no other is served."""
+        return None if self._clock is None or self._processes is None else self._processes.of_run
+
+    def _is_outsider(self, process: Process | None) -> bool:
+        """True for a process that is not of the program of --run, if only that is served."""
+        # That program begins a session of its own, whose number is its process ID.
+        served = self._only_served
+        return (
+            served is not None and process is not None and session_of(process.pid) not in (None, served.pid)
+        )

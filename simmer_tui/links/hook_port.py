@@ -17,6 +17,7 @@ bytes, big-endian, and the payload.
 
 from __future__ import annotations
 
+import contextlib
 import json
 import socket
 import struct
@@ -71,7 +72,8 @@ class HookedProgram(Peer):
         elif kind == b"W":
             self._robot.written(self, payload)
         elif kind == b"B":
-            self._set_baud(payload)
+            with contextlib.suppress(ValueError):
+                self._robot.set_baud(self, float(payload))
         elif kind == b"N":
             self._robot.waits(self, payload.decode("utf-8", "replace"))
         elif kind == b"C" and payload.isdigit():
@@ -87,13 +89,6 @@ class HookedProgram(Peer):
             self._drop()
             return
         self._robot.opened(self, self.port, baud)
-
-    def _set_baud(self, payload: bytes) -> None:
-        try:
-            baud = float(payload)
-        except ValueError:
-            return
-        self._robot.set_baud(self, baud)
 
     def _drop(self) -> None:
         self._robot.engine.tell_fault(f"{self.peer} dropped: it is no program with a serial port of ours")

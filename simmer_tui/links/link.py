@@ -56,6 +56,11 @@ class LinkContext(Struct, frozen=True):
     terminal: PtyDevice | None = None
     driver_lock: DriverLock | None = None
 
+    def answers_at_end(self, *, in_packets: bool) -> bool:
+        """True if a drive is answered when it has ended, not at once."""
+        # simmer-python answers drives at once: "auto" means accepted in packets, done in the binary dialects.
+        return self.reply == "done" if in_packets else self.reply != "accepted"
+
     def accept(self, port: DialectPort, welcome: Callable[[socket.socket, str], None]) -> Acceptor:
         """Accept connections on a port from now on: admitted ones go to `welcome(socket, peer)`."""
         return Acceptor(self.listeners[port.purpose], welcome, self.access)

@@ -146,11 +146,9 @@ class MonitoredRobot(RealRobot):
         """Bytes have come from the robot."""
         if self.switch.program is not None:
             self.switch.program(data)
-        self._silence.cancel()
         for reply in self._reader.receive(data):
             self._note_received(reply)
-        if self._reader.waits:
-            self._silence.set_in(SILENCE)
+        self._silence.set_in(SILENCE if self._reader.waits else None)
 
     def _fell_silent(self) -> None:
         for reply in self._reader.silence():

@@ -12,6 +12,7 @@ from simmer_tui.backend import CommandBudget, Message
 from simmer_tui.config.dialects import PACKETS
 from simmer_tui.links.access import RefusalNotices
 from simmer_tui.links.connection_doctor import ConnectionDoctor
+from simmer_tui.links.driver_lock import DriverLock
 from simmer_tui.links.link import LinkContext
 from simmer_tui.links.packet_presence import PacketDriver, Presence
 from simmer_tui.links.packet_replies import EMPTY_DELAY, LONGEST_WAIT, ReplyPort
@@ -50,8 +51,7 @@ class _Sender(Peer):
         self._link = link
         self._reader = RequestReader(link.context.settings.grace)
         self._command_budget = link.budget_of(sock, peer)
-        # simmer-python answers drives at once: "auto" means accepted here, done in the binary dialects.
-        at_end = link.context.reply == "done"
+        at_end = link.context.answers_at_end(in_packets=True)
         self._session = link.context.backend.open_session(
             answer_at_end=at_end, lane="packets", budget=self._command_budget
         )
@@ -87,10 +87,7 @@ class _Sender(Peer):
             self._link.doctor.packet_came(data)
         self.last_received, self.spoken = self._loop.time(), True
         self._submit(self._reader.receive(data))
-        self._silence.cancel()
-        idle_timeout = self._reader.idle_timeout
-        if idle_timeout is not None and not self._closing:
-            self._silence.set_in(idle_timeout)
+        self._silence.set_in(None if self._closing else self._reader.idle_timeout)
 
     def eof_received(self) -> bool:
         """Take the client's end of sending. If it reads here, it stays until all is answered."""
@@ -229,7 +226,8 @@ class PacketLink:
         """Commands that have come in and are not answered yet."""
         self._users = context.processes if settings.any_user else None
         self._budgets: dict[tuple[str, int | None], CommandBudget] = {}
-        self._refusals = RefusalNotices(context.engine)
+        self._lock = context.driver_lock or DriverLock()
+        self._refusals = RefusalNotices(context.engine.tell)
         self._presence = Presence(context, self.mailbox, self._is_connected, self._client_left)
         self._requests = context.accept(PACKETS, self._welcome)
         self.replies = ReplyPort(
@@ -261,9 +259,7 @@ class PacketLink:
     def _welcome(self, sock: socket.socket, peer: str) -> None:
         if len(self.senders) >= MOST_CONNECTIONS:
             self._make_room()
-        lock = self.context.driver_lock
-        refused = "" if lock is None else lock.acquire_by_process(self, sock, peer)
-        if refused:
+        if refused := self._lock.acquire_by_process(self, sock, peer):
             self._requests.refuse(sock, peer)
             self._refusals.tell(f"client {peer} turned away: {refused}", refused)
             return
@@ -321,5 +317,5 @@ class PacketLink:
         self.context.client_left()
 
     def _release_lock(self) -> None:
-        if self.context.driver_lock is not None and not self._presence.any and not self.senders:
-            self.context.driver_lock.release(self)
+        if not self._presence.any and not self.senders:
+            self._lock.release(self)

@@ -144,7 +144,7 @@ class Peer:
         """Read what has arrived, within the budget of this turn. Returns True if there was anything."""
         try:
             data = self.sock.recv(min(self.piece, self._budget.left))
-        except (BlockingIOError, InterruptedError):
+        except BlockingIOError:
             return False
         except OSError as error:
             self._finish(error)
@@ -161,7 +161,7 @@ class Peer:
 
     def has_left(self) -> bool:
         """True if the other end has closed and all its bytes are read."""
-        return self.lost or self._finished or self._next() == b""
+        return self._finished or self._next() == b""
 
     def has_unread(self) -> bool:
         """True if bytes or an end have come that are still unread."""
@@ -188,7 +188,7 @@ class Peer:
         if not self._unsent:
             try:
                 sent = self.sock.send(data)
-            except (BlockingIOError, InterruptedError):
+            except BlockingIOError:
                 sent = 0
             except OSError as error:
                 self._finish(error)
@@ -203,7 +203,7 @@ class Peer:
     def _flush(self) -> None:
         try:
             del self._unsent[: self.sock.send(self._unsent)]
-        except (BlockingIOError, InterruptedError):
+        except BlockingIOError:
             return
         except OSError as error:
             self._finish(error)

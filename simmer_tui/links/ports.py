@@ -30,13 +30,12 @@ class PortRequest(Struct, frozen=True):
     backlog: int = BACKLOG
 
 
-class Listener:
+class Listener(Struct, frozen=True):
     """The listening sockets of one port, one for each address."""
 
-    def __init__(self, port: int, sockets: Sequence[socket.socket], backlog: int = BACKLOG) -> None:
-        self.port = port
-        self.sockets = tuple(sockets)
-        self.backlog = backlog
+    port: int
+    sockets: Sequence[socket.socket]
+    backlog: int = BACKLOG
 
     def close(self) -> None:
         """Stop listening and release the port."""
@@ -87,8 +86,7 @@ def _has_ipv6_loopback() -> bool:
         return False
     # Compiled in is not enough: containers often have no ::1. Only a bind shows it.
     try:
-        with socket.socket(socket.AF_INET6, socket.SOCK_STREAM) as probe:
-            probe.bind(("::1", 0))
+        listen_on(socket.AF_INET6, "::1", 0, 1).close()
     except OSError:
         return False
     return True
@@ -186,6 +184,7 @@ class Acceptor:
         for check in self._checking:
             check.cancel()
             check.sock.close()
+        self._checking.clear()
         for peer in tuple(self._refused_peers):
             peer.abort()
 

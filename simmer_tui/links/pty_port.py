@@ -114,17 +114,6 @@ class PtyDevice:
             known = _TERMIOS2.unpack(answer)[-1]
         return float(known) if known is not None else float(rate)
 
-    def set_baud(self, rate: int) -> None:
-        """Set the rate, as a program would."""
-        if sys.platform == "win32":
-            return
-        import termios
-
-        with contextlib.suppress(termios.error, OSError):
-            flags = termios.tcgetattr(self.descriptor)
-            flags[4] = flags[5] = getattr(termios, f"B{rate}")
-            termios.tcsetattr(self.descriptor, termios.TCSANOW, flags)
-
     def forget_unread(self) -> int:
         """Drop the bytes that a program which has left did not read. Returns their count, as far as it is
         known."""
@@ -177,7 +166,8 @@ class PtyPort:
         self._next = LoopTimer(self._pass_on, self._loop)
         self._unread = bytearray()
         """Bytes that have arrived, and that the system takes no more."""
-        self._lost = 0
+        self._has_lost = False
+        """True once bytes were lost; reported once, since more of them mean the same."""
         self.port = self.peer = str(device.path)
         self.by_clock = False
         self._look_again = LoopTimer(self._look, self._loop)
@@ -215,7 +205,7 @@ class PtyPort:
         size = min(PIECE, max(self._robot.budget.left, 1))
         try:
             data = os.read(self._device.descriptor, size)
-        except (BlockingIOError, InterruptedError):
+        except BlockingIOError:
             self._enter()
             return
         except OSError:
@@ -234,7 +224,7 @@ class PtyPort:
         if self._open:
             return
         self._open = True
-        self._lost = 0
+        self._has_lost = False
         self._loop.add_reader(self._device.descriptor, self._readable)
         self._robot.opened(self, self.port, None)
 
@@ -311,14 +301,10 @@ class PtyPort:
             if data:
                 self._loop.add_writer(self._device.descriptor, self._flush)
         room = max(DRIVER_BUFFER - len(self._unread), 0)
-        if len(data) > room:
-            # Reported once: more of them mean the same.
-            if not self._lost:
-                where = escape(self.port)
-                self._robot.engine.tell_fault(
-                    f"dialect: the program at {where} does not read: replies are lost"
-                )
-            self._lost += len(data) - room
+        if len(data) > room and not self._has_lost:
+            self._has_lost = True
+            where = escape(self.port)
+            self._robot.engine.tell_fault(f"dialect: the program at {where} does not read: replies are lost")
         self._unread += data[:room]
 
     def _flush(self) -> None:
@@ -330,7 +316,7 @@ class PtyPort:
         """Send bytes. Returns the count that the system has taken."""
         try:
             return os.write(self._device.descriptor, data)
-        except (BlockingIOError, InterruptedError):
+        except BlockingIOError:
             return 0
         except OSError:  # the program has closed the port, which a read reports
             return len(data)

@@ -101,7 +101,8 @@ class SerialBridge(RealRobot):
         cost a tenth of a round trip."""
         self._silence = LoopTimer(lambda: self._take(self._framer.silence()), self._loop)
         self._report = LoopTimer(self._report_discarded, self._loop)
-        self._last: Message | None = None
+        self._last = Message(b"", (), ReplyForm(ReplyFormat.TEXT))
+        """The message that a person's stop is written like."""
         self._paused: dict[_Exchange, asyncio.TimerHandle] = {}
         """Messages that wait a time of their own, and who wakes them."""
         self._begin_listening()
@@ -183,12 +184,10 @@ class SerialBridge(RealRobot):
 
     def stop(self) -> None:
         """Send a person's emergency stop at once, or as soon as the port opens."""
-        last = self._last
-        form = last.form if last is not None else ReplyForm(ReplyFormat.TEXT)
         if not self._open:
             text = f"the stop cannot be sent: {self.port} is closed; it goes out as soon as that opens"
             self._tell(NoticeKind.FAULT, text)
-        self._send_stop(_Exchange(self._stop_text(last), (), form, is_stop=True))
+        self._send_stop(_Exchange(self._stop_text(self._last), (), self._last.form, is_stop=True))
 
     def _send_stop(self, stop: _Exchange) -> None:
         """Send a stop ahead of waiting messages, which are dropped."""
@@ -301,9 +300,8 @@ class SerialBridge(RealRobot):
     def _allow_for_scans(self, exchange: _Exchange) -> None:
         """Extend the time limit of a message that has been sent: the many numbers of a scan take time on the
         line."""
-        scans = [each.ranges for each in exchange.simulated if each.ranges is not None]
-        if scans:
-            count = sum(1 + len(ranges) for ranges in scans)
+        count = sum(1 + len(each.ranges) for each in exchange.simulated if each.ranges is not None)
+        if count:
             exchange.due += count * _LONGEST_NUMBER * BITS_OF_A_BYTE / self.settings.baud
             self._set_deadline()
 
@@ -342,11 +340,9 @@ class SerialBridge(RealRobot):
         suffix = _SUFFIXES[self.settings.suffix]
         return data if data.endswith(suffix) else data + suffix
 
-    def _stop_text(self, like: Message | None) -> bytes:
+    def _stop_text(self, like: Message) -> bytes:
         """The stop, written as the client writes its messages."""
         text = self.settings.stop.encode()
-        if like is None:
-            return text
         if like.form.format is ReplyFormat.FRAMED and not text.startswith(b"["):
             return b"[" + text + b"]"
         return text + b"\n" if like.data.endswith(b"\n") else text
@@ -400,10 +396,7 @@ class SerialBridge(RealRobot):
             exchange.answered(outcomes, unchanged)
 
     def _listen_on(self) -> None:
-        self._silence.cancel()
-        idle_timeout = self._framer.idle_timeout
-        if idle_timeout is not None:
-            self._silence.set_in(idle_timeout)
+        self._silence.set_in(self._framer.idle_timeout)
         if self._framer.discarded and self._report.due == math.inf:
             self._report.set_in(REPORT_DELAY)
 

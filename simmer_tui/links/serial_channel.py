@@ -120,7 +120,7 @@ class DescriptorChannel(SerialChannel):
     def _read(self) -> None:
         try:
             data = os.read(self._descriptor, PIECE)  # a robot that floods must not delay anything else
-        except (BlockingIOError, InterruptedError):
+        except BlockingIOError:
             return
         except OSError as error:
             self.failed(error)
@@ -136,7 +136,7 @@ class DescriptorChannel(SerialChannel):
             while self._rest or self._outbox:
                 self._rest = self._rest or self._outbox.popleft()
                 self._rest = self._rest[os.write(self._descriptor, self._rest) :]
-        except (BlockingIOError, InterruptedError):
+        except BlockingIOError:
             self._set_stalled(True)
         except OSError as error:
             # Not in the middle of a caller's write. The port is not used until then.
@@ -193,8 +193,9 @@ class ThreadChannel(SerialChannel):
         super().close()
 
     def _close_port(self) -> None:
-        for name in ("cancel_read", "cancel_write"):  # not every kind of port has them
-            getattr(self.port, name, _do_nothing)()
+        # Not every kind of port has them; a read or write of such a port ends soon by itself.
+        for name in ("cancel_read", "cancel_write"):
+            getattr(self.port, name, lambda: None)()
         for thread in (self._reader, self._writer):
             thread.join(READ_TIMEOUT + CLOSE_TIMEOUT)  # a thread that hangs ends when its port is closed
         close_port(self.port)
@@ -248,7 +249,3 @@ class ThreadChannel(SerialChannel):
         if more:  # a robot that floods must not delay anything else
             self.loop.call_soon(self._deliver)
         self.received(data)
-
-
-def _do_nothing() -> None:
-    """Do nothing, for ports that cannot cancel a read or write: theirs end soon by themselves."""

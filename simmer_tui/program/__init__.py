@@ -4,7 +4,8 @@ No process stays behind even if the simulator is killed. On Unix a small process
 ends the remaining ones; on Windows a job object does.
 """
 
-from simmer_tui.program.control_program import Keeper, Program, RunningProgram
+from simmer_tui.program.control_program import Program, RunningProgram
+from simmer_tui.program.kept_process import Keeper
 from simmer_tui.program.program_output import ProgramOutput, not_started
 
 __all__ = ["Keeper", "Program", "ProgramOutput", "RunningProgram", "not_started"]

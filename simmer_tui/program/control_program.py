@@ -1,25 +1,21 @@
 """Runs a control program beside the simulator; environment variables name its ports.
 
-On Unix a keeper watches the program, and ends all that it started.
+All that it started ends with it: by a keeper on Unix (`kept_process.py`), by a job on Windows
+(`job_process.py`).
 """
 
 from __future__ import annotations
 
-import contextlib
 import os
-import subprocess
-import sys
 import threading
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from simmer_tui import platform_has
 from simmer_tui.errors import ProgramError
-from simmer_tui.program import keeper
-from simmer_tui.program.adoption import Adoption
-from simmer_tui.program.hook_folder import with_hook
-from simmer_tui.program.program_command import console_variables, words_of
+from simmer_tui.program.kept_process import Keeper, KeptProcess
+from simmer_tui.program.program_command import console_variables, with_hook, words_of
 from simmer_tui.program.program_output import OutputReader, OutputRoute, ProgramOutput
 
 if TYPE_CHECKING:
@@ -37,7 +33,7 @@ class RunningProgram:
         self,
         wait: Callable[[], int],
         stop: Callable[[], None],
-        output: OutputRoute | OutputReader,
+        output: OutputReader,
         on_end: Callable[[int], None],
         last_lines: float,
     ) -> None:
@@ -109,172 +105,25 @@ class Program(RunningProgram):
 
             unbuffered = console_variables(command, console_code_page())
         variables = with_hook({**unbuffered, **os.environ, **environment})
+        has_input = on_line is None
+        process: KeptProcess | JobProcess
         try:
-            kept = output or ProgramOutput()
-            route = OutputRoute(kept, on_line, at_once=bool(unbuffered))
+            route = OutputRoute(output or ProgramOutput(), on_line, at_once=bool(unbuffered))
             try:
-                process = _started(command, variables, folder, keeper, route, on_line is None, adopts)
+                if platform_has.POSIX:
+                    words = words_of(command)
+                    process = KeptProcess(
+                        words, variables, folder, keeper, route, has_input=has_input, adopts=adopts
+                    )
+                else:
+                    from simmer_tui.program.job_process import JobProcess
+
+                    process = JobProcess(command, variables, folder, route, has_input=has_input)
             except BaseException:
                 route.abandon()
                 raise
         except OSError as error:
             raise ProgramError(f"--run {command!r}: {error.strerror or error}") from None
-        route.start()
         self.pid = process.pid
         """Its process ID."""
-        super().__init__(process.wait, process.end, route, on_end, _LAST_LINES)
-
-
-def _started(
-    command: str,
-    environment: Mapping[str, str],
-    folder: Path | None,
-    keeper: Keeper | None,
-    route: OutputRoute,
-    has_input: bool,
-    adopts: bool,
-) -> KeptProcess | JobProcess:
-    """Start the command as a process that is ended with all that it starts. Raises OSError, ProgramError."""
-    if not platform_has.POSIX:
-        from simmer_tui.program.job_process import JobProcess
-
-        return JobProcess(command, environment, folder, route, has_input=has_input)
-    words = words_of(command)
-    return KeptProcess(words, environment, folder, keeper, route, has_input=has_input, adopts=adopts)
-
-
-_LAST_WAIT = 0.5
-"""Seconds to wait for a killed program's end. Another user's program cannot be killed."""
-
-
-class Keeper:
-    """A process that ends this process's programs if this one is killed.
-
-    It starts with the first program. Any thread may use it. Close it at the end, when no watched program
-    runs.
-    """
-
-    def __init__(self) -> None:
-        self._process: subprocess.Popen[bytes] | None = None
-        self._lock = threading.Lock()
-
-    def watch(self, mark: str, pid: int = -1) -> None:
-        """Watch a program with this mark; its process ID is -1 until it is known. Raises OSError."""
-        self._tell(f"{mark} {pid}\n")
-
-    def forget(self, mark: str) -> None:
-        """Stop watching: all processes of the program have ended."""
-        if self._process is not None:
-            self._tell(f"{mark}\n")
-
-    def close(self) -> None:
-        with self._lock:
-            self._end()
-
-    def _tell(self, line: str) -> None:
-        with self._lock:
-            try:
-                self._write(line)
-            except BrokenPipeError:  # it was killed
-                self._end()
-                self._write(line)
-
-    def _write(self, line: str) -> None:
-        if self._process is None:
-            self._process = subprocess.Popen(
-                [sys.executable, "-I", "-S", keeper.__file__],
-                env={**os.environ, keeper.MARK: keeper.KEEPER},
-                bufsize=0,
-                stdin=subprocess.PIPE,
-                stdout=subprocess.DEVNULL,
-                stderr=subprocess.DEVNULL,
-                cwd="/",
-                start_new_session=True,  # Ctrl-C in our terminal must not end it
-            )
-            assert self._process.stdin is not None, "it is a pipe"
-            if sys.platform != "win32":  # no keeper is running
-                os.set_blocking(self._process.stdin.fileno(), False)  # a stopped keeper reads no more
-        assert self._process.stdin is not None, "it is a pipe"
-        self._process.stdin.write(line.encode())
-
-    def _end(self) -> None:
-        if self._process is not None:
-            self._process.kill()
-            self._process.communicate()
-            self._process = None
-
-
-class KeptProcess:
-    """A child of this process that a keeper watches."""
-
-    def __init__(
-        self,
-        words: Sequence[str],
-        environment: Mapping[str, str],
-        folder: Path | None,
-        shared: Keeper | None,
-        route: OutputRoute,
-        *,
-        has_input: bool,
-        adopts: bool,
-    ) -> None:
-        """Start it in a folder, by default the working directory; call `end` when it is over. Raises OSError.
-
-        Its output takes its `route`. Its input is ours if it `has_input`. Without a `shared` keeper it has
-        one of its own. With `adopts` this process adopts the processes that it leaves behind.
-        """
-        # Not with the module secrets, whose import takes time.
-        self._mark = os.urandom(8).hex()
-        self._adoption = Adoption(self._mark) if adopts else None
-        self._lock = threading.Lock()
-        self._has_ended = False
-        self._owns_keeper = shared is None
-        self._keeper = shared or Keeper()
-        self._keeper.watch(self._mark)  # before its start: we may be killed at any moment
-        try:
-            self._process = subprocess.Popen(
-                words,
-                env={**environment, keeper.MARK: self._mark},
-                cwd=folder,
-                stdin=None if has_input else subprocess.DEVNULL,
-                stdout=route.stdout,
-                stderr=route.stderr,
-                start_new_session=True,  # Ctrl-C in our terminal is for us; we then end the program
-            )
-        except OSError:
-            self._release()
-            raise
-        self._keeper.watch(self._mark, self._process.pid)
-        if self._adoption is not None:
-            self._adoption.begin(self._process.pid)
-
-    @property
-    def pid(self) -> int:
-        """Its process ID."""
-        return self._process.pid
-
-    def wait(self) -> int:
-        """Wait for the program's end. Returns its exit code, or the negative number of the signal that ended
-        it."""
-        return self._process.wait()
-
-    def end(self) -> None:
-        """End the program and everything it started, first by SIGTERM. Any thread may call it, repeatedly."""
-        with self._lock:
-            if self._has_ended:
-                return
-            self._has_ended = True
-            if self._adoption is None:
-                keeper.end_all(self._mark, self._process.pid)
-            elif not self._adoption.nothing_left():
-                keeper.end_all(self._mark, self._process.pid, self._adoption.living)
-            self._release()
-            with contextlib.suppress(subprocess.TimeoutExpired):
-                self._process.wait(_LAST_WAIT)
-
-    def _release(self) -> None:
-        if self._adoption is not None:
-            self._adoption.end()
-        self._keeper.forget(self._mark)
-        if self._owns_keeper:
-            self._keeper.close()
+        super().__init__(process.wait, process.end, route.start(), on_end, _LAST_LINES)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 import signal
 from collections.abc import Callable, Iterable, Sequence
+from itertools import pairwise
 from pathlib import PurePosixPath, PureWindowsPath
 
 from msgspec import Struct
@@ -106,6 +107,11 @@ def _places(pattern: re.Pattern[str], lines: Sequence[str]) -> list[int]:
     return [place for place, line in enumerate(lines) if pattern.match(line)]
 
 
+def _from_the_end(lines: Sequence[str]) -> Iterable[tuple[int, str]]:
+    """The lines with their places, the last one first."""
+    return reversed(list(enumerate(lines)))
+
+
 def _first_said(lines: Iterable[str]) -> str:
     """The first line that is not blank; empty if there is none."""
     return next((line.strip() for line in lines if line.strip()), "")
@@ -127,6 +133,8 @@ _CANNOT_START = re.compile(r"can't open file|No module named \S+$|can't find '__
 _INTERPRETER = re.compile(r"^\S+[/\\](?=\S+: )")
 """The folder of the interpreter in its own messages."""
 _GROUP = re.compile(r"^[\s|+]+")
+_RAISED = re.compile(r"^[\w.]+(?:: |$)")
+"""The last line of a traceback: `KeyError: 'u9'`."""
 _FATAL = "Fatal Python error: "
 
 
@@ -146,7 +154,7 @@ def _exception(lines: Sequence[str], *, nested: bool = False) -> Crash | None:
         shown = _GROUP.sub("", line) if nested else line
         if frame := _FRAME.match(line):
             frames.append((frame[1], frame[2]))
-        elif nested and line.startswith(" ") and not _exception_line(shown):
+        elif nested and line.startswith(" ") and not _RAISED.match(shown):
             continue
         elif shown and not shown.startswith((" ", "\t")):
             return Crash(shown, _last_own(frames))
@@ -154,14 +162,8 @@ def _exception(lines: Sequence[str], *, nested: bool = False) -> Crash | None:
     return Crash("Traceback", _last_own(frames)) if frames else None
 
 
-def _exception_line(line: str) -> bool:
-    """True for the last line of a traceback: `KeyError: 'u9'`."""
-    return re.match(r"^[\w.]+(?:: |$)", line) is not None
-
-
 def _python_without_traceback(lines: Sequence[str]) -> Crash | None:
-    for place in range(len(lines) - 1, -1, -1):
-        line = lines[place]
+    for place, line in _from_the_end(lines):
         if _SYNTAX.match(line):
             return Crash(line, _last_own(_frames(_FRAME, lines[:place])[-1:]))
         if line.startswith(_FATAL):
@@ -195,14 +197,12 @@ def own_frames(stderr: Sequence[str]) -> tuple[OwnFrame, ...]:
     begins = _places(_TRACEBACK, stderr)
     lines = stderr[begins[-1] :] if begins else ()
     found = []
-    for place, line in enumerate(lines):
+    for line, after in pairwise((*lines, "")):
         call = _CALL.match(line)
-        if call is None or _FOREIGN.search(call[1]):
-            continue
-        after = lines[place + 1].strip() if place + 1 < len(lines) else ""
-        is_code = bool(after) and not _CALL.match(after) and not _MARKERS.match(after)
-        is_code = is_code and lines[place + 1].startswith("    ")
-        found.append(OwnFrame(f"{_name(call[1])}:{call[2]}", call[3], after if is_code else ""))
+        if call is not None and not _FOREIGN.search(call[1]):
+            is_code = after.startswith("    ") and not (_CALL.match(after) or _MARKERS.match(after))
+            place = f"{_name(call[1])}:{call[2]}"
+            found.append(OwnFrame(place, call[3], after.strip() if is_code else ""))
     return tuple(reversed(found))
 
 
@@ -221,9 +221,9 @@ _GO = re.compile(r"^\s+(\S+\.go):(\d+)")
 
 
 def _compiled(lines: Sequence[str]) -> Crash | None:
-    for place in range(len(lines) - 1, -1, -1):
+    for place, line in _from_the_end(lines):
         for pattern, crash in _COMPILED:
-            if found := pattern.match(lines[place]):
+            if found := pattern.match(line):
                 return crash(found, lines[place + 1 :])
     return None
 
@@ -280,11 +280,11 @@ _NODE_VERSION = re.compile(r"^Node\.js v\d")
 
 
 def _java(lines: Sequence[str]) -> Crash | None:
-    for place in range(len(lines) - 1, -1, -1):
-        if _JAVA_START.match(lines[place]):
-            return Crash(f"{NOT_STARTED}{lines[place].removeprefix('Error: ')}")
-        if found := _JAVA.match(lines[place]):
-            frames = [frame for frame in map(_JAVA_FRAME.match, lines[place + 1 :]) if frame]
+    for place, line in _from_the_end(lines):
+        if _JAVA_START.match(line):
+            return Crash(f"{NOT_STARTED}{line.removeprefix('Error: ')}")
+        if found := _JAVA.match(line):
+            frames = filter(None, map(_JAVA_FRAME.match, lines[place + 1 :]))
             own = next((frame for frame in frames if not _JAVA_LIBRARY.match(frame[1])), None)
             return Crash(found[1], "" if own is None else f"{own[2]}:{own[3]}")
     return None

@@ -9,7 +9,7 @@ takes longer to start than a small program takes to run.
 
 On Linux everything that a program starts is known by a variable in its environment. Children that clear
 theirs are known by their parent or by the program's session. Orphans of another session are known as long as
-the simulator lives, which adopts them (`adoption.py`). Elsewhere it is the program's process group, and
+the simulator lives, which adopts them (`kept_process.py`). Elsewhere it is the program's process group, and
 children.
 
 A script that imports little and nothing of this package, so that it watches within milliseconds.

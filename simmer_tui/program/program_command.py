@@ -2,20 +2,46 @@
 
 from __future__ import annotations
 
+import os
 import shlex
 import sys
-from collections.abc import Iterable, Iterator
-from pathlib import PureWindowsPath
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path, PureWindowsPath
 
 from simmer_tui import platform_has
 from simmer_tui.errors import ProgramError
 
+HOOK_FOLDER = Path(__file__).resolve().parent / "hook"
+"""The folder with our sitecustomize.py. First on the path of a Python program, it replaces the program's
+clock and serial port."""
+HOOKED = ("SIMMER_CLOCK_PORT", "SIMMER_DIALECT_PORT")
+"""Variables of programs that need it."""
+_PATH = "PYTHONPATH"
+
+
+def with_hook(environment: Mapping[str, str], folder: str = str(HOOK_FOLDER)) -> dict[str, str]:
+    """The variables of a program; if it needs the folder, with that in front of its path.
+
+    Args:
+        environment: All its variables.
+        folder: Where it sees our folder.
+    """
+    if not any(name in environment for name in HOOKED):
+        return dict(environment)
+    given = environment.get(_PATH, "")
+    before = [each for each in given.split(os.pathsep) if each != folder] if given else []
+    return {**environment, _PATH: os.pathsep.join([folder, *before])}
+
 
 def is_python(word: str) -> bool:
     """True if the first word of a command is Python, of any version, with a folder or without."""
+    return _program_name(word).rstrip("0123456789.") in ("py", "python")
+
+
+def _program_name(word: str) -> str:
+    """The name of a program, without folder and ending."""
     # Windows paths have both kinds of slashes.
-    name = PureWindowsPath(word).name.lower().removesuffix(".exe")
-    return name.rstrip("0123456789.") in ("py", "python")
+    return PureWindowsPath(word).name.lower().removesuffix(".exe")
 
 
 def out_of_reach(command: str, *, windows: bool = not platform_has.POSIX) -> str:
@@ -26,7 +52,7 @@ def out_of_reach(command: str, *, windows: bool = not platform_has.POSIX) -> str
         return ""
     if not words:
         return ""
-    if PureWindowsPath(words[0]).name.lower().removesuffix(".exe") == "matlab":
+    if _program_name(words[0]) == "matlab":
         return "MATLAB opens ports of the system" if windows else ""
     if not is_python(words[0]):
         return ""

@@ -95,19 +95,20 @@ class ProgramOutput:
             stopped: True if the simulator ended the program.
         """
         # Imported only when a program has ended: its patterns take a hundredth of the start.
-        from simmer_tui.program.crash import crash_of, signal_name
+        from simmer_tui.program.crash import Crash, crash_of, signal_name
 
         stderr, stdout = self.stderr.lines(), self.stdout.lines()
-        crash = None
-        if not stopped:
-            crash = crash_of(code, *([line.text for line in lines] for lines in (stderr, stdout)))
+        found = (
+            None if stopped else crash_of(code, *([each.text for each in one] for one in (stderr, stdout)))
+        )
+        crash = found or Crash("")
         return ProgramEnded(
             moment,
             code,
             signal=signal_name(code),
             stopped=stopped,
-            error="" if crash is None else crash.error,
-            place="" if crash is None else crash.place,
+            error=crash.error,
+            place=crash.place,
             stderr=tuple(stderr[-LAST_LINES:]),
             stdout=tuple(stdout[-LAST_LINES:]),
         )
@@ -219,7 +220,6 @@ class OutputRoute:
         self.stderr: int | None = None
         """Ends for the program; None where it shares ours."""
         self._streams: list[_Stream] = []
-        self._readers: list[OutputReader] = []
         if on_line is not None:
             self.stdout, self.stderr = (
                 self._opened(tail, None, on_line) for tail in (output.stdout, output.stderr)
@@ -246,13 +246,10 @@ class OutputRoute:
         except OSError:  # our output is closed
             return None
 
-    def start(self) -> None:
+    def start(self) -> OutputReader:
         """Begin to read: the program has its ends."""
         self._close_ends()
-        # Windows cannot wait for several pipes; elsewhere one thread keeps the order of both.
-        groups = [[each] for each in self._streams] if self._windows else [self._streams]
-        for streams in groups:
-            self._readers.append(OutputReader(streams))
+        return OutputReader(self._streams, windows=self._windows)
 
     def abandon(self) -> None:
         """Close everything: the program has not been started."""
@@ -261,19 +258,9 @@ class OutputRoute:
             os.close(stream.source)
 
     def _close_ends(self) -> None:
-        for end in {self.stdout, self.stderr} - {None}:
-            assert end is not None, "it has been taken out"
-            os.close(end)
-
-    def join(self, seconds: float) -> None:
-        """Wait until all has been read, for `seconds` at most."""
-        until = time.monotonic() + seconds
-        for reader in self._readers:
-            reader.join(max(until - time.monotonic(), 0.0))
-
-    def settle(self) -> bool:
-        """Wait until all output so far is kept; False if that takes too long."""
-        return all(reader.settle() for reader in self._readers)
+        for end in (self.stdout, self.stderr):
+            if end is not None:
+                os.close(end)
 
 
 def reading(output: ProgramOutput, stdout: int, stderr: int, on_line: Callable[[str], None]) -> OutputReader:
@@ -289,16 +276,23 @@ _SETTLING = 0.2
 
 
 class OutputReader:
-    """A thread that reads streams to their ends, from now on."""
+    """Reads streams to their ends, from now on, in threads."""
 
-    def __init__(self, streams: list[_Stream]) -> None:
+    def __init__(self, streams: list[_Stream], *, windows: bool = not platform_has.POSIX) -> None:
         self._streams = streams
-        self._thread = threading.Thread(target=_read_all, args=(streams,), name="output", daemon=True)
-        self._thread.start()
+        # Windows cannot wait for several pipes; elsewhere one thread keeps the order of both.
+        groups = [[each] for each in streams] if windows else [streams]
+        self._threads = [
+            threading.Thread(target=_read_all, args=(each,), name="output", daemon=True) for each in groups
+        ]
+        for thread in self._threads:
+            thread.start()
 
     def join(self, seconds: float) -> None:
         """Wait for the ends, for `seconds` at most."""
-        self._thread.join(seconds)
+        until = time.monotonic() + seconds
+        for thread in self._threads:
+            thread.join(max(until - time.monotonic(), 0.0))
 
     def settle(self) -> bool:
         """Wait until all output so far is kept; False if that takes too long."""

@@ -168,7 +168,7 @@ class PageServer:
         self._budget = ReadBudget(4 * PIECE, counted=False)
         # `Server.tell` passes notices to the robot's thread.
         check = AccessCheck(
-            self._server, self._owners, way_in="--web-host ADDRESS lets others look, by a link"
+            self._server.tell, self._owners, way_in="--web-host ADDRESS lets others look, by a link"
         )
         self._acceptor = Acceptor(self._listener, self._welcome, check)
         self._tick()

@@ -291,7 +291,7 @@ def test_the_last_order_starts_the_program(
 def test_a_program_with_a_clock_of_its_own_has_the_hook_in_the_sandbox(
     sandbox: LaunchedSandbox, launched: Launched
 ) -> None:
-    from simmer_tui.program.hook_folder import HOOKED
+    from simmer_tui.program.program_command import HOOKED
 
     launched.answers = [{}] * isinstance(sandbox, Bubblewrap)
     variables = {next(iter(HOOKED)): "1"}

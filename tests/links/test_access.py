@@ -175,7 +175,7 @@ class Door:
         self.listening = socket.create_server(("127.0.0.1", 0))
         self.owners.hold_ends(self.listening)
         engine = Engine(Simulator(load(bundled_folder()).simulation, 1))
-        self.access = AccessCheck(engine, self.owners, token=token)
+        self.access = AccessCheck(engine.tell, self.owners, token=token)
 
     def close(self) -> None:
         self.listening.close()

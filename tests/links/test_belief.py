@@ -18,7 +18,8 @@ from simmer_tui.client import Robot
 from simmer_tui.config.loader import Override, load
 from simmer_tui.config.sets import bundled_folder
 from simmer_tui.events import Belief, Event, Notice, NoticeKind
-from simmer_tui.links.belief_link import LONGEST_LINE, MOST_PARTICLES, parse_belief
+from simmer_tui.links.belief_link import LONGEST_LINE
+from simmer_tui.links.belief_parser import MOST_PARTICLES, parse_belief
 from simmer_tui.server import Server
 from simmer_tui.sim import Pose
 
@@ -176,7 +177,7 @@ def test_a_belief_port_in_use_is_only_a_warning() -> None:
         server = Server(load(bundled_folder(), overrides))
         server.start()
         try:
-            assert server.port("beliefs") is None
+            assert "beliefs" not in server.ports
             assert "SIMMER_BELIEF_PORT" not in server.environment
             assert [warning.startswith("no beliefs will be shown: ") for warning in server.warnings] == [True]
         finally:

@@ -7,7 +7,6 @@ import math
 import struct
 import sys
 import threading
-import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -146,10 +145,10 @@ def program(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[Scene], Any]]
     opened: list[Any] = []
 
     def open_port(scene: Scene) -> Any:
-        port = scene.server.port(SERIAL.purpose)
+        port = scene.server.ports[SERIAL.purpose]
         monkeypatch.setenv(SERIAL.variable, str(port))
         monkeypatch.setenv("SIMMER_HOST", "127.0.0.1")
-        made = make_class(serial.serialutil, time.monotonic)("COM6", 9600, timeout=20)
+        made = make_class(serial.serialutil)("COM6", 9600, timeout=20)
         opened.append(made)
         return made
 
@@ -190,7 +189,7 @@ def test_programs_over_tcp_are_answered_by_rules_turned_round(stage: Callable[..
     scene = stage()
 
     async def ask(*commands: str) -> list[float]:
-        reader, writer = await asyncio.open_connection("127.0.0.1", scene.server.port(COMMANDS.purpose))
+        reader, writer = await asyncio.open_connection("127.0.0.1", scene.server.ports[COMMANDS.purpose])
         replies = []
         for command in commands:
             writer.write(f"{command}\n".encode())

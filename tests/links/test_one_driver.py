@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
+import os
 import queue
 import socket
 import subprocess
@@ -17,6 +19,11 @@ from msgspec.structs import replace
 from simmer_tui.config.loader import find_set, init_set, load
 from simmer_tui.config.settings import with_any_ports
 from simmer_tui.events import Event, Notice
+from simmer_tui.links import driver_lock
+from simmer_tui.links.driver_lock import DriverLock
+from simmer_tui.links.processes import LONGEST_LOOK, Process, ProcessLookup
+from simmer_tui.program.program_command import with_hook
+from simmer_tui.program_clock import ProgramClock
 from simmer_tui.server import Server
 
 TIMEOUT = 120.0
@@ -178,3 +185,43 @@ def test_a_read_that_waits_for_long_is_told_with_its_place_and_what_was_written(
         told = run.until("waits at")
         assert "the program waits at robot.py:7 for bytes that have not come for 10 s" in told
         assert told.endswith("; the last message was 'gett'")
+
+
+def test_a_program_in_a_folder_called_serial_waits_at_its_own_line(tmp_path: Path) -> None:
+    pytest.importorskip("serial")
+    program = tmp_path / "serial" / "robot.py"
+    program.parent.mkdir()
+    program.write_text(
+        "import sys\ndel sys.path[0]\nimport serial, simmer_serial\n"
+        "simmer_serial._LONG = 0.01\nserial.Serial('COM6').read_until()\n",
+        "utf-8",
+    )
+    with running(tmp_path) as run:
+        variables = with_hook({**os.environ, **run.server.environment})
+        process = subprocess.Popen([sys.executable, program], env=variables)
+        try:
+            assert "the program waits at robot.py:5 for bytes" in run.until("waits at")
+        finally:
+            process.kill()
+            process.wait()
+
+
+def test_the_process_of_a_packet_connection_is_looked_up_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each look-up reads /proc, before the first byte of the packet is."""
+    looked_up: list[str] = []
+
+    class Processes(ProcessLookup):
+        def holder(
+            self, sock: socket.socket, peer: str, known: Process | None, longest: float = LONGEST_LOOK
+        ) -> Process | None:
+            looked_up.append(peer)
+            return self.of_run
+
+    processes, clock, link = Processes(), ProgramClock(), object()
+    processes.of_run = Process(pid=7, started=1)
+    monkeypatch.setattr(driver_lock, "session_of", lambda pid: pid)
+    with contextlib.closing(processes), socket.socket() as sock:
+        lock = DriverLock(clock, processes)
+        assert lock.acquire_by_process(link, sock, "127.0.0.1:5") == ""
+        assert lock.acquire_by_process(link, sock, "127.0.0.1:6") == ""
+    assert looked_up == ["127.0.0.1:5", "127.0.0.1:6"]

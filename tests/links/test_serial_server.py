@@ -58,7 +58,7 @@ async def staged(robot: Any, **settings: object) -> AsyncIterator[Scene]:
     server = Server(load(bundled_folder(), overrides), robot_link=lambda serial: robot.link())
     events: list[Event] = []
     server.start(events.append)
-    reader, writer = await asyncio.open_connection("127.0.0.1", server.port(COMMANDS.purpose))
+    reader, writer = await asyncio.open_connection("127.0.0.1", server.ports[COMMANDS.purpose])
     try:
         yield Scene(server, robot, reader, writer, events)
     finally:

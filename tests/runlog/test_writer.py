@@ -21,7 +21,7 @@ from hypothesis import strategies as st
 
 from simmer_tui.errors import RunLogError
 from simmer_tui.events import NoticeKind
-from simmer_tui.links.belief_link import parse_belief
+from simmer_tui.links.belief_parser import parse_belief
 from simmer_tui.runlog.encode import LogEncoder
 from simmer_tui.runlog.log_records import (
     AnswerRecord,

@@ -41,14 +41,8 @@ _GATHERED = 65536
 """Bytes on a connection that a read waits for at most."""
 _REAL_TIME, _REAL_PAUSE = time.monotonic, time.sleep
 """The system's functions, before they are replaced."""
-_PORTS = (
-    "SIMMER_PORT",
-    "SIMMER_REPLY_PORT",
-    "SIMMER_PACKET_PORT",
-    "SIMMER_PACKET_REPLY_PORT",
-    "SIMMER_BELIEF_PORT",
-    "SIMMER_DIALECT_PORT",
-)
+_PORT = "SIMMER_CLOCK_PORT"
+"""The variable with the port of the clock."""
 _HINT = "The program's clock cannot follow that: use --clock real"
 _REFUSED: dict[str, tuple[str, ...]] = {
     "asyncio.base_events": ("BaseEventLoop.run_forever", "BaseEventLoop.run_until_complete"),
@@ -70,7 +64,7 @@ class ProgramTime:
         self._real_recv = socket.socket.recv
         self._real_send = socket.socket.sendall
         host = os.environ.get("SIMMER_HOST", "127.0.0.1")
-        self._sock = socket.create_connection((host, int(os.environ["SIMMER_CLOCK_PORT"])), 10.0)
+        self._sock = socket.create_connection((host, int(os.environ[_PORT])), 10.0)
         self._sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self._sock.settimeout(None)
         self._buffer = b""
@@ -84,8 +78,7 @@ class ProgramTime:
         self._told = 0
         """The bytes to the robot that the simulator has answered, as far as it does at once."""
         self._written = 0
-        token = os.environ.get("SIMMER_TOKEN", "")
-        self._say((token + "\n" if token else "") + "H\n")
+        self._say(_token_line() + "H\n")
         self.sleep(0.0)
 
     def check_thread(self, what: str) -> None:
@@ -153,10 +146,9 @@ class ProgramTime:
             self._say(line)
             return
         # The main thread may be in the middle of a line.
-        token = os.environ.get("SIMMER_TOKEN", "")
         with contextlib.suppress(OSError):
             other = socket.create_connection(self._sock.getpeername()[:2], 10.0)
-            self._real_send(other, ((token + "\n" if token else "") + line).encode())
+            self._real_send(other, (_token_line() + line).encode())
             other.close()
 
     def _ask(self, kind: str, until: str) -> None:
@@ -174,8 +166,6 @@ class ProgramTime:
         while b"\n" not in self._buffer:
             try:
                 piece = self._real_recv(self._sock, 4096)
-            except InterruptedError:
-                continue
             except OSError:
                 piece = b""
             if not piece:
@@ -206,6 +196,12 @@ class ProgramTime:
         return self._written <= self.received + here
 
 
+def _token_line() -> str:
+    """The first line of each connection to the simulator, if it has a token."""
+    token = os.environ.get("SIMMER_TOKEN", "")
+    return token + "\n" if token else ""
+
+
 def _gone() -> NoReturn:
     """End this program: the simulator has ended."""
     sys.stderr.write("the simulator has ended\n")
@@ -213,15 +209,14 @@ def _gone() -> NoReturn:
 
 
 def _end(code: int) -> NoReturn:
-    with contextlib.suppress(OSError, ValueError):
-        sys.stdout.flush()
-    with contextlib.suppress(OSError, ValueError):
-        sys.stderr.flush()
+    for stream in (sys.stdout, sys.stderr):
+        with contextlib.suppress(OSError, ValueError):
+            stream.flush()
     os._exit(code)
 
 
 def place() -> str:
-    """File and line of the innermost call that is in neither our code nor a library."""
+    """File and line of the innermost call that is in neither our code nor a library, pyserial among them."""
     frame: Any = sys._getframe(1)
     libraries = (os.path.dirname(os.__file__), os.path.dirname(os.path.abspath(__file__)))  # noqa: PTH100, PTH120
     first: str | None = None
@@ -229,7 +224,8 @@ def place() -> str:
         file = frame.f_code.co_filename
         where = f"{os.path.basename(file)}:{frame.f_lineno}"  # noqa: PTH119
         is_installed = any(os.sep + each + os.sep in file for each in ("site-packages", "dist-packages"))
-        if not (is_installed or file.startswith((*libraries, "<"))):
+        is_pyserial = str(frame.f_globals.get("__name__")).startswith("serial.")
+        if not (is_installed or is_pyserial or file.startswith((*libraries, "<"))):
             return where
         first = first or where
         frame = frame.f_back
@@ -280,21 +276,13 @@ def _replace_clocks(clock: ProgramTime) -> None:
         clock.check_thread("sleeps")
         clock.sleep(float(seconds))
 
-    def seconds() -> float:
-        return clock.look() / 1e9
-
-    def date() -> int:
-        return EPOCH + clock.look()
-
-    def date_seconds() -> float:
-        return date() / 1e9
-
     # Partial objects: pyserial keeps time.monotonic as an attribute of a class, where a function would become
     # a method.
     time.sleep = functools.partial(sleep)
-    time.monotonic = time.perf_counter = functools.partial(seconds)
+    time.monotonic = time.perf_counter = functools.partial(lambda: clock.look() / 1e9)
     time.monotonic_ns = time.perf_counter_ns = functools.partial(clock.look)
-    time.time, time.time_ns = functools.partial(date_seconds), functools.partial(date)
+    time.time = functools.partial(lambda: (EPOCH + clock.look()) / 1e9)
+    time.time_ns = functools.partial(lambda: EPOCH + clock.look())
     real_input = builtins.input
 
     def ask(prompt: object = "", /) -> str:
@@ -319,7 +307,9 @@ def _is_ours(sock: Any, ports: tuple[int, ...]) -> bool:
 
 
 def _replace_sockets(clock: ProgramTime) -> None:
-    ports = tuple(int(os.environ[name]) for name in _PORTS if os.environ.get(name, "").isdigit())
+    # Those of all dialects (`DialectPort.variable`), as far as they are served.
+    names = {name for name in os.environ if name.startswith("SIMMER_") and name.endswith("PORT")}
+    ports = tuple(int(os.environ[name]) for name in names - {_PORT} if os.environ[name].isdigit())
     kind: Any = socket.socket
     real_select = select.select
 
@@ -331,23 +321,28 @@ def _replace_sockets(clock: ProgramTime) -> None:
             clock.give_up_missing()
         return found
 
-    def is_ready(sock: Any) -> bool:
-        return bool(look([sock], [], [])[0])
+    def await_any(
+        readers: Any, writers: Any, others: Any, timeout: float | None
+    ) -> tuple[list[Any], list[Any], list[Any]]:
+        """Descriptors that are ready within a time by the program's clock."""
+        until = clock.end_of(timeout)
+        while True:
+            found = look(readers, writers, others)
+            if any(found):
+                return found
+            clock.check_thread("talks to the robot")
+            if timeout == 0:
+                clock.sleep(EMPTY_POLL)
+                return real_select(readers, writers, others, 0)
+            if clock.is_over(until):
+                return found
+            clock.wait(until)
 
     def await_data(sock: Any) -> None:
         """Wait as a blocking socket does."""
         timeout = sock.gettimeout()
-        if is_ready(sock):
-            return
-        clock.check_thread("talks to the robot")
-        if timeout == 0:
-            clock.sleep(EMPTY_POLL)
-            return
-        until = clock.end_of(timeout)
-        while not is_ready(sock):
-            if clock.is_over(until):
-                raise socket.timeout("timed out")
-            clock.wait(until)
+        if not any(await_any([sock], [], [], timeout)) and timeout != 0:
+            raise socket.timeout("timed out")
 
     real_recv = kind.recv
 
@@ -371,7 +366,7 @@ def _replace_sockets(clock: ProgramTime) -> None:
             if not _is_ours(sock, ports):
                 return real(sock, *arguments, **named)
             await_data(sock)
-            if clock.timeout and is_ready(sock):
+            if clock.timeout and any(look([sock], [], [])):
                 gather(sock)
             result = real(sock, *arguments, **named)
             piece = result[0] if isinstance(result, tuple) else result
@@ -407,20 +402,9 @@ def _replace_sockets(clock: ProgramTime) -> None:
     ) -> tuple[list[Any], list[Any], list[Any]]:
         """Do as select.select, by the program's clock if one of the sockets is connected to the simulator."""
         readers = list(readers)
-        if not any(_is_ours(each, ports) for each in readers):
-            return real_select(readers, writers, others, timeout)
-        until = clock.end_of(timeout)
-        while True:
-            found = look(readers, writers, others)
-            if any(found):
-                return found
-            clock.check_thread("talks to the robot")
-            if timeout == 0:
-                clock.sleep(EMPTY_POLL)
-                return real_select(readers, writers, others, 0)
-            if clock.is_over(until):
-                return found
-            clock.wait(until)
+        if any(_is_ours(each, ports) for each in readers):
+            return await_any(readers, writers, others, timeout)
+        return real_select(readers, writers, others, timeout)
 
     select.select = chosen
     import selectors

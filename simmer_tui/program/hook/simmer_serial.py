@@ -16,7 +16,7 @@ import struct
 import sys
 import threading
 import time
-from typing import Any, Callable
+from typing import Any
 
 PORT = "SIMMER_DIALECT_PORT"
 NAMES = "SIMMER_SERIAL_NAMES"
@@ -32,12 +32,27 @@ _ON_ITS_WAY = 0.05
 _LONG = 10.0
 
 
+# By now the program's clock is installed, if it is in force (sitecustomize.py).
+_now = time.monotonic
 _LAST: list[bytes] = []
 
 
 def last_written() -> bytes:
     """The last bytes that this process has written to the robot."""
     return _LAST[0] if _LAST else b""
+
+
+def _host() -> str:
+    return os.environ.get("SIMMER_HOST", "127.0.0.1")
+
+
+def _connected(timeout: float) -> socket.socket:
+    """A connection to the simulator, on which the token has been sent. Raises OSError, ValueError."""
+    sock = socket.create_connection((_host(), int(os.environ[PORT])), timeout)
+    token = os.environ.get("SIMMER_TOKEN", "")
+    if token:
+        sock.sendall(token.encode() + b"\n")
+    return sock
 
 
 class _Piece:
@@ -71,13 +86,11 @@ class SerialLine:
     A program may read in one thread and write in another.
     """
 
-    def __init__(self, name: str, baud: int, clock: Callable[[], float]) -> None:
-        self._clock = clock
-        host = os.environ.get("SIMMER_HOST", "127.0.0.1")
+    def __init__(self, name: str, baud: int) -> None:
         try:
-            self._sock = socket.create_connection((host, int(os.environ[PORT])), _CONNECTING)
+            self._sock = _connected(_CONNECTING)
         except ConnectionRefusedError:
-            where = f"{host}, port {os.environ[PORT]}"
+            where = f"{_host()}, port {os.environ[PORT]}"
             raise OSError(f"no simmer-tui with a dialect.toml runs at {where}: start it first") from None
         self._sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self._sending = threading.Lock()
@@ -90,18 +103,16 @@ class SerialLine:
         self._byte = 10.0 / baud if baud else 0.0
         self._free = 0.0
         self._offset = 0.0
-        token = os.environ.get("SIMMER_TOKEN", "")
-        if token:
-            self._sock.sendall(token.encode() + b"\n")
         self._send(
             b"O", json.dumps({"name": name, "baud": baud, "clock": _program_clock() is not None}).encode()
         )
-        while self._answer is None and not self._broken:
+        received = -1
+        while self._answer is None and not self._broken and len(self._buffer) > received:
+            received = len(self._buffer)
             self._receive(_CONNECTING)
-        if self._answer is None:
-            raise OSError(self._broken or "the simulator does not answer")
-        if self._answer:
-            raise OSError(self._answer)
+        if self._answer != "":
+            self._sock.close()
+            raise OSError(self._answer or self._broken or "the simulator does not answer")
 
     def fileno(self) -> int:
         """The descriptor of the connection."""
@@ -123,7 +134,7 @@ class SerialLine:
         """Send bytes to the robot. Raises OSError."""
         _LAST[:] = [bytes(data[-60:])]
         self._send(b"W", bytes(data))
-        self._free = max(self._free, self._clock()) + len(data) * self._byte
+        self._free = max(self._free, _now()) + len(data) * self._byte
 
     def set_baud(self, baud: int) -> None:
         """Send and receive at another rate from now on."""
@@ -132,7 +143,7 @@ class SerialLine:
 
     def unsent(self) -> tuple[float, int]:
         """Seconds until all written bytes have been sent, and the count of waiting bytes."""
-        left = max(0.0, self._free - self._clock())
+        left = max(0.0, self._free - _now())
         return left, int(left / self._byte + 0.999999) if self._byte else 0
 
     def _send(self, kind: bytes, payload: bytes) -> None:
@@ -145,13 +156,13 @@ class SerialLine:
     def waiting(self) -> int:
         """The count of bytes that have arrived."""
         self._receive(0.0)
-        now = self._clock()
+        now = _now()
         with self._receiving:
             return sum(part.readable(now) for part in self._coming)
 
     def take(self, size: int) -> bytes:
         """At most `size` of the bytes that have arrived."""
-        now, taken = self._clock(), bytearray()
+        now, taken = _now(), bytearray()
         with self._receiving:
             while self._coming and len(taken) < size:
                 part = self._coming[0]
@@ -167,25 +178,26 @@ class SerialLine:
     def wait(self, seconds: float | None, wake: threading.Event | None = None) -> bool:
         """Wait at most `seconds` until a byte has arrived. True if one has. Raises OSError at the end of the
         connection."""
-        until = None if seconds is None else self._clock() + seconds
-        begun = now = self._clock()
+        until = None if seconds is None else _now() + seconds
+        begun = now = _now()
         # Checked first, since readline() reads byte by byte: a read of the connection costs more than a byte.
         first = self._first()
         while first is None or first > now:
             if first is not None and _program_clock() is not None:
                 return _pass_time_until(first, until, now)
             self._receive(0.0)
-            now, first = self._clock(), self._first()
+            now, first = _now(), self._first()
             if first is not None and first <= now:
                 break
             if self._broken and first is None:
                 raise OSError(self._broken)
-            if _is_over(until, now, wake):
+            # It has waited until its end, or was cancelled.
+            if (wake is not None and wake.is_set()) or (until is not None and until <= now):
                 return False
             if until is None and now - begun > _LONG:
                 self._tell_waiting()
             if self._pauses(first, until, now):
-                now, first = self._clock(), self._first()
+                now, first = _now(), self._first()
         return True
 
     def _pauses(self, first: float | None, until: float | None, now: float) -> bool:
@@ -219,7 +231,7 @@ class SerialLine:
             try:
                 self._sock.settimeout(None if seconds is None else max(seconds, 0.0))
                 data = self._sock.recv(65536)
-            except (socket.timeout, BlockingIOError, InterruptedError):  # TimeoutError since Python 3.10
+            except (socket.timeout, BlockingIOError):  # TimeoutError since Python 3.10
                 return
             except OSError as error:
                 self._broken = str(error)
@@ -239,7 +251,7 @@ class SerialLine:
             del self._buffer[: _HEAD.size + size]
             if kind == b"A":
                 (there,) = struct.unpack_from(">d", payload)
-                behind = self._clock() - there
+                behind = _now() - there
                 # On one machine both clocks are the same: the difference is the delay of this frame.
                 self._offset = 0.0 if 0 <= behind < _ON_ITS_WAY else behind
                 self._answer = payload[8:].decode("utf-8", "replace")
@@ -253,26 +265,16 @@ class SerialLine:
         if self._told:
             return
         self._told = True
-        here = __file__.rpartition(os.sep)[0]
-        frame: Any = sys._getframe(1)
-        while frame is not None:
-            file = frame.f_code.co_filename
-            if not file.startswith(here) and os.sep + "serial" + os.sep not in file:
-                place = f"{file.rpartition(os.sep)[2]}:{frame.f_lineno}"
-                self._send(b"N", place.encode("utf-8", "replace"))
-                return
-            frame = frame.f_back
+        # Only a program has this folder on its path.
+        from simmer_clock import place  # type: ignore[import-not-found]
+
+        self._send(b"N", place().encode("utf-8", "replace"))
 
 
 def _program_clock() -> Any:
     """The program's clock, if this process uses it."""
     module = sys.modules.get("simmer_clock")
     return module.CLOCK[0] if module is not None and module.CLOCK else None
-
-
-def _is_over(until: float | None, now: float, wake: threading.Event | None) -> bool:
-    """True if a read has waited until its end, or was cancelled."""
-    return (wake is not None and wake.is_set()) or (until is not None and until <= now)
 
 
 def _pass_time_until(first: float, until: float | None, now: float) -> bool:
@@ -285,7 +287,7 @@ def _pass_time_until(first: float, until: float | None, now: float) -> bool:
     return comes
 
 
-def make_class(serialutil: Any, clock: Callable[[], float]) -> Any:
+def make_class(serialutil: Any) -> Any:
     """The class that replaces `serial.Serial`: pyserial's own base, with the bytes of a `SerialLine`."""
 
     class Serial(serialutil.SerialBase):  # type: ignore[misc]
@@ -298,7 +300,7 @@ def make_class(serialutil: Any, clock: Callable[[], float]) -> Any:
             if self.is_open:
                 raise serialutil.SerialException("Port is already open.")
             try:
-                self._line = SerialLine(self._port, self._baudrate, clock)
+                self._line = SerialLine(self._port, self._baudrate)
             except (OSError, ValueError, KeyError) as error:
                 text = str(error)
                 if not text.startswith("could not open"):
@@ -408,7 +410,7 @@ def names() -> list[str]:
 
 
 def _patch_serial(module: Any) -> None:
-    module.Serial = make_class(module.serialutil, time.monotonic)
+    module.Serial = make_class(module.serialutil)
 
 
 def _patch_ports(module: Any) -> None:
@@ -446,9 +448,8 @@ def install() -> None:
 def _say_hello() -> None:
     """Report that this process will find the port. For programs without a report the simulator gives
     advice."""
-    host, token = os.environ.get("SIMMER_HOST", "127.0.0.1"), os.environ.get("SIMMER_TOKEN", "")
     try:
-        with socket.create_connection((host, int(os.environ[PORT])), _HELLO) as sock:
-            sock.sendall((token.encode() + b"\n" if token else b"") + _HEAD.pack(b"H", 0))
+        with _connected(_HELLO) as sock:
+            sock.sendall(_HEAD.pack(b"H", 0))
     except (OSError, ValueError):
         pass  # the error comes when the port is opened

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import selectors
 import socket
 import struct
 import threading
@@ -28,53 +27,9 @@ from simmer_tui.links.packet_link import PacketLink
 from simmer_tui.links.ports import PortRequest, take_port
 from simmer_tui.server import Server
 from simmer_tui.sim import CommandResult, Simulator, Status
+from tests.stepped_clock import SECONDS, StandingClock
 
-SECONDS = 120.0
-"""Longest wait for anything, real seconds; nothing waits that long unless it is broken."""
 HOST = "127.0.0.1"
-
-
-class _Jump(selectors.SelectSelector):
-    """Waits for sockets in real time, and for timers not at all: the clock jumps to the next one, up
-    to where the test lets it go."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.now = self.target = 0.0
-
-    def select(self, timeout: float | None = None) -> list[tuple[selectors.SelectorKey, int]]:
-        events = super().select(0)
-        if events or timeout == 0:
-            return events
-        if self.now < self.target:
-            self.now = min(self.target, self.now + (timeout if timeout is not None else SECONDS))
-            return []
-        events = super().select(SECONDS)
-        assert events, "nothing happens any more"
-        return events
-
-
-class Clock(asyncio.SelectorEventLoop):
-    """An event loop whose time passes only in `pass_by`."""
-
-    def __init__(self) -> None:
-        self.selector = _Jump()
-        super().__init__(self.selector)
-
-    def time(self) -> float:
-        return self.selector.now
-
-    async def pass_by(self, seconds: float) -> None:
-        """Let time pass."""
-        self.selector.target = self.selector.now + seconds
-        await asyncio.sleep(seconds)
-
-    async def until(self, condition: Callable[[], object]) -> None:
-        """Wait for a condition while time stands still."""
-        deadline = time.monotonic() + SECONDS
-        while not condition():
-            assert time.monotonic() < deadline, "it never came true"
-            await asyncio.sleep(0)
 
 
 @dataclass
@@ -96,7 +51,9 @@ class Traffic:
 class Bench:
     """A packet link on a clock, with all that was told."""
 
-    def __init__(self, clock: Clock, engine: dict[str, Any], link: dict[str, Any], **settings: Any) -> None:
+    def __init__(
+        self, clock: StandingClock, engine: dict[str, Any], link: dict[str, Any], **settings: Any
+    ) -> None:
         configuration = load(
             bundled_sets()["simmer-python"],
             {name.replace("__", "."): Override("--it", value) for name, value in settings.items()},
@@ -223,7 +180,7 @@ class OnClock:
         link: dict[str, Any] | None = None,
         **settings: Any,
     ) -> Any:
-        clock = Clock()
+        clock = StandingClock()
         self._stack.callback(clock.close)
         bench = Bench(clock, engine or {}, link or {}, **settings)
 
