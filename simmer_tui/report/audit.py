@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import replace
 
 import numpy as np
 from msgspec import structs
@@ -67,7 +66,7 @@ def audit(history: RunHistory, until: int | None = None) -> tuple[Finding, ...]:
     for number, spec in sensors_read(history):
         rows = readings[readings["sensor"] == number]
         sample = sample_of(history, rows, spec, history.spec.sensors)
-        tests += [] if sample is None else sensor_tests(sample, Basis.SET)
+        tests += [] if sample is None else sensor_tests(DeviceUnderTest(spec.code, "reading"), sample)
         if nominal is not None:
             tests += _nominal_sensor_tests(history, rows, spec, nominal)
     for number, code in enumerate(history.code_names):
@@ -75,7 +74,8 @@ def audit(history: RunHistory, until: int | None = None) -> tuple[Finding, ...]:
         if row is None:
             continue
         mine = moves[moves["code"] == number]
-        tests += drive_tests(mine, set_rule(history, mine, row), history.spec.drives, Basis.SET)
+        device, rule = DeviceUnderTest(code, "movement"), set_rule(history, mine, row)
+        tests += drive_tests(device, mine, rule, history.spec.drives)
         if nominal is not None:
             tests += _nominal_drive_tests(history, mine, row, nominal)
     return kept(tests)
@@ -91,7 +91,7 @@ def _nominal_sensor_tests(
     row = next((each for each in nominal.spec.sensors if each.code == own.code), None)
     if row is None or not len(rows) or structs.replace(row, number=own.number) == own:
         return []
-    device = DeviceUnderTest(own.code, Basis.NOMINAL, "reading", f", against {_by(nominal)}")
+    device = _device(own.code, "reading", nominal)
     if (other := _swapped_with(own, row, nominal.spec)) is not None:
         what = change_text(own, FindingKind.SWAPPED, 1.0, other)
         return [device.claim(0.0, FindingKind.SWAPPED, 1.0, what, len(rows), other=other)]
@@ -105,7 +105,7 @@ def _nominal_sensor_tests(
     if row.kind is own.kind and structs.replace(row, **placed, number=own.number) != own:
         sample = sample_of(history, rows, structs.replace(row, **placed))
         if sample is not None:
-            tests += [_named(each, nominal) for each in sensor_tests(sample, Basis.NOMINAL)]
+            tests += sensor_tests(device, sample)
     return tests
 
 
@@ -117,14 +117,14 @@ def _nominal_drive_tests(
     row = next((each for each in nominal.spec.drives if each.code == own.code), None)
     if row is None or not len(moves) or _moves_alike(own, row, history.spec, nominal.spec):
         return []
-    device = DeviceUnderTest(own.code, Basis.NOMINAL, "movement", f", against {_by(nominal)}")
+    device = _device(own.code, "movement", nominal)
     count = len(moves)
     if own.kind is not row.kind:
         return [_other_drive(device, own, nominal, count)]
     if own.gain * row.gain < 0.0:
         return [device.claim(0.0, FindingKind.SIGN, -1.0, f"{row.kind.verb} the wrong way", count)]
     rule = _nominal_rule(history, moves, own, row, nominal.spec)
-    tests = [_named(each, nominal) for each in drive_tests(moves, rule, nominal.spec.drives, Basis.NOMINAL)]
+    tests = drive_tests(device, moves, rule, nominal.spec.drives)
     times = own.gain / row.gain if row.gain else 1.0
     if abs(times - 1.0) < LEAST_SHARE:
         return tests
@@ -212,7 +212,7 @@ def _mounted(
     """A sensor that is elsewhere, or looks elsewhere."""
     if row.kind is not own.kind or _is_another_robot(history.spec, nominal.spec):
         return
-    device, count = DeviceUnderTest(own.code, Basis.NOMINAL, "reading"), len(rows)
+    device, count = DeviceUnderTest(own.code, "reading", Basis.NOMINAL), len(rows)
     turned = wrapped(own.rotation - row.rotation)
     if own.kind.has("rotation") and abs(turned) >= LEAST_DEGREES:
         side = "left" if turned > 0 else "right"
@@ -236,15 +236,13 @@ def _slower(rows: Columns, own: SensorSpec, row: SensorSpec, nominal: Nominal) -
     if own.read_time != row.read_time and abs(took) >= _LEAST_DELAY:
         how = "later" if took > 0 else "sooner"
         what = f"answers {abs(took):.2f} s {how} than in {_by(nominal)}"
-        device = DeviceUnderTest(own.code, Basis.NOMINAL, "reading")
+        device = DeviceUnderTest(own.code, "reading", Basis.NOMINAL)
         yield device.claim(0.0, FindingKind.LATE, took, what, len(rows), unit="s")
 
 
-def _named(test: Claim, nominal: Nominal) -> Claim:
-    """A test whose finding names the set that it was compared with."""
-    if test.finding is None:
-        return test
-    return Claim(test.probability, replace(test.finding, text=f"{test.finding.text}, against {_by(nominal)}"))
+def _device(code: str, rows: str, nominal: Nominal) -> DeviceUnderTest:
+    """A device whose findings name the set that it was compared with."""
+    return DeviceUnderTest(code, rows, Basis.NOMINAL, f", against {_by(nominal)}")
 
 
 def _by(nominal: Nominal) -> str:

@@ -15,13 +15,13 @@ import numpy as np
 
 from simmer_tui.report.disagreement import Disagreement, moment
 from simmer_tui.report.finding import FEWEST, LEAST_DEGREES
-from simmer_tui.report.robust_fit import Flags, binomial_tail, mad_scale, robust_fit, two_sided
+from simmer_tui.report.robust_fit import binomial_tail, mad_scale, robust_fit, two_sided
 from simmer_tui.report.sensor_sample import poses_of, sensors_read, world_without_block
 from simmer_tui.run.attempt import Attempt
 from simmer_tui.run.episodes import SAME
 from simmer_tui.run.facts import DEFAULT_ALLOWED_TURN
 from simmer_tui.run.table import Columns
-from simmer_tui.sim.angles import FloatArray, cos_sin_array
+from simmer_tui.sim.angles import BoolArray, FloatArray, cos_sin_array
 from simmer_tui.sim.sensors import CountingSensor, ObservingSensor, modelled_sensor
 from simmer_tui.sim.specs import CELL_SIZE
 
@@ -51,7 +51,7 @@ class _Axis:
 
     believed: FloatArray
     true: FloatArray
-    usable: Flags
+    usable: BoolArray
     least: float
     doubt: float
 

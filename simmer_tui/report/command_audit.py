@@ -17,11 +17,11 @@ from numpy.typing import NDArray
 
 from simmer_tui.report.disagreement import Disagreement, moment
 from simmer_tui.report.finding import FEWEST
-from simmer_tui.report.robust_fit import Flags, binomial_tail
+from simmer_tui.report.robust_fit import binomial_tail
 from simmer_tui.report.sensor_sample import sensors_read
 from simmer_tui.run.attempt import Attempt
 from simmer_tui.run.table import Columns
-from simmer_tui.sim.angles import FloatArray
+from simmer_tui.sim.angles import BoolArray, FloatArray
 from simmer_tui.sim.specs import DriveSpec, SensorSpec
 
 Codes = NDArray[np.int64]
@@ -262,7 +262,7 @@ def vanished_movements(attempt: Attempt) -> list[Disagreement]:
 class _Rhythm:
     """Readings in threes: the first two follow one another with or without a movement between."""
 
-    def __init__(self, codes: Codes, moves: Flags) -> None:
+    def __init__(self, codes: Codes, moves: BoolArray) -> None:
         """`codes` are those of commands in order, `moves` is true for those that move the robot; (n,)
         each."""
         places, base = np.flatnonzero(~moves), int(codes.max(initial=0)) + 1

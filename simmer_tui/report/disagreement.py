@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-from simmer_tui.report.finding import ERROR
+from simmer_tui.report.finding import holm
 from simmer_tui.report.robust_fit import MAD_ERROR, Z_95
 from simmer_tui.run.table import Columns
 
@@ -42,17 +42,14 @@ def moment(row: Columns) -> tuple[float, int]:
 
 
 def kept_disagreements(found: Iterable[Sequence[Disagreement]]) -> list[list[Disagreement]]:
-    """The explanations that hold an error of 1 % a run together (Holm, see `finding.kept`), the surest first.
+    """The explanations that hold an error of 1 % a run together (`holm`), the surest first.
 
     Args:
         found: For each thing that was tested, its explanations. Of those that explain the same evidence, the
             ones that leave about as little as the best are kept.
     """
-    tests = sorted((list(each) for each in found), key=lambda each: min(one.probability for one in each))
     standing = []
-    for place, each in enumerate(tests):
-        if min(one.probability for one in each) * (len(tests) - place) > ERROR:
-            break
+    for each in holm(found, lambda test: min(one.probability for one in test)):
         best = min(each, key=lambda one: one.scatter)
         # A scatter within the error of the best one may be larger only by chance.
         most = best.scatter * (1.0 + Z_95 * MAD_ERROR / best.count**0.5)

@@ -6,15 +6,16 @@ findings of a run have a familywise error of 1 %: a test gives a `Claim`, and `k
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from enum import StrEnum
+from typing import TypeVar
 
 from simmer_tui.document.formats import COUNT, UNIT, number
 from simmer_tui.document.model import DataColumn, DataTable
 from simmer_tui.phrases import counted
 
-ERROR = 0.01
+_ERROR = 0.01
 """Probability that a run without a fault has any finding."""
 FEWEST = {"set": 8, "nominal": 3}
 """Readings or movements below which nothing is claimed, by basis. Beyond the set: with fewer, one outlier is
@@ -23,6 +24,8 @@ enough."""
 # Below these nothing changes in a maze of 12 in cells.
 LEAST_INCHES, LEAST_DEGREES, LEAST_SHARE = 1.0, 2.0, 0.02
 """Least sizes that matter: of an offset, in inches or degrees, and of a gain."""
+
+_T = TypeVar("_T")
 
 
 class FindingKind(StrEnum):
@@ -79,8 +82,8 @@ class DeviceUnderTest:
     the evidence, `against` ends its sentences where they name that set."""
 
     code: str
-    basis: Basis
     rows: str
+    basis: Basis = Basis.SET
     against: str = ""
 
     def claim(
@@ -114,16 +117,19 @@ class DeviceUnderTest:
 
 
 def kept(tests: Iterable[Claim]) -> tuple[Finding, ...]:
-    """The findings of all tests of a run that hold an error of 1 % together, the surest first: S. Holm,
-    "A simple sequentially rejective multiple test procedure", Scandinavian Journal of Statistics 6 (1979)."""
-    ranked = sorted(tests, key=lambda each: each.probability)
-    found: list[Finding] = []
+    """The findings of all tests of a run that hold an error of 1 % together, the surest first."""
+    standing = holm(tests, lambda each: each.probability)
+    return tuple(each.finding for each in standing if each.finding is not None)
+
+
+def holm(tests: Iterable[_T], probability: Callable[[_T], float]) -> Iterator[_T]:
+    """The tests that hold an error of 1 % together, the surest first, by the p-value of each: S. Holm, "A
+    simple sequentially rejective multiple test procedure", Scandinavian Journal of Statistics 6 (1979)."""
+    ranked = sorted(tests, key=probability)
     for place, each in enumerate(ranked):
-        if each.probability * (len(ranked) - place) > ERROR:
-            break
-        if each.finding is not None:
-            found.append(each.finding)
-    return tuple(found)
+        if probability(each) * (len(ranked) - place) > _ERROR:
+            return
+        yield each
 
 
 def interval_text(low: float, high: float, value: float) -> str:

@@ -10,13 +10,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from simmer_tui.report.robust_fit import Flags
 from simmer_tui.report.sensor_sample import world_without_block
 from simmer_tui.run.attempt import Attempt, Collision
 from simmer_tui.run.facts import COVERED, SLIGHT, wrapped
 from simmer_tui.run.history_rows import BeliefRow, GripRow
 from simmer_tui.run.table import Columns
-from simmer_tui.sim.angles import FloatArray
+from simmer_tui.sim.angles import BoolArray, FloatArray
 from simmer_tui.sim.sensors import ObservingSensor, modelled_sensor
 from simmer_tui.sim.specs import CELL_SIZE, SensorSpec
 
@@ -158,7 +157,7 @@ def _by_range(attempt: Attempt, rows: Columns) -> list[tuple[SensorSpec, Columns
     return _read(attempt, rows, (each for each in attempt.spec.sensors if each.kind.is_range))
 
 
-def _right(rows: Columns, sensor: SensorSpec) -> Flags:
+def _right(rows: Columns, sensor: SensorSpec) -> BoolArray:
     # No echo has the noise of distance 0: a share of infinity would allow any reading, or be NaN.
     true = np.where(np.isfinite(rows["true"]), np.abs(rows["true"]), 0.0)
     usual = sensor.error * true + sensor.absolute_error

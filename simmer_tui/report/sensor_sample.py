@@ -13,10 +13,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from simmer_tui.report.finding import LEAST_DEGREES, LEAST_INCHES, FindingKind
-from simmer_tui.report.robust_fit import Flags
 from simmer_tui.run.run_history import RunHistory
 from simmer_tui.run.table import Columns
-from simmer_tui.sim.angles import FloatArray
+from simmer_tui.sim.angles import BoolArray, FloatArray
 from simmer_tui.sim.block import Block
 from simmer_tui.sim.maze import Maze
 from simmer_tui.sim.sensors import CountingSensor, ObservingSensor, Sensor, modelled_sensor
@@ -287,7 +286,7 @@ def _driven(history: RunHistory, rows: Columns) -> FloatArray:
     return np.asarray(sums[np.searchsorted(moves["order"], rows["order"])])
 
 
-def _without_contacts(history: RunHistory, times: FloatArray) -> Flags:
+def _without_contacts(history: RunHistory, times: FloatArray) -> BoolArray:
     """True for the stretches between `times`, (n,), in which no movement had a contact, (n - 1,)."""
     moves = history.movements.columns()
     met = moves[moves["contact"]]
@@ -297,7 +296,7 @@ def _without_contacts(history: RunHistory, times: FloatArray) -> Flags:
     return np.asarray(begun <= ended)
 
 
-def _at_rest(history: RunHistory, times: FloatArray) -> Flags:
+def _at_rest(history: RunHistory, times: FloatArray) -> BoolArray:
     """True where no movement is under way, (n,)."""
     moves = history.movements.columns()
     begun = np.searchsorted(moves["begin"], times, "left")
@@ -317,7 +316,7 @@ def stuck(sample: SensorSample) -> Iterator[Alternative]:
         yield Alternative(FindingKind.STUCK, np.full(len(sample.values), middle), middle)
 
 
-def _late(expected: FloatArray, usable: Flags) -> Iterator[Alternative]:
+def _late(expected: FloatArray, usable: BoolArray) -> Iterator[Alternative]:
     """Values that were expected some readings before."""
     for lag in _LAGS:
         before = np.concatenate((np.full(lag, np.nan), expected[:-lag]))[: len(expected)]
