@@ -17,7 +17,7 @@ import numpy as np
 from msgspec import structs
 
 from simmer_tui.config.nominal import Nominal
-from simmer_tui.report.drive_audit import DriveRule, axis_values, drive_tests, set_rule
+from simmer_tui.report.drive_audit import DriveRule, drive_tests, set_rule
 from simmer_tui.report.finding import (
     LEAST_DEGREES,
     LEAST_INCHES,
@@ -30,7 +30,7 @@ from simmer_tui.report.finding import (
     kept,
 )
 from simmer_tui.report.sensor_audit import change_text, sensor_tests
-from simmer_tui.report.sensor_sample import sample_of, sensors_read
+from simmer_tui.report.sensor_sample import by_sensor, sample_of
 from simmer_tui.run.facts import wrapped
 from simmer_tui.run.run_history import RunHistory
 from simmer_tui.run.table import Columns
@@ -63,8 +63,7 @@ def audit(history: RunHistory, until: int | None = None) -> tuple[Finding, ...]:
     readings = history.readings.columns(0, history.readings.place_of(last + 1))
     moves = history.movements.columns(0, history.movements.place_of(last + 1))
     tests: list[Claim] = []
-    for number, spec in sensors_read(history):
-        rows = readings[readings["sensor"] == number]
+    for spec, rows in by_sensor(history, readings):
         sample = sample_of(history, rows, spec, history.spec.sensors)
         tests += [] if sample is None else sensor_tests(DeviceUnderTest(spec.code, "reading"), sample)
         if nominal is not None:
@@ -148,7 +147,7 @@ def _nominal_rule(
     spec = history.spec
     if not spec.randbias:
         # A bias that a set declares is fixed, not drawn.
-        return DriveRule(row, np.tile(axis_values(row.bias), (len(moves), 1)), np.zeros(3))
+        return DriveRule(row, np.tile(structs.astuple(row.bias), (len(moves), 1)), np.zeros(3))
     if spec.strength == nominal.strength:
         # A bias is a share of the command after the drive's own Gain.
         drawn = set_rule(history, moves, own).biases * (own.gain / row.gain if row.gain else 1.0)

@@ -13,6 +13,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
+from msgspec.structs import astuple
 
 from simmer_tui.report.finding import (
     FEWEST,
@@ -64,7 +65,7 @@ class DriveRule:
 def set_rule(history: RunHistory, moves: Columns, row: DriveSpec) -> DriveRule:
     """Expected motion of a drive by the run's own set, with the bias that was in force each time."""
     states = list(history.biases.items)
-    table = np.array([axis_values(each.bias.get(row.kind, Axes())) for each in states])
+    table = np.array([astuple(each.bias.get(row.kind, Axes())) for each in states])
     since = np.searchsorted([each.order for each in states], moves["order"], "right") - 1
     return DriveRule(row, table[np.maximum(since, 0)], np.zeros(3))
 
@@ -222,9 +223,4 @@ def _one(unit: str) -> str:
 
 
 def _direction(kind: DriveKind) -> FloatArray:
-    return np.array(axis_values(kind.direction))
-
-
-def axis_values(axes: Axes) -> tuple[float, float, float]:
-    """Values on x, y and r, as a row of an array."""
-    return axes.x, axes.y, axes.r
+    return np.array(astuple(kind.direction))

@@ -104,9 +104,8 @@ def looked_for_block(attempt: Attempt, done: GripRow) -> bool:
     """True if sensors that see the block were read within a cell's length of path before a grip, and were all
     right."""
     size = attempt.spec.block_size
-    movements = attempt.history.movements
-    place = movements.place_of(done.order)
-    gone = movements[place - 1].gone if place else 0.0
+    last = attempt.history.movements.before(done.order)
+    gone = 0.0 if last is None else last.gone
     rows = attempt.within(attempt.history.readings, attempt.placed)
     rows = rows[(rows["order"] < done.order) & (rows["gone"] >= gone - CELL_SIZE)]
     right = [

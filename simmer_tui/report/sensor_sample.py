@@ -28,7 +28,7 @@ MOST = 4000
 # clipping at the limit does not bias the rest.
 _CLEAR = 5.0
 # Judged: a longer delay than this many readings does not happen.
-_LAGS = (1, 2, 3)
+LAGS = (1, 2, 3)
 # Judged: enough to distinguish two sensors; a line sensor's 113 test points take a tenth of a millisecond.
 _PLACES = 800
 """Places at which the readings of other sensors are computed."""
@@ -96,10 +96,12 @@ class SensorSample:
         return self.sensor.wrapped(self.values - expected)
 
 
-def sensors_read(history: RunHistory) -> Iterator[tuple[int, SensorSpec]]:
-    """The sensors that a run read, each with its number in the history's readings."""
+def by_sensor(history: RunHistory, readings: Columns) -> Iterator[tuple[SensorSpec, Columns]]:
+    """The sensors that a run read, each with its rows among some readings."""
     specs = {each.code: each for each in history.spec.sensors}
-    return ((number, specs[code]) for number, code in enumerate(history.sensor_codes) if code in specs)
+    for number, code in enumerate(history.sensor_codes):
+        if code in specs:
+            yield specs[code], readings[readings["sensor"] == number]
 
 
 def poses_of(rows: Columns) -> FloatArray:
@@ -318,9 +320,13 @@ def stuck(sample: SensorSample) -> Iterator[Alternative]:
 
 def _late(expected: FloatArray, usable: BoolArray) -> Iterator[Alternative]:
     """Values that were expected some readings before."""
-    for lag in _LAGS:
-        before = np.concatenate((np.full(lag, np.nan), expected[:-lag]))[: len(expected)]
-        yield Alternative(FindingKind.LATE, before[usable], float(lag))
+    for lag in LAGS:
+        yield Alternative(FindingKind.LATE, delayed(expected, lag)[usable], float(lag))
+
+
+def delayed(values: FloatArray, lag: int) -> FloatArray:
+    """Values that come some readings late, NaN before the first, (n,)."""
+    return np.concatenate((np.full(lag, np.nan), values))[: len(values)]
 
 
 def turned(sample: SensorSample, base: FloatArray) -> Iterator[Alternative]:

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 from msgspec import Struct
 
 from simmer_tui.belief_grid import SURELY_ELSEWHERE, GridBelief
 from simmer_tui.events import Belief
-from simmer_tui.sim.angles import cos_sin
+from simmer_tui.sim.angles import FloatArray, cos_sin
 from simmer_tui.sim.path import Contact
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.specs import CELL_SIZE, SensorSpec
@@ -18,6 +18,7 @@ from simmer_tui.sim.specs import CELL_SIZE, SensorSpec
 if TYPE_CHECKING:  # most runs have no mission
     from simmer_tui.config.mission_plan import Cell
 
+_Angle = TypeVar("_Angle", float, FloatArray)
 # Judged: at more than this a sensor sees the wall's edge, not the place touched.
 BESIDE = 60.0
 """A sensor that looks further than this from a place, degrees, does not look there."""
@@ -186,12 +187,6 @@ def _of_grid(belief: Belief, grid: GridBelief, distance: float, turn: float) -> 
     return Deviation(distance, turn, allowed, allowed_turn, grid.above)
 
 
-def is_unsure(spread: float) -> bool:
-    """True if a spread, inches, means that the program was not localized; False for NaN."""
-    # A comparison with NaN is False.
-    return spread > UNSURE
-
-
 def _spread_of(headings: list[float]) -> float:
     """The standard deviation of headings, degrees, from their mean direction."""
     # Angles wrap: the mean of 359 and 1 deg is 0, so directions are averaged, not numbers.
@@ -219,6 +214,6 @@ def carried_over(old: Pose, new: Pose, pose: Pose) -> Pose:
     return Pose(*new.place(ahead, aside), new.heading + pose.heading - old.heading)
 
 
-def wrapped(angle: float) -> float:
-    """An angle from -180 to below 180 degrees."""
+def wrapped(angle: _Angle) -> _Angle:
+    """An angle, or an array of them, from -180 to below 180 degrees."""
     return (angle + 180.0) % 360.0 - 180.0

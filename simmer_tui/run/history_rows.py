@@ -12,7 +12,7 @@ from typing import NamedTuple
 from msgspec import Struct
 
 from simmer_tui.events import ActionDone, CommandResult, MissionEvent, MovementEnded, Notice, ProgramEnded
-from simmer_tui.run.facts import NO_HEADING, Deviation, degrees_beside, is_unsure
+from simmer_tui.run.facts import NO_HEADING, UNSURE, Deviation, degrees_beside
 from simmer_tui.run.table import Index, Single
 from simmer_tui.sim.block import Block
 from simmer_tui.sim.path import Contact
@@ -162,7 +162,13 @@ class BeliefRow(NamedTuple):
     @property
     def unsure(self) -> bool:
         """True if the spread is too large for a decision."""
-        return is_unsure(self.spread)
+        # A comparison with NaN, where there is none, is False.
+        return self.spread > UNSURE
+
+    @property
+    def is_right(self) -> bool:
+        """True if it was right and sure."""
+        return self.finite and not self.lost and not self.unsure
 
 
 # -- objects, of which the newest and the first are kept -----------------------------------------------
@@ -248,11 +254,6 @@ class ActionRow(LoggedRow, frozen=True):
 
     done: ActionDone
     before: Pose
-
-    @property
-    def name(self) -> str:
-        """Kind of the action."""
-        return self.done.action.name.value
 
     @property
     def places(self) -> bool:
