@@ -17,7 +17,7 @@ import math
 from collections.abc import Iterator, Sequence
 
 from simmer_tui.phrases import body_text, capitalized, contact_text, drift_text, obstacle_place
-from simmer_tui.report.causes import Cause, Kind, LogMoment, Sureness, cause_of, undecided_text
+from simmer_tui.report.causes import Cause, Kind, LogMoment, Sureness, cause_of, contradicted, undecided_text
 from simmer_tui.report.counterfactuals import Change, Counterfactual, CounterfactualWorld
 from simmer_tui.report.right_readings import looked_at_each_movement, looks_alike, shown_place
 from simmer_tui.report.why import facing_sensor_text, looks_there, shown_range
@@ -58,7 +58,7 @@ _SHOWN = {
 def contact_causes(seen: Attempt, met: Collision) -> list[Cause]:
     """The causes of a contact that hold, in the order above. No counterfactual that was tried contradicts
     them."""
-    return [each for each in _ContactCauses(seen, met).all() if not each.is_contradicted]
+    return [each for each in _ContactCauses(seen, met).all() if not contradicted(each.kind, each.tried)]
 
 
 class _ContactCauses:

@@ -43,7 +43,7 @@ class MissionGate(EventHandler[bool]):
         return f"after the mission's end: {done}, not counted here"
 
     def other(self, event: Event) -> bool:
-        return True
+        return not isinstance(event, (VelocityEnded, Belief, TwinReading))
 
     def on_result(self, event: CommandResult) -> bool:
         return self._command(event.number, answered=True)
@@ -64,15 +64,6 @@ class MissionGate(EventHandler[bool]):
     def on_leg_ended(self, event: LegEnded) -> bool:
         self.contacts += not self._leg_belongs and event.contact is not None
         return self._leg_belongs
-
-    def on_velocity_ended(self, event: VelocityEnded) -> bool:
-        return False
-
-    def on_belief(self, event: Belief) -> bool:
-        return False
-
-    def on_twin(self, event: TwinReading) -> bool:
-        return False
 
     def on_action(self, event: ActionDone) -> bool:
         self._leg_belongs |= event.restarts

@@ -21,7 +21,7 @@ from msgspec import Struct, structs
 from simmer_tui.events import ActionName, Goal, Result
 from simmer_tui.phrases import contact_text
 from simmer_tui.run.history_rows import ActionRow, ContactRow, MissionRow, RefusalRow
-from simmer_tui.run.paths import MOVEMENTS, BeliefCloud, Jump, MovementPath, PathRecord
+from simmer_tui.run.paths import MOVEMENTS, Jump, MovementPath, PathRecord
 from simmer_tui.run.run_history import RunHistory
 from simmer_tui.run.scan_traces import ScanTrace
 from simmer_tui.run.table import Newest, Timed, TimedItem
@@ -249,10 +249,6 @@ class Recording:
             if len(found) == lidars:
                 break
         return found
-
-    def belief_at(self, elapsed: float) -> BeliefCloud | None:
-        """The newest belief by then."""
-        return latest(self.beliefs, elapsed)
 
 
 def pose_at(frames: Sequence[Keyframe], times: Sequence[float], elapsed: float) -> Pose:

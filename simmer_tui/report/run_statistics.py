@@ -89,8 +89,9 @@ class RunStatistics:
         if real_time - self.header.real_time > self.real_seconds:
             self.real_seconds = real_time - self.header.real_time
         self._analysis.apply(event, logged.line, real_time)
-        if isinstance(event, CommandResult) and event.reading is not None and event.reading.scan is not None:
-            self.bent.add(event.reading, self.reducer.block_place)
+        reading = event.reading if isinstance(event, CommandResult) else None
+        if reading is not None and reading.scan is not None:
+            self.bent.add(reading.sensor, reading.scan, self.reducer.block_place)
 
     @property
     def elapsed(self) -> float:
