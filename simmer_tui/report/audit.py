@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 from msgspec import structs
@@ -119,7 +120,9 @@ def _nominal_drive_tests(
     device = _device(own.code, "movement", nominal)
     count = len(moves)
     if own.kind is not row.kind:
-        return [_other_drive(device, own, nominal, count)]
+        other = next((each.code for each in nominal.spec.drives if each.kind is own.kind), None)
+        what = "moves like no drive of that set" if other is None else f"does what {other} should do"
+        return [device.claim(0.0, FindingKind.SWAPPED, 1.0, what, count, other=other)]
     if own.gain * row.gain < 0.0:
         return [device.claim(0.0, FindingKind.SIGN, -1.0, f"{row.kind.verb} the wrong way", count)]
     rule = _nominal_rule(history, moves, own, row, nominal.spec)
@@ -131,13 +134,10 @@ def _nominal_drive_tests(
     if not tests:
         what = f"{row.kind.verb} {times:.2f} times what is asked"
         return [device.claim(0.0, FindingKind.GAIN, times, what, count)]
-    return [_surely(each, FindingKind.GAIN) for each in tests]
-
-
-def _surely(test: Claim, kind: FindingKind) -> Claim:
-    """A test whose finding is certain if the rows themselves show a fault of its kind."""
-    stands = test.finding is not None and test.finding.kind is kind
-    return Claim(0.0, test.finding) if stands else test
+    return [
+        replace(each, probability=0.0) if each.finding and each.finding.kind is FindingKind.GAIN else each
+        for each in tests
+    ]
 
 
 def _nominal_rule(
@@ -169,13 +169,6 @@ def _drawn(row: DriveSpec, strength: tuple[float, float]) -> FloatArray:
 
 
 # -- by the rows alone -------------------------------------------------------------------------------
-
-
-def _other_drive(device: DeviceUnderTest, own: DriveSpec, nominal: Nominal, count: int) -> Claim:
-    """A drive that moves along another axis."""
-    other = next((each.code for each in nominal.spec.drives if each.kind is own.kind), None)
-    what = "moves like no drive of that set" if other is None else f"does what {other} should do"
-    return device.claim(0.0, FindingKind.SWAPPED, 1.0, what, count, other=other)
 
 
 def _swapped_with(own: SensorSpec, row: SensorSpec, nominal: SimulationSpec) -> str | None:

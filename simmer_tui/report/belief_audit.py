@@ -13,8 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from simmer_tui.report.disagreement import Disagreement, moment
-from simmer_tui.report.finding import FEWEST, LEAST_DEGREES
+from simmer_tui.report.finding import FEWEST, LEAST_DEGREES, Disagreement, moment
 from simmer_tui.report.robust_fit import binomial_tail, mad_scale, robust_fit, two_sided
 from simmer_tui.report.sensor_sample import by_sensor, poses_of, world_without_block
 from simmer_tui.run.attempt import Attempt

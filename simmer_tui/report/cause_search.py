@@ -15,9 +15,8 @@ from simmer_tui.report.belief_audit import BeliefMotion, wrong_heading
 from simmer_tui.report.causes import Cause, Kind, Sureness, cause_of, undecided_text
 from simmer_tui.report.command_audit import multiplied_corrections, vanished_movements
 from simmer_tui.report.contact_causes import belief_text, contact_causes
-from simmer_tui.report.disagreement import Disagreement, kept_disagreements
 from simmer_tui.report.ending_causes import EndingCauses
-from simmer_tui.report.finding import FEWEST, Finding
+from simmer_tui.report.finding import FEWEST, Disagreement, Finding, kept_disagreements
 from simmer_tui.report.reply_audit import ReplyAudit
 from simmer_tui.run.attempt import Attempt
 

@@ -14,8 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from simmer_tui.report.disagreement import Disagreement, moment
-from simmer_tui.report.finding import FEWEST
+from simmer_tui.report.finding import FEWEST, Disagreement, moment
 from simmer_tui.report.robust_fit import binomial_tail
 from simmer_tui.report.sensor_sample import by_sensor
 from simmer_tui.run.attempt import Attempt

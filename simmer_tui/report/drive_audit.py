@@ -137,7 +137,8 @@ def _axes(device: DeviceUnderTest, rule: DriveRule, asked: FloatArray, done: Flo
         rest = done[:, axis] - driven * (bias + (axis == own))
         if axis == own:
             fit = _gain_fit(driven, rest, noise)
-            tests.append(_gain(device, row.kind.verb, _allowing(fit, float(rule.allowed[axis]))))
+            gain = _allowing(fit, float(rule.allowed[axis]))
+            tests.append(device.gain(gain, 0, row.kind.verb, "what is asked"))
             if len(fit.values) == 2:
                 tests.append(_shortfall(device, row.kind, fit, float(np.median(np.abs(driven)))))
         else:
@@ -155,17 +156,6 @@ def _gain_fit(driven: FloatArray, rest: FloatArray, noise: FloatArray) -> Robust
     varied = float(np.quantile(size, 0.9)) > 1.5 * float(np.quantile(size, 0.1))
     # Judged: the fit with a shortfall must be better by a tenth.
     return both if varied and single.rough > 1.1 * both.rough else single
-
-
-def _gain(device: DeviceUnderTest, verb: str, fit: RobustFit) -> Claim:
-    slope, probability = float(fit.values[0]), fit.probability(0)
-    if abs(slope) < LEAST_SHARE:
-        return Claim(probability)
-    low, high = fit.interval(0)
-    value = 1.0 + slope
-    what = f"{verb} {value:.2f} times what is asked"
-    interval = 1.0 + low, 1.0 + high
-    return device.claim(probability, FindingKind.GAIN, value, what, fit.count, interval=interval)
 
 
 def _allowing(fit: RobustFit, allowed: float) -> RobustFit:

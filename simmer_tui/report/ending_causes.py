@@ -24,7 +24,7 @@ from simmer_tui.report.right_readings import (
 )
 from simmer_tui.run.attempt import Attempt
 from simmer_tui.run.episodes import EpisodeKind
-from simmer_tui.run.facts import missed_zone, wrapped
+from simmer_tui.run.facts import displacement, missed_zone
 from simmer_tui.run.history_rows import ActionRow
 from simmer_tui.run.progress import HUNDRED
 from simmer_tui.sim.command import escape_passage
@@ -343,12 +343,11 @@ class EndingCauses:
         row = self._seen.moved
         if row is None:
             return None
-        there, turn = row.done.pose, abs(wrapped(row.done.pose.heading - row.before.heading))
-        way = math.hypot(there.x - row.before.x, there.y - row.before.y)
+        way, turn = displacement(row.before, row.done.pose)
         after = "No belief was right after that"
         if self._seen.beliefs[0] is None:
             after = "The program could notice it only by its sensors"
-        return self._by_hand(row, "robot", f"by {way:.0f} in and {turn:.0f} deg. {after}.")
+        return self._by_hand(row, "robot", f"by {way:.0f} in and {abs(turn):.0f} deg. {after}.")
 
     def block_moved(self) -> Cause | None:
         """A person moved the block, and it was not taken."""

@@ -74,7 +74,7 @@ def _end(run: RunStatistics) -> Iterator[str]:
     if stuck is not None:
         where = pose_text(run.pose)
         yield f"Stuck at the end: {stuck.text}. The robot stayed at {where}."
-    elif contacts and contacts[-1].stopped and contacts[-1].line == run.totals.last_command_line:
+    elif contacts and contacts[-1].contact.ended and contacts[-1].line == run.totals.last_command_line:
         shown, line = contacts[-1].shown, contacts[-1].line
         yield f"The run ends at a wall: {shown} (line {line}) was its last command."
 

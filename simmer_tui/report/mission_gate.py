@@ -87,14 +87,14 @@ class Analysis:
         self._reducer = reducer
         self._history = history
         self._ends_history_only = ends_history_only
-        self._gate = MissionGate(reducer)
+        self.gate = MissionGate(reducer)
         self._uncounted_until = 0.0
         """Elapsed simulated seconds at the last event that does not count."""
 
     def apply(self, event: Event, line: int = 0, real_time: float = math.nan) -> None:
         """Take note of an event, as a reducer does."""
         is_over = self._history.is_over
-        if is_over and not self._gate.handle(event):
+        if is_over and not self.gate.handle(event):
             # Only notices have no time, and they count.
             time: float = getattr(event, "time", 0.0)
             self._uncounted_until = max(self._uncounted_until, self._history.clock.before + time)
@@ -112,8 +112,3 @@ class Analysis:
     def elapsed(self) -> float:
         """Simulated seconds since the history began, those after the mission's end included."""
         return max(self._history.elapsed, self._uncounted_until)
-
-    @property
-    def note(self) -> str:
-        """Sentence about the events after the mission's end; empty without any."""
-        return self._gate.note

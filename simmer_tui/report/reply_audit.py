@@ -17,8 +17,7 @@ from itertools import combinations
 import numpy as np
 
 from simmer_tui.report.belief_audit import SURE, following_beliefs
-from simmer_tui.report.disagreement import Disagreement, moment
-from simmer_tui.report.finding import FEWEST, FindingKind
+from simmer_tui.report.finding import FEWEST, Disagreement, FindingKind, moment
 from simmer_tui.report.robust_fit import Z_95, binomial_tail, mad_scale
 from simmer_tui.report.sensor_sample import LAGS, by_sensor, delayed, poses_of, world_without_block
 from simmer_tui.run.attempt import Attempt

@@ -65,9 +65,7 @@ def looked_in_vain(attempt: Attempt) -> bool:
 
 def shown_place(attempt: Attempt, met: Collision) -> ShownPlace | None:
     """The last right reading that showed the place of a contact, read within a cell's length of path."""
-    # The running numbers of the movement come after those of the readings before it.
-    rows = attempt.within(attempt.history.readings, attempt.placed)
-    rows = rows[(rows["order"] < met.row.order) & (rows["gone"] >= met.row.gone_before - CELL_SIZE)]
+    rows = _shortly_before(attempt, met.row.order, met.row.gone_before)
     found: list[ShownPlace] = []
     for sensor, mine in _by_range(attempt, rows):
         mine = mine[_right(mine, sensor) & np.isfinite(mine["value"])]
@@ -106,8 +104,7 @@ def looked_for_block(attempt: Attempt, done: GripRow) -> bool:
     size = attempt.spec.block_size
     last = attempt.history.movements.before(done.order)
     gone = 0.0 if last is None else last.gone
-    rows = attempt.within(attempt.history.readings, attempt.placed)
-    rows = rows[(rows["order"] < done.order) & (rows["gone"] >= gone - CELL_SIZE)]
+    rows = _shortly_before(attempt, done.order, gone)
     right = [
         _right(mine, sensor)
         for sensor, mine in _by_range(attempt, rows)
@@ -143,6 +140,13 @@ def _mostly_right(attempt: Attempt, since: int, fewest: int) -> bool:
         total += len(mine)
         right += int(_right(mine, sensor).sum())
     return total >= fewest and 2 * right > total
+
+
+def _shortly_before(attempt: Attempt, order: int, gone: float) -> Columns:
+    """The readings before an event, within a cell's length of path before the path `gone`."""
+    # The running number of a movement comes after those of the readings before it.
+    rows = attempt.within(attempt.history.readings, attempt.placed)
+    return rows[(rows["order"] < order) & (rows["gone"] >= gone - CELL_SIZE)]
 
 
 def _read(attempt: Attempt, rows: Columns, sensors: Iterable[SensorSpec]) -> list[tuple[SensorSpec, Columns]]:

@@ -169,27 +169,21 @@ def _fitted(device: DeviceUnderTest, sample: SensorSample) -> list[Claim]:
 def _figure(
     device: DeviceUnderTest, sample: SensorSample, kind: FindingKind, fit: RobustFit, place: int
 ) -> Claim:
+    if kind is FindingKind.GAIN:
+        return device.gain(fit, place, "reads", "what it should")
     spec = sample.spec
     value, probability = float(fit.values[place]), fit.probability(place)
     low, high = fit.interval(place)
-    # The largest error that the figure leads to.
-    reach = 1.0
-    if kind is FindingKind.GAIN:
-        unit, small = "", abs(value) < LEAST_SHARE
-        value, low, high = 1.0 + value, 1.0 + low, 1.0 + high
-        what = f"reads {value:.2f} times what it should"
+    if kind is FindingKind.DRIFT:
+        # The largest error that the drift leads to.
+        unit, error = f"{spec.unit}/s", abs(value) * float(sample.seconds.sum())
+        what = f"drifts by {abs(value):.2f} {unit}"
     else:
-        unit = spec.unit if kind is FindingKind.OFFSET else f"{spec.unit}/s"
-        if kind is FindingKind.DRIFT:
-            reach = float(sample.seconds.sum())
-        else:
-            # Rounding errors of readings at one place are all the same: more of them make none smaller.
-            low, high = low - spec.resolution / 2, high + spec.resolution / 2
-        small = abs(value) * reach < sample.least or low <= 0.0 <= high
-        verb = "drifts by" if kind is FindingKind.DRIFT else "reads"
-        what = f"{verb} {abs(value):.{1 if kind is FindingKind.OFFSET else 2}f} {unit}"
-        what += f" {_too(value, sample)}" if kind is FindingKind.OFFSET else ""
-    if small:
+        # Rounding errors of readings at one place are all the same: more of them make none smaller.
+        low, high = low - spec.resolution / 2, high + spec.resolution / 2
+        unit, error = spec.unit, abs(value)
+        what = f"reads {abs(value):.1f} {unit} {_too(value, sample)}"
+    if error < sample.least or low <= 0.0 <= high:
         return Claim(probability)
     return device.claim(probability, kind, value, what, fit.count, interval=(low, high), unit=unit)
 

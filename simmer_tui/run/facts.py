@@ -133,8 +133,13 @@ def is_wedged(touched: Sequence[Pose]) -> bool:
 
 def is_same_place(pose: Pose, other: Pose) -> bool:
     """True if a robot that went from one pose to the other did not get away from the obstacle."""
-    near = math.hypot(pose.x - other.x, pose.y - other.y) <= WEDGED_WITHIN
-    return near and abs(wrapped(pose.heading - other.heading)) <= WEDGED_TURN
+    distance, turn = displacement(pose, other)
+    return distance <= WEDGED_WITHIN and abs(turn) <= WEDGED_TURN
+
+
+def displacement(begin: Pose, end: Pose) -> tuple[float, float]:
+    """Distance (inches) and turn (-180 to 180 degrees) from one pose to another."""
+    return math.hypot(end.x - begin.x, end.y - begin.y), wrapped(end.heading - begin.heading)
 
 
 def facing_sensor(
@@ -163,9 +168,7 @@ def degrees_beside(contact: Contact, sensor: SensorSpec) -> float:
 def deviation(belief: Belief) -> Deviation:
     """Error of a belief, and the error allowed for, by the program's own spread and its particles' headings
     where it gives them."""
-    believed, true = belief.pose, belief.true
-    distance = math.hypot(believed.x - true.x, believed.y - true.y)
-    turn = wrapped(believed.heading - true.heading)
+    distance, turn = displacement(belief.true, belief.pose)
     if belief.grid is not None:
         return _of_grid(belief, belief.grid, distance, turn)
     headings = [particle[2] for particle in belief.particles if len(particle) > 2]

@@ -6,7 +6,7 @@ evaluated here: they say how a row is packed.
 """
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from typing import NamedTuple
 
 from msgspec import Struct
@@ -211,22 +211,14 @@ class ContactRow(LoggedRow, frozen=True):
         return self.contact.point
 
     @property
-    def stopped(self) -> bool:
-        """True if the contact ended the movement."""
-        return self.contact.ended
-
-    @property
     def seen(self) -> tuple[SeenReading, ...]:
         """Readings before it: range sensors first, of these the one that looks there."""
-        return _nearest_first(self.read.values(), self.contact)
 
+        def rank(each: SeenReading) -> float:
+            sensor = each.reading.sensor
+            return degrees_beside(self.contact, sensor) if sensor.kind.is_range else math.inf
 
-def _nearest_first(seen: Iterable[SeenReading], contact: Contact) -> tuple[SeenReading, ...]:
-    def rank(each: SeenReading) -> float:
-        sensor = each.reading.sensor
-        return degrees_beside(contact, sensor) if sensor.kind.is_range else math.inf
-
-    return tuple(sorted(seen, key=rank))
+        return tuple(sorted(self.read.values(), key=rank))
 
 
 class RepeatedContact(Struct):

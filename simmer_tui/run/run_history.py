@@ -31,7 +31,6 @@ from simmer_tui.events import (
     Notice,
     NoticeKind,
     ProgramEnded,
-    VelocityEnded,
     WireMessage,
 )
 from simmer_tui.run.episodes import BeliefEpisodes
@@ -354,12 +353,12 @@ class RunHistory:
             after: Event, as for `blocked`.
             until: The same.
         """
+        after, until = self.placed if after is None else after, self.order if until is None else until
         count, since = self.blocked(after, until)
         if count >= STUCK:
             return Stuck(since, count)
         table = self.movements
-        begin = table.place_of((self.placed if after is None else after) + 1)
-        rows = table.columns(begin, table.place_of((self.order if until is None else until) + 1))
+        rows = table.columns(table.place_of(after + 1), table.place_of(until + 1))
         # From the end back to where it had moved by an inch.
         away = np.flatnonzero(np.cumsum(rows["went"][::-1]) >= PRESSED_WAY)
         rows = rows[len(rows) - int(away[0]) :] if len(away) else rows
@@ -508,10 +507,6 @@ class RunHistory:
         )  # fmt: skip
         if self.paths is not None:
             self.paths.move(zero, ended.command, path, ended.time, pose, arrival)
-
-    def add_velocity_end(self, ended: VelocityEnded) -> None:
-        """A velocity has ended without a command that set another."""
-        self.clock.advance(ended.time)
 
     def _add_contact(
         self,

@@ -11,7 +11,7 @@ from msgspec.structs import replace
 from simmer_tui.config.loader import Configuration
 from simmer_tui.events import ActionName, Event, EventHandler, MovementEnded, Notice, NoticeKind
 from simmer_tui.mission import MissionPlan, mission_state, plan_run
-from simmer_tui.report.run_statistics import RunStatistics
+from simmer_tui.report.run_statistics import report_of
 from simmer_tui.report.verdict import Verdict
 from simmer_tui.run.attempt import Attempt
 from simmer_tui.run.reducer import Reducer
@@ -60,10 +60,7 @@ def judged_end(path: Path, configuration: Configuration) -> JudgedEnd:
         RunLogError: if the log cannot be read.
     """
     with LogReader(path, configuration) as log:
-        run = RunStatistics(log.header, log.configuration, recorded=False)
-        for logged in log:
-            run.add(logged)
-        run.finish(log.note)
+        run = report_of(log, recorded=False)
     attempt, program = Attempt(run.history, run.task), run.verdict.program
     # A run ends with its mission, or without one with its program.
     line = next((row.line for row in run.history.programs.items if row.event is program), attempt.line)
