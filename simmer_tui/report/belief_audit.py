@@ -208,13 +208,13 @@ class BeliefMotion:
 
     def _drives(self, *, turning: bool) -> list[_Source]:
         names, moves = self._attempt.history.code_names, self._moves
-        drives = [each for each in self._attempt.spec.drives if each.kind.turns is turning]
-        numbers = {each.code: names.index(each.code) for each in drives if each.code in names}
+        drives = [
+            each for each in self._attempt.spec.drives if each.kind.turns is turning and each.code in names
+        ]
+        numbers = {each.code: names.index(each.code) for each in drives}
         of_kind = np.isin(moves["code"], list(numbers.values()))
         found = []
         for row in drives:
-            if row.code not in numbers:
-                continue
             mine = moves["code"] == numbers[row.code]
             asked = np.where(mine, np.nan_to_num(moves["asked"], nan=np.nan) * row.gain, 0.0)
             rivals = of_kind & ~mine

@@ -25,13 +25,13 @@ from simmer_tui.run.attempt import Attempt, Collision
 from simmer_tui.run.facts import ALIKE, LastReading, carried_over, facing_sensor, wrapped
 from simmer_tui.run.history_rows import BeliefRow
 from simmer_tui.sim.command import parse_value
+from simmer_tui.sim.specs import CELL_SIZE
 
 NO_BELIEFS = "No beliefs were sent: the log cannot show where the program thought the robot was."
 # Judged: after a third of a cell, or half a quarter turn, a sensor sees other obstacles.
 BLIND, BLIND_TURN = 4.0, 45.0
 """Inches or degrees of path after which the last reading of a sensor counts as unread."""
-# One cell of the maze.
-STALE = 12.0
+STALE = CELL_SIZE
 """Inches of path after which a belief is too old."""
 # Judged: an inch alone is a usual error of a long range; four standard deviations happen once in 16,000.
 MISREAD, SIGMAS = 1.0, 4.0

@@ -27,6 +27,7 @@ from simmer_tui.run.episodes import EpisodeKind
 from simmer_tui.run.facts import displacement, missed_zone
 from simmer_tui.run.history_rows import ActionRow
 from simmer_tui.run.progress import HUNDRED
+from simmer_tui.run.run_history import CHAIN
 from simmer_tui.sim.command import escape_passage
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.specs import CELL_SIZE
@@ -34,8 +35,8 @@ from simmer_tui.sim.specs import CELL_SIZE
 # Judged: a good program crosses the maze with fewer movements.
 STAYED, MOVES = 0.25, 20
 """Share of the time limit, and number of movements (or none), without progress that count as a cause."""
-_LED = 20
-"""Movements that may have led to a contact: as many as counterfactuals repeat (`run_history`)."""
+_LED = CHAIN - 1
+"""Movements that may have led to a contact: as many as counterfactuals repeat."""
 # Judged: a smaller error of the place comes from drift or a wrong angle.
 _FAR = CELL_SIZE / 2
 """Distance of the block from the jaws, inches, from which the gripper closed elsewhere, not beside the

@@ -29,9 +29,6 @@ _ALONG, _ACROSS = CELL_SIZE / 2, 1.0
 """Distances between the end of a ray and a place touched, inches along a wall and across it, within which it
 showed that place. Beside it the wall of the next cell begins, and errors of short ranges are smaller.
 Judged."""
-
-# Of a normal distribution 99.7 % lie within three standard deviations.
-_SIGMAS = 3.0
 _TELLING = 1.0
 """Difference of two readings, inches, that does not distinguish cells. Judged: a twelfth of a cell."""
 _AGREEING = 2
@@ -187,7 +184,7 @@ def looks_alike(seen: Attempt, belief: BeliefRow) -> bool:
         if not isinstance(sensor, ObservingSensor):
             continue
         here, there = sensor.true_values(world, true)[0], sensor.true_values(world, poses)
-        noise = _SIGMAS * (sensor.spec.error * here + sensor.spec.absolute_error)
+        noise = COVERED * (sensor.spec.error * here + sensor.spec.absolute_error)
         # Nothing in range on both sides is alike too; infinity less infinity is no number.
         with np.errstate(invalid="ignore"):
             alike &= (here == there) | (np.abs(here - there) <= max(_TELLING, noise))

@@ -81,14 +81,11 @@ def _held_against(sample: SensorSample, other: Alternative) -> tuple[int, int, f
     known = np.isfinite(other.expected)
     expected = np.where(known, other.expected, sample.expected)
     off, otherwise = np.abs(sample.off(sample.expected)), np.abs(sample.off(expected))
-    # Half of the least error that matters, or four standard deviations: one normal error in 16,000 is beyond
-    # them.
-    doubt = sample.least / 2 + 4 * sample.spread
-    apart = np.abs(sample.sensor.wrapped(expected - sample.expected)) > doubt
+    apart = np.abs(sample.sensor.wrapped(expected - sample.expected)) > sample.doubt
     count = int(apart.sum())
     if not count:
         return 0, 0, 0.0
-    near = otherwise <= doubt
+    near = otherwise <= sample.doubt
     return int((otherwise < off)[apart].sum()), count, float(min(near[known].mean(), near[apart].mean()))
 
 

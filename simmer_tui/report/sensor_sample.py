@@ -79,6 +79,12 @@ class SensorSample:
             return 0.5
         return LEAST_DEGREES if self.spec.unit == "deg" else LEAST_INCHES
 
+    @property
+    def doubt(self) -> FloatArray:
+        """Errors up to which a reading still agrees with a value: half of the least error that matters, and
+        four standard deviations, (n,). One normal error in 16,000 is beyond them."""
+        return self.least / 2 + 4 * self.spread
+
     def against(self, faults: Iterable[Alternative]) -> SensorSample:
         """The same with the faults that it is compared with."""
         return replace(self, alternatives=tuple(faults))
@@ -358,7 +364,7 @@ def _is_off(sample: SensorSample) -> bool:
     """True if more than a small share of the readings differs from the expected ones."""
     if not len(sample.values):
         return False
-    off = np.abs(sample.off(sample.expected)) > sample.least / 2 + 4 * sample.spread
+    off = np.abs(sample.off(sample.expected)) > sample.doubt
     # A tenth: two sensors that see the same in nine readings of ten are distinguished by the tenth.
     return float(off.mean()) > 0.1
 

@@ -151,11 +151,10 @@ def facing_sensor(
     if not looking:
         return None
     beside = {each.code: degrees_beside(contact, each) for each in looking}
-    nearest = min(beside, key=lambda code: beside[code])
-    codes = [code for code, off in beside.items() if off <= beside[nearest] + ALIKE]
-    codes.sort(key=lambda code: beside[code])
+    nearest = min(beside.values())
+    codes = sorted((code for code, off in beside.items() if off <= nearest + ALIKE), key=beside.__getitem__)
     said = [words[code] for code in codes if code in words]
-    return FacingSensor(tuple(codes), beside[nearest], max(said, key=lambda each: each.time, default=None))
+    return FacingSensor(tuple(codes), nearest, max(said, key=lambda each: each.time, default=None))
 
 
 def degrees_beside(contact: Contact, sensor: SensorSpec) -> float:

@@ -34,7 +34,7 @@ from simmer_tui.events import (
     WireMessage,
 )
 from simmer_tui.run.episodes import BeliefEpisodes
-from simmer_tui.run.facts import Stuck, deviation
+from simmer_tui.run.facts import Stuck, deviation, displacement
 from simmer_tui.run.history_rows import (
     ActionRow,
     BeliefRow,
@@ -529,15 +529,7 @@ class RunHistory:
         self.contacts.add(row)
         self.episodes.touch(row)
         last = self.repeated.items[-1] if self.repeated.items else None
-        # Within `SAME_PLACE` and by the same command: a robot that keeps pushing is one contact, not
-        # hundreds.
-        again = (
-            self._blocked
-            and last is not None
-            and last.touch.shown == row.shown
-            and math.hypot(last.touch.pose.x - pose.x, last.touch.pose.y - pose.y) < SAME_PLACE
-        )
-        if again and last is not None:
+        if last is not None and self._blocked and _is_again(last.touch, row):
             last.count += 1
             last.until = row.elapsed
         else:
@@ -680,6 +672,11 @@ class RunHistory:
         # Beliefs without a place were dropped above, so that they have no share in the trace.
         wanted = totals.belief_trace.wanted(len(made))
         totals.belief_trace.keep(made[wanted.start :: wanted.step] if wanted else ())
+
+
+def _is_again(before: ContactRow, row: ContactRow) -> bool:
+    """True if a contact repeats the one before: a robot that keeps pushing is one contact, not hundreds."""
+    return before.shown == row.shown and displacement(before.pose, row.pose)[0] < SAME_PLACE
 
 
 def _by_name(rows: Columns, column: str, names: list[str]) -> list[tuple[str, Columns]]:
