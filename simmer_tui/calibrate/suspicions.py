@@ -19,7 +19,7 @@ from simmer_tui.calibrate.geometry import totals_between
 from simmer_tui.calibrate.measured_run import MeasuredRun, Readings
 from simmer_tui.calibrate.parameters import observed_sensors
 from simmer_tui.report.drive_audit import other_direction
-from simmer_tui.report.finding import FEWEST, Basis, Claim, Finding, FindingKind, kept
+from simmer_tui.report.finding import FEWEST, Basis, Claim, DeviceUnderTest, Finding, FindingKind, kept
 from simmer_tui.report.sensor_audit import other_quantity
 from simmer_tui.report.sensor_sample import Alternative, SensorSample, stuck, turned
 from simmer_tui.sim.angles import BoolArray, FloatArray
@@ -84,7 +84,7 @@ def _claims(
             alike = [each for each in sensors if each is not sensor and each.spec.unit == sensor.spec.unit]
             sample = sample_of(sensor, readings, alike)
             if len(sample.values) >= FEWEST[Basis.SET]:
-                yield other_quantity(sample, Basis.SET)
+                yield other_quantity(DeviceUnderTest(sensor.spec.code, "reading"), sample)
 
 
 def _observed(
@@ -157,4 +157,5 @@ def _drives(found: Fit, done: FloatArray) -> Iterator[Claim]:
         travelled = np.abs(done[:, 2]) if row.kind.turns else np.hypot(done[:, 0], done[:, 1])
         made = (number == index) & (asked != 0.0) & (travelled > _MOVED * np.abs(asked))
         if int(made.sum()) >= _FEWEST_MOVEMENTS:
-            yield other_direction(row, asked[made], done[made], rows, Basis.SET)
+            device = DeviceUnderTest(row.code, "movement")
+            yield other_direction(device, row, asked[made], done[made], rows)

@@ -12,8 +12,6 @@ from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from simmer_tui.config.mission_plan import Cell, cells_of
 from simmer_tui.document import svg
 from simmer_tui.errors import ExportError
@@ -21,7 +19,7 @@ from simmer_tui.report import figure
 from simmer_tui.report.recording import Keyframe, Mark, MarkKind, PlayerReading, latest
 from simmer_tui.report.run_statistics import RunStatistics
 from simmer_tui.run.scan_traces import range_step, ray_ends, ray_times
-from simmer_tui.sim.angles import FloatArray, cos_sin, rotation
+from simmer_tui.sim.angles import FloatArray
 from simmer_tui.sim.footprint import Footprint
 from simmer_tui.sim.maze import Maze
 from simmer_tui.sim.pose import Pose
@@ -125,6 +123,7 @@ class _Canvas:
         self.margin = margin * _FINER
         self.height = math.ceil(maze.height * self.scale / _FINER) + 2 * margin + self.bar
         self.fresh = _FRESH * max(speed, 1.0)
+        self._footprint = Footprint.of(self.spec.robot)
         self._sensors = {sensor.code: sensor for sensor in self.spec.sensors}
         self._ground = self._drawn_ground()
         self._trail_until = -1
@@ -232,17 +231,14 @@ class _Canvas:
                 draw.line(points, fill=svg.shade(begin.elapsed / self._end), width=self._line(3.5))
 
     def _body(self, draw: ImageDraw.ImageDraw, pose: Pose, line: str, fill: str | None) -> None:
-        robot, width = self.spec.robot, self._line(2.2)
-        if robot.radius is not None:
-            around = _around(self._at(pose.x, pose.y), robot.radius * self.scale)
+        middle, width = self._at(pose.x, pose.y), self._line(2.2)
+        if self._footprint.radius:
+            around = _around(middle, self._footprint.radius * self.scale)
             draw.ellipse(around, fill=fill, outline=line, width=width)
-        else:
-            corners = np.array(robot.vertices) @ rotation(pose.heading).T + (pose.x, pose.y)
+        for corners in self._footprint.placed(pose):
             draw.polygon(self._all_at(corners), fill=fill, outline=line, width=width)
-        cos, sin = cos_sin(pose.heading)
-        front = Footprint.of(robot).front
-        nose = self._at(pose.x + front * cos, pose.y + front * sin)
-        draw.line((self._at(pose.x, pose.y), nose), fill=line, width=self._line(3))
+        nose = self._at(*pose.place(self._footprint.front, 0.0))
+        draw.line((middle, nose), fill=line, width=self._line(3))
 
     def _block(self, draw: ImageDraw.ImageDraw, now: float) -> None:
         if self.spec.block_size:
@@ -250,7 +246,7 @@ class _Canvas:
             draw.polygon(corners, fill=svg.BLOCK, outline=svg.BLOCK_LINE, width=self._line(1.5))
 
     def _belief(self, draw: ImageDraw.ImageDraw, now: float) -> None:
-        cloud = self.recording.belief_at(now)
+        cloud = latest(self.recording.beliefs, now)
         if cloud is None:
             return
         half = self._line(2.4) / 2
@@ -292,9 +288,8 @@ class _Canvas:
     def _end_of(self, reading: PlayerReading, length: float, turn: float = 0.0) -> tuple[float, float]:
         """A place that far along where a sensor looked."""
         sensor, pose = self._sensors[reading.code], self.recording.pose_at(reading.taken)
-        x, y = pose.place(sensor.x, sensor.y)
-        cos, sin = cos_sin(pose.heading + sensor.rotation + turn)
-        return self._at(x + cos * length, y + sin * length)
+        beam = Pose(*pose.place(sensor.x, sensor.y), pose.heading + sensor.rotation + turn)
+        return self._at(*beam.place(length, 0.0))
 
     def _cross(self, draw: ImageDraw.ImageDraw, mark: Mark, *, fresh: bool) -> None:
         assert mark.point is not None, "only contacts with a place are drawn"

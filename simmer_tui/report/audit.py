@@ -18,7 +18,7 @@ import numpy as np
 from msgspec import structs
 
 from simmer_tui.config.nominal import Nominal
-from simmer_tui.report.drive_audit import DriveRule, axis_values, drive_tests, set_rule
+from simmer_tui.report.drive_audit import DriveRule, drive_tests, set_rule
 from simmer_tui.report.finding import (
     LEAST_DEGREES,
     LEAST_INCHES,
@@ -31,7 +31,7 @@ from simmer_tui.report.finding import (
     kept,
 )
 from simmer_tui.report.sensor_audit import change_text, sensor_tests
-from simmer_tui.report.sensor_sample import sample_of, sensors_read
+from simmer_tui.report.sensor_sample import by_sensor, sample_of
 from simmer_tui.run.facts import wrapped
 from simmer_tui.run.run_history import RunHistory
 from simmer_tui.run.table import Columns
@@ -64,10 +64,9 @@ def audit(history: RunHistory, until: int | None = None) -> tuple[Finding, ...]:
     readings = history.readings.columns(0, history.readings.place_of(last + 1))
     moves = history.movements.columns(0, history.movements.place_of(last + 1))
     tests: list[Claim] = []
-    for number, spec in sensors_read(history):
-        rows = readings[readings["sensor"] == number]
+    for spec, rows in by_sensor(history, readings):
         sample = sample_of(history, rows, spec, history.spec.sensors)
-        tests += [] if sample is None else sensor_tests(sample, Basis.SET)
+        tests += [] if sample is None else sensor_tests(DeviceUnderTest(spec.code, "reading"), sample)
         if nominal is not None:
             tests += _nominal_sensor_tests(history, rows, spec, nominal)
     for number, code in enumerate(history.code_names):
@@ -75,7 +74,8 @@ def audit(history: RunHistory, until: int | None = None) -> tuple[Finding, ...]:
         if row is None:
             continue
         mine = moves[moves["code"] == number]
-        tests += drive_tests(mine, set_rule(history, mine, row), history.spec.drives, Basis.SET)
+        device, rule = DeviceUnderTest(code, "movement"), set_rule(history, mine, row)
+        tests += drive_tests(device, mine, rule, history.spec.drives)
         if nominal is not None:
             tests += _nominal_drive_tests(history, mine, row, nominal)
     return kept(tests)
@@ -91,7 +91,7 @@ def _nominal_sensor_tests(
     row = next((each for each in nominal.spec.sensors if each.code == own.code), None)
     if row is None or not len(rows) or structs.replace(row, number=own.number) == own:
         return []
-    device = DeviceUnderTest(own.code, Basis.NOMINAL, "reading", f", against {_by(nominal)}")
+    device = _device(own.code, "reading", nominal)
     if (other := _swapped_with(own, row, nominal.spec)) is not None:
         what = change_text(own, FindingKind.SWAPPED, 1.0, other)
         return [device.claim(0.0, FindingKind.SWAPPED, 1.0, what, len(rows), other=other)]
@@ -105,7 +105,7 @@ def _nominal_sensor_tests(
     if row.kind is own.kind and structs.replace(row, **placed, number=own.number) != own:
         sample = sample_of(history, rows, structs.replace(row, **placed))
         if sample is not None:
-            tests += [_named(each, nominal) for each in sensor_tests(sample, Basis.NOMINAL)]
+            tests += sensor_tests(device, sample)
     return tests
 
 
@@ -117,14 +117,16 @@ def _nominal_drive_tests(
     row = next((each for each in nominal.spec.drives if each.code == own.code), None)
     if row is None or not len(moves) or _moves_alike(own, row, history.spec, nominal.spec):
         return []
-    device = DeviceUnderTest(own.code, Basis.NOMINAL, "movement", f", against {_by(nominal)}")
+    device = _device(own.code, "movement", nominal)
     count = len(moves)
     if own.kind is not row.kind:
-        return [_other_drive(device, own, nominal, count)]
+        other = next((each.code for each in nominal.spec.drives if each.kind is own.kind), None)
+        what = "moves like no drive of that set" if other is None else f"does what {other} should do"
+        return [device.claim(0.0, FindingKind.SWAPPED, 1.0, what, count, other=other)]
     if own.gain * row.gain < 0.0:
         return [device.claim(0.0, FindingKind.SIGN, -1.0, f"{row.kind.verb} the wrong way", count)]
     rule = _nominal_rule(history, moves, own, row, nominal.spec)
-    tests = [_named(each, nominal) for each in drive_tests(moves, rule, nominal.spec.drives, Basis.NOMINAL)]
+    tests = drive_tests(device, moves, rule, nominal.spec.drives)
     times = own.gain / row.gain if row.gain else 1.0
     if abs(times - 1.0) < LEAST_SHARE:
         return tests
@@ -132,13 +134,10 @@ def _nominal_drive_tests(
     if not tests:
         what = f"{row.kind.verb} {times:.2f} times what is asked"
         return [device.claim(0.0, FindingKind.GAIN, times, what, count)]
-    return [_surely(each, FindingKind.GAIN) for each in tests]
-
-
-def _surely(test: Claim, kind: FindingKind) -> Claim:
-    """A test whose finding is certain if the rows themselves show a fault of its kind."""
-    stands = test.finding is not None and test.finding.kind is kind
-    return Claim(0.0, test.finding) if stands else test
+    return [
+        replace(each, probability=0.0) if each.finding and each.finding.kind is FindingKind.GAIN else each
+        for each in tests
+    ]
 
 
 def _nominal_rule(
@@ -148,7 +147,7 @@ def _nominal_rule(
     spec = history.spec
     if not spec.randbias:
         # A bias that a set declares is fixed, not drawn.
-        return DriveRule(row, np.tile(axis_values(row.bias), (len(moves), 1)), np.zeros(3))
+        return DriveRule(row, np.tile(structs.astuple(row.bias), (len(moves), 1)), np.zeros(3))
     if spec.strength == nominal.strength:
         # A bias is a share of the command after the drive's own Gain.
         drawn = set_rule(history, moves, own).biases * (own.gain / row.gain if row.gain else 1.0)
@@ -170,13 +169,6 @@ def _drawn(row: DriveSpec, strength: tuple[float, float]) -> FloatArray:
 
 
 # -- by the rows alone -------------------------------------------------------------------------------
-
-
-def _other_drive(device: DeviceUnderTest, own: DriveSpec, nominal: Nominal, count: int) -> Claim:
-    """A drive that moves along another axis."""
-    other = next((each.code for each in nominal.spec.drives if each.kind is own.kind), None)
-    what = "moves like no drive of that set" if other is None else f"does what {other} should do"
-    return device.claim(0.0, FindingKind.SWAPPED, 1.0, what, count, other=other)
 
 
 def _swapped_with(own: SensorSpec, row: SensorSpec, nominal: SimulationSpec) -> str | None:
@@ -212,7 +204,7 @@ def _mounted(
     """A sensor that is elsewhere, or looks elsewhere."""
     if row.kind is not own.kind or _is_another_robot(history.spec, nominal.spec):
         return
-    device, count = DeviceUnderTest(own.code, Basis.NOMINAL, "reading"), len(rows)
+    device, count = DeviceUnderTest(own.code, "reading", Basis.NOMINAL), len(rows)
     turned = wrapped(own.rotation - row.rotation)
     if own.kind.has("rotation") and abs(turned) >= LEAST_DEGREES:
         side = "left" if turned > 0 else "right"
@@ -236,15 +228,13 @@ def _slower(rows: Columns, own: SensorSpec, row: SensorSpec, nominal: Nominal) -
     if own.read_time != row.read_time and abs(took) >= _LEAST_DELAY:
         how = "later" if took > 0 else "sooner"
         what = f"answers {abs(took):.2f} s {how} than in {_by(nominal)}"
-        device = DeviceUnderTest(own.code, Basis.NOMINAL, "reading")
+        device = DeviceUnderTest(own.code, "reading", Basis.NOMINAL)
         yield device.claim(0.0, FindingKind.LATE, took, what, len(rows), unit="s")
 
 
-def _named(test: Claim, nominal: Nominal) -> Claim:
-    """A test whose finding names the set that it was compared with."""
-    if test.finding is None:
-        return test
-    return Claim(test.probability, replace(test.finding, text=f"{test.finding.text}, against {_by(nominal)}"))
+def _device(code: str, rows: str, nominal: Nominal) -> DeviceUnderTest:
+    """A device whose findings name the set that it was compared with."""
+    return DeviceUnderTest(code, rows, Basis.NOMINAL, f", against {_by(nominal)}")
 
 
 def _by(nominal: Nominal) -> str:

@@ -13,15 +13,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from simmer_tui.report.disagreement import Disagreement, moment
-from simmer_tui.report.finding import FEWEST, LEAST_DEGREES
-from simmer_tui.report.robust_fit import Flags, binomial_tail, mad_scale, robust_fit, two_sided
-from simmer_tui.report.sensor_sample import poses_of, sensors_read, world_without_block
+from simmer_tui.report.finding import FEWEST, LEAST_DEGREES, Disagreement, moment
+from simmer_tui.report.robust_fit import binomial_tail, mad_scale, robust_fit, two_sided
+from simmer_tui.report.sensor_sample import by_sensor, poses_of, world_without_block
 from simmer_tui.run.attempt import Attempt
 from simmer_tui.run.episodes import SAME
-from simmer_tui.run.facts import DEFAULT_ALLOWED_TURN
+from simmer_tui.run.facts import DEFAULT_ALLOWED_TURN, wrapped
 from simmer_tui.run.table import Columns
-from simmer_tui.sim.angles import FloatArray, cos_sin_array
+from simmer_tui.sim.angles import BoolArray, FloatArray, IntArray, cos_sin_array
 from simmer_tui.sim.sensors import CountingSensor, ObservingSensor, modelled_sensor
 from simmer_tui.sim.specs import CELL_SIZE
 
@@ -51,7 +50,7 @@ class _Axis:
 
     believed: FloatArray
     true: FloatArray
-    usable: Flags
+    usable: BoolArray
     least: float
     doubt: float
 
@@ -80,7 +79,7 @@ class BeliefMotion:
         self._at = np.searchsorted(self._moves["order"], beliefs["order"])
         """Number of movements before each belief."""
         turn, true_turn = np.diff(beliefs["heading"]), np.diff(beliefs["true_heading"])
-        self._turn = (turn + 180.0) % 360.0 - 180.0
+        self._turn = wrapped(turn)
         self._true_turn = true_turn
         believed = _in_frame(beliefs, ("x", "y", "heading"), self._turn)
         self._believed_way = np.hypot(*believed)
@@ -173,31 +172,31 @@ class BeliefMotion:
 
     def _turn_counters(self) -> list[_Source]:
         return [
-            _Source(sensor.spec.code, self._counted(number) / (sensor.spec.gain * lever[2]), False)
-            for number, sensor in self._counters()
+            _Source(sensor.spec.code, counted / lever[2], False)
+            for sensor, counted in self._counters()
             if (lever := sensor.lever)[2] and not lever[:2].any()
         ]
 
     def _way_counters(self) -> list[_Source]:
         found = []
-        for number, sensor in self._counters():
+        for sensor, counted in self._counters():
             lever = sensor.lever
             with np.errstate(invalid="ignore", divide="ignore"):
                 share = (lever[:2, None] * self._way).sum(axis=0) / self._gone
-                values = (self._counted(number) / sensor.spec.gain - lever[2] * self._true_turn) / share
+                values = (counted - lever[2] * self._true_turn) / share
             # A wheel that hardly rolls does not measure the path.
             found.append(_Source(sensor.spec.code, np.where(np.abs(share) > 0.5, values, np.nan), False))
         return found
 
-    def _counters(self) -> Iterator[tuple[int, CountingSensor]]:
-        for number, spec in sensors_read(self._attempt.history):
+    def _counters(self) -> Iterator[tuple[CountingSensor, FloatArray]]:
+        """The counters, each with its counts from belief to belief before its gain."""
+        for spec, rows in by_sensor(self._attempt.history, self._readings):
             sensor = modelled_sensor(spec)
             if isinstance(sensor, CountingSensor) and spec.gain and not spec.wrap:
-                yield number, sensor
+                yield sensor, self._counted(rows) / spec.gain
 
-    def _counted(self, number: int) -> FloatArray:
+    def _counted(self, mine: Columns) -> FloatArray:
         """Counts of a sensor from belief to belief, in its unit, NaN where it was not read at both; (n,)."""
-        mine = self._readings[self._readings["sensor"] == number]
         beliefs = self._beliefs
         place = np.searchsorted(mine["order"], beliefs["order"]) - 1
         if not len(mine):
@@ -209,13 +208,13 @@ class BeliefMotion:
 
     def _drives(self, *, turning: bool) -> list[_Source]:
         names, moves = self._attempt.history.code_names, self._moves
-        drives = [each for each in self._attempt.spec.drives if each.kind.turns is turning]
-        numbers = {each.code: names.index(each.code) for each in drives if each.code in names}
+        drives = [
+            each for each in self._attempt.spec.drives if each.kind.turns is turning and each.code in names
+        ]
+        numbers = {each.code: names.index(each.code) for each in drives}
         of_kind = np.isin(moves["code"], list(numbers.values()))
         found = []
         for row in drives:
-            if row.code not in numbers:
-                continue
             mine = moves["code"] == numbers[row.code]
             asked = np.where(mine, np.nan_to_num(moves["asked"], nan=np.nan) * row.gain, 0.0)
             rivals = of_kind & ~mine
@@ -239,20 +238,12 @@ def wrong_heading(attempt: Attempt) -> list[Disagreement]:
         return []
     beliefs = beliefs[beliefs["allowed_turn"] <= _LONGEST_TURN / 2]
     found = []
-    ended = moves["order"]
-    for number, spec in sensors_read(history):
+    for spec, rows in by_sensor(history, readings):
         sensor, code = modelled_sensor(spec), spec.code
         if not isinstance(sensor, ObservingSensor) or not sensor.period or spec.kind.is_range:
             continue
-        rows = readings[readings["sensor"] == number]
-        place = np.searchsorted(beliefs["order"], rows["order"])
-        if min(len(beliefs), len(rows)) == 0:
-            continue
-        believed = beliefs[np.minimum(place, len(beliefs) - 1)]
-        # No movement ended between the two.
-        moved = np.searchsorted(ended, rows["order"]) != np.searchsorted(ended, believed["order"])
-        here = (place < len(beliefs)) & ~moved
-        rows, believed = rows[here], believed[here]
+        places = following_beliefs(rows, beliefs, moves["order"])
+        rows, believed = rows[places >= 0], beliefs[places[places >= 0]]
         if len(rows) < _FEWEST:
             continue
         expected = sensor.expected(world_without_block(history.spec), poses_of(believed), 0.0)
@@ -264,13 +255,28 @@ def wrong_heading(attempt: Attempt) -> list[Disagreement]:
         # Beyond the error that the program allowed for, by the noise of a mean.
         beyond = (abs(value) - allowed) * len(rows) ** 0.5 / float(np.median(noise))
         turns = beliefs["turn"][beliefs["order"] >= believed["order"][0]]
-        stays = np.abs((turns - value + 180.0) % 360.0 - 180.0) <= np.maximum(DEFAULT_ALLOWED_TURN, allowed)
+        stays = np.abs(wrapped(turns - value)) <= np.maximum(DEFAULT_ALLOWED_TURN, allowed)
         if beyond <= 0.0 or stays.mean() < 0.5:
             continue
         more = f"{abs(value):.0f} {spec.unit} {'more' if value > 0 else 'less'}"
         text = f"the program used {more} than {code}'s replies in the log ({len(rows)} readings)"
         found.append(Disagreement((code,), text, len(rows), two_sided(beyond), 1.0, *moment(believed[0])))
     return found
+
+
+def following_beliefs(rows: Columns, beliefs: Columns, moves: IntArray) -> IntArray:
+    """The place of the belief that followed each reading before any movement; -1 where there is none.
+
+    Args:
+        rows: Readings, (n,).
+        beliefs: The beliefs.
+        moves: Running numbers of the ends of movements.
+    """
+    places = np.searchsorted(beliefs["order"], rows["order"])
+    # Readings after the last belief get a number beyond all of theirs.
+    orders = np.append(beliefs["order"], np.iinfo(np.int32).max)
+    here = np.searchsorted(moves, rows["order"]) == np.searchsorted(moves, orders[places])
+    return np.where(here & (places < len(beliefs)), places, -1)
 
 
 def _in_frame(beliefs: Columns, names: tuple[str, str, str], turns: FloatArray) -> FloatArray:

@@ -15,8 +15,9 @@ from simmer_tui.document.formats import COUNT, SHARE, number
 from simmer_tui.document.model import DataColumn, DataTable
 from simmer_tui.sim.maze import Maze
 from simmer_tui.sim.recent_motion import BlockPlace
-from simmer_tui.sim.records import LidarScan, Reading
+from simmer_tui.sim.records import LidarScan
 from simmer_tui.sim.sensors import Lidar, sensor_of
+from simmer_tui.sim.specs import SensorSpec
 
 # Programs of the course want a belief to within an inch from a scan.
 OFF = 1.0
@@ -61,11 +62,8 @@ class BentScans:
         self.found: dict[str, _Bends] = {}
         """The sums by sensor ID."""
 
-    def add(self, reading: Reading, block: BlockPlace) -> None:
-        """Add a reading of a lidar, with the block's place then."""
-        scan, spec = reading.scan, reading.sensor
-        if scan is None:
-            return
+    def add(self, spec: SensorSpec, scan: LidarScan, block: BlockPlace) -> None:
+        """Add a scan of a lidar, with the block's place then."""
         bends = self.found.setdefault(spec.id, _Bends(f"{spec.code} {spec.id}"))
         # The same revolution may be read many times.
         if bends.last is scan:

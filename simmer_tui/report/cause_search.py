@@ -7,16 +7,17 @@ before its end.
 
 import itertools
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 
 from simmer_tui.events import ProgramEnded
 from simmer_tui.phrases import counted
+from simmer_tui.report.belief_audit import BeliefMotion, wrong_heading
 from simmer_tui.report.causes import Cause, Kind, Sureness, cause_of, undecided_text
+from simmer_tui.report.command_audit import multiplied_corrections, vanished_movements
 from simmer_tui.report.contact_causes import belief_text, contact_causes
-from simmer_tui.report.disagreement import Disagreement
 from simmer_tui.report.ending_causes import EndingCauses
-from simmer_tui.report.finding import Finding
-from simmer_tui.report.program_audit import disagreements
+from simmer_tui.report.finding import FEWEST, Disagreement, Finding, kept_disagreements
+from simmer_tui.report.reply_audit import ReplyAudit
 from simmer_tui.run.attempt import Attempt
 
 _EXIT_CODE = re.compile(r"exit code (-?\d+)")
@@ -170,3 +171,35 @@ def _made_of(attempt: Attempt, found: Sequence[Disagreement], kind: Kind, text: 
     evidence = undecided_text("a message was changed or lost"), belief_text(attempt.beliefs[0])
     culprits = tuple(dict.fromkeys(code for each in found for code in each.of))
     return cause_of(attempt, kind, text, *evidence, at=since, sure=Sureness.LIKELY, culprits=culprits)
+
+
+# -- the program's side ---------------------------------------------------------------------------------
+
+
+def disagreements(attempt: Attempt, known: Collection[str] = ()) -> list[list[Disagreement]]:
+    """The disagreements of program and log, at a familywise error of 1 % a run, the surest first. Each has
+    all sensors and drives that explain it equally well.
+
+    Args:
+        attempt: The run. A real robot has none: its log does not know its true pose.
+        known: Codes of sensors and drives that are not as their set says: that is the stronger explanation.
+    """
+    if attempt.history.is_twin:
+        return []
+    tests = [each for row in attempt.spec.drives for each in multiplied_corrections(attempt, row)]
+    tests += [vanished_movements(attempt), wrong_heading(attempt)]
+    for since in _stretches(attempt):
+        motion = BeliefMotion(attempt, since)
+        tests += [*motion.explanations(), motion.unlogged(), ReplyAudit(attempt, since).explanations()]
+    kept = kept_disagreements(each for each in tests if each)
+    return [each for each in kept if not any(code in known for one in each for code in one.of)]
+
+
+def _stretches(attempt: Attempt) -> list[int]:
+    """The events after which beliefs are audited. One is the robot's last placement, the other the moment
+    when the belief became wrong for good, if earlier beliefs agreed with the log."""
+    lost = attempt.beliefs[1]
+    if lost is None:
+        return [attempt.placed]
+    before = attempt.history.beliefs.place_of(lost.order) - attempt.history.beliefs.place_of(attempt.placed)
+    return [attempt.placed, lost.order - 1] if before >= FEWEST["set"] else [attempt.placed]

@@ -12,6 +12,7 @@ from typing import Protocol
 
 from simmer_tui.report.counterfactuals import Change, Counterfactual
 from simmer_tui.run.attempt import Attempt
+from simmer_tui.run.table import Timed
 
 
 class Kind(StrEnum):
@@ -111,17 +112,9 @@ class Cause:
     sure: Sureness = Sureness.CERTAIN
     culprits: tuple[str, ...] = ()
 
-    @property
-    def is_contradicted(self) -> bool:
-        """True if its own counterfactuals contradict it."""
-        return contradicted(self.kind, self.tried)
 
-
-class LogMoment(Protocol):
+class LogMoment(Timed, Protocol):
     """Something with a time, elapsed seconds, and a line of the log."""
-
-    @property
-    def elapsed(self) -> float: ...
 
     @property
     def line(self) -> int: ...

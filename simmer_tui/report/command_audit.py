@@ -13,18 +13,15 @@ from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from simmer_tui.report.disagreement import Disagreement, moment
-from simmer_tui.report.finding import FEWEST
-from simmer_tui.report.robust_fit import Flags, binomial_tail
-from simmer_tui.report.sensor_sample import sensors_read
+from simmer_tui.report.finding import FEWEST, Disagreement, moment
+from simmer_tui.report.robust_fit import binomial_tail
+from simmer_tui.report.sensor_sample import by_sensor
 from simmer_tui.run.attempt import Attempt
 from simmer_tui.run.table import Columns
-from simmer_tui.sim.angles import FloatArray
+from simmer_tui.sim.angles import BoolArray, FloatArray, IntArray
 from simmer_tui.sim.specs import DriveSpec, SensorSpec
 
-Codes = NDArray[np.int64]
 _FEWEST = FEWEST["set"]
 # Errors of drives and of a program's model of them are a few percent of a correction.
 _BAND = 0.08
@@ -187,10 +184,10 @@ def _as_measured(attempt: Attempt, row: DriveSpec, found: _Found) -> list[Disagr
     not the movement, may have been too long by that factor."""
     readings = attempt.within(attempt.history.readings)
     made = []
-    for number, sensor in sensors_read(attempt.history):
+    for sensor, rows in by_sensor(attempt.history, readings):
         if not _measures(sensor, row):
             continue
-        orders = readings["order"][readings["sensor"] == number]
+        orders = rows["order"]
         places = np.searchsorted(orders, found.rows["order"])
         # Read after the movement and before the next command of all.
         after = np.append(orders, np.iinfo(np.int64).max)[places]
@@ -262,7 +259,7 @@ def vanished_movements(attempt: Attempt) -> list[Disagreement]:
 class _Rhythm:
     """Readings in threes: the first two follow one another with or without a movement between."""
 
-    def __init__(self, codes: Codes, moves: Flags) -> None:
+    def __init__(self, codes: IntArray, moves: BoolArray) -> None:
         """`codes` are those of commands in order, `moves` is true for those that move the robot; (n,)
         each."""
         places, base = np.flatnonzero(~moves), int(codes.max(initial=0)) + 1
@@ -273,7 +270,7 @@ class _Rhythm:
         # One sensor read repeatedly does not show whether a movement came between.
         self._varied = (first != second) | (second != third)
 
-    def broken_after(self, end: int) -> tuple[Codes, int, float]:
+    def broken_after(self, end: int) -> tuple[IntArray, int, float]:
         """The places after `end` at which a movement was left out, of how many, and the probability of that.
 
         Counted are threes of readings in which there had nearly always been a movement before.

@@ -17,7 +17,7 @@ import math
 from collections.abc import Iterator, Sequence
 
 from simmer_tui.phrases import body_text, capitalized, contact_text, drift_text, obstacle_place
-from simmer_tui.report.causes import Cause, Kind, LogMoment, Sureness, cause_of, undecided_text
+from simmer_tui.report.causes import Cause, Kind, LogMoment, Sureness, cause_of, contradicted, undecided_text
 from simmer_tui.report.counterfactuals import Change, Counterfactual, CounterfactualWorld
 from simmer_tui.report.right_readings import looked_at_each_movement, looks_alike, shown_place
 from simmer_tui.report.why import facing_sensor_text, looks_there, shown_range
@@ -25,13 +25,13 @@ from simmer_tui.run.attempt import Attempt, Collision
 from simmer_tui.run.facts import ALIKE, LastReading, carried_over, facing_sensor, wrapped
 from simmer_tui.run.history_rows import BeliefRow
 from simmer_tui.sim.command import parse_value
+from simmer_tui.sim.specs import CELL_SIZE
 
 NO_BELIEFS = "No beliefs were sent: the log cannot show where the program thought the robot was."
 # Judged: after a third of a cell, or half a quarter turn, a sensor sees other obstacles.
 BLIND, BLIND_TURN = 4.0, 45.0
 """Inches or degrees of path after which the last reading of a sensor counts as unread."""
-# One cell of the maze.
-STALE = 12.0
+STALE = CELL_SIZE
 """Inches of path after which a belief is too old."""
 # Judged: an inch alone is a usual error of a long range; four standard deviations happen once in 16,000.
 MISREAD, SIGMAS = 1.0, 4.0
@@ -58,7 +58,7 @@ _SHOWN = {
 def contact_causes(seen: Attempt, met: Collision) -> list[Cause]:
     """The causes of a contact that hold, in the order above. No counterfactual that was tried contradicts
     them."""
-    return [each for each in _ContactCauses(seen, met).all() if not each.is_contradicted]
+    return [each for each in _ContactCauses(seen, met).all() if not contradicted(each.kind, each.tried)]
 
 
 class _ContactCauses:

@@ -34,11 +34,10 @@ from simmer_tui.document.model import (
     Paragraph,
     Prose,
 )
-from simmer_tui.report.beliefs import EPISODES, episodes_table
 from simmer_tui.report.bent_scans import SCANS, scans_table
 from simmer_tui.report.figure import maze_figure
 from simmer_tui.report.finding import FINDINGS, findings_table
-from simmer_tui.report.findings import findings
+from simmer_tui.report.findings import EPISODES, episodes_table, findings
 from simmer_tui.report.run_statistics import RunStatistics
 from simmer_tui.report.traces import traces
 from simmer_tui.report.verdict import Verdict

@@ -15,6 +15,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 
+from msgspec.structs import astuple
+
 from simmer_tui.events import MovementEnded
 from simmer_tui.run.attempt import Collision
 from simmer_tui.sim.arc_contact import first_arc_contact
@@ -90,8 +92,8 @@ class CounterfactualWorld:
             return None
         # The formula of the module's docstring, solved for the noise.
         asked = value * drive.gain
-        direction, biases = drive.kind.direction, bias.get(drive.kind, Axes())
-        whole = asked * (direction.x + direction.y + direction.r)
+        direction, biases = astuple(drive.kind.direction), astuple(bias.get(drive.kind, Axes()))
+        whole: float = asked * sum(direction)
 
         def part(commanded: float, bias: float, total: float) -> float:
             commanded *= asked
@@ -103,12 +105,7 @@ class CounterfactualWorld:
                 return commanded + (noise / (1.0 + bias) if bias != -1.0 else 0.0)
             return commanded
 
-        totals = trajectory.totals
-        return Axes(
-            part(direction.x, biases.x, totals.x),
-            part(direction.y, biases.y, totals.y),
-            part(direction.r, biases.r, totals.r),
-        )
+        return Axes(*map(part, direction, biases, astuple(trajectory.totals)))
 
     def tried(self, met: Collision, believed: Pose | None) -> list[Counterfactual]:
         """All changes that apply to a movement with a contact.

@@ -13,30 +13,21 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
+from msgspec.structs import astuple
 
 from simmer_tui.report.finding import (
     FEWEST,
     LEAST_DEGREES,
     LEAST_INCHES,
     LEAST_SHARE,
-    Basis,
     Claim,
     DeviceUnderTest,
     FindingKind,
 )
-from simmer_tui.report.robust_fit import (
-    LEAST_NOISE,
-    MAD_ERROR,
-    Z_95,
-    Flags,
-    RobustFit,
-    binomial_tail,
-    robust_fit,
-    two_sided,
-)
+from simmer_tui.report.robust_fit import RobustFit, binomial_tail, excess_noise, robust_fit
 from simmer_tui.run.run_history import RunHistory
 from simmer_tui.run.table import Columns
-from simmer_tui.sim.angles import FloatArray
+from simmer_tui.sim.angles import BoolArray, FloatArray
 from simmer_tui.sim.specs import CELL_SIZE, Axes, DriveKind, DriveSpec
 
 # The errors of a shorter movement are too small to measure: they are a share of it.
@@ -66,7 +57,7 @@ class DriveRule:
     biases: FloatArray
     allowed: FloatArray
 
-    def of(self, chosen: Flags) -> DriveRule:
+    def of(self, chosen: BoolArray) -> DriveRule:
         """The same for some of the movements."""
         return DriveRule(self.row, self.biases[chosen], self.allowed)
 
@@ -74,29 +65,33 @@ class DriveRule:
 def set_rule(history: RunHistory, moves: Columns, row: DriveSpec) -> DriveRule:
     """Expected motion of a drive by the run's own set, with the bias that was in force each time."""
     states = list(history.biases.items)
-    table = np.array([axis_values(each.bias.get(row.kind, Axes())) for each in states])
+    table = np.array([astuple(each.bias.get(row.kind, Axes())) for each in states])
     since = np.searchsorted([each.order for each in states], moves["order"], "right") - 1
     return DriveRule(row, table[np.maximum(since, 0)], np.zeros(3))
 
 
-def drive_tests(moves: Columns, rule: DriveRule, others: Iterable[DriveSpec], basis: Basis) -> list[Claim]:
+def drive_tests(
+    device: DeviceUnderTest, moves: Columns, rule: DriveRule, others: Iterable[DriveSpec]
+) -> list[Claim]:
     """Tests of one drive by its movements, and by the rows of the `others` that it may be swapped with."""
     row = rule.row
     usable = np.isfinite(moves["total_x"]) & (np.abs(moves["asked"]) >= _SHORTEST[row.kind.unit])
     usable &= row.gain != 0.0
     moves, rule = moves[usable], rule.of(usable)
-    if len(moves) < FEWEST[basis]:
+    if len(moves) < FEWEST[device.basis]:
         return []
     asked = moves["asked"].astype(np.float64)
     done = np.column_stack([moves[f"total_{axis}"] for axis in _AXES]).astype(np.float64)
-    claim = other_direction(row, asked, done, others, basis)
-    if claim.finding is not None:
-        return [claim]
-    return [claim, *_axes(DeviceUnderTest(row.code, basis, "movement"), rule, asked, done)]
+    claim = other_direction(device, row, asked, done, others)
+    return [claim] if claim.finding is not None else [claim, *_axes(device, rule, asked, done)]
 
 
 def other_direction(
-    row: DriveSpec, asked: FloatArray, done: FloatArray, others: Iterable[DriveSpec], basis: Basis
+    device: DeviceUnderTest,
+    row: DriveSpec,
+    asked: FloatArray,
+    done: FloatArray,
+    others: Iterable[DriveSpec],
 ) -> Claim:
     """The claim that a drive moves as one of the `others` should, or the other way round, or not at all.
 
@@ -112,7 +107,7 @@ def other_direction(
     typical = float(np.median(along))
     if typical >= _OTHER_AXIS:
         return Claim(probability)
-    device, count = DeviceUnderTest(row.code, basis, "movement"), len(asked)
+    count = len(asked)
     # The other drive that would have led there by the same command.
     for each in others:
         if each.code != row.code and each.enabled and each.kind.turns == row.kind.turns:
@@ -142,7 +137,8 @@ def _axes(device: DeviceUnderTest, rule: DriveRule, asked: FloatArray, done: Flo
         rest = done[:, axis] - driven * (bias + (axis == own))
         if axis == own:
             fit = _gain_fit(driven, rest, noise)
-            tests.append(_gain(device, row.kind.verb, _allowing(fit, float(rule.allowed[axis]))))
+            gain = _allowing(fit, float(rule.allowed[axis]))
+            tests.append(device.gain(gain, 0, row.kind.verb, "what is asked"))
             if len(fit.values) == 2:
                 tests.append(_shortfall(device, row.kind, fit, float(np.median(np.abs(driven)))))
         else:
@@ -160,17 +156,6 @@ def _gain_fit(driven: FloatArray, rest: FloatArray, noise: FloatArray) -> Robust
     varied = float(np.quantile(size, 0.9)) > 1.5 * float(np.quantile(size, 0.1))
     # Judged: the fit with a shortfall must be better by a tenth.
     return both if varied and single.rough > 1.1 * both.rough else single
-
-
-def _gain(device: DeviceUnderTest, verb: str, fit: RobustFit) -> Claim:
-    slope, probability = float(fit.values[0]), fit.probability(0)
-    if abs(slope) < LEAST_SHARE:
-        return Claim(probability)
-    low, high = fit.interval(0)
-    value = 1.0 + slope
-    what = f"{verb} {value:.2f} times what is asked"
-    interval = 1.0 + low, 1.0 + high
-    return device.claim(probability, FindingKind.GAIN, value, what, fit.count, interval=interval)
 
 
 def _allowing(fit: RobustFit, allowed: float) -> RobustFit:
@@ -211,12 +196,10 @@ def _bias(device: DeviceUnderTest, unit: str, axis: str, fit: RobustFit) -> Clai
 def _scatter(device: DeviceUnderTest, unit: str, axis: str, fit: RobustFit, declared: float) -> Claim:
     """Noise on an axis that the set does not declare."""
     other = "deg" if axis == "r" else "in"
-    error, scatter = MAD_ERROR / math.sqrt(fit.count), fit.rough * declared
-    probability = two_sided(max(fit.rough - 1.0, 0.0) / error, fit.count - 1)
-    if fit.rough < LEAST_NOISE or math.sqrt(scatter**2 - declared**2) < _LEAST_BIAS[unit, other]:
+    probability, excess, (low, high) = excess_noise(fit.rough, declared, fit.count, 1)
+    if excess < _LEAST_BIAS[unit, other]:
         return Claim(probability)
-    half = Z_95 * error * scatter
-    low, high = max(scatter - half, 0.0), scatter + half
+    scatter = fit.rough * declared
     motion = "turn" if axis == "r" else "distance"
     what = f"scatters by {scatter:.3f} {other} of {motion} for each {_one(unit)}, not by {declared:.3f}"
     interval, bounds, per = (low, high), f"{low:.3f} to {high:.3f}", f"{other}/{unit}"
@@ -230,9 +213,4 @@ def _one(unit: str) -> str:
 
 
 def _direction(kind: DriveKind) -> FloatArray:
-    return np.array(axis_values(kind.direction))
-
-
-def axis_values(axes: Axes) -> tuple[float, float, float]:
-    """Values on x, y and r, as a row of an array."""
-    return axes.x, axes.y, axes.r
+    return np.array(astuple(kind.direction))

@@ -24,9 +24,10 @@ from simmer_tui.report.right_readings import (
 )
 from simmer_tui.run.attempt import Attempt
 from simmer_tui.run.episodes import EpisodeKind
-from simmer_tui.run.facts import missed_zone, wrapped
+from simmer_tui.run.facts import displacement, missed_zone
 from simmer_tui.run.history_rows import ActionRow
 from simmer_tui.run.progress import HUNDRED
+from simmer_tui.run.run_history import CHAIN
 from simmer_tui.sim.command import escape_passage
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.specs import CELL_SIZE
@@ -34,8 +35,8 @@ from simmer_tui.sim.specs import CELL_SIZE
 # Judged: a good program crosses the maze with fewer movements.
 STAYED, MOVES = 0.25, 20
 """Share of the time limit, and number of movements (or none), without progress that count as a cause."""
-_LED = 20
-"""Movements that may have led to a contact: as many as counterfactuals repeat (`run_history`)."""
+_LED = CHAIN - 1
+"""Movements that may have led to a contact: as many as counterfactuals repeat."""
 # Judged: a smaller error of the place comes from drift or a wrong angle.
 _FAR = CELL_SIZE / 2
 """Distance of the block from the jaws, inches, from which the gripper closed elsewhere, not beside the
@@ -343,12 +344,11 @@ class EndingCauses:
         row = self._seen.moved
         if row is None:
             return None
-        there, turn = row.done.pose, abs(wrapped(row.done.pose.heading - row.before.heading))
-        way = math.hypot(there.x - row.before.x, there.y - row.before.y)
+        way, turn = displacement(row.before, row.done.pose)
         after = "No belief was right after that"
         if self._seen.beliefs[0] is None:
             after = "The program could notice it only by its sensors"
-        return self._by_hand(row, "robot", f"by {way:.0f} in and {turn:.0f} deg. {after}.")
+        return self._by_hand(row, "robot", f"by {way:.0f} in and {abs(turn):.0f} deg. {after}.")
 
     def block_moved(self) -> Cause | None:
         """A person moved the block, and it was not taken."""

@@ -7,8 +7,6 @@ from collections import defaultdict
 from collections.abc import Iterable, Sequence
 from itertools import groupby
 
-import numpy as np
-
 from simmer_tui.config.mission_plan import cells_of
 from simmer_tui.document import svg
 from simmer_tui.document.model import Figure
@@ -16,7 +14,7 @@ from simmer_tui.report.run_statistics import RunStatistics
 from simmer_tui.run.attempt import Task
 from simmer_tui.run.paths import PathSegment
 from simmer_tui.run.run_history import SAME_PLACE
-from simmer_tui.sim.angles import rotation
+from simmer_tui.sim.angles import FloatArray
 from simmer_tui.sim.block import Block
 from simmer_tui.sim.footprint import Footprint
 from simmer_tui.sim.maze import Maze
@@ -179,9 +177,9 @@ class _MazeFigure:
         height = frame.bottom + AXIS + _KEY
         return Figure("The maze and the path", WIDTH, height, "".join(parts), "maze")
 
-    def _polygon(self, corners: np.ndarray[tuple[int, int], np.dtype[np.float64]], **style: object) -> str:
-        placed = [self._at(float(x), float(y)) for x, y in corners]
-        return svg.element("polygon", "", points=svg.points(placed), **style)
+    def _polygon(self, corners: FloatArray, **style: object) -> str:
+        placed = svg.points(self._at(x, y) for x, y in corners.tolist())
+        return svg.element("polygon", "", points=placed, **style)
 
     def _block(self) -> str:
         """The block where it ended; where it began, faintly, if that is elsewhere."""
@@ -229,14 +227,12 @@ class _MazeFigure:
 
     def _robot(self, pose: Pose, fill: str, word: str) -> str:
         x, y = self._at(pose.x, pose.y)
-        nose = np.array((Footprint.of(self.spec.robot).front, 0.0)) @ rotation(pose.heading).T
-        tip = self._at(pose.x + float(nose[0]), pose.y + float(nose[1]))
+        footprint = Footprint.of(self.spec.robot)
+        tip = self._at(*pose.place(footprint.front, 0.0))
         style = {"fill": fill, "fill_opacity": 0.75, "stroke": svg.ROBOT, "stroke_width": 1.6}
-        if self.spec.robot.radius is not None:
-            body = svg.element("circle", "", cx=x, cy=y, r=self.spec.robot.radius * self.frame.scale, **style)
-        else:
-            corners = np.array(self.spec.robot.vertices) @ rotation(pose.heading).T + (pose.x, pose.y)
-            body = self._polygon(corners, **style)
+        body = "".join(self._polygon(corners, **style) for corners in footprint.placed(pose))
+        if footprint.radius:
+            body = svg.element("circle", "", cx=x, cy=y, r=footprint.radius * self.frame.scale, **style)
         mark = svg.element("line", x1=x, y1=y, x2=tip[0], y2=tip[1], stroke=svg.ROBOT, stroke_width=1.6)
         return body + mark + _label(x, y + 4.0, word, svg.ROBOT)
 

@@ -2,19 +2,28 @@
 
 A finding has its figure with an interval, the number of readings or movements behind it, and a sentence. The
 findings of a run have a familywise error of 1 %: a test gives a `Claim`, and `kept` decides.
+
+A disagreement is about a sensor's replies or a drive's commands by which a program and its log differ. The
+log has replies as they were sent and commands as the robot got them. The program's use of them shows in its
+beliefs, and in the commands that followed. Where the two do not fit, either a message was changed on the
+link, or the program misunderstands that sensor or drive. A log cannot distinguish these, but it can name the
+device.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
+from typing import TypeVar
 
 from simmer_tui.document.formats import COUNT, UNIT, number
 from simmer_tui.document.model import DataColumn, DataTable
 from simmer_tui.phrases import counted
+from simmer_tui.report.robust_fit import MAD_ERROR, Z_95, RobustFit
+from simmer_tui.run.table import Columns
 
-ERROR = 0.01
+_ERROR = 0.01
 """Probability that a run without a fault has any finding."""
 FEWEST = {"set": 8, "nominal": 3}
 """Readings or movements below which nothing is claimed, by basis. Beyond the set: with fewer, one outlier is
@@ -23,6 +32,8 @@ enough."""
 # Below these nothing changes in a maze of 12 in cells.
 LEAST_INCHES, LEAST_DEGREES, LEAST_SHARE = 1.0, 2.0, 0.02
 """Least sizes that matter: of an offset, in inches or degrees, and of a gain."""
+
+_T = TypeVar("_T")
 
 
 class FindingKind(StrEnum):
@@ -79,8 +90,8 @@ class DeviceUnderTest:
     the evidence, `against` ends its sentences where they name that set."""
 
     code: str
-    basis: Basis
     rows: str
+    basis: Basis = Basis.SET
     against: str = ""
 
     def claim(
@@ -112,18 +123,31 @@ class DeviceUnderTest:
         finding = Finding(self.code, kind, value, low, high, unit, count, self.basis, text, other)
         return Claim(probability, finding)
 
+    def gain(self, fit: RobustFit, place: int, verb: str, rule: str) -> Claim:
+        """The claim of a gain, 1 and a coefficient of a fit: `reads 0.80 times what it should`, where `reads`
+        is the verb, and the words after `times` are the rule."""
+        share, probability = float(fit.values[place]), fit.probability(place)
+        if abs(share) < LEAST_SHARE:
+            return Claim(probability)
+        value, (low, high) = 1.0 + share, fit.interval(place)
+        what, interval = f"{verb} {value:.2f} times {rule}", (1.0 + low, 1.0 + high)
+        return self.claim(probability, FindingKind.GAIN, value, what, fit.count, interval=interval)
+
 
 def kept(tests: Iterable[Claim]) -> tuple[Finding, ...]:
-    """The findings of all tests of a run that hold an error of 1 % together, the surest first: S. Holm,
-    "A simple sequentially rejective multiple test procedure", Scandinavian Journal of Statistics 6 (1979)."""
-    ranked = sorted(tests, key=lambda each: each.probability)
-    found: list[Finding] = []
+    """The findings of all tests of a run that hold an error of 1 % together, the surest first."""
+    standing = holm(tests, lambda each: each.probability)
+    return tuple(each.finding for each in standing if each.finding is not None)
+
+
+def holm(tests: Iterable[_T], probability: Callable[[_T], float]) -> Iterator[_T]:
+    """The tests that hold an error of 1 % together, the surest first, by the p-value of each: S. Holm, "A
+    simple sequentially rejective multiple test procedure", Scandinavian Journal of Statistics 6 (1979)."""
+    ranked = sorted(tests, key=probability)
     for place, each in enumerate(ranked):
-        if each.probability * (len(ranked) - place) > ERROR:
-            break
-        if each.finding is not None:
-            found.append(each.finding)
-    return tuple(found)
+        if probability(each) * (len(ranked) - place) > _ERROR:
+            return
+        yield each
 
 
 def interval_text(low: float, high: float, value: float) -> str:
@@ -169,3 +193,47 @@ def findings_table(found: Iterable[Finding]) -> DataTable:
 def plain_findings(found: Iterable[Finding]) -> tuple[dict[str, object], ...]:
     """Findings for programs, each by the keys of their table."""
     return tuple(findings_table(found).objects())
+
+
+# -- disagreements of program and log ------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class Disagreement:
+    """One explanation of why program and log differ: `of` are the codes of the sensors or drives, none where
+    it may be any. `text` says what was different, `count` is the number of readings or movements behind it.
+
+    `probability` is that of evidence as strong without a disagreement, corrected for all tests of its kind.
+    `scatter` is the residual scatter, in a unit of the evidence. `elapsed` (seconds) and `line` (of the log)
+    are where it began. With `command_lost`, a command never reached the robot.
+    """
+
+    of: tuple[str, ...]
+    text: str
+    count: int
+    probability: float
+    scatter: float
+    elapsed: float
+    line: int
+    command_lost: bool = False
+
+
+def moment(row: Columns) -> tuple[float, int]:
+    """The elapsed time and the line of a row of a history's table."""
+    return float(row["elapsed"]), int(row["line"])
+
+
+def kept_disagreements(found: Iterable[Sequence[Disagreement]]) -> list[list[Disagreement]]:
+    """The explanations that hold an error of 1 % a run together (`holm`), the surest first.
+
+    Args:
+        found: For each thing that was tested, its explanations. Of those that explain the same evidence, the
+            ones that leave about as little as the best are kept.
+    """
+    standing = []
+    for each in holm(found, lambda test: min(one.probability for one in test)):
+        best = min(each, key=lambda one: one.scatter)
+        # A scatter within the error of the best one may be larger only by chance.
+        most = best.scatter * (1.0 + Z_95 * MAD_ERROR / best.count**0.5)
+        standing.append(sorted((one for one in each if one.scatter <= most), key=lambda one: one.scatter))
+    return standing

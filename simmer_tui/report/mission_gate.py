@@ -43,7 +43,7 @@ class MissionGate(EventHandler[bool]):
         return f"after the mission's end: {done}, not counted here"
 
     def other(self, event: Event) -> bool:
-        return True
+        return not isinstance(event, (VelocityEnded, Belief, TwinReading))
 
     def on_result(self, event: CommandResult) -> bool:
         return self._command(event.number, answered=True)
@@ -64,15 +64,6 @@ class MissionGate(EventHandler[bool]):
     def on_leg_ended(self, event: LegEnded) -> bool:
         self.contacts += not self._leg_belongs and event.contact is not None
         return self._leg_belongs
-
-    def on_velocity_ended(self, event: VelocityEnded) -> bool:
-        return False
-
-    def on_belief(self, event: Belief) -> bool:
-        return False
-
-    def on_twin(self, event: TwinReading) -> bool:
-        return False
 
     def on_action(self, event: ActionDone) -> bool:
         self._leg_belongs |= event.restarts
@@ -96,14 +87,14 @@ class Analysis:
         self._reducer = reducer
         self._history = history
         self._ends_history_only = ends_history_only
-        self._gate = MissionGate(reducer)
+        self.gate = MissionGate(reducer)
         self._uncounted_until = 0.0
         """Elapsed simulated seconds at the last event that does not count."""
 
     def apply(self, event: Event, line: int = 0, real_time: float = math.nan) -> None:
         """Take note of an event, as a reducer does."""
         is_over = self._history.is_over
-        if is_over and not self._gate.handle(event):
+        if is_over and not self.gate.handle(event):
             # Only notices have no time, and they count.
             time: float = getattr(event, "time", 0.0)
             self._uncounted_until = max(self._uncounted_until, self._history.clock.before + time)
@@ -121,8 +112,3 @@ class Analysis:
     def elapsed(self) -> float:
         """Simulated seconds since the history began, those after the mission's end included."""
         return max(self._history.elapsed, self._uncounted_until)
-
-    @property
-    def note(self) -> str:
-        """Sentence about the events after the mission's end; empty without any."""
-        return self._gate.note

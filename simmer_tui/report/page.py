@@ -55,10 +55,10 @@ def report_page(run: RunStatistics, name: str, *, commands: bool = True) -> str:
 
 def _page(run: RunStatistics, name: str, *, commands: bool) -> Document:
     verdict = run.verdict
-    task = run.task
-    attempt = Attempt(run.history, task if run.history.missions.first.given else None)
+    attempt = Attempt(run.history, run.task if run.history.missions.first.given else None)
     last = output(verdict)
     crashed = verdict.outcome is Outcome.CRASHED
+    strips, strips_title = traces(run), "Sensors over time"
     parts: list[DocumentPart] = [
         _about(run, name),
         verdict_box(verdict, is_mission=attempt.task is not None),
@@ -66,7 +66,7 @@ def _page(run: RunStatistics, name: str, *, commands: bool) -> Document:
         _figures(run, attempt, crashed=crashed),
         SideBySide(tuple(_picture(run)), tuple(_cards(run, attempt, name if commands else ""))),
         Folded("All that happened", (Bullets("", findings(run)), Bullets("Notes", run.notes))),
-        *_strips(run),
+        *(() if strips is None else (Folded(strips_title, (SectionHeading(strips_title), strips)),)),
         Folded("Movements, errors of readings, timing", tables(run, name)),
         Folded(last.heading, (Bullets("", last.entries, kind="output"),) if last.entries else ()),
         *((again(name),) if commands else ()),
@@ -158,9 +158,3 @@ def _goals(run: RunStatistics, task: Task, attempt: Attempt) -> Iterator[tuple[P
 def _goal(text: str, *, met: bool) -> Chip:
     tone = Tone.GOOD if met else Tone.BAD
     return Chip(f"{tone.sign} {text}", tone)
-
-
-def _strips(run: RunStatistics) -> Iterator[DocumentPart]:
-    strips = traces(run)
-    if strips is not None:
-        yield Folded("Sensors over time", (SectionHeading("Sensors over time"), strips))

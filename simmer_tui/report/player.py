@@ -11,6 +11,7 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict
 from importlib.resources import files
+from itertools import pairwise
 from typing import Any
 
 from simmer_tui.belief_grid import GridBelief, SmallMap
@@ -270,11 +271,7 @@ def _ms(elapsed: float) -> int:
 
 
 def _differences(numbers: Iterable[int]) -> list[int]:
-    before, made = 0, []
-    for each in numbers:
-        made.append(each - before)
-        before = each
-    return made
+    return [after - before for before, after in pairwise((0, *numbers))]
 
 
 def _asset(name: str) -> str:

@@ -21,7 +21,7 @@ from msgspec import Struct, structs
 from simmer_tui.events import ActionName, Goal, Result
 from simmer_tui.phrases import contact_text
 from simmer_tui.run.history_rows import ActionRow, ContactRow, MissionRow, RefusalRow
-from simmer_tui.run.paths import MOVEMENTS, BeliefCloud, Jump, MovementPath, PathRecord
+from simmer_tui.run.paths import MOVEMENTS, Jump, MovementPath, PathRecord
 from simmer_tui.run.run_history import RunHistory
 from simmer_tui.run.scan_traces import ScanTrace
 from simmer_tui.run.table import Newest, Timed, TimedItem
@@ -88,13 +88,6 @@ class PlayerReading(Struct, frozen=True):
     true: float
 
 
-class PlayerCommand(Struct, frozen=True):
-    """A command that moved something, when it began."""
-
-    elapsed: float
-    text: str
-
-
 class _Move:
     """A movement or jump, and its keyframes, made when they are asked for."""
 
@@ -129,9 +122,9 @@ class Recording:
         self.scans = paths.scans
         self.blocks = history.blocks
         self.marks: Newest[Mark] = Newest(MARKS)
-        self.commands: Newest[PlayerCommand] = Newest(MOVEMENTS)
+        self.commands: Newest[MovementPath] = Newest(MOVEMENTS)
+        """The movements, without the jumps between them."""
         self._history, self._paths = history, paths
-        self._start = paths.start
         self._moves: deque[_Move] = deque()
         self.moves = 0
         """Number of movements and jumps that are over."""
@@ -157,7 +150,7 @@ class Recording:
         for move in moves.after(self.moves):
             self._moves.append(_Move(move))
             if isinstance(move, MovementPath):
-                self.commands.add(PlayerCommand(move.elapsed, move.text))
+                self.commands.add(move)
         self.moves = moves.first.given
         while len(self._moves) > len(moves.items):
             self._moves.popleft()
@@ -211,7 +204,7 @@ class Recording:
         moved, its pose."""
         if self.under_way is not None:
             return _Move(self.under_way).frames
-        return [] if self._moves else [Keyframe(0.0, self._start)]
+        return [] if self._moves else [Keyframe(0.0, self._paths.start)]
 
     @cached_property
     def _times(self) -> list[float]:
@@ -231,12 +224,11 @@ class Recording:
         placed = latest(self.blocks, elapsed) or self.blocks.items[0]
         return in_global_frame(placed.block, self.pose_at(elapsed)) if placed.held else placed.block
 
-    def command_at(self, elapsed: float) -> PlayerCommand | None:
-        """The newest command by then that moved something."""
+    def command_at(self, elapsed: float) -> MovementPath | None:
+        """The newest movement that had begun by then."""
         under_way = self.under_way
-        if under_way is not None and under_way.elapsed <= elapsed:
-            return PlayerCommand(under_way.elapsed, under_way.text)
-        return latest(self.commands, elapsed)
+        is_it = under_way is not None and under_way.elapsed <= elapsed
+        return under_way if is_it else latest(self.commands, elapsed)
 
     def scan_at(self, elapsed: float) -> dict[str, ScanTrace]:
         """The newest scan of each lidar by then, by code."""
@@ -249,10 +241,6 @@ class Recording:
             if len(found) == lidars:
                 break
         return found
-
-    def belief_at(self, elapsed: float) -> BeliefCloud | None:
-        """The newest belief by then."""
-        return latest(self.beliefs, elapsed)
 
 
 def pose_at(frames: Sequence[Keyframe], times: Sequence[float], elapsed: float) -> Pose:

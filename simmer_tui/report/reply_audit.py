@@ -15,23 +15,20 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from simmer_tui.report.belief_audit import SURE
-from simmer_tui.report.disagreement import Disagreement, moment
-from simmer_tui.report.finding import FEWEST, FindingKind
+from simmer_tui.report.belief_audit import SURE, following_beliefs
+from simmer_tui.report.finding import FEWEST, Disagreement, FindingKind, moment
 from simmer_tui.report.robust_fit import Z_95, binomial_tail, mad_scale
-from simmer_tui.report.sensor_sample import poses_of, sensors_read, world_without_block
+from simmer_tui.report.sensor_sample import LAGS, by_sensor, delayed, poses_of, world_without_block
 from simmer_tui.run.attempt import Attempt
 from simmer_tui.run.table import Columns
-from simmer_tui.sim.angles import FloatArray
+from simmer_tui.sim.angles import FloatArray, IntArray
 from simmer_tui.sim.sensors import ObservingSensor, modelled_sensor
 
 # Judged: up to half a cell; a larger offset would be a range to another wall.
 _OFFSETS = tuple(sign * inches for inches in range(1, 7) for sign in (1.0, -1.0))
-# Gains, and delays in readings, that are tried.
+# Gains that are tried.
 _GAINS = (0.5, 0.6, 0.7, 0.8, 0.9, 1.1, 1.2, 1.35, 1.5, 2.0)
-_LAGS = (1, 2, 3)
 _DOUBT, _SIGMAS = 0.75, 2.0
 """Tolerance of an explained reading: inches, and standard deviations of sensor and belief. Offsets are tried
 in steps of an inch: half a step, and a quarter inch for the blur of a filter. Judged."""
@@ -49,7 +46,7 @@ class _Seen:
     value, and that belief's spread."""
 
     sensor: ObservingSensor
-    belief: NDArray[np.int64]
+    belief: IntArray
     values: FloatArray
     spread: FloatArray
 
@@ -90,13 +87,13 @@ class ReplyAudit:
         readings = attempt.within(history.readings, attempt.placed)
         size = history.spec.block_size
         self._seen: dict[str, _Seen] = {}
-        for number, spec in sensors_read(history):
+        for spec, rows in by_sensor(history, readings):
             sensor = modelled_sensor(spec)
             if not isinstance(sensor, ObservingSensor) or not spec.kind.is_range or not len(beliefs):
                 continue
             # The program need not know the block's place.
             if not sensor.sees_block(size):
-                seen = self._of(readings[readings["sensor"] == number], sensor)
+                seen = self._of(rows, sensor)
                 if (seen.belief >= 0).any():
                     self._seen[spec.code] = seen
         poses, world = poses_of(beliefs), world_without_block(history.spec)
@@ -144,12 +141,9 @@ class ReplyAudit:
     # -- readings and beliefs ------------------------------------------------------------------------
 
     def _of(self, rows: Columns, sensor: ObservingSensor) -> _Seen:
-        place = np.searchsorted(self._beliefs["order"], rows["order"])
-        known = np.minimum(place, len(self._beliefs) - 1)
-        beliefs = self._beliefs[known]
-        here = np.searchsorted(self._moved, rows["order"]) == np.searchsorted(self._moved, beliefs["order"])
-        belief = np.where(here & (place < len(self._beliefs)), known, -1)
-        return _Seen(sensor, belief, rows["value"].astype(np.float64), np.nan_to_num(beliefs["spread"]))
+        belief = following_beliefs(rows, self._beliefs, self._moved)
+        spread = np.nan_to_num(self._beliefs["spread"][belief])
+        return _Seen(sensor, belief, rows["value"].astype(np.float64), spread)
 
     def _of_beliefs(self, code: str, seen: _Seen) -> FloatArray:
         """Readings of a sensor that beliefs imply, for each reading of another."""
@@ -201,9 +195,7 @@ class ReplyAudit:
         implied = self._of_beliefs(code, seen)
         changed = [(FindingKind.OFFSET, inches, seen.values + inches) for inches in _OFFSETS]
         changed += [(FindingKind.GAIN, gain, seen.values * gain) for gain in _GAINS]
-        for lag in _LAGS:
-            late = np.concatenate((np.full(lag, np.nan), seen.values))[: len(seen.values)]
-            changed.append((FindingKind.LATE, float(lag), late))
+        changed += [(FindingKind.LATE, float(lag), delayed(seen.values, lag)) for lag in LAGS]
         for kind, value, used in changed:
             yield _Change((code,), kind, value, {code: seen.explained(used, implied)})
 

@@ -10,13 +10,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from simmer_tui.report.robust_fit import Flags
 from simmer_tui.report.sensor_sample import world_without_block
 from simmer_tui.run.attempt import Attempt, Collision
 from simmer_tui.run.facts import COVERED, SLIGHT, wrapped
 from simmer_tui.run.history_rows import BeliefRow, GripRow
 from simmer_tui.run.table import Columns
-from simmer_tui.sim.angles import FloatArray
+from simmer_tui.sim.angles import BoolArray, FloatArray
 from simmer_tui.sim.sensors import ObservingSensor, modelled_sensor
 from simmer_tui.sim.specs import CELL_SIZE, SensorSpec
 
@@ -30,9 +29,6 @@ _ALONG, _ACROSS = CELL_SIZE / 2, 1.0
 """Distances between the end of a ray and a place touched, inches along a wall and across it, within which it
 showed that place. Beside it the wall of the next cell begins, and errors of short ranges are smaller.
 Judged."""
-
-# Of a normal distribution 99.7 % lie within three standard deviations.
-_SIGMAS = 3.0
 _TELLING = 1.0
 """Difference of two readings, inches, that does not distinguish cells. Judged: a twelfth of a cell."""
 _AGREEING = 2
@@ -66,9 +62,7 @@ def looked_in_vain(attempt: Attempt) -> bool:
 
 def shown_place(attempt: Attempt, met: Collision) -> ShownPlace | None:
     """The last right reading that showed the place of a contact, read within a cell's length of path."""
-    # The running numbers of the movement come after those of the readings before it.
-    rows = attempt.within(attempt.history.readings, attempt.placed)
-    rows = rows[(rows["order"] < met.row.order) & (rows["gone"] >= met.row.gone_before - CELL_SIZE)]
+    rows = _shortly_before(attempt, met.row.order, met.row.gone_before)
     found: list[ShownPlace] = []
     for sensor, mine in _by_range(attempt, rows):
         mine = mine[_right(mine, sensor) & np.isfinite(mine["value"])]
@@ -105,11 +99,9 @@ def looked_for_block(attempt: Attempt, done: GripRow) -> bool:
     """True if sensors that see the block were read within a cell's length of path before a grip, and were all
     right."""
     size = attempt.spec.block_size
-    movements = attempt.history.movements
-    place = movements.place_of(done.order)
-    gone = movements[place - 1].gone if place else 0.0
-    rows = attempt.within(attempt.history.readings, attempt.placed)
-    rows = rows[(rows["order"] < done.order) & (rows["gone"] >= gone - CELL_SIZE)]
+    last = attempt.history.movements.before(done.order)
+    gone = 0.0 if last is None else last.gone
+    rows = _shortly_before(attempt, done.order, gone)
     right = [
         _right(mine, sensor)
         for sensor, mine in _by_range(attempt, rows)
@@ -147,6 +139,13 @@ def _mostly_right(attempt: Attempt, since: int, fewest: int) -> bool:
     return total >= fewest and 2 * right > total
 
 
+def _shortly_before(attempt: Attempt, order: int, gone: float) -> Columns:
+    """The readings before an event, within a cell's length of path before the path `gone`."""
+    # The running number of a movement comes after those of the readings before it.
+    rows = attempt.within(attempt.history.readings, attempt.placed)
+    return rows[(rows["order"] < order) & (rows["gone"] >= gone - CELL_SIZE)]
+
+
 def _read(attempt: Attempt, rows: Columns, sensors: Iterable[SensorSpec]) -> list[tuple[SensorSpec, Columns]]:
     """Those of some sensors that were read, each with its rows."""
     codes = attempt.history.sensor_codes
@@ -158,7 +157,7 @@ def _by_range(attempt: Attempt, rows: Columns) -> list[tuple[SensorSpec, Columns
     return _read(attempt, rows, (each for each in attempt.spec.sensors if each.kind.is_range))
 
 
-def _right(rows: Columns, sensor: SensorSpec) -> Flags:
+def _right(rows: Columns, sensor: SensorSpec) -> BoolArray:
     # No echo has the noise of distance 0: a share of infinity would allow any reading, or be NaN.
     true = np.where(np.isfinite(rows["true"]), np.abs(rows["true"]), 0.0)
     usual = sensor.error * true + sensor.absolute_error
@@ -185,7 +184,7 @@ def looks_alike(seen: Attempt, belief: BeliefRow) -> bool:
         if not isinstance(sensor, ObservingSensor):
             continue
         here, there = sensor.true_values(world, true)[0], sensor.true_values(world, poses)
-        noise = _SIGMAS * (sensor.spec.error * here + sensor.spec.absolute_error)
+        noise = COVERED * (sensor.spec.error * here + sensor.spec.absolute_error)
         # Nothing in range on both sides is alike too; infinity less infinity is no number.
         with np.errstate(invalid="ignore"):
             alike &= (here == there) | (np.abs(here - there) <= max(_TELLING, noise))

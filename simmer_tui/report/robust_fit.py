@@ -6,7 +6,6 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from simmer_tui.sim.angles import FloatArray
 
@@ -15,9 +14,8 @@ Z_95 = 1.959963984540054
 MAD_ERROR = 1.17
 """Standard error of a standard deviation by the median, of n normal numbers, times sqrt(n) and over it: its
 efficiency is 37 % (P. J. Rousseeuw and C. Croux, 1993)."""
-LEAST_NOISE = 1.5
+_LEAST_NOISE = 1.5
 """Least ratio of noise to the declared noise that matters; judged."""
-Flags = NDArray[np.bool_]
 # 1 over the 75 % quantile of the standard normal distribution.
 _MAD_TO_SIGMA = 1.4826
 # Huber (1964): 95 % efficient where errors are normal.
@@ -90,6 +88,28 @@ def robust_fit(design: FloatArray, target: FloatArray, spread: FloatArray) -> Ro
 def mad_scale(values: FloatArray) -> float:
     """Standard deviation of numbers around 0 by their median absolute value; 0 of none."""
     return _MAD_TO_SIGMA * float(np.median(np.abs(values))) if len(values) else 0.0
+
+
+def excess_noise(
+    ratio: float, declared: float, count: int, fitted: int
+) -> tuple[float, float, tuple[float, float]]:
+    """Noise of `count` residuals beyond the declared one, by their standard deviation over the declared one.
+
+    Args:
+        ratio: Standard deviation of the residuals over the declared one, by `mad_scale`.
+        declared: Declared standard deviation.
+        count: Number of residuals.
+        fitted: Coefficients of the fit that left them.
+
+    Returns:
+        The p-value; the standard deviation of the excess, 0 if it does not matter; and the 95 % interval of
+        the standard deviation.
+    """
+    error, scatter = MAD_ERROR / math.sqrt(count), ratio * declared
+    excess = math.sqrt(scatter**2 - declared**2) if ratio >= _LEAST_NOISE else 0.0
+    half = Z_95 * error * scatter
+    probability = two_sided(max(ratio - 1.0, 0.0) / error, count - fitted)
+    return probability, excess, (max(scatter - half, 0.0), scatter + half)
 
 
 def two_sided(statistic: float, degrees_of_freedom: float = math.inf) -> float:

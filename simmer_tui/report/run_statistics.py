@@ -89,8 +89,9 @@ class RunStatistics:
         if real_time - self.header.real_time > self.real_seconds:
             self.real_seconds = real_time - self.header.real_time
         self._analysis.apply(event, logged.line, real_time)
-        if isinstance(event, CommandResult) and event.reading is not None and event.reading.scan is not None:
-            self.bent.add(event.reading, self.reducer.block_place)
+        reading = event.reading if isinstance(event, CommandResult) else None
+        if reading is not None and reading.scan is not None:
+            self.bent.add(reading.sensor, reading.scan, self.reducer.block_place)
 
     @property
     def elapsed(self) -> float:
@@ -101,11 +102,10 @@ class RunStatistics:
         """End of the log; `note` is the reader's message about it."""
         self.paths.stand(self.history.elapsed)
         self.findings = findings_of(self.history, self.task)
-        self.notes += filter(None, (note, self._analysis.note))
+        self.notes += filter(None, (note, self._analysis.gate.note))
         if not self.reducer.still:
             self.notes.append("the log ends while a movement is under way; how it ended is not known")
-        for broken in self.broken.items:
-            self.notes.append(f"{broken}, and was skipped")
+        self.notes += [f"{broken}, and was skipped" for broken in self.broken.items]
         if self.broken.more:
             self.notes.append(f"{self.broken.more} more broken lines were skipped")
 
@@ -142,7 +142,7 @@ class RunStatistics:
 
 
 def report_of(log: LogReader, *, recorded: bool = True) -> RunStatistics:
-    """The figures of a log that is read to its end."""
+    """The figures of a log that is read to its end, with the data of a player if they are `recorded`."""
     run = RunStatistics(log.header, log.configuration, recorded=recorded)
     for logged in log:
         run.add(logged)

@@ -9,16 +9,16 @@ and a gain are fitted.
 from __future__ import annotations
 
 import math
+from operator import itemgetter
 
 import numpy as np
 
-from simmer_tui.report.finding import FEWEST, LEAST_SHARE, Basis, Claim, DeviceUnderTest, FindingKind
+from simmer_tui.report.finding import FEWEST, LEAST_SHARE, Claim, DeviceUnderTest, FindingKind
 from simmer_tui.report.robust_fit import (
-    LEAST_NOISE,
-    MAD_ERROR,
     Z_95,
     RobustFit,
     binomial_tail,
+    excess_noise,
     mad_scale,
     robust_fit,
     two_sided,
@@ -35,13 +35,13 @@ _MISSED = 0.001
 _BETTER = 1.1
 
 
-def sensor_tests(sample: SensorSample, basis: Basis) -> list[Claim]:
+def sensor_tests(device: DeviceUnderTest, sample: SensorSample) -> list[Claim]:
     """Tests of one sensor by its readings."""
-    fewest, device = FEWEST[basis], DeviceUnderTest(sample.spec.code, basis, "reading")
+    fewest = FEWEST[device.basis]
     tests = [_missed(device, sample)] if sample.looked >= fewest else []
     if len(sample.values) < fewest:
         return tests
-    changed = other_quantity(sample, basis)
+    changed = other_quantity(device, sample)
     tests.append(changed)
     if changed.finding is not None:
         return tests
@@ -54,27 +54,24 @@ def sensor_tests(sample: SensorSample, basis: Basis) -> list[Claim]:
 # -- another quantity --------------------------------------------------------------------------------
 
 
-def other_quantity(sample: SensorSample, basis: Basis) -> Claim:
+def other_quantity(device: DeviceUnderTest, sample: SensorSample) -> Claim:
     """The claim of the alternative that explains the sample best: stuck, turned, swapped or late."""
-    best: tuple[float, Alternative, int] | None = None
+    explaining: list[tuple[float, Alternative, int]] = []
     least = 1.0
     for each in sample.alternatives:
         hits, count, explained = _held_against(sample, each)
         # Bonferroni: as many faults were tried.
         probability = min(binomial_tail(hits, count, sample.chance) * len(sample.alternatives), 1.0)
         least = min(least, probability)
-        if count >= FEWEST[basis] and explained >= _EXPLAINED and (best is None or explained > best[0]):
-            best = explained, each, count
-    if best is None:
+        if count >= FEWEST[device.basis] and explained >= _EXPLAINED:
+            explaining.append((explained, each, count))
+    if not explaining:
         return Claim(least)
-    (_, fault, count), spec = best, sample.spec
+    (_, fault, count), spec = max(explaining, key=itemgetter(0)), sample.spec
     # A counting sensor that is stuck adds nothing.
     value = 0.0 if fault.kind is FindingKind.STUCK and spec.kind.counts else fault.value
     unit = {FindingKind.STUCK: spec.unit, FindingKind.LATE: "readings"}.get(fault.kind, "")
-    device, what = (
-        DeviceUnderTest(spec.code, basis, "reading"),
-        change_text(spec, fault.kind, value, fault.other),
-    )
+    what = change_text(spec, fault.kind, value, fault.other)
     return device.claim(least, fault.kind, value, what, count, unit=unit, other=fault.other)
 
 
@@ -84,14 +81,11 @@ def _held_against(sample: SensorSample, other: Alternative) -> tuple[int, int, f
     known = np.isfinite(other.expected)
     expected = np.where(known, other.expected, sample.expected)
     off, otherwise = np.abs(sample.off(sample.expected)), np.abs(sample.off(expected))
-    # Half of the least error that matters, or four standard deviations: one normal error in 16,000 is beyond
-    # them.
-    doubt = sample.least / 2 + 4 * sample.spread
-    apart = np.abs(sample.sensor.wrapped(expected - sample.expected)) > doubt
+    apart = np.abs(sample.sensor.wrapped(expected - sample.expected)) > sample.doubt
     count = int(apart.sum())
     if not count:
         return 0, 0, 0.0
-    near = otherwise <= doubt
+    near = otherwise <= sample.doubt
     return int((otherwise < off)[apart].sum()), count, float(min(near[known].mean(), near[apart].mean()))
 
 
@@ -172,27 +166,21 @@ def _fitted(device: DeviceUnderTest, sample: SensorSample) -> list[Claim]:
 def _figure(
     device: DeviceUnderTest, sample: SensorSample, kind: FindingKind, fit: RobustFit, place: int
 ) -> Claim:
+    if kind is FindingKind.GAIN:
+        return device.gain(fit, place, "reads", "what it should")
     spec = sample.spec
     value, probability = float(fit.values[place]), fit.probability(place)
     low, high = fit.interval(place)
-    # The largest error that the figure leads to.
-    reach = 1.0
-    if kind is FindingKind.GAIN:
-        unit, small = "", abs(value) < LEAST_SHARE
-        value, low, high = 1.0 + value, 1.0 + low, 1.0 + high
-        what = f"reads {value:.2f} times what it should"
+    if kind is FindingKind.DRIFT:
+        # The largest error that the drift leads to.
+        unit, error = f"{spec.unit}/s", abs(value) * float(sample.seconds.sum())
+        what = f"drifts by {abs(value):.2f} {unit}"
     else:
-        unit = spec.unit if kind is FindingKind.OFFSET else f"{spec.unit}/s"
-        if kind is FindingKind.DRIFT:
-            reach = float(sample.seconds.sum())
-        else:
-            # Rounding errors of readings at one place are all the same: more of them make none smaller.
-            low, high = low - spec.resolution / 2, high + spec.resolution / 2
-        small = abs(value) * reach < sample.least or low <= 0.0 <= high
-        verb = "drifts by" if kind is FindingKind.DRIFT else "reads"
-        what = f"{verb} {abs(value):.{1 if kind is FindingKind.OFFSET else 2}f} {unit}"
-        what += f" {_too(value, sample)}" if kind is FindingKind.OFFSET else ""
-    if small:
+        # Rounding errors of readings at one place are all the same: more of them make none smaller.
+        low, high = low - spec.resolution / 2, high + spec.resolution / 2
+        unit, error = spec.unit, abs(value)
+        what = f"reads {abs(value):.1f} {unit} {_too(value, sample)}"
+    if error < sample.least or low <= 0.0 <= high:
         return Claim(probability)
     return device.claim(probability, kind, value, what, fit.count, interval=(low, high), unit=unit)
 
@@ -212,20 +200,14 @@ def _first_offset(device: DeviceUnderTest, sample: SensorSample, error: float, s
 
 def _noise(device: DeviceUnderTest, sample: SensorSample, residuals: FloatArray) -> Claim:
     """Residuals that scatter by more than the set says."""
-    spec, count = sample.spec, len(residuals)
-    ratio = mad_scale(residuals / sample.spread)
-    error = MAD_ERROR / math.sqrt(count)
-    probability = two_sided(max(ratio - 1.0, 0.0) / error, count - 2)
-    declared = float(np.median(sample.spread))
-    scatter = ratio * declared
-    if ratio < LEAST_NOISE or math.sqrt(scatter**2 - declared**2) < sample.least:
+    unit, count = sample.spec.unit, len(residuals)
+    ratio, declared = mad_scale(residuals / sample.spread), float(np.median(sample.spread))
+    probability, excess, interval = excess_noise(ratio, declared, count, 2)
+    if excess < sample.least:
         return Claim(probability)
-    half = Z_95 * error * ratio * declared
-    low, high = max(scatter - half, 0.0), scatter + half
-    what = f"scatters by {scatter:.1f} {spec.unit}, not by {declared:.1f}"
-    return device.claim(
-        probability, FindingKind.NOISE, scatter, what, count, interval=(low, high), unit=spec.unit
-    )
+    scatter = ratio * declared
+    what = f"scatters by {scatter:.1f} {unit}, not by {declared:.1f}"
+    return device.claim(probability, FindingKind.NOISE, scatter, what, count, interval=interval, unit=unit)
 
 
 def _too(value: float, sample: SensorSample) -> str:

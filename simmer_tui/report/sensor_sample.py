@@ -13,10 +13,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from simmer_tui.report.finding import LEAST_DEGREES, LEAST_INCHES, FindingKind
-from simmer_tui.report.robust_fit import Flags
 from simmer_tui.run.run_history import RunHistory
 from simmer_tui.run.table import Columns
-from simmer_tui.sim.angles import FloatArray
+from simmer_tui.sim.angles import BoolArray, FloatArray
 from simmer_tui.sim.block import Block
 from simmer_tui.sim.maze import Maze
 from simmer_tui.sim.sensors import CountingSensor, ObservingSensor, Sensor, modelled_sensor
@@ -29,7 +28,7 @@ MOST = 4000
 # clipping at the limit does not bias the rest.
 _CLEAR = 5.0
 # Judged: a longer delay than this many readings does not happen.
-_LAGS = (1, 2, 3)
+LAGS = (1, 2, 3)
 # Judged: enough to distinguish two sensors; a line sensor's 113 test points take a tenth of a millisecond.
 _PLACES = 800
 """Places at which the readings of other sensors are computed."""
@@ -80,6 +79,12 @@ class SensorSample:
             return 0.5
         return LEAST_DEGREES if self.spec.unit == "deg" else LEAST_INCHES
 
+    @property
+    def doubt(self) -> FloatArray:
+        """Errors up to which a reading still agrees with a value: half of the least error that matters, and
+        four standard deviations, (n,). One normal error in 16,000 is beyond them."""
+        return self.least / 2 + 4 * self.spread
+
     def against(self, faults: Iterable[Alternative]) -> SensorSample:
         """The same with the faults that it is compared with."""
         return replace(self, alternatives=tuple(faults))
@@ -97,10 +102,12 @@ class SensorSample:
         return self.sensor.wrapped(self.values - expected)
 
 
-def sensors_read(history: RunHistory) -> Iterator[tuple[int, SensorSpec]]:
-    """The sensors that a run read, each with its number in the history's readings."""
+def by_sensor(history: RunHistory, readings: Columns) -> Iterator[tuple[SensorSpec, Columns]]:
+    """The sensors that a run read, each with its rows among some readings."""
     specs = {each.code: each for each in history.spec.sensors}
-    return ((number, specs[code]) for number, code in enumerate(history.sensor_codes) if code in specs)
+    for number, code in enumerate(history.sensor_codes):
+        if code in specs:
+            yield specs[code], readings[readings["sensor"] == number]
 
 
 def poses_of(rows: Columns) -> FloatArray:
@@ -287,7 +294,7 @@ def _driven(history: RunHistory, rows: Columns) -> FloatArray:
     return np.asarray(sums[np.searchsorted(moves["order"], rows["order"])])
 
 
-def _without_contacts(history: RunHistory, times: FloatArray) -> Flags:
+def _without_contacts(history: RunHistory, times: FloatArray) -> BoolArray:
     """True for the stretches between `times`, (n,), in which no movement had a contact, (n - 1,)."""
     moves = history.movements.columns()
     met = moves[moves["contact"]]
@@ -297,7 +304,7 @@ def _without_contacts(history: RunHistory, times: FloatArray) -> Flags:
     return np.asarray(begun <= ended)
 
 
-def _at_rest(history: RunHistory, times: FloatArray) -> Flags:
+def _at_rest(history: RunHistory, times: FloatArray) -> BoolArray:
     """True where no movement is under way, (n,)."""
     moves = history.movements.columns()
     begun = np.searchsorted(moves["begin"], times, "left")
@@ -317,11 +324,15 @@ def stuck(sample: SensorSample) -> Iterator[Alternative]:
         yield Alternative(FindingKind.STUCK, np.full(len(sample.values), middle), middle)
 
 
-def _late(expected: FloatArray, usable: Flags) -> Iterator[Alternative]:
+def _late(expected: FloatArray, usable: BoolArray) -> Iterator[Alternative]:
     """Values that were expected some readings before."""
-    for lag in _LAGS:
-        before = np.concatenate((np.full(lag, np.nan), expected[:-lag]))[: len(expected)]
-        yield Alternative(FindingKind.LATE, before[usable], float(lag))
+    for lag in LAGS:
+        yield Alternative(FindingKind.LATE, delayed(expected, lag)[usable], float(lag))
+
+
+def delayed(values: FloatArray, lag: int) -> FloatArray:
+    """Values that come some readings late, NaN before the first, (n,)."""
+    return np.concatenate((np.full(lag, np.nan), values))[: len(values)]
 
 
 def turned(sample: SensorSample, base: FloatArray) -> Iterator[Alternative]:
@@ -353,7 +364,7 @@ def _is_off(sample: SensorSample) -> bool:
     """True if more than a small share of the readings differs from the expected ones."""
     if not len(sample.values):
         return False
-    off = np.abs(sample.off(sample.expected)) > sample.least / 2 + 4 * sample.spread
+    off = np.abs(sample.off(sample.expected)) > sample.doubt
     # A tenth: two sensors that see the same in nine readings of ten are distinguished by the tenth.
     return float(off.mean()) > 0.1
 

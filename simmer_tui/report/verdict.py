@@ -6,7 +6,7 @@ success stays a success, with a note. A crash before is a failure, and the crash
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 
@@ -169,6 +169,7 @@ class _Judge:
         cause, second = (*self._causes(outcome), None, None)[:2]
         if cause is not None and cause.kind is Kind.CRASHED and outcome is Outcome.FAILED:
             outcome = Outcome.CRASHED
+        late = self._crash if self._is_after_mission else None
         moment = cause or over or self._ended or self._left or self._history
         return Verdict(
             outcome=outcome,
@@ -180,7 +181,7 @@ class _Judge:
             second_cause=second,
             evidence=() if cause is None else cause.evidence,
             advice=self._advice(cause),
-            notes=tuple(self._notes()),
+            notes=() if late is None else (f"After that the program crashed: {crash_text(late)}.",),
             program=self._program,
         )
 
@@ -300,10 +301,6 @@ class _Judge:
         wires = history.totals.wires
         done = counted(attempt.commands, "command") if attempt.commands else counted(wires, "serial message")
         return f"{done}, nothing went wrong"
-
-    def _notes(self) -> Iterable[str]:
-        if self._is_after_mission and self._crash is not None:
-            yield f"After that the program crashed: {crash_text(self._crash)}."
 
 
 _OF_THE_PROGRAM = (Kind.CRASHED, Kind.NOTHING_SENT)

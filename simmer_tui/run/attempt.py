@@ -137,18 +137,14 @@ class Attempt:
         self._until = history.order if self.over is None else self.over.order
         self.elapsed = history.elapsed if self.over is None else self.over.elapsed
         self.line = history.line if self.over is None else self.over.line
-        restarts = [row for row in history.actions.items if row.order == self._began]
-        self.begun = restarts[-1].elapsed if restarts else history.begun
-        placements = [row for row in history.actions.items if row.places and row.order <= self._until]
-        self._placed = placements[-1].order if placements else 0
-        self._place = (placements[-1].done.pose, placements[-1].elapsed) if placements else (
-            history.start, history.begun
-        )  # fmt: skip
-
-    @property
-    def placed(self) -> int:
+        actions = history.actions.items
+        self._restart = next((row for row in actions if row.order == self._began), None)
+        """The restart that it begins with, if that is kept."""
+        self.begun = history.begun if self._restart is None else self._restart.elapsed
+        put = next((row for row in reversed(actions) if row.places and row.order <= self._until), None)
+        self.placed = 0 if put is None else put.order
         """The running number of the event that last put the robot somewhere; 0 if none did."""
-        return self._placed
+        self._place = (history.start, history.begun) if put is None else (put.done.pose, put.elapsed)
 
     def within(self, table: RowTable[RowT], since: int | None = None) -> Columns:
         """The rows of a table after an event until its end, by default after the last restart."""
@@ -184,10 +180,12 @@ class Attempt:
     @cached_property
     def pose(self) -> Pose:
         """Pose of the robot at its end."""
-        movements = self.history.movements
-        place = movements.place_of(self._until + 1)
-        row = movements[place - 1] if place else None
-        return self._place[0] if row is None or row.order <= self._placed else row.pose
+        last = self._last_movement
+        return self._place[0] if last is None or last.order <= self.placed else last.pose
+
+    @property
+    def _last_movement(self) -> MovementRow | None:
+        return self.history.movements.before(self._until + 1)
 
     @property
     def episodes(self) -> list[Episode]:
@@ -225,7 +223,7 @@ class Attempt:
         beliefs = self.history.beliefs
         newest = lost = None
         # Backwards, as far as it matters: a long run has tens of thousands.
-        for place in range(beliefs.place_of(order) - 1, beliefs.place_of(self._placed + 1) - 1, -1):
+        for place in range(beliefs.place_of(order) - 1, beliefs.place_of(self.placed + 1) - 1, -1):
             row = beliefs[place]
             if not row.finite:
                 continue
@@ -266,7 +264,8 @@ class Attempt:
         newest = [row for row in self.history.newest_legs if row[0] <= order]
         if not newest or newest[-1][0] != order:
             return [], 0
-        looked = self._last_look(order)
+        last = self.history.readings.before(order)
+        looked = 0 if last is None else last.order
         legs, unseen, gone = [newest[-1][1].leg], 1, 0.0
         for at, ended in reversed(newest[:-1]):
             leg, gone = ended.leg, gone + legs[0].travelled(legs[0].end_time)
@@ -277,12 +276,6 @@ class Attempt:
             unseen += blind
             legs.insert(0, leg)
         return legs, unseen
-
-    def _last_look(self, order: int) -> int:
-        """The order of the last reading before an event; 0 if there is none."""
-        readings = self.history.readings
-        place = readings.place_of(order)
-        return readings[place - 1].order if place else 0
 
     def _led_to(self, order: int) -> tuple[list[MovementEnded], int]:
         """The movements that led to one, newest last, and how many of them came after the last reading. They
@@ -304,7 +297,7 @@ class Attempt:
     def _last_readings(self, order: int) -> dict[str, LastReading]:
         """The last reading of each sensor before an event, by its code."""
         table = self.history.readings
-        begin, end = table.place_of(self._placed + 1), table.place_of(order)
+        begin, end = table.place_of(self.placed + 1), table.place_of(order)
         sensors = table.columns(begin, end)["sensor"]
         found = {}
         for number, code in enumerate(self.history.sensor_codes):
@@ -317,13 +310,12 @@ class Attempt:
     @cached_property
     def blind_for(self) -> tuple[float, float]:
         """Distance (inches) and turning (degrees) since a range sensor was read."""
-        movements = self.history.movements
         ranges = {each.code for each in self.spec.sensors if each.kind.is_range}
         # Sums grow all the time, so the newest reading is the one with the largest sums.
         last = [each for code, each in self._last_readings(self._until + 1).items() if code in ranges]
-        gone, turned = _sums_at(movements, movements.place_of(self._until + 1))
+        gone, turned = _sums(self._last_movement)
         if not last:
-            before = _sums_at(movements, movements.place_of(self._began))
+            before = _sums(self.history.movements.before(self._began))
             return gone - before[0], turned - before[1]
         return gone - max(each.gone for each in last), turned - max(each.turned for each in last)
 
@@ -331,15 +323,15 @@ class Attempt:
     def stuck(self) -> Stuck | None:
         """Stretch at the end in which a wall held the robot; None if it was not stuck."""
         limit = self.elapsed if self.task is None else self.task.time_limit
-        return self.history.stuck(limit, self._placed, self._until)
+        return self.history.stuck(limit, self.placed, self._until)
 
     @cached_property
     def hardly_localized(self) -> bool:
         """True if less than half of its beliefs since the robot was placed were right and sure. A program
         that localized itself, and was never wrong before, has only searched."""
         beliefs = self.history.beliefs
-        rows = beliefs[beliefs.place_of(self._placed + 1) : beliefs.place_of(self._until + 1)]
-        right = [row.finite and not row.lost and not row.unsure for row in rows]
+        rows = beliefs[beliefs.place_of(self.placed + 1) : beliefs.place_of(self._until + 1)]
+        right = [row.is_right for row in rows]
         if right and right[-1] and not any(row.lost for row in rows):
             return False
         return 2 * sum(right) < len(rows)
@@ -367,14 +359,12 @@ class Attempt:
             return None
         beliefs = self.history.beliefs
         since = beliefs[beliefs.place_of(row.order) : beliefs.place_of(self._until + 1)]
-        found_again = any(each.finite and not each.lost and not each.unsure for each in since)
-        return None if found_again else row
+        return None if any(each.is_right for each in since) else row
 
     @property
     def _reset(self) -> ActionRow | None:
         """The reset with which the run begins, if a program that had driven before it continues."""
-        history = self.history
-        row = next((row for row in history.actions.items if row.order == self._began), None)
+        history, row = self.history, self._restart
         if row is None or not history.commands.place_of(self._began):
             return None
         # A program that was started again after the reset has not been moved while it ran.
@@ -396,17 +386,16 @@ class Attempt:
         return self._rows(self.history.grips)
 
     @cached_property
-    def _block(self) -> BlockPose:
-        """The last place of the block."""
-        return [row for row in self.history.blocks.items if row.order <= self._until][-1]
+    def _blocks(self) -> list[BlockPose]:
+        """The places of the block, the last one at its end."""
+        return [row for row in self.history.blocks.items if row.order <= self._until]
 
     @property
     def _lies_since(self) -> int:
         """The running number of the event since which the block has been in its present place. A gripper that
         opened beside it, or closed on nothing, has not moved it."""
-        rows = [row for row in self.history.blocks.items if row.order <= self._until]
-        since = rows[-1]
-        for row in reversed(rows):
+        since = self._blocks[-1]
+        for row in reversed(self._blocks):
             if row.held or row.block != since.block:
                 break
             since = row
@@ -425,13 +414,8 @@ class Attempt:
     @property
     def put_down(self) -> GripRow | None:
         """The grip that let the block go, if it was not taken again."""
-        found = None
-        for row in self._grips:
-            if row.grip.holding:
-                found = None
-            elif row.had:
-                found = row
-        return found
+        last = next((row for row in reversed(self._grips) if row.grip.holding or row.had), None)
+        return None if last is None or last.grip.holding else last
 
     @property
     def closed(self) -> bool:
@@ -444,10 +428,10 @@ class Attempt:
         gripper, history = self.spec.gripper, self.history
         if gripper is None:
             return []
-        lying = self._block
+        lying = self._blocks[-1]
         if lying.held or not lying.block.size:
             return []
-        since = max(self._lies_since, self._placed, self._began)
+        since = max(self._lies_since, self.placed, self._began)
         rows, begin = self.within(history.movements, since), history.movements.place_of(since + 1)
         footprint = Footprint.of(self.spec.robot)
         near = footprint.front + gripper.reach + gripper.width
@@ -458,7 +442,7 @@ class Attempt:
     @property
     def holding(self) -> bool:
         """True if the gripper holds the block."""
-        return self._block.held
+        return self._blocks[-1].held
 
     @property
     def load_sensors(self) -> list[SensorSpec]:
@@ -484,16 +468,12 @@ class Attempt:
     def arrivals(self) -> list[MovementRow]:
         """Movements that ended with the held block in the drop zone, since it was taken."""
         history, task = self.history, self.task
-        held = self._block
+        held = self._blocks[-1]
         if not held.held or task is None or task.zone is None:
             return []
         begin, end = (history.movements.place_of(order + 1) for order in (held.order, self._until))
-        found = []
-        for row in history.movements[begin:end]:
-            block = in_global_frame(held.block, row.pose)
-            if task.zone.holds(block.x, block.y):
-                found.append(row)
-        return found
+        blocks = ((row, in_global_frame(held.block, row.pose)) for row in history.movements[begin:end])
+        return [row for row, block in blocks if task.zone.holds(block.x, block.y)]
 
     # -- use of time -----------------------------------------------------------------------------
 
@@ -502,25 +482,22 @@ class Attempt:
         """The stretch without progress that lasted until the end."""
         history = self.history
         goals = [row.order for row in history.missions.items if isinstance(row.event.subject, Goal)]
-        since = max([self._placed, *(order for order in goals if order <= self._until)])
+        since = max([self.placed, *(order for order in goals if order <= self._until)])
         rows = self.within(history.movements, since)
         return without_progress(rows, history.are_legs(rows), *self._place)
 
     @cached_property
     def loop(self) -> CommandLoop | None:
         """The movements that it repeated until the end."""
-        return loop_at_end(self.within(self.history.movements, max(self._placed, self._began)))
+        return loop_at_end(self.within(self.history.movements, max(self.placed, self._began)))
 
     @cached_property
     def dwell(self) -> Dwell | None:
         """The time since its last movement, while it only read sensors; None if it read none."""
-        history = self.history
-        place = history.movements.place_of(self._until + 1)
-        last = history.movements[place - 1] if place else None
-        moved = last is not None and last.order > max(self._placed, self._began)
-        order, since = (last.order, last.elapsed) if moved and last is not None else (
-            max(self._placed, self._began), self._place[1]
-        )  # fmt: skip
+        history, last = self.history, self._last_movement
+        order, since = max(self.placed, self._began), self._place[1]
+        if last is not None and last.order > order:
+            order, since = last.order, last.elapsed
         numbers, counts = np.unique(self.within(history.readings, order)["sensor"], return_counts=True)
         if not len(numbers):
             return None
@@ -532,7 +509,7 @@ class Attempt:
         """True if the robot moved away by more than a cell after the block had been between its open jaws."""
         if not self.graspable:
             return False
-        rows, lying = self.within(self.history.movements, self.graspable[0].order), self._block.block
+        rows, lying = self.within(self.history.movements, self.graspable[0].order), self._blocks[-1].block
         return bool((np.hypot(rows["x"] - lying.x, rows["y"] - lying.y) > CELL_SIZE).any())
 
     @cached_property
@@ -557,7 +534,6 @@ class Attempt:
         return spent
 
 
-def _sums_at(movements: Sequence[MovementRow], place: int) -> tuple[float, float]:
-    """Sums of distance and turning before a movement."""
-    row = movements[place - 1] if place else None
+def _sums(row: MovementRow | None) -> tuple[float, float]:
+    """Sums of distance and turning by the end of a movement; 0 without one."""
     return (0.0, 0.0) if row is None else (row.gone, row.turned)

@@ -5,13 +5,12 @@ right again. So a change counts once it has lasted for as much movement as shows
 Its episode begins with the first belief of the change.
 """
 
-import math
 from enum import StrEnum
 
 from msgspec import Struct
 
 from simmer_tui.events import ActionName
-from simmer_tui.run.facts import COVERED, UNSURE, UNSURE_TURN, wrapped
+from simmer_tui.run.facts import COVERED, UNSURE, UNSURE_TURN, displacement
 from simmer_tui.run.history_rows import ActionRow, BeliefRow, ContactRow
 from simmer_tui.sim.specs import CELL_SIZE
 
@@ -138,9 +137,8 @@ class BeliefEpisodes:
             self._moved = self._touched = None
             self._items.append(Episode(EpisodeKind.RESTARTED, row.elapsed, row.line))
         elif done.action.name is ActionName.TELEPORT:
-            distance = math.hypot(done.pose.x - row.before.x, done.pose.y - row.before.y)
-            turn = wrapped(done.pose.heading - row.before.heading)
-            self._items.append(Episode(EpisodeKind.MOVED, row.elapsed, row.line, distance, turn))
+            moved = displacement(row.before, done.pose)
+            self._items.append(Episode(EpisodeKind.MOVED, row.elapsed, row.line, *moved))
             self._moved = row
         elif done.action.name is ActionName.BLOCK:
             self._items.append(Episode(EpisodeKind.BLOCK_MOVED, row.elapsed, row.line))
@@ -183,9 +181,8 @@ class BeliefEpisodes:
         self._times += 1
         if self._is_frozen or self._times < FROZEN:
             return
-        then, now = first.row, newest.row
-        gone = math.hypot(now.true_x - then.true_x, now.true_y - then.true_y)
-        turned = wrapped(now.true_heading - then.true_heading)
+        then = first.row
+        gone, turned = displacement(then.true, newest.row.true)
         if gone >= FROZEN_WAY or abs(turned) >= FROZEN_TURN:
             self._is_frozen = True
             self._items.append(Episode(EpisodeKind.FROZEN, then.elapsed, then.line, gone, turned))

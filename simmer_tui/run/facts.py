@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 from msgspec import Struct
 
 from simmer_tui.belief_grid import SURELY_ELSEWHERE, GridBelief
 from simmer_tui.events import Belief
-from simmer_tui.sim.angles import cos_sin
+from simmer_tui.sim.angles import FloatArray, cos_sin
 from simmer_tui.sim.path import Contact
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.specs import CELL_SIZE, SensorSpec
@@ -18,6 +18,7 @@ from simmer_tui.sim.specs import CELL_SIZE, SensorSpec
 if TYPE_CHECKING:  # most runs have no mission
     from simmer_tui.config.mission_plan import Cell
 
+_Angle = TypeVar("_Angle", float, FloatArray)
 # Judged: at more than this a sensor sees the wall's edge, not the place touched.
 BESIDE = 60.0
 """A sensor that looks further than this from a place, degrees, does not look there."""
@@ -132,8 +133,13 @@ def is_wedged(touched: Sequence[Pose]) -> bool:
 
 def is_same_place(pose: Pose, other: Pose) -> bool:
     """True if a robot that went from one pose to the other did not get away from the obstacle."""
-    near = math.hypot(pose.x - other.x, pose.y - other.y) <= WEDGED_WITHIN
-    return near and abs(wrapped(pose.heading - other.heading)) <= WEDGED_TURN
+    distance, turn = displacement(pose, other)
+    return distance <= WEDGED_WITHIN and abs(turn) <= WEDGED_TURN
+
+
+def displacement(begin: Pose, end: Pose) -> tuple[float, float]:
+    """Distance (inches) and turn (-180 to 180 degrees) from one pose to another."""
+    return math.hypot(end.x - begin.x, end.y - begin.y), wrapped(end.heading - begin.heading)
 
 
 def facing_sensor(
@@ -145,11 +151,10 @@ def facing_sensor(
     if not looking:
         return None
     beside = {each.code: degrees_beside(contact, each) for each in looking}
-    nearest = min(beside, key=lambda code: beside[code])
-    codes = [code for code, off in beside.items() if off <= beside[nearest] + ALIKE]
-    codes.sort(key=lambda code: beside[code])
+    nearest = min(beside.values())
+    codes = sorted((code for code, off in beside.items() if off <= nearest + ALIKE), key=beside.__getitem__)
     said = [words[code] for code in codes if code in words]
-    return FacingSensor(tuple(codes), beside[nearest], max(said, key=lambda each: each.time, default=None))
+    return FacingSensor(tuple(codes), nearest, max(said, key=lambda each: each.time, default=None))
 
 
 def degrees_beside(contact: Contact, sensor: SensorSpec) -> float:
@@ -162,9 +167,7 @@ def degrees_beside(contact: Contact, sensor: SensorSpec) -> float:
 def deviation(belief: Belief) -> Deviation:
     """Error of a belief, and the error allowed for, by the program's own spread and its particles' headings
     where it gives them."""
-    believed, true = belief.pose, belief.true
-    distance = math.hypot(believed.x - true.x, believed.y - true.y)
-    turn = wrapped(believed.heading - true.heading)
+    distance, turn = displacement(belief.true, belief.pose)
     if belief.grid is not None:
         return _of_grid(belief, belief.grid, distance, turn)
     headings = [particle[2] for particle in belief.particles if len(particle) > 2]
@@ -184,12 +187,6 @@ def _of_grid(belief: Belief, grid: GridBelief, distance: float, turn: float) -> 
         return Deviation(distance, 0.0, allowed, NO_HEADING, grid.above)
     allowed_turn = max(COVERED * grid.turn_spread, SLIGHT_TURN)
     return Deviation(distance, turn, allowed, allowed_turn, grid.above)
-
-
-def is_unsure(spread: float) -> bool:
-    """True if a spread, inches, means that the program was not localized; False for NaN."""
-    # A comparison with NaN is False.
-    return spread > UNSURE
 
 
 def _spread_of(headings: list[float]) -> float:
@@ -219,6 +216,6 @@ def carried_over(old: Pose, new: Pose, pose: Pose) -> Pose:
     return Pose(*new.place(ahead, aside), new.heading + pose.heading - old.heading)
 
 
-def wrapped(angle: float) -> float:
-    """An angle from -180 to below 180 degrees."""
+def wrapped(angle: _Angle) -> _Angle:
+    """An angle, or an array of them, from -180 to below 180 degrees."""
     return (angle + 180.0) % 360.0 - 180.0

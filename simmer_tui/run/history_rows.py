@@ -6,13 +6,13 @@ evaluated here: they say how a row is packed.
 """
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from typing import NamedTuple
 
 from msgspec import Struct
 
 from simmer_tui.events import ActionDone, CommandResult, MissionEvent, MovementEnded, Notice, ProgramEnded
-from simmer_tui.run.facts import NO_HEADING, Deviation, degrees_beside, is_unsure
+from simmer_tui.run.facts import NO_HEADING, UNSURE, Deviation, degrees_beside
 from simmer_tui.run.table import Index, Single
 from simmer_tui.sim.block import Block
 from simmer_tui.sim.path import Contact
@@ -162,7 +162,13 @@ class BeliefRow(NamedTuple):
     @property
     def unsure(self) -> bool:
         """True if the spread is too large for a decision."""
-        return is_unsure(self.spread)
+        # A comparison with NaN, where there is none, is False.
+        return self.spread > UNSURE
+
+    @property
+    def is_right(self) -> bool:
+        """True if it was right and sure."""
+        return self.finite and not self.lost and not self.unsure
 
 
 # -- objects, of which the newest and the first are kept -----------------------------------------------
@@ -205,22 +211,14 @@ class ContactRow(LoggedRow, frozen=True):
         return self.contact.point
 
     @property
-    def stopped(self) -> bool:
-        """True if the contact ended the movement."""
-        return self.contact.ended
-
-    @property
     def seen(self) -> tuple[SeenReading, ...]:
         """Readings before it: range sensors first, of these the one that looks there."""
-        return _nearest_first(self.read.values(), self.contact)
 
+        def rank(each: SeenReading) -> float:
+            sensor = each.reading.sensor
+            return degrees_beside(self.contact, sensor) if sensor.kind.is_range else math.inf
 
-def _nearest_first(seen: Iterable[SeenReading], contact: Contact) -> tuple[SeenReading, ...]:
-    def rank(each: SeenReading) -> float:
-        sensor = each.reading.sensor
-        return degrees_beside(contact, sensor) if sensor.kind.is_range else math.inf
-
-    return tuple(sorted(seen, key=rank))
+        return tuple(sorted(self.read.values(), key=rank))
 
 
 class RepeatedContact(Struct):
@@ -248,11 +246,6 @@ class ActionRow(LoggedRow, frozen=True):
 
     done: ActionDone
     before: Pose
-
-    @property
-    def name(self) -> str:
-        """Kind of the action."""
-        return self.done.action.name.value
 
     @property
     def places(self) -> bool:

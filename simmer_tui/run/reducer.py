@@ -102,12 +102,15 @@ class Reducer:
         self._touched: deque[Pose] = deque(maxlen=WEDGED)
         self.let_go = False
         """True if the newest grip released the block."""
-        self._time, self._commands = beginning.time, beginning.commands
+        self.time = beginning.time
+        """Simulated time of the last event, seconds."""
+        self._commands = beginning.commands
         self._held = in_robot_frame(beginning.block, beginning.pose) if beginning.holding else None
         self._driving, self._link = beginning.spent.driving, beginning.spent.link
         self._reading = dict(beginning.spent.by_sensor)
         self._movement: MovementPlanned | None = None
-        self._leg: Leg | None = None
+        self.leg: Leg | None = None
+        """The leg of a continuous motion under way, if there is one."""
         self.velocity: VelocityChange | None = None
         """The velocity in force; None while there is none."""
         self._legs: deque[Trajectory | _Track] = deque(maxlen=LEGS)
@@ -136,7 +139,7 @@ class Reducer:
 
     def _take_belief(self, belief: Belief) -> None:
         self._belief = _with_cells(belief, self._belief)
-        self._time = max(self._time, belief.time)
+        self.time = max(self.time, belief.time)
         if self.history is not None:
             self.history.add_belief(belief)
 
@@ -154,8 +157,8 @@ class Reducer:
         # Comparisons in place of max(): this runs once for each command, which are most events.
         if result.number > self._commands:
             self._commands = result.number
-        if result.time > self._time:
-            self._time = result.time
+        if result.time > self.time:
+            self.time = result.time
         self._link += result.link
         if result.velocity is not None:
             self.velocity = result.velocity if result.velocity.twist.moves else None
@@ -171,14 +174,14 @@ class Reducer:
             self._read[code] = result
         if self.history is not None:
             movement = self._movement
-            under_way = self._leg if movement is None else movement.trajectory
+            under_way = self.leg if movement is None else movement.trajectory
             self.history.add_result(result, under_way)
 
     def _take_plan(self, planned: MovementPlanned) -> None:
         # A second plan of the same movement follows when the block is moved under way; it is one leg.
         begins = self._movement is None
         self._movement = planned
-        self._time = max(self._time, planned.time)
+        self.time = max(self.time, planned.time)
         self._commands = max(self._commands, planned.number)
         if begins:
             self._moved = self.number
@@ -205,7 +208,7 @@ class Reducer:
             self._legs[-1] = trajectory
         self._movement = None
         self._moved = self.number
-        self._time = max(self._time, ended.time)
+        self.time = max(self.time, ended.time)
         went, motion = trajectory.travel(ended.time)
         self._arrive(ended.pose, went, ended.contact, held=False)
         self.seen = self._read
@@ -242,7 +245,7 @@ class Reducer:
         )
 
     def _take_leg(self, begun: LegBegun) -> None:
-        leg = self._leg = begun.leg
+        leg = self.leg = begun.leg
         last = self._legs[-1] if self._legs else None
         # A robot that steers changes its velocity by the hundred: its trail is cut by distance.
         if not (isinstance(last, _Track) and last.length < TRACK):
@@ -250,13 +253,13 @@ class Reducer:
         else:
             last.extend(leg)
         self._moved = self.number
-        self._time = max(self._time, leg.start_time)
+        self.time = max(self.time, leg.start_time)
         self._commands = max(self._commands, begun.number)
         if self.history is not None:
             self.history.add_leg_plan(begun)
 
     def _take_leg_end(self, ended: LegEnded) -> None:
-        leg, self._leg = ended.leg, None
+        leg, self.leg = ended.leg, None
         last = self._legs[-1] if self._legs else None
         # A log that begins in the middle of a leg has its end without its beginning.
         if not isinstance(last, _Track):
@@ -264,7 +267,7 @@ class Reducer:
             self._legs.append(last)
         last.end(leg)
         self._moved = self.number
-        self._time = max(self._time, leg.end_time)
+        self.time = max(self.time, leg.end_time)
         self._driving += leg.duration
         self._arrive(*leg.arrival(leg.end_time), leg.contact, held=leg.pressed)
         # A robot that drives reads as it goes, and a leg may be shorter than the time between two readings.
@@ -278,19 +281,19 @@ class Reducer:
 
     def _take_velocity_end(self, ended: VelocityEnded) -> None:
         self.velocity = None
-        self._time = max(self._time, ended.time)
+        self.time = max(self.time, ended.time)
         if self.history is not None:
-            self.history.add_velocity_end(ended)
+            self.history.clock.advance(ended.time)
 
     def _take_action(self, done: ActionDone) -> None:
         # The pose has to be asked for before the action changes it.
-        before = self.pose_at(self._time)
+        before = self.pose_at(self.time)
         if self.history is not None:
             self.history.add_action(done, before)
         if not done.refused:
             self._do(done)
         # After `_do`: a restart sets the time to 0 first.
-        self._time = max(self._time, done.time)
+        self.time = max(self.time, done.time)
 
     def _do(self, done: ActionDone) -> None:
         name, arguments = done.action.name, done.action.arguments
@@ -334,7 +337,7 @@ class Reducer:
     def _place(self, pose: Pose) -> None:
         """The robot has been put elsewhere; readings from its old place no longer apply."""
         self._now = replace(self._now, pose=pose)
-        self._leg = self.velocity = None
+        self.leg = self.velocity = None
         self._legs.clear()
         self._touched.clear()
         self._sensors.clear()
@@ -347,7 +350,7 @@ class Reducer:
         self._now = replace(
             self._now, seed=seed, contacts=0, contact_points=(), distance=0.0, mission=mission
         )
-        self._time = 0.0
+        self.time = 0.0
         self._commands = 0
         self._ended = None
         self._driving = self._link = 0.0
@@ -405,12 +408,7 @@ class Reducer:
         """The robot's pose at a simulated time from the last event on."""
         if self._movement is not None:
             return self._movement.trajectory.pose_at(time)
-        return self._now.pose if self._leg is None else self._leg.pose_at(time)
-
-    @property
-    def time(self) -> float:
-        """Simulated time of the last event, seconds."""
-        return self._time
+        return self._now.pose if self.leg is None else self.leg.pose_at(time)
 
     @property
     def contacts(self) -> int:
@@ -423,23 +421,18 @@ class Reducer:
         return self._now.mission or MissionProgress()
 
     @property
-    def leg(self) -> Leg | None:
-        """The leg of a continuous motion under way, if there is one."""
-        return self._leg
-
-    @property
     def still(self) -> bool:
         """True if no movement is under way."""
-        return self._movement is None and self._leg is None
+        return self._movement is None and self.leg is None
 
     def beginning(self) -> Checkpoint:
         """All that a reducer must know to continue from here. Only while no movement is under way."""
         assert self.still, "a movement is under way"
-        return self._checkpoint(self._time, self._now.pose)
+        return self._checkpoint(self.time, self._now.pose)
 
     def at(self, time: float | None = None) -> State:
         """The state at a simulated time, by default that of the last event."""
-        now = self._time if time is None else max(time, self._time)
+        now = self.time if time is None else max(time, self.time)
         pose, movement = self.pose_at(now), self._movement
         moving = movement is not None and now < movement.trajectory.end_time
         # A plan knows its contact beforehand; it is shown only once it has come.
@@ -449,7 +442,7 @@ class Reducer:
         return State(
             **asdict(self._checkpoint(now, pose)),
             number=self.number,
-            moving=moving or self._leg is not None,
+            moving=moving or self.leg is not None,
             touching=contact is not None and contact.pose == pose,
             contact=contact,
             velocity=None if self.velocity is None else self.velocity.twist,
@@ -479,8 +472,8 @@ class Reducer:
         if self._movement is not None:
             trajectory = self._movement.trajectory
             travelled, driving = trajectory.travelled(time), time - trajectory.start_time
-        elif self._leg is not None:
-            travelled, driving = self._leg.travelled(time), time - self._leg.start_time
+        elif self.leg is not None:
+            travelled, driving = self.leg.travelled(time), time - self.leg.start_time
         return replace(
             self._now,
             time=time,

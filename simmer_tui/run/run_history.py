@@ -31,11 +31,10 @@ from simmer_tui.events import (
     Notice,
     NoticeKind,
     ProgramEnded,
-    VelocityEnded,
     WireMessage,
 )
 from simmer_tui.run.episodes import BeliefEpisodes
-from simmer_tui.run.facts import Stuck, deviation
+from simmer_tui.run.facts import Stuck, deviation, displacement
 from simmer_tui.run.history_rows import (
     ActionRow,
     BeliefRow,
@@ -62,6 +61,7 @@ from simmer_tui.sim.block import Block
 from simmer_tui.sim.command import parse_value
 from simmer_tui.sim.gripper import in_robot_frame
 from simmer_tui.sim.legs import Leg
+from simmer_tui.sim.path import Contact
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.records import REFUSALS, Reading
 from simmer_tui.sim.specs import Axes, DriveKind
@@ -353,12 +353,12 @@ class RunHistory:
             after: Event, as for `blocked`.
             until: The same.
         """
+        after, until = self.placed if after is None else after, self.order if until is None else until
         count, since = self.blocked(after, until)
         if count >= STUCK:
             return Stuck(since, count)
         table = self.movements
-        begin = table.place_of((self.placed if after is None else after) + 1)
-        rows = table.columns(begin, table.place_of((self.order if until is None else until) + 1))
+        rows = table.columns(table.place_of(after + 1), table.place_of(until + 1))
         # From the end back to where it had moved by an inch.
         away = np.flatnonzero(np.cumsum(rows["went"][::-1]) >= PRESSED_WAY)
         rows = rows[len(rows) - int(away[0]) :] if len(away) else rows
@@ -451,76 +451,72 @@ class RunHistory:
             motion: Degrees turned, inches ahead and to the left.
             seen: Readings since the movement before, by sensor code.
         """
-        elapsed, zero = self.clock.advance(ended.time), self.clock.before
-        trajectory, pose, contact = ended.trajectory, ended.pose, ended.contact
-        turned, number = motion[0], ended.number
-        begin, grips = trajectory.start_time, ended.grip is not None
-        held = contact is not None and contact.ended
-        arrival = max(min(contact.time, ended.time), begin) if held and contact is not None else ended.time
-        if contact is not None:
-            self._add_contact(ended, pose, went, turned, seen)
-        self._blocked = held or (grips and self._blocked)
-        self._gone += went
-        self._turned += abs(turned)
-        self._truth.move(*motion)
-        if not self.is_over:
-            self.newest.append((self.order, ended))
+        trajectory, contact = ended.trajectory, ended.contact
+        arrival = ended.time
+        if contact is not None and contact.ended:
+            arrival = max(min(contact.time, ended.time), trajectory.start_time)
         asked, totals = _NOTHING_ASKED
         if trajectory.kind is not None and trajectory.cut is None:
             value = _value(ended.command.argument)
             # In an edited log a command without a number may have moved the robot.
             if isinstance(value, float):
                 asked, totals = value, trajectory.totals
-        self.movements.append(
-            self.order, self.line, zero + begin, zero + arrival, elapsed, self.real_time,
-            number if number < _LARGEST else _LARGEST,
-            self._codes[ended.command.code], grips, ended.answers, contact is not None, held, False, went,
-            self._gone, self._turned, asked, totals.x, totals.y, totals.r, pose.x, pose.y, pose.heading,
-        )  # fmt: skip
-        if self.paths is not None:
-            self.paths.move(zero, ended.command, trajectory, ended.time, pose, arrival)
+        self._move(trajectory, ended, ended.pose, arrival, went, motion[0], motion, seen, asked, totals)
 
     def add_leg(self, ended: LegEnded, seen: Mapping[str, CommandResult]) -> None:
         """A leg of a continuous motion has ended; `seen` has the readings during it by sensor code."""
-        elapsed, zero, leg = self.clock.advance(ended.time), self.clock.before, ended.leg
+        leg = ended.leg
+        if not self.is_over:
+            self.newest_legs.append((self.order, ended))
         pose, went = leg.arrival(leg.end_time)
-        turned, contact = pose.heading - leg.before.heading, leg.contact
-        held = contact is not None and contact.ended
-        movement = ended.as_movement()
+        turned, motion = pose.heading - leg.before.heading, leg.moved(leg.end_time)
+        self._move(leg, ended.as_movement(), pose, leg.end_time, went, turned, motion, seen, *_NOTHING_ASKED)
+
+    def _move(
+        self,
+        path: Trajectory | Leg,
+        ended: MovementEnded,
+        pose: Pose,
+        arrival: float,
+        went: float,
+        turned: float,
+        motion: tuple[float, float, float],
+        seen: Mapping[str, CommandResult],
+        asked: float,
+        totals: Axes,
+    ) -> None:
+        """The robot has moved to a pose, where it arrived at a simulated time; the others as in a
+        `MovementRow`, and for `add_movement`."""
+        elapsed, zero = self.clock.advance(ended.time), self.clock.before
+        contact, number, grips = ended.contact, ended.number, ended.grip is not None
+        held, pressed = contact is not None and contact.ended, isinstance(path, Leg) and path.pressed
         if contact is not None:
-            self._add_contact(movement, pose, went, turned, seen)
+            self._add_contact(ended, contact, pose, went, turned, seen)
         # Pressed from a contact on until it drives freely again: that time counts as stuck.
-        self._blocked = held or (leg.pressed and self._blocked)
+        self._blocked = held or ((grips or pressed) and self._blocked)
         self._gone += went
         self._turned += abs(turned)
-        self._truth.move(*leg.moved(leg.end_time))
+        self._truth.move(*motion)
         if not self.is_over:
-            self.newest.append((self.order, movement))
-            self.newest_legs.append((self.order, ended))
-        nothing = math.nan
+            self.newest.append((self.order, ended))
         self.movements.append(
-            self.order, self.line, zero + leg.start_time, elapsed, elapsed, self.real_time,
-            min(ended.number, _LARGEST), self._codes[ended.command.code], False, False,
-            contact is not None, held, leg.pressed, went, self._gone, self._turned,
-            nothing, nothing, nothing, nothing, pose.x, pose.y, pose.heading,
+            self.order, self.line, zero + path.start_time, zero + arrival, elapsed, self.real_time,
+            number if number < _LARGEST else _LARGEST,
+            self._codes[ended.command.code], grips, ended.answers, contact is not None, held, pressed, went,
+            self._gone, self._turned, asked, totals.x, totals.y, totals.r, pose.x, pose.y, pose.heading,
         )  # fmt: skip
         if self.paths is not None:
-            self.paths.move(zero, ended.command, leg, leg.end_time, pose, elapsed)
-
-    def add_velocity_end(self, ended: VelocityEnded) -> None:
-        """A velocity has ended without a command that set another."""
-        self.clock.advance(ended.time)
+            self.paths.move(zero, ended.command, path, ended.time, pose, arrival)
 
     def _add_contact(
         self,
         ended: MovementEnded,
+        contact: Contact,
         pose: Pose,
         went: float,
         turned: float,
         results: Mapping[str, CommandResult],
     ) -> None:
-        contact = ended.contact
-        assert contact is not None, "it touched something"
         seen = {
             code: SeenReading(each.command.text, replace(each.reading, view=None, scan=None))
             for code, each in results.items()
@@ -533,15 +529,7 @@ class RunHistory:
         self.contacts.add(row)
         self.episodes.touch(row)
         last = self.repeated.items[-1] if self.repeated.items else None
-        # Within `SAME_PLACE` and by the same command: a robot that keeps pushing is one contact, not
-        # hundreds.
-        again = (
-            self._blocked
-            and last is not None
-            and last.touch.shown == row.shown
-            and math.hypot(last.touch.pose.x - pose.x, last.touch.pose.y - pose.y) < SAME_PLACE
-        )
-        if again and last is not None:
+        if last is not None and self._blocked and _is_again(last.touch, row):
             last.count += 1
             last.until = row.elapsed
         else:
@@ -684,6 +672,11 @@ class RunHistory:
         # Beliefs without a place were dropped above, so that they have no share in the trace.
         wanted = totals.belief_trace.wanted(len(made))
         totals.belief_trace.keep(made[wanted.start :: wanted.step] if wanted else ())
+
+
+def _is_again(before: ContactRow, row: ContactRow) -> bool:
+    """True if a contact repeats the one before: a robot that keeps pushing is one contact, not hundreds."""
+    return before.shown == row.shown and displacement(before.pose, row.pose)[0] < SAME_PLACE
 
 
 def _by_name(rows: Columns, column: str, names: list[str]) -> list[tuple[str, Columns]]:

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 from msgspec import Struct
 
-from simmer_tui.sim.angles import BoolArray, FloatArray, cos_sin, half_turn
+from simmer_tui.sim.angles import BoolArray, FloatArray, half_turn
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.records import LidarScan, Reading
 from simmer_tui.sim.scan_rays import has_echo
@@ -92,9 +92,8 @@ def ray_ends(
         steps = 64 * high + low
         if steps == _NO_ECHO:
             continue
-        x, y = pose.place(sensor.x, sensor.y)
-        cos, sin = cos_sin(pose.heading + trace.first + ray * trace.turn)
-        ends.append((x + step * steps * cos, y + step * steps * sin))
+        beam = Pose(*pose.place(sensor.x, sensor.y), pose.heading + trace.first + ray * trace.turn)
+        ends.append(beam.place(step * steps, 0.0))
     return ends
 
 

@@ -271,6 +271,11 @@ class RowTable(Sequence[RowT]):
         """The place of the first row whose `order` is not below this one."""
         return bisect_left(self, order, key=lambda row: row[0])
 
+    def before(self, order: int) -> RowT | None:
+        """The last row whose `order` is below this one; None without any."""
+        place = self.place_of(order)
+        return self[place - 1] if place else None
+
     def columns(self, begin: int = 0, end: int | None = None) -> Columns:
         """The rows from one place to another as columns."""
         begin, end, _ = slice(begin, end).indices(len(self))

@@ -115,6 +115,15 @@ def test_time_by_cell_adds_up_to_the_whole(start_run: Any) -> None:
     assert all(1 <= row <= 4 and 1 <= column <= 8 for row, column in report.paths.cells)
 
 
+def test_time_by_cell_of_a_velocity_adds_up_after_a_reset(start_run: Any) -> None:
+    run = start_run()
+    run.send("vv-6;0;0", "wt-2", "vv-0;0;0", "d1-3")
+    run.perform(ActionName.RESET)
+    run.send("vv-6;0;0", "wt-2", "vv-0;0;0", "d1-3")
+    report = build_report(run.path)
+    assert sum(report.paths.cells.values()) == pytest.approx(report.history.elapsed)
+
+
 def test_errors_are_those_of_the_sensors(start_run: Any, configuration: Any) -> None:
     run = start_run()
     for _ in range(300):

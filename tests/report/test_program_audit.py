@@ -9,9 +9,9 @@ from collections.abc import Callable
 import pytest
 
 from simmer_tui.events import Belief
+from simmer_tui.report.cause_search import disagreements
 from simmer_tui.report.causes import Cause, Kind, Sureness
-from simmer_tui.report.disagreement import Disagreement, kept_disagreements
-from simmer_tui.report.program_audit import disagreements
+from simmer_tui.report.finding import Disagreement, kept_disagreements
 from simmer_tui.sim import Pose, parse_command
 from tests.report.test_causes import Mission, begin
 

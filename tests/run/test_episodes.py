@@ -6,7 +6,7 @@ import pytest
 
 from simmer_tui.engine import Engine
 from simmer_tui.events import Action, ActionName, Belief
-from simmer_tui.report.beliefs import belief_sentences, episode_text, episodes_table
+from simmer_tui.report.findings import belief_sentences, episode_text, episodes_table
 from simmer_tui.run.episodes import Episode, EpisodeKind
 from simmer_tui.run.reducer import Reducer
 from simmer_tui.run.run_history import RunHistory
