@@ -21,17 +21,11 @@ from simmer_tui.runlog.log_records import (
     BrokenLine,
     CheckpointRecord,
     EndRecord,
-    LegCutRecord,
     LegRecord,
     MissionRecord,
     MoveRecord,
-    NoticeRecord,
     PlanRecord,
-    ProgramRecord,
     ReadingRecord,
-    TwinRecord,
-    VelocityEndRecord,
-    WireRecord,
     decode_line,
 )
 from simmer_tui.runlog.reader import MAX_LINE, RecordStream, open_log, too_long
@@ -65,24 +59,20 @@ _FLAGS: dict[type, tuple[EntryFlag, EntryFlag]] = {
     PlanRecord: (EntryFlag.COMMAND, EntryFlag.COMMAND),
     AnswerRecord: (EntryFlag.COMMAND, EntryFlag.COMMAND | EntryFlag.REFUSED),
     EndRecord: (EntryFlag.OTHER, EntryFlag.OTHER | EntryFlag.CONTACT),
+    LegRecord: (EntryFlag.OTHER, EntryFlag.OTHER | EntryFlag.CONTACT),
     ActionRecord: (EntryFlag.ACTION, EntryFlag.ACTION | EntryFlag.RESTART),
     BeliefRecord: (EntryFlag.BELIEF, EntryFlag.BELIEF),
-    NoticeRecord: (EntryFlag.OTHER, EntryFlag.OTHER),
-    TwinRecord: (EntryFlag.OTHER, EntryFlag.OTHER),
     MissionRecord: (EntryFlag.MISSION, EntryFlag.MISSION),
-    ProgramRecord: (EntryFlag.OTHER, EntryFlag.OTHER),
-    LegRecord: (EntryFlag.OTHER, EntryFlag.OTHER | EntryFlag.CONTACT),
-    LegCutRecord: (EntryFlag.OTHER, EntryFlag.OTHER),
-    VelocityEndRecord: (EntryFlag.OTHER, EntryFlag.OTHER),
-    WireRecord: (EntryFlag.OTHER, EntryFlag.OTHER),
     CheckpointRecord: (EntryFlag.CHECKPOINT, EntryFlag.CHECKPOINT),
 }
-"""The flags of each kind of record: usually, and if it has a contact, a refusal or a restart."""
+"""The flags of a kind of record: usually, and if it has a contact, a refusal or a restart."""
+_OTHER = EntryFlag.OTHER, EntryFlag.OTHER
+"""The flags of all other kinds."""
 _RESTART = _FLAGS[ActionRecord][1]
 
 
 def _flags_of(record: AnyRecord) -> EntryFlag:
-    usual, special = _FLAGS[type(record)]
+    usual, special = _FLAGS.get(type(record), _OTHER)
     if usual is special:
         return usual
     match record:
