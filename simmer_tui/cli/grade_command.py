@@ -18,8 +18,8 @@ from simmer_tui.config.settings import CLOCKS
 from simmer_tui.document.as_data import csv_text
 from simmer_tui.errors import ClusterError, GradeError
 from simmer_tui.grade import bubblewrap
-from simmer_tui.grade.course import Course, read_course, shown_name
-from simmer_tui.grade.grade_folder import PLAN, GradeFolder
+from simmer_tui.grade.course import LONG, PLAN_FILE, Course, read_course, shown_name
+from simmer_tui.grade.grade_folder import GradeFolder
 from simmer_tui.grade.grading import check_isolation, grade, here, what_is_missing
 from simmer_tui.grade.sandbox import Isolation
 from simmer_tui.grade.site import INDEX, grades_document, grades_table, gradescope_json, junit_xml, site
@@ -170,7 +170,7 @@ def _check_outside(path: Path, course: Course) -> None:
     for folder in course.team_folders:
         if _is_in(path, folder):
             raise GradeError(
-                f"the grading would lie in {shown_name(str(folder), 200)}, where each folder is a team: "
+                f"the grading would lie in {shown_name(str(folder), LONG)}, where each folder is a team: "
                 "name another --out"
             )
 
@@ -182,7 +182,7 @@ def _resumed(options: argparse.Namespace) -> GradeFolder:
                 "--resume and --regrade keep all options but --out, --jobs, --dask and --hide-names"
             )
     # A grading begun in a team's folder lies above it.
-    path = options.out or newest_folder(_PREFIX, PLAN, Path(), Path(".."))
+    path = options.out or newest_folder(_PREFIX, PLAN_FILE, Path(), Path(".."))
     if path is None:
         raise GradeError("there is no grading here to resume: name its folder with --out")
     folder = GradeFolder.read(path)
