@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 # Names, not functions: importing all commands would make every start as slow as the slowest.
 COMMANDS = {
     "init": ("config_commands:run_init", "copy a configuration set into a folder, to be edited there"),
-    "examples": ("examples_command:run_examples", "copy the sample programs into a folder"),
+    "examples": ("author_commands:run_examples", "copy the sample programs into a folder"),
     "check": ("config_commands:run_check", "check a configuration set and show what it describes"),
     "import": ("config_commands:run_import", "make a configuration set from a team's config.py or Main.m"),
     "replay": ("replay_command:run_replay", "play a logged run on the screen"),
@@ -56,7 +56,7 @@ COMMANDS = {
     "atlas": ("atlas_command:run_atlas", "compute expected readings at every pose of a grid, as a file"),
     "rerun": ("log_commands:run_rerun", "run a logged run again and compare every reply"),
     "doctor": ("machine_commands:run_doctor", "check this terminal and machine, in ten lines"),
-    "env": ("env_command:run_env", "print the variables for programs that an IDE starts"),
+    "env": ("author_commands:run_env", "print the variables for programs that an IDE starts"),
     "completion": ("help_command:run_completion", "print completion for a shell"),
     "ports": ("machine_commands:run_ports", "list the serial ports a robot may be on"),
     "help": ("help_command:run_help", "help on a command, or on all settings: help settings"),

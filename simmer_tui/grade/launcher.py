@@ -47,7 +47,12 @@ def main(arguments: list[str]) -> None:
     ctypes.CDLL(None).prctl(_SET_DUMPABLE, 0, 0, 0, 0)
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, signal.SIG_IGN)  # the program, which may have the same user, may send them
-    link = _link(arguments[0])
+    if arguments[0].isdecimal():
+        link = socket.socket(fileno=int(arguments[0]))
+    else:
+        link = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        link.connect(arguments[0])
+    link.set_inheritable(False)
     while order := link.recv(_LONGEST_ORDER):
         fields = json.loads(order)
         try:
@@ -69,18 +74,6 @@ def main(arguments: list[str]) -> None:
 def _send_error(link: socket.socket, error: Exception) -> None:
     text = getattr(error, "strerror", None) or str(error)
     link.send(json.dumps({"error": text[:500]}).encode())
-
-
-def _link(where: str) -> socket.socket:
-    if sys.platform != "linux":
-        raise NotImplementedError  # there are no sandboxes here
-    if where.isdecimal():
-        link = socket.socket(fileno=int(where))
-    else:
-        link = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-        link.connect(where)
-    link.set_inheritable(False)
-    return link
 
 
 def _listen(port: int) -> tuple[int, list[socket.socket]]:

@@ -118,7 +118,7 @@ class LogDecoder:
             EndRecord: self._end,
             ActionRecord: self._action,
             BeliefRecord: _belief,
-            NoticeRecord: _notice,
+            NoticeRecord: lambda record: (Notice(record.about, record.text, record.subject, record.advice),),
             MissionRecord: _mission_event,
             TwinRecord: self._twin,
             ProgramRecord: _program_end,
@@ -452,10 +452,6 @@ def _belief(record: BeliefRecord) -> tuple[Event, ...]:
     return (
         Belief(record.t, believed, true, record.spread, particles, record.note, record.grid, record.again),
     )
-
-
-def _notice(record: NoticeRecord) -> tuple[Event, ...]:
-    return (Notice(record.about, record.text, record.subject, record.advice),)
 
 
 def _program_end(record: ProgramRecord) -> tuple[Event, ...]:

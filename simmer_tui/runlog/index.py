@@ -199,8 +199,8 @@ class RunLogIndex(Closing):
     # -- searches ----------------------------------------------------------------------------
 
     def find_time(self, elapsed: float) -> int:
-        """The last entry not after a time (as `time_of` counts), or 0."""
-        return max(bisect_right(self._elapsed, elapsed) - 1, 0)
+        """The last entry not after a time (as `time_of` counts); -1 if there is none yet."""
+        return bisect_right(self._elapsed, elapsed) - 1
 
     def _hits(self, flags: EntryFlag, begin: int = 0, end: int | None = None) -> NDArray[np.bool_]:
         values = np.frombuffer(self._flags, dtype=np.uint16)[begin:end]

@@ -82,8 +82,7 @@ class Playback:
 
     def state_at_time(self, elapsed: float) -> tuple[int, State]:
         """The latest entry at an elapsed time (-1: none yet), and the state then."""
-        index = self.index
-        entry = index.find_time(elapsed) if index.count and elapsed >= index.time_of(0) else -1
+        entry = self.index.find_time(elapsed)
         return entry, self.state_at(entry, elapsed)
 
     def events(self, begin: int, end: int) -> list[Logged | BrokenLine]:

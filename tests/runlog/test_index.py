@@ -120,12 +120,12 @@ def test_a_line_with_no_time_does_not_spoil_its_neighbours(varied_log: Path, tim
 
 def test_finding_a_time_gives_the_last_entry_till_then(random_run: Callable[..., Any]) -> None:
     with RunLogIndex(random_run(1, timed=True).path) as log:
-        assert log.find_time(-1.0) == 0
+        assert log.find_time(-1.0) == -1
         assert log.find_time(log.duration) == log.count - 1
         for step in range(50):
             elapsed = log.duration * step / 50
             i = log.find_time(elapsed)
-            assert i == 0 or log.time_of(i) <= elapsed
+            assert i == -1 or log.time_of(i) <= elapsed
             assert i == log.count - 1 or log.time_of(i + 1) > elapsed
 
 
