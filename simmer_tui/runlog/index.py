@@ -21,6 +21,7 @@ from simmer_tui.runlog.log_records import (
     BrokenLine,
     CheckpointRecord,
     EndRecord,
+    LegCutRecord,
     LegRecord,
     MissionRecord,
     MoveRecord,
@@ -59,7 +60,6 @@ _FLAGS: dict[type, tuple[EntryFlag, EntryFlag]] = {
     PlanRecord: (EntryFlag.COMMAND, EntryFlag.COMMAND),
     AnswerRecord: (EntryFlag.COMMAND, EntryFlag.COMMAND | EntryFlag.REFUSED),
     EndRecord: (EntryFlag.OTHER, EntryFlag.OTHER | EntryFlag.CONTACT),
-    LegRecord: (EntryFlag.OTHER, EntryFlag.OTHER | EntryFlag.CONTACT),
     ActionRecord: (EntryFlag.ACTION, EntryFlag.ACTION | EntryFlag.RESTART),
     BeliefRecord: (EntryFlag.BELIEF, EntryFlag.BELIEF),
     MissionRecord: (EntryFlag.MISSION, EntryFlag.MISSION),
@@ -76,7 +76,7 @@ def _flags_of(record: AnyRecord) -> EntryFlag:
     if usual is special:
         return usual
     match record:
-        case MoveRecord() | EndRecord() | LegRecord():
+        case MoveRecord() | EndRecord():
             return usual if record.contact is None else special
         case AnswerRecord(status=Status.DONE) if record.velocity is not None or record.waits:
             return usual  # it moves the robot, or time, itself
@@ -114,6 +114,8 @@ class RunLogIndex(Closing):
         # Simulated time restarts with a reset, elapsed time does not: each stretch has its own zero.
         self._zeros = [(0, -self.header.t)]
         self._begun = self._now = 0.0
+        self._leg: tuple[int, float] | None = None
+        """Entry and end of the leg under way, if it leads to a contact."""
         self.refresh()
 
     def refresh(self) -> int:
@@ -139,7 +141,12 @@ class RunLogIndex(Closing):
     def _take(self, record: AnyRecord) -> EntryFlag:
         """Advance the times to a record; gives its flags."""
         flags = _flags_of(record)
+        if self._leg is not None:
+            self._follow_leg(self._leg, record)
+        if isinstance(record, LegRecord) and record.contact is not None and record.end is not None:
+            self._leg = self.count, record.end
         if flags is _RESTART:
+            self._leg = None
             self._begun = self._now
             self._zeros.append((self.count, self._now - record.t))
         zero = self._zeros[-1][1]
@@ -148,6 +155,16 @@ class RunLogIndex(Closing):
         self._begun = max(self._begun, record.t + zero)
         self._now = max(self._now, end + zero)
         return flags
+
+    def _follow_leg(self, leg: tuple[int, float], record: AnyRecord) -> None:
+        """A record after the beginning of a leg, which another leg or its early end may keep from its
+        contact."""
+        entry, end = leg
+        if record.t >= end:
+            self._flags[entry] |= EntryFlag.CONTACT
+            self._leg = None
+        elif isinstance(record, LegRecord | LegCutRecord):
+            self._leg = None
 
     # -- entries -----------------------------------------------------------------------------
 

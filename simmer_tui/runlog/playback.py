@@ -22,6 +22,7 @@ from simmer_tui.runlog.log_records import (
     BrokenLine,
     CheckpointRecord,
     EndRecord,
+    LegRecord,
     MoveRecord,
 )
 from simmer_tui.runlog.reader import Logged
@@ -147,7 +148,7 @@ class Playback:
         touched = list(index.find_all(EntryFlag.CONTACT, 0 if restart is None else restart, at))
         for entry in touched[-CONTACT_POINTS:]:
             record = index.record(entry)
-            if isinstance(record, MoveRecord | EndRecord) and record.contact is not None:
+            if isinstance(record, MoveRecord | EndRecord | LegRecord) and record.contact is not None:
                 points.append(record.contact.point)
         return tuple(points)
 
