@@ -7,6 +7,7 @@ from bisect import bisect_right
 from enum import IntFlag
 from operator import itemgetter
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,25 +55,24 @@ class EntryFlag(IntFlag):
 
 
 # Joined here once: joining flags takes 1 us, and there may be a million lines.
-_FLAGS: dict[type, tuple[EntryFlag, EntryFlag]] = {
+_OTHER = EntryFlag.OTHER
+_FLAGS: dict[type, tuple[EntryFlag, EntryFlag]] = dict.fromkeys(get_args(AnyRecord), (_OTHER, _OTHER)) | {
     ReadingRecord: (EntryFlag.COMMAND, EntryFlag.COMMAND),
     MoveRecord: (EntryFlag.COMMAND, EntryFlag.COMMAND | EntryFlag.CONTACT),
     PlanRecord: (EntryFlag.COMMAND, EntryFlag.COMMAND),
     AnswerRecord: (EntryFlag.COMMAND, EntryFlag.COMMAND | EntryFlag.REFUSED),
-    EndRecord: (EntryFlag.OTHER, EntryFlag.OTHER | EntryFlag.CONTACT),
+    EndRecord: (_OTHER, _OTHER | EntryFlag.CONTACT),
     ActionRecord: (EntryFlag.ACTION, EntryFlag.ACTION | EntryFlag.RESTART),
     BeliefRecord: (EntryFlag.BELIEF, EntryFlag.BELIEF),
     MissionRecord: (EntryFlag.MISSION, EntryFlag.MISSION),
     CheckpointRecord: (EntryFlag.CHECKPOINT, EntryFlag.CHECKPOINT),
 }
-"""The flags of a kind of record: usually, and if it has a contact, a refusal or a restart."""
-_OTHER = EntryFlag.OTHER, EntryFlag.OTHER
-"""The flags of all other kinds."""
+"""The flags of each kind of record: usually, and if it has a contact, a refusal or a restart."""
 _RESTART = _FLAGS[ActionRecord][1]
 
 
 def _flags_of(record: AnyRecord) -> EntryFlag:
-    usual, special = _FLAGS.get(type(record), _OTHER)
+    usual, special = _FLAGS[type(record)]
     if usual is special:
         return usual
     match record:
@@ -141,10 +141,8 @@ class RunLogIndex(Closing):
     def _take(self, record: AnyRecord) -> EntryFlag:
         """Advance the times to a record; gives its flags."""
         flags = _flags_of(record)
-        if self._leg is not None:
-            self._follow_leg(self._leg, record)
-        if isinstance(record, LegRecord) and record.contact is not None and record.end is not None:
-            self._leg = self.count, record.end
+        if flags is _OTHER or self._leg is not None:
+            self._follow_leg(record)
         if flags is _RESTART:
             self._leg = None
             self._begun = self._now
@@ -156,15 +154,17 @@ class RunLogIndex(Closing):
         self._now = max(self._now, end + zero)
         return flags
 
-    def _follow_leg(self, leg: tuple[int, float], record: AnyRecord) -> None:
-        """A record after the beginning of a leg, which another leg or its early end may keep from its
-        contact."""
-        entry, end = leg
-        if record.t >= end:
-            self._flags[entry] |= EntryFlag.CONTACT
-            self._leg = None
-        elif isinstance(record, LegRecord | LegCutRecord):
-            self._leg = None
+    def _follow_leg(self, record: AnyRecord) -> None:
+        """Mark the leg under way once it has come to its contact: another leg, or its early end, may keep it
+        from that."""
+        if self._leg is not None:
+            entry, end = self._leg
+            if record.t >= end:
+                self._flags[entry] |= EntryFlag.CONTACT
+            if record.t >= end or isinstance(record, LegRecord | LegCutRecord):
+                self._leg = None
+        if isinstance(record, LegRecord) and record.contact is not None and record.end is not None:
+            self._leg = self.count, record.end
 
     # -- entries -----------------------------------------------------------------------------
 
