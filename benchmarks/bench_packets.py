@@ -102,7 +102,7 @@ def serve_simulator(any_user: bool) -> None:
     console = LinePrinter(quiet=False)
     server.start(console.watch)
     print(server.ports[PACKETS.purpose], server.ports[PACKET_REPLIES.purpose], flush=True)
-    console.wait()
+    console.show()
 
 
 @contextlib.contextmanager

@@ -62,7 +62,7 @@ def serve_simulator() -> None:
     console = LinePrinter(quiet=False)
     server.start(console.watch)
     print(server.ports[COMMANDS.purpose], server.ports[REPLIES.purpose], flush=True)
-    console.wait()
+    console.show()
 
 
 def use_one_processor() -> None:

@@ -67,8 +67,7 @@ def moment_at(index: RunLogIndex, elapsed: float) -> Moment:
     """A moment by its elapsed time. Raises RunLogError for one that the log has not."""
     if not 0.0 <= elapsed <= index.duration + SAME_TIME:
         raise RunLogError(f"{index.shown} has the times from 0 to {index.duration:.2f} s, not {elapsed:g}")
-    is_any = index.count and elapsed >= index.time_of(0)
-    return moment_of(index, index.find_time(elapsed) if is_any else -1, elapsed)
+    return moment_of(index, index.find_time(elapsed), elapsed)
 
 
 class TakeOver:

@@ -10,8 +10,9 @@ from collections.abc import Callable
 from pathlib import Path, PureWindowsPath
 
 from simmer_tui import platform_has
+from simmer_tui.cli.command_line import say
 from simmer_tui.cli.headless import LinePrinter
-from simmer_tui.cli.run_life import FrontEnd, say
+from simmer_tui.cli.run_life import FrontEnd
 from simmer_tui.events import Notice, NoticeKind, Result
 from simmer_tui.server import Server
 from simmer_tui.tui.terminal import TerminalChoice, choose
@@ -82,7 +83,7 @@ class Screen(FrontEnd):
             say("the robot is served on without it; ctrl+C ends")
             server.set_pace(0.0)
             server.call(server.engine.watch, self._printer.watch)
-            return self._printer.wait()
+            return self._printer.show()
         return code or 0
 
     def finish(self, code: int) -> None:

@@ -19,7 +19,7 @@ from simmer_tui.cli.command_line import (
     add_trust_option,
     overrides_from,
     subcommand,
-    unwritable,
+    writing,
 )
 from simmer_tui.cli.progress_bar import progress_bar
 from simmer_tui.config.loader import load
@@ -77,12 +77,9 @@ def run_atlas(options: argparse.Namespace) -> int:
         raise AtlasError(f"{what}: take a larger --step, fewer --headings, or add --yes")
     atlas = _computed(simulator, grid, codes)
     data = _FORMATS[form](atlas)
-    shown = shown_path(out)
-    try:
+    with writing(AtlasError, out):
         out.write_bytes(data)
-    except OSError as error:
-        raise unwritable(AtlasError, out, error) from None
-    sys.stdout.write(f"Wrote {shown}, {len(data) / 1e6:.2f} MB: {', '.join(codes)}\n")
+    sys.stdout.write(f"Wrote {shown_path(out)}, {len(data) / 1e6:.2f} MB: {', '.join(codes)}\n")
     _describe(atlas, simulator)
     if form == "h" and table_bytes(atlas) > MEGA_FLASH:
         sys.stderr.write(

@@ -17,13 +17,11 @@ from simmer_tui.cli.command_line import (
     ExitCode,
     OneLineParser,
     add_json_option,
-    add_large_option,
     add_trust_option,
-    allow_large,
-    configuration_of,
     print_answer,
     subcommand,
 )
+from simmer_tui.cli.log_options import add_large_option, allow_large, configuration_of
 from simmer_tui.cli.progress_bar import progress_bar
 from simmer_tui.config.device_trust import DeviceUse
 from simmer_tui.config.loader import Override, load

@@ -7,15 +7,21 @@ import os
 import re
 import sys
 from collections.abc import Callable, Generator, Iterable, Sequence
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import AbstractContextManager, contextmanager, suppress
 from enum import IntEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn, TextIO
 
 from simmer_tui.config.device_trust import OPTION, TRUST, DeviceTrust
 from simmer_tui.config.settings import Setting, all_settings
 from simmer_tui.config.settings_file import Override
-from simmer_tui.errors import ClusterError, ConfigurationError, ProgramError, RunLogError, SimmerError
+from simmer_tui.errors import (
+    ClusterError,
+    ConfigurationError,
+    Problem,
+    ProgramError,
+    SimmerError,
+)
 from simmer_tui.sim.command import escape, escape_passage, shown_path
 from simmer_tui.sim.rules import FlagRule, did_you_mean
 
@@ -28,6 +34,9 @@ _DEST = "setting."
 # Only numbers: `-x` after an option stays an option of its own.
 _NEGATIVE_VALUE = re.compile(r"-[.0-9]")
 _LONG_OPTION = re.compile(r"--[^=\s]+")
+# The imports and the head of a class: enough to recognise the file.
+_LINES, _WIDTH = 12, 100
+"""Lines of a device file that the question shows, and characters of each."""
 
 
 class ExitCode(IntEnum):
@@ -58,22 +67,36 @@ _CODES: dict[type[SimmerError], ExitCode] = {
 """Exit codes of some errors; all others are problems."""
 
 
+def say(line: str, stream: TextIO | None = None) -> None:
+    """Print a line at once, by default on standard error; a closed stream is no fault."""
+    with suppress(OSError, ValueError):
+        print(line, file=stream or sys.stderr, flush=True)
+
+
 def report(error: SimmerError, program: str = "simmer-tui") -> int:
-    """Write an error on standard error, each problem of a configuration on its own line. Returns its exit
-    code. A closed stream is no fault."""
+    """Print an error on standard error, each problem of a configuration on its own line. Returns its exit
+    code."""
     # Each problem names its own place: the program's name before it would hide that.
-    lines = error.lines() if isinstance(error, ConfigurationError) else [f"{program}: {error}"]
-    try:
-        sys.stderr.writelines(f"{line}\n" for line in lines)
-        sys.stderr.flush()
-    except (OSError, ValueError):
-        pass  # nobody reads it any more; the exit code is enough
+    for line in error.lines() if isinstance(error, ConfigurationError) else [f"{program}: {error}"]:
+        say(line)
     return _CODES.get(type(error), ExitCode.PROBLEM)
 
 
-def unwritable(kind: type[SimmerError], path: Path, error: OSError) -> SimmerError:
-    """An error of this kind for a file that cannot be written, with the reason."""
-    return kind(f"{shown_path(path)} cannot be written: {error.strerror or error}")
+@contextmanager
+def writing(kind: type[SimmerError], path: Path) -> Generator[None, None, None]:
+    """Inside the `with` block a file is written: raises an error of this kind, with the reason, if it cannot
+    be."""
+    try:
+        yield
+    except OSError as error:
+        raise kind(f"{shown_path(path)} cannot be written: {error.strerror or error}") from None
+
+
+def without_effect(options: Iterable[str]) -> list[Problem]:
+    """The problems with options that place robot or block in a mission: one of two places would be ignored
+    without a word."""
+    what = "has no effect in a mission: mission.toml says where robot and block start"
+    return [Problem(option, what) for option in options]
 
 
 def has_terminal() -> bool:
@@ -99,7 +122,7 @@ class CliCommand:
         parser = self.parser()
         try:
             options = parser.parse_args(argv)
-            with _trusting(DeviceTrust(getattr(options, "trust_devices", False), _ask)):
+            with _trusting(DeviceTrust(getattr(options, "trust_devices", False), _ask_on_terminal)):
                 return int(self._function(options))
         except SimmerError as error:
             return report(error, parser.prog)
@@ -117,27 +140,38 @@ def _trusting(trust: DeviceTrust) -> Generator[None, None, None]:
         TRUST.reset(token)
 
 
-def _ask(file: DeviceFile, directory: Path) -> bool:
-    # Few sets have devices.
-    from simmer_tui.cli.device_question import ask_on_terminal
+def _ask_on_terminal(file: DeviceFile, directory: Path) -> bool:
+    """True if the user types yes. Without a terminal for question and answer it is False, without a
+    question."""
+    if not (sys.stdin.isatty() and sys.stderr.isatty()):
+        return False
+    sys.stderr.write("\n".join(_question(file, directory)))
+    sys.stderr.flush()
+    try:
+        answer = sys.stdin.readline()
+    except (OSError, ValueError):
+        return False
+    return answer.strip().lower() in ("y", "yes")
 
-    return ask_on_terminal(file, directory)
+
+def _question(file: DeviceFile, directory: Path) -> list[str]:
+    path = shown_path(directory / file.path)
+    lines = file.text.splitlines()
+    shown = [f"  {number:3} {escape(line, _WIDTH)}" for number, line in enumerate(lines[:_LINES], 1)]
+    rest = len(lines) - len(shown)
+    more = [f"      ... {rest} lines more: read them in an editor"] if rest > 0 else []
+    return [
+        f"The set contains a sensor of its own, a Python file that runs with your rights: {path}",
+        f"SHA-256 {file.sha256}, {len(file.data):,} bytes",
+        *shown,
+        *more,
+        "Trust this file, and run it from now on? A changed file is asked about again. [y/N] ",
+    ]
 
 
 def add_trust_option(parser: argparse.ArgumentParser | argparse._ArgumentGroup) -> None:
     """The option `--trust-devices`, of commands that may run a set's own devices."""
     parser.add_argument(OPTION, action="store_true", help="run the set's devices/*.py without asking")
-
-
-def add_device_options(parser: argparse.ArgumentParser | argparse._ArgumentGroup) -> None:
-    """The options of commands that rerun a log, for sets with devices of their own."""
-    parser.add_argument(
-        "--config",
-        metavar="DIR",
-        type=Path,
-        help="the folder with the devices/*.py of the log's set (default: where the run had it)",
-    )
-    add_trust_option(parser)
 
 
 def asking_nobody() -> AbstractContextManager[None]:
@@ -168,17 +202,6 @@ def subcommand(
         return CliCommand(parser, function)
 
     return made
-
-
-@contextmanager
-def configuration_of(log: Path) -> Generator[None, None, None]:
-    """Inside the `with` block a refused configuration is one from a log: raises RunLogError, which says
-    so."""
-    try:
-        yield
-    except ConfigurationError as error:
-        refused = f"the configuration in {shown_path(log)} is refused:"
-        raise RunLogError(f"{refused}\n{error}") from None
 
 
 class OneLineParser(argparse.ArgumentParser):
@@ -344,49 +367,3 @@ def print_json(document: Document) -> None:
     from simmer_tui.document.as_data import json_text
 
     sys.stdout.write(json_text(document))
-
-
-def add_log_argument(parser: argparse.ArgumentParser) -> None:
-    """The argument `file`, which may be left out."""
-    parser.add_argument(
-        "file",
-        metavar="FILE",
-        type=Path,
-        nargs="?",
-        help="a log written with --log; without it the app's last run, which is always saved",
-    )
-    add_large_option(parser)
-
-
-def add_large_option(parser: argparse.ArgumentParser) -> None:
-    """The option `--large`."""
-    parser.add_argument(
-        "--large",
-        action="store_true",
-        help="read a compressed log although it unpacks to more than 50 times its size and 1 GB",
-    )
-
-
-def allow_large(options: argparse.Namespace) -> None:
-    """Allow compressed logs of any size to be read, if `--large` is given."""
-    if options.large:
-        from simmer_tui.runlog.reader import READS_LARGE
-
-        READS_LARGE.set(True)
-
-
-def log_of(options: argparse.Namespace) -> Path:
-    """The named file, or the last run, whose name is then printed on standard error. Raises RunLogError if
-    there is none."""
-    allow_large(options)
-    if options.file is not None:
-        named: Path = options.file
-        return named
-    # Imported here because most commands read no log, and it imports the simulator.
-    from simmer_tui.runlog.saved_runs import last_run
-
-    path = last_run()
-    # On standard error: scripts read the answer on standard output.
-    sys.stderr.write(f"the last run: {shown_path(path)}\n")
-    sys.stderr.flush()
-    return path

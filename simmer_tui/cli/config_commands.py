@@ -72,7 +72,7 @@ def run_init(options: argparse.Namespace) -> int:
     files, name = read_files(source), set_name(source)
     if options.dialect is not None:
         files = with_dialect(files, options.dialect)
-    files = _new_set(files, mission=mission, nominal=name if name in bundled_sets() else "")
+    files = explained(with_mission(files) if mission else files, name if name in bundled_sets() else "")
     if options.term:
         files = term_files(files)
     wrote = _write(options.directory, files)
@@ -102,12 +102,6 @@ def _write(directory: Path, files: Mapping[str, bytes]) -> str:
     written = [path.relative_to(directory) for path in write_files(directory, files)]
     names = ", ".join(path.as_posix() for path in written if path.parts[0] != SCHEMAS)
     return f"Wrote {names} to {shown_path(directory)}"
-
-
-def _new_set(files: Mapping[str, bytes], *, mission: bool, nominal: str = "") -> dict[str, bytes]:
-    """The files of a set for people to edit, with comments and the name of its `nominal` set. Raises
-    ConfigurationError."""
-    return explained(with_mission(files) if mission else files, nominal)
 
 
 def _check_options(parser: OneLineParser) -> None:
@@ -203,7 +197,8 @@ def run_import(options: argparse.Namespace) -> int:
     executed."""
     # Exit code 0: the set can be used. 1: it was written, but must be edited first.
     imported, skeletons = with_skeletons(read_path(options.file))
-    files = _new_set({**set_files(imported), **skeletons}, mission=options.mission)
+    files = {**set_files(imported), **skeletons}
+    files = explained(with_mission(files) if options.mission else files)
     sys.stdout.write(f"{_write(options.directory, files)}\n")
     if imported.left_out:
         sys.stdout.write("Not imported, or changed:\n")

@@ -12,14 +12,21 @@ from pathlib import Path
 
 from rich.console import Console
 
-from simmer_tui.cli.command_line import ExitCode, OneLineParser, add_json_option, print_answer, subcommand
-from simmer_tui.cli.trials_options import count, new_folder, newest_folder, rate, say, typed_path
+from simmer_tui.cli.command_line import (
+    ExitCode,
+    OneLineParser,
+    add_json_option,
+    print_answer,
+    say,
+    subcommand,
+)
+from simmer_tui.cli.trials_options import count, new_folder, newest_folder, rate, run_to_end, typed_path
 from simmer_tui.config.settings import CLOCKS
 from simmer_tui.document.as_data import csv_text
-from simmer_tui.errors import ClusterError, GradeError
+from simmer_tui.errors import GradeError
 from simmer_tui.grade import bubblewrap
-from simmer_tui.grade.course import Course, read_course, shown_name
-from simmer_tui.grade.grade_folder import PLAN, GradeFolder
+from simmer_tui.grade.course import LONG, PLAN_FILE, Course, read_course, shown_name
+from simmer_tui.grade.grade_folder import GradeFolder
 from simmer_tui.grade.grading import check_isolation, grade, here, what_is_missing
 from simmer_tui.grade.sandbox import Isolation
 from simmer_tui.grade.site import INDEX, grades_document, grades_table, gradescope_json, junit_xml, site
@@ -95,16 +102,16 @@ def run_grade(options: argparse.Namespace) -> int:
     folder = _resumed(options) if options.resume or options.regrade else _begun(options)
     if options.dask is None:
         check_isolation(folder)
-    say("grade", f"{counted(len(folder.entries), 'team')}, results in {typed_path(folder.path)}")
-    say("grade", shown_test(folder.test))
+    say(f"simmer-tui grade: {counted(len(folder.entries), 'team')}, results in {typed_path(folder.path)}")
+    say(f"simmer-tui grade: {shown_test(folder.test)}")
     isolation = _isolation_line(folder.plan.isolation, is_here=options.dask is None)
-    say("grade", isolation)
-    code, why = _run_all(folder, options)
+    say(f"simmer-tui grade: {isolation}")
+    code, why = run_to_end(lambda: _run_all(folder, options))
     found = team_results(folder, hidden=False)
     _write(folder, found, isolation)
     print_answer(grades_document(folder, found, isolation), as_json=options.json)
     if code is not ExitCode.DONE:
-        say("grade", f"{why}; to resume: simmer-tui grade --resume --out {typed_path(folder.path)}")
+        say(f"simmer-tui grade: {why}; to resume: simmer-tui grade --resume --out {typed_path(folder.path)}")
         return code
     return ExitCode.DONE if all(each.outcome is TeamStatus.PASSED for each in found) else ExitCode.NO
 
@@ -170,7 +177,7 @@ def _check_outside(path: Path, course: Course) -> None:
     for folder in course.team_folders:
         if _is_in(path, folder):
             raise GradeError(
-                f"the grading would lie in {shown_name(str(folder), 200)}, where each folder is a team: "
+                f"the grading would lie in {shown_name(str(folder), LONG)}, where each folder is a team: "
                 "name another --out"
             )
 
@@ -182,7 +189,7 @@ def _resumed(options: argparse.Namespace) -> GradeFolder:
                 "--resume and --regrade keep all options but --out, --jobs, --dask and --hide-names"
             )
     # A grading begun in a team's folder lies above it.
-    path = options.out or newest_folder(_PREFIX, PLAN, Path(), Path(".."))
+    path = options.out or newest_folder(_PREFIX, PLAN_FILE, Path(), Path(".."))
     if path is None:
         raise GradeError("there is no grading here to resume: name its folder with --out")
     folder = GradeFolder.read(path)
@@ -196,34 +203,28 @@ def _resumed(options: argparse.Namespace) -> GradeFolder:
 # -- doing it --------------------------------------------------------------------------------------
 
 
-def _run_all(folder: GradeFolder, options: argparse.Namespace) -> tuple[ExitCode, str]:
-    """Do the planned runs. Returns DONE, or another code with its reason."""
+def _run_all(folder: GradeFolder, options: argparse.Namespace) -> None:
+    """Do the planned runs. Raises GradeError, TrialsError, ClusterError."""
     console = Console(stderr=True)
     with contextlib.ExitStack() as stack:
-        try:
-            source = here(folder, options.jobs or os.cpu_count() or 1)
-            if options.dask is not None:
-                from simmer_tui.grade.grading import on_cluster
-                from simmer_tui.trials import cluster
+        source = here(folder, options.jobs or os.cpu_count() or 1)
+        if options.dask is not None:
+            from simmer_tui.grade.grading import on_cluster
+            from simmer_tui.trials import cluster
 
-                client = stack.enter_context(cluster.connect(options.dask))
-                cluster.check_workers(client)
-                source = on_cluster(folder, client)
-            stack.enter_context(folder.store.locked())
-            status = stack.enter_context(console.status("")) if console.is_terminal else None
+            client = stack.enter_context(cluster.connect(options.dask))
+            cluster.check_workers(client)
+            source = on_cluster(folder, client)
+        stack.enter_context(folder.store.locked())
+        status = stack.enter_context(console.status("")) if console.is_terminal else None
 
-            def show(result: TrialResult) -> None:
-                if status is not None:
-                    left = sum(folder.is_open(entry) for entry in folder.entries)
-                    runs = sum(len(entry.results) for entry in folder.entries)
-                    status.update(f"{runs} runs done, {left} teams undecided")
+        def show(result: TrialResult) -> None:
+            if status is not None:
+                left = sum(folder.is_open(entry) for entry in folder.entries)
+                runs = sum(len(entry.results) for entry in folder.entries)
+                status.update(f"{runs} runs done, {left} teams undecided")
 
-            grade(folder, source, show)
-        except KeyboardInterrupt:
-            return ExitCode.INTERRUPTED, "interrupted"
-        except ClusterError as error:
-            return ExitCode.LOST, str(error)
-    return ExitCode.DONE, ""
+        grade(folder, source, show)
 
 
 # -- the answer ------------------------------------------------------------------------------------
@@ -239,7 +240,8 @@ def _write(folder: GradeFolder, found: list[TeamResult], isolation: str) -> None
     shutil.rmtree(folder.path / SITE, ignore_errors=True)  # possibly with other names before
     for name, text in files.items():
         folder.store.write(name, text)
-    say("grade", f"wrote {typed_path(folder.path)}/{GRADES}, {JUNIT}, {GRADESCOPE}/ and {SITE}/{INDEX}")
+    written = f"{GRADES}, {JUNIT}, {GRADESCOPE}/ and {SITE}/{INDEX}"
+    say(f"simmer-tui grade: wrote {typed_path(folder.path)}/{written}")
 
 
 def _isolation_line(isolation: Isolation, *, is_here: bool) -> str:

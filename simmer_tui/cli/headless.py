@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from simmer_tui import platform_has
-from simmer_tui.cli.run_life import FrontEnd, say
+from simmer_tui.cli.command_line import say
+from simmer_tui.cli.run_life import FrontEnd
 from simmer_tui.events import (
     Event,
     EventHandler,
@@ -41,7 +42,7 @@ _REFUSALS = (Status.REFUSED, Status.UNKNOWN)
 
 class LinePrinter:
     """Prints events of the robot's thread in the main thread, so that a stopped terminal never delays the
-    robot. Lines beyond its limit are counted."""
+    robot. Lines beyond its limit are counted. The methods are those of a `FrontEnd`."""
 
     def __init__(self, quiet: bool) -> None:
         self._quiet = quiet
@@ -64,10 +65,10 @@ class LinePrinter:
         self._lines.put(line)
 
     def finish(self, code: int) -> None:
-        """End `wait` with an exit code. Safe in signal handlers and from any thread."""
+        """End `show` with an exit code. Safe in signal handlers and from any thread."""
         self._lines.put(code)
 
-    def wait(self) -> int:
+    def show(self) -> int:
         """Print lines until `finish`; returns its code."""
         while True:
             try:  # Windows does not interrupt a wait without a time limit
@@ -78,7 +79,7 @@ class LinePrinter:
                 return item
             say(item)
 
-    def print_rest(self) -> None:
+    def show_rest(self) -> None:
         """Print the lines so far, and no later ones. An earlier `finish` is cancelled."""
         # As many as there are now: a client may continue to send.
         for _ in range(self._lines.qsize()):
@@ -175,12 +176,6 @@ class Headless(LinePrinter, FrontEnd):
     def show_links(self, links: tuple[str, ...]) -> None:
         for link in links:
             say(link, self._stream)
-
-    def show(self) -> int:
-        return self.wait()
-
-    def show_rest(self) -> None:
-        self.print_rest()
 
     def program_ended(self, code: int) -> None:
         self.finish(code)

@@ -13,16 +13,13 @@ from rich.progress import DownloadColumn, TaskProgressColumn, TimeRemainingColum
 from simmer_tui.cli.command_line import (
     ExitCode,
     OneLineParser,
-    add_device_options,
     add_json_option,
-    add_log_argument,
-    configuration_of,
-    log_of,
     print_answer,
     print_json,
     subcommand,
-    unwritable,
+    writing,
 )
+from simmer_tui.cli.log_options import add_device_options, add_log_argument, configuration_of, log_of
 from simmer_tui.cli.progress_bar import progress_bar
 from simmer_tui.document.model import Bullets, DataColumn, DataTable, Document
 from simmer_tui.errors import ExportError, RunLogError
@@ -93,16 +90,12 @@ def build_report(
         run = RunStatistics(log.header, log.configuration, recorded=recorded, nominal=nominal)
         table = None
         if csv_path is not None:
-            try:
-                # Opened before the log is read: a name that cannot be written is reported at once.
+            # Opened before the log is read: a name that cannot be written is reported at once.
+            with writing(RunLogError, csv_path):
                 file = stack.enter_context(csv_path.open("w", encoding="utf-8", newline=""))
-            except OSError as error:
-                raise unwritable(RunLogError, csv_path, error) from None
             table = CommandTable(file)
-        try:
+        with writing(RunLogError, csv_path or path):
             _run_through(_steps(log, run, table), log.size, "report")
-        except OSError as error:
-            raise unwritable(RunLogError, csv_path or path, error) from None
     run.finish(log.note)
     return run
 
@@ -151,10 +144,8 @@ def run_export(options: argparse.Namespace) -> int:
         sys.stdout.write(_wrote(options.svg))
     if options.gif is not None:
         taken = shots(run, options.begin, options.until, options.speed)
-        try:
+        with writing(RunLogError, options.gif):
             _run_through(write_gif(run, options.gif, taken, width), len(taken.times), "pictures")
-        except OSError as error:
-            raise unwritable(RunLogError, options.gif, error) from None
         sys.stdout.write(_wrote(options.gif))
     return 0
 
@@ -230,10 +221,8 @@ def _check_outputs(log: Path, outputs: Iterable[Path | None]) -> None:
 
 def _write_text(path: Path, text: str) -> None:
     """Raises RunLogError, which names the file, if it cannot be written."""
-    try:
+    with writing(RunLogError, path):
         path.write_text(text, encoding="utf-8", newline="\n")
-    except OSError as error:
-        raise unwritable(RunLogError, path, error) from None
 
 
 def _wrote(path: Path) -> str:

@@ -1,4 +1,4 @@
-"""The commands about this machine: `doctor` (what it can do), `ports` and `completion` (for its shell)."""
+"""The commands about this machine: `doctor` (what it can do) and `ports`."""
 
 from __future__ import annotations
 
@@ -7,19 +7,16 @@ import os
 import platform
 import shutil
 import sys
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from importlib import metadata
 from importlib.util import find_spec
 from pathlib import Path
 
 from simmer_tui import platform_has
-from simmer_tui.cli import main
-from simmer_tui.cli.command_line import ExitCode, OneLineParser, add_json_option, print_json, subcommand
-from simmer_tui.cli.help_command import topics
+from simmer_tui.cli.command_line import ExitCode, add_json_option, print_json, subcommand
 from simmer_tui.config.device_trust import DeviceUse
 from simmer_tui.config.loader import Configuration, load
-from simmer_tui.config.profiles import DRIVE, LINK, SENSOR, profile_names
-from simmer_tui.config.sets import bundled_sets, find_set
+from simmer_tui.config.sets import find_set
 from simmer_tui.config.settings import ServerSettings
 from simmer_tui.document.model import DataColumn, DataTable, Document
 from simmer_tui.errors import ConfigurationError, PortError
@@ -49,24 +46,11 @@ PORTS = DataTable(
     "ports", "Serial ports", (DataColumn("device"), DataColumn("description"), DataColumn("leads_to"))
 )
 
-SHELLS = {
-    "bash": "simmer-tui completion bash > ~/.local/share/bash-completion/completions/simmer-tui",
-    "zsh": "simmer-tui completion zsh > ~/.zfunc/_simmer-tui  (a folder in fpath, before compinit)",
-    "fish": "simmer-tui completion fish > ~/.config/fish/completions/simmer-tui.fish",
-}
-"""The shells, and the command that installs the script in each."""
-_FOLDERS = {"directory", "mazes", "config", "target", "source", "first", "second"}
-"""Arguments that are folders, by their name in the parsers."""
-
 Check = tuple[bool, str]
 """True if all is well, and the text."""
 
 
-def _doctor_options(parser: OneLineParser) -> None:
-    add_json_option(parser)
-
-
-@subcommand("doctor", _doctor_options)
+@subcommand("doctor", add_json_option)
 def run_doctor(options: argparse.Namespace) -> int:
     """Say what this terminal can show, whether the ports are free, which versions are here and what is
     missing for which feature. Exits with 1 if simmer-tui could not start as it is."""
@@ -185,11 +169,7 @@ def _is_there(*programs: str) -> bool:
     return any(shutil.which(each) is not None for each in programs)
 
 
-def _ports_options(parser: OneLineParser) -> None:
-    add_json_option(parser)
-
-
-@subcommand("ports", _ports_options)
+@subcommand("ports", add_json_option)
 def run_ports(options: argparse.Namespace) -> int:
     """List the serial ports of this machine."""
     ports = port_list.list_ports()
@@ -207,61 +187,3 @@ def run_ports(options: argparse.Namespace) -> int:
             "no serial port found: plug the robot in, or pair it and connect its Bluetooth port first\n"
         )
     return ExitCode.DONE if ports else ExitCode.NO
-
-
-def _completion_options(parser: OneLineParser) -> None:
-    parser.add_argument("shell", choices=tuple(SHELLS), help="which shell")
-
-
-@subcommand(
-    "completion",
-    _completion_options,
-    epilog="\n".join(("for good:", *(f"  {how}" for how in SHELLS.values()))),
-    formatter_class=argparse.RawDescriptionHelpFormatter,
-)
-def run_completion(options: argparse.Namespace) -> int:
-    """Print a script that makes a shell complete commands, options and values."""
-    # Imported here because only this command needs it.
-    import shtab
-
-    sys.stdout.write(shtab.complete(whole_parser(), shell=options.shell) + "\n")
-    return ExitCode.DONE
-
-
-def whole_parser() -> argparse.ArgumentParser:
-    """All options and all commands in one parser. It parses nothing: completion and the reference pages are
-    made from it."""
-    parser = main.build_parser()
-    commands = parser.add_subparsers(title="commands", metavar="COMMAND", prog="simmer-tui")
-    for name, (_, text) in main.COMMANDS.items():
-        made = main.command_named(name).parser()
-        commands.add_parser(
-            name,
-            help=text,
-            description=made.description,
-            parents=[made],
-            add_help=False,
-            conflict_handler="resolve",
-        )
-    for each in (parser, *commands.choices.values()):
-        _name_values(each)
-    return parser
-
-
-def _name_values(parser: argparse.ArgumentParser) -> None:
-    """Name the kinds of arguments for the shell: names of sets and profiles, folders, files."""
-    import shtab
-
-    # Found by the names of parsers' attributes, since a parser does not keep the kind of a value.
-    choices: dict[str, Iterable[str]] = {"topic": topics()}
-    choices |= dict.fromkeys(("config", "source"), sorted(bundled_sets()))
-    choices |= {f"setting.{sort}_profile": profile_names(sort) for sort in (DRIVE, SENSOR, LINK)}
-    for action in parser._actions:
-        if action.choices is not None or action.nargs == 0:
-            continue
-        if action.dest in choices:
-            action.choices = choices[action.dest]
-        elif action.dest in _FOLDERS:
-            action.complete = shtab.DIRECTORY  # type: ignore[attr-defined]
-        elif action.type is not None or action.dest in ("run", "log"):
-            action.complete = shtab.FILE  # type: ignore[attr-defined]

@@ -22,6 +22,8 @@ from simmer_tui.cli.command_line import (
     add_trust_option,
     has_terminal,
     overrides_from,
+    say,
+    without_effect,
 )
 from simmer_tui.config.loader import Configuration, load
 from simmer_tui.config.mission_toml import OVERRIDDEN
@@ -38,7 +40,7 @@ if TYPE_CHECKING:
 # Names, not functions: importing all commands would make every start as slow as the slowest.
 COMMANDS = {
     "init": ("config_commands:run_init", "copy a configuration set into a folder, to be edited there"),
-    "examples": ("examples_command:run_examples", "copy the sample programs into a folder"),
+    "examples": ("author_commands:run_examples", "copy the sample programs into a folder"),
     "check": ("config_commands:run_check", "check a configuration set and show what it describes"),
     "import": ("config_commands:run_import", "make a configuration set from a team's config.py or Main.m"),
     "replay": ("replay_command:run_replay", "play a logged run on the screen"),
@@ -54,11 +56,8 @@ COMMANDS = {
     "atlas": ("atlas_command:run_atlas", "compute expected readings at every pose of a grid, as a file"),
     "rerun": ("log_commands:run_rerun", "run a logged run again and compare every reply"),
     "doctor": ("machine_commands:run_doctor", "check this terminal and machine, in ten lines"),
-    "env": (
-        "env_command:run_env",
-        "print the variables for programs that an IDE starts",
-    ),
-    "completion": ("machine_commands:run_completion", "print completion for a shell"),
+    "env": ("author_commands:run_env", "print the variables for programs that an IDE starts"),
+    "completion": ("help_command:run_completion", "print completion for a shell"),
     "ports": ("machine_commands:run_ports", "list the serial ports a robot may be on"),
     "help": ("help_command:run_help", "help on a command, or on all settings: help settings"),
 }
@@ -142,7 +141,7 @@ def command_named(name: str) -> CliCommand:
 
 def _run(options: argparse.Namespace) -> int:
     """A run, with or without the screen. Returns the exit code."""
-    from simmer_tui.cli.run_life import RunLife, say
+    from simmer_tui.cli.run_life import RunLife
 
     if not options.no_ui and not has_terminal():
         say("simmer-tui: there is no terminal to draw on; add --no-ui to run without the screen")
@@ -201,10 +200,8 @@ def _server(options: argparse.Namespace) -> Server:
 
     directory = find_mission_set(options.config)
     given = [overrides[name].option for name in OVERRIDDEN if name in overrides]
-    # Two places with the robot's start: one would be ignored without a word.
     if given:
-        what = "has no effect in a mission: mission.toml says where robot and block start"
-        raise ConfigurationError([Problem(option, what) for option in given])
+        raise ConfigurationError(without_effect(given))
     configuration, plan = plan_run(checked(load(directory, overrides), options))
     return Server(configuration, plan=plan)
 

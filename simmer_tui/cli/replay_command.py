@@ -8,17 +8,8 @@ from functools import partial
 from pathlib import Path
 
 from simmer_tui.cli.app_start import apply_choice
-from simmer_tui.cli.command_line import (
-    ExitCode,
-    OneLineParser,
-    add_device_options,
-    add_log_argument,
-    asking_nobody,
-    configuration_of,
-    has_terminal,
-    log_of,
-    subcommand,
-)
+from simmer_tui.cli.command_line import ExitCode, OneLineParser, asking_nobody, has_terminal, subcommand
+from simmer_tui.cli.log_options import add_device_options, add_log_argument, configuration_of, log_of
 from simmer_tui.cli.main import front_end
 from simmer_tui.cli.run_life import RunLife
 from simmer_tui.runlog.index import RunLogIndex

@@ -7,15 +7,14 @@ from __future__ import annotations
 
 import os
 import signal
-import sys
 import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
 from types import FrameType
-from typing import TYPE_CHECKING, TextIO
+from typing import TYPE_CHECKING
 
-from simmer_tui.cli.command_line import ExitCode
+from simmer_tui.cli.command_line import ExitCode, say
 from simmer_tui.config.dialects import SERIAL
 from simmer_tui.errors import ProgramError
 from simmer_tui.events import NOT_CONNECTED, Action, ActionName, Event, MissionEnd, Notice, NoticeKind, Result
@@ -337,14 +336,6 @@ class RunLife:
             referee.end(f"the program has ended with exit code {code}")
         # Even if the watcher that would set it has failed: nobody waits forever.
         self._front.finish(code)
-
-
-def say(line: str, stream: TextIO | None = None) -> None:
-    """Print a line at once, by default on standard error; a closed stream is no fault."""
-    try:
-        print(line, file=stream or sys.stderr, flush=True)
-    except (OSError, ValueError):
-        return
 
 
 class Shutdown:

@@ -13,10 +13,17 @@ from pathlib import Path
 from typing import Any
 
 from msgspec import structs
-from rich.progress import MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.progress import MofNCompleteColumn, TextColumn, TimeElapsedColumn
 from rich.progress import TimeRemainingColumn as RemainingColumn
 
-from simmer_tui.cli.command_line import ExitCode, overrides_from, print_answer, subcommand
+from simmer_tui.cli.command_line import (
+    ExitCode,
+    overrides_from,
+    print_answer,
+    say,
+    subcommand,
+    without_effect,
+)
 from simmer_tui.cli.progress_bar import progress_bar
 from simmer_tui.cli.trials_options import (
     DEFAULT_RUNS,
@@ -25,7 +32,7 @@ from simmer_tui.cli.trials_options import (
     add_trials_options,
     new_folder,
     newest_folder,
-    say,
+    run_to_end,
     typed_path,
 )
 from simmer_tui.config.loader import Configuration, load
@@ -35,7 +42,7 @@ from simmer_tui.config.settings_file import Override
 from simmer_tui.document.as_data import csv_text
 from simmer_tui.document.as_html import html_page
 from simmer_tui.document.formats import ESTIMATE
-from simmer_tui.errors import ClusterError, ConfigurationError, Problem, TrialsError
+from simmer_tui.errors import ConfigurationError, Problem, TrialsError
 from simmer_tui.phrases import counted
 from simmer_tui.sim.command import escape, shown_path
 from simmer_tui.trials.cluster import pack
@@ -69,25 +76,25 @@ def run_trials(options: argparse.Namespace) -> int:
     folder = _resumed(options) if options.resume else _begun(options)
     test = None if options.sure is None else _test(options, folder.plan.runs)
     if test is not None:
-        say("trials", shown_test(test))
+        say(f"simmer-tui trials: {shown_test(test)}")
     if not sys.stderr.isatty():
         most = "" if test is None else "at most "
         runs = f"{most}{counted(len(folder.to_do), 'run')} to do, seed {folder.plan.seed}"
-        say("trials", f"{runs}, results in {typed_path(folder.path)}")
-    code, why = _run_all(folder, options, test)
+        say(f"simmer-tui trials: {runs}, results in {typed_path(folder.path)}")
+    code, why = run_to_end(lambda: _run_all(folder, options, test))
     if code is ExitCode.DONE and options.why is not None:
-        code, why = _explain(folder, options)
+        code, why = run_to_end(lambda: _explain(folder, options))
     if folder.results:
         _show(folder, options.require, as_json=options.json)
     if code is not ExitCode.DONE:
         done = "" if folder.results else "no run is done: "
-        say("trials", f"{done}{why}; to resume: {_continuation(folder, options)}")
+        say(f"simmer-tui trials: {done}{why}; to resume: {_continuation(folder, options)}")
         return code
     if test is not None:
         return _decided(test, folder)
     if options.require is None or _is_kept(folder, options.require):
         return ExitCode.DONE
-    say("trials", f"the success rate is below the {options.require:g} required")
+    say(f"simmer-tui trials: the success rate is below the {options.require:g} required")
     return ExitCode.NO
 
 
@@ -135,11 +142,10 @@ def _check(
     if not configuration.settings.sim:
         problems.append(Problem("trials", "are for the simulated robot; leave out --serial"))
     if configuration.mission is not None:
-        what = "has no effect in a mission: mission.toml says where robot and block start"
         given = [overrides[name].option for name in OVERRIDDEN if name in overrides]
         varied = {name for point in points for name in point}
         given += [f"--vary {name}" for name in OVERRIDDEN if name in varied]
-        problems += [Problem(option, what) for option in given]
+        problems += without_effect(given)
     if problems:
         raise ConfigurationError(problems)
 
@@ -221,65 +227,49 @@ def _resumed(options: argparse.Namespace) -> TrialFolder:
 # -- doing it --------------------------------------------------------------------------------------
 
 
-def _run_all(
-    folder: TrialFolder, options: argparse.Namespace, test: SequentialTest | None
-) -> tuple[ExitCode, str]:
-    """Do the planned runs, with a `test` until it has decided. Returns DONE, or another code with its reason.
-    Raises TrialsError."""
+def _run_all(folder: TrialFolder, options: argparse.Namespace, test: SequentialTest | None) -> None:
+    """Do the planned runs, with a `test` until it has decided. Raises TrialsError, ClusterError."""
 
     def decided() -> bool:
         return test is not None and test.verdict(folder.successes_in_order) is not None
 
     numbers = folder.to_do
     trials = (folder.trial(number) for number in takewhile(lambda number: not decided(), numbers))
+    columns = MofNCompleteColumn(), TextColumn("{task.fields[rate]}"), TimeElapsedColumn(), RemainingColumn()
     with contextlib.ExitStack() as stack:
         source: Generator[TrialResult, None, None]
-        try:
-            if options.dask is not None:
-                from simmer_tui.trials import cluster
+        if options.dask is not None:
+            from simmer_tui.trials import cluster
 
-                client = stack.enter_context(cluster.connect(options.dask))
-                cluster.check_workers(client)
-                program = pack(folder.plan.command, Path())
-                source = cluster.run_on_cluster(trials, program, folder.runs, client)
-            else:
-                jobs = 1 if folder.plan.fixed_ports else options.jobs or os.cpu_count() or 1
-                source = run_locally(trials, folder.runs, min(jobs, max(len(numbers), 1)))
-            results = stack.enter_context(contextlib.closing(source))
-            stack.enter_context(folder.store.locked())
-            progress = stack.enter_context(_progress())
-            task = progress.add_task("", total=folder.plan.total, completed=len(folder.done), rate="")
-            for result in results:
-                folder.append(result)
-                done = folder.done
-                successes = sum(each.success for each in done)
-                progress.update(task, completed=len(done), rate=f"{successes} of {len(done)} succeeded")
-        except KeyboardInterrupt:
-            return ExitCode.INTERRUPTED, "interrupted"
-        except ClusterError as error:
-            return ExitCode.LOST, str(error)
-    return ExitCode.DONE, ""
+            client = stack.enter_context(cluster.connect(options.dask))
+            cluster.check_workers(client)
+            program = pack(folder.plan.command, Path())
+            source = cluster.run_on_cluster(trials, program, folder.runs, client)
+        else:
+            source = run_locally(trials, folder.runs, min(_jobs(folder, options), max(len(numbers), 1)))
+        results = stack.enter_context(contextlib.closing(source))
+        stack.enter_context(folder.store.locked())
+        progress = stack.enter_context(progress_bar("trials", *columns, stays=True))
+        task = progress.add_task("", total=folder.plan.total, completed=len(folder.done), rate="")
+        for result in results:
+            folder.append(result)
+            done = folder.done
+            successes = sum(each.success for each in done)
+            progress.update(task, completed=len(done), rate=f"{successes} of {len(done)} succeeded")
 
 
-def _explain(folder: TrialFolder, options: argparse.Namespace) -> tuple[ExitCode, str]:
-    """Run failed runs again with changes. Returns DONE, or another code with its reason. Raises TrialsError,
-    ConfigurationError."""
-    jobs = 1 if folder.plan.fixed_ports else options.jobs or os.cpu_count() or 1
-    with contextlib.closing(Explanations(folder).explain(options.why, jobs)) as changed:
-        try:
-            for each in changed:
-                end = {True: "succeeds", False: "fails", None: "has no result"}[each.succeeded]
-                other = f" and other errors ({each.repeat})" if each.repeat else ""
-                say("trials", f"run {each.run} {end} with {each.change}{other}")
-        except KeyboardInterrupt:
-            return ExitCode.INTERRUPTED, "interrupted"
-    return ExitCode.DONE, ""
+def _jobs(folder: TrialFolder, options: argparse.Namespace) -> int:
+    """The number of runs at a time."""
+    return 1 if folder.plan.fixed_ports else options.jobs or os.cpu_count() or 1
 
 
-def _progress() -> Progress:
-    rate = TextColumn("{task.fields[rate]}")
-    columns = (MofNCompleteColumn(), rate, TimeElapsedColumn(), RemainingColumn())
-    return progress_bar("trials", *columns, stays=True)
+def _explain(folder: TrialFolder, options: argparse.Namespace) -> None:
+    """Run failed runs again with changes. Raises TrialsError, ConfigurationError."""
+    with contextlib.closing(Explanations(folder).explain(options.why, _jobs(folder, options))) as changed:
+        for each in changed:
+            end = {True: "succeeds", False: "fails", None: "has no result"}[each.succeeded]
+            other = f" and other errors ({each.repeat})" if each.repeat else ""
+            say(f"simmer-tui trials: run {each.run} {end} with {each.change}{other}")
 
 
 # -- the answer ------------------------------------------------------------------------------------
@@ -306,10 +296,10 @@ def _decided(test: SequentialTest, folder: TrialFolder) -> ExitCode:
     verdict = test.verdict(folder.successes_in_order)
     assert verdict is not None, "all runs up to the cap are done"
     score = ESTIMATE.text(test.interval(verdict.runs, verdict.successes))
+    result = f"{'passed' if verdict.passed else 'failed'} after {counted(verdict.runs, 'run')}"
     say(
-        "trials",
-        f"{'passed' if verdict.passed else 'failed'} after {counted(verdict.runs, 'run')}, "
-        f"{verdict.successes} of them successes: success rate {score}, 95 % interval after a sequential test",
+        f"simmer-tui trials: {result}, {verdict.successes} of them successes: success rate {score}, 95 % "
+        "interval after a sequential test"
     )
     return ExitCode.DONE if verdict.passed else ExitCode.NO
 

@@ -5,18 +5,19 @@ from __future__ import annotations
 import argparse
 import contextlib
 import shlex
-import sys
 from collections.abc import Callable
 from datetime import datetime
 from pathlib import Path
 
 from simmer_tui.cli.command_line import (
+    ExitCode,
     OneLineParser,
     add_json_option,
     add_setting_options,
     add_trust_option,
 )
 from simmer_tui.config.sets import MISSION_SET
+from simmer_tui.errors import ClusterError
 from simmer_tui.sim.command import shown_path
 from simmer_tui.trials.explanations import EXPLAINED
 from simmer_tui.trials.sequential import MARGIN
@@ -44,10 +45,16 @@ def typed_path(path: Path) -> str:
     return shlex.quote(shown_path(path))
 
 
-def say(command: str, line: str) -> None:
-    """Print the progress of a command on standard error, if it is still open."""
-    with contextlib.suppress(OSError, ValueError):
-        sys.stderr.write(f"simmer-tui {command}: {line}\n")
+def run_to_end(work: Callable[[], None]) -> tuple[ExitCode, str]:
+    """Do runs, all or as many as are needed. Returns DONE, or another code with the reason for an early
+    end."""
+    try:
+        work()
+    except KeyboardInterrupt:
+        return ExitCode.INTERRUPTED, "interrupted"
+    except ClusterError as error:
+        return ExitCode.LOST, str(error)
+    return ExitCode.DONE, ""
 
 
 def _number_between(low: float, high: float, what: str) -> Callable[[str], float]:

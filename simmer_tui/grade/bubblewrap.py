@@ -53,14 +53,8 @@ _ETC = ("ld.so.cache", "ld.so.conf", "ld.so.conf.d", "alternatives", "localtime"
 class Bubblewrap(LaunchedSandbox):
     """A sandbox of namespaces for one run."""
 
-    def __init__(self, files: Path, limits: Limits, extra: Sequence[str] = ()) -> None:
-        """`extra` are more folders that are visible, read-only."""
-        super().__init__(files, limits)
-        self._extra = extra
-
-    @property
-    def _python(self) -> str:
-        return sys.executable
+    _python = sys.executable
+    _meters = True
 
     @property
     def _uid(self) -> int | None:
@@ -98,10 +92,6 @@ class Bubblewrap(LaunchedSandbox):
                 start_new_session=True,
             )
         return process, link
-
-    @property
-    def _meters(self) -> bool:
-        return True
 
 
 def seen_folders(extra: Sequence[str] = ()) -> list[Path]:

@@ -46,20 +46,17 @@ _END = 200
 class Container(LaunchedSandbox):
     """A container for one run."""
 
+    _python = "/usr/local/bin/python3"
+
     def __init__(
         self, engine: str, image: str, files: Path, limits: Limits, extra: Sequence[str] = ()
     ) -> None:
         """`engine` is docker or podman, `extra` are more folders that are visible, read-only."""
-        super().__init__(files, limits)
+        super().__init__(files, limits, extra)
         self._engine = engine
         self._image = image or DEFAULT_IMAGE
-        self._extra = extra
         self._door = Path(tempfile.mkdtemp(prefix="simmer-door-"))
         self._name = self._door.name
-
-    @property
-    def _python(self) -> str:
-        return "/usr/local/bin/python3"
 
     @property
     def _resources(self) -> dict[str, int]:

@@ -26,6 +26,9 @@ PLAN_FILE, TEAMS_FOLDER = "grade.json", "teams"
 DEFAULT_COMMAND = "python main.py"
 _LARGEST_TEAM_FILE = 65536
 """Largest team.toml, bytes: it is an untrusted file of two lines."""
+# Judged: a name is a cell of a table; a path and a mistake with its advice need more room to be understood.
+_SHORT, LONG = 60, 300
+"""Characters shown of the name of a team, and of a path or a mistake."""
 _WORD = re.compile(r"[^a-z0-9]+")
 
 
@@ -141,7 +144,7 @@ def read_course(target: Path, course_file: Path | None = None, *, alone: bool = 
     command = top.get("command", DEFAULT_COMMAND)
     directory = _set_of(home, top.get("set", MISSION_SET))
     team_folders = () if alone else (target,) if target.is_dir() else _folders_named(home, top)
-    teams = [_named_team(target.resolve().name, target, command)] if alone else []
+    teams = [Team(target.resolve().name, target, command)] if alone else []
     teams += _listed(file, home, command) if target.is_file() else []
     for folder in team_folders:
         teams += _below(folder, directory, command, problems)
@@ -206,12 +209,12 @@ def _rules(file: TomlFile, top: Mapping[str, Any]) -> Rules:
 def _below(folder: Path, directory: Path, command: str, problems: list[Problem]) -> list[Team]:
     """The teams with a folder each in a folder: all folders but the course's own set and gradings."""
     if not folder.is_dir():
-        problems.append(Problem(shown_name(str(folder), 200), "is not a folder"))
+        problems.append(Problem(shown_name(str(folder), LONG), "is not a folder"))
         return []
     paths = sorted(path for path in folder.iterdir() if path.is_dir() and not path.is_symlink())
     others = (directory.resolve(), *(path for path in paths if _is_grading(path)))
     return [
-        _named_team(path.name, path, command)
+        Team(path.name, path, command)
         for path in paths
         if not path.name.startswith(".") and path.resolve() not in others and path not in others
     ]
@@ -235,12 +238,6 @@ def submitted_team(team: Team, files: Path, command: str) -> Team:
     return replace(team, command=said["command"], config=said["config"], problems=tuple(problems))
 
 
-def _named_team(name: str, folder: Path, command: str, given: Mapping[str, str] | None = None) -> Team:
-    """A team with the course's values; its own files are not read yet."""
-    said = {"command": command, "config": "", **(given or {})}
-    return Team(name, folder, said["command"], said["config"], given or {})
-
-
 def _usual_config(folder: Path) -> str:
     """The usual place of a team's robot set; empty if it has none."""
     return next((name for name in ("config", "config.py", "Main.m") if (folder / name).exists()), "")
@@ -256,13 +253,15 @@ def _listed(file: TomlFile, home: Path, command: str) -> list[Team]:
             continue
         folder = given_path(said["folder"], home)
         if not folder.is_dir():
-            file.add_problem("team", f'"{shown_name(said["folder"], 100)}" is not a folder')
+            file.add_problem("team", f'"{shown_name(said["folder"], LONG)}" is not a folder')
         given = {each.name: said[each.name] for each in (_COMMAND, _CONFIG) if each.name in said}
-        teams.append(_named_team(said.get("name", folder.name), folder, command, given))
+        name, config = said.get("name", folder.name), said.get("config", "")
+        teams.append(Team(name, folder, said.get("command", command), config, given))
     return teams
 
 
-def shown_name(name: str, limit: int = 60) -> str:
-    """A name as people read it, in any script; nothing in it controls a terminal."""
+def shown_name(name: str, limit: int = _SHORT) -> str:
+    """A name as people read it, in any script; nothing in it controls a terminal. Of a path or a mistake
+    more is shown: `LONG`."""
     shown = printable(name)
     return shown if len(shown) <= limit else f"{shown[: limit - 3]}..."

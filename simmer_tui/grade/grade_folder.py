@@ -25,6 +25,7 @@ from simmer_tui.config.device_trust import DeviceUse
 from simmer_tui.config.loader import Configuration, load
 from simmer_tui.errors import ConfigurationError, GradeError, Problem
 from simmer_tui.grade.course import (
+    LONG,
     PLAN_FILE,
     TEAM_FILE,
     TEAMS_FOLDER,
@@ -35,14 +36,14 @@ from simmer_tui.grade.course import (
 )
 from simmer_tui.grade.grade_run import GradeTrial
 from simmer_tui.grade.sandbox import Isolation
-from simmer_tui.grade.submission import PROGRAM, SubmissionCheck, check_submission, keep_files, reference
+from simmer_tui.grade.submission import PROGRAM, SubmissionCheck, check_submission, reference
+from simmer_tui.grade.submission_copy import copy_submission
 from simmer_tui.grade.submission_reader import SubmissionReader
 from simmer_tui.trials.run import OUTPUT, PACKED_LOG
 from simmer_tui.trials.sequential import Decision, SequentialTest, sequential_test
 from simmer_tui.trials.store import RunStore, StoreKind, unbroken
 from simmer_tui.trials.trial import TrialResult, maze_faults, timed_seconds, with_clock
 
-PLAN, TEAMS = PLAN_FILE, TEAMS_FOLDER
 COURSE, RUNS = "course", "runs"
 # The usual limit of the disk in a sandbox, `Limits.disk`.
 _LARGEST_SUBMISSION = 64_000_000
@@ -85,8 +86,8 @@ class TeamRun(Struct, frozen=True):
 
 KIND = StoreKind(
     noun="a grading",
-    plan_file=PLAN,
-    folders=(COURSE, TEAMS, RUNS),
+    plan_file=PLAN_FILE,
+    folders=(COURSE, TEAMS_FOLDER, RUNS),
     format=3,
     plan=GradePlan,
     line=TeamRun,
@@ -148,7 +149,7 @@ class GradeFolder:
         _check(base, reference(base, course.rules))
         store = RunStore(path, KIND)
         with store.made(), closing(SubmissionReader()) as reader:
-            for name in (TEAMS, RUNS):
+            for name in (TEAMS_FOLDER, RUNS):
                 (path / name).mkdir()
             store.write_files(COURSE, base.files)
             plan = GradePlan(
@@ -220,7 +221,7 @@ class GradeFolder:
 
     def home(self, team: Team) -> Path:
         """A team's folder in the grading."""
-        return self.path / TEAMS / team.slug
+        return self.path / TEAMS_FOLDER / team.slug
 
     def log(self, entry: Entry, number: int) -> Path:
         """The log of a run, if it is kept."""
@@ -252,10 +253,10 @@ class GradeFolder:
         """Grade a team again, with its files as they are now. Raises GradeError, ConfigurationError."""
         entry = next((each for each in self.entries if each.team.name == name), None)
         if entry is None:
-            names = ", ".join(shown_name(each.team.name, 40) for each in self.entries)
+            names = ", ".join(shown_name(each.team.name) for each in self.entries)
             raise GradeError(f'there is no team "{shown_name(name)}" in this grading; there are {names}')
         if not entry.team.folder.is_dir():
-            raise GradeError(f"{shown_name(str(entry.team.folder), 200)} is not a folder any more")
+            raise GradeError(f"{shown_name(str(entry.team.folder), LONG)} is not a folder any more")
         team = entry.team
         with self.store.reported("written"), closing(SubmissionReader()) as reader:
             for place in (self.home(team), self.runs / team.slug):
@@ -319,12 +320,12 @@ def _kept(planned: PlannedTeam, path: Path, command: str, reader: SubmissionRead
     """Copy the files of a team into the grading, and read its team.toml there. Files that cannot be accepted
     are the team's problem. Raises OSError."""
     team = replace(planned.team, folder=planned.team.folder.resolve())
-    home = path / TEAMS / team.slug
+    home = path / TEAMS_FOLDER / team.slug
     home.mkdir()
     refused = ""
     try:
-        keep_files(team, home, _LARGEST_SUBMISSION)
         files = home / PROGRAM
+        copy_submission(team.folder, files, _LARGEST_SUBMISSION)
         if (files / TEAM_FILE).exists():
             team = reader.call(submitted_team, team, files, command)
         else:

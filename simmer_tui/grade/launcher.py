@@ -37,6 +37,8 @@ _SET_DUMPABLE = 4  # PR_SET_DUMPABLE, linux/prctl.h
 _SOCK_DIAG = 4  # NETLINK_SOCK_DIAG, linux/netlink.h
 _NOT_STARTED = 127
 """Exit code of a child that could not execute the program, as in shells."""
+_MISTAKES = (OSError, shutil.Error, ValueError)
+"""Errors of an order, which the simulator gets as text. A NUL in a word is a ValueError."""
 
 
 def main(arguments: list[str]) -> None:
@@ -45,7 +47,12 @@ def main(arguments: list[str]) -> None:
     ctypes.CDLL(None).prctl(_SET_DUMPABLE, 0, 0, 0, 0)
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, signal.SIG_IGN)  # the program, which may have the same user, may send them
-    link = _link(arguments[0])
+    if arguments[0].isdecimal():
+        link = socket.socket(fileno=int(arguments[0]))
+    else:
+        link = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        link.connect(arguments[0])
+    link.set_inheritable(False)
     while order := link.recv(_LONGEST_ORDER):
         fields = json.loads(order)
         try:
@@ -60,21 +67,13 @@ def main(arguments: list[str]) -> None:
                     socket.send_fds(link, [b"{}"], [meter.fileno()])
             else:
                 _run(link, fields)
-        except (OSError, shutil.Error, ValueError) as error:
-            text = getattr(error, "strerror", None) or str(error)
-            link.send(json.dumps({"error": text[:500]}).encode())
+        except _MISTAKES as error:
+            _send_error(link, error)
 
 
-def _link(where: str) -> socket.socket:
-    if sys.platform != "linux":
-        raise NotImplementedError  # there are no sandboxes here
-    if where.isdecimal():
-        link = socket.socket(fileno=int(where))
-    else:
-        link = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-        link.connect(where)
-    link.set_inheritable(False)
-    return link
+def _send_error(link: socket.socket, error: Exception) -> None:
+    text = getattr(error, "strerror", None) or str(error)
+    link.send(json.dumps({"error": text[:500]}).encode())
 
 
 def _listen(port: int) -> tuple[int, list[socket.socket]]:
@@ -120,9 +119,8 @@ def _run(link: socket.socket, order: dict[str, Any]) -> None:
     if pid == 0:
         try:
             _become(order)
-        except (OSError, shutil.Error, ValueError) as error:
-            text = getattr(error, "strerror", None) or str(error)
-            link.send(json.dumps({"error": text[:500]}).encode())
+        except _MISTAKES as error:
+            _send_error(link, error)
         finally:
             os._exit(_NOT_STARTED)
     link.close()  # the child's copy closes when it executes the program

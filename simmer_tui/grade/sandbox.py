@@ -8,10 +8,11 @@ import socket
 import subprocess
 import sys
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path, PurePosixPath
+from typing import ClassVar
 
 from simmer_tui.config.sets import bundled_folder
 from simmer_tui.errors import GradeError, PortError, ProgramError
@@ -47,9 +48,16 @@ _MOST_SOCKETS = 4
 class LaunchedSandbox(ABC):
     """A sandbox for one run of the program in a folder. Only one run may use it."""
 
-    def __init__(self, files: Path, limits: Limits) -> None:
+    _python: ClassVar[str]
+    """The Python command in the sandbox."""
+    _meters: ClassVar[bool] = False
+    """True if a supervisor measures the usage of its processes."""
+
+    def __init__(self, files: Path, limits: Limits, extra: Sequence[str] = ()) -> None:
+        """`extra` are more folders that are visible, read-only."""
         self._files = files
         self._limits = limits
+        self._extra = extra
         self._process: subprocess.Popen[bytes] | None = None
         self._link: socket.socket | None = None
         self._program: RunningProgram | None = None
@@ -62,11 +70,6 @@ class LaunchedSandbox(ABC):
         it. Raises GradeError, OSError."""
 
     @property
-    @abstractmethod
-    def _python(self) -> str:
-        """The Python command in the sandbox."""
-
-    @property
     def _uid(self) -> int | None:
         """The user ID for the program; None for the one it begins with."""
         return None
@@ -75,11 +78,6 @@ class LaunchedSandbox(ABC):
     def _resources(self) -> dict[str, int]:
         """The limits that the launcher sets, by the end of their RLIMIT_ names."""
         return self._limits.resources()
-
-    @property
-    def _meters(self) -> bool:
-        """True if a supervisor measures the usage of its processes."""
-        return False
 
     def _kill(self) -> None:
         """End everything in it."""

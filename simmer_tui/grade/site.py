@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import replace
 from xml.etree import ElementTree
 
@@ -165,25 +166,22 @@ def site(folder: GradeFolder, team_results: list[TeamResult], isolation: str) ->
 
 def _index_page(folder: GradeFolder, team_results: list[TeamResult], isolation: str) -> Document:
     """The page of all teams: how many have passed, and the table, in which each name leads to its team."""
-    outcomes = [each.outcome for each in team_results]
-    passed, teams = outcomes.count(TeamStatus.PASSED), len(outcomes)
+    outcomes = Counter(each.outcome for each in team_results)
+    passed, teams = outcomes[TeamStatus.PASSED], len(team_results)
     silent = [each for each in team_results if each.never_started]
     tone = Tone.GOOD if passed == teams else Tone.MIXED if passed else Tone.BAD
     never = f" Never started: {', '.join(each.label for each in silent[:_MOST_SILENT])}." if silent else ""
-    headline = f"{passed} of {teams} teams passed"
     verdict = VerdictBox(
         key="answer",
         text=_answer(team_results),
-        headline=headline,
+        headline=f"{passed} of {teams} teams passed",
         tone=tone,
         sentence=(f"A success rate of {folder.test.rate:g} passes.{never}",),
     )
-    refused = outcomes.count(TeamStatus.REFUSED)
-    left = (str(outcomes.count(TeamStatus.UNDER_WAY)), "under way")
-    third = (
-        left if TeamStatus.UNDER_WAY in outcomes else (str(refused + len(silent)), "refused or never started")
-    )
-    failed = outcomes.count(TeamStatus.FAILED) - sum(each.outcome is TeamStatus.FAILED for each in silent)
+    third = str(outcomes[TeamStatus.REFUSED] + len(silent)), "refused or never started"
+    if left := outcomes[TeamStatus.UNDER_WAY]:
+        third = str(left), "under way"
+    failed = outcomes[TeamStatus.FAILED] - sum(each.outcome is TeamStatus.FAILED for each in silent)
     runs = sum(each.runs for each in team_results)
     table = replace(grades_table(folder, ranked(team_results), links=True), title="", sortable=True)
     # The output of a program may name its team.
@@ -272,7 +270,7 @@ def _run_pages(folder: GradeFolder, team_result: TeamResult) -> dict[int, str]:
 
 def junit_xml(folder: GradeFolder, team_results: list[TeamResult]) -> str:
     """A test case a team: a failure has failed, an error was not run, a skipped one is not decided yet."""
-    counts = {outcome: sum(each.outcome is outcome for each in team_results) for outcome in TeamStatus}
+    counts = Counter(each.outcome for each in team_results)
     suite = ElementTree.Element(
         "testsuite",
         name=_text(folder.course.name),

@@ -19,7 +19,6 @@ from simmer_tui.config.toml_file import TomlFile
 from simmer_tui.errors import ConfigurationError, Problem
 from simmer_tui.grade.course import Rules, Team
 from simmer_tui.grade.robot_rules import ROBOT_FILES, rule_problems
-from simmer_tui.grade.submission_copy import copy_submission
 from simmer_tui.importer.files import read_path
 from simmer_tui.importer.set_writer import write_set
 from simmer_tui.sim.command import escape
@@ -37,11 +36,6 @@ class SubmissionCheck:
 
     configuration: Configuration | None
     problems: tuple[Problem, ...] = ()
-
-
-def keep_files(team: Team, home: Path, most_bytes: int) -> None:
-    """Copy a team's files into its folder in the grading. Raises GradeError if they cannot be accepted."""
-    copy_submission(team.folder, home / PROGRAM, most_bytes)
 
 
 def check_submission(team: Team, home: Path, course: Configuration, rules: Rules) -> SubmissionCheck:

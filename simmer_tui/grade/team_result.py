@@ -9,11 +9,12 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from simmer_tui.document.formats import ESTIMATE
-from simmer_tui.grade.course import shown_name
+from simmer_tui.grade.course import LONG, shown_name
 from simmer_tui.grade.grade_folder import Entry, GradeFolder
 from simmer_tui.report.causes import Kind
 from simmer_tui.sim.command import escape_passage
 from simmer_tui.trials.intervals import IntervalEstimate, median
+from simmer_tui.trials.sequential import Decision
 from simmer_tui.trials.trial import TrialResult
 from simmer_tui.trials.trials_summary import failure_text
 
@@ -70,7 +71,7 @@ class TeamResult:
     def summary(self) -> str:
         """The status in one line."""
         if self.outcome is TeamStatus.REFUSED:
-            return "; ".join(shown_name(str(problem), 300) for problem in self.entry.problems)
+            return "; ".join(shown_name(str(problem), LONG) for problem in self.entry.problems)
         if self.score is None:
             return f"{self.successes} of {self.runs} runs so far"
         return f"success rate {ESTIMATE.text(self.score)}, {self.successes} of {self.runs} runs"
@@ -112,7 +113,7 @@ def _team_result(folder: GradeFolder, entry: Entry, *, hidden: bool) -> TeamResu
         entry=entry,
         label=code if hidden else shown_name(entry.team.name),
         slug=code.replace(" ", "-") if hidden else entry.team.slug,
-        outcome=_outcome(entry, verdict is not None and verdict.passed, decided=verdict is not None),
+        outcome=_outcome(entry, verdict),
         score=score,
         results=results,
         time=median([result.time for result in results if result.success]),
@@ -130,12 +131,12 @@ def _reason(result: TrialResult) -> str:
     return result.reason or result.ending.value
 
 
-def _outcome(entry: Entry, passed: bool, *, decided: bool) -> TeamStatus:
+def _outcome(entry: Entry, verdict: Decision | None) -> TeamStatus:
     if entry.problems:
         return TeamStatus.REFUSED
-    if not decided:
+    if verdict is None:
         return TeamStatus.UNDER_WAY
-    return TeamStatus.PASSED if passed else TeamStatus.FAILED
+    return TeamStatus.PASSED if verdict.passed else TeamStatus.FAILED
 
 
 def last_failure(team_result: TeamResult) -> str:

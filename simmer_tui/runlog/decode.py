@@ -118,13 +118,13 @@ class LogDecoder:
             EndRecord: self._end,
             ActionRecord: self._action,
             BeliefRecord: _belief,
-            NoticeRecord: _notice,
+            NoticeRecord: lambda record: (Notice(record.about, record.text, record.subject, record.advice),),
             MissionRecord: _mission_event,
             TwinRecord: self._twin,
             ProgramRecord: _program_end,
             CheckpointRecord: lambda record: (),
             LegRecord: self._leg_begun,
-            LegCutRecord: self._leg_cut,
+            LegCutRecord: lambda record: (),  # `_leg_over` gives its event
             VelocityEndRecord: lambda record: (VelocityEnded(record.t, record.reason, record.source),),
             WireRecord: lambda record: (WireMessage(record.t, record.data, record.reply, record.meaning),),
         }
@@ -270,30 +270,13 @@ class LogDecoder:
 
     def _leg_begun(self, record: LegRecord) -> tuple[Event, ...]:
         command = self._command(record.command, record.source)
-        seconds = math.inf if record.end is None else record.end - record.t
+        end, last = math.inf if record.end is None else record.end, Pose(*record.pose)
+        seconds = end - record.t
         self._check_leg(record, seconds)
         arc = Arc(self.pose, record.velocity, record.rate, seconds, record.spin)
-        fields, contact = record.contact, None
-        if fields is not None:
-            same = {name: getattr(fields, name) for name in SHARED_WITH_CONTACT}
-            segment, turned, translated = fields.at
-            contact = Contact(
-                Pose(*record.pose),
-                segment=segment,
-                turned=turned,
-                translated=translated,
-                time=fields.t,
-                **same,
-            )
-        leg = Leg(
-            arc,
-            record.t,
-            math.inf if record.end is None else record.end,
-            Pose(*record.pose),
-            Twist(*record.commanded),
-            pressed=record.pressed,
-            contact=contact,
-        )
+        contact = None if record.contact is None else _contact_at(last, record.contact)
+        commanded = Twist(*record.commanded)
+        leg = Leg(arc, record.t, end, last, commanded, pressed=record.pressed, contact=contact)
         self._leg = LegBegun(record.n, command, leg)
         return (self._leg,)
 
@@ -323,9 +306,6 @@ class LogDecoder:
         self._legs.append(leg)
         self._scans.add_motion(leg)
         return (LegEnded(begun.number, begun.command, leg),)
-
-    def _leg_cut(self, record: LegCutRecord) -> tuple[Event, ...]:
-        return ()
 
     # -- movements -------------------------------------------------------------------------------
 
@@ -426,9 +406,7 @@ class LogDecoder:
         if segment >= count:
             raise RunLogError(f"the movement has no segment {segment}")
         x, y, turn = (each / count for each in total)
-        met = Path.lazy(start, x, y, turn, count).pose(segment, turned, translated)
-        same = {name: getattr(fields, name) for name in SHARED_WITH_CONTACT}
-        return Contact(met, segment=segment, turned=turned, translated=translated, time=fields.t, **same)
+        return _contact_at(Path.lazy(start, x, y, turn, count).pose(segment, turned, translated), fields)
 
     def _profile_of(self, text: str) -> tuple[VelocityProfile | None, float]:
         """The velocity profile of a drive's command, and its duration, seconds."""
@@ -456,6 +434,12 @@ class LogDecoder:
         return Grip(time, fields.closed, fields.holding, Pose(x, y, heading), missed)
 
 
+def _contact_at(pose: Pose, fields: ContactFields) -> Contact:
+    segment, turned, translated = fields.at
+    same = {name: getattr(fields, name) for name in SHARED_WITH_CONTACT}
+    return Contact(pose, segment=segment, turned=turned, translated=translated, time=fields.t, **same)
+
+
 def _velocity(fields: VelocityFields) -> VelocityChange:
     expires = math.inf if fields.expires is None else fields.expires
     twist = Twist(*fields.twist)
@@ -468,10 +452,6 @@ def _belief(record: BeliefRecord) -> tuple[Event, ...]:
     return (
         Belief(record.t, believed, true, record.spread, particles, record.note, record.grid, record.again),
     )
-
-
-def _notice(record: NoticeRecord) -> tuple[Event, ...]:
-    return (Notice(record.about, record.text, record.subject, record.advice),)
 
 
 def _program_end(record: ProgramRecord) -> tuple[Event, ...]:

@@ -45,7 +45,6 @@ from simmer_tui.runlog.log_records import (
     GripFields,
     LegCutRecord,
     LegRecord,
-    LoggedPose,
     LogRecord,
     MissionFields,
     MissionRecord,
@@ -61,11 +60,11 @@ from simmer_tui.runlog.log_records import (
     VelocityFields,
     WireRecord,
     logged_number,
+    logged_pose,
     packed_particles,
 )
 from simmer_tui.runlog.logged_scans import packed_ranges
 from simmer_tui.sim.path import Contact
-from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.records import LidarScan, Reading, Status, VelocityChange
 from simmer_tui.sim.trajectory import Trajectory
 
@@ -120,15 +119,16 @@ class LogEncoder:
             real_time: Seconds since the log began.
         """
         real_time = round(real_time, 3)  # whole milliseconds: no timer of a run is finer
+        shows_belief = self._without_cells is not None and self._shows_belief(event)
         # A plan waits for one event at most: if that is not its end, something came between the two.
         planned, self._planned = self._planned, None
-        if self._without_cells is not None and self._shows_belief(event):
-            yield from self._rest(planned, real_time)
-            yield from self._cells_of_belief(real_time)
+        if planned is not None and (shows_belief or not isinstance(event, MovementEnded)):
+            yield _plan_record(planned, False, real_time)
             planned = None
+        if shows_belief:
+            yield from self._cells_of_belief(real_time)
         match event:
             case CommandResult():
-                yield from self._rest(planned, real_time)
                 if event.reading is not None and event.status is Status.READING:
                     yield self._reading_record(event, event.reading, real_time)
                 # The end of a movement may have been its answer: then no record is needed.
@@ -144,7 +144,6 @@ class LogEncoder:
                     else _move_record(planned, event, real_time)
                 )
             case MovementPlanned():
-                yield from self._rest(planned, real_time)
                 # A block moved on the way changes the plan of the same command.
                 again = event.number == self._under_way
                 if self._timed or again:
@@ -153,13 +152,10 @@ class LogEncoder:
                 else:
                     self._planned = event
             case LegBegun() | LegEnded():
-                yield from self._rest(planned, real_time)
                 yield from self._leg_records(event, real_time)
             case Belief():
-                yield from self._rest(planned, real_time)
                 yield _other_record(self._thinned(event), self._present(), real_time)
             case _:
-                yield from self._rest(planned, real_time)
                 yield _other_record(event, self._present(), real_time)
 
     def _leg_records(self, event: LegBegun | LegEnded, real_time: float) -> Iterator[LogRecord]:
@@ -210,7 +206,19 @@ class LogEncoder:
         self._scans.clear()
 
     def _reading_record(self, result: CommandResult, reading: Reading, real_time: float) -> ReadingRecord:
-        record = _reading_record(result, reading, real_time)
+        # Fields one by one: a log has millions of readings, and a dict for each takes time.
+        record = ReadingRecord(
+            result.time,
+            real_time,
+            n=result.number,
+            command=result.command.text,
+            source=result.command.source,
+            reply=logged_number(result.reply),
+            # A value that repeats another field is left out: these would be most of the bytes of a log.
+            taken=None if result.taken == result.time else result.taken,
+            link=result.link or NO_DELAY,
+            true=None if reading.true == result.reply else logged_number(reading.true),
+        )
         scan = reading.scan
         if scan is None:
             return record
@@ -225,30 +233,11 @@ class LogEncoder:
 
     def rest(self, real_time: float) -> Iterator[LogRecord]:
         """The records that are still missing: of a plan, and of the cells of the newest belief."""
-        planned, self._planned = self._planned, None
         real_time = round(real_time, 3)
-        yield from self._rest(planned, real_time)
-        yield from self._cells_of_belief(real_time)
-
-    def _rest(self, planned: MovementPlanned | None, real_time: float) -> Iterator[LogRecord]:
+        planned, self._planned = self._planned, None
         if planned is not None:
             yield _plan_record(planned, False, real_time)
-
-
-def _reading_record(result: CommandResult, reading: Reading, real_time: float) -> ReadingRecord:
-    # Fields one by one: a log has millions of readings, and a dict for each takes time.
-    return ReadingRecord(
-        result.time,
-        real_time,
-        n=result.number,
-        command=result.command.text,
-        source=result.command.source,
-        reply=logged_number(result.reply),
-        # A value that repeats another field is left out: these would be most of the bytes of a log.
-        taken=None if result.taken == result.time else result.taken,
-        link=result.link or NO_DELAY,
-        true=None if reading.true == result.reply else logged_number(reading.true),
-    )
+        yield from self._cells_of_belief(real_time)
 
 
 def _answer_record(result: CommandResult, real_time: float) -> AnswerRecord:
@@ -297,7 +286,7 @@ def _leg_record(begun: LegBegun, real_time: float) -> LegRecord:
         rate=arc.rate,
         spin=arc.spin or NO_DELAY,
         commanded=(commanded.x, commanded.y, commanded.r),
-        pose=_pose_fields(leg.last_pose),
+        pose=logged_pose(leg.last_pose),
         pressed=leg.pressed,
         contact=None if leg.contact is None else _contact_fields(leg.contact),
     )
@@ -324,7 +313,7 @@ def _plan_fields(planned: MovementPlanned, trajectory: Trajectory) -> dict[str, 
     fields: dict[str, Any] = {"total": (total.x, total.y, total.r)}
     if grip is not None:
         # The jaws move nothing, so a grip has no displacement.
-        fields = {"grip": GripFields(grip.closed, grip.holding, _pose_fields(grip.block))}
+        fields = {"grip": GripFields(grip.closed, grip.holding, logged_pose(grip.block))}
     command = planned.command
     fields |= {"n": planned.number, "command": command.text, "source": command.source}
     return fields | _path_fields(trajectory)
@@ -332,7 +321,7 @@ def _plan_fields(planned: MovementPlanned, trajectory: Trajectory) -> dict[str, 
 
 def _end_fields(ended: MovementEnded) -> dict[str, Any]:
     """The fields that a `MoveRecord` and an `EndRecord` share."""
-    return {"stopped_by": ended.stopped_by, "pose": _pose_fields(ended.pose), "answers": ended.answers}
+    return {"stopped_by": ended.stopped_by, "pose": logged_pose(ended.pose), "answers": ended.answers}
 
 
 def _path_fields(trajectory: Trajectory) -> dict[str, Any]:
@@ -376,17 +365,17 @@ def _other_record(
                 source=event.action.source,
                 arguments=event.action.arguments,
                 text=event.text,
-                pose=_pose_fields(event.pose),
+                pose=logged_pose(event.pose),
                 refused=event.refused,
             )
         case Belief():
             # The particles are offsets from this pose, which keeps their numbers short.
-            believed = _pose_fields(event.pose)
+            believed = logged_pose(event.pose)
             return BeliefRecord(
                 event.time,
                 real_time,
                 believed=believed,
-                pose=_pose_fields(event.true),
+                pose=logged_pose(event.true),
                 spread=event.spread,
                 note=event.note,
                 grid=event.grid,
@@ -436,7 +425,7 @@ def _other_record(
 
 def checkpoint_record(checkpoint: Checkpoint, real_time: float) -> CheckpointRecord:
     """The record of a checkpoint."""
-    mission, block, spent = checkpoint.mission, checkpoint.block, checkpoint.spent
+    mission, spent = checkpoint.mission, checkpoint.spent
     progress = None
     if mission is not None:
         # A goal not met yet is left out; the reader puts it back as None.
@@ -453,8 +442,8 @@ def checkpoint_record(checkpoint: Checkpoint, real_time: float) -> CheckpointRec
         checkpoint.time,
         round(real_time, 3),
         n=checkpoint.commands,
-        pose=_pose_fields(checkpoint.pose),
-        block=(block.x, block.y, block.heading),
+        pose=logged_pose(checkpoint.pose),
+        block=logged_pose(checkpoint.block),
         mission=progress,
         driving=spent.driving,
         link=spent.link,
@@ -462,7 +451,3 @@ def checkpoint_record(checkpoint: Checkpoint, real_time: float) -> CheckpointRec
         reading=dict(spent.by_sensor),
         **{name: getattr(checkpoint, name) for name in SHARED_WITH_CHECKPOINT},
     )
-
-
-def _pose_fields(pose: Pose) -> LoggedPose:
-    return pose.x, pose.y, pose.heading

@@ -18,7 +18,7 @@ from simmer_tui.config.set_devices import DeviceStatus
 from simmer_tui.config.settings import Settings, all_settings
 from simmer_tui.errors import RunLogError
 from simmer_tui.run.state import Checkpoint, MissionProgress
-from simmer_tui.runlog.log_records import Count, LoggedPose, Real, RealSeconds
+from simmer_tui.runlog.log_records import Count, LoggedPose, Real, RealSeconds, logged_pose
 from simmer_tui.runlog.logged_devices import (
     LoggedDevice,
     logged_devices,
@@ -151,7 +151,6 @@ def header_of(
     taken_over: TakenOver | None = None,
 ) -> Header:
     """The header of a log that begins now."""
-    pose, block = simulator.pose, simulator.block
     return Header(
         t=simulator.time,
         format=FORMAT,
@@ -161,8 +160,8 @@ def header_of(
         seed=simulator.seed,
         configuration=configuration.name,
         number=simulator.commands,
-        logged_pose=(pose.x, pose.y, pose.heading),
-        logged_block=(block.x, block.y, block.heading),
+        logged_pose=logged_pose(simulator.pose),
+        logged_block=logged_pose(simulator.block),
         holding=simulator.holding,
         noise=simulator.noise,
         mission=mission,

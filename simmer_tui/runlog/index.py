@@ -7,6 +7,7 @@ from bisect import bisect_right
 from enum import IntFlag
 from operator import itemgetter
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,13 +26,8 @@ from simmer_tui.runlog.log_records import (
     LegRecord,
     MissionRecord,
     MoveRecord,
-    NoticeRecord,
     PlanRecord,
-    ProgramRecord,
     ReadingRecord,
-    TwinRecord,
-    VelocityEndRecord,
-    WireRecord,
     decode_line,
 )
 from simmer_tui.runlog.reader import MAX_LINE, RecordStream, open_log, too_long
@@ -59,22 +55,16 @@ class EntryFlag(IntFlag):
 
 
 # Joined here once: joining flags takes 1 us, and there may be a million lines.
-_FLAGS: dict[type, tuple[EntryFlag, EntryFlag]] = {
+_OTHER = EntryFlag.OTHER
+_FLAGS: dict[type, tuple[EntryFlag, EntryFlag]] = dict.fromkeys(get_args(AnyRecord), (_OTHER, _OTHER)) | {
     ReadingRecord: (EntryFlag.COMMAND, EntryFlag.COMMAND),
     MoveRecord: (EntryFlag.COMMAND, EntryFlag.COMMAND | EntryFlag.CONTACT),
     PlanRecord: (EntryFlag.COMMAND, EntryFlag.COMMAND),
     AnswerRecord: (EntryFlag.COMMAND, EntryFlag.COMMAND | EntryFlag.REFUSED),
-    EndRecord: (EntryFlag.OTHER, EntryFlag.OTHER | EntryFlag.CONTACT),
+    EndRecord: (_OTHER, _OTHER | EntryFlag.CONTACT),
     ActionRecord: (EntryFlag.ACTION, EntryFlag.ACTION | EntryFlag.RESTART),
     BeliefRecord: (EntryFlag.BELIEF, EntryFlag.BELIEF),
-    NoticeRecord: (EntryFlag.OTHER, EntryFlag.OTHER),
-    TwinRecord: (EntryFlag.OTHER, EntryFlag.OTHER),
     MissionRecord: (EntryFlag.MISSION, EntryFlag.MISSION),
-    ProgramRecord: (EntryFlag.OTHER, EntryFlag.OTHER),
-    LegRecord: (EntryFlag.OTHER, EntryFlag.OTHER | EntryFlag.CONTACT),
-    LegCutRecord: (EntryFlag.OTHER, EntryFlag.OTHER),
-    VelocityEndRecord: (EntryFlag.OTHER, EntryFlag.OTHER),
-    WireRecord: (EntryFlag.OTHER, EntryFlag.OTHER),
     CheckpointRecord: (EntryFlag.CHECKPOINT, EntryFlag.CHECKPOINT),
 }
 """The flags of each kind of record: usually, and if it has a contact, a refusal or a restart."""
@@ -86,7 +76,7 @@ def _flags_of(record: AnyRecord) -> EntryFlag:
     if usual is special:
         return usual
     match record:
-        case MoveRecord() | EndRecord() | LegRecord():
+        case MoveRecord() | EndRecord():
             return usual if record.contact is None else special
         case AnswerRecord(status=Status.DONE) if record.velocity is not None or record.waits:
             return usual  # it moves the robot, or time, itself
@@ -124,6 +114,8 @@ class RunLogIndex(Closing):
         # Simulated time restarts with a reset, elapsed time does not: each stretch has its own zero.
         self._zeros = [(0, -self.header.t)]
         self._begun = self._now = 0.0
+        self._leg: tuple[int, float] | None = None
+        """Entry and end of the leg under way, if it leads to a contact."""
         self.refresh()
 
     def refresh(self) -> int:
@@ -149,7 +141,10 @@ class RunLogIndex(Closing):
     def _take(self, record: AnyRecord) -> EntryFlag:
         """Advance the times to a record; gives its flags."""
         flags = _flags_of(record)
+        if flags is _OTHER or self._leg is not None:
+            self._follow_leg(record)
         if flags is _RESTART:
+            self._leg = None
             self._begun = self._now
             self._zeros.append((self.count, self._now - record.t))
         zero = self._zeros[-1][1]
@@ -158,6 +153,18 @@ class RunLogIndex(Closing):
         self._begun = max(self._begun, record.t + zero)
         self._now = max(self._now, end + zero)
         return flags
+
+    def _follow_leg(self, record: AnyRecord) -> None:
+        """Mark the leg under way once it has come to its contact: another leg, or its early end, may keep it
+        from that."""
+        if self._leg is not None:
+            entry, end = self._leg
+            if record.t >= end:
+                self._flags[entry] |= EntryFlag.CONTACT
+            if record.t >= end or isinstance(record, LegRecord | LegCutRecord):
+                self._leg = None
+        if isinstance(record, LegRecord) and record.contact is not None and record.end is not None:
+            self._leg = self.count, record.end
 
     # -- entries -----------------------------------------------------------------------------
 
@@ -209,8 +216,8 @@ class RunLogIndex(Closing):
     # -- searches ----------------------------------------------------------------------------
 
     def find_time(self, elapsed: float) -> int:
-        """The last entry not after a time (as `time_of` counts), or 0."""
-        return max(bisect_right(self._elapsed, elapsed) - 1, 0)
+        """The last entry not after a time (as `time_of` counts); -1 if there is none yet."""
+        return bisect_right(self._elapsed, elapsed) - 1
 
     def _hits(self, flags: EntryFlag, begin: int = 0, end: int | None = None) -> NDArray[np.bool_]:
         values = np.frombuffer(self._flags, dtype=np.uint16)[begin:end]

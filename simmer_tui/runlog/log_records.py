@@ -20,7 +20,9 @@ from simmer_tui.actions import argument_count
 from simmer_tui.belief_grid import GridBelief
 from simmer_tui.events import LARGEST, ActionName, Goal, NoticeKind, Result, VelocityEnd
 from simmer_tui.runlog.typed_json import TypedJson
+from simmer_tui.sim.block import Block
 from simmer_tui.sim.command import escape
+from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.records import Status
 
 USUAL_SOURCE = "client"
@@ -64,6 +66,11 @@ LoggedNumber = float | NotFinite
 def logged_number(value: float) -> LoggedNumber:
     """A number as a record holds it."""
     return value if abs(value) < math.inf else NotFinite(str(float(value)))
+
+
+def logged_pose(pose: Pose | Block) -> LoggedPose:
+    """A pose as a record holds it."""
+    return pose.x, pose.y, pose.heading
 
 
 # Without garbage collection (gc=False): records hold no cycles, and millions of them are made.

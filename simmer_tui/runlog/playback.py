@@ -11,7 +11,7 @@ from simmer_tui.config.loader import Configuration
 from simmer_tui.errors import RunLogError
 from simmer_tui.events import CommandResult, Event, MovementEnded
 from simmer_tui.run.reducer import CONTACT_POINTS, Reducer
-from simmer_tui.run.state import State
+from simmer_tui.run.state import Checkpoint, State
 from simmer_tui.runlog.decode import LogDecoder
 from simmer_tui.runlog.header import rebuild
 from simmer_tui.runlog.index import EntryFlag, RunLogIndex
@@ -22,6 +22,7 @@ from simmer_tui.runlog.log_records import (
     BrokenLine,
     CheckpointRecord,
     EndRecord,
+    LegRecord,
     MoveRecord,
 )
 from simmer_tui.runlog.reader import Logged
@@ -82,15 +83,14 @@ class Playback:
 
     def state_at_time(self, elapsed: float) -> tuple[int, State]:
         """The latest entry at an elapsed time (-1: none yet), and the state then."""
-        index = self.index
-        entry = index.find_time(elapsed) if index.count and elapsed >= index.time_of(0) else -1
+        entry = self.index.find_time(elapsed)
         return entry, self.state_at(entry, elapsed)
 
     def events(self, begin: int, end: int) -> list[Logged | BrokenLine]:
         """The events of the entries from `begin` to before `end`."""
         begin = max(begin, 0)
         # The poses that a lidar's rays were sent from follow from the movements before.
-        decoder, at = self._decoder_before(begin - LOOK_BACK if self._has_scans else begin)
+        decoder, _, at = self._decoder_before(begin - LOOK_BACK if self._has_scans else begin)
         found: list[Logged | BrokenLine] = []
         for entry in range(at, min(end, self.index.count)):
             line = self.index.record(entry)
@@ -131,13 +131,7 @@ class Playback:
 
     def _restart(self, entry: int) -> None:
         """Begin to reduce at least `LOOK_BACK` entries before an entry."""
-        self._decoder, at = self._decoder_before(entry - LOOK_BACK)
-        index = self.index
-        beginning = index.header.beginning(self.configuration)
-        if at > 0:
-            line = index.record(at - 1)
-            assert isinstance(line, CheckpointRecord), "decoding begins after a checkpoint"
-            beginning = self._decoder.resume(line)
+        self._decoder, beginning, at = self._decoder_before(entry - LOOK_BACK)
         # A checkpoint counts contacts but does not hold their points.
         beginning = replace(beginning, contact_points=self._touched_before(at))
         self._reducer = Reducer(beginning)
@@ -154,7 +148,7 @@ class Playback:
         touched = list(index.find_all(EntryFlag.CONTACT, 0 if restart is None else restart, at))
         for entry in touched[-CONTACT_POINTS:]:
             record = index.record(entry)
-            if isinstance(record, MoveRecord | EndRecord) and record.contact is not None:
+            if isinstance(record, MoveRecord | EndRecord | LegRecord) and record.contact is not None:
                 points.append(record.contact.point)
         return tuple(points)
 
@@ -190,18 +184,17 @@ class Playback:
             at = self.index.find_previous(at, EntryFlag.BELIEF)
         return [found]
 
-    def _decoder_before(self, entry: int) -> tuple[LogDecoder, int]:
-        """A decoder at the last checkpoint before an entry, and the entry to decode next."""
+    def _decoder_before(self, entry: int) -> tuple[LogDecoder, Checkpoint, int]:
+        """A decoder at the last checkpoint before an entry, that checkpoint, and the entry to decode next."""
         index = self.index
         checkpoint = index.find_previous(entry, EntryFlag.CHECKPOINT)
         decoder = LogDecoder(self._spec, index.header.pose)
         while checkpoint is not None:
             line = index.record(checkpoint)
             if isinstance(line, CheckpointRecord):
-                decoder.resume(line)
-                return decoder, checkpoint + 1
+                return decoder, decoder.resume(line), checkpoint + 1
             checkpoint = index.find_previous(checkpoint, EntryFlag.CHECKPOINT)  # that one is broken
-        return decoder, 0
+        return decoder, index.header.beginning(self.configuration), 0
 
 
 def _decoded(decoder: LogDecoder, line: AnyRecord | BrokenLine, entry: int) -> tuple[Event | BrokenLine, ...]:

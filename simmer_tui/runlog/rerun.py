@@ -25,12 +25,12 @@ from simmer_tui.runlog.log_records import (
     BrokenLine,
     ContactFields,
     EndRecord,
-    GripFields,
     LegRecord,
     MoveRecord,
     PlanRecord,
     ReadingRecord,
     VelocityEndRecord,
+    logged_pose,
 )
 from simmer_tui.runlog.logged_scans import LoggedRanges
 from simmer_tui.runlog.reader import LogReader
@@ -39,7 +39,6 @@ from simmer_tui.sim.command import Command, escape, escape_word, parse_command
 from simmer_tui.sim.fingerprint import math_fingerprint
 from simmer_tui.sim.legs import Leg
 from simmer_tui.sim.path import Contact
-from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.records import TOO_MANY_WAIT, CommandResult, Reading, Status
 from simmer_tui.sim.simulator import Simulator
 from simmer_tui.version import __version__
@@ -158,18 +157,13 @@ class Rerun(Closing):
         """Open a log and build its robot. Device files of its set are read from a `folder`, by default from
         the set's own. Raises RunLogError, ConfigurationError."""
         self._log = LogReader(path)
-        try:
-            self._configuration = rebuild_to_run(self._log.header, folder)
-        except SimmerError:
-            self.close()
-            raise
+        header = self.header = self._log.header
         self.commands = 0
         self.actions = 0
         self.difference: Difference | None = None
         """The first difference, None until it is found."""
         self.notes: list[str] = []
         """Remarks for the user."""
-        header = self.header = self._log.header
         self._legs: deque[tuple[int, LegRecord]] = deque()
         """Legs of the log that the rerun has not reached yet."""
         self._made: deque[Leg] = deque()
@@ -178,7 +172,9 @@ class Rerun(Closing):
         self._scans: dict[int, FloatArray] = {}
         """Ranges of readings not compared yet, by their lines."""
         try:
-            self.simulator = self._robot(header)
+            self.configuration = rebuild_to_run(header, folder)
+            """The configuration of the log."""
+            self.simulator = self._robot()
             """The robot."""
         # The caller never gets the object, so nobody else could close the log.
         except SimmerError:
@@ -208,10 +204,11 @@ class Rerun(Closing):
         """Bytes of the log."""
         return self._log.size
 
-    def _robot(self, header: Header) -> Simulator:
+    def _robot(self) -> Simulator:
+        header = self.header
         if not header.simulated:
             raise RunLogError(f"{self._log.shown} is the log of a real robot, which cannot be run again")
-        simulator = Simulator(self._configuration.simulation, header.seed)
+        simulator = Simulator(self.configuration.simulation, header.seed)
         simulator.noise = header.noise
         if header.number == 0:
             _set_up(simulator, header)
@@ -242,11 +239,6 @@ class Rerun(Closing):
             )
         if self._log.note:
             self.notes.append(self._log.note)
-
-    @property
-    def configuration(self) -> Configuration:
-        """The configuration of the log."""
-        return self._configuration
 
     def until(self, last: int, time: float) -> Iterator[tuple[int, AnyRecord]]:
         """Run it up to a moment: the lines up to number `last`, and then until a simulated time; yields after
@@ -327,8 +319,10 @@ class Rerun(Closing):
             case LegRecord():
                 self._legs.append((line, said))
                 self._compare_legs()
-            case VelocityEndRecord():
-                self._end_velocity(said)
+            # Ends that neither the log's commands nor the robot cause are repeated.
+            case VelocityEndRecord(reason=VelocityEnd.LEFT):
+                self.simulator.advance(said.t)
+                self.simulator.release()
 
     # -- continuous motion -------------------------------------------------------------------------
 
@@ -357,15 +351,8 @@ class Rerun(Closing):
             what = f"leg of {said.command!r}"
             self._compare(line, what, "t", said.t, leg.start_time)
             self._compare(line, what, "end", math.inf if said.end is None else said.end, leg.end_time)
-            self._compare(line, what, "pose", Pose(*said.pose), leg.last_pose)
+            self._compare(line, what, "pose", said.pose, logged_pose(leg.last_pose))
             self._compare(line, what, "contact", _contact_values(said.contact), _contact_values(leg.contact))
-
-    def _end_velocity(self, said: VelocityEndRecord) -> None:
-        """A velocity has ended: ends that neither the log's commands nor the robot cause are repeated
-        here."""
-        if said.reason is VelocityEnd.LEFT:
-            self.simulator.advance(said.t)
-            self.simulator.release()
 
     # -- actions ---------------------------------------------------------------------------------
 
@@ -382,7 +369,7 @@ class Rerun(Closing):
             refused = True
         what = f"action {said.action}"
         self._compare(line, what, "refused", said.refused, refused)
-        self._compare(line, what, "pose", Pose(*said.pose), simulator.pose)
+        self._compare(line, what, "pose", said.pose, logged_pose(simulator.pose))
         self.actions += 1
 
     # -- commands --------------------------------------------------------------------------------
@@ -451,15 +438,11 @@ class Rerun(Closing):
         trajectory = self.simulator.trajectory
         if said.total is not None and trajectory is not None:
             totals = trajectory.totals
-            self._compare(line, what, "total", tuple(said.total), (totals.x, totals.y, totals.r))
-        if said.grip is not None:
-            self._compare_grip(line, what, said.grip, outcome)
+            self._compare(line, what, "total", said.total, (totals.x, totals.y, totals.r))
+        if said.grip is not None and outcome.grip is not None:
+            self._compare(line, what, "holding", said.grip.holding, outcome.grip.holding)
+            self._compare(line, what, "block", said.grip.block, logged_pose(outcome.grip.block))
         self._begun = outcome
-
-    def _compare_grip(self, line: int, what: str, said: GripFields, outcome: CommandResult) -> None:
-        if outcome.grip is not None:
-            self._compare(line, what, "holding", said.holding, outcome.grip.holding)
-            self._compare(line, what, "block", Pose(*said.block), outcome.grip.block)
 
     def _end(self, line: int, said: MoveRecord | EndRecord, end: float) -> None:
         """End the movement as in the log, and compare."""
@@ -474,7 +457,7 @@ class Rerun(Closing):
         what = f"command {begun.command.shown!r}"
         self._compare(line, what, "t", end, outcome.time)
         self._compare(line, what, "contact", _contact_values(said.contact), _contact_values(outcome.contact))
-        self._compare(line, what, "pose", Pose(*said.pose), outcome.pose)
+        self._compare(line, what, "pose", said.pose, logged_pose(outcome.pose))
 
     def _compare(self, line: int, what: str, name: str, logged: object, now: object) -> None:
         """Raises _DifferenceError unless two values are the same: to the last bit, unless the log was
@@ -493,7 +476,7 @@ def _contact_values(contact: ContactFields | Contact | None) -> object:
         return None
     time = contact.t if isinstance(contact, ContactFields) else contact.time
     flags = (contact.ended, contact.drift, contact.held_block)
-    return (tuple(contact.point), time, contact.cell, flags)
+    return (contact.point, time, contact.cell, flags)
 
 
 def _set_up(simulator: Simulator, header: Header) -> None:
@@ -511,8 +494,6 @@ def _same(logged: object, now: object) -> bool:
     """True if two values are the same within `_SAME_NUMBER`. Tuples have the same length: what is compared
     as one has a fixed number of parts."""
     match logged, now:
-        case Pose(), Pose():
-            return _same((logged.x, logged.y, logged.heading), (now.x, now.y, now.heading))
         case tuple(), tuple():
             return all(map(_same, logged, now))
         case float(), float():
@@ -524,8 +505,6 @@ def _same(logged: object, now: object) -> bool:
 def _text(value: object) -> str:
     """A text for each value: -0.0 and 0.0 differ, NaN equals itself."""
     match value:
-        case Pose():
-            return _text((value.x, value.y, value.heading))
         case tuple():
             return f"({', '.join(_text(item) for item in value)})"
         case bool():

@@ -48,13 +48,18 @@ CHECKPOINT_EVERY = 500
 """Lines after which a checkpoint is written: reading can begin there."""
 
 
+def data_folder() -> Path:
+    """The user's data folder on this platform, which may not exist yet."""
+    return platformdirs.user_data_path("simmer-tui", appauthor=False)
+
+
 def auto_path(now: datetime | None = None) -> Path:
     """Make an empty file, named by date, in the user's data folder.
 
     It exists at once, so that runs that start in the same second get one each. Raises RunLogError.
     """
-    # The user's data folder of the platform, not the working directory, which may be temporary.
-    folder = platformdirs.user_data_path("simmer-tui", appauthor=False) / "logs"
+    # Not in the working directory, which may be temporary.
+    folder = data_folder() / "logs"
     try:
         folder.mkdir(parents=True, exist_ok=True)
         return new_file(folder, now)

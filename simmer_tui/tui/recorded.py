@@ -208,8 +208,7 @@ class RecordedRun(EventHandler[None]):
     def move_to(self, elapsed: float) -> None:
         """Show a moment."""
         elapsed = min(max(elapsed, 0.0), self.duration)
-        is_any = self.index.count and elapsed >= self.index.time_of(0)
-        self._show(self.index.find_time(elapsed) if is_any else -1, elapsed)
+        self._show(self.index.find_time(elapsed), elapsed)
 
     def stand_at(self, entry: int) -> None:
         """Show the moment at which everything in an entry has happened."""

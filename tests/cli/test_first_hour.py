@@ -15,8 +15,9 @@ import pytest
 from msgspec.structs import replace
 
 from simmer_tui.cli.config_commands import run_check, run_init
+from simmer_tui.cli.help_command import SHELLS, run_completion, whole_parser
 from simmer_tui.cli.log_commands import run_report
-from simmer_tui.cli.machine_commands import SHELLS, run_completion, run_doctor, run_ports, whole_parser
+from simmer_tui.cli.machine_commands import run_doctor, run_ports
 from simmer_tui.cli.main import COMMANDS, main
 from simmer_tui.config import drive_csv, maze_csv, mission_toml, sensors_csv, settings_file
 from simmer_tui.config.loader import load

@@ -599,10 +599,10 @@ def test_a_stopped_terminal_loses_lines_but_says_how_many(capsys: pytest.Capture
     for count in range(1500):
         console.watch(Notice(NoticeKind.FAULT, f"line {count}"))
     console.finish(5)
-    assert console.wait() == 5
+    assert console.show() == 5
     console.watch(Notice(NoticeKind.FAULT, "later"))
     console.finish(6)
-    assert console.wait() == 6
+    assert console.show() == 6
     lines = capsys.readouterr().err.splitlines()
     assert lines[:1000] == [f"line {count}" for count in range(1000)]
     assert lines[1000:] == ["... 500 lines not shown", "later"]
@@ -620,7 +620,7 @@ def test_the_rest_is_what_had_been_told_though_more_comes(monkeypatch: pytest.Mo
     console.watch(Notice(NoticeKind.FAULT, "first"))
     console.finish(3)
     console.watch(Notice(NoticeKind.FAULT, "second"))
-    console.print_rest()
+    console.show_rest()
     assert printed == ["first", "second"]
 
 

@@ -177,5 +177,5 @@ def test_that_a_robot_is_busy_is_told_once_a_movement(
             tell("u1")
         simulator.finish(accepted)
     console.finish(0)
-    console.wait()
+    console.show()
     assert capsys.readouterr().err.splitlines() == ["client: 'd1-0' not begun: the robot is still moving"] * 2

@@ -16,7 +16,7 @@ from typing import Any
 import pytest
 
 from simmer_tui.cli import grade_command, trials_command
-from simmer_tui.cli.command_line import configuration_of
+from simmer_tui.cli.log_options import configuration_of
 from simmer_tui.cli.main import main
 from simmer_tui.config.sets import bundled_sets
 from simmer_tui.errors import SimmerError

@@ -17,7 +17,8 @@ from simmer_tui.grade.grade_folder import GradeFolder
 from simmer_tui.grade.robot_rules import rule_problems
 from simmer_tui.grade.sandbox import Isolation
 from simmer_tui.grade.site import site
-from simmer_tui.grade.submission import check_submission, keep_files, reference
+from simmer_tui.grade.submission import check_submission, reference
+from simmer_tui.grade.submission_copy import copy_submission
 from simmer_tui.grade.team_result import TeamStatus, team_results
 from simmer_tui.mission import plan_run
 from simmer_tui.sim.sensors import KINDS
@@ -36,7 +37,7 @@ def problems(tmp_path: Path, exact_mission: Path) -> Callable[..., str]:
         assert old in text
         (team / "config" / file).write_text(text.replace(old, new, 1))
         one = Team("a", team, "python main.py", "config")
-        keep_files(one, tmp_path / "home", 10**6)
+        copy_submission(one.folder, tmp_path / "home" / "program", 10**6)
         check = check_submission(one, tmp_path / "home", load(exact_mission), rules or Rules())
         assert (check.configuration is None) == bool(check.problems)
         return "\n".join(map(str, check.problems))
@@ -170,7 +171,7 @@ def test_maze_and_mission_are_the_courses_and_ports_the_teams(tmp_path: Path, ex
     settings = (own / "settings.toml").read_text().replace("port = 9000", "port = 9100")
     (own / "settings.toml").write_text(settings.replace("randerror = true", "randerror = false"))
     team = Team("a", tmp_path / "teams" / "a", "x", "config")
-    keep_files(team, tmp_path / "home", 10**6)
+    copy_submission(team.folder, tmp_path / "home" / "program", 10**6)
     course = load(exact_mission)
     found = check_submission(team, tmp_path / "home", course, Rules()).configuration
     assert found is not None
@@ -184,7 +185,7 @@ def test_config_py_is_imported_and_not_executed(tmp_path: Path, exact_mission: P
     executed = tmp_path / "executed"
     (team / "config.py").write_text(f"import os\nopen({str(executed)!r}, 'w')\nROBOT = 1\n")
     one = Team("a", team, "x", "config.py")
-    keep_files(one, tmp_path / "home", 10**6)
+    copy_submission(one.folder, tmp_path / "home" / "program", 10**6)
     check = check_submission(one, tmp_path / "home", load(exact_mission), Rules())
     assert check.configuration is None
     assert "config.py" in str(check.problems[0])

@@ -17,7 +17,8 @@ from simmer_tui.dialect.set_parts import Parts
 from simmer_tui.errors import Problem
 from simmer_tui.grade.course import Rules, Team, read_course
 from simmer_tui.grade.robot_rules import rule_problems
-from simmer_tui.grade.submission import SubmissionCheck, check_submission, keep_files
+from simmer_tui.grade.submission import SubmissionCheck, check_submission
+from simmer_tui.grade.submission_copy import copy_submission
 from simmer_tui.sim.sensors.lidar import Lidar, LidarSpec
 from tests.grade.conftest import read_grades
 
@@ -39,7 +40,7 @@ def check(tmp_path: Path, exact_mission: Path) -> Callable[..., SubmissionCheck]
         team = Team("team", tmp_path / "team", "python main.py", "config")
         home = tmp_path / "home"
         home.mkdir(exist_ok=True)
-        keep_files(team, home, 1_000_000)
+        copy_submission(team.folder, home / "program", 1_000_000)
         return check_submission(team, home, load(exact_mission), Rules(dialects=dialects))
 
     return checked

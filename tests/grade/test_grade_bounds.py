@@ -43,7 +43,7 @@ def test_a_submission_has_64_megabytes(
 ) -> None:
     asked: list[int] = []
     monkeypatch.setattr(
-        grade_folder, "keep_files", lambda team, home, most: asked.append(most) or (home / "program").mkdir()
+        grade_folder, "copy_submission", lambda source, goal, most: asked.append(most) or goal.mkdir()
     )
     GradeFolder.create(tmp_path / "out", read_course(make_course({"a": ""})), 3, Isolation.NONE)
     assert asked == [64_000_000]

@@ -12,7 +12,8 @@ from simmer_tui.config.loader import load
 from simmer_tui.grade.course import Rules, Team, read_course
 from simmer_tui.grade.grade_folder import GradeFolder
 from simmer_tui.grade.sandbox import Isolation
-from simmer_tui.grade.submission import SubmissionCheck, check_submission, keep_files
+from simmer_tui.grade.submission import SubmissionCheck, check_submission
+from simmer_tui.grade.submission_copy import copy_submission
 
 MOTION = """
 [motion]
@@ -34,7 +35,7 @@ def check(tmp_path: Path, exact_mission: Path) -> Callable[..., SubmissionCheck]
         (own / "settings.toml").write_text(settings)
         (tmp_path / "home").mkdir()
         team = Team("team", tmp_path / "team", "python main.py", "config")
-        keep_files(team, tmp_path / "home", 1_000_000)
+        copy_submission(team.folder, tmp_path / "home" / "program", 1_000_000)
         return check_submission(team, tmp_path / "home", load(exact_mission), Rules(wheels=wheels))
 
     return checked

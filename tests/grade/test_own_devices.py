@@ -12,7 +12,8 @@ from simmer_tui.errors import GradeError
 from simmer_tui.grade.course import Rules, Team, read_course
 from simmer_tui.grade.grade_folder import GradeFolder
 from simmer_tui.grade.sandbox import Isolation
-from simmer_tui.grade.submission import check_submission, keep_files
+from simmer_tui.grade.submission import check_submission
+from simmer_tui.grade.submission_copy import copy_submission
 
 SETTINGS = '[sensors]\ndevices = ["devices/thermal.py"]\n'
 ENDS_THE_GRADER = "raise SystemExit('it ran')\n"
@@ -28,7 +29,7 @@ def test_a_team_with_a_device_is_refused_and_nothing_of_it_runs(tmp_path: Path, 
     home = tmp_path / "home"
     home.mkdir()
     team = Team("team", tmp_path / "team", "python main.py", "config")
-    keep_files(team, home, 1_000_000)
+    copy_submission(team.folder, home / "program", 1_000_000)
     found = check_submission(team, home, load(exact_mission), Rules())
     assert found.configuration is None
     assert [str(each) for each in found.problems] == [

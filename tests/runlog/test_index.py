@@ -23,6 +23,7 @@ from simmer_tui.runlog.log_records import (
     BrokenLine,
     CheckpointRecord,
     EndRecord,
+    LegRecord,
     MoveRecord,
     NoticeRecord,
     PlanRecord,
@@ -120,12 +121,12 @@ def test_a_line_with_no_time_does_not_spoil_its_neighbours(varied_log: Path, tim
 
 def test_finding_a_time_gives_the_last_entry_till_then(random_run: Callable[..., Any]) -> None:
     with RunLogIndex(random_run(1, timed=True).path) as log:
-        assert log.find_time(-1.0) == 0
+        assert log.find_time(-1.0) == -1
         assert log.find_time(log.duration) == log.count - 1
         for step in range(50):
             elapsed = log.duration * step / 50
             i = log.find_time(elapsed)
-            assert i == 0 or log.time_of(i) <= elapsed
+            assert i == -1 or log.time_of(i) <= elapsed
             assert i == log.count - 1 or log.time_of(i + 1) > elapsed
 
 
@@ -263,3 +264,36 @@ def test_a_compressed_log_is_moved_about_in(start_run: Any, tmp_path: Path) -> N
     with RunLogIndex(run.path) as plain, RunLogIndex(packed) as log:
         assert log.count == plain.count == 4
         assert Playback(log).state_at(3).pose == Playback(plain).state_at(3).pose
+
+
+def test_a_leg_that_is_cut_before_its_contact_has_none(start_run: Callable[..., Any]) -> None:
+    run = start_run(timed=True)
+    run.perform(ActionName.NOISE, 0.0)  # without errors a leg leads to the next wall
+    for seconds in (1, 30):
+        run.send("vv-4;0;0")
+        run.loop.run_until(run.loop.now + seconds)
+        run.send("vv-0;0;0")
+    run.log.close()
+    with RunLogIndex(run.path) as log:
+        legs = [(i, line) for i in range(log.count) if isinstance(line := log.record(i), LegRecord)]
+        planned = [i for i, leg in legs if leg.contact is not None]
+        assert len(planned) == 2
+        assert log.find_all(EntryFlag.CONTACT) == planned[1:]
+
+
+def test_contacts_of_continuous_motion_long_before_a_moment_are_known(start_run: Callable[..., Any]) -> None:
+    run = start_run(timed=True)
+    run.send("vv-4;0;0")
+    run.loop.run_until(run.loop.now + 30)
+    run.send("vv-0;0;0")
+    for _ in range(1200):
+        run.send("u1")
+        run.loop.run_until(run.loop.now + 0.5)
+    run.look()
+    run.log.close()
+    state = run.moments[-1][2]
+    assert len(state.contact_points) == 1
+    with RunLogIndex(run.path) as log:
+        playback = Playback(log)
+        for entry in (log.count - 1, log.count - 2):  # the second one is a step back, from a checkpoint
+            assert playback.state_at(entry).contact_points == state.contact_points

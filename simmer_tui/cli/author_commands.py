@@ -1,4 +1,5 @@
-"""The command `env`: the environment variables with which a program in an IDE finds a running simulator."""
+"""The commands for authors of programs: `examples` copies samples to be changed, `env` prints the environment
+variables with which a program in an IDE finds a running simulator."""
 
 from __future__ import annotations
 
@@ -9,6 +10,7 @@ import shlex
 import socket
 import sys
 from collections.abc import Callable, Mapping
+from pathlib import Path
 
 from simmer_tui import platform_has
 from simmer_tui.cli.command_line import (
@@ -20,22 +22,43 @@ from simmer_tui.cli.command_line import (
 )
 from simmer_tui.config.device_trust import DeviceUse
 from simmer_tui.config.dialects import SERIAL, TEAM
+from simmer_tui.config.examples import EXAMPLE, copy_examples
 from simmer_tui.config.loader import Configuration, load
 from simmer_tui.config.sets import find_set
 from simmer_tui.errors import ConfigurationError, Problem
+from simmer_tui.phrases import counted
 from simmer_tui.program.program_command import with_hook
+from simmer_tui.sim.command import shown_path
 
 # Loopback answers in less than a millisecond, another machine of the same network in a few.
 _LOOK = 0.5
 """Seconds within which a running simulator must answer."""
-
-
 _FORMS: dict[str, Callable[[str, str], str]] = {
     "sh": lambda name, value: f"export {name}={shlex.quote(value)}",
     "powershell": lambda name, value: "$env:{} = '{}'".format(name, value.replace("'", "''")),
     "cmd": lambda name, value: f'set "{name}={value}"',
 }
 _JSON = "json"
+
+
+def _examples_options(parser: OneLineParser) -> None:
+    parser.add_argument("directory", metavar="DIR", type=Path, help="where to; made if it does not exist")
+
+
+@subcommand("examples", _examples_options)
+def run_examples(options: argparse.Namespace) -> int:
+    """Copy the sample programs into a folder, to be changed there: wander.py to begin with, the programs of
+    the course, a whole mission, the client libraries for Python, C and MATLAB, and sketches for an Arduino.
+    Files that are there already stay as they are."""
+    written = copy_examples(options.directory)
+    where = shown_path(options.directory)
+    result = f"{counted(len(written), 'file')} written to {where}" if written else f"{where} has all of them"
+    sys.stdout.write(
+        f"{result}\n"
+        "Start simmer-tui in one terminal and a program in another:\n"
+        f"  python {shown_path(options.directory / EXAMPLE)}\n"
+    )
+    return ExitCode.DONE
 
 
 def _env_options(parser: OneLineParser) -> None:
