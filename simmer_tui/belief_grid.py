@@ -128,14 +128,9 @@ class GridBelief(Struct, frozen=True, gc=False, omit_defaults=True):
         return found
 
 
-def _of_levels() -> FloatArray:
-    shares = np.exp2(-np.arange(RULED_OUT + 1) / _STEPS)
-    shares[RULED_OUT] = 0.0
-    return shares
-
-
-_OF_LEVEL = _of_levels()
+_OF_LEVEL = np.exp2(-np.arange(RULED_OUT + 1) / _STEPS)
 """Probability of each logged byte, as a share of the largest."""
+_OF_LEVEL[RULED_OUT] = 0.0
 
 
 def grid_belief(probabilities: Probabilities, bounds: Bounds, first: float, true: Pose) -> GridBelief:
@@ -225,8 +220,7 @@ def heat_levels(shares: FloatArray, most: float, even: float) -> Levels:
     with np.errstate(divide="ignore"):
         doubt = np.maximum(1 + np.floor(np.log2(shares / even) / _DOUBT), 1)
     steps = 1 + (shares > most / _STEP**2).astype(np.uint8) + (shares > most / _STEP)
-    found: Levels = np.where(shares < _LEAST * even, 0, np.minimum(steps, doubt)).astype(np.uint8)
-    return found
+    return np.where(shares < _LEAST * even, 0, np.minimum(steps, doubt)).astype(np.uint8)
 
 
 def covered(edges: FloatArray, count: int) -> FloatArray:
@@ -247,8 +241,7 @@ def open_cells(shape: tuple[int, ...], bounds: Bounds, maze: MazeSpec) -> NDArra
     column = np.floor(x / CELL_SIZE).clip(-1, maze.columns).astype(np.intp) + 1
     row = np.floor(y / CELL_SIZE).clip(-1, maze.rows).astype(np.intp) + 1
     closed = np.pad(np.array(maze.cells) == WALL, 1, constant_values=True)
-    found: NDArray[np.bool_] = ~closed[np.ix_(row, column)]
-    return found
+    return ~closed[np.ix_(row, column)]
 
 
 class SmallMap(Struct, frozen=True, gc=False):

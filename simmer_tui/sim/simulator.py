@@ -427,7 +427,7 @@ class Simulator:
         unknown = next((code for code in chosen if code not in self._ranging), None)
         if unknown is not None:
             raise UnknownSensorError(unknown, self._ranging, "range sensor")
-        columns = [self._ranging[code].ranges(world, poses) for code in chosen]
+        columns = [self._ranging[code].true_values(world, poses) for code in chosen]
         return np.column_stack(columns) if columns else np.empty((len(poses), 0))
 
     def ranging_codes(self) -> list[str]:

@@ -10,8 +10,7 @@ from msgspec import Struct, field
 from simmer_tui.events import TwinReading
 from simmer_tui.run.reducer import HISTORY
 from simmer_tui.run.state import SensorRow
-from simmer_tui.sim.angles import eighth_of_turn
-from simmer_tui.sim.directions import ARROWS, side_name
+from simmer_tui.sim.angles import ARROWS, eighth_of_turn, side_name
 from simmer_tui.sim.records import LidarScan
 from simmer_tui.sim.scan_rays import extremes
 from simmer_tui.sim.specs import SensorKind, SensorSpec

@@ -339,14 +339,16 @@ class CountingSensor(Sensor, ABC):
     )
     least_error = 0.002
 
-    @abstractmethod
     def increments(self, turn: float, move: tuple[float, float], draws: FloatArray) -> FloatArray:
         """The increment of each segment, which turns by `turn` degrees and then moves by `move` in the
         robot's frame. `draws` are normal draws, of the shape of the result."""
+        turning = self.counted_on(turn, 0.0, 0.0)
+        exact = np.array((turning, self.counted_on(0.0, *move))) if self.slips else turning
+        return exact * (1.0 + self.spec.error * draws)
 
-    @abstractmethod
     def counted(self, trajectory: Trajectory, time: float) -> float:
         """Count that a movement has added by a simulated time."""
+        return (trajectory.rolled if self.slips else trajectory.turned)(self.spec.id, time)
 
     @abstractmethod
     def counted_on(self, turned: float, ahead: float, aside: float) -> float:
