@@ -221,8 +221,7 @@ class Engine:
         # The loop's clock may round to just before the event that the timer was set for.
         if until < math.inf and (self.driving.waits or self.simulator.next_event <= until):
             self.driving.catch_up(until)
-        while self._timers.due <= until and self._timers.due < math.inf:
-            self._timers.pop()()
+        self._timers.run(until)
         self.driving.settle()
         self._set_alarm()
 

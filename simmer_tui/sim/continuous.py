@@ -186,12 +186,11 @@ class ContinuousMotion:
             self._expires = math.inf
             self._listener.velocity_expired(time)
             self._plan.command(time, self._release)
-        if self._plan.due <= time:
-            self._change(time)
+        self._change(time)
         self._plan_leg(time, pose)
 
     def _change(self, time: float) -> None:
-        """The velocity in force changes: choices at a wall are made again."""
+        """Change the velocity in force if that is due: choices at a wall are made again."""
         if self._plan.due <= time:
             self._plan.change(time)
             self._wall.renew()

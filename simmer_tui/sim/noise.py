@@ -9,7 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
-from simmer_tui.sim.specs import Axes, DriveKind
+from simmer_tui.sim.specs import Axes, DriveKind, SimulationSpec
 
 BIAS_STREAM = "bias"
 DRIVE_STREAM = "drive"
@@ -64,6 +64,11 @@ def bias_spread(kind: DriveKind, strength: tuple[float, float]) -> tuple[float, 
     # The factors are explained in docs/how-it-works.md.
     straight, turning = strength[0], strength[1] / 360.0
     return (turning, turning, turning) if kind.turns else (straight, straight, 10.0 * straight)
+
+
+def drive_bias(spec: SimulationSpec, seed: int, *, random: bool) -> Mapping[DriveKind, Axes]:
+    """The drive bias of a run, by kind of movement: drawn at `random`, or as in drive.csv."""
+    return RandomBias(seed, spec.strength) if random else {drive.kind: drive.bias for drive in spec.drives}
 
 
 class RandomBias(Mapping[DriveKind, Axes]):
