@@ -78,12 +78,6 @@ class _FreePlace(Struct, frozen=True):
     y: float
     clearance: float
 
-    @classmethod
-    def at_start(cls, arc: Arc, obstacles: Obstacles) -> "_FreePlace":
-        """The place where an arc begins."""
-        x, y = arc.start.x, arc.start.y
-        return cls(obstacles, x, y, obstacles.clearance(x, y))
-
     def has_room(self, arc: Arc, around: CollisionChecker) -> bool:
         """True if a robot on an arc cannot reach an obstacle."""
         if self.obstacles is not around.obstacles:
@@ -307,7 +301,9 @@ class ContinuousMotion:
             return _Way(arc)
         met = first_arc_contact(around.footprint, around.obstacles, arc)
         if met is None:
-            self._free = _FreePlace.at_start(arc, around.obstacles)
+            start, obstacles = arc.start, around.obstacles
+            clearance = obstacles.clearance(start.x, start.y)
+            self._free = _FreePlace(obstacles, start.x, start.y, clearance)
             return _Way(arc)
         after = arc.seconds_at(met.h)
         moved = after * (speed + math.radians(rate) * around.footprint.reach)

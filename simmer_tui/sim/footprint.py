@@ -116,15 +116,11 @@ class Footprint(Struct, frozen=True, dict=True):
         """Greatest X of any point of the footprint, inches."""
         return max(self.radius, float(self.vertices[:, 0].max(initial=-math.inf)))
 
-    def placed(self, pose: Pose) -> list[FloatArray]:
-        """The polygons, each (n, 2), in the global frame."""
-        cos, sin = cos_sin(pose.heading)
-        place = np.array((pose.x, pose.y))
-        return [turned(polygon, cos, sin) + place for polygon in self.polygons]
-
     def shapes(self, pose: Pose) -> list[Part]:
         """The parts at a pose, a held block last."""
-        parts = [Part(shapely.Polygon(polygon)) for polygon in self.placed(pose)]
+        cos, sin = cos_sin(pose.heading)
+        place = np.array((pose.x, pose.y))
+        parts = [Part(shapely.Polygon(turned(polygon, cos, sin) + place)) for polygon in self.polygons]
         # The body comes before a held block in every list of parts: it wins ties.
         if self.radius:
             parts.insert(0, Part(shapely.Point(pose.x, pose.y), self.radius))

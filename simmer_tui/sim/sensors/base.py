@@ -15,7 +15,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from enum import StrEnum
-from functools import cached_property, lru_cache
+from functools import cached_property
 from typing import Any, ClassVar, TypeVar
 
 import numpy as np
@@ -372,14 +372,7 @@ class CountingSensor(Sensor, ABC):
 def modelled_sensor(spec: SensorSpec) -> Sensor:
     """The sensor of a row for analyses of a run; for an opaque kind, one that neither observes nor counts.
     Raises TypeError if its kind is no class of `Sensor`."""
-    return Sensor(spec) if spec.kind.is_opaque else _shared_sensor(spec)
-
-
-# Trials request all sensors of a set several times a run. A set has some ten.
-@lru_cache(maxsize=128)
-def _shared_sensor(spec: SensorSpec) -> Sensor:
-    """The sensor of a row, shared by all analyses: it keeps no state of its readings."""
-    return sensor_of(spec)
+    return Sensor(spec) if spec.kind.is_opaque else sensor_of(spec)
 
 
 def sensor_of(spec: SensorSpec) -> Sensor:

@@ -132,19 +132,16 @@ class Compass(ObservingSensor):
 
     def true_values(self, world: World, poses: FloatArray) -> FloatArray:
         """Headings with the deviation by iron, (n,), at (n, 3) poses."""
-        true: FloatArray = poses[:, 2] + self.spec.rotation
-        radians = np.radians(true)
-        iron: FloatArray = self.spec.hard_iron * np.sin(radians) + self.spec.soft_iron * np.sin(2 * radians)
-        return true + iron
+        return self.linearised(world, poses).true
 
     def linearised(self, world: World, poses: FloatArray) -> Linearisation:
+        hard, soft = self.spec.hard_iron, self.spec.soft_iron
         true: FloatArray = poses[:, 2] + self.spec.rotation
         radians = np.radians(true)
+        iron = hard * np.sin(radians) + soft * np.sin(2 * radians)
         by_pose = np.zeros((3, len(poses)))
-        by_pose[2] = 1.0 + np.pi / 180 * (
-            self.spec.hard_iron * np.cos(radians) + 2 * self.spec.soft_iron * np.cos(2 * radians)
-        )
-        return Linearisation(self.true_values(world, poses), true, by_pose, np.zeros(len(poses)))
+        by_pose[2] = 1.0 + np.pi / 180 * (hard * np.cos(radians) + 2 * soft * np.cos(2 * radians))
+        return Linearisation(true + iron, true, by_pose, np.zeros(len(poses)))
 
     def model_error(self, expected: FloatArray, poses: FloatArray) -> FloatArray:
         # At least a degree: a search's grid of headings is no finer.
