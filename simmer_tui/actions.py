@@ -59,13 +59,9 @@ def _noise(simulator: Simulator, on: float) -> str:
 
 
 def _bias(simulator: Simulator, on: float) -> str:
-    spec = simulator.spec
     # Drawn from the seed: the same seed gives the same biases, in a rerun as well.
-    if on:
-        simulator.set_bias(noise.random_bias(simulator.seed, spec.strength))
-        return "random drive bias"
-    simulator.set_bias({drive.kind: drive.bias for drive in spec.drives})
-    return "drive bias as in drive.csv"
+    simulator.set_bias(noise.drive_bias(simulator.spec, simulator.seed, random=bool(on)))
+    return "random drive bias" if on else "drive bias as in drive.csv"
 
 
 def _stop(simulator: Simulator) -> str:

@@ -128,14 +128,9 @@ class GridBelief(Struct, frozen=True, gc=False, omit_defaults=True):
         return found
 
 
-def _of_levels() -> FloatArray:
-    shares = np.exp2(-np.arange(RULED_OUT + 1) / _STEPS)
-    shares[RULED_OUT] = 0.0
-    return shares
-
-
-_OF_LEVEL = _of_levels()
+_OF_LEVEL = np.exp2(-np.arange(RULED_OUT + 1) / _STEPS)
 """Probability of each logged byte, as a share of the largest."""
+_OF_LEVEL[RULED_OUT] = 0.0
 
 
 def grid_belief(probabilities: Probabilities, bounds: Bounds, first: float, true: Pose) -> GridBelief:
@@ -220,13 +215,12 @@ def heat_levels(shares: FloatArray, most: float, even: float) -> Levels:
 
     Args:
         most: the largest probability.
-        even: probability of each free cell if all were the same.
+        even: as `even_share` has it.
     """
     with np.errstate(divide="ignore"):
         doubt = np.maximum(1 + np.floor(np.log2(shares / even) / _DOUBT), 1)
     steps = 1 + (shares > most / _STEP**2).astype(np.uint8) + (shares > most / _STEP)
-    found: Levels = np.where(shares < _LEAST * even, 0, np.minimum(steps, doubt)).astype(np.uint8)
-    return found
+    return np.where(shares < _LEAST * even, 0, np.minimum(steps, doubt)).astype(np.uint8)
 
 
 def covered(edges: FloatArray, count: int) -> FloatArray:
@@ -238,17 +232,17 @@ def covered(edges: FloatArray, count: int) -> FloatArray:
     return parts
 
 
-def open_cells(shape: tuple[int, ...], bounds: Bounds, maze: MazeSpec) -> NDArray[np.bool_]:
-    """True for the cells whose middle lies in an open cell of the maze, (rows, columns)."""
-    rows, columns = shape[:2]
-    x0, y0, x1, y1 = bounds
+def even_share(grid: GridBelief, maze: MazeSpec) -> float:
+    """Probability of each free cell if all were the same: of those whose middle lies in an open cell of the
+    maze."""
+    rows, columns = grid.rows, grid.columns
+    x0, y0, x1, y1 = grid.bounds
     x = x0 + (np.arange(columns) + 0.5) * (x1 - x0) / columns
     y = maze.height - y1 + (np.arange(rows) + 0.5) * (y1 - y0) / rows
     column = np.floor(x / CELL_SIZE).clip(-1, maze.columns).astype(np.intp) + 1
     row = np.floor(y / CELL_SIZE).clip(-1, maze.rows).astype(np.intp) + 1
     closed = np.pad(np.array(maze.cells) == WALL, 1, constant_values=True)
-    found: NDArray[np.bool_] = ~closed[np.ix_(row, column)]
-    return found
+    return 1.0 / max(int((~closed[np.ix_(row, column)]).sum()), 1)
 
 
 class SmallMap(Struct, frozen=True, gc=False):
@@ -265,8 +259,7 @@ def small_map(grid: GridBelief, maze: MazeSpec) -> SmallMap:
     down = covered(np.linspace(0.0, grid.rows, rows + 1), grid.rows)
     across = covered(np.linspace(0.0, grid.columns, columns + 1), grid.columns)
     shares = down @ grid.places() @ across.T
-    even = 1.0 / max(int(open_cells(grid.shape, grid.bounds, maze).sum()), 1)
-    levels = heat_levels(shares, float(shares.max()), even)
+    levels = heat_levels(shares, float(shares.max()), even_share(grid, maze))
     text = "".join("abcd"[level] for level in levels.ravel().tolist())
     runs = (f"{name}{length}" if (length := len(list(each))) > 1 else name for name, each in groupby(text))
     return SmallMap(rows, columns, "".join(runs))

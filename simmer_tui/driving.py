@@ -123,10 +123,7 @@ class Driving:
 
     def forget(self, session: Session) -> None:
         """End the waits of a session that has left."""
-        cut = [wait for wait in self._waits if wait.session is session]
-        self._waits = [wait for wait in self._waits if wait.session is not session]
-        for wait in cut:
-            wait.over()
+        self._end_waits(lambda wait: wait.session is session)
 
     def left(self, driver: Hashable) -> None:
         """End the velocity of a driver that has left."""
@@ -157,15 +154,17 @@ class Driving:
     def settle(self) -> None:
         """End the waits whose time has come."""
         now = self._simulator.time
-        done = [wait for wait in self._waits if wait.until <= now]
-        self._waits = [wait for wait in self._waits if wait.until > now]
-        for wait in done:
-            wait.over()
+        self._end_waits(lambda wait: wait.until <= now)
 
     def cut(self) -> None:
         """End all waits at the time reached so far."""
-        cut, self._waits = self._waits, []
-        for wait in cut:
+        self._end_waits(lambda wait: True)
+
+    def _end_waits(self, is_over: Callable[[_Wait], bool]) -> None:
+        ended = [wait for wait in self._waits if is_over(wait)]
+        # Before the first call: it may begin the next wait at once.
+        self._waits = [wait for wait in self._waits if not is_over(wait)]
+        for wait in ended:
             wait.over()
 
     def pass_time(self) -> None:

@@ -10,7 +10,7 @@ import asyncio
 import math
 from collections.abc import Callable, Hashable, Sequence
 
-from msgspec import Struct, structs
+from msgspec import Struct
 from msgspec.structs import replace
 
 from simmer_tui import actions
@@ -221,8 +221,7 @@ class Engine:
         # The loop's clock may round to just before the event that the timer was set for.
         if until < math.inf and (self.driving.waits or self.simulator.next_event <= until):
             self.driving.catch_up(until)
-        while self._timers.due <= until and self._timers.due < math.inf:
-            self._timers.pop()()
+        self._timers.run(until)
         self.driving.settle()
         self._set_alarm()
 
@@ -461,9 +460,7 @@ class Engine:
             outcome = simulator.finish(outcome)
         if request_delay or reply_delay:
             simulator.advance(simulator.time + reply_delay)
-            outcome = structs.replace(
-                outcome, time=simulator.time, taken=taken, link=request_delay + reply_delay
-            )
+            outcome = replace(outcome, time=simulator.time, taken=taken, link=request_delay + reply_delay)
         return outcome
 
     def _begin(self, command: Command, session: Session | None = None) -> CommandResult:
@@ -548,7 +545,7 @@ class Engine:
             if link:
                 taken = outcome.time
                 self.simulator.advance(taken + reply_delay)
-                outcome = structs.replace(outcome, time=self.simulator.time, taken=taken, link=link)
+                outcome = replace(outcome, time=self.simulator.time, taken=taken, link=link)
             self.tell(outcome)
             self.halted = True
         return outcome
@@ -604,14 +601,14 @@ class Engine:
         taken = outcome.time if outcome.taken is None else outcome.taken
         if not outcome.waits:
             due = outcome.time + took + reply_delay
-            late = structs.replace(outcome, time=due, taken=taken, link=link)
+            late = replace(outcome, time=due, taken=taken, link=link)
             self._go_on_at(due, session, self._complete_late, queued, late)
             return
         session.waiting = True
 
         def over() -> None:
             time, pose, on_link = self.simulator.time, self.simulator.pose, link + outcome.link
-            waited = structs.replace(outcome, time=time, pose=pose, taken=taken, link=on_link)
+            waited = replace(outcome, time=time, pose=pose, taken=taken, link=on_link)
             self._resume(session, self._complete, queued, waited)
 
         until = outcome.time + (0.0 if session.has_gone else outcome.waits + reply_delay)
@@ -625,7 +622,7 @@ class Engine:
         """Tell a result whose time has come. A reading gets the pose at that time; a movement has its own."""
         # A reading arrives later than it was taken: the pose beside it is that of the event's time.
         if outcome.status not in (Status.DONE, Status.ACCEPTED):
-            outcome = structs.replace(outcome, pose=self._pose_when(outcome.time))
+            outcome = replace(outcome, pose=self._pose_when(outcome.time))
         self._complete(queued, outcome)
 
     def _pose_when(self, time: float) -> Pose:

@@ -17,7 +17,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable
 from enum import StrEnum
-from typing import Generic, TypeVar, cast
+from typing import Generic, TypeVar, cast, get_type_hints
 
 from msgspec import Struct
 
@@ -365,22 +365,6 @@ Event = (
 )
 Watcher = Callable[[Event], None]
 Made = TypeVar("Made")
-# A table by type in place of a match: events come by the million, and a dict costs the same for all kinds.
-_METHODS = {
-    CommandResult: "on_result",
-    MovementPlanned: "on_planned",
-    MovementEnded: "on_ended",
-    LegBegun: "on_leg_begun",
-    LegEnded: "on_leg_ended",
-    VelocityEnded: "on_velocity_ended",
-    ActionDone: "on_action",
-    Belief: "on_belief",
-    TwinReading: "on_twin",
-    Notice: "on_notice",
-    MissionEvent: "on_mission",
-    ProgramEnded: "on_program_ended",
-    WireMessage: "on_wire",
-}
 
 
 class EventHandler(Generic[Made]):
@@ -437,6 +421,15 @@ class EventHandler(Generic[Made]):
 
     def on_wire(self, event: WireMessage) -> Made:
         return self.other(event)
+
+
+# A table by type in place of a match: events come by the million, and a dict costs the same for all kinds.
+_METHODS = {
+    get_type_hints(method)["event"]: name
+    for name, method in vars(EventHandler).items()
+    if name.startswith("on_")
+}
+"""The method of `EventHandler` for each kind of event."""
 
 
 class MissionEnd(EventHandler[None]):

@@ -8,10 +8,9 @@ from __future__ import annotations
 import math
 
 from simmer_tui.events import MovementEnded, ProgramEnded
-from simmer_tui.sim.angles import half_turn
+from simmer_tui.sim.angles import half_turn, side_name
 from simmer_tui.sim.arcs import Twist
 from simmer_tui.sim.command import escape
-from simmer_tui.sim.directions import side_name
 from simmer_tui.sim.path import Contact
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.records import Grip, LidarScan

@@ -9,8 +9,6 @@ else waits, and the order stays: the pace changes when an event is shown, never 
 from __future__ import annotations
 
 import asyncio
-import heapq
-import itertools
 import math
 from collections import deque
 from collections.abc import Callable
@@ -18,6 +16,7 @@ from collections.abc import Callable
 from msgspec import Struct
 
 from simmer_tui.events import Event, EventHandler, LegEnded, MovementEnded, Watchers
+from simmer_tui.sessions import LoopTimer, TimerQueue
 from simmer_tui.sim.legs import Leg
 from simmer_tui.sim.trajectory import Trajectory
 
@@ -70,22 +69,16 @@ class PlaybackThrottle(EventHandler[None]):
         self.watchers = Watchers(fault)
         """Those who see movements at the pace."""
         self._loop = loop
-        self._late: list[tuple[float, int, Callable[[], None]]] = []
-        self._order = itertools.count()
+        self._late = TimerQueue()
         self._ways: deque[_Way] = deque()
-        self._until = -math.inf
-        self._timer: asyncio.TimerHandle | None = None
-        self._due = math.inf
+        self.until = -math.inf
+        """Time by the loop's clock at which everything so far will have been shown."""
+        self._timer = LoopTimer(self._go_on, loop)
 
     @property
     def busy(self) -> bool:
         """True while a movement is being shown."""
-        return bool(self._late)
-
-    @property
-    def until(self) -> float:
-        """Time by the loop's clock at which everything so far will have been shown."""
-        return self._until
+        return len(self._late) > 0
 
     def time(self) -> float | None:
         """The simulated time of the movement shown now; None if the present is shown."""
@@ -97,13 +90,13 @@ class PlaybackThrottle(EventHandler[None]):
         if self.pace:
             self.handle(event)
         if self._late:
-            self.later(self._until, lambda: self.watchers.tell(event))
+            self.later(self.until, lambda: self.watchers.tell(event))
         else:
             self.watchers.tell(event)
 
-    def later(self, moment: float, call: Callable[[], None]) -> None:
+    def later(self, moment: float, call: Callable[[], object]) -> None:
         """Call a function at a moment of the loop's clock, after earlier calls."""
-        heapq.heappush(self._late, (moment, next(self._order), call))
+        self._late.add(moment, call)
         if len(self._late) > MOST_LATE:
             self.catch_up()
         else:
@@ -112,47 +105,35 @@ class PlaybackThrottle(EventHandler[None]):
     def catch_up(self) -> None:
         """Show the present now, and give every answer that waits."""
         self._go_on(math.inf)
-        self._until = -math.inf
+        self.until = -math.inf
 
     def on_ended(self, event: MovementEnded) -> None:
-        self._begin_way(event.trajectory, self.pace)
+        self._begin_way(event.trajectory)
 
     def on_leg_ended(self, event: LegEnded) -> None:
-        self._begin_way(event.leg, self.pace)
+        self._begin_way(event.leg)
 
     # -- within --------------------------------------------------------------------------------
 
-    def _begin_way(self, trajectory: Trajectory | Leg, pace: float) -> None:
+    def _begin_way(self, trajectory: Trajectory | Leg) -> None:
         """Delay later events until this movement has been shown."""
         length = trajectory.end_time - trajectory.start_time
-        seconds = min(length / pace, LONGEST / (1 + len(self._ways)))
+        seconds = min(length / self.pace, LONGEST / (1 + len(self._ways)))
         if seconds <= 0.0:
             return
-        begin = max(self._loop.time(), self._until)
-        self._until = begin + seconds
-        self._ways.append(_Way(trajectory, begin, self._until))
-        self.later(self._until, self._ways_end)
-
-    def _ways_end(self) -> None:
-        self._ways.popleft()
+        begin = max(self._loop.time(), self.until)
+        self.until = begin + seconds
+        self._ways.append(_Way(trajectory, begin, self.until))
+        self.later(self.until, self._ways.popleft)
 
     def _go_on(self, now: float | None = None) -> None:
         """Make the calls that are due."""
-        if now is None:
-            now = self._loop.time()
-        while self._late and self._late[0][0] <= now:
-            heapq.heappop(self._late)[2]()
+        self._late.run(self._loop.time() if now is None else now)
         self._set_timer()
 
     def _set_timer(self) -> None:
-        due = self._late[0][0] if self._late else math.inf
-        if due == self._due:
-            return
-        self._due = due
-        if self._timer is not None:
+        due = self._late.due
+        if due == math.inf:
             self._timer.cancel()
-        self._timer = self._loop.call_at(due, self._ring) if self._late else None
-
-    def _ring(self) -> None:
-        self._timer, self._due = None, math.inf
-        self._go_on()
+        elif due != self._timer.due:
+            self._timer.set_at(due)

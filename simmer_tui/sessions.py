@@ -267,10 +267,10 @@ class LinkDelay:
 
 
 class TimerQueue:
-    """Calls that are due at later simulated times, in order."""
+    """Calls that are due at later times, in order."""
 
     def __init__(self) -> None:
-        self._items: list[tuple[float, int, Callable[[], None]]] = []
+        self._items: list[tuple[float, int, Callable[[], object]]] = []
         # The count keeps calls at the same time in the order they were added; functions cannot be compared.
         self._order = itertools.count()
 
@@ -279,13 +279,17 @@ class TimerQueue:
         """Time of the next call; infinity if there is none."""
         return self._items[0][0] if self._items else math.inf
 
-    def add(self, time: float, call: Callable[[], None]) -> None:
-        """Call a function at a simulated time."""
+    def __len__(self) -> int:
+        return len(self._items)
+
+    def add(self, time: float, call: Callable[[], object]) -> None:
+        """Call a function at a time."""
         heapq.heappush(self._items, (time, next(self._order), call))
 
-    def pop(self) -> Callable[[], None]:
-        """Remove and return the next call."""
-        return heapq.heappop(self._items)[2]
+    def run(self, until: float) -> None:
+        """Make the calls that are due by a time, and those that they add."""
+        while self._items and self._items[0][0] <= until:
+            heapq.heappop(self._items)[2]()
 
 
 class LoopTimer:

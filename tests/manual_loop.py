@@ -13,9 +13,13 @@ from typing import Any
 class _Call:
     """A call that the loop has yet to make."""
 
+    time: float
     function: Callable[..., object]
     arguments: tuple[Any, ...]
     cancelled: bool = False
+
+    def when(self) -> float:
+        return self.time
 
     def cancel(self) -> None:
         self.cancelled = True
@@ -33,7 +37,7 @@ class ManualLoop:
         return self.now
 
     def call_at(self, when: float, function: Callable[..., object], *arguments: Any) -> _Call:
-        call = _Call(function, arguments)
+        call = _Call(when, function, arguments)
         heapq.heappush(self._calls, (when, next(self._order), call))
         return call
 

@@ -27,7 +27,7 @@ from simmer_tui.phrases import (
     side_text,
 )
 from simmer_tui.sim import DriveKind, Pose, SimulationSpec, Simulator
-from simmer_tui.sim.directions import side_name
+from simmer_tui.sim.angles import side_name
 from simmer_tui.sim.records import Grip, LidarScan
 
 

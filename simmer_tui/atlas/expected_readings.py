@@ -148,7 +148,7 @@ def compute_atlas(
 def _readings(sensor: ObservingSensor, world: World, poses: FloatArray) -> list[float]:
     """Readings of a sensor without noise at (n, 3) poses at time 0."""
     if isinstance(sensor, RangeSensor):
-        true = sensor.ranges(world, poses).tolist()
+        true = sensor.true_values(world, poses).tolist()
     else:
         true = [sensor.observe(world, Pose(*pose))[0] for pose in poses.tolist()]
     return [sensor.reading(value, None, 0.0) for value in true]

@@ -3,9 +3,9 @@
 import math
 from collections.abc import Iterator
 
+from simmer_tui.sim.angles import side_name
 from simmer_tui.sim.columns import FIELD_OF_VIEW, CsvColumn
 from simmer_tui.sim.command import escape_word
-from simmer_tui.sim.directions import side_name
 from simmer_tui.sim.rules import did_you_mean
 from simmer_tui.sim.specs import DriveSpec, GripperSpec, SensorSpec, SimulationSpec, VelocitySpec
 from simmer_tui.sim.velocity_commands import WAIT, velocity_shape

@@ -257,7 +257,6 @@ _CHECKS: Mapping[str, Callable[..., Any]] = {
     **dict.fromkeys(("reading", "proportional", "reported", "ideal", "anywhere", "error"), _scalar),
     **dict.fromkeys(("combined", "counted", "counted_on"), _scalar),
     "combined_many": lambda value, given: _array(value, (len(given[0]),)),
-    "ranges": _one_each,
     "true_values": _one_each,
     "increments": lambda value, given: _array(value, np.shape(given[2])),
 }

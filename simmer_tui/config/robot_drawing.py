@@ -4,8 +4,7 @@ import math
 from collections.abc import Iterable, Sequence
 from textwrap import dedent
 
-from simmer_tui.sim.angles import eighth_of_turn
-from simmer_tui.sim.directions import ARROWS, PLAIN_ARROWS, side_name
+from simmer_tui.sim.angles import ARROWS, PLAIN_ARROWS, eighth_of_turn, side_name
 from simmer_tui.sim.specs import RobotSpec, SensorSpec, SimulationSpec
 
 # Size of the drawing of one sensor, characters.

@@ -182,8 +182,7 @@ def _one_command(command: Command, spec: SimulationSpec) -> Command:
     """
     code, argument = command.code, command.argument
     is_sensor = any(sensor.code == code for sensor in spec.sensors)
-    is_drive = any(drive.code == code for drive in spec.drives)
-    is_drive = is_drive or (spec.gripper is not None and spec.gripper.code == code)
+    is_drive = any(row.code == code for row in spec.drive_rows)
     if argument is None or not (is_sensor or is_drive):
         return command
     is_number = isinstance(parse_value(argument), float)

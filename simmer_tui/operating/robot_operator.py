@@ -9,6 +9,7 @@ from simmer_tui.events import Action, ActionName, Notice, NoticeKind
 from simmer_tui.run.state import State
 from simmer_tui.server import Server
 from simmer_tui.sim.command import Command, parse_command
+from simmer_tui.sim.distance_errors import AXIS_KINDS
 from simmer_tui.sim.records import CommandResult
 from simmer_tui.sim.specs import DriveKind, SimulationSpec, VelocityKind
 from simmer_tui.sim.velocity_commands import WAIT
@@ -24,8 +25,7 @@ DRIVES: dict[str, tuple[DriveKind, float]] = {
     "sideways_right": (DriveKind.DOWN, 1.0),
 }
 # A robot with one of two opposite drives moves the other way by a negative value.
-_OPPOSITE = {DriveKind.UP: DriveKind.DOWN, DriveKind.LEFT: DriveKind.RIGHT}
-_OPPOSITE |= {backward: forward for forward, backward in _OPPOSITE.items()}
+_OPPOSITE = {kind: other for pair in AXIS_KINDS for kind, other in (pair, pair[::-1])}
 
 
 class Operator:

@@ -1,3 +1,1 @@
 """The wire formats without any input or output: bytes in, commands out, replies to bytes, per dialect."""
-
-__all__ = ["binary", "packets", "replies"]

@@ -4,7 +4,7 @@ The reply to a lidar's code is a count and so many numbers. A refusal is one NaN
 """
 
 from simmer_tui.config.settings import ServerSettings
-from simmer_tui.protocol.replies import NUMBERS, ReplyForm, ReplyFormat, pack_number, pack_ranges
+from simmer_tui.protocol.replies import NUMBERS, ReplyForm, ReplyFormat, pack_reply
 from simmer_tui.sim.command import Command, parse_command
 from simmer_tui.sim.records import CommandResult
 
@@ -30,16 +30,9 @@ class NumberEncoder:
         self._layout = NUMBERS[reply_format, byte_order]
         self.size = self._layout.size
 
-    def encode(self, number: float) -> bytes:
-        """One reply in binary. A number too large for a float32 becomes infinite."""
-        return pack_number(self._layout, number)
-
     def reply(self, result: CommandResult) -> bytes:
         """The reply to a command: one number, or the count of a scan's ranges and the ranges."""
-        ranges = result.ranges
-        if ranges is not None:
-            return pack_ranges(self._layout, ranges)
-        return pack_number(self._layout, result.reply)
+        return pack_reply(self._layout, result.reply, result.ranges)
 
 
 def typed(text: bytes, settings: ServerSettings) -> tuple[bytes, ReplyForm]:

@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 
 from simmer_tui.config.settings import ServerSettings
 from simmer_tui.protocol.binary import GRACE, LONGEST
-from simmer_tui.protocol.replies import NUMBERS, ReplyForm, ReplyFormat, pack_number, pack_ranges
+from simmer_tui.protocol.replies import NUMBERS, ReplyForm, ReplyFormat, pack_reply
 from simmer_tui.sim.command import Command
 from simmer_tui.sim.records import CommandResult, Status
 
@@ -281,8 +281,7 @@ def _legacy_item(reply_format: ReplyFormat, outcome: CommandResult) -> bytes:
     ranges = outcome.ranges if is_reading else None
     if reply_format is ReplyFormat.TEXT:
         return (number_text(number) if ranges is None else ranges_text(ranges)).encode()
-    layout = NUMBERS[reply_format.value, "little"]
-    return pack_number(layout, number) if ranges is None else pack_ranges(layout, ranges)
+    return pack_reply(NUMBERS[reply_format.value, "little"], number, ranges)
 
 
 def passed_on(reply_format: ReplyFormat, data: bytes) -> Reply:

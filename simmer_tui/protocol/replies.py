@@ -67,21 +67,18 @@ class ReplyForm(Struct, frozen=True):
         return _ENDS[self.format]
 
 
-def pack_number(layout: struct.Struct, number: float) -> bytes:
-    """A number in binary. One too large for a float32 becomes infinite."""
+def pack_reply(layout: struct.Struct, number: float, ranges: NDArray[np.float64] | None = None) -> bytes:
+    """A reply in binary: a number, or to a lidar's code the count of the ranges, and the ranges. Numbers too
+    large for a float32 become infinite."""
+    if ranges is not None:
+        # struct's letters for byte order and size mean the same to numpy.
+        with np.errstate(over="ignore"):
+            return np.concatenate(((len(ranges),), ranges)).astype(layout.format).tobytes()
     try:
         return layout.pack(number)
     # struct refuses numbers that MATLAB's single() makes infinite.
     except OverflowError:
         return layout.pack(math.copysign(math.inf, number))
-
-
-def pack_ranges(layout: struct.Struct, ranges: NDArray[np.float64]) -> bytes:
-    """The reply to a lidar's code in binary: the count of the ranges, and the ranges."""
-    # struct's letters for byte order and size mean the same to numpy. As in `pack_number`, numbers too large
-    # for a float32 become infinite.
-    with np.errstate(over="ignore"):
-        return np.concatenate(((len(ranges),), ranges)).astype(layout.format).tobytes()
 
 
 # At 9600 baud a byte takes 1 ms, and USB adapters pass bytes on every 16 ms: 50 ms is a clear end.

@@ -35,8 +35,8 @@ from simmer_tui.report.sensor_sample import by_sensor, sample_of
 from simmer_tui.run.facts import wrapped
 from simmer_tui.run.run_history import RunHistory
 from simmer_tui.run.table import Columns
-from simmer_tui.sim.angles import FloatArray
 from simmer_tui.sim.command import escape
+from simmer_tui.sim.noise import bias_spread
 from simmer_tui.sim.specs import DriveSpec, SensorSpec, SimulationSpec
 
 _MOUNTING = ("x", "y", "z", "rotation", "field_of_view", "rays", "vertical_field_of_view")
@@ -152,7 +152,7 @@ def _nominal_rule(
         # A bias is a share of the command after the drive's own Gain.
         drawn = set_rule(history, moves, own).biases * (own.gain / row.gain if row.gain else 1.0)
         return DriveRule(row, drawn, np.zeros(3))
-    return DriveRule(row, np.zeros((len(moves), 3)), _drawn(row, nominal.strength))
+    return DriveRule(row, np.zeros((len(moves), 3)), np.array(bias_spread(row.kind, nominal.strength)))
 
 
 def _moves_alike(own: DriveSpec, row: DriveSpec, spec: SimulationSpec, nominal: SimulationSpec) -> bool:
@@ -160,12 +160,6 @@ def _moves_alike(own: DriveSpec, row: DriveSpec, spec: SimulationSpec, nominal: 
     if spec.randbias:
         return same and (not nominal.randbias or spec.strength == nominal.strength)
     return same and own.bias == row.bias
-
-
-def _drawn(row: DriveSpec, strength: tuple[float, float]) -> FloatArray:
-    """Standard deviations of a bias drawn at random, on the three axes; see `noise.random_bias`."""
-    straight, turning = strength[0], strength[1] / 360.0
-    return np.array((turning,) * 3 if row.kind.turns else (straight, straight, 10.0 * straight))
 
 
 # -- by the rows alone -------------------------------------------------------------------------------

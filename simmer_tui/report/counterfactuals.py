@@ -250,7 +250,7 @@ class CounterfactualWorld:
 
     def _body(self, met: Collision) -> Footprint:
         body, held = self._footprint, met.held
-        return body if held is None else Footprint(body.radius, (*body.polygons, held.corners()), True)
+        return body if held is None else body.with_block(held.corners())
 
 
 def _driven(leg: Leg) -> _Driven:

@@ -173,8 +173,7 @@ class EndingCauses:
     def refused(self) -> Cause | None:
         """A command for a drive or the gripper was refused."""
         seen = self._seen
-        codes = {each.code for each in seen.spec.drives}
-        codes |= {seen.spec.gripper.code} if seen.spec.gripper is not None else set()
+        codes = {row.code for row in seen.spec.drive_rows}
         rows = [row for row in seen.refusals if row.outcome.command.code in codes]
         if seen.task is None or not rows:
             return None

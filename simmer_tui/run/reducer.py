@@ -327,9 +327,7 @@ class Reducer:
             self.history.add_block(block if held is None else held, held is not None)
 
     def _set_bias(self, *, random: bool) -> None:
-        spec = self._now.spec
-        fixed = {drive.kind: drive.bias for drive in spec.drives}
-        bias = noise.RandomBias(self._now.seed, spec.strength) if random else fixed
+        bias = noise.drive_bias(self._now.spec, self._now.seed, random=random)
         self._now = replace(self._now, bias=bias)
         if self.history is not None:
             self.history.add_bias(bias)

@@ -262,9 +262,8 @@ class RunHistory:
         self._trail = MessageTrail()
         self._names = {each.code: each.id for each in spec.sensors}
         self._velocities = frozenset(each.code for each in spec.velocities)
-        grippers = [] if spec.gripper is None else [spec.gripper.code]
-        drives = (each.code for each in spec.drives)
-        known = frozenset((*self._names, *drives, *grippers, *self._velocities, WAIT, STOPS))
+        drives = (row.code for row in spec.drive_rows)
+        known = frozenset((*self._names, *drives, *self._velocities, WAIT, STOPS))
         self._codes, self._sensors = _Names(known), _Names()
         self._sources = _Names(most=_SOURCES)
         self.code_names, self.source_names = self._codes.names, self._sources.names

@@ -96,9 +96,7 @@ class LogDecoder:
         self._spec = spec
         self._footprint = Footprint.of(spec.robot)
         self._sensors = {sensor.code: sensor for sensor in spec.sensors}
-        self._drives: Mapping[str, DriveSpec | GripperSpec] = {
-            each.code: each for each in (*spec.drives, *([spec.gripper] if spec.gripper else ()))
-        }
+        self._drives = {row.code: row for row in spec.drive_rows}
         self._planned: MovementPlanned | None = None
         self._leg: LegBegun | None = None
         """The leg under way."""

@@ -1,4 +1,7 @@
-"""Trigonometry in degrees, exact at multiples of 90."""
+"""Angles in degrees: trigonometry, exact at multiples of 90, and the eight directions of a turn.
+
+Tables of eight directions begin at 0 degrees and go counter-clockwise.
+"""
 
 import math
 
@@ -8,6 +11,11 @@ from numpy.typing import NDArray
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
+
+ARROWS = ("→", "↗", "↑", "↖", "←", "↙", "↓", "↘")
+"""Arrows to 0, 45 ... 315 degrees, counter-clockwise from the right."""
+PLAIN_ARROWS = (">", "/", "^", "\\", "<", "/", "v", "\\")
+"""The same in ASCII. Those of diagonals are lines, with one sign for both ends."""
 
 # For at most so many angles a loop is quicker than array operations.
 _FEW = 32
@@ -22,9 +30,22 @@ def half_turn(degrees: float) -> float:
 
 
 def eighth_of_turn(degrees: float) -> int:
-    """The eighth of a turn that an angle is nearest to, 0 to 7: tables of eight directions begin at 0 degrees
-    and go counter-clockwise."""
+    """The eighth of a turn that an angle is nearest to, 0 to 7."""
     return round(degrees / 45.0) % 8
+
+
+def side_name(bearing: float, ahead: str = "ahead", behind: str = "behind") -> str:
+    """Side of the robot in a direction, degrees from its front: `ahead left`.
+
+    Args:
+        bearing: Degrees, counter-clockwise.
+        ahead: Word for the robot's +X.
+        behind: Word for its -X.
+    """
+    return (
+        *(ahead, f"{ahead} left", "left", f"{behind} left"),
+        *(behind, f"{behind} right", "right", f"{ahead} right"),
+    )[eighth_of_turn(bearing)]
 
 
 def cos_sin(degrees: float) -> tuple[float, float]:

@@ -147,26 +147,17 @@ class Arc(Struct, frozen=True, dict=True):
         return self.start.x + along * vx - aside * vy, self.start.y + along * vy + aside * vx
 
 
-class TimedArc(Struct, frozen=True):
-    """An arc with the simulated time at which it begins."""
-
-    arc: Arc
-    since: float
-
-    @property
-    def parameters(self) -> tuple[float, ...]:
-        """The time, x, y and heading of its start, its velocity in x and y, w in rad/s, degrees a second."""
-        arc, start = self.arc, self.arc.start
-        places = (self.since, start.x, start.y, start.heading)
-        return (*places, *arc.velocity, arc.turn_rate, arc.rate + arc.spin)
-
-
-def poses_along(arcs: Iterable[tuple[TimedArc, int]], times: FloatArray) -> FloatArray:
+def poses_along(arcs: Iterable[tuple[Arc, float, int]], times: FloatArray) -> FloatArray:
     """Poses, (n, 3), at n simulated times along arcs: the numbers of `Arc.pose_after`, bit for bit. Each arc
-    comes with the number of times on it, in order."""
-    there = [(each, count) for each, count in arcs if count]
-    table = np.array([each.parameters for each, _ in there])
-    rows = np.repeat(table.T, [count for _, count in there], axis=1)
+    comes with the time at which it begins, and the number of times on it, in order."""
+    lines, counts = [], []
+    for arc, begin, count in arcs:
+        if count:
+            place = (arc.start.x, arc.start.y, arc.start.heading)
+            lines.append((begin, *place, *arc.velocity, arc.turn_rate, arc.rate + arc.spin))
+            counts.append(count)
+    table = np.array(lines)
+    rows = np.repeat(table.T, counts, axis=1)
     since, x, y, heading, vx, vy, w, turning = rows
     seconds = times - since
     # One coordinate after the other in memory, since that is how rays are cast.

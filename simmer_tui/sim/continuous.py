@@ -78,12 +78,6 @@ class _FreePlace(Struct, frozen=True):
     y: float
     clearance: float
 
-    @classmethod
-    def at_start(cls, arc: Arc, obstacles: Obstacles) -> "_FreePlace":
-        """The place where an arc begins."""
-        x, y = arc.start.x, arc.start.y
-        return cls(obstacles, x, y, obstacles.clearance(x, y))
-
     def has_room(self, arc: Arc, around: CollisionChecker) -> bool:
         """True if a robot on an arc cannot reach an obstacle."""
         if self.obstacles is not around.obstacles:
@@ -186,12 +180,11 @@ class ContinuousMotion:
             self._expires = math.inf
             self._listener.velocity_expired(time)
             self._plan.command(time, self._release)
-        if self._plan.due <= time:
-            self._change(time)
+        self._change(time)
         self._plan_leg(time, pose)
 
     def _change(self, time: float) -> None:
-        """The velocity in force changes: choices at a wall are made again."""
+        """Change the velocity in force if that is due: choices at a wall are made again."""
         if self._plan.due <= time:
             self._plan.change(time)
             self._wall.renew()
@@ -308,7 +301,9 @@ class ContinuousMotion:
             return _Way(arc)
         met = first_arc_contact(around.footprint, around.obstacles, arc)
         if met is None:
-            self._free = _FreePlace.at_start(arc, around.obstacles)
+            start, obstacles = arc.start, around.obstacles
+            clearance = obstacles.clearance(start.x, start.y)
+            self._free = _FreePlace(obstacles, start.x, start.y, clearance)
             return _Way(arc)
         after = arc.seconds_at(met.h)
         moved = after * (speed + math.radians(rate) * around.footprint.reach)

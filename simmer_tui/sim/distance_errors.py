@@ -32,6 +32,14 @@ maze."""
 _NO_DRAWS = (0.0, 0.0, 0.0)
 
 
+AXIS_KINDS = (
+    (DriveKind.RIGHT, DriveKind.LEFT),
+    (DriveKind.UP, DriveKind.DOWN),
+    (DriveKind.ROT, DriveKind.ROT),
+)
+"""For x, y and turning: the kinds of movement of a positive value and of a negative one."""
+
+
 class Component(Struct, frozen=True):
     """One kind of movement within a twist: its row, and its signed speed with Gain, in/s or deg/s. Its
     distance grows by `pace`, the absolute commanded speed."""
@@ -45,11 +53,7 @@ def components(twist: Twist, drives: Mapping[DriveKind, DriveSpec]) -> tuple[Com
     """The kinds of movement in a twist. A direction without a row uses the negative of the opposite row. With
     neither row it is driven without error and left out."""
     parts = []
-    for value, ahead, back in (
-        (twist.x, DriveKind.RIGHT, DriveKind.LEFT),
-        (twist.y, DriveKind.UP, DriveKind.DOWN),
-        (twist.r, DriveKind.ROT, DriveKind.ROT),
-    ):
+    for value, (ahead, back) in zip(astuple(twist), AXIS_KINDS, strict=True):
         if value:
             drive = drives.get(ahead if value > 0.0 else back) or drives.get(back if value > 0.0 else ahead)
             if drive is not None:

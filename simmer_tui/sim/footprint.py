@@ -19,8 +19,7 @@ def _dot(vectors: FloatArray, others: FloatArray) -> FloatArray:
     """Products of (n, 2) vectors with others, one by one: (n,)."""
     # Written out, here and below: matrix products and numpy's hypot round differently from one
     # processor to the next, and the same commands must give the same bits everywhere.
-    products: FloatArray = vectors[:, 0] * others[:, 0] + vectors[:, 1] * others[:, 1]
-    return products
+    return vectors[:, 0] * others[:, 0] + vectors[:, 1] * others[:, 1]
 
 
 class Edges(Struct, frozen=True, dict=True):
@@ -90,6 +89,10 @@ class Footprint(Struct, frozen=True, dict=True):
         if spec.radius is not None:
             return cls(radius=spec.radius)
         return cls(polygons=(np.array(spec.vertices, dtype=np.float64),))
+
+    def with_block(self, corners: FloatArray) -> "Footprint":
+        """The same with a held block, whose corners, (4, 2), are in the robot's frame."""
+        return Footprint(self.radius, (*self.polygons, corners), holding=True)
 
     @cached_property
     def vertices(self) -> FloatArray:

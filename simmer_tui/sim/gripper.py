@@ -36,7 +36,7 @@ class Gripper:
         # Closed jaws that get another command to close grasp nothing.
         elif not self.closed and missed == (0.0, 0.0):
             held = in_robot_frame(block, pose)
-            body = Footprint(self._footprint.radius, (*self._footprint.polygons, held.corners()), True)
+            body = self._footprint.with_block(held.corners())
             # It could overlap one by rounding only: no block lies in a wall.
             if not self._walls.overlap(body, pose):
                 self.held, self.body = held, body

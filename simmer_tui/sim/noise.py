@@ -3,12 +3,13 @@ numbers."""
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Iterator, Mapping
 from functools import cached_property
 
 import numpy as np
 
-from simmer_tui.sim.specs import Axes, DriveKind
+from simmer_tui.sim.specs import Axes, DriveKind, SimulationSpec
 
 BIAS_STREAM = "bias"
 DRIVE_STREAM = "drive"
@@ -51,16 +52,23 @@ def random_bias(seed: int, strength: tuple[float, float]) -> dict[DriveKind, Axe
 
     `strength` is the manual's pair: for translations and for rotations.
     """
-    draws = stream(seed, BIAS_STREAM).standard_normal((len(DriveKind), 3))
+    draws = stream(seed, BIAS_STREAM).standard_normal((len(DriveKind), 3)).tolist()
+    return {
+        kind: Axes(*map(operator.mul, bias_spread(kind, strength), each))
+        for kind, each in zip(DriveKind, draws, strict=True)
+    }
+
+
+def bias_spread(kind: DriveKind, strength: tuple[float, float]) -> tuple[float, float, float]:
+    """Standard deviations of a random bias on the three axes: x, y and turning."""
     # The factors are explained in docs/how-it-works.md.
     straight, turning = strength[0], strength[1] / 360.0
-    biases: dict[DriveKind, Axes] = {}
-    for kind, (x, y, r) in zip(DriveKind, draws.tolist(), strict=True):
-        if kind.turns:
-            biases[kind] = Axes(turning * x, turning * y, turning * r)
-        else:
-            biases[kind] = Axes(straight * x, straight * y, 10.0 * straight * r)
-    return biases
+    return (turning, turning, turning) if kind.turns else (straight, straight, 10.0 * straight)
+
+
+def drive_bias(spec: SimulationSpec, seed: int, *, random: bool) -> Mapping[DriveKind, Axes]:
+    """The drive bias of a run, by kind of movement: drawn at `random`, or as in drive.csv."""
+    return RandomBias(seed, spec.strength) if random else {drive.kind: drive.bias for drive in spec.drives}
 
 
 class RandomBias(Mapping[DriveKind, Axes]):

@@ -12,7 +12,7 @@ import numpy as np
 from msgspec import Struct
 
 from simmer_tui.sim.angles import FloatArray
-from simmer_tui.sim.arcs import Arc, TimedArc, poses_along
+from simmer_tui.sim.arcs import Arc, poses_along
 from simmer_tui.sim.block import Block
 from simmer_tui.sim.gripper import in_global_frame
 from simmer_tui.sim.legs import Leg
@@ -75,18 +75,18 @@ class RecentMotion:
             return np.tile((now.x, now.y, now.heading), (len(times), 1))
         # A piece counts from after the moment of its command on.
         begins = np.searchsorted(times, [piece.start_time for piece in pieces], side="right").tolist()
-        arcs = [(TimedArc(Arc.standing(pieces[0].before), 0.0), begins[0])]
+        arcs = [(Arc.standing(pieces[0].before), 0.0, begins[0])]
         movements = []
         for piece, begin, end in zip(pieces, begins, [*begins[1:], len(times)], strict=True):
             if begin == end:
                 continue
             if isinstance(piece, Leg):
                 within = begin + int(times[begin:end].searchsorted(piece.end_time))
-                arcs.append((TimedArc(piece.arc, piece.start_time), within - begin))
-                arcs.append((TimedArc(Arc.standing(piece.last_pose), 0.0), end - within))
+                arcs.append((piece.arc, piece.start_time, within - begin))
+                arcs.append((Arc.standing(piece.last_pose), 0.0, end - within))
             else:
                 movements.append((piece, begin, end))
-                arcs.append((TimedArc(Arc.standing(piece.before), 0.0), end - begin))
+                arcs.append((Arc.standing(piece.before), 0.0, end - begin))
         poses = poses_along(arcs, times)
         for movement, begin, end in movements:
             poses[begin:end] = movement.poses_at(times[begin:end])

@@ -169,29 +169,26 @@ class NumberRule(Rule[float], frozen=True):
         return _REFUSED if below or above or not math.isfinite(number) else number
 
 
-class NumberOrOffRule(Rule[float], frozen=True):
+class NumberOrOffRule(NumberRule, frozen=True):
     """A number from `low` to `high`, or off, which is 0."""
-
-    low: float
-    high: float
 
     @property
     def allowed(self) -> str:
-        return f"a number from {self.low:g} to {self.high:g}, or off"
+        return f"{super().allowed}, or off"
 
     metavar: ClassVar[str] = "N|off"
 
     @property
     def schema(self) -> dict[str, Any]:
-        return {"anyOf": [NumberRule(self.low, self.high).schema, {"enum": ["off", 0]}]}
+        return {"anyOf": [super().schema, {"enum": ["off", 0]}]}
 
     def _parsed(self, text: str) -> object:
-        return "off" if text.strip().lower() == "off" else _number(text)
+        return "off" if text.strip().lower() == "off" else super()._parsed(text)
 
     def _accepted(self, value: object) -> Any:
         # 0 is allowed as well, because it is the setting's value when it is off.
         is_off = value == "off" or (value == 0 and not isinstance(value, bool))
-        return 0.0 if is_off else NumberRule(self.low, self.high)._accepted(value)
+        return 0.0 if is_off else super()._accepted(value)
 
 
 class PortOrOffRule(Rule[str], frozen=True):

@@ -20,8 +20,7 @@ class ScanRays(Struct, frozen=True, eq=False):
     @property
     def ends(self) -> FloatArray:
         """Places at which the beams ended, (n, 2) inches."""
-        ends: FloatArray = self.origins + self.ranges[:, None] * self.directions
-        return ends
+        return self.origins + self.ranges[:, None] * self.directions
 
 
 class ScanExtremes(Struct, frozen=True):
@@ -52,8 +51,7 @@ def rays_of(scan: LidarScan, sensor: SensorSpec, pose: Pose) -> ScanRays:
 def has_echo(scan: LidarScan) -> BoolArray:
     """True for rays that met something, (n,)."""
     # Some lidars report 0 for a miss; none measures a range that short.
-    echo: BoolArray = np.isfinite(scan.ranges) & (scan.ranges > 0.0)
-    return echo
+    return np.isfinite(scan.ranges) & (scan.ranges > 0.0)
 
 
 def extremes(scan: LidarScan) -> ScanExtremes:

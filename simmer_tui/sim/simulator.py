@@ -58,9 +58,7 @@ class Simulator:
         self.footprint = Footprint.of(spec.robot)
         self.walls = Obstacles.of_maze(self.maze.walls)
         self._sensors = {sensor.code: sensor_of(sensor) for sensor in spec.sensors}
-        self._drives: dict[str, DriveSpec | GripperSpec] = {drive.code: drive for drive in spec.drives}
-        if spec.gripper is not None:
-            self._drives[spec.gripper.code] = spec.gripper
+        self._drives = {row.code: row for row in spec.drive_rows}
         self._velocities = {velocity.code: velocity for velocity in spec.velocities}
         self._control = VelocityControl(spec.drives, spec.wheels)
         working = self._sensors.values()
@@ -110,10 +108,8 @@ class Simulator:
             if has_faults(sensor) and code not in self._turning
         }
         self._planner = Planner(spec.num_segments, spec.contact, self._streams, spec.clearance)
-        self.bias: Mapping[DriveKind, Axes] = {drive.kind: drive.bias for drive in spec.drives}
+        self.bias = noise.drive_bias(spec, seed, random=spec.randbias)
         """The drive bias in force, by kind of movement."""
-        if spec.randbias:
-            self.bias = noise.RandomBias(seed, spec.strength)
         self._counted = {sensor.spec.id: 0.0 for sensor in self._counting}
         errors = DistanceErrors(spec.num_segments, self._streams, self._counting)
         self._continuous = ContinuousMotion(spec, lambda: self.bias, errors, self._checker, self)
@@ -365,7 +361,7 @@ class Simulator:
             self.trajectory = self._planner.checked_again(self.trajectory, self.time, checker)
         self._drive_on()
 
-    def set_bias(self, bias: dict[DriveKind, Axes]) -> None:
+    def set_bias(self, bias: Mapping[DriveKind, Axes]) -> None:
         """Replace the drive bias, for some or all kinds of movement."""
         self.bias = {**self.bias, **bias}
         self._drive_on()
@@ -427,7 +423,7 @@ class Simulator:
         unknown = next((code for code in chosen if code not in self._ranging), None)
         if unknown is not None:
             raise UnknownSensorError(unknown, self._ranging, "range sensor")
-        columns = [self._ranging[code].ranges(world, poses) for code in chosen]
+        columns = [self._ranging[code].true_values(world, poses) for code in chosen]
         return np.column_stack(columns) if columns else np.empty((len(poses), 0))
 
     def ranging_codes(self) -> list[str]:

@@ -378,3 +378,9 @@ class SimulationSpec(Struct, frozen=True, kw_only=True):
     """Friction of a robot that slides along a wall: speed lost, as a share of the speed into the wall."""
     control_period: float = 0.02
     """Seconds of a step of the robot's speed control."""
+
+    @property
+    def drive_rows(self) -> tuple[DriveSpec | GripperSpec, ...]:
+        """The rows of drive.csv whose commands take their time: the movements, and the gripper if it has
+        one."""
+        return self.drives if self.gripper is None else (*self.drives, self.gripper)

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Mapping
-from types import MappingProxyType
 
 import numpy as np
 from msgspec import Struct
@@ -70,10 +69,6 @@ class VelocityProfile(Struct, frozen=True):
         return self.lag + gone / top + ramp / 2.0
 
 
-# Increments of sensors where they are not known.
-_NOTHING: Mapping[str, FloatArray] = MappingProxyType({})
-
-
 class Trajectory(Struct, frozen=True):
     """One movement, planned once, with noise and contact.
 
@@ -96,9 +91,10 @@ class Trajectory(Struct, frozen=True):
     rest: Path | None = None
     rest_stop: PathPosition | None = None
     cut: float | None = None
-    wheels: Mapping[str, FloatArray] = _NOTHING
-    """Odometers: by sensor ID the (n, 2) increments of each segment's turn and translation."""
-    turns: Mapping[str, FloatArray] = _NOTHING
+    wheels: Mapping[str, FloatArray] = {}
+    """Odometers: by sensor ID the (n, 2) increments of each segment's turn and translation; empty where they
+    are not known."""
+    turns: Mapping[str, FloatArray] = {}
     """Gyros: by sensor ID the (n,) increments of each segment's turn."""
     profile: VelocityProfile | None = None
 

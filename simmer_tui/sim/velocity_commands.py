@@ -12,11 +12,11 @@ import re
 from collections.abc import Mapping, Sequence
 
 from msgspec import Struct
-from msgspec.structs import replace
+from msgspec.structs import astuple, replace
 
 from simmer_tui.sim.arcs import Twist
 from simmer_tui.sim.command import parse_value
-from simmer_tui.sim.distance_errors import components
+from simmer_tui.sim.distance_errors import AXIS_KINDS, components
 from simmer_tui.sim.specs import DriveKind, DriveSpec, VelocityKind, VelocitySpec, WheelsSpec
 from simmer_tui.sim.velocity_plan import VelocityTarget, ramp_of
 from simmer_tui.sim.wheels import WheelKinematics
@@ -108,13 +108,9 @@ class VelocityControl:
         if twist.y and self._wheels is not None and not self._wheels.sideways:
             return "its two wheels cannot drive it sideways: VY must be 0"
         found = {part.drive.kind for part in components(twist, self._drives)}
-        for value, kinds, name in (
-            (twist.x, (DriveKind.RIGHT, DriveKind.LEFT), "VX"),
-            (twist.y, (DriveKind.UP, DriveKind.DOWN), "VY"),
-            (twist.r, (DriveKind.ROT,), "OMEGA"),
-        ):
+        for value, kinds, name in zip(astuple(twist), AXIS_KINDS, VelocityKind.ALL.values, strict=True):
             if value and self._wheels is None and not found.intersection(kinds):
-                rows = " or ".join(kind.value for kind in kinds)
+                rows = " or ".join(dict.fromkeys(kinds))
                 return f"{name} must be 0: drive.csv has no enabled row {rows}"
         return ""
 

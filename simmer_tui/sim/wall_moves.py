@@ -15,7 +15,7 @@ from msgspec import Struct
 from simmer_tui.sim.angles import FloatArray, cos_sin, turned
 from simmer_tui.sim.arcs import Arc, Twist
 from simmer_tui.sim.contact import TOUCHING
-from simmer_tui.sim.footprint import Footprint
+from simmer_tui.sim.footprint import Edges, Footprint
 from simmer_tui.sim.obstacles import Obstacles
 from simmer_tui.sim.path import distances
 from simmer_tui.sim.pose import Pose
@@ -89,13 +89,15 @@ def _tangents(body: Footprint, obstacles: Obstacles, pose: Pose) -> FloatArray:
         found.append(np.column_stack((-near[:, 1], near[:, 0])) / body.radius)
     if len(body.vertices):
         cos, sin = cos_sin(pose.heading)
-        across, along = faces.places(turned(body.vertices, cos, sin) + place)
-        touches = np.abs(across - faces.offset) <= _NEAR
-        touches &= (along >= faces.low - _NEAR) & (along <= faces.high + _NEAR)
-        found.append(faces.tangent[touches.any(axis=0)])
-        edges = body.edges
-        across, along = edges.places(turned(corners - place, cos, -sin))
-        touches = np.abs(across - edges.offset) <= _NEAR
-        touches &= (along >= edges.low - _NEAR) & (along <= edges.high + _NEAR)
-        found.append(turned(edges.tangent[touches.any(axis=0)], cos, sin))
+        found.append(_touched(faces, turned(body.vertices, cos, sin) + place))
+        own = _touched(body.edges, turned(corners - place, cos, -sin))
+        found.append(turned(own, cos, sin))
     return np.concatenate(found)
+
+
+def _touched(edges: Edges, points: FloatArray) -> FloatArray:
+    """Directions, (n, 2), of the edges that any of the points touches."""
+    across, along = edges.places(points)
+    touches = np.abs(across - edges.offset) <= _NEAR
+    touches &= (along >= edges.low - _NEAR) & (along <= edges.high + _NEAR)
+    return edges.tangent[touches.any(axis=0)]

@@ -3,8 +3,7 @@
 import math
 from collections.abc import Iterable, Sequence
 
-from simmer_tui.sim.angles import eighth_of_turn
-from simmer_tui.sim.directions import ARROWS, side_name
+from simmer_tui.sim.angles import ARROWS, eighth_of_turn, side_name
 from simmer_tui.sim.specs import SensorSpec
 from simmer_tui.tui.line_panel import StyledLine
 

@@ -40,7 +40,7 @@ def run_stopped_after(spec: SimulationSpec, asked: float, done: float) -> tuple[
     readings = {}
     for sensor in map(sensor_of, spec.sensors):
         if isinstance(sensor, RangeSensor):
-            seen = sensor.ranges(world_of(run), poses)
+            seen = sensor.true_values(world_of(run), poses)
         elif sensor.spec.kind.name in ("gyro", "comp"):
             seen = poses[:, 2]
         else:

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from simmer_tui.protocol.binary import GRACE, LONGEST, SKIP_GRACE, CommandReader, NumberEncoder
-from simmer_tui.sim import Command
+from simmer_tui.sim import Command, CommandResult, Pose, Status, parse_command
 
 calm = settings(max_examples=50, deadline=None, derandomize=True)
 line = st.one_of(
@@ -25,6 +25,12 @@ streams = st.lists(line, min_size=1, max_size=12).map(lambda lines: b"".join(eac
 
 def texts(commands: list[Command]) -> list[str]:
     return [command.text for command in commands]
+
+
+def replied(number: float) -> CommandResult:
+    """The result of a command with this reply."""
+    here = Pose(0.0, 0.0, 0.0)
+    return CommandResult(1, 0.0, parse_command("u1"), Status.READING, number, here, here)
 
 
 def fed(reader: CommandReader, data: bytes, cuts: list[int]) -> list[Command]:
@@ -253,26 +259,26 @@ def test_a_reply_is_one_number_in_the_format_asked_for(
     reply_format: str, byte_order: str, layout: str, number: float
 ) -> None:
     encoder = NumberEncoder(reply_format, byte_order)
-    reply = encoder.encode(number)
+    reply = encoder.reply(replied(number))
     assert len(reply) == encoder.size == struct.calcsize(layout)
     (back,) = struct.unpack(layout, reply)
     assert back == number or (math.isnan(back) and math.isnan(number))
 
 
 def test_the_default_is_a_big_endian_double() -> None:
-    assert NumberEncoder().encode(1.5) == bytes.fromhex("3ff8000000000000")
+    assert NumberEncoder().reply(replied(1.5)) == bytes.fromhex("3ff8000000000000")
 
 
 def test_infinity_and_nan_are_those_of_the_standard() -> None:
-    assert NumberEncoder().encode(math.inf) == bytes.fromhex("7ff0000000000000")
-    assert NumberEncoder("float32").encode(math.inf) == bytes.fromhex("7f800000")
-    assert math.isnan(struct.unpack(">f", NumberEncoder("float32").encode(math.nan))[0])
+    assert NumberEncoder().reply(replied(math.inf)) == bytes.fromhex("7ff0000000000000")
+    assert NumberEncoder("float32").reply(replied(math.inf)) == bytes.fromhex("7f800000")
+    assert math.isnan(struct.unpack(">f", NumberEncoder("float32").reply(replied(math.nan)))[0])
 
 
 @given(number=st.floats(allow_nan=False))
 @calm
 def test_what_a_single_cannot_hold_becomes_infinite(number: float) -> None:
-    (back,) = struct.unpack(">f", NumberEncoder("float32").encode(number))
+    (back,) = struct.unpack(">f", NumberEncoder("float32").reply(replied(number)))
     if abs(number) > 3.5e38:
         assert back == math.copysign(math.inf, number)
     else:

@@ -21,7 +21,7 @@ from simmer_tui.protocol.replies import (
     ReplyForm,
     ReplyFormat,
     ReplyFramer,
-    pack_ranges,
+    pack_reply,
     read_numbers,
 )
 from simmer_tui.sim import Command
@@ -336,6 +336,6 @@ def test_commands_are_typed_in_the_form_of_their_protocol() -> None:
 
 
 def test_ranges_beyond_a_float32_are_infinite() -> None:
-    found = pack_ranges(struct.Struct("<f"), np.array([1.5, 1e300, -1e300, math.inf]))
+    found = pack_reply(struct.Struct("<f"), 1.5, np.array([1.5, 1e300, -1e300, math.inf]))
     assert found == struct.pack("<5f", 4, 1.5, math.inf, -math.inf, math.inf)
     assert ranges_text(np.array([1.23456, 2.0, math.inf])) == "1.235;2.000;inf"

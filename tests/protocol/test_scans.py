@@ -15,10 +15,12 @@ from simmer_tui.protocol.binary import NumberEncoder
 from simmer_tui.protocol.packets import RequestStyle, encode
 from simmer_tui.protocol.replies import (
     MOST_RANGES,
+    NUMBERS,
     ReplyEnd,
     ReplyForm,
     ReplyFormat,
     ReplyFramer,
+    pack_reply,
     read_numbers,
 )
 from simmer_tui.sim.command import Command, parse_command
@@ -90,7 +92,9 @@ def test_a_scan_of_360_rays_has_the_bytes_of_361_numbers(reply_format: str, size
 def test_replies_of_one_number_are_those_of_before(reply_format: str, byte_order: str, letter: str) -> None:
     encoder = NumberEncoder(reply_format, byte_order)
     for number in (12.345, math.inf, -1e300, 0.0, -0.0):
-        assert encoder.reply(result("u1", reply=number)) == encoder.encode(number)
+        assert encoder.reply(result("u1", reply=number)) == pack_reply(
+            NUMBERS[reply_format, byte_order], number
+        )
 
 
 def test_a_scan_in_packets_is_joined_by_semicolons_inside_its_item() -> None:

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from simmer_tui.sim.arcs import STILL, Arc, TimedArc, Twist, poses_along
+from simmer_tui.sim.arcs import STILL, Arc, Twist, poses_along
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.specs import WheelLayout, WheelsSpec
 from simmer_tui.sim.velocity_plan import VelocityPlan, VelocityTarget
@@ -184,8 +184,8 @@ ARCS = st.builds(
 @given(st.lists(st.tuples(ARCS, st.integers(0, 3)), min_size=1, max_size=4))
 def test_poses_along_arcs_are_those_of_each_arc(chosen: list[tuple[Arc, int]]) -> None:
     chosen = [*chosen, (chosen[0][0], 1)]
-    lots = [(TimedArc(arc, 2.0 * number), count) for number, (arc, count) in enumerate(chosen)]
-    moments = [(each, each.since + 0.3 * k) for each, count in lots for k in range(count)]
-    poses = poses_along(lots, np.array([time for _, time in moments]))
-    expected = [each.arc.pose_after(time - each.since) for each, time in moments]
+    lots = [(arc, 2.0 * number, count) for number, (arc, count) in enumerate(chosen)]
+    moments = [(arc, begin, begin + 0.3 * k) for arc, begin, count in lots for k in range(count)]
+    poses = poses_along(lots, np.array([time for _, _, time in moments]))
+    expected = [arc.pose_after(time - begin) for arc, begin, time in moments]
     assert poses.tolist() == [[pose.x, pose.y, pose.heading] for pose in expected]

@@ -63,7 +63,7 @@ def assert_agree(world: World, poses: Sequence[Pose]) -> int:
     table = np.array([(pose.x, pose.y, pose.heading) for pose in poses])
     for sensor in sensors():
         one_by_one = [sensor.observe(world, pose)[0] for pose in poses]
-        assert sensor.ranges(world, table).tolist() == one_by_one
+        assert sensor.true_values(world, table).tolist() == one_by_one
     return len(poses)
 
 

@@ -147,7 +147,7 @@ def looking(kind: type[RangeSensor], pose: Pose, **columns: Any) -> float:
     maze = Maze(MazeSpec(((1, 1, 1, 1, 0), (1, 1, 1, 1, 0))))
     world = World(maze, columns.pop("block", Block(6.0, 6.0, 3.0)))
     sensor = kind(replace(ULTRA, kind=kind, **columns))
-    (batched,) = sensor.ranges(world, np.array([(pose.x, pose.y, pose.heading)])).tolist()
+    (batched,) = sensor.true_values(world, np.array([(pose.x, pose.y, pose.heading)])).tolist()
     alone = sensor.observe(world, pose)[0]
     assert batched == alone
     return alone

@@ -66,7 +66,7 @@ def test_ultrasonic_ranges_agree(course_spec: SimulationSpec, golden: Golden) ->
                 continue
             assert true == pytest.approx(case["range"][index], abs=1e-9), (case, index)
             poses = np.array([(pose.x, pose.y, pose.heading)])
-            assert sensor.ranges(world, poses)[0] == pytest.approx(true, abs=1e-9)
+            assert sensor.true_values(world, poses)[0] == pytest.approx(true, abs=1e-9)
             compared += 1
     assert compared > 3000
 

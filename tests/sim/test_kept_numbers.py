@@ -19,7 +19,7 @@ from msgspec.structs import replace
 from simmer_tui.config import load_default
 from simmer_tui.sim import angles, command, motion, noise, rules
 from simmer_tui.sim.arc_contact import first_arc_contact
-from simmer_tui.sim.arcs import Arc, TimedArc, Twist, poses_along
+from simmer_tui.sim.arcs import Arc, Twist, poses_along
 from simmer_tui.sim.block import Block
 from simmer_tui.sim.contact import first_contact
 from simmer_tui.sim.distance_errors import DistanceErrors, TrueVelocity, components
@@ -325,7 +325,7 @@ def arcs_and_places() -> Any:
                 found.append(arc.seconds_in_box((x, y), (x + 1.0, y + 1.5)))
     times = np.array((1.0, 1.2, 1.5, 2.0, 2.5, 3.0))
     for some in (arcs[:3], arcs[:2], arcs[2:4], arcs[4:]):
-        lots = [(TimedArc(arc, 0.5 + number), 6 // len(some)) for number, arc in enumerate(some)]
+        lots = [(arc, 0.5 + number, 6 // len(some)) for number, arc in enumerate(some)]
         found.append(poses_along(lots, times))
     found += [
         Twist(3, 4, 5).speed,

@@ -216,7 +216,7 @@ def test_a_high_sensor_sees_the_block_from_where_its_view_reaches_down_to_it(
     spec = replace(ULTRA, kind=kind, x=0.0, z=z, rays=1, vertical_field_of_view=view)
     world = world_with_block(course_spec, 37.0, 42.0)
     assert kind(spec).observe(world, Pose(x, 42.0, 0.0))[0] == pytest.approx(expected)
-    assert kind(spec).ranges(world, np.array([(x, 42.0, 0.0)]))[0] == pytest.approx(expected)
+    assert kind(spec).true_values(world, np.array([(x, 42.0, 0.0)]))[0] == pytest.approx(expected)
 
 
 @pytest.mark.parametrize(("command", "code", "rotation"), [("d1-100", "u1", 0.0), ("w1-100", "u2", 90.0)])
@@ -242,7 +242,7 @@ def test_inside_a_wall_or_outside_a_range_is_0(
 ) -> None:
     sensor = kind(replace(ULTRA, kind=kind, x=0.0))
     assert sensor.observe(world_with_block(course_spec), Pose(*place, 180.0))[0] == 0.0
-    assert sensor.ranges(world_with_block(course_spec), np.array([(*place, 180.0)]))[0] == 0.0
+    assert sensor.true_values(world_with_block(course_spec), np.array([(*place, 180.0)]))[0] == 0.0
 
 
 def test_a_hair_off_the_wall_a_sensor_looks_away_from_it(course_spec: SimulationSpec) -> None:

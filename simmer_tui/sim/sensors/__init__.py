@@ -20,7 +20,6 @@ from simmer_tui.sim.sensors.base import modelled_sensor as modelled_sensor
 from simmer_tui.sim.sensors.base import parameter_value as parameter_value
 from simmer_tui.sim.sensors.base import sensor_of as sensor_of
 from simmer_tui.sim.sensors.base import with_parameters as with_parameters
-from simmer_tui.sim.sensors.faults import Faults as Faults
 from simmer_tui.sim.sensors.lidar import Lidar as Lidar
 from simmer_tui.sim.sensors.lidar import LidarSpec as LidarSpec
 from simmer_tui.sim.sensors.own_motion import Compass as Compass

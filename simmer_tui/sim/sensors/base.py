@@ -15,7 +15,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from enum import StrEnum
-from functools import cached_property, lru_cache
+from functools import cached_property
 from typing import Any, ClassVar, TypeVar
 
 import numpy as np
@@ -339,14 +339,16 @@ class CountingSensor(Sensor, ABC):
     )
     least_error = 0.002
 
-    @abstractmethod
     def increments(self, turn: float, move: tuple[float, float], draws: FloatArray) -> FloatArray:
         """The increment of each segment, which turns by `turn` degrees and then moves by `move` in the
         robot's frame. `draws` are normal draws, of the shape of the result."""
+        turning = self.counted_on(turn, 0.0, 0.0)
+        exact = np.array((turning, self.counted_on(0.0, *move))) if self.slips else turning
+        return exact * (1.0 + self.spec.error * draws)
 
-    @abstractmethod
     def counted(self, trajectory: Trajectory, time: float) -> float:
         """Count that a movement has added by a simulated time."""
+        return (trajectory.rolled if self.slips else trajectory.turned)(self.spec.id, time)
 
     @abstractmethod
     def counted_on(self, turned: float, ahead: float, aside: float) -> float:
@@ -370,14 +372,7 @@ class CountingSensor(Sensor, ABC):
 def modelled_sensor(spec: SensorSpec) -> Sensor:
     """The sensor of a row for analyses of a run; for an opaque kind, one that neither observes nor counts.
     Raises TypeError if its kind is no class of `Sensor`."""
-    return Sensor(spec) if spec.kind.is_opaque else _shared_sensor(spec)
-
-
-# Trials request all sensors of a set several times a run. A set has some ten.
-@lru_cache(maxsize=128)
-def _shared_sensor(spec: SensorSpec) -> Sensor:
-    """The sensor of a row, shared by all analyses: it keeps no state of its readings."""
-    return sensor_of(spec)
+    return Sensor(spec) if spec.kind.is_opaque else sensor_of(spec)
 
 
 def sensor_of(spec: SensorSpec) -> Sensor:

@@ -20,7 +20,6 @@ from simmer_tui.sim.sensors.base import (
     World,
 )
 from simmer_tui.sim.specs import SensorSpec
-from simmer_tui.sim.trajectory import Trajectory
 
 
 class Odometer(CountingSensor):
@@ -37,20 +36,11 @@ class Odometer(CountingSensor):
         *(*columns.ELECTRONICS, columns.READ_TIME, columns.TICKS),
     )
 
-    def increments(self, turn: float, move: tuple[float, float], draws: FloatArray) -> FloatArray:
-        """Inches that each segment's turn and translation roll, (n, 2)."""
-        parts = self.counted_on(turn, 0.0, 0.0), self.counted_on(0.0, *move)
-        return np.array(parts) * (1.0 + self.spec.error * draws)
-
     def ideal(self, true: float) -> float:
         """Whole ticks, if it counts ticks: a new one at each edge that passes."""
         ticks = self.spec.ticks_per_inch
         # Rounded down, not to the nearest: an edge counts when it has passed.
         return math.floor(true * ticks) / ticks if ticks else true
-
-    def counted(self, trajectory: Trajectory, time: float) -> float:
-        """Inches counted in a movement until a simulated time."""
-        return trajectory.rolled(self.spec.id, time)
 
     def counted_on(self, turned: float, ahead: float, aside: float) -> float:
         cos, sin, around = self._wheel
@@ -85,14 +75,6 @@ class Gyro(CountingSensor):
         Prior("random_walk", "random walk", ParameterKind.NOISE, 1.5, "deg/sqrt s", usual=0.01),
     )
     least_error = 0.003
-
-    def increments(self, turn: float, move: tuple[float, float], draws: FloatArray) -> FloatArray:
-        """Degrees that each segment turns, (n,)."""
-        return turn * (1.0 + self.spec.error * draws)
-
-    def counted(self, trajectory: Trajectory, time: float) -> float:
-        """Degrees counted in a movement until a simulated time."""
-        return trajectory.turned(self.spec.id, time)
 
     def counted_on(self, turned: float, ahead: float, aside: float) -> float:
         return turned
@@ -150,19 +132,16 @@ class Compass(ObservingSensor):
 
     def true_values(self, world: World, poses: FloatArray) -> FloatArray:
         """Headings with the deviation by iron, (n,), at (n, 3) poses."""
-        true: FloatArray = poses[:, 2] + self.spec.rotation
-        radians = np.radians(true)
-        iron: FloatArray = self.spec.hard_iron * np.sin(radians) + self.spec.soft_iron * np.sin(2 * radians)
-        return true + iron
+        return self.linearised(world, poses).true
 
     def linearised(self, world: World, poses: FloatArray) -> Linearisation:
+        hard, soft = self.spec.hard_iron, self.spec.soft_iron
         true: FloatArray = poses[:, 2] + self.spec.rotation
         radians = np.radians(true)
+        iron = hard * np.sin(radians) + soft * np.sin(2 * radians)
         by_pose = np.zeros((3, len(poses)))
-        by_pose[2] = 1.0 + np.pi / 180 * (
-            self.spec.hard_iron * np.cos(radians) + 2 * self.spec.soft_iron * np.cos(2 * radians)
-        )
-        return Linearisation(self.true_values(world, poses), true, by_pose, np.zeros(len(poses)))
+        by_pose[2] = 1.0 + np.pi / 180 * (hard * np.cos(radians) + 2 * soft * np.cos(2 * radians))
+        return Linearisation(true + iron, true, by_pose, np.zeros(len(poses)))
 
     def model_error(self, expected: FloatArray, poses: FloatArray) -> FloatArray:
         # At least a degree: a search's grid of headings is no finer.

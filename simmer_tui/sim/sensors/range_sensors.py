@@ -104,7 +104,7 @@ class RangeSensor(ObservingSensor):
             distances = self.echoes(world, rays, np.array(distances), block_from).tolist()
         return self.combined(distances), RangeScan((x, y), bearings, tuple(distances))
 
-    def ranges(self, world: World, poses: FloatArray) -> FloatArray:
+    def true_values(self, world: World, poses: FloatArray) -> FloatArray:
         """The true ranges, (n,), at (n, 3) poses of x, y and heading; those of `observe`, bit for bit."""
         cos, sin = cos_sin_array(poses[:, 2])
         x = poses[:, 0] + cos * self.spec.x - sin * self.spec.y
@@ -124,9 +124,6 @@ class RangeSensor(ObservingSensor):
             fans = self.echoes(world, rays, fans, block_from)
         ranges[free] = self.combined_many(fans.reshape(len(free), count))
         return ranges
-
-    def true_values(self, world: World, poses: FloatArray) -> FloatArray:
-        return self.ranges(world, poses)
 
     def sees_block(self, size: float) -> bool:
         return math.isfinite(self.block_from(size))

@@ -10,8 +10,7 @@ from msgspec import Struct, field
 from msgspec.structs import replace
 from numpy.typing import NDArray
 
-from simmer_tui.sim.angles import FloatArray, eighth_of_turn
-from simmer_tui.sim.directions import ARROWS
+from simmer_tui.sim.angles import ARROWS, FloatArray, eighth_of_turn
 from simmer_tui.tui.maze.palette import DEFAULT, Role
 from simmer_tui.tui.terminal import ColorDepth, GlyphMode
 

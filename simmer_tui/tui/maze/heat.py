@@ -8,7 +8,7 @@ import math
 import numpy as np
 from msgspec import Struct
 
-from simmer_tui.belief_grid import GridBelief, Levels, Probabilities, covered, heat_levels, open_cells
+from simmer_tui.belief_grid import GridBelief, Levels, Probabilities, covered, even_share, heat_levels
 from simmer_tui.sim.angles import FloatArray
 from simmer_tui.sim.specs import MazeSpec
 from simmer_tui.tui.maze.viewport import Viewport
@@ -62,7 +62,7 @@ class HeatMap:
         grid = mark.grid
         frame = (viewport, across, down, grid.shape, grid.bounds)
         shares, most = _shares(grid, viewport, across, down)
-        even = 1.0 / max(int(open_cells(grid.shape, grid.bounds, maze).sum()), 1)
+        even = even_share(grid, maze)
         if frame != self._frame:
             levels = heat_levels(shares, most, even)
         else:
