@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import shlex
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from operator import attrgetter
 
 from simmer_tui.document.formats import (
     COUNT,
@@ -31,6 +32,7 @@ from simmer_tui.trials.failures import (
     causes_table,
     failure_summary,
     findings_tables,
+    grouped,
     rate,
 )
 from simmer_tui.trials.figures import start_cell
@@ -273,26 +275,26 @@ def _distributions(results: list[TrialResult]) -> DataTable:
     return DISTRIBUTION.filled(rows)
 
 
-def _groups(table: DataTable, groups: Mapping[object, list[TrialResult]]) -> DataTable:
-    """A row a group; none if there is only one."""
-    rows = [(name, *_rated(group)) for name, group in groups.items()]
+def _groups(
+    table: DataTable, results: Sequence[TrialResult], key: Callable[[TrialResult], object]
+) -> DataTable:
+    """A row a group of results with the same key; none if there is only one."""
+    rows = [(name, *_rated(group)) for name, group in grouped(results, key).items()]
     return table.filled(rows if len(rows) > 1 else ())
 
 
 def _mazes(results: list[TrialResult]) -> DataTable:
-    groups: dict[object, list[TrialResult]] = {}
-    for result in sorted(results, key=lambda each: each.maze):
-        groups.setdefault(result.maze, []).append(result)
-    return _groups(BY_MAZE, groups)
+    by_maze = attrgetter("maze")
+    return _groups(BY_MAZE, sorted(results, key=by_maze), by_maze)
 
 
 def _starts(results: list[TrialResult]) -> DataTable:
     """The runs by start cell; only where all runs are in the same maze."""
-    groups: dict[object, list[TrialResult]] = {}
-    if len({result.maze for result in results}) == 1 and results[0].maze != RANDOM:
-        for result in sorted(results, key=lambda each: (-start_cell(each)[1], start_cell(each)[0])):
-            groups.setdefault(start_cell(result), []).append(result)
-    return _groups(BY_START, groups)
+    mazes = {result.maze for result in results}
+    if len(mazes) > 1 or RANDOM in mazes:
+        return BY_START
+    ordered = sorted(results, key=lambda each: (-start_cell(each)[1], start_cell(each)[0]))
+    return _groups(BY_START, ordered, start_cell)
 
 
 def _slowest(folder: TrialFolder, results: list[TrialResult]) -> DataTable:
