@@ -43,18 +43,12 @@ def map_figure(
     parts = [frame.cells(START, _START), frame.cells(BLOCK, _BLOCK), frame.walls()]
     parts += [_fraction(*at(*cell), group, scale) for cell, group in grouped(results, start_cell).items()]
     causes = counted_causes(results)
-    ends = [
-        svg.element(
-            "g",
-            "".join(_end(*at(*result.end[:2]), result, run_pages) for result in group),
-            fill=color_of(name),
-            fill_opacity=0.7,
-            stroke="#222222",
-            stroke_width=0.8,
-        )
-        for name, group in causes
-    ]
-    parts.append(svg.element("g", "".join(ends), class_="fixed"))
+    ends = ""
+    for name, group in causes:
+        marks = "".join(_end(*at(*result.end[:2]), result, run_pages) for result in group)
+        look = {"fill": color_of(name), "fill_opacity": 0.7, "stroke": "#222222", "stroke_width": 0.8}
+        ends += svg.element("g", marks, **look)
+    parts.append(svg.element("g", ends, class_="fixed"))
     crosses = "".join(
         f"<path d='M{x - 4:.1f} {y - 4:.1f}l8 8m0 -8l-8 8'/>"
         for x, y in (at(*point) for result in results for point in result.contact_points)
@@ -65,11 +59,8 @@ def map_figure(
     parts.append(svg.legend(LEFT, height + 13, _MARKS))
     if causes:
         height += _KEY
-        parts.append(
-            svg.legend(
-                LEFT, height + 13, [(f"{name} {len(group)}", _dot(color_of(name))) for name, group in causes]
-            )
-        )
+        key = [(f"{name} {len(group)}", _dot(color_of(name))) for name, group in causes]
+        parts.append(svg.legend(LEFT, height + 13, key))
     return Figure(title, WIDTH, height + _KEY, "".join(parts))
 
 
@@ -83,9 +74,8 @@ def _end(x: float, y: float, result: TrialResult, run_pages: Mapping[int, str]) 
 
 def _dot(fill: str) -> str:
     """Of a legend."""
-    return svg.element(
-        "g", svg.element("circle", cx=10.0, r=5.0, fill=fill, stroke="#222222"), class_="fixed"
-    )
+    circle = svg.element("circle", cx=10.0, r=5.0, fill=fill, stroke="#222222")
+    return svg.element("g", circle, class_="fixed")
 
 
 _MARKS = (

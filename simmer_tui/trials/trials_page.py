@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from operator import attrgetter
 
 from simmer_tui.document.formats import LENGTH, SHARE, TextLink, number
 from simmer_tui.document.model import (
@@ -23,7 +24,7 @@ from simmer_tui.document.model import (
 from simmer_tui.phrases import capitalized, counted
 from simmer_tui.sim.command import escape
 from simmer_tui.trials.explanations import WHY_FAILED
-from simmer_tui.trials.failures import CAUSES, DEVICES, counted_causes, failure_summary, rate
+from simmer_tui.trials.failures import CAUSES, DEVICES, counted_causes, failure_summary, grouped, rate
 from simmer_tui.trials.figures import histogram_figure, map_figure
 from simmer_tui.trials.folder import TrialFolder
 from simmer_tui.trials.intervals import median
@@ -156,12 +157,8 @@ def _maps(
     folder: TrialFolder, results: Sequence[TrialResult], run_pages: Mapping[int, str]
 ) -> list[DocumentPart]:
     """A map a maze, those with most failures first; of mazes made for one run each, the failed ones."""
-    groups: dict[str, list[TrialResult]] = {}
-    for result in results:
-        if result.maze != RANDOM:
-            groups.setdefault(result.maze, []).append(result)
-        elif not result.success or result.contacts:
-            groups[f"run {result.number}"] = [result]
+    shown = [each for each in results if each.maze != RANDOM or not each.success or each.contacts]
+    groups = grouped(shown, lambda each: f"run {each.number}" if each.maze == RANDOM else each.maze)
     drawn = sorted(groups.items(), key=lambda item: -sum(not result.success for result in item[1]))
     parts: list[DocumentPart] = []
     for name, group in drawn[:_MAPS]:
@@ -175,13 +172,12 @@ def _maps(
 
 def _histograms(results: Sequence[TrialResult]) -> list[DocumentPart]:
     parts: list[DocumentPart] = []
-    for title, unit, values in (
-        ("Simulated time, s", "s", [result.time for result in results]),
-        ("Distance driven, in", "in", [result.distance for result in results]),
+    for title, unit, value in (
+        ("Simulated time, s", "s", attrgetter("time")),
+        ("Distance driven, in", "in", attrgetter("distance")),
     ):
-        pairs = list(zip(results, values, strict=True))
         done, failed = (
-            [each for result, each in pairs if result.success is wanted] for wanted in (True, False)
+            [value(result) for result in results if result.success is wanted] for wanted in (True, False)
         )
         parts += [SectionHeading(title), histogram_figure(done, failed, unit)]
     return parts
