@@ -155,8 +155,7 @@ def figures_table(estimates: Sequence[ParameterEstimate]) -> DataTable:
     for each in estimates:
         if each.identified:
             value, low, high = each.shown
-            unit = f" {each.unit}" if each.unit else ""
-            shown = (f"{value}{unit}", f"{low} to {high}")
+            shown = (f"{value} {each.unit}".rstrip(), f"{low} to {high}")
             numbers = (each.present, each.value, each.low, each.high)
             rows.append((each.owner, each.label, each.unit, *numbers, *shown, each.changed))
     note = "changed: the set's value is outside the interval. For all other parameters it is inside."
@@ -282,8 +281,7 @@ def result_page(fit: Fit, estimates: Sequence[ParameterEstimate], held: HeldBack
         more = len(changed) - _MOST_CHANGED
         note = f"{more} more, under All parameters." if more > 0 else ""
         differs = replace(table, title="What differs from the set", note=note)
-    first_path, *more_paths = path_pictures(fit)
-    about_path, *more_paths = more_paths
+    first_path, about_path, *more_paths = path_pictures(fit)
     predicted: list[DocumentPart] = [] if held is None else [held_back_picture(held), _BLUE]
     return Document(
         _title(fit),

@@ -105,8 +105,8 @@ def _notes(estimates: Sequence[ParameterEstimate], source: str) -> dict[str, str
     for each in estimates:
         if each.identified:
             _, low, high = each.shown
-            unit = f" {each.unit}" if each.unit else ""
-            intervals.setdefault(each.owner, []).append(f"{each.label} {low} to {high}{unit}")
+            interval = f"{each.label} {low} to {high} {each.unit}".rstrip()
+            intervals.setdefault(each.owner, []).append(interval)
     notes = {owner: [f"{source}; 95 % intervals: {'; '.join(said)}"] for owner, said in intervals.items()}
     for (owner, why), labels in unidentified_labels(estimates).items():
         notes.setdefault(owner, []).append(f"{', '.join(labels)} as before: {why}")
