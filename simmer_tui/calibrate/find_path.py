@@ -70,6 +70,8 @@ class PathFinder:
         sensors = observed_sensors(spec).values()
         self._observers = [each for each in sensors if isinstance(each, ObservingSensor)]
         self._counters = [each for each in sensors if isinstance(each, CountingSensor)]
+        self._biases = np.array([on_axes(drive.bias) for drive in spec.drives])
+        self._spread = np.array([_TURN_BIAS_SPREAD if d.kind.turns else _BIAS_SPREAD for d in spec.drives])
         self._has_gyro = not all(each.slips for each in self._counters)
 
     def find(
@@ -95,7 +97,7 @@ class PathFinder:
         free = self._clear.of(poses) > -0.3
         if free.any():
             poses = poses[random.choice(np.flatnonzero(free), count)]
-        biases = self._drawn_biases(count, random)
+        biases = self._biases + self._spread * random.standard_normal((count, *self._spread.shape))
         total = len(chain.movements)
         history = np.empty((total + 1, count, 3), np.float32)
         parents = np.empty((total + 1, count), np.int32)
@@ -135,12 +137,6 @@ class PathFinder:
                 contacts[step - 1] = touched[step, index]
                 index = int(parents[step - 1, index])
         return RoughPath(path, contacts, fits / max(readings, 1))
-
-    def _drawn_biases(self, count: int, random: np.random.Generator) -> FloatArray:
-        drives = self._spec.drives
-        present = np.array([on_axes(drive.bias) for drive in drives])
-        self._spread = np.array([_TURN_BIAS_SPREAD if d.kind.turns else _BIAS_SPREAD for d in drives])
-        return np.asarray(present + self._spread * random.standard_normal((count, len(drives), 3)))
 
     def _move(
         self,

@@ -297,6 +297,16 @@ def slips_in(model: Model, state: Iterate, rows: Rows) -> BoolArray:
 # -- noise scales -----------------------------------------------------------------------------------
 
 
+def _scored(
+    model: Model, state: Iterate, random: np.random.Generator, tight: FloatArray | None = None
+) -> tuple[Rows, Posterior, FloatArray, FloatArray]:
+    """Rows and posterior at a point, with gradient and information of the noise scales' logarithms. `tight`
+    is as in `Model.rows`."""
+    rows = model.rows(state, 0.0, tight)
+    posterior = Posterior(rows, model.width)
+    return rows, posterior, *noise_scale_score(model.space, state, rows, posterior, random)
+
+
 def _with_noise_scales(
     model: Model,
     state: Iterate,
@@ -318,9 +328,7 @@ def _with_noise_scales(
         for _ in range(2 if turn == 0 else 1):
             state = _stepped(model, state, 0.0, tight)
         state = with_contacts(model, state)
-        rows = model.rows(state, 0.0, tight)
-        posterior = Posterior(rows, model.width)
-        gradient, information = noise_scale_score(model.space, state, rows, posterior, random)
+        rows, _, gradient, information = _scored(model, state, random, tight)
         step = np.linalg.solve(information, gradient)
         if fixed is not None:
             step[fixed] = 0.0
@@ -342,11 +350,9 @@ def _with_noise_scales(
 
 def _result(model: Model, state: Iterate, random: np.random.Generator) -> Fit:
     space = model.space
-    rows = model.rows(state)
-    posterior = Posterior(rows, model.width)
+    rows, posterior, _, information = _scored(model, state, random)
     prior_spreads = np.array([each.spread for each in space.parameters])
     log_spreads = np.array([each.spread for each in space.noise_scales])
-    _, information = noise_scale_score(model.space, state, rows, posterior, random)
     noise_scale_errors = np.sqrt(np.diag(np.linalg.inv(information)))
     identified = np.sqrt(np.diag(posterior.covariance())) < IDENTIFIED * prior_spreads
     present, present_scales = space.of(model.run.spec)
@@ -365,9 +371,7 @@ def _result(model: Model, state: Iterate, random: np.random.Generator) -> Fit:
         state = _with_noise_scales(
             model, state, random, fixed=~noise_scales_identified, tight=tight, rounds=_ROUNDS // 3
         )
-        rows = model.rows(state, 0.0, tight)
-        posterior = Posterior(rows, model.width)
-        _, information = noise_scale_score(model.space, state, rows, posterior, random)
+        rows, posterior, _, information = _scored(model, state, random, tight)
         chosen = np.flatnonzero(noise_scales_identified)
         noise_scale_errors[chosen] = np.sqrt(np.diag(np.linalg.inv(information[np.ix_(chosen, chosen)])))
     covariance = posterior.covariance()

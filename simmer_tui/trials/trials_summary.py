@@ -203,11 +203,6 @@ def ports_advice(results: Sequence[TrialResult]) -> str:
     return _PORTS_ADVICE if silent and not all(result.exit_code for result in results) else ""
 
 
-def replay_command(folder: TrialFolder, number: int) -> str:
-    """Command that plays a run again."""
-    return f"simmer-tui replay {shlex.quote(shown_path(folder.log(number)))}"
-
-
 def failure_text(result: TrialResult) -> str:
     """The verdict on a failed run."""
     if text := result.verdict.get("text"):
@@ -311,5 +306,7 @@ def _failures(folder: TrialFolder, results: list[TrialResult]) -> DataTable:
 
 
 def _listed(folder: TrialFolder, result: TrialResult, what: object) -> tuple[object, ...]:
-    command = replay_command(folder, result.number) if folder.log(result.number).exists() else "no log"
+    """A row for a run; `what` happened, and the command that plays it again."""
+    log = folder.log(result.number)
+    command = f"simmer-tui replay {shlex.quote(shown_path(log))}" if log.exists() else "no log"
     return result.number, result.time, what, command
