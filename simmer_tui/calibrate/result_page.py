@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from functools import partial
 from itertools import pairwise, zip_longest
 
 import numpy as np
@@ -33,9 +32,9 @@ from simmer_tui.document.model import (
 )
 from simmer_tui.phrases import capitalized
 from simmer_tui.report.figure import WIDTH
-from simmer_tui.sim.angles import IntArray
+from simmer_tui.sim.angles import FloatArray
 from simmer_tui.sim.command import escape_passage
-from simmer_tui.sim.specs import CELL_SIZE, WALL
+from simmer_tui.sim.specs import CELL_SIZE, WALL, SimulationSpec
 
 _READ_FAMILIES: tuple[int, ...] = (COUNTER, RANGE, OBSERVATION)
 _NUMBER = number(".3g")
@@ -171,18 +170,12 @@ def unidentified_table(estimates: Sequence[ParameterEstimate]) -> DataTable:
 def residual_table(fit: Fit) -> DataTable:
     """Median residuals of movements and readings, with the old set and with the new one."""
     before_state = fit_path(fit.run, fit.space, *fit.space.of(fit.run.spec), fit.state)
-    before, after = fit.model.rows(before_state), fit.rows
-    spec, rows = fit.run.spec, []
-    parts: list[tuple[str, str, Callable[[Rows], IntArray]]] = [
-        (each.kind.value, unit, partial(_moved, source=source, unit=unit))
-        for source, each in enumerate(spec.drives)
-        for unit in ("in", "deg")
+    before, after = (_residuals(fit.run.spec, each) for each in (fit.model.rows(before_state), fit.rows))
+    rows = [
+        (name, unit, float(np.median(was)), float(np.median(now)))
+        for (name, unit, was), (_, _, now) in zip(before, after, strict=True)
+        if was.size and now.size
     ]
-    parts += [(each.id, each.unit, partial(_read, source=i)) for i, each in enumerate(spec.sensors)]
-    for name, unit, chosen in parts:
-        was, now = (_middle(each, chosen(each)) for each in (before, after))
-        if now is not None and was is not None:
-            rows.append((name, unit, was, now))
     note = (
         "Median residuals of movements and readings along the path that fits best: with the old set (before) "
         "and with the new one (after)."
@@ -190,20 +183,18 @@ def residual_table(fit: Fit) -> DataTable:
     return RESIDUALS.filled(rows, note)
 
 
-def _moved(rows: Rows, *, source: int, unit: str) -> IntArray:
-    """Rows of a drive's movements: of both axes of translation in inches, or of the heading in degrees."""
+def _residuals(spec: SimulationSpec, rows: Rows) -> Iterator[tuple[str, str, FloatArray]]:
+    """Sizes of residuals by part and unit: of a drive's movements, both axes of translation in inches and the
+    heading in degrees, and of a sensor's readings."""
+    sizes = np.abs(rows.residuals)
     by_axis = np.flatnonzero(rows.family == PROCESS).reshape(len(AXES), -1)
-    mine = (by_axis[:-1] if unit == "in" else by_axis[-1:]).ravel()
-    return np.compress(rows.source[mine] == source, mine)
-
-
-def _read(rows: Rows, *, source: int) -> IntArray:
-    """Rows of a sensor's readings."""
-    return np.flatnonzero(np.isin(rows.family, _READ_FAMILIES) & (rows.source == source))
-
-
-def _middle(rows: Rows, mine: IntArray) -> float | None:
-    return float(np.median(np.abs(rows.residuals[mine]))) if mine.size else None
+    for source, drive in enumerate(spec.drives):
+        mine = sizes[by_axis[:, rows.source[by_axis[0]] == source]]
+        yield drive.kind.value, "in", mine[:-1]
+        yield drive.kind.value, "deg", mine[-1]
+    read = np.isin(rows.family, _READ_FAMILIES)
+    for source, sensor in enumerate(spec.sensors):
+        yield sensor.id, sensor.unit, sizes[read & (rows.source == source)]
 
 
 def held_back_table(held: HeldBack) -> DataTable:

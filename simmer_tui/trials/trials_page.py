@@ -59,14 +59,14 @@ def trials_page(folder: TrialFolder, run_pages: Mapping[int, str], required: flo
     results, made = folder.done, {table.key: table for table in tables(folder)}
     maps = _maps(folder, results, run_pages)
     first_map = maps[:1] if len(maps) == 1 else []
-    summary = failure_summary(results)
+    summary, endings = failure_summary(results), Counter(result.ending for result in results)
     failures: list[DocumentPart] = [made[key] for key in _SHOWN if key in made]
     if run_pages:
         failures.append(Bullets("Failed runs to play", _links(results, run_pages)))
     parts: list[DocumentPart] = [
         _about(folder, results),
         _verdict(results, required),
-        _bar(results),
+        ShareBar([(endings[ending], *words) for ending, words in _ENDINGS.items()]),
         _figures(results, required),
         Paragraph(ports_advice(results), kind="warning"),
         *beside(failures, first_map),
@@ -112,11 +112,6 @@ def _verdict(results: Sequence[TrialResult], required: float | None) -> VerdictB
             f" Most frequent cause: {name}, {len(group)} of {counted(len(results) - successes, 'failure')}."
         )
     return VerdictBox(key="answer", text=text, headline=headline, tone=tone, sentence=(sentence,))
-
-
-def _bar(results: Sequence[TrialResult]) -> ShareBar:
-    counts = Counter(result.ending for result in results)
-    return ShareBar([(counts[ending], *words) for ending, words in _ENDINGS.items()])
 
 
 def _figures(results: Sequence[TrialResult], required: float | None) -> KeyFigures:
