@@ -169,12 +169,11 @@ class MeasuredRun:
 
     def before_stop(self, last: int) -> MeasuredRun:
         """The part up to a stop, inclusive."""
-        chains, begin = [], 0
-        for chain in self.chains:
-            count = min(len(chain.movements), last - begin)
-            if begin <= last:
-                chains.append(replace(chain, movements=chain.movements[:count]))
-            begin += len(chain.movements) + 1
+        chains = [
+            replace(chain, movements=chain.movements[: last - first])
+            for first, chain in zip(self.first_stops(), self.chains, strict=True)
+            if first <= last
+        ]
         kept = {}
         for code, each in self.readings.items():
             early = each.stops <= last

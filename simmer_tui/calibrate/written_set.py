@@ -115,11 +115,10 @@ def _notes(estimates: Sequence[ParameterEstimate], source: str) -> dict[str, str
 
 def _noted(text: str, notes: dict[str, str]) -> str:
     """A CSV file with notes in a last column without a name."""
-    rows = list(csv.reader(io.StringIO(text)))
     made = io.StringIO()
-    writer = csv.writer(made, lineterminator="\n")
-    for number, row in enumerate(rows):
-        writer.writerow([*row, notes.get(row[0], "") if number else ""])
+    head, *rows = csv.reader(io.StringIO(text))
+    noted = ([*row, notes.get(row[0], "")] for row in rows)
+    csv.writer(made, lineterminator="\n").writerows([[*head, ""], *noted])
     return made.getvalue()
 
 
