@@ -286,11 +286,9 @@ async def drive_guided(
     due = list(FITS_AT)
     while True:
         for code in guide.looks():
-            value = await ask(code)
-            while math.isnan(value):
+            while math.isnan(value := await ask(code)):
                 show("the robot does not answer; waiting for it")
                 await asyncio.sleep(_WAIT)
-                value = await ask(code)
             guide.seen(code, value, clock())
         guide.settled()
         while due and guide.count >= due[0]:
@@ -299,10 +297,7 @@ async def drive_guided(
             fit = await learn()
             if fit is not None:
                 guide.learned(fit)
-        if guide.done:
-            return
-        move = guide.next_move()
-        if move is None:
+        if guide.done or (move := guide.next_move()) is None:
             return
         drive, amount = move
         show(f"{drive.code}-{amount:g}")

@@ -207,21 +207,8 @@ def explained(result: TrialResult, changed: Sequence[ChangedRun]) -> Explanation
         controls = _controls(saved, changed)
         text = f"Run {result.number} {_outcome_text(len(tried), saved, controls)}"
     suspected = str(cause.get("kind", "")) if likely else ""
-    confirmed = _confirmed_surely(cause, tried, saved, controls) if likely and repeats else None
+    confirmed = _confirmed(cause, tried, saved, controls) if likely and repeats else None
     return Explanation(result.number, text, suspected, confirmed, tuple(controls))
-
-
-def _confirmed_surely(
-    cause: Mapping[str, Any],
-    tried: Sequence[ChangedRun],
-    saved: Sequence[ChangedRun],
-    controls: Sequence[ChanceControl],
-) -> bool | None:
-    """`_confirmed` by the changes that are sure: one that may have saved the run by chance neither confirms
-    nor contradicts a cause."""
-    sure = {each.change for each in controls if each.is_sure}
-    kept = [each for each in saved if each.change in sure]
-    return _confirmed(cause, tried, kept) if bool(kept) == bool(saved) else None
 
 
 def _controls(saved: Sequence[ChangedRun], changed: Sequence[ChangedRun]) -> list[ChanceControl]:
@@ -245,8 +232,8 @@ def _outcome_text(tried: int, saved: Sequence[ChangedRun], controls: Sequence[Ch
         return "has not been repeated with changes yet."
     if not saved:
         return f"fails with each of {tried} changes. The likely cause is the program itself."
-    sure = {each.change for each in controls if each.is_sure}
-    named = [each for each in saved if each.change in sure] or list(saved)
+    sure = _sure(saved, controls)
+    named = sure or list(saved)
     *others, last = (each.change for each in named)
     text = f"succeeds with {', '.join(others)} or {last}" if others else f"succeeds with {last}"
     if not controls:
@@ -258,6 +245,12 @@ def _outcome_text(tried: int, saved: Sequence[ChangedRun], controls: Sequence[Ch
             ". These cannot be distinguished" if others else f". The likely cause is {_LIKELY[named[0].part]}"
         )
     return f"{text}. {_shown([each for each in controls if each.change in {*others, last}])}"
+
+
+def _sure(saved: Sequence[ChangedRun], controls: Sequence[ChanceControl]) -> list[ChangedRun]:
+    """The changes that saved a run, and surely not by chance."""
+    sure = {each.change for each in controls if each.is_sure}
+    return [each for each in saved if each.change in sure]
 
 
 def _shown(controls: Sequence[ChanceControl]) -> str:
@@ -284,12 +277,16 @@ def _simplest(saved: Sequence[ChangedRun]) -> list[ChangedRun]:
 
 
 def _confirmed(
-    cause: Mapping[str, Any], tried: Sequence[ChangedRun], saved: Sequence[ChangedRun]
+    cause: Mapping[str, Any],
+    tried: Sequence[ChangedRun],
+    saved: Sequence[ChangedRun],
+    controls: Sequence[ChanceControl],
 ) -> bool | None:
     """True if only changes of the suspected parts saved the run, False if none of them did; None if that
-    cannot be decided."""
+    cannot be decided. A change that may have saved it by chance neither confirms nor contradicts a cause."""
+    sure = _sure(saved, controls)
     parts, named = _BY_KIND.get(cause.get("kind", "")), set(cause.get("culprits", ()))
-    if parts is None:
+    if parts is None or (saved and not sure):
         return None
 
     def is_suspected(each: ChangedRun) -> bool:
@@ -299,9 +296,9 @@ def _confirmed(
 
     if not any(map(is_suspected, tried)):
         return None
-    if not any(map(is_suspected, saved)):
+    if not any(map(is_suspected, sure)):
         return False
-    return True if all(map(is_suspected, saved)) else None
+    return True if all(map(is_suspected, sure)) else None
 
 
 # -- tables ----------------------------------------------------------------------------------------
