@@ -181,10 +181,7 @@ def histogram(values: Sequence[float]) -> tuple[list[float], int]:
     low, high = min(values), max(values)
     span = high - low or max(abs(high), 1.0) / 10
     width = 10.0 ** math.floor(math.log10(span / _MOST_BINS))
-    for factor in (1, 2, 5, 10):
-        if span / (width * factor) <= _MOST_BINS:
-            width *= factor
-            break
+    width *= next(factor for factor in (1, 2, 5, 10) if span / (width * factor) <= _MOST_BINS)
     begin, end = math.floor(low / width), math.floor(high / width) + 1
     decimals = max(0, -math.floor(math.log10(width) + 1e-9))
     return [round(k * width, decimals) for k in range(begin, end + 1)], decimals
