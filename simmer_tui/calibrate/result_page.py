@@ -31,7 +31,7 @@ from simmer_tui.document.model import (
     VerdictBox,
 )
 from simmer_tui.phrases import capitalized
-from simmer_tui.report.figure import WIDTH
+from simmer_tui.report.figure import WALLS, WIDTH
 from simmer_tui.sim.angles import FloatArray
 from simmer_tui.sim.command import escape_passage
 from simmer_tui.sim.specs import CELL_SIZE, WALL, SimulationSpec
@@ -107,31 +107,22 @@ CHECK = DataTable(
 )
 TABLES = (MISFITS, PARAMETERS, UNIDENTIFIED, HELD_BACK, RESIDUALS, CHECK)
 """All tables of a calibration, and of a check."""
-_WALL_FILL, _PATH, _TOUCH = "#3c3c3c", "#3066e4", svg.CONTACT
-
-
+_PATH = "#3066e4"
 _MOST_CHANGED = 10
 """Most changed parameters that the page shows first: as many as fit beside the picture."""
-_FITS = "The model fits this robot"
-_FITS_NOT = "The model does not fit this robot"
 
 
 def fit_verdict(misfits: Sequence[Misfit]) -> VerdictBox:
     """The verdict on whether the model fits the robot, the first part of a page."""
-    why = "all its tests passed."
+    headline, tone, why = "The model fits this robot", Tone.GOOD, "all its tests passed."
     if misfits:
+        headline, tone = "The model does not fit this robot", Tone.BAD
         why = (
             "no set can describe everything it does, so the intervals are wider. The interval of a drive "
             "that changed covers its bias at the beginning and at the end of the log."
         )
-    headline = _FITS_NOT if misfits else _FITS
-    return VerdictBox(
-        key="fit",
-        text=f"{headline}: {why}",
-        headline=headline,
-        tone=Tone.BAD if misfits else Tone.GOOD,
-        sentence=(capitalized(why),),
-    )
+    text, sentence = f"{headline}: {why}", (capitalized(why),)
+    return VerdictBox(key="fit", text=text, headline=headline, tone=tone, sentence=sentence)
 
 
 def misfits_table(misfits: Sequence[Misfit]) -> DataTable:
@@ -321,12 +312,12 @@ def path_pictures(fit: Fit) -> list[DocumentPart]:
     scale = WIDTH / maze.width
     height, side = maze.height * scale, CELL_SIZE * scale
     walls = [
-        svg.element("rect", x=column * side, y=row * side, width=side, height=side, fill=_WALL_FILL)
+        svg.element("rect", x=column * side, y=row * side, width=side, height=side, fill=WALLS)
         for row, cells in enumerate(maze.cells)
         for column, cell in enumerate(cells)
         if cell == WALL
     ]
-    frame = svg.element("rect", x=0.0, y=0.0, width=WIDTH, height=height, fill="none", stroke=_WALL_FILL)
+    frame = svg.element("rect", x=0.0, y=0.0, width=WIDTH, height=height, fill="none", stroke=WALLS)
     for first, chain in zip(fit.run.first_stops(), fit.run.chains, strict=True):
         count = len(chain.movements) + 1
         poses = fit.poses[first : first + count]
@@ -338,7 +329,7 @@ def path_pictures(fit: Fit) -> list[DocumentPart]:
         for k, (x, y) in enumerate(places):
             spread = 2.0 * float(fit.pose_spread[first + k, :2].max()) * scale
             met = k and fit.state.contacts[fit.model.movement_at[first + k - 1]]
-            fill = _TOUCH if met else svg.shade(k / count)
+            fill = svg.CONTACT if met else svg.shade(k / count)
             parts.append(svg.element("circle", cx=x, cy=y, r=max(spread, 2.0), fill=fill, fill_opacity=0.6))
         title = "The estimated path, dark at its beginning; red: a wall was touched on the way"
         about = f"{title}. A disc shows the uncertainty of its place (95 %)."

@@ -96,21 +96,19 @@ def _verdict(results: Sequence[TrialResult], required: float | None) -> VerdictB
     successes = sum(result.success for result in results)
     headline, rated = success_texts(results)
     text = f"{headline}: {rated}"
+    sentence = capitalized(rated)
     if required is None:
         tone = Tone.GOOD if successes == len(results) else Tone.MIXED if successes else Tone.BAD
-        required_text = ""
     else:
         enough = rate(results).value >= required
         headline += ": enough" if enough else ": too few"
         tone = Tone.GOOD if enough else Tone.BAD
-        required_text = f", {required:g} is required"
-    sentence = f"{capitalized(rated)}{required_text}."
-    causes = counted_causes(results)
-    if causes:
-        name, group = causes[0]
-        sentence += (
-            f" Most frequent cause: {name}, {len(group)} of {counted(len(results) - successes, 'failure')}."
-        )
+        sentence += f", {required:g} is required"
+    sentence += "."
+    if causes := counted_causes(results):
+        (name, group), *_ = causes
+        failures = counted(len(results) - successes, "failure")
+        sentence += f" Most frequent cause: {name}, {len(group)} of {failures}."
     return VerdictBox(key="answer", text=text, headline=headline, tone=tone, sentence=(sentence,))
 
 
