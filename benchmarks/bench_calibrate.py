@@ -42,7 +42,7 @@ from simmer_tui.calibrate.guided import WANTED, SessionPlanner, drive_guided, gu
 from simmer_tui.calibrate.measured_run import read_runs
 from simmer_tui.calibrate.parameters import main_axis
 from simmer_tui.calibrate.prediction import follow, held_back
-from simmer_tui.calibrate.written_set import knowledge_of, learned_spec, write_files
+from simmer_tui.calibrate.written_set import knowledge_of, learned_spec, write_texts
 from simmer_tui.config.loader import load
 from simmer_tui.config.sets import bundled_folder
 from simmer_tui.errors import CalibrationError
@@ -462,7 +462,7 @@ def write_mission_set(place: Path, like: SimulationSpec) -> None:
     texts["drive.csv"] = drive_csv_text(tuple(drives[each.kind] for each in spec.drives), spec.gripper)
     assert "randbias = true" in texts["settings.toml"], "biases are drawn there"
     texts["settings.toml"] = texts["settings.toml"].replace("randbias = true", "randbias = false")
-    write_files(texts, place)
+    write_texts(texts, place)
 
 
 def main() -> int:

@@ -111,9 +111,7 @@ def _estimate(parameter: Parameter, value: float, spread: float, why: str) -> Pa
     low, high = parameter.interval(value, spread)
     reaches_zero = parameter.kind is ParameterKind.NOISE and spread > _FROM_ZERO
     if not why and reaches_zero and not parameter.present:
-        why = (
-            f"too small to distinguish from 0: at most {high:.2g}{' ' * bool(parameter.unit)}{parameter.unit}"
-        )
+        why = f"too small to distinguish from 0: at most {high:.2g} {parameter.unit}".rstrip()
     estimate = ParameterEstimate(
         *(parameter.owner, parameter.field, parameter.label, parameter.unit, parameter.present),
         *(value, 0.0 if reaches_zero else low, high),

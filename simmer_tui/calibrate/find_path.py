@@ -9,7 +9,7 @@ few stop anywhere (the slip hypothesis).
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -45,6 +45,9 @@ of ranges."""
 _BIAS_JITTER = 0.05
 """The same for their biases, as a share of the spread of the drawn ones."""
 
+ValuesAtStops = Mapping[str, Mapping[int, tuple[float, float]]]
+"""Readings by code and stop: value and time."""
+
 
 @dataclass(frozen=True)
 class RoughPath:
@@ -70,6 +73,8 @@ class PathFinder:
         sensors = observed_sensors(spec).values()
         self._observers = [each for each in sensors if isinstance(each, ObservingSensor)]
         self._counters = [each for each in sensors if isinstance(each, CountingSensor)]
+        self._biases = np.array([on_axes(drive.bias) for drive in spec.drives])
+        self._spread = np.array([_TURN_BIAS_SPREAD if d.kind.turns else _BIAS_SPREAD for d in spec.drives])
         self._has_gyro = not all(each.slips for each in self._counters)
 
     def find(
@@ -95,7 +100,7 @@ class PathFinder:
         free = self._clear.of(poses) > -0.3
         if free.any():
             poses = poses[random.choice(np.flatnonzero(free), count)]
-        biases = self._drawn_biases(count, random)
+        biases = self._biases + self._spread * random.standard_normal((count, *self._spread.shape))
         total = len(chain.movements)
         history = np.empty((total + 1, count, 3), np.float32)
         parents = np.empty((total + 1, count), np.int32)
@@ -135,12 +140,6 @@ class PathFinder:
                 contacts[step - 1] = touched[step, index]
                 index = int(parents[step - 1, index])
         return RoughPath(path, contacts, fits / max(readings, 1))
-
-    def _drawn_biases(self, count: int, random: np.random.Generator) -> FloatArray:
-        drives = self._spec.drives
-        present = np.array([on_axes(drive.bias) for drive in drives])
-        self._spread = np.array([_TURN_BIAS_SPREAD if d.kind.turns else _BIAS_SPREAD for d in drives])
-        return np.asarray(present + self._spread * random.standard_normal((count, len(drives), 3)))
 
     def _move(
         self,
@@ -183,7 +182,12 @@ class PathFinder:
             totals = totals + d * biases[:, index]
             spread = np.hypot(spread, d * errors) if spread.any() else d * errors
         totals = totals + spread * random.standard_normal((count, 3))
-        counted = self._increments(stop - 1, stop)
+        counted = [
+            _Increment(counter, change / (counter.spec.gain or 1.0), seconds)
+            for counter, change, seconds in increments(
+                self._counters, self._run.values_at_stops, stop - 1, stop
+            )
+        ]
         wheels = [each for each in counted if each.counter.slips]
         gyro = next((each for each in counted if not each.counter.slips), None)
         # Three wheels determine all three totals; two leave one to the process model alone.
@@ -228,30 +232,15 @@ class PathFinder:
         kept = met & (self._clear.of(there) >= np.minimum(self._clear.of(poses), 0.0) - 0.02)
         poses[kept] = there[kept]
 
-    def _increments(self, before: int, after: int) -> list[_Increment]:
-        """Increments between two stops of the counters that were read at both."""
-        found = []
-        for counter in self._counters:
-            said = self._run.values_at_stops.get(counter.spec.code, {})
-            if before in said and after in said:
-                change = counter.change(said[before], said[after])
-                if math.isfinite(change):
-                    seconds = said[after][1] - said[before][1]
-                    found.append(_Increment(counter, change / (counter.spec.gain or 1.0), seconds))
-        return found
-
     def _score(self, stop: int, poses: FloatArray) -> tuple[FloatArray, int]:
         """Log likelihoods of the readings at a stop, and the number of readings."""
         score = np.zeros(len(poses))
         read = 0
-        for sensor in self._observers:
-            said = self._run.values_at_stops.get(sensor.spec.code, {}).get(stop)
-            if said is None or not math.isfinite(said[0]) or not is_known_to(self._run, sensor, stop):
-                continue
+        for sensor, value, _ in observed(self._run, self._observers, self._run.values_at_stops, stop):
             expected = sensor.expected(self._world, poses, 0.0)
             # If nothing is in range, a reading has the largest error: 1,000 is beyond any maze.
             expected = np.where(np.isfinite(expected), expected, 1e3)
-            score += np.log(sensor.rough_likelihood(said[0], expected))
+            score += np.log(sensor.rough_likelihood(value, expected))
             read += 1
         return score, read
 
@@ -291,6 +280,28 @@ def world_of(run: MeasuredRun) -> World:
     """The world that sensors see: the maze, and the block at its place in the set."""
     spec = run.spec
     return World(Maze(spec.maze), Block(*spec.block_center, spec.block_size, 0.0))
+
+
+def increments(
+    counters: Iterable[CountingSensor], values: ValuesAtStops, before: int, after: int
+) -> Iterator[tuple[CountingSensor, float, float]]:
+    """The counters that were read at two stops, each with its increment and the seconds between."""
+    for counter in counters:
+        said = values.get(counter.spec.code, {})
+        if before in said and after in said:
+            change = counter.change(said[before], said[after])
+            if math.isfinite(change):
+                yield counter, change, said[after][1] - said[before][1]
+
+
+def observed(
+    run: MeasuredRun, sensors: Iterable[ObservingSensor], values: ValuesAtStops, stop: int
+) -> Iterator[tuple[ObservingSensor, float, float]]:
+    """The sensors whose view at a stop is known, each with its finite reading there: value and time."""
+    for sensor in sensors:
+        value, time = values.get(sensor.spec.code, {}).get(stop, (math.nan, math.nan))
+        if math.isfinite(value) and is_known_to(run, sensor, stop):
+            yield sensor, value, time
 
 
 def is_known_to(run: MeasuredRun, sensor: ObservingSensor, stops: IntArray | int) -> BoolArray:

@@ -20,7 +20,6 @@ from simmer_tui.calibrate.measured_run import MeasuredRun
 from simmer_tui.calibrate.model_check import Misfit, check_model, with_mounting
 from simmer_tui.calibrate.parameters import (
     IDENTIFIED,
-    LEAST_SCALE,
     ParameterSpace,
     observed_sensors,
     parameters_of,
@@ -161,7 +160,7 @@ def fit(
     for number, count in enumerate(PARTICLES):
         random = np.random.default_rng((seed, number))
         # Each later try starts half as wide again, for a robot that was placed less exactly than requested.
-        state, likely = _rough(run, model, count, random, 1.0 + 0.5 * number, progress)
+        state, likely = _rough(model, count, random, 1.0 + 0.5 * number, progress)
         if likely < _HOPELESS:
             reason = "the ranges fit no path through the maze"
             continue
@@ -231,14 +230,10 @@ def start_state(run: MeasuredRun, model: Model, paths: list[RoughPath]) -> Itera
 
 
 def _rough(
-    run: MeasuredRun,
-    model: Model,
-    count: int,
-    random: np.random.Generator,
-    wide: float,
-    progress: Progress,
+    model: Model, count: int, random: np.random.Generator, wide: float, progress: Progress
 ) -> tuple[Iterate, float]:
     """The first iterate, and the log likelihood a reading of the chain that fits worst."""
+    run = model.run
     finder = PathFinder(run)
 
     def at_stop(stop: int) -> None:
@@ -302,6 +297,16 @@ def slips_in(model: Model, state: Iterate, rows: Rows) -> BoolArray:
 # -- noise scales -----------------------------------------------------------------------------------
 
 
+def _scored(
+    model: Model, state: Iterate, random: np.random.Generator, tight: FloatArray | None = None
+) -> tuple[Rows, Posterior, FloatArray, FloatArray]:
+    """Rows and posterior at a point, with gradient and information of the noise scales' logarithms. `tight`
+    is as in `Model.rows`."""
+    rows = model.rows(state, 0.0, tight)
+    posterior = Posterior(rows, model.width)
+    return rows, posterior, *noise_scale_score(model.space, state, rows, posterior, random)
+
+
 def _with_noise_scales(
     model: Model,
     state: Iterate,
@@ -323,9 +328,7 @@ def _with_noise_scales(
         for _ in range(2 if turn == 0 else 1):
             state = _stepped(model, state, 0.0, tight)
         state = with_contacts(model, state)
-        rows = model.rows(state, 0.0, tight)
-        posterior = Posterior(rows, model.width)
-        gradient, information = noise_scale_score(model.space, state, rows, posterior, random)
+        rows, _, gradient, information = _scored(model, state, random, tight)
         step = np.linalg.solve(information, gradient)
         if fixed is not None:
             step[fixed] = 0.0
@@ -347,15 +350,12 @@ def _with_noise_scales(
 
 def _result(model: Model, state: Iterate, random: np.random.Generator) -> Fit:
     space = model.space
-    rows = model.rows(state)
-    posterior = Posterior(rows, model.width)
+    rows, posterior, _, information = _scored(model, state, random)
     prior_spreads = np.array([each.spread for each in space.parameters])
     log_spreads = np.array([each.spread for each in space.noise_scales])
-    _, information = noise_scale_score(model.space, state, rows, posterior, random)
     noise_scale_errors = np.sqrt(np.diag(np.linalg.inv(information)))
     identified = np.sqrt(np.diag(posterior.covariance())) < IDENTIFIED * prior_spreads
-    present = np.array([each.present for each in space.parameters])
-    present_scales = np.array([max(each.present, LEAST_SCALE) for each in space.noise_scales])
+    present, present_scales = space.of(model.run.spec)
     # A log with little information on a small noise scale may still show that it is smaller than the set's.
     smaller = state.noise_scales * np.exp(Z_95 * noise_scale_errors) < present_scales
     noise_scales_identified = (noise_scale_errors < IDENTIFIED * log_spreads) | smaller
@@ -371,9 +371,7 @@ def _result(model: Model, state: Iterate, random: np.random.Generator) -> Fit:
         state = _with_noise_scales(
             model, state, random, fixed=~noise_scales_identified, tight=tight, rounds=_ROUNDS // 3
         )
-        rows = model.rows(state, 0.0, tight)
-        posterior = Posterior(rows, model.width)
-        _, information = noise_scale_score(model.space, state, rows, posterior, random)
+        rows, posterior, _, information = _scored(model, state, random, tight)
         chosen = np.flatnonzero(noise_scales_identified)
         noise_scale_errors[chosen] = np.sqrt(np.diag(np.linalg.inv(information[np.ix_(chosen, chosen)])))
     covariance = posterior.covariance()

@@ -81,11 +81,9 @@ class Clearance:
         # A ring of walls around the maze represents its outside. It is two cells wide, so that all neighbours
         # of a cell inside exist.
         self._walls = np.pad(np.array(maze.cells)[::-1] == WALL, 2, constant_values=True)
-        self._radius = 0.0
+        self._radius = robot.radius or 0.0
         self._outline = np.zeros((1, 2))
-        if robot.radius is not None:
-            self._radius = robot.radius
-        else:
+        if robot.radius is None:
             corners = np.array(robot.vertices)
             shares = np.arange(_OUTLINE)[:, None, None] / _OUTLINE
             sides = corners + shares * (np.roll(corners, -1, axis=0) - corners)

@@ -16,6 +16,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from msgspec.structs import astuple, replace
+from numpy.typing import ArrayLike
 
 from simmer_tui.calibrate.estimates import estimates_of
 from simmer_tui.calibrate.fit import Fit
@@ -94,8 +95,7 @@ class SessionPlanner:
         self._chain = Chain(self.start, 1, spread=PLACED)
         self._clear = Clearance(spec.maze, spec.robot)
         self._plan = [*_spin(self.drives), *_square(self.drives)]
-        self._follow(worst_case(spec), np.array(astuple(self.start)))
-        self._filter.covariance = np.diag(np.square(PLACED))
+        self._follow(worst_case(spec), np.array(astuple(self.start)), PLACED)
 
     @property
     def pose(self) -> Pose:
@@ -149,9 +149,9 @@ class SessionPlanner:
         self.fit = fit
         spec = learned_spec(fit.run.spec, estimates_of(fit))
         before = self._filter
-        self._follow(learned_worst_case(spec), fit.poses[-1].copy(), self.count)
         # Three times the fit's spread, at least a tenth of an inch: the filter must not be overconfident.
-        self._filter.covariance = np.diag(np.square(np.maximum(3 * fit.pose_spread[-1], (0.1, 0.1, 0.3))))
+        spread = np.maximum(3 * fit.pose_spread[-1], (0.1, 0.1, 0.3))
+        self._follow(learned_worst_case(spec), fit.poses[-1].copy(), spread)
         self._filter.values_at_stops, self._filter.movements = before.values_at_stops, before.movements
 
     @property
@@ -223,12 +223,12 @@ class SessionPlanner:
         for each in (*self.random.permutation(3).tolist(), *range(3, len(_AMOUNTS))):
             yield round(float(amounts[each]), 1)
 
-    def _follow(self, spec: SimulationSpec, pose: FloatArray, stop: int = 0) -> None:
+    def _follow(self, spec: SimulationSpec, pose: FloatArray, spread: ArrayLike) -> None:
+        """Follow the robot by a set from the present stop on; `spread` are the pose's standard deviations."""
         run = MeasuredRun(
             replace(self.configuration, simulation=spec), ("guided",), (self._chain,), {}, None, False
         )
-        self._filter = PoseFilter(run, spec, pose, np.eye(3), stop)
-        self._seen = {}
+        self._filter = PoseFilter(run, spec, pose, np.diag(np.square(spread)), self.count)
 
 
 def worst_case(spec: SimulationSpec) -> SimulationSpec:
@@ -286,11 +286,9 @@ async def drive_guided(
     due = list(FITS_AT)
     while True:
         for code in guide.looks():
-            value = await ask(code)
-            while math.isnan(value):
+            while math.isnan(value := await ask(code)):
                 show("the robot does not answer; waiting for it")
                 await asyncio.sleep(_WAIT)
-                value = await ask(code)
             guide.seen(code, value, clock())
         guide.settled()
         while due and guide.count >= due[0]:
@@ -299,10 +297,7 @@ async def drive_guided(
             fit = await learn()
             if fit is not None:
                 guide.learned(fit)
-        if guide.done:
-            return
-        move = guide.next_move()
-        if move is None:
+        if guide.done or (move := guide.next_move()) is None:
             return
         drive, amount = move
         show(f"{drive.code}-{amount:g}")

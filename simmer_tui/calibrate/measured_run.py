@@ -27,7 +27,6 @@ from simmer_tui.events import (
     LegEnded,
     MovementPlanned,
 )
-from simmer_tui.runlog.header import Header
 from simmer_tui.runlog.reader import Logged, LogReader
 from simmer_tui.sim.angles import FloatArray, IntArray
 from simmer_tui.sim.command import escape_passage, parse_value
@@ -170,12 +169,11 @@ class MeasuredRun:
 
     def before_stop(self, last: int) -> MeasuredRun:
         """The part up to a stop, inclusive."""
-        chains, begin = [], 0
-        for chain in self.chains:
-            count = min(len(chain.movements), last - begin)
-            if begin <= last:
-                chains.append(replace(chain, movements=chain.movements[:count]))
-            begin += len(chain.movements) + 1
+        chains = [
+            replace(chain, movements=chain.movements[: last - first])
+            for first, chain in zip(self.first_stops(), self.chains, strict=True)
+            if first <= last
+        ]
         kept = {}
         for code, each in self.readings.items():
             early = each.stops <= last
@@ -314,22 +312,12 @@ def read_runs(paths: Iterable[Path]) -> MeasuredRun:
         RunLogError, ConfigurationError: for a file that is not a log, or whose set cannot be read.
     """
     collector = _Collector()
-    configuration: Configuration | None = None
-    names: list[str] = []
-    headers: list[Header] = []
+    logs: list[LogReader] = []
     notes: list[str] = []
     for path in paths:
         with LogReader(path) as log:
-            if configuration is None:
-                configuration = log.configuration
-            elif _differ(configuration.simulation, log.configuration.simulation):
-                raise CalibrationError(
-                    f"{log.shown} was made with another set than {names[0]}: robot, sensors, drives or maze "
-                    "differ; calibrate from logs of one robot described by one set"
-                )
-            _refuse_header(log, headers, names)
-            names.append(log.shown)
-            headers.append(log.header)
+            _check_same_robot(log, logs)
+            logs.append(log)
             collector.begin(log.header.pose, 1)
             collector.describe(log.configuration.simulation)
             if log.header.holding:
@@ -341,15 +329,15 @@ def read_runs(paths: Iterable[Path]) -> MeasuredRun:
                     notes.append(f"{log.shown}: line {logged.line} is left out: {logged.reason}")
             if log.note:
                 notes.append(f"{log.shown}: {log.note}")
-    assert configuration is not None, "there is a log"
     collector.settle(certain=False)
+    names = tuple(log.shown for log in logs)
     run = MeasuredRun(
-        configuration,
-        tuple(names),
+        logs[0].configuration,
+        names,
         tuple(collector.chains),
         {code: Readings(*map(np.array, zip(*rows, strict=True))) for code, rows in collector.found.items()},
         collector.block_moved_at,
-        headers[0].simulated,
+        logs[0].header.simulated,
         tuple(notes),
     )
     if not run.movements:
@@ -359,17 +347,22 @@ def read_runs(paths: Iterable[Path]) -> MeasuredRun:
     return run
 
 
-def _refuse_header(log: LogReader, headers: list[Header], names: list[str]) -> None:
-    """Raises CalibrationError if the log's header does not fit those before it."""
-    if log.header in headers:
-        first = names[headers.index(log.header)]
-        raise CalibrationError(f"{log.shown} is the same run as {first}; name each log once")
-    if headers and log.header.simulated != headers[0].simulated:
-        kinds = {True: "simulated", False: "real"}
-        raise CalibrationError(
-            f"{log.shown} is of a {kinds[log.header.simulated]} robot, {names[0]} of a "
-            f"{kinds[headers[0].simulated]} one; calibrate from logs of one robot"
-        )
+def _check_same_robot(log: LogReader, before: Sequence[LogReader]) -> None:
+    """Raises CalibrationError if a log is not another run of the same robot as those before it."""
+    for each in before:
+        if _differ(each.configuration.simulation, log.configuration.simulation):
+            raise CalibrationError(
+                f"{log.shown} was made with another set than {each.shown}: robot, sensors, drives or maze "
+                "differ; calibrate from logs of one robot described by one set"
+            )
+        if log.header == each.header:
+            raise CalibrationError(f"{log.shown} is the same run as {each.shown}; name each log once")
+        if log.header.simulated != each.header.simulated:
+            kinds = {True: "simulated", False: "real"}
+            raise CalibrationError(
+                f"{log.shown} is of a {kinds[log.header.simulated]} robot, {each.shown} of a "
+                f"{kinds[each.header.simulated]} one; calibrate from logs of one robot"
+            )
 
 
 def _differ(one: SimulationSpec, other: SimulationSpec) -> bool:

@@ -234,19 +234,14 @@ def _terms(model: Model, state: Iterate, rows: Rows) -> list[_Term]:
 def _column(model: Model, state: Iterate, rows: Rows, amounts: FloatArray) -> FloatArray:
     """Derivatives of all residuals by a factor on `amounts`, (movements,), the additional distances of
     drives."""
-    totals = amounts[:, None] * (_main_axes(model) + model.biases(state))
+    axes = np.abs([on_axes(drive.kind.direction) for drive in model.run.spec.drives])
+    totals = amounts[:, None] * (axes[model.drive] + model.biases(state))
     made = np.zeros(len(rows.residuals))
     # The rows of the process model come axis by axis.
     process = np.flatnonzero(rows.family == PROCESS).reshape(len(AXES), -1)
     for axis, mine in enumerate(process):
         made[mine] = -model.innovations(totals[:, axis])[model.movement_at[rows.stop[mine]]]
     return made
-
-
-def _main_axes(model: Model) -> FloatArray:
-    """1 at the main axis of each movement, else 0, (movements, 3)."""
-    directions = np.array([on_axes(drive.kind.direction) for drive in model.run.spec.drives])
-    return np.asarray(np.abs(directions)[model.drive])
 
 
 def _half_a_drift(model: Model, state: Iterate, drives: tuple[int, ...], value: float) -> FloatArray:

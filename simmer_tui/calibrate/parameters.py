@@ -202,16 +202,11 @@ def _of_drive(drive: DriveSpec, index: int, table: str, axis: str, scale: float)
     label = f"{'rotation' if axis == 'r' else f'{axis}-axis'} {table}"
     value = centre = float(attrgetter(field)(drive))
     if table == "bias":
-        parameter_kind, spread = (
-            ParameterKind.BIAS,
-            (_TURN_BIAS_PRIOR if kind.turns else _BIAS_PRIOR)[AXES.index(axis)],
-        )
+        what, spread = ParameterKind.BIAS, (_TURN_BIAS_PRIOR if kind.turns else _BIAS_PRIOR)[AXES.index(axis)]
     else:
-        parameter_kind, spread = ParameterKind.NOISE, _ERROR_PRIOR
+        what, spread = ParameterKind.NOISE, _ERROR_PRIOR
         centre = value or (_USUAL_TURN_ERROR if kind.turns else _USUAL_ERROR)
-    return Parameter(
-        kind.value, field, label, parameter_kind, True, index, value, centre, scale * spread, unit
-    )
+    return Parameter(kind.value, field, label, what, True, index, value, centre, scale * spread, unit)
 
 
 def _of_sensor(sensor: Sensor, index: int, prior: Prior, scale: float) -> Parameter:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Set
+from collections.abc import Iterator, Set
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from simmer_tui.calibrate.find_path import is_known_to, world_of
+from simmer_tui.calibrate.find_path import increments, observed, world_of
 from simmer_tui.calibrate.geometry import SHARES, Clearance, moved, on_axes
 from simmer_tui.calibrate.measured_run import MeasuredRun
 from simmer_tui.calibrate.parameters import observed_sensors
@@ -115,32 +115,22 @@ class PoseFilter:
             there, _ = self._arrive(pose, wheels[-1], step)
             turned += there[2] - pose[2]
             pose = there
-        for counter in self._counters:
-            begin, end = (self._reading(counter, each) for each in (origin, stop))
-            if begin is not None and end is not None:
-                counted = float(counter.lever[2] * turned)
-                if counter.slips:
-                    counted = sum(float(counter.lever @ each) for each in wheels)
-                off = counter.change(begin, end) - counter.spec.gain * counted
-                self._note(counter, ahead, counter.wrapped(off))
-        for sensor in self._observers:
-            if (reading := self._reading(sensor, stop)) is not None:
-                seen = self._expected(sensor, pose[None], reading[1], stop)[0]
-                self._note(sensor, ahead, reading[0] - seen)
+        for counter, change, _ in increments(self._counters, self.values_at_stops, origin, stop):
+            counted = float(counter.lever[2] * turned)
+            if counter.slips:
+                counted = sum(float(counter.lever @ each) for each in wheels)
+            self._note(counter, ahead, counter.wrapped(change - counter.spec.gain * counted))
+        for sensor, value, time in self._observed(stop):
+            self._note(sensor, ahead, value - sensor.expected(self.world, pose[None], time)[0])
 
-    def _reading(self, sensor: Sensor, stop: int) -> tuple[float, float] | None:
-        """A sensor's reading at a stop, value and time; None if there is none, or it is infinite."""
-        reading = self.values_at_stops.get(sensor.spec.code, {}).get(stop)
-        return reading if reading is not None and np.isfinite(reading[0]) else None
+    def _observed(self, stop: int) -> Iterator[tuple[ObservingSensor, float, float]]:
+        return observed(self.run, self._observers, self.values_at_stops, stop)
 
     def _counted(self, stop: int) -> list[_Counted]:
         """Increments of the counters over the movement to a stop."""
         totals, _ = self._process_model(stop)
         found = []
-        for counter in self._counters:
-            begin, end = (self._reading(counter, each) for each in (stop - 1, stop))
-            if begin is None or end is None:
-                continue
+        for counter, change, seconds in increments(self._counters, self.values_at_stops, stop - 1, stop):
             spec = counter.spec
             part = spec.gain * counter.lever * totals
             squares = part**2
@@ -148,8 +138,8 @@ class PoseFilter:
                 squares = np.abs(part * spec.gain * counter.lever) * REFERENCES
             variance = (spec.error**2) * float(squares.sum()) / self.spec.num_segments
             variance += counter.least_error**2
-            variance += spec.random_walk**2 * (end[1] - begin[1])
-            found.append(_Counted(counter, spec.gain * counter.lever, counter.change(begin, end), variance))
+            variance += spec.random_walk**2 * seconds
+            found.append(_Counted(counter, spec.gain * counter.lever, change, variance))
         return found
 
     def _move(self, stop: int) -> None:
@@ -210,12 +200,9 @@ class PoseFilter:
     def _innovations(self, stop: int) -> list[_Innovation]:
         """Observations at a stop, linearised about the pose."""
         found = []
-        for sensor in self._observers:
-            reading = self._reading(sensor, stop)
-            if reading is None:
-                continue
-            around = np.concatenate((self.pose[None], self.pose + _STEPS, self.pose - _STEPS))
-            seen = self._expected(sensor, around, reading[1], stop)
+        around = np.concatenate((self.pose[None], self.pose + _STEPS, self.pose - _STEPS))
+        for sensor, value, time in self._observed(stop):
+            seen = sensor.expected(self.world, around, time)
             if not np.isfinite(seen).all():
                 continue
             slope = (seen[1:4] - seen[4:]) / (2 * np.diag(_STEPS))
@@ -223,7 +210,7 @@ class PoseFilter:
             spec = sensor.spec
             # 4e-4 is 0.02 squared, in or degrees: no reading is more exact than that.
             variance = (spec.error * (seen[0] - spec.bias)) ** 2 + spec.absolute_error**2 + bends + 4e-4
-            off = sensor.wrapped(float(reading[0] - seen[0]))
+            off = sensor.wrapped(float(value - seen[0]))
             found.append(_Innovation(sensor, off, slope, variance))
         return found
 
@@ -233,25 +220,23 @@ class PoseFilter:
         That happens after an unexpectedly early contact. Poses around and on the path are tried, since a
         filter with one pose never recovers by itself.
         """
-        known = [each for each in self._observers if is_known_to(self.run, each, stop)]
-        found = [(sensor, self._reading(sensor, stop)) for sensor in known]
-        readings = [(sensor, each) for sensor, each in found if each is not None]
-        ranging = np.array([sensor.spec.kind.is_range for sensor, _ in readings], bool)
+        readings = [*self._observed(stop)]
+        ranging = np.array([sensor.spec.kind.is_range for sensor, *_ in readings], bool)
         if ranging.sum() < _ENOUGH:
             return
-        away, _ = self._fits(readings, self.pose[None], stop)
+        away, _ = self._fits(readings, self.pose[None])
         if (np.abs(away[ranging, 0]) > _GATE).sum() < _FAR_OFF:
             return
         # First widely, then around those that fit best, to 0.15 in and to 0.05 in; the present pose is always
         # among them.
         poses = self._candidates()
         for finer in (0.15, 0.05):
-            _, score = self._fits(readings, poses, stop)
+            _, score = self._fits(readings, poses)
             share = np.exp(score - score.max())
             chosen = self._random.choice(len(poses), _SEARCHED - 1, p=share / share.sum())
             jitter = finer * np.array((1.0, 1.0, 2.0)) * self._random.standard_normal((len(chosen), 3))
             poses = np.concatenate((self.pose[None], poses[chosen] + jitter))
-        _, score = self._fits(readings, poses, stop)
+        _, score = self._fits(readings, poses)
         best = int(score.argmax())
         if score[best] - score[0] < _BETTER:
             return
@@ -278,13 +263,13 @@ class PoseFilter:
         return around
 
     def _fits(
-        self, readings: list[tuple[ObservingSensor, tuple[float, float]]], poses: FloatArray, stop: int
+        self, readings: list[tuple[ObservingSensor, float, float]], poses: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
         """Error of each reading at each pose, in standard deviations, (readings, poses), and the poses' log
         likelihoods, with outliers."""
         score, off = np.zeros(len(poses)), np.zeros((len(readings), len(poses)))
-        for number, (sensor, (value, time)) in enumerate(readings):
-            seen = self._expected(sensor, poses, time, stop)
+        for number, (sensor, value, time) in enumerate(readings):
+            seen = sensor.expected(self.world, poses, time)
             sigma = sensor.model_error(seen, poses)
             # If nothing is in range, a reading has the largest error: 50 standard deviations.
             away = np.where(np.isfinite(seen), sensor.wrapped(value - seen) / sigma, 50.0)
@@ -293,12 +278,6 @@ class PoseFilter:
             score += np.log(0.95 * np.exp(-0.5 * np.minimum(away**2, 500.0)) / sigma + 1e-3)
             off[number] = away
         return off, score
-
-    def _expected(self, sensor: ObservingSensor, poses: FloatArray, time: float, stop: int) -> FloatArray:
-        """Readings without random errors, (n,); NaN where the sensor's view is not known."""
-        if not is_known_to(self.run, sensor, stop):
-            return np.full(len(poses), np.nan)
-        return sensor.expected(self.world, poses, time)
 
     def _note(self, sensor: Sensor, ahead: int, off: float, deviation: float = 0.0) -> None:
         """Note an error of a prediction, with its expected standard deviation, if that is known."""

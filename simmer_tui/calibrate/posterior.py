@@ -12,6 +12,7 @@ degrees of freedom of the poses (Patterson and Thompson 1971). Traces are estima
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -70,9 +71,7 @@ class RowStack:
 
     def __init__(self) -> None:
         self._count = 0
-        self._parts: dict[str, list[Any]] = {
-            name: [] for name in ("residuals", "variances", "weights", "family", "source", "stop")
-        }
+        self._parts: defaultdict[str, list[Any]] = defaultdict(list)
         self._entries: list[tuple[Any, Any, Any]] = []
         self._shares: list[tuple[Any, Any, Any]] = []
 

@@ -115,10 +115,9 @@ def follow(
     early = run.before_stop(last)
     path = fit_path(early, fit.space, parameters, noise_scales, rough)
     pose, covariance = fit_tail(early, fit.space, path)
-    pose_filter = PoseFilter(
-        run, fit.space.with_estimates(run.spec, parameters, noise_scales), pose, covariance, last
-    )
-    pose_filter.free = frozenset((fit.model.before[~fit.state.contacts] + 1).tolist())
+    spec = fit.space.with_estimates(run.spec, parameters, noise_scales)
+    free = frozenset((fit.model.before[~fit.state.contacts] + 1).tolist())
+    pose_filter = PoseFilter(run, spec, pose, covariance, last, free=free)
     for stop in range(last + 1, run.stops):
         pose_filter.advance(stop)
     return pose_filter

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from functools import partial
 from itertools import pairwise, zip_longest
 
 import numpy as np
@@ -32,10 +31,10 @@ from simmer_tui.document.model import (
     VerdictBox,
 )
 from simmer_tui.phrases import capitalized
-from simmer_tui.report.figure import WIDTH
-from simmer_tui.sim.angles import IntArray
+from simmer_tui.report.figure import WALLS, WIDTH
+from simmer_tui.sim.angles import FloatArray
 from simmer_tui.sim.command import escape_passage
-from simmer_tui.sim.specs import CELL_SIZE, WALL
+from simmer_tui.sim.specs import CELL_SIZE, WALL, SimulationSpec
 
 _READ_FAMILIES: tuple[int, ...] = (COUNTER, RANGE, OBSERVATION)
 _NUMBER = number(".3g")
@@ -108,31 +107,22 @@ CHECK = DataTable(
 )
 TABLES = (MISFITS, PARAMETERS, UNIDENTIFIED, HELD_BACK, RESIDUALS, CHECK)
 """All tables of a calibration, and of a check."""
-_WALL_FILL, _PATH, _TOUCH = "#3c3c3c", "#3066e4", svg.CONTACT
-
-
+_PATH = "#3066e4"
 _MOST_CHANGED = 10
 """Most changed parameters that the page shows first: as many as fit beside the picture."""
-_FITS = "The model fits this robot"
-_FITS_NOT = "The model does not fit this robot"
 
 
 def fit_verdict(misfits: Sequence[Misfit]) -> VerdictBox:
     """The verdict on whether the model fits the robot, the first part of a page."""
-    why = "all its tests passed."
+    headline, tone, why = "The model fits this robot", Tone.GOOD, "all its tests passed."
     if misfits:
+        headline, tone = "The model does not fit this robot", Tone.BAD
         why = (
             "no set can describe everything it does, so the intervals are wider. The interval of a drive "
             "that changed covers its bias at the beginning and at the end of the log."
         )
-    headline = _FITS_NOT if misfits else _FITS
-    return VerdictBox(
-        key="fit",
-        text=f"{headline}: {why}",
-        headline=headline,
-        tone=Tone.BAD if misfits else Tone.GOOD,
-        sentence=(capitalized(why),),
-    )
+    text, sentence = f"{headline}: {why}", (capitalized(why),)
+    return VerdictBox(key="fit", text=text, headline=headline, tone=tone, sentence=sentence)
 
 
 def misfits_table(misfits: Sequence[Misfit]) -> DataTable:
@@ -155,8 +145,7 @@ def figures_table(estimates: Sequence[ParameterEstimate]) -> DataTable:
     for each in estimates:
         if each.identified:
             value, low, high = each.shown
-            unit = f" {each.unit}" if each.unit else ""
-            shown = (f"{value}{unit}", f"{low} to {high}")
+            shown = (f"{value} {each.unit}".rstrip(), f"{low} to {high}")
             numbers = (each.present, each.value, each.low, each.high)
             rows.append((each.owner, each.label, each.unit, *numbers, *shown, each.changed))
     note = "changed: the set's value is outside the interval. For all other parameters it is inside."
@@ -172,18 +161,12 @@ def unidentified_table(estimates: Sequence[ParameterEstimate]) -> DataTable:
 def residual_table(fit: Fit) -> DataTable:
     """Median residuals of movements and readings, with the old set and with the new one."""
     before_state = fit_path(fit.run, fit.space, *fit.space.of(fit.run.spec), fit.state)
-    before, after = fit.model.rows(before_state), fit.rows
-    spec, rows = fit.run.spec, []
-    parts: list[tuple[str, str, Callable[[Rows], IntArray]]] = [
-        (each.kind.value, unit, partial(_moved, source=source, unit=unit))
-        for source, each in enumerate(spec.drives)
-        for unit in ("in", "deg")
+    before, after = (_residuals(fit.run.spec, each) for each in (fit.model.rows(before_state), fit.rows))
+    rows = [
+        (name, unit, float(np.median(was)), float(np.median(now)))
+        for (name, unit, was), (_, _, now) in zip(before, after, strict=True)
+        if was.size and now.size
     ]
-    parts += [(each.id, each.unit, partial(_read, source=i)) for i, each in enumerate(spec.sensors)]
-    for name, unit, chosen in parts:
-        was, now = (_middle(each, chosen(each)) for each in (before, after))
-        if now is not None and was is not None:
-            rows.append((name, unit, was, now))
     note = (
         "Median residuals of movements and readings along the path that fits best: with the old set (before) "
         "and with the new one (after)."
@@ -191,20 +174,18 @@ def residual_table(fit: Fit) -> DataTable:
     return RESIDUALS.filled(rows, note)
 
 
-def _moved(rows: Rows, *, source: int, unit: str) -> IntArray:
-    """Rows of a drive's movements: of both axes of translation in inches, or of the heading in degrees."""
+def _residuals(spec: SimulationSpec, rows: Rows) -> Iterator[tuple[str, str, FloatArray]]:
+    """Sizes of residuals by part and unit: of a drive's movements, both axes of translation in inches and the
+    heading in degrees, and of a sensor's readings."""
+    sizes = np.abs(rows.residuals)
     by_axis = np.flatnonzero(rows.family == PROCESS).reshape(len(AXES), -1)
-    mine = (by_axis[:-1] if unit == "in" else by_axis[-1:]).ravel()
-    return np.compress(rows.source[mine] == source, mine)
-
-
-def _read(rows: Rows, *, source: int) -> IntArray:
-    """Rows of a sensor's readings."""
-    return np.flatnonzero(np.isin(rows.family, _READ_FAMILIES) & (rows.source == source))
-
-
-def _middle(rows: Rows, mine: IntArray) -> float | None:
-    return float(np.median(np.abs(rows.residuals[mine]))) if mine.size else None
+    for source, drive in enumerate(spec.drives):
+        mine = sizes[by_axis[:, rows.source[by_axis[0]] == source]]
+        yield drive.kind.value, "in", mine[:-1]
+        yield drive.kind.value, "deg", mine[-1]
+    read = np.isin(rows.family, _READ_FAMILIES)
+    for source, sensor in enumerate(spec.sensors):
+        yield sensor.id, sensor.unit, sizes[read & (rows.source == source)]
 
 
 def held_back_table(held: HeldBack) -> DataTable:
@@ -282,8 +263,7 @@ def result_page(fit: Fit, estimates: Sequence[ParameterEstimate], held: HeldBack
         more = len(changed) - _MOST_CHANGED
         note = f"{more} more, under All parameters." if more > 0 else ""
         differs = replace(table, title="What differs from the set", note=note)
-    first_path, *more_paths = path_pictures(fit)
-    about_path, *more_paths = more_paths
+    first_path, about_path, *more_paths = path_pictures(fit)
     predicted: list[DocumentPart] = [] if held is None else [held_back_picture(held), _BLUE]
     return Document(
         _title(fit),
@@ -332,12 +312,12 @@ def path_pictures(fit: Fit) -> list[DocumentPart]:
     scale = WIDTH / maze.width
     height, side = maze.height * scale, CELL_SIZE * scale
     walls = [
-        svg.element("rect", x=column * side, y=row * side, width=side, height=side, fill=_WALL_FILL)
+        svg.element("rect", x=column * side, y=row * side, width=side, height=side, fill=WALLS)
         for row, cells in enumerate(maze.cells)
         for column, cell in enumerate(cells)
         if cell == WALL
     ]
-    frame = svg.element("rect", x=0.0, y=0.0, width=WIDTH, height=height, fill="none", stroke=_WALL_FILL)
+    frame = svg.element("rect", x=0.0, y=0.0, width=WIDTH, height=height, fill="none", stroke=WALLS)
     for first, chain in zip(fit.run.first_stops(), fit.run.chains, strict=True):
         count = len(chain.movements) + 1
         poses = fit.poses[first : first + count]
@@ -349,7 +329,7 @@ def path_pictures(fit: Fit) -> list[DocumentPart]:
         for k, (x, y) in enumerate(places):
             spread = 2.0 * float(fit.pose_spread[first + k, :2].max()) * scale
             met = k and fit.state.contacts[fit.model.movement_at[first + k - 1]]
-            fill = _TOUCH if met else svg.shade(k / count)
+            fill = svg.CONTACT if met else svg.shade(k / count)
             parts.append(svg.element("circle", cx=x, cy=y, r=max(spread, 2.0), fill=fill, fill_opacity=0.6))
         title = "The estimated path, dark at its beginning; red: a wall was touched on the way"
         about = f"{title}. A disc shows the uncertainty of its place (95 %)."

@@ -7,8 +7,7 @@ gives it a bias of -2. So each is compared with that path under every such fault
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from typing import TypeVar
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from msgspec.structs import replace
@@ -46,45 +45,34 @@ def suspicions(found: Fit) -> tuple[Finding, ...]:
     totals = np.zeros((len(found.poses), 3))
     totals[before + 1] = totals_between(found.poses[before], found.poses[before + 1], *law)
 
-    def sample(sensor: Sensor, readings: Readings, alike: list[Sensor]) -> SensorSample:
-        if isinstance(sensor, CountingSensor):
-            return _counted(found.run, sensor, readings, alike, totals)
-        assert isinstance(sensor, ObservingSensor), "a sensor counts or observes"
-        return _observed(found, sensor, readings, alike)
-
-    claims = _claims(found.run, [*observed_sensors(found.run.spec).values()], sample)
-    return kept([*claims, *_drives(found, totals[before + 1])])
+    return kept([*_claims(found.run, totals, found), *_drives(found, totals[before + 1])])
 
 
 def suspicions_without_path(run: MeasuredRun) -> tuple[Finding, ...]:
     """The same if no path was found: counting sensors, compared with the commanded movements."""
-    spec = run.spec
-    counters = [each for each in observed_sensors(spec).values() if isinstance(each, CountingSensor)]
     totals = np.zeros((run.stops, 3))
-    for before, movement in zip(run.stops_before_movements().tolist(), run.movements, strict=True):
-        totals[before + 1] = movement.asked(spec.drives)
-
-    def sample(sensor: CountingSensor, readings: Readings, alike: list[CountingSensor]) -> SensorSample:
-        return _counted(run, sensor, readings, alike, totals)
-
-    return kept([*_claims(run, counters, sample)])
+    totals[run.stops_before_movements() + 1] = [each.asked(run.spec.drives) for each in run.movements]
+    return kept([*_claims(run, totals)])
 
 
-_S = TypeVar("_S", bound=Sensor)
-
-
-def _claims(
-    run: MeasuredRun, sensors: list[_S], sample_of: Callable[[_S, Readings, list[_S]], SensorSample]
-) -> Iterator[Claim]:
+def _claims(run: MeasuredRun, totals: FloatArray, found: Fit | None = None) -> Iterator[Claim]:
     """Claims on sensors that were read often enough, from their samples and those of other sensors with the
-    same unit."""
+    same unit. Without a path, on those that count; `totals` as in `_counted`."""
+    sensors = observed_sensors(run.spec).values()
     for sensor in sensors:
         readings = run.readings.get(sensor.spec.code)
-        if readings is not None:
-            alike = [each for each in sensors if each is not sensor and each.spec.unit == sensor.spec.unit]
-            sample = sample_of(sensor, readings, alike)
-            if len(sample.values) >= FEWEST[Basis.SET]:
-                yield other_quantity(DeviceUnderTest(sensor.spec.code, "reading"), sample)
+        if readings is None:
+            continue
+        alike = [each for each in sensors if each is not sensor and each.spec.unit == sensor.spec.unit]
+        match sensor:
+            case CountingSensor():
+                sample = _counted(run, sensor, readings, alike, totals)
+            case ObservingSensor() if found is not None:
+                sample = _observed(found, sensor, readings, alike)
+            case _:
+                continue
+        if len(sample.values) >= FEWEST[Basis.SET]:
+            yield other_quantity(DeviceUnderTest(sensor.spec.code, "reading"), sample)
 
 
 def _observed(

@@ -105,8 +105,8 @@ def _notes(estimates: Sequence[ParameterEstimate], source: str) -> dict[str, str
     for each in estimates:
         if each.identified:
             _, low, high = each.shown
-            unit = f" {each.unit}" if each.unit else ""
-            intervals.setdefault(each.owner, []).append(f"{each.label} {low} to {high}{unit}")
+            interval = f"{each.label} {low} to {high} {each.unit}".rstrip()
+            intervals.setdefault(each.owner, []).append(interval)
     notes = {owner: [f"{source}; 95 % intervals: {'; '.join(said)}"] for owner, said in intervals.items()}
     for (owner, why), labels in unidentified_labels(estimates).items():
         notes.setdefault(owner, []).append(f"{', '.join(labels)} as before: {why}")
@@ -115,11 +115,10 @@ def _notes(estimates: Sequence[ParameterEstimate], source: str) -> dict[str, str
 
 def _noted(text: str, notes: dict[str, str]) -> str:
     """A CSV file with notes in a last column without a name."""
-    rows = list(csv.reader(io.StringIO(text)))
     made = io.StringIO()
-    writer = csv.writer(made, lineterminator="\n")
-    for number, row in enumerate(rows):
-        writer.writerow([*row, notes.get(row[0], "") if number else ""])
+    head, *rows = csv.reader(io.StringIO(text))
+    noted = ([*row, notes.get(row[0], "")] for row in rows)
+    csv.writer(made, lineterminator="\n").writerows([[*head, ""], *noted])
     return made.getvalue()
 
 

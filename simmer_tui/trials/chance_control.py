@@ -90,16 +90,8 @@ CONTROL = DataTable(
 
 def control_table(controls: Sequence[tuple[int, ChanceControl]]) -> DataTable:
     """The controls of runs, each with its run's number."""
-    rows = [
-        (
-            run,
-            each.change,
-            each.pairs.count,
-            each.successes,
-            each.unchanged,
-            paired_difference(each.pairs),
-            each.p,
-        )
-        for run, each in controls
-    ]
+    rows = []
+    for run, each in controls:
+        counts = (each.pairs.count, each.successes, each.unchanged)
+        rows.append((run, each.change, *counts, paired_difference(each.pairs), each.p))
     return CONTROL.filled(rows)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable
+from itertools import product
+from operator import attrgetter
 
 from simmer_tui.config import drive_csv, maze_csv, mission_toml, robot_csv, sensors_csv
 from simmer_tui.config.loader import Configuration
@@ -12,6 +14,7 @@ from simmer_tui.document.formats import COUNT, ESTIMATE, PASSAGE, UNIT, Format, 
 from simmer_tui.document.model import DataColumn, DataTable, Document, Paragraph
 from simmer_tui.errors import TrialsError
 from simmer_tui.sim.command import escape
+from simmer_tui.sim.specs import SimulationSpec
 from simmer_tui.trials.failures import CHANGED_CAUSES, changed_causes, rate
 from simmer_tui.trials.folder import TrialFolder
 from simmer_tui.trials.intervals import (
@@ -154,14 +157,11 @@ def _sets(first: TrialFolder, second: TrialFolder, pairs: list[RunPair]) -> Data
 
 
 def _outcomes(pairs: list[RunPair]) -> DataTable:
-    groups: dict[tuple[bool, bool], list[int]] = {}
-    for a, b in pairs:
-        groups.setdefault((a.success, b.success), []).append(a.number)
     names = ("both succeed", "only A succeeds", "only B succeeds", "neither succeeds")
     rows = []
-    for name, key in zip(names, ((True, True), (True, False), (False, True), (False, False)), strict=True):
-        numbers_of = groups.get(key, [])
-        rows.append((name, len(numbers_of), numbers_of if key[0] != key[1] else None))
+    for name, (of_a, of_b) in zip(names, product((True, False), repeat=2), strict=True):
+        runs = [a.number for a, b in pairs if (a.success, b.success) == (of_a, of_b)]
+        rows.append((name, len(runs), runs if of_a != of_b else None))
     return PAIRED.filled(rows)
 
 
@@ -178,10 +178,10 @@ def _difference(pairs: list[RunPair]) -> DataTable:
 def _means(pairs: list[RunPair]) -> DataTable:
     both = [pair for pair in pairs if pair[0].success and pair[1].success]
     means: list[tuple[str, str, list[RunPair], Callable[[TrialResult], float]]] = [
-        ("time, both succeed", "s", both, lambda result: result.time),
-        ("distance, both succeed", "in", both, lambda result: result.distance),
-        ("commands, both succeed", "", both, lambda result: float(result.commands)),
-        ("contacts, all runs", "", pairs, lambda result: float(result.contacts)),
+        ("time, both succeed", "s", both, attrgetter("time")),
+        ("distance, both succeed", "in", both, attrgetter("distance")),
+        ("commands, both succeed", "", both, attrgetter("commands")),
+        ("contacts, all runs", "", pairs, attrgetter("contacts")),
     ]
     rows = []
     for name, unit, chosen, value in means:
@@ -204,14 +204,10 @@ _NOT_OF_A_RUN = ("seed", "randerror", "sim", "plot_robot", "plot_sense")
 _TABLES_NOT_OF_A_RUN = ("server", "serial", "screen", "keys", "web")
 """Tables of settings that change neither task nor robot: links to the program, the screen and the page."""
 
-_ROBOT_FILES: dict[str, Callable[[Configuration], object]] = {
-    robot_csv.FILE: lambda configuration: configuration.simulation.robot,
-    sensors_csv.FILE: lambda configuration: configuration.simulation.sensors,
-    drive_csv.FILE: lambda configuration: (
-        configuration.simulation.drives,
-        configuration.simulation.gripper,
-        configuration.simulation.velocities,
-    ),
+_ROBOT_FILES: dict[str, Callable[[SimulationSpec], object]] = {
+    robot_csv.FILE: attrgetter("robot"),
+    sensors_csv.FILE: attrgetter("sensors"),
+    drive_csv.FILE: attrgetter("drives", "gripper", "velocities"),
 }
 
 
@@ -245,7 +241,7 @@ def robot_differences(first: TrialFolder, second: TrialFolder) -> list[str]:
     found = [
         name
         for name, part in _ROBOT_FILES.items()
-        if part(one) != part(other) and _lines(one, name) != _lines(other, name)
+        if part(one.simulation) != part(other.simulation) and _lines(one, name) != _lines(other, name)
     ]
     return found + _settings(one, other, _is_of_the_robot)
 

@@ -12,20 +12,21 @@ import contextlib
 import tempfile
 from collections.abc import Generator, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from operator import attrgetter
 from pathlib import Path
+from typing import Any
 
 from msgspec import Struct
 
 from simmer_tui.config.nominal import nominal_of
 from simmer_tui.document.formats import COUNT, Format
 from simmer_tui.document.model import DataColumn, DataTable
-from simmer_tui.errors import ConfigurationError, RunLogError, TrialsError
+from simmer_tui.errors import TrialsError
 from simmer_tui.phrases import capitalized
 from simmer_tui.report.causes import Kind, Sureness
-from simmer_tui.report.run_statistics import report_of
-from simmer_tui.runlog.reader import LogReader
 from simmer_tui.trials.chance_control import REPEATS, ChanceControl, control_of, control_table
-from simmer_tui.trials.failures import failures_in_turn
+from simmer_tui.trials.failures import failures_in_turn, grouped
+from simmer_tui.trials.figures import logged_run
 from simmer_tui.trials.folder import WHY, TrialFolder, TrialPlan
 from simmer_tui.trials.interventions import UNCHANGED, ChangedPart, Intervention, interventions
 from simmer_tui.trials.local import run_locally
@@ -121,21 +122,24 @@ class Explanations:
 
     def explanations(self) -> list[Explanation]:
         """Explanations of all runs that ran again, by number."""
-        runs: dict[int, list[ChangedRun]] = {}
-        for each in self.done.values():
-            runs.setdefault(each.run, []).append(each)
+        runs = grouped(self.done.values(), attrgetter("run"))
         results = self._folder.results
         return [explained(results[number], runs[number]) for number in sorted(runs) if number in results]
 
     def _interventions(self, number: int) -> list[Intervention]:
-        trial = self._folder.trial(number)
+        trial, run = self._folder.trial(number), logged_run(self._folder.log(number))
         cause = self._folder.results[number].verdict.get("cause") or {}
         return interventions(
             trial.configuration,
             nominal_of(trial.configuration),
-            read=_sensors_read(self._folder.log(number)),
+            read=None if run is None else run.history.totals.sensors.keys(),
             suspects=cause.get("culprits", ()),
         )
+
+    def _trial(self, number: int, repeat: int) -> Trial:
+        """A run of the trials, with its own errors, or with other ones."""
+        trial = self._folder.trial(number)
+        return replace(trial, errors_seed=run_seed(trial.seed, repeat) if repeat else None)
 
     def _run(self, asked: Sequence[_Asked], jobs: int) -> Iterator[ChangedRun]:
         missing = [each for each in asked if (each[0], each[1].change, each[2]) not in self.done]
@@ -143,7 +147,7 @@ class Explanations:
             return
         # The number of a trial names its files, and must be unique; programs see `repetition`.
         trials = [
-            replace(_trial(self._folder, number, repeat), number=place, configuration=each.configuration)
+            replace(self._trial(number, repeat), number=place, configuration=each.configuration)
             for place, (number, each, repeat) in enumerate(missing, 1)
         ]
         with (
@@ -167,29 +171,11 @@ class Explanations:
                 yield done
 
 
-def _trial(folder: TrialFolder, number: int, repeat: int) -> Trial:
-    """A run of the trials, with its own errors, or with other ones."""
-    trial = folder.trial(number)
-    errors = run_seed(trial.seed, repeat) if repeat else None
-    return replace(trial, repetition=trial.repetition or number, errors_seed=errors)
-
-
-def _sensors_read(log: Path) -> set[str] | None:
-    """IDs of the sensors that a run read; None if its log is not there or cannot be read."""
-    if not log.exists():
-        return None
-    try:
-        with LogReader(log) as reader:
-            return set(report_of(reader).history.totals.sensors)
-    except (RunLogError, ConfigurationError):
-        return None
-
-
 # -- results of changes ----------------------------------------------------------------------------
 
 _SENSORS = frozenset((ChangedPart.SENSOR, ChangedPart.SENSORS))
 _DRIVES = frozenset((ChangedPart.NOISE, ChangedPart.BIAS, ChangedPart.DRIVES))
-_BY_KIND: Mapping[Kind, frozenset[ChangedPart]] = {
+_BY_KIND: Mapping[str, frozenset[ChangedPart]] = {
     Kind.SENSOR_WRONG: _SENSORS,
     Kind.MISREAD: _SENSORS,
     Kind.DRIVE_WRONG: _DRIVES,
@@ -221,21 +207,8 @@ def explained(result: TrialResult, changed: Sequence[ChangedRun]) -> Explanation
         controls = _controls(saved, changed)
         text = f"Run {result.number} {_outcome_text(len(tried), saved, controls)}"
     suspected = str(cause.get("kind", "")) if likely else ""
-    confirmed = _confirmed_surely(cause, tried, saved, controls) if likely and repeats else None
+    confirmed = _confirmed(cause, tried, saved, controls) if likely and repeats else None
     return Explanation(result.number, text, suspected, confirmed, tuple(controls))
-
-
-def _confirmed_surely(
-    cause: Mapping[str, object],
-    tried: Sequence[ChangedRun],
-    saved: Sequence[ChangedRun],
-    controls: Sequence[ChanceControl],
-) -> bool | None:
-    """`_confirmed` by the changes that are sure: one that may have saved the run by chance neither confirms
-    nor contradicts a cause."""
-    sure = {each.change for each in controls if each.is_sure}
-    kept = [each for each in saved if each.change in sure]
-    return _confirmed(cause, tried, kept) if bool(kept) == bool(saved) else None
 
 
 def _controls(saved: Sequence[ChangedRun], changed: Sequence[ChangedRun]) -> list[ChanceControl]:
@@ -259,8 +232,8 @@ def _outcome_text(tried: int, saved: Sequence[ChangedRun], controls: Sequence[Ch
         return "has not been repeated with changes yet."
     if not saved:
         return f"fails with each of {tried} changes. The likely cause is the program itself."
-    sure = {each.change for each in controls if each.is_sure}
-    named = [each for each in saved if each.change in sure] or list(saved)
+    sure = _sure(saved, controls)
+    named = sure or list(saved)
     *others, last = (each.change for each in named)
     text = f"succeeds with {', '.join(others)} or {last}" if others else f"succeeds with {last}"
     if not controls:
@@ -272,6 +245,12 @@ def _outcome_text(tried: int, saved: Sequence[ChangedRun], controls: Sequence[Ch
             ". These cannot be distinguished" if others else f". The likely cause is {_LIKELY[named[0].part]}"
         )
     return f"{text}. {_shown([each for each in controls if each.change in {*others, last}])}"
+
+
+def _sure(saved: Sequence[ChangedRun], controls: Sequence[ChanceControl]) -> list[ChangedRun]:
+    """The changes that saved a run, and surely not by chance."""
+    sure = {each.change for each in controls if each.is_sure}
+    return [each for each in saved if each.change in sure]
 
 
 def _shown(controls: Sequence[ChanceControl]) -> str:
@@ -298,15 +277,17 @@ def _simplest(saved: Sequence[ChangedRun]) -> list[ChangedRun]:
 
 
 def _confirmed(
-    cause: Mapping[str, object], tried: Sequence[ChangedRun], saved: Sequence[ChangedRun]
+    cause: Mapping[str, Any],
+    tried: Sequence[ChangedRun],
+    saved: Sequence[ChangedRun],
+    controls: Sequence[ChanceControl],
 ) -> bool | None:
     """True if only changes of the suspected parts saved the run, False if none of them did; None if that
-    cannot be decided."""
-    parts = next((parts for kind, parts in _BY_KIND.items() if kind.value == cause.get("kind")), None)
-    if parts is None:
+    cannot be decided. A change that may have saved it by chance neither confirms nor contradicts a cause."""
+    sure = _sure(saved, controls)
+    parts, named = _BY_KIND.get(cause.get("kind", "")), set(cause.get("culprits", ()))
+    if parts is None or (saved and not sure):
         return None
-    culprits = cause.get("culprits")
-    named = set(culprits) if isinstance(culprits, Sequence) else set()
 
     def is_suspected(each: ChangedRun) -> bool:
         if each.part not in parts:
@@ -315,9 +296,9 @@ def _confirmed(
 
     if not any(map(is_suspected, tried)):
         return None
-    if not any(map(is_suspected, saved)):
+    if not any(map(is_suspected, sure)):
         return False
-    return True if all(map(is_suspected, saved)) else None
+    return True if all(map(is_suspected, sure)) else None
 
 
 # -- tables ----------------------------------------------------------------------------------------

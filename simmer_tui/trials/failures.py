@@ -7,9 +7,9 @@ from __future__ import annotations
 
 import statistics
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from itertools import zip_longest
-from typing import Any
+from typing import Any, TypeVar
 
 from simmer_tui.document.formats import COUNT, ESTIMATE, NUMBERS, SHARE, UNIT, Format, number
 from simmer_tui.document.model import DataColumn, DataTable
@@ -19,7 +19,9 @@ from simmer_tui.trials.intervals import IntervalEstimate, wilson
 from simmer_tui.trials.trial import Ending, TrialResult
 
 UNKNOWN = "not known"
-COLORS = {
+_Item = TypeVar("_Item")
+_Key = TypeVar("_Key")
+COLORS: Mapping[str, str] = {
     Kind.LOST: "#8a2be2",
     Kind.UNSURE: "#b58be0",
     Kind.CLEARANCE: "#d00000",
@@ -88,6 +90,14 @@ RUN_FINDINGS = DataTable(
 )
 
 
+def grouped(items: Iterable[_Item], key: Callable[[_Item], _Key]) -> dict[_Key, list[_Item]]:
+    """Items by their key, in the order in which the keys first come."""
+    groups: dict[_Key, list[_Item]] = {}
+    for item in items:
+        groups.setdefault(key(item), []).append(item)
+    return groups
+
+
 def rate(results: Sequence[TrialResult]) -> IntervalEstimate:
     """The success rate of at least one run."""
     return wilson(sum(result.success for result in results), len(results))
@@ -104,8 +114,7 @@ def cause_name(result: TrialResult) -> str:
 
 def color_of(name: str) -> str:
     """The colour of a cause on the map."""
-    kind = kind_of(name)
-    return _OTHER if kind is None else COLORS.get(kind, _OTHER)
+    return COLORS.get(name, _OTHER)
 
 
 def kind_of(name: str) -> Kind | None:
@@ -115,10 +124,7 @@ def kind_of(name: str) -> Kind | None:
 
 def counted_causes(results: Sequence[TrialResult]) -> list[tuple[str, list[TrialResult]]]:
     """The failed runs by cause, the most frequent one first."""
-    groups: dict[str, list[TrialResult]] = {}
-    for result in results:
-        if not result.success:
-            groups.setdefault(cause_name(result), []).append(result)
+    groups = grouped((result for result in results if not result.success), cause_name)
     return sorted(groups.items(), key=lambda item: (-len(item[1]), item[0]))
 
 
@@ -169,11 +175,12 @@ def changed_causes(pairs: Sequence[tuple[TrialResult, TrialResult]]) -> DataTabl
 
 def findings_tables(results: Sequence[TrialResult]) -> list[DataTable]:
     """The findings by device, those of most runs first, and a row a finding of every run."""
-    groups: dict[tuple[str, str, str], list[tuple[int, dict[str, Any]]]] = {}
-    for result in results:
-        for each in result.findings:
-            key = (str(each["of"]), str(each["kind"]), str(each["basis"]))
-            groups.setdefault(key, []).append((result.number, each))
+
+    def device(found: tuple[int, dict[str, Any]]) -> tuple[str, str, str]:
+        _, each = found
+        return str(each["of"]), str(each["kind"]), str(each["basis"])
+
+    groups = grouped(((result.number, each) for result in results for each in result.findings), device)
     rows = []
     for key, group in sorted(groups.items(), key=lambda item: (-len(item[1]), item[0])):
         median = statistics.median(each["value"] for _, each in group)

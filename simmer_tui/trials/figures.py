@@ -12,10 +12,10 @@ from simmer_tui.document.model import Figure
 from simmer_tui.errors import ConfigurationError, RunLogError
 from simmer_tui.report.figure import AXIS, LEFT, RIGHT, TOP, WIDTH, MazeFrame
 from simmer_tui.report.page import report_page
-from simmer_tui.report.run_statistics import report_of
+from simmer_tui.report.run_statistics import RunStatistics, report_of
 from simmer_tui.runlog.reader import LogReader
 from simmer_tui.sim.specs import BLOCK, CELL_SIZE, START, MazeSpec
-from simmer_tui.trials.failures import color_of, counted_causes, failures_in_turn
+from simmer_tui.trials.failures import color_of, counted_causes, failures_in_turn, grouped
 from simmer_tui.trials.folder import RUNS, TrialFolder
 from simmer_tui.trials.intervals import counted, histogram
 from simmer_tui.trials.trial import TrialResult
@@ -41,20 +41,14 @@ def map_figure(
     frame = MazeFrame(maze, largest_scale=_LARGEST_SCALE, tallest=_TALLEST)
     at, scale = frame.at, frame.scale
     parts = [frame.cells(START, _START), frame.cells(BLOCK, _BLOCK), frame.walls()]
-    parts += [_fraction(*at(*cell), group, scale) for cell, group in _by_start(results).items()]
+    parts += [_fraction(*at(*cell), group, scale) for cell, group in grouped(results, start_cell).items()]
     causes = counted_causes(results)
-    ends = [
-        svg.element(
-            "g",
-            "".join(_end(*at(*result.end[:2]), result, run_pages) for result in group),
-            fill=color_of(name),
-            fill_opacity=0.7,
-            stroke="#222222",
-            stroke_width=0.8,
-        )
-        for name, group in causes
-    ]
-    parts.append(svg.element("g", "".join(ends), class_="fixed"))
+    ends = ""
+    for name, group in causes:
+        marks = "".join(_end(*at(*result.end[:2]), result, run_pages) for result in group)
+        look = {"fill": color_of(name), "fill_opacity": 0.7, "stroke": "#222222", "stroke_width": 0.8}
+        ends += svg.element("g", marks, **look)
+    parts.append(svg.element("g", ends, class_="fixed"))
     crosses = "".join(
         f"<path d='M{x - 4:.1f} {y - 4:.1f}l8 8m0 -8l-8 8'/>"
         for x, y in (at(*point) for result in results for point in result.contact_points)
@@ -65,11 +59,8 @@ def map_figure(
     parts.append(svg.legend(LEFT, height + 13, _MARKS))
     if causes:
         height += _KEY
-        parts.append(
-            svg.legend(
-                LEFT, height + 13, [(f"{name} {len(group)}", _dot(color_of(name))) for name, group in causes]
-            )
-        )
+        key = [(f"{name} {len(group)}", _dot(color_of(name))) for name, group in causes]
+        parts.append(svg.legend(LEFT, height + 13, key))
     return Figure(title, WIDTH, height + _KEY, "".join(parts))
 
 
@@ -83,9 +74,8 @@ def _end(x: float, y: float, result: TrialResult, run_pages: Mapping[int, str]) 
 
 def _dot(fill: str) -> str:
     """Of a legend."""
-    return svg.element(
-        "g", svg.element("circle", cx=10.0, r=5.0, fill=fill, stroke="#222222"), class_="fixed"
-    )
+    circle = svg.element("circle", cx=10.0, r=5.0, fill=fill, stroke="#222222")
+    return svg.element("g", circle, class_="fixed")
 
 
 _MARKS = (
@@ -102,13 +92,6 @@ def start_cell(result: TrialResult) -> tuple[float, float]:
     """The middle of the cell that a run began in, inches."""
     x, y, _ = result.start
     return (math.floor(x / CELL_SIZE) + 0.5) * CELL_SIZE, (math.floor(y / CELL_SIZE) + 0.5) * CELL_SIZE
-
-
-def _by_start(results: Sequence[TrialResult]) -> dict[tuple[float, float], list[TrialResult]]:
-    groups: dict[tuple[float, float], list[TrialResult]] = {}
-    for result in results:
-        groups.setdefault(start_cell(result), []).append(result)
-    return groups
 
 
 def _fraction(x: float, y: float, group: Sequence[TrialResult], scale: float) -> str:
@@ -171,13 +154,19 @@ _LARGEST = 20_000_000
 _SUFFIX = ".html"
 
 
-def log_page(log: Path, name: str, *, commands: bool = True) -> str | None:
-    """The page about a run by its log, see `report_page`; None if the log cannot be read."""
+def logged_run(log: Path) -> RunStatistics | None:
+    """The figures of a run by its log; None if the log is not there or cannot be read."""
     try:
         with LogReader(log) as reader:
-            return report_page(report_of(reader), name, commands=commands)
+            return report_of(reader)
     except (RunLogError, ConfigurationError):
         return None  # `report` gives the message for it
+
+
+def log_page(log: Path, name: str, *, commands: bool = True) -> str | None:
+    """The page about a run by its log, see `report_page`; None if the log cannot be read."""
+    run = logged_run(log)
+    return None if run is None else report_page(run, name, commands=commands)
 
 
 def write_run_pages(folder: TrialFolder) -> dict[int, str]:

@@ -18,6 +18,8 @@ _STUDENT = (4.30265, 3.18245, 2.77645, 2.57058, 2.44691, 2.36462, 2.30600, 2.262
 _ROUNDING = 1e-12
 # Efron and Tibshirani ask for 1000 at least; ten times as many take milliseconds.
 RESAMPLES = 10_000
+_MOST_BINS = 20
+"""Judged: a bar of a picture of the page's width then has room for its count."""
 _BOOTSTRAP_SEED = 0
 """Fixed, so that the same runs always give the same interval."""
 
@@ -173,16 +175,13 @@ def median(values: Sequence[float]) -> float | None:
     return distribution(values).median if values else None
 
 
-def histogram(values: Sequence[float], most_bins: int = 20) -> tuple[list[float], int]:
-    """Edges of at most about `most_bins` bins of a round width over some values, and the decimals
+def histogram(values: Sequence[float]) -> tuple[list[float], int]:
+    """Edges of at most about `_MOST_BINS` bins of a round width over some values, and the decimals
     that the edges need. There is at least one bin."""
     low, high = min(values), max(values)
     span = high - low or max(abs(high), 1.0) / 10
-    width = 10.0 ** math.floor(math.log10(span / most_bins))
-    for factor in (1, 2, 5, 10):
-        if span / (width * factor) <= most_bins:
-            width *= factor
-            break
+    width = 10.0 ** math.floor(math.log10(span / _MOST_BINS))
+    width *= next(factor for factor in (1, 2, 5, 10) if span / (width * factor) <= _MOST_BINS)
     begin, end = math.floor(low / width), math.floor(high / width) + 1
     decimals = max(0, -math.floor(math.log10(width) + 1e-9))
     return [round(k * width, decimals) for k in range(begin, end + 1)], decimals
@@ -190,6 +189,5 @@ def histogram(values: Sequence[float], most_bins: int = 20) -> tuple[list[float]
 
 def counted(values: Sequence[float], edges: Sequence[float]) -> list[int]:
     """Number of values in each bin; one that rounding puts outside is in the next."""
-    bins = np.searchsorted(np.array(edges), np.array(values, dtype=np.float64), side="right") - 1
-    counts: list[int] = np.bincount(np.clip(bins, 0, len(edges) - 2), minlength=len(edges) - 1).tolist()
+    counts: list[int] = np.histogram(np.clip(values, edges[0], edges[-1]), edges)[0].tolist()
     return counts

@@ -17,12 +17,10 @@ import signal
 import threading
 import time
 from collections.abc import Callable, Generator, Iterable
-from dataclasses import dataclass
 from functools import partial
 from multiprocessing.connection import Connection, wait
 from multiprocessing.context import SpawnProcess
 from pathlib import Path
-from types import FrameType
 from typing import Any, Protocol
 
 from simmer_tui import platform_has
@@ -37,13 +35,6 @@ _OVERDUE = 30.0
 hangs needs it."""
 _JOIN_TIMEOUT = 10.0
 """Time limit for workers to end their runs, seconds. Programs get 1.5 s of it before they are killed."""
-
-
-@dataclass(frozen=True, slots=True)
-class _Refusal:
-    """The reason why no run can be done."""
-
-    reason: str
 
 
 class Make(Protocol):
@@ -111,13 +102,13 @@ class _Worker:
     def take(self) -> TrialResult:
         """The result that has come; a fault if the worker has ended. Raises TrialsError."""
         try:
-            result: TrialResult | _Refusal = self.connection.recv()
+            result: TrialResult | TrialsError = self.connection.recv()
         except (EOFError, OSError):
             self.kill()
             code = self._process.exitcode
             return fault_result(self.trial, f"the simulator's process died with exit code {code}")
-        if isinstance(result, _Refusal):
-            raise TrialsError(result.reason)
+        if isinstance(result, TrialsError):
+            raise result
         return result
 
     def overdue(self) -> TrialResult | None:
@@ -176,7 +167,8 @@ def work(connection: Connection, folder: Path, make: Make = TrialRun) -> None:
 
 def _result(
     trial: Trial, make: Callable[[Trial, Path], TrialRun], folder: Path, interruptions: _Interruptions
-) -> TrialResult | _Refusal:
+) -> TrialResult | TrialsError:
+    """The result of a run, or the reason why no run can be done. Raises InterruptedTrialError."""
     try:
         run = make(trial, folder)
         interruptions.run = run
@@ -186,9 +178,9 @@ def _result(
     except InterruptedTrialError:
         raise
     except SimmerError as error:
-        return _Refusal(str(error))
+        return TrialsError(str(error))
     except OSError as error:
-        return _Refusal(f"run {trial.number}: {error.filename or ''} {error.strerror or error}")
+        return TrialsError(f"run {trial.number}: {error.filename or ''} {error.strerror or error}")
     except Exception as error:  # noqa: BLE001 - a fault in one run must not end the others
         return fault_result(trial, f"{type(error).__name__}: {error}")
 
@@ -201,11 +193,8 @@ class _Interruptions:
         self.run: TrialRun | None = None
         # Ctrl-C in a terminal is for the process that started the trials, which decides about the runs. It is
         # handled, not ignored: control programs inherit an ignored signal.
-        signal.signal(signal.SIGINT, self._handle)
+        signal.signal(signal.SIGINT, lambda number, frame: self.interrupt())
         platform_has.leave_process_group()  # so that Ctrl-C reaches neither this process nor its programs
-
-    def _handle(self, number: int, frame: FrameType | None) -> None:
-        self.interrupt()
 
     def interrupt(self) -> None:
         self.any = True

@@ -34,9 +34,7 @@ def random_maze(like: MazeSpec, random: np.random.Generator) -> MazeSpec:
             else:  # by the next round it may be one that connects nothing
                 refused.append(cell)
         pending = refused
-    values = dict.fromkeys(ground.cells, EMPTY) | dict.fromkeys(
-        (cell for cell in ground.cells if not ground.free[cell]), WALL
-    )
+    values = {cell: EMPTY if ground.free[cell] else WALL for cell in ground.cells}
     zone = ground.grown_area(counts[BLOCK], random)
     others = [cell for cell in ground.cells if ground.free[cell] and cell not in zone]
     starts = random.permutation(others)[: counts[START]].tolist()

@@ -32,7 +32,6 @@ from simmer_tui.run.attempt import task_of
 from simmer_tui.run.run_history import RunHistory
 from simmer_tui.server import Server
 from simmer_tui.sim.command import escape, escape_passage
-from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.simulator import Simulator
 from simmer_tui.trials.trial import REAL, Ending, Trial, TrialResult, clock_of, prepare, with_clock
 
@@ -99,16 +98,13 @@ class TrialRun:
         started in `start`, by default the working directory, or in the sandbox that `sandbox` makes. Writing
         of a log stops beyond `most_log` bytes."""
         self._most_log = most_log
-        self._events = 0
         self._trial = trial
         self._is_confined = sandbox is not None
         self._new_sandbox = sandbox or (lambda: Unconfined(start, keeper))
         self._log = folder / f"{trial.name}{LOG if sandbox is None else PACKED_LOG}"
         self._output_file = folder / f"{trial.name}{OUTPUT}"
         self._maze_file = folder / f"{trial.name}{MAZE}"
-        self._output: deque[str] = deque(maxlen=_LINES)
         self._happened: queue.SimpleQueue[_What | int] = queue.SimpleQueue()
-        self._mission_end = MissionEnd(lambda: self._happened.put(_What.OVER))
 
     def interrupt(self) -> None:
         """Have `run` raise InterruptedTrialError soon. Any thread may ask."""
@@ -127,16 +123,16 @@ class TrialRun:
         return result
 
     def _forget(self) -> None:
-        """Reset for another attempt. Raises InterruptedTrialError."""
+        """Forget the end of an attempt before another. Raises InterruptedTrialError."""
         while not self._happened.empty():
             if self._happened.get() is _What.STOP:
                 raise InterruptedTrialError
-        self._output.clear()
-        self._events = 0
-        self._mission_end = MissionEnd(lambda: self._happened.put(_What.OVER))
 
     def _attempt(self, configuration: Configuration, plan: MissionPlan | None) -> TrialResult:
         """Do the run with one clock."""
+        self._output: deque[str] = deque(maxlen=_LINES)
+        self._events = 0
+        self._mission_end = MissionEnd(lambda: self._happened.put(_What.OVER))
         started, used = time.perf_counter(), time.process_time()
         self._sandbox = self._new_sandbox()
         try:
@@ -333,7 +329,7 @@ def _measured_figures(simulator: Simulator, history: RunHistory) -> dict[str, An
         "commands": simulator.commands,
         "contacts": simulator.contacts,
         "contact_points": tuple(row.point for row in history.contacts.items),
-        "end": _numbers(simulator.pose),
+        "end": structs.astuple(simulator.pose),
     }
 
 
@@ -346,15 +342,11 @@ def _judged_figures(state: MissionState) -> dict[str, Any]:
         "commands": state.commands,
         "contacts": state.contacts,
         "contact_points": state.contact_points,
-        "end": _numbers(state.pose),
+        "end": structs.astuple(state.pose),
         "reached": state.goals.get(Goal.REACHED),
         "taken": state.goals.get(Goal.TAKEN),
         "delivered": state.goals.get(Goal.DELIVERED),
     }
-
-
-def _numbers(pose: Pose) -> tuple[float, float, float]:
-    return pose.x, pose.y, pose.heading
 
 
 def fault_result(trial: Trial, reason: str, configuration: Configuration | None = None) -> TrialResult:

@@ -21,7 +21,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from datetime import datetime
 from itertools import count, takewhile
-from pathlib import Path, PurePath
+from pathlib import Path
 from typing import Generic, TypeVar
 
 import msgspec
@@ -102,7 +102,7 @@ class RunStore(Generic[Plan, Line]):
             "program": __version__,
             "written": datetime.now().astimezone().isoformat(timespec="seconds"),
         }
-        fields = msgspec.to_builtins(plan, enc_hook=_plain)
+        fields = msgspec.to_builtins(plan, enc_hook=os.fspath)
         self.write(self._kind.plan_file, json.dumps(head | fields, indent=1, allow_nan=False) + "\n")
 
     def read_plan(self) -> Plan:
@@ -226,9 +226,3 @@ def unbroken(results: Mapping[int, _Result]) -> list[_Result]:
 def _whole(data: bytes) -> bytes:
     """The lines that have an end."""
     return data[: data.rfind(b"\n") + 1]
-
-
-def _plain(value: object) -> object:
-    if isinstance(value, PurePath):
-        return str(value)
-    raise NotImplementedError(f"{type(value).__name__} cannot be kept in a plan")

@@ -11,12 +11,13 @@ import csv
 import io
 import re
 from collections.abc import Mapping, Sequence
+from itertools import dropwhile
 from pathlib import Path
 
 from msgspec.structs import replace
 
 from simmer_tui.config import drive_csv, sensors_csv
-from simmer_tui.config.csv_table import ID, POLL_CHARACTER, CsvRow, CsvTable, read_csv
+from simmer_tui.config.csv_table import ID, POLL_CHARACTER, CsvRow, read_csv
 from simmer_tui.config.loader import Configuration
 from simmer_tui.config.settings import Settings, all_settings, value_of
 from simmer_tui.errors import ConfigurationError, Problem
@@ -103,17 +104,19 @@ def _change(
     owner, _, column = name.rpartition(".")
     for file, headers in _TABLES.items():
         table = read_csv(folder / file, problems)
-        row = None if table is None else _row(table, owner)
-        if table is None or row is None:
+        if table is None:
             continue
-        # With the columns of the set's own devices, which only its own file has.
-        known = dict.fromkeys((*headers, *(each.strip() for each in table.rows[0].cells)))
-        header = next((each for each in known if column_name(each) == column), None)
-        if header is None:
-            hint = did_you_mean(column, [column_name(each) for each in known])
+        head, *rows = dropwhile(lambda row: not row.cells, table.rows)
+        row = _row(head, rows, owner)
+        if row is None:
+            continue
+        # With the columns of the set's own devices, which only its own file has, and as it spells them.
+        known = {column_name(each): each for each in (*headers, *head.cells) if each}
+        if column not in known:
+            hint = did_you_mean(column, [*known])
             problems.append(Problem(where, f"{file} has no column {escape(column)}{hint}"))
         else:
-            changed[file] = _with_cell(table, row, header, value)
+            changed[file] = _with_cell(head, rows, row, known[column], value)
         return
     what = "is neither a setting nor a column of a sensor or drive, such as u1.percent_error"
     problems.append(Problem(where, what + did_you_mean(name, others)))
@@ -124,29 +127,23 @@ def column_name(header: str) -> str:
     return _BETWEEN.sub("_", _UNIT.sub("", header).strip().lower())
 
 
-def _row(table: CsvTable, owner: str) -> CsvRow | None:
+def _row(head: CsvRow, rows: Sequence[CsvRow], owner: str) -> CsvRow | None:
     """The row of a sensor or drive, by its ID or its code."""
-    head = [cell.lower() for cell in table.rows[0].cells]
-    named = [head.index(name.lower()) for name in (ID, POLL_CHARACTER) if name.lower() in head]
-    rows = [row for row in table.rows[1:] if any(row.cell(column) == owner for column in named)]
-    return rows[0] if owner and rows else None
+    names = {column_name(ID), column_name(POLL_CHARACTER)}
+    columns = [index for index, cell in enumerate(head.cells) if column_name(cell) in names]
+    return next((row for row in rows if owner in {row.cell(index) for index in columns} - {""}), None)
 
 
-def _with_cell(table: CsvTable, changed: CsvRow, header: str, value: str) -> str:
+def _with_cell(head: CsvRow, rows: Sequence[CsvRow], changed: CsvRow, header: str, value: str) -> str:
     """The file with another value in a cell, its column added where it has none."""
-    head = list(table.rows[0].cells)
-    names = [cell.lower() for cell in head]
-    if header.lower() not in names:
-        head.append(header)
-        names.append(header.lower())
-    column = names.index(header.lower())
+    names = list(head.cells) if header in head.cells else [*head.cells, header]
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(head)
-    for row in table.rows[1:]:
-        cells = [row.cell(index) for index in range(max(len(head), len(row.cells)))]
+    writer.writerow(names)
+    for row in rows:
+        cells = [row.cell(index) for index in range(max(len(names), len(row.cells)))]
         if row is changed:
-            cells[column] = value
+            cells[names.index(header)] = value
         writer.writerow(cells)
     return text.getvalue()
 

@@ -20,7 +20,7 @@ from simmer_tui.document.model import (
 )
 from simmer_tui.report.figure import WIDTH
 from simmer_tui.sim.command import escape, escape_passage, escape_word
-from simmer_tui.trials.failures import rate
+from simmer_tui.trials.failures import grouped, rate
 from simmer_tui.trials.folder import TrialFolder
 from simmer_tui.trials.intervals import IntervalEstimate, median
 from simmer_tui.trials.trial import TrialResult, clocks_text
@@ -92,16 +92,11 @@ class Curve:
 def curves(folder: TrialFolder) -> list[Curve]:
     """A curve for all that is varied and has runs."""
     plan = folder.plan
-    groups: dict[tuple[str, str], list[TrialResult]] = {}
-    for result in folder.done:
-        ((name, value),) = plan.points[plan.point(result.number)].items()
-        groups.setdefault((name, value), []).append(result)
+    groups = grouped(folder.done, lambda result: plan.point(result.number))
     found = []
     for name in dict.fromkeys(name for point in plan.points for name in point):
-        values = [value for point in plan.points for key, value in point.items() if key == name]
-        places = [
-            SweepValue(value, tuple(groups[name, value])) for value in values if (name, value) in groups
-        ]
+        numbered = [(number, point[name]) for number, point in enumerate(plan.points) if name in point]
+        places = [SweepValue(value, tuple(groups[n])) for n, value in numbered if n in groups]
         curve = Curve(name, tuple(places))
         if curve.is_of_numbers:
             curve = Curve(name, tuple(sorted(places, key=lambda place: place.number)))

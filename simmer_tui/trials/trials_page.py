@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from operator import attrgetter
 
 from simmer_tui.document.formats import LENGTH, SHARE, TextLink, number
 from simmer_tui.document.model import (
@@ -23,7 +24,7 @@ from simmer_tui.document.model import (
 from simmer_tui.phrases import capitalized, counted
 from simmer_tui.sim.command import escape
 from simmer_tui.trials.explanations import WHY_FAILED
-from simmer_tui.trials.failures import CAUSES, DEVICES, counted_causes, failure_summary, rate
+from simmer_tui.trials.failures import CAUSES, DEVICES, counted_causes, failure_summary, grouped, rate
 from simmer_tui.trials.figures import histogram_figure, map_figure
 from simmer_tui.trials.folder import TrialFolder
 from simmer_tui.trials.intervals import median
@@ -58,14 +59,14 @@ def trials_page(folder: TrialFolder, run_pages: Mapping[int, str], required: flo
     results, made = folder.done, {table.key: table for table in tables(folder)}
     maps = _maps(folder, results, run_pages)
     first_map = maps[:1] if len(maps) == 1 else []
-    summary = failure_summary(results)
+    summary, endings = failure_summary(results), Counter(result.ending for result in results)
     failures: list[DocumentPart] = [made[key] for key in _SHOWN if key in made]
     if run_pages:
         failures.append(Bullets("Failed runs to play", _links(results, run_pages)))
     parts: list[DocumentPart] = [
         _about(folder, results),
         _verdict(results, required),
-        _bar(results),
+        ShareBar([(endings[ending], *words) for ending, words in _ENDINGS.items()]),
         _figures(results, required),
         Paragraph(ports_advice(results), kind="warning"),
         *beside(failures, first_map),
@@ -95,27 +96,20 @@ def _verdict(results: Sequence[TrialResult], required: float | None) -> VerdictB
     successes = sum(result.success for result in results)
     headline, rated = success_texts(results)
     text = f"{headline}: {rated}"
+    sentence = capitalized(rated)
     if required is None:
         tone = Tone.GOOD if successes == len(results) else Tone.MIXED if successes else Tone.BAD
-        required_text = ""
     else:
         enough = rate(results).value >= required
         headline += ": enough" if enough else ": too few"
         tone = Tone.GOOD if enough else Tone.BAD
-        required_text = f", {required:g} is required"
-    sentence = f"{capitalized(rated)}{required_text}."
-    causes = counted_causes(results)
-    if causes:
-        name, group = causes[0]
-        sentence += (
-            f" Most frequent cause: {name}, {len(group)} of {counted(len(results) - successes, 'failure')}."
-        )
+        sentence += f", {required:g} is required"
+    sentence += "."
+    if causes := counted_causes(results):
+        (name, group), *_ = causes
+        failures = counted(len(results) - successes, "failure")
+        sentence += f" Most frequent cause: {name}, {len(group)} of {failures}."
     return VerdictBox(key="answer", text=text, headline=headline, tone=tone, sentence=(sentence,))
-
-
-def _bar(results: Sequence[TrialResult]) -> ShareBar:
-    counts = Counter(result.ending for result in results)
-    return ShareBar([(counts[ending], *words) for ending, words in _ENDINGS.items()])
 
 
 def _figures(results: Sequence[TrialResult], required: float | None) -> KeyFigures:
@@ -156,12 +150,8 @@ def _maps(
     folder: TrialFolder, results: Sequence[TrialResult], run_pages: Mapping[int, str]
 ) -> list[DocumentPart]:
     """A map a maze, those with most failures first; of mazes made for one run each, the failed ones."""
-    groups: dict[str, list[TrialResult]] = {}
-    for result in results:
-        if result.maze != RANDOM:
-            groups.setdefault(result.maze, []).append(result)
-        elif not result.success or result.contacts:
-            groups[f"run {result.number}"] = [result]
+    shown = [each for each in results if each.maze != RANDOM or not each.success or each.contacts]
+    groups = grouped(shown, lambda each: f"run {each.number}" if each.maze == RANDOM else each.maze)
     drawn = sorted(groups.items(), key=lambda item: -sum(not result.success for result in item[1]))
     parts: list[DocumentPart] = []
     for name, group in drawn[:_MAPS]:
@@ -175,13 +165,12 @@ def _maps(
 
 def _histograms(results: Sequence[TrialResult]) -> list[DocumentPart]:
     parts: list[DocumentPart] = []
-    for title, unit, values in (
-        ("Simulated time, s", "s", [result.time for result in results]),
-        ("Distance driven, in", "in", [result.distance for result in results]),
+    for title, unit, value in (
+        ("Simulated time, s", "s", attrgetter("time")),
+        ("Distance driven, in", "in", attrgetter("distance")),
     ):
-        pairs = list(zip(results, values, strict=True))
         done, failed = (
-            [each for result, each in pairs if result.success is wanted] for wanted in (True, False)
+            [value(result) for result in results if result.success is wanted] for wanted in (True, False)
         )
         parts += [SectionHeading(title), histogram_figure(done, failed, unit)]
     return parts

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import shlex
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from operator import attrgetter
 
 from simmer_tui.document.formats import (
     COUNT,
@@ -32,6 +33,7 @@ from simmer_tui.trials.failures import (
     causes_table,
     failure_summary,
     findings_tables,
+    grouped,
     rate,
 )
 from simmer_tui.trials.figures import start_cell
@@ -202,11 +204,6 @@ def ports_advice(results: Sequence[TrialResult]) -> str:
     return _PORTS_ADVICE if silent and not all(result.exit_code for result in results) else ""
 
 
-def replay_command(folder: TrialFolder, number: int) -> str:
-    """Command that plays a run again."""
-    return f"simmer-tui replay {shlex.quote(shown_path(folder.log(number)))}"
-
-
 def failure_text(result: TrialResult) -> str:
     """The verdict on a failed run."""
     if text := result.verdict.get("text"):
@@ -274,26 +271,26 @@ def _distributions(results: list[TrialResult]) -> DataTable:
     return DISTRIBUTION.filled(rows)
 
 
-def _groups(table: DataTable, groups: Mapping[object, list[TrialResult]]) -> DataTable:
-    """A row a group; none if there is only one."""
-    rows = [(name, *_rated(group)) for name, group in groups.items()]
+def _groups(
+    table: DataTable, results: Sequence[TrialResult], key: Callable[[TrialResult], object]
+) -> DataTable:
+    """A row a group of results with the same key; none if there is only one."""
+    rows = [(name, *_rated(group)) for name, group in grouped(results, key).items()]
     return table.filled(rows if len(rows) > 1 else ())
 
 
 def _mazes(results: list[TrialResult]) -> DataTable:
-    groups: dict[object, list[TrialResult]] = {}
-    for result in sorted(results, key=lambda each: each.maze):
-        groups.setdefault(result.maze, []).append(result)
-    return _groups(BY_MAZE, groups)
+    by_maze = attrgetter("maze")
+    return _groups(BY_MAZE, sorted(results, key=by_maze), by_maze)
 
 
 def _starts(results: list[TrialResult]) -> DataTable:
     """The runs by start cell; only where all runs are in the same maze."""
-    groups: dict[object, list[TrialResult]] = {}
-    if len({result.maze for result in results}) == 1 and results[0].maze != RANDOM:
-        for result in sorted(results, key=lambda each: (-start_cell(each)[1], start_cell(each)[0])):
-            groups.setdefault(start_cell(result), []).append(result)
-    return _groups(BY_START, groups)
+    mazes = {result.maze for result in results}
+    if len(mazes) > 1 or RANDOM in mazes:
+        return BY_START
+    ordered = sorted(results, key=lambda each: (-start_cell(each)[1], start_cell(each)[0]))
+    return _groups(BY_START, ordered, start_cell)
 
 
 def _slowest(folder: TrialFolder, results: list[TrialResult]) -> DataTable:
@@ -310,5 +307,7 @@ def _failures(folder: TrialFolder, results: list[TrialResult]) -> DataTable:
 
 
 def _listed(folder: TrialFolder, result: TrialResult, what: object) -> tuple[object, ...]:
-    command = replay_command(folder, result.number) if folder.log(result.number).exists() else "no log"
+    """A row for a run; `what` happened, and the command that plays it again."""
+    log = folder.log(result.number)
+    command = f"simmer-tui replay {shlex.quote(shown_path(log))}" if log.exists() else "no log"
     return result.number, result.time, what, command

@@ -15,7 +15,7 @@ from simmer_tui.config.loader import find_set, load
 from simmer_tui.document import svg
 from simmer_tui.errors import ConfigurationError
 from simmer_tui.trials.folder import TrialFolder, TrialPlan
-from simmer_tui.trials.sweep import column_name, points_of, settings_at
+from simmer_tui.trials.sweep import column_name, files_at, points_of, settings_at
 from simmer_tui.trials.sweep_summary import Curve, SweepValue, answer, curve_figure, curves
 from simmer_tui.trials.trial import TrialResult, prepare
 
@@ -94,6 +94,18 @@ def test_columns_of_one_sensor_or_drive_are_varied_in_their_files(sweep: Make) -
     assert (changed.code, changed.gain) == ("d1", 0.9)
     log_files = folder.trial(1).configuration.files
     assert "0.5" in log_files["sensors.csv"].splitlines()[1]  # so that a log of the run can be run again
+
+
+def test_columns_are_found_as_the_loader_finds_them(tmp_path: Path) -> None:
+    """Below blank lines, and by headers in any letters with any spaces."""
+    files = dict(load(find_set("mission")).files)
+    files["sensors.csv"] = "\n" + files["sensors.csv"].replace("Percent Error", "PERCENT  error", 1)
+    for name, text in files.items():
+        (tmp_path / name).write_text(text)
+    for name, text in files_at({"u1.percent_error": "0.5"}, tmp_path).items():
+        (tmp_path / name).write_text(text)
+    before, after = load(find_set("mission")).simulation.sensors, load(tmp_path).simulation.sensors
+    assert [replace(each, error=0.5) if each.code == "u1" else each for each in before] == list(after)
 
 
 def test_delays_and_profiles_are_varied_like_anything_else(sweep: Make) -> None:
