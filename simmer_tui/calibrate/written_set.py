@@ -24,7 +24,7 @@ from simmer_tui.config.loader import Configuration
 from simmer_tui.config.sets import write_files
 from simmer_tui.config.settings import all_settings, value_of
 from simmer_tui.config.settings_file import settings_text
-from simmer_tui.errors import CalibrationError
+from simmer_tui.errors import CalibrationError, reason_of
 from simmer_tui.importer.set_writer import drive_csv_text, sensors_csv_text
 from simmer_tui.runlog.logged_devices import same_files
 from simmer_tui.runlog.typed_json import TypedJson
@@ -198,7 +198,7 @@ def read_knowledge(directory: Path) -> Knowledge:
             raise ValueError("its parts are of different sizes")
     except OSError as error:
         raise CalibrationError(
-            f"{shown} cannot be read ({error.strerror or error}); --check takes a set that "
+            f"{shown} cannot be read ({reason_of(error)}); --check takes a set that "
             "simmer-tui calibrate wrote"
         ) from None
     except ValueError as error:

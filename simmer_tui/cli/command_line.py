@@ -15,7 +15,14 @@ from typing import TYPE_CHECKING, Any, NoReturn
 from simmer_tui.config.device_trust import OPTION, TRUST, DeviceTrust
 from simmer_tui.config.settings import Setting, all_settings
 from simmer_tui.config.settings_file import Override
-from simmer_tui.errors import ClusterError, ConfigurationError, ProgramError, RunLogError, SimmerError
+from simmer_tui.errors import (
+    ClusterError,
+    ConfigurationError,
+    ProgramError,
+    RunLogError,
+    SimmerError,
+    reason_of,
+)
 from simmer_tui.sim.command import escape, escape_passage, shown_path
 from simmer_tui.sim.rules import FlagRule, did_you_mean
 
@@ -73,7 +80,7 @@ def report(error: SimmerError, program: str = "simmer-tui") -> int:
 
 def unwritable(kind: type[SimmerError], path: Path, error: OSError) -> SimmerError:
     """An error of this kind for a file that cannot be written, with the reason."""
-    return kind(f"{shown_path(path)} cannot be written: {error.strerror or error}")
+    return kind(f"{shown_path(path)} cannot be written: {reason_of(error)}")
 
 
 def has_terminal() -> bool:

@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 from msgspec import Struct
 
 from simmer_tui.config.given_path import other_case
-from simmer_tui.errors import Problem
+from simmer_tui.errors import Problem, reason_of
 from simmer_tui.sim.columns import CsvColumn
 from simmer_tui.sim.command import escape, escape_word, shown_path
 from simmer_tui.sim.rules import CodeRule, IntegerRule, Rule, did_you_mean
@@ -40,7 +40,7 @@ def read_text(path: Path, problems: list[Problem]) -> str | None:
         problems.append(Problem(path.name, what))
         return None
     except OSError as error:
-        problems.append(Problem(path.name, f"cannot be read: {error.strerror or error}"))
+        problems.append(Problem(path.name, f"cannot be read: {reason_of(error)}"))
         return None
     remedy = 'save it as "CSV UTF-8"' if path.suffix.lower() == ".csv" else "save it as UTF-8"
     # UTF-16, which spreadsheets save as "Unicode text", and workbooks with the wrong ending.

@@ -14,7 +14,7 @@ from pathlib import Path, PurePosixPath, PureWindowsPath
 
 from msgspec import Struct
 
-from simmer_tui.errors import Problem
+from simmer_tui.errors import Problem, reason_of
 from simmer_tui.sim.command import escape, shown_path
 from simmer_tui.sim.rules import describe
 
@@ -115,8 +115,7 @@ def _read(directory: Path, name: str) -> bytes:
     except FileNotFoundError:
         raise ValueError(f"is not in the set {shown_path(directory)}") from None
     except (OSError, RuntimeError) as error:  # RuntimeError: links that lead to each other
-        reason = escape(str(getattr(error, "strerror", None) or error))
-        raise ValueError(f"cannot be read: {reason}") from None
+        raise ValueError(f"cannot be read: {escape(reason_of(error))}") from None
     if len(data) > LARGEST:
         raise ValueError(f"has more than {LARGEST:,} bytes")
     try:

@@ -9,7 +9,7 @@ from simmer_tui.config import drive_csv, maze_csv, mission_toml, robot_csv, sens
 from simmer_tui.config.device_file import FOLDER as DEVICES
 from simmer_tui.config.device_file import read_devices
 from simmer_tui.config.given_path import drive_hint, given_path
-from simmer_tui.errors import ConfigurationError, Problem
+from simmer_tui.errors import ConfigurationError, Problem, reason_of
 from simmer_tui.sim.command import escape_passage, shown_path
 from simmer_tui.sim.rules import did_you_mean
 
@@ -141,7 +141,7 @@ def read_files(source: Path) -> dict[str, bytes]:
 def unreadable(error: OSError, folder: Path) -> ConfigurationError:
     """The error for a file of a folder that cannot be copied."""
     where = shown_path(error.filename or folder)
-    return ConfigurationError([Problem(where, f"cannot be read: {error.strerror or error}")])
+    return ConfigurationError([Problem(where, f"cannot be read: {reason_of(error)}")])
 
 
 def _usual_name(name: str) -> str:
@@ -162,7 +162,7 @@ def write_files(destination: Path, files: Mapping[str, bytes]) -> tuple[Path, ..
             (destination / name).parent.mkdir(parents=True, exist_ok=True)
             (destination / name).write_bytes(data)
     except OSError as error:
-        raise _unwritable(shown, error.strerror or str(error)) from None
+        raise _unwritable(shown, reason_of(error)) from None
     return tuple(destination / name for name in files)
 
 

@@ -14,7 +14,7 @@ from msgspec.structs import replace
 
 from simmer_tui.config.mission_plan import cells_of
 from simmer_tui.config.settings import settings_from
-from simmer_tui.errors import ConfigurationError, Problem
+from simmer_tui.errors import ConfigurationError, Problem, reason_of
 from simmer_tui.importer.device_classes import ClassNumber, ClassNumbers, class_number
 from simmer_tui.importer.python_values import Located, Unreadable
 from simmer_tui.sim.command import escape_word, shown_path
@@ -265,7 +265,7 @@ def text_of_file(path: Path) -> str:
     try:
         data = path.read_bytes()
     except OSError as error:
-        what = f"cannot be read: {error.strerror or error}"
+        what = f"cannot be read: {reason_of(error)}"
         raise ConfigurationError([Problem(shown_path(path), what)]) from None
     try:
         return data.decode("utf-8-sig")

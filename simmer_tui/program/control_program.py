@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from simmer_tui import platform_has
-from simmer_tui.errors import ProgramError
+from simmer_tui.errors import ProgramError, reason_of
 from simmer_tui.program import keeper
 from simmer_tui.program.adoption import Adoption
 from simmer_tui.program.hook_folder import with_hook
@@ -118,7 +118,7 @@ class Program(RunningProgram):
                 route.abandon()
                 raise
         except OSError as error:
-            raise ProgramError(f"--run {command!r}: {error.strerror or error}") from None
+            raise ProgramError(f"--run {command!r}: {reason_of(error)}") from None
         route.start()
         self.pid = process.pid
         """Its process ID."""

@@ -16,7 +16,7 @@ from pathlib import Path
 import platformdirs
 
 from simmer_tui.config.loader import Configuration
-from simmer_tui.errors import RunLogError
+from simmer_tui.errors import RunLogError, reason_of
 from simmer_tui.events import ActionDone, CommandResult, Event, MovementPlanned
 from simmer_tui.runlog.writer import ReplayedPrefix, RunLog, new_file
 from simmer_tui.sim.command import shown_path
@@ -107,7 +107,7 @@ class SavedRun:
             path = new_file(folder, mode=0o600)
         except OSError as error:
             shown = shown_path(folder)
-            raise RunLogError(f"runs cannot be saved in {shown}: {error.strerror or error}") from None
+            raise RunLogError(f"runs cannot be saved in {shown}: {reason_of(error)}") from None
         self._file: _BackgroundFile | None = None
         self._log = RunLog(
             path,
