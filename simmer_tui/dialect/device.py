@@ -165,9 +165,8 @@ class DialectDevice:
         made = {code: sensor_of(spec) for code, spec in rules.parts.lidars.items()}
         self._lidars = {code: each for code, each in made.items() if isinstance(each, Lidar)}
         self._deframer = Deframer(rules.framing, rules.types, TYPE)
-        self._open = False
-        self._deaf = False
-        """True while the robot boots: received bytes are lost."""
+        self._booting: Timer | None = None
+        """The end of the robot's boot; received bytes are lost until then."""
         self._silence: Timer | None = None
         self._watchdog: Timer | None = None
         self._streams: list[Timer | None] = []
@@ -203,19 +202,15 @@ class DialectDevice:
 
     def opened(self) -> None:
         """Called when a program opens the port."""
-        self._open = True
         boot = self._rules.robot.boot
         self._streams = [None] * len(self._rules.streams)
-        self._deaf = boot > 0
         if boot:
-            self.host.call_later(boot, self._boot)
+            self._booting = self.host.call_later(boot, self._boot)
         else:
             self._boot()
 
     def _boot(self) -> None:
-        if not self._open:
-            return
-        self._deaf = False
+        self._booting = None
         if self._rules.robot.greeting:
             self.host.send(self._rules.robot.greeting.encode())
         self._begun = self.host.now
@@ -224,12 +219,11 @@ class DialectDevice:
 
     def closed(self) -> None:
         """Called when the program closes the port."""
-        self._open = False
         for noise in self._deframer.end():
             self._tell_noise(noise)
         self._faults.end()
         self._facts.end()
-        for timer in (*self._streams, self._silence):
+        for timer in (*self._streams, self._silence, self._booting):
             if timer is not None:
                 timer.cancel()
         if self._runs and not self._rules.robot.runs_on:
@@ -237,7 +231,7 @@ class DialectDevice:
 
     def received(self, data: bytes) -> None:
         """Called with received bytes."""
-        if self._deaf:
+        if self._booting is not None:
             boot = self._rules.robot.boot
             what = f"the robot boots for {boot:g} s after the port was opened"
             self._faults.note(f"'{escape(data.decode('latin-1'), _SHOWN)}' is lost: {what}", alike="boot")
@@ -375,8 +369,6 @@ class DialectDevice:
             self._answer(task)
 
     def _answer(self, task: _Task) -> None:
-        if task.over:
-            return
         if task.rule.moves:
             self._reply(task, task.rule.reply)
             self._next_step(task)
@@ -625,8 +617,6 @@ class DialectDevice:
         self._streams[index] = later
 
     def _tick(self, index: int, stream: StreamRule, tick: int) -> None:
-        if not self._open:
-            return
         self._next_tick(index, stream, tick + 1)
         values: dict[str, FieldValue] = {"tick": tick}
         try:

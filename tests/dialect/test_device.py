@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import heapq
+import itertools
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -50,10 +51,11 @@ class Host:
         self.reads = 0
         self.read_time = 0.0
         self._due: list[tuple[float, int, Later]] = []
+        self._count = itertools.count()
 
     def call_later(self, seconds: float, call: Callable[[], None]) -> Later:
         later = Later(call)
-        heapq.heappush(self._due, (self.now + seconds, len(self._due) + self.reads, later))
+        heapq.heappush(self._due, (self.now + seconds, next(self._count), later))
         return later
 
     def pass_time(self, seconds: float) -> None:
@@ -343,6 +345,21 @@ def test_bytes_are_lost_while_it_boots_and_then_it_greets(tmp_path: Path) -> Non
     host.pass_time(2)
     robot.received(b"get\n")
     assert host.take() == ["< ready", "< 25.4,inf,10"]
+
+
+def test_a_port_that_is_opened_again_while_the_robot_boots_boots_it_anew(tmp_path: Path) -> None:
+    stream = '[[stream]]\nevery = 1\nsend = "{tick}"\n'
+    robot, host = device(tmp_path, '[robot]\nboot = 1.5\ngreeting = "ready"\n', stream)
+    host.pass_time(1.0)
+    robot.closed()
+    robot.opened()
+    host.pass_time(1.4)
+    assert host.take() == []
+    host.pass_time(2.2)
+    assert host.take() == ["< ready", "< 0", "< 1"]
+    robot.closed()
+    host.pass_time(2.0)
+    assert host.take() == []
 
 
 def test_a_stream_comes_by_itself_while_its_condition_holds(tmp_path: Path) -> None:
