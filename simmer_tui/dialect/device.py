@@ -48,27 +48,36 @@ WATCHDOG = "watchdog"
 """Source of the end of an untimed run that `halts_after` ends."""
 
 
-class Timer(Protocol):
-    """A scheduled call."""
+class Timer:
+    """A call that is due later, unless it is cancelled before."""
+
+    def __init__(self, call: Callable[[], None]) -> None:
+        self._call: Callable[[], None] | None = call
+
+    @property
+    def pending(self) -> bool:
+        """True until the call is made or cancelled."""
+        return self._call is not None
 
     def cancel(self) -> None:
         """Cancel the call."""
+        self._call = None
+
+    def __call__(self) -> None:
+        call, self._call = self._call, None
+        if call is not None:
+            call()
 
 
-class MoveEnd(Protocol):
+class MoveEnd(Struct, frozen=True):
     """End of a movement of known length."""
 
-    @property
-    def refused(self) -> str:
-        """The reason why it did not begin; empty if it did."""
-
-    @property
-    def touched(self) -> bool:
-        """True if it met an obstacle."""
-
-    @property
-    def stopped(self) -> bool:
-        """True if it ended neither by itself nor by an obstacle, but was stopped."""
+    refused: str = ""
+    """The reason why it did not begin; empty if it did."""
+    touched: bool = False
+    """True if it met an obstacle."""
+    stopped: bool = False
+    """True if it ended neither by itself nor by an obstacle, but was stopped."""
 
 
 class DeviceHost(Protocol):
