@@ -17,9 +17,8 @@ from pathlib import Path
 
 from simmer_tui.config.loader import find_set, load
 from simmer_tui.dialect.device import DialectDevice
-from simmer_tui.dialect.dialect_rules import DialectRules
+from simmer_tui.dialect.dialect_rules import DialectRules, Parts
 from simmer_tui.dialect.expressions import LONGEST_TEXT, MOST_RAYS, Expression, FieldValue
-from simmer_tui.dialect.set_parts import Parts
 from simmer_tui.dialect.templates import text_reply
 from simmer_tui.engine import Engine
 from simmer_tui.errors import ExpressionError

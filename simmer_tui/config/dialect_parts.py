@@ -7,11 +7,10 @@ from typing import Any, ParamSpec, TypeGuard, TypeVar
 from simmer_tui.config.dialect_toml import LONGEST_TIME, REPLY_KEYS
 from simmer_tui.config.toml_file import TomlFile
 from simmer_tui.dialect import expressions, kinds
-from simmer_tui.dialect.dialect_rules import TYPE, AnyReply
+from simmer_tui.dialect.dialect_rules import TYPE, AnyReply, Parts
 from simmer_tui.dialect.expressions import Expression
 from simmer_tui.dialect.frames import FrameKind, Framing
 from simmer_tui.dialect.kinds import ANY, NUMBER, StaticType, ValueKind
-from simmer_tui.dialect.set_parts import Parts
 from simmer_tui.dialect.templates import BinaryReply, Field, TextReply, check_pack, parsed_reply
 from simmer_tui.sim.rules import did_you_mean
 

@@ -31,6 +31,7 @@ from simmer_tui.dialect.dialect_rules import (
     DialectRules,
     MessageRule,
     MoveStep,
+    Parts,
     PauseStep,
     RobotRules,
     RunStep,
@@ -41,7 +42,6 @@ from simmer_tui.dialect.dialect_rules import (
 from simmer_tui.dialect.frames import FrameKind, Framing
 from simmer_tui.dialect.kinds import ANY, LIST, NUMBER, TEXT, StaticType, ValueKind, kind_of
 from simmer_tui.dialect.patterns import NAME, Pattern
-from simmer_tui.dialect.set_parts import Parts
 from simmer_tui.dialect.templates import check_pack, pack_codes
 from simmer_tui.errors import Problem
 from simmer_tui.sim.command import parse_value

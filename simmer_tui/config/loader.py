@@ -23,7 +23,7 @@ from simmer_tui.config.sets import FILES, find_set, init_set, set_name
 from simmer_tui.config.settings import NO_WHEELS, Settings
 from simmer_tui.config.settings_file import LoadedSettings, Override, load_settings
 from simmer_tui.config.toml_file import TomlFile
-from simmer_tui.dialect.dialect_rules import DialectRules
+from simmer_tui.dialect.dialect_rules import DialectRules, Parts
 from simmer_tui.errors import ConfigurationError, Problem
 from simmer_tui.sim.command import shown_path
 from simmer_tui.sim.obstacles import placement_problems
@@ -165,7 +165,6 @@ def _dialect(
     if (directory / dialect_toml.FILE).exists():
         # Few sets have one, and its reader takes time to import.
         from simmer_tui.config.dialect_reader import load_dialect
-        from simmer_tui.dialect.set_parts import Parts
 
         parts = Parts(sensors, rows.drives, rows.gripper, rows.velocities)
         dialect = load_dialect(directory, parts, problems)

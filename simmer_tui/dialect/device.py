@@ -20,7 +20,9 @@ from simmer_tui.dialect.dialect_rules import (
     Step,
     StopStep,
     StreamRule,
+    Velocity,
     expressions_of,
+    scaled,
 )
 from simmer_tui.dialect.expressions import (
     Expression,
@@ -94,7 +96,7 @@ class DeviceHost(Protocol):
     def move(self, command: str, done: Callable[[MoveEnd], None]) -> None:
         """Do a movement of known length."""
 
-    def drive(self, velocity: tuple[float, float, float] | None, seconds: float | None) -> str:
+    def drive(self, velocity: Velocity | None, seconds: float | None) -> str:
         """Drive at a velocity (in/s, in/s, deg/s) for a time, or until the next command. Returns the reason
         it is refused, or an empty text."""
 
@@ -124,7 +126,7 @@ class _Task(Struct, eq=False):
     touched: bool = False
     over: bool = False
     timer: Timer | None = None
-    velocity: tuple[float, float, float] | None = None
+    velocity: Velocity | None = None
     """Velocity of the run under way: in/s, in/s, deg/s."""
 
 
@@ -448,7 +450,7 @@ class DialectDevice:
         task.velocity = velocity
         return self._pause(task, seconds)
 
-    def _velocity(self, step: RunStep, scope: _TaskScope) -> tuple[float, float, float]:
+    def _velocity(self, step: RunStep, scope: _TaskScope) -> Velocity:
         """The velocity of a run. Raises ExpressionError."""
         drive = step.drive.text(scope, "")
         speed = self._rules.parts.speeds.get(drive.removeprefix("-"))
@@ -456,8 +458,7 @@ class DialectDevice:
             raise ExpressionError(
                 f"'{escape(drive)}' is no drive; there are {', '.join(self._rules.parts.speeds)}"
             )
-        sign = -1.0 if drive.startswith("-") else 1.0
-        return (sign * speed[0], sign * speed[1], sign * speed[2])
+        return scaled(speed, -1.0 if drive.startswith("-") else 1.0)
 
     def _moved(self, task: _Task, movement: MoveEnd) -> None:
         if task.over:

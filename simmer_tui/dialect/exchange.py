@@ -7,10 +7,9 @@ import statistics
 from collections.abc import Callable, Mapping, Sequence
 
 from msgspec import Struct
-from msgspec.structs import replace
 
 from simmer_tui.dialect.device import DialectDevice, MoveEnd, Timer
-from simmer_tui.dialect.dialect_rules import DialectRules, MessageRule
+from simmer_tui.dialect.dialect_rules import DialectRules, MessageRule, Velocity
 from simmer_tui.dialect.expressions import FieldValue
 from simmer_tui.dialect.readings import MessageScope
 from simmer_tui.dialect.reply_reader import SILENCE, PendingReply, ReplyReader, RobotReply
@@ -78,7 +77,7 @@ class _PlannedHost:
         self._stopped = lambda: done(MoveEnd(stopped=True))
         self._moving = self.call_later(seconds, lambda: done(MoveEnd()))
 
-    def drive(self, velocity: tuple[float, float, float] | None, seconds: float | None) -> str:
+    def drive(self, velocity: Velocity | None, seconds: float | None) -> str:
         return ""
 
     def halt(self, by: str = "") -> None:
@@ -123,9 +122,8 @@ class Comparison:
         self._asked: dict[int, _Asked] = {}
         """Pending messages, by the identity of their values."""
         self._delays: dict[str, list[tuple[float, float, int]]] = {}
-        reactive = replace(rules, streams=(), robot=replace(rules.robot, boot=0.0, greeting=""), unknown=())
         self._host = _PlannedHost(rules, self._note)
-        self._device = DialectDevice(reactive, self._host, self._note_message)
+        self._device = DialectDevice(rules.reactive, self._host, self._note_message)
         self._reader = ReplyReader(rules, self._device.state)
 
     def differences(self, pieces: Sequence[Exchanged]) -> list[OtherAnswer]:

@@ -20,7 +20,9 @@ from simmer_tui.dialect.dialect_rules import (
     MoveStep,
     RunStep,
     StopStep,
+    Velocity,
     expressions_of,
+    scaled,
 )
 from simmer_tui.dialect.expressions import FieldValue
 from simmer_tui.dialect.frames import Deframer, Frame, FrameKind
@@ -30,7 +32,6 @@ from simmer_tui.dialect.templates import pack_codes
 from simmer_tui.errors import ExpressionError
 from simmer_tui.sim.command import parse_command, parse_value
 
-Velocity = tuple[float, float, float]
 _NUMBERS = ("number", "int", "digit")
 # The choices of a public team's rule have 4 combinations.
 MOST_CHOICES = 256
@@ -74,28 +75,26 @@ class InverseRules:
 
     def stop(self, state: Mapping[str, FieldValue]) -> DialectMessage | None:
         """The message of a rule that is a plain stop."""
-        for rule in self._rules.rules:
-            if rule.steps and all(isinstance(step, StopStep) for step in rule.steps):
-                for message in self._messages(rule, state):
-                    return message
-        return None
+        rules = self._rules.rules
+        stops = (each for each in rules if each.steps and all(isinstance(s, StopStep) for s in each.steps))
+        return next((message for rule in stops for message in self._messages(rule, state)), None)
 
     def drive(self, code: str, value: float, state: Mapping[str, FieldValue]) -> DialectMessage | str:
         """The message for a movement of known length, or the reason there is none."""
         made = self._moves(code, value, state)
         # The robot's own word for the opposite direction is tried before a negative number, which its sketch
         # may not expect.
-        return min(made, key=lambda each: each.number < 0, default=self._why_no(code))
+        why_none = f"no rule of the dialect with one step and one number does {code}"
+        return min(made, key=lambda each: each.number < 0, default=why_none)
 
     def code_of(self, velocity: Velocity) -> tuple[str, float] | None:
         """The drive along a velocity, and 1 for its direction or -1 for the opposite one."""
         size = math.hypot(*velocity)
         if not size:
             return None
-        wanted = _Found((velocity[0] / size, velocity[1] / size, velocity[2] / size), 1.0)
+        wanted = _Found(scaled(velocity, 1 / size), 1.0)
         for code in self._rules.parts.speeds:
-            direction = self._direction(code, 1.0)
-            sign = _along(wanted, direction) if direction is not None else math.nan
+            sign = _along(wanted, self._direction(code, 1.0))
             if abs(sign) == 1.0:
                 return code, sign
         return None
@@ -104,8 +103,6 @@ class InverseRules:
         """The message for a key that drives while it is held. It is an untimed run, if a rule has one; else a
         movement by `value`, else one of the rule's own length."""
         wanted = self._direction(code, value)
-        if wanted is None:
-            return self._why_no(code)
         messages = [each for rule in self._rules.rules for each in self._messages(rule, state)]
         ways = [_along(self._does(each, state), wanted) for each in messages]
         if math.inf in ways:
@@ -117,11 +114,10 @@ class InverseRules:
 
     def read(self, code: str, state: Mapping[str, FieldValue]) -> DialectMessage | str:
         """The message that is answered with a reading of a sensor, or the reason there is none."""
-        for rule in self._rules.rules:
-            if not rule.steps and code in readable(rule, self._rules.single, state):
-                for message in self._messages(rule, state):
-                    return message
-        return f"no message of the dialect without a movement is answered with {code} alone in a field"
+        rules, single = self._rules.rules, self._rules.single
+        answers = (each for each in rules if not each.steps and code in readable(each, single, state))
+        why_none = f"no message of the dialect without a movement is answered with {code} alone in a field"
+        return next((message for rule in answers for message in self._messages(rule, state)), why_none)
 
     def dictionary(self) -> Iterator[tuple[str, str]]:
         """Each command of ours for which there is a message, with the message; the stop first."""
@@ -143,26 +139,17 @@ class InverseRules:
             if isinstance(asked, DialectMessage):
                 yield code, asked.text
 
-    def _why_no(self, code: str) -> str:
-        return f"no rule of the dialect with one step and one number does {code}"
-
     # -- movements -----------------------------------------------------------------------------------
 
-    def _direction(self, code: str, value: float) -> Velocity | str | None:
+    def _direction(self, code: str, value: float) -> Velocity | str:
         """The unit velocity of a drive, reversed for a negative value; any other code is returned itself."""
         speed = self._rules.parts.speeds.get(code)
         if speed is None:
             return code
-        size = math.hypot(*speed)
-        if not size:
-            return None
-        sign = math.copysign(1.0, value)
-        return (sign * speed[0] / size, sign * speed[1] / size, sign * speed[2] / size)
+        return scaled(speed, math.copysign(1.0, value) / math.hypot(*speed))
 
     def _moves(self, code: str, value: float, state: Mapping[str, FieldValue]) -> Iterator[DialectMessage]:
         wanted = self._direction(code, value)
-        if wanted is None:
-            return
         for rule in self._rules.rules:
             if len(rule.steps) == 1 and isinstance(rule.steps[0], MoveStep | RunStep):
                 solved = (self._solved(form, wanted, abs(value), state) for form in _forms(rule))
@@ -215,15 +202,14 @@ class InverseRules:
             if isinstance(step, MoveStep):
                 command = parse_command(step.command.text(scope, "inf"))
                 distance = parse_value(command.argument)
-                direction = self._direction(command.code, 1.0)
-                if direction is None or isinstance(distance, str):
+                if isinstance(distance, str):
                     return None
-                return _Found(direction, distance)
+                return _Found(self._direction(command.code, 1.0), distance)
             if isinstance(step, RunStep):
                 drive = step.drive.text(scope, "")
                 code = drive.removeprefix("-")
                 direction = self._direction(code, -1.0 if drive != code else 1.0)
-                if direction is None or isinstance(direction, str):
+                if isinstance(direction, str):
                     return None
                 seconds = step.seconds.number(scope) if step.seconds is not None else math.inf
                 return _Found(direction, seconds * math.hypot(*self._rules.parts.speeds[code]), seconds)

@@ -84,9 +84,7 @@ def _condition(condition: Expression | None) -> str:
 
 
 def _replies(rule: MessageRule, rules: DialectRules) -> str:
-    values: dict[str, FieldValue] = dict.fromkeys(rule.names, 7)
-    if rule.patterns:
-        values |= rule.patterns[0].match(rule.patterns[0].example) or {}
+    values = rule.example(7)
     parts = (("", rule.reply), ("at its end ", rule.done), ("if stopped ", rule.stopped))
     return "; ".join(word + _example(each, rules, values) for word, each in parts if each)
 

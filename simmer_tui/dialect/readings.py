@@ -45,14 +45,12 @@ def straight_line(function: Callable[[float], float]) -> tuple[float, float] | N
 
 def readable(rule: MessageRule, codes: frozenset[str], state: Mapping[str, FieldValue]) -> frozenset[str]:
     """The sensors whose readings can be computed from the reply of a rule."""
-    values: dict[str, FieldValue] = dict.fromkeys(rule.names, 0)
-    if rule.patterns:
-        values |= rule.patterns[0].match(rule.patterns[0].example) or {}
+    scope = MessageScope(state, rule.example(0))
     found = set()
     for reply in rule.reply:
         # A binary reply's text is not read.
         for expression in reply.values if isinstance(reply, BinaryReply) else reply.expressions:
-            code, line = read_by(expression, codes, MessageScope(state, values))
+            code, line = read_by(expression, codes, scope)
             if line is not None:
                 found.add(code)
     return frozenset(found)

@@ -83,7 +83,7 @@ class MonitoredRobot(RealRobot):
         super().__post_init__()
         rules = self.rules
         # Messages that the robot sends by itself come from the real one only.
-        reactive = replace(rules, streams=(), robot=replace(rules.robot, boot=0.0, greeting=""), unknown=())
+        reactive = rules.reactive
         self._twin = Twin(self.engine, reactive, self._twin_moved)
         self._device = DialectDevice(reactive, self._twin, self._note_message)
         self._reader = ReplyReader(rules, self._device.state)

@@ -16,9 +16,8 @@ from simmer_tui.config.loader import find_set, init_set, load
 from simmer_tui.config.new_set import dialect_schema
 from simmer_tui.config.set_summary import summarize
 from simmer_tui.config.settings_file import Override
-from simmer_tui.dialect.dialect_rules import CourseProtocol
+from simmer_tui.dialect.dialect_rules import CourseProtocol, Parts
 from simmer_tui.dialect.messages import dictionary
-from simmer_tui.dialect.set_parts import Parts
 from simmer_tui.errors import ConfigurationError, Problem
 
 SPEC = load(find_set("default")).simulation

@@ -14,9 +14,9 @@ from hypothesis import strategies as st
 from benchmarks.bench_dialect_expressions import FIELDS, HARD, MOST_BYTES, Names, cost, hardest
 from simmer_tui.config.dialect_reader import load_dialect
 from simmer_tui.config.loader import find_set, load
+from simmer_tui.dialect.dialect_rules import Parts
 from simmer_tui.dialect.expressions import Expression
 from simmer_tui.dialect.patterns import Pattern
-from simmer_tui.dialect.set_parts import Parts
 from simmer_tui.dialect.templates import LONGEST_REPLY, text_reply
 from simmer_tui.errors import ExpressionError, Problem
 

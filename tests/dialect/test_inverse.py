@@ -8,10 +8,9 @@ import pytest
 
 from simmer_tui.config.dialect_reader import load_dialect
 from simmer_tui.config.loader import find_set, load
-from simmer_tui.dialect.dialect_rules import DialectRules
+from simmer_tui.dialect.dialect_rules import DialectRules, Parts
 from simmer_tui.dialect.expressions import FieldValue
 from simmer_tui.dialect.inverse import DialectMessage, InverseRules
-from simmer_tui.dialect.set_parts import Parts
 from simmer_tui.errors import Problem
 
 SPEC = load(find_set("default")).simulation
