@@ -1,4 +1,6 @@
-"""The files of a new set for editing: with comments, schemas and, on request, a mission.
+"""The files of a new set for editing: with comments and schemas; on request a mission, a dialect, a course.
+
+Files that are not made from others are in the folders `dialects` and `term` of the bundled sets.
 
 Comments are after the rows, so that the first line of a file stays its header and the rows of a maze stay in
 place. The JSON schemas of settings.toml and mission.toml are made from their rules; editors complete and
@@ -22,14 +24,35 @@ from simmer_tui.config import (
     settings_file,
 )
 from simmer_tui.config.csv_table import COMMENT, ID, POLL_CHARACTER, cells_of, delimiter_of, rows_by_header
-from simmer_tui.config.sets import MISSION_SET, bundled_sets, read_files
+from simmer_tui.config.examples import EXAMPLE, example_files
+from simmer_tui.config.sets import (
+    LOCAL_FOLDER,
+    MISSION_SET,
+    bundled_folder,
+    bundled_sets,
+    read_files,
+    unreadable,
+)
 from simmer_tui.config.settings import Setting, all_settings
 from simmer_tui.config.settings_file import with_all_settings
 from simmer_tui.dialect.dialect_rules import Busy
+from simmer_tui.dialect.frames import FrameKind
 from simmer_tui.errors import ConfigurationError, Problem
 from simmer_tui.sim.values import Value
+from simmer_tui.version import requirement
 
 _LOAD = "load"
+_DIALECT_HEAD = """\
+# The language of your robot: what its sketch understands, and answers. simmer-tui check DIR finds
+# every mistake, and prints all messages with an example of their replies. docs/dialects.md has every key.
+# Values are inches and degrees; counter-clockwise and left are positive. cm, mm and m are factors.
+
+"""
+SAMPLES, SUBMISSION = "samples", "submission"
+"""Folders of a course with the sample programs and with students' submissions."""
+PROGRAM = "main.py"
+"""The program in a submission that is run."""
+_REQUIREMENTS = "requirements.txt"
 
 
 def explained(files: Mapping[str, bytes], nominal: str = "") -> dict[str, bytes]:
@@ -89,6 +112,50 @@ def with_mission(files: Mapping[str, bytes]) -> dict[str, bytes]:
             texts[name] = _with_row(texts[name], wanted | {POLL_CHARACTER: code})
     made = {**files, **{name: text.encode() for name, text in texts.items()}}
     return made | {mission_toml.FILE: files.get(mission_toml.FILE, model[mission_toml.FILE])}
+
+
+def with_dialect(files: Mapping[str, bytes], kind: FrameKind) -> dict[str, bytes]:
+    """The files of a set with a dialect.toml of a kind, a small language with the codes of the set."""
+    drives, sensors = (_codes(files[name]) for name in (drive_csv.FILE, sensors_csv.FILE))
+    ranges = [code for name, code in sensors.items() if name.startswith(("ultra", "tof"))]
+    text = _DIALECT_HEAD + _bundled_files("dialects")[f"{kind}.toml"].decode()
+    for word, code in (
+        ("SENSOR", next(iter([*ranges, *sensors.values()]), "u1")),
+        ("FORWARD", drives.get("right", "d1")),
+        ("TURN", drives.get("rot", "r1")),
+    ):
+        text = text.replace(word, code)
+    return {**files, dialect_toml.FILE: text.encode()}
+
+
+def _codes(data: bytes) -> dict[str, str]:
+    """The codes of the rows of a table, by ID."""
+    rows = rows_by_header(data.decode("utf-8-sig", "replace"))
+    return {row.get(ID, ""): row.get(POLL_CHARACTER, "") for row in rows}
+
+
+def term_files(course_set: Mapping[str, bytes]) -> dict[str, bytes]:
+    """The files of a course's folder, by path in it: its set, samples, and a repository for students.
+
+    Raises ConfigurationError if a bundled file cannot be read.
+    """
+    samples = example_files()
+    files = {f"{LOCAL_FOLDER}/{name}": data for name, data in course_set.items()}
+    files |= {f"{SAMPLES}/{name}": data for name, data in samples.items()}
+    files[f"{SUBMISSION}/{PROGRAM}"] = samples[EXAMPLE]
+    files |= _bundled_files("term")
+    files[_REQUIREMENTS] += f"{requirement()}\n".encode()
+    return files
+
+
+def _bundled_files(folder: str) -> dict[str, bytes]:
+    """The files in a folder beside the default set, by path in it. Raises ConfigurationError."""
+    home = bundled_folder() / folder
+    try:
+        found = sorted(path for path in home.rglob("*") if path.is_file())
+        return {path.relative_to(home).as_posix(): path.read_bytes() for path in found}
+    except OSError as error:
+        raise unreadable(error, home) from None
 
 
 def _free_code(wanted: str, taken: Collection[str]) -> str:
