@@ -129,7 +129,7 @@ def load(
     dialect, settings = _dialect(directory, loaded, settings, sensors, rows, overrides or {}, problems)
     if problems or maze is None or robot is None:
         raise ConfigurationError(problems)
-    simulation = _simulation(settings, maze, robot, sensors, rows)
+    simulation = simulation_of(settings, maze, robot, sensors, rows)
     # Places are checked only in a set without other mistakes: with a wrong maze they would all be wrong.
     misplaced = [Problem(loaded.places[name], what) for name, what in placement_problems(simulation)]
     if mission is not None:
@@ -191,13 +191,14 @@ def _undoable(mission: MissionSpec, file: TomlFile, simulation: SimulationSpec) 
         yield Problem(file.place(key) if key else MISSION_FILE, what)
 
 
-def _simulation(
+def simulation_of(
     settings: Settings,
     maze: MazeSpec,
     robot: RobotSpec,
     sensors: tuple[SensorSpec, ...],
     rows: DriveRows,
 ) -> SimulationSpec:
+    """The simulation that the parts of a set describe."""
     motion, wheels = settings.motion, None
     if settings.wheels.layout != NO_WHEELS:
         layout = WheelLayout(settings.wheels.layout)

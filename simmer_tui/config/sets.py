@@ -138,9 +138,9 @@ def read_files(source: Path) -> dict[str, bytes]:
     return files
 
 
-def unreadable(error: OSError, folder: Path) -> ConfigurationError:
-    """The error for a file of a folder that cannot be copied."""
-    where = shown_path(error.filename or folder)
+def unreadable(error: OSError, path: Path) -> ConfigurationError:
+    """The error for a file, or one of a folder, that cannot be read."""
+    where = shown_path(error.filename or path)
     return ConfigurationError([Problem(where, f"cannot be read: {reason_of(error)}")])
 
 
