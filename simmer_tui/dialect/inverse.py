@@ -26,13 +26,12 @@ from simmer_tui.dialect.dialect_rules import (
 )
 from simmer_tui.dialect.expressions import FieldValue
 from simmer_tui.dialect.frames import Deframer, Frame, FrameKind
-from simmer_tui.dialect.patterns import Pattern
+from simmer_tui.dialect.patterns import NUMERIC, Pattern
 from simmer_tui.dialect.readings import SAME, MessageScope, readable, straight_line
 from simmer_tui.dialect.templates import pack_codes
 from simmer_tui.errors import ExpressionError
 from simmer_tui.sim.command import parse_command, parse_value
 
-_NUMBERS = ("number", "int", "digit")
 # The choices of a public team's rule have 4 combinations.
 MOST_CHOICES = 256
 """Combinations of a rule's choices that are tried."""
@@ -279,7 +278,7 @@ class _Form(Struct, frozen=True):
     def numbers(self) -> dict[str, str]:
         """The kinds of the numbers on which the first step depends."""
         used = frozenset[str]().union(*(each.names for each in expressions_of(self.rule.steps[0])))
-        return {name: kind for name, kind in self.kinds.items() if kind in _NUMBERS and name in used}
+        return {name: kind for name, kind in self.kinds.items() if kind in NUMERIC and name in used}
 
     def values(self, numbers: Mapping[str, float]) -> dict[str, FieldValue]:
         """The values of a message with these numbers, defaults for the rest."""
