@@ -20,6 +20,7 @@ from simmer_tui.calibrate.estimates import ParameterEstimate, unidentified_label
 from simmer_tui.calibrate.fit import Fit
 from simmer_tui.calibrate.parameters import with_values
 from simmer_tui.config import drive_csv, sensors_csv, settings_file
+from simmer_tui.config.csv_table import csv_text
 from simmer_tui.config.loader import Configuration
 from simmer_tui.config.sets import write_files
 from simmer_tui.config.settings import all_settings, value_of
@@ -115,12 +116,8 @@ def _notes(estimates: Sequence[ParameterEstimate], source: str) -> dict[str, str
 
 def _noted(text: str, notes: dict[str, str]) -> str:
     """A CSV file with notes in a last column without a name."""
-    rows = list(csv.reader(io.StringIO(text)))
-    made = io.StringIO()
-    writer = csv.writer(made, lineterminator="\n")
-    for number, row in enumerate(rows):
-        writer.writerow([*row, notes.get(row[0], "") if number else ""])
-    return made.getvalue()
+    rows = enumerate(csv.reader(io.StringIO(text)))
+    return csv_text([*row, notes.get(row[0], "") if number else ""] for number, row in rows)
 
 
 def _settings(fit: Fit, estimates: Sequence[ParameterEstimate], source: str) -> str:

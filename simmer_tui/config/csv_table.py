@@ -157,6 +157,13 @@ def rows_by_header(text: str) -> list[dict[str, str]]:
     return [dict(zip(rows[0], row, strict=False)) for row in rows[1:]]
 
 
+def csv_text(rows: Iterable[Iterable[object]], delimiter: str = ",") -> str:
+    """The text of a CSV file with these rows."""
+    text = io.StringIO()
+    csv.writer(text, delimiter=delimiter, lineterminator="\n").writerows(rows)
+    return text.getvalue()
+
+
 def _clean(cells: Sequence[str], delimiter: str) -> tuple[str, ...]:
     cleaned = [cell.strip() for cell in cells]
     # A comma inside a cell is certainly a decimal point only if semicolons separate cells.

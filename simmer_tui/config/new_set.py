@@ -8,8 +8,6 @@ check by them. A file names its schema in a comment, `#:schema .schema/settings.
 Code and taplo on the command line read that.
 """
 
-import csv
-import io
 import json
 from collections.abc import Collection, Iterable, Mapping
 from typing import Any
@@ -23,7 +21,15 @@ from simmer_tui.config import (
     sensors_csv,
     settings_file,
 )
-from simmer_tui.config.csv_table import COMMENT, ID, POLL_CHARACTER, cells_of, delimiter_of, rows_by_header
+from simmer_tui.config.csv_table import (
+    COMMENT,
+    ID,
+    POLL_CHARACTER,
+    cells_of,
+    csv_text,
+    delimiter_of,
+    rows_by_header,
+)
 from simmer_tui.config.examples import EXAMPLE, example_files
 from simmer_tui.config.sets import (
     LOCAL_FOLDER,
@@ -171,10 +177,8 @@ def _with_row(text: str, row: Mapping[str, str]) -> str:
     header = table[0]
     header += [name for name, value in row.items() if value and name not in header]
     table.append([row.get(name, "") for name in header])
-    written = io.StringIO()
-    writer = csv.writer(written, delimiter=delimiter_of(text), lineterminator="\n")
-    writer.writerows([*cells, *[""] * (len(header) - len(cells))] for cells in table)
-    return written.getvalue() + "".join(f"{line}\n" for line in comments)
+    rows = ([*cells, *[""] * (len(header) - len(cells))] for cells in table)
+    return csv_text(rows, delimiter_of(text)) + "".join(f"{line}\n" for line in comments)
 
 
 def _comments(name: str, text: str) -> Iterable[str]:

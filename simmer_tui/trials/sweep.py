@@ -7,8 +7,6 @@ the value and not by random draws (common random numbers).
 
 from __future__ import annotations
 
-import csv
-import io
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -16,7 +14,7 @@ from pathlib import Path
 from msgspec.structs import replace
 
 from simmer_tui.config import drive_csv, sensors_csv
-from simmer_tui.config.csv_table import ID, POLL_CHARACTER, CsvRow, CsvTable, read_csv
+from simmer_tui.config.csv_table import ID, POLL_CHARACTER, CsvRow, CsvTable, csv_text, read_csv
 from simmer_tui.config.loader import Configuration
 from simmer_tui.config.settings import Settings, all_settings, value_of
 from simmer_tui.errors import ConfigurationError, Problem
@@ -140,15 +138,12 @@ def _with_cell(table: CsvTable, changed: CsvRow, header: str, value: str) -> str
         head.append(header)
         names.append(header.lower())
     column = names.index(header.lower())
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(head)
+    rows = [head]
     for row in table.rows[1:]:
-        cells = [row.cell(index) for index in range(max(len(head), len(row.cells)))]
+        rows.append([row.cell(index) for index in range(max(len(head), len(row.cells)))])
         if row is changed:
-            cells[column] = value
-        writer.writerow(cells)
-    return text.getvalue()
+            rows[-1][column] = value
+    return csv_text(rows)
 
 
 def check_effects(points: Sequence[SweepPoint], configurations: Sequence[Configuration]) -> None:
