@@ -8,7 +8,7 @@ from typing import Any, TypeGuard
 
 from msgspec.structs import replace
 
-from simmer_tui.config.dialect_parts import READING, Names, RuleParts, is_whole, without_gaps
+from simmer_tui.config.dialect_parts import READING, Names, RuleParts, is_number, is_whole, without_gaps
 from simmer_tui.config.dialect_toml import (
     COMMAND_KEYS,
     FILE,
@@ -24,7 +24,6 @@ from simmer_tui.config.dialect_toml import (
 from simmer_tui.config.toml_file import TomlFile
 from simmer_tui.dialect import expressions
 from simmer_tui.dialect.dialect_rules import (
-    TYPE,
     AssignStep,
     Busy,
     CourseProtocol,
@@ -39,7 +38,7 @@ from simmer_tui.dialect.dialect_rules import (
     StopStep,
     StreamRule,
 )
-from simmer_tui.dialect.frames import FrameKind, Framing
+from simmer_tui.dialect.frames import TYPE, FrameKind, Framing
 from simmer_tui.dialect.kinds import ANY, LIST, NUMBER, TEXT, StaticType, ValueKind, kind_of
 from simmer_tui.dialect.patterns import NAME, Pattern
 from simmer_tui.dialect.templates import check_pack, pack_codes
@@ -171,7 +170,7 @@ class _Reader(RuleParts):
                 self._file.add_problem(place, "is no name for a value of the state")
             elif name in self._parts.readable:
                 self._file.add_problem(place, "is the code of a sensor; take another name")
-            elif isinstance(value, bool) or not isinstance(value, int | float | str):
+            elif not isinstance(value, str) and not is_number(value):
                 self._file.add_problem(place, "must be a number or a text")
             else:
                 yield name, value
@@ -330,11 +329,7 @@ class _Reader(RuleParts):
         self._file.check_names(given, STREAM_KEYS, prefix)
         every = given.get("every")
         # The loop of a robot at 2 kHz; faster streams fill any line.
-        if (
-            isinstance(every, bool)
-            or not isinstance(every, int | float)
-            or not 0.0005 <= every <= LONGEST_TIME
-        ):
+        if not is_number(every) or not 0.0005 <= every <= LONGEST_TIME:
             self._file.add_problem(f"{prefix}every", f"must be seconds from 0.0005 to {LONGEST_TIME:g}")
             return None
         send = self._replies(given, "send", prefix, {"tick": NUMBER})

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pickle
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -22,7 +22,6 @@ from simmer_tui.config.set_devices import DeviceStatus, set_devices
 from simmer_tui.config.sets import FILES, find_set, init_set, set_name
 from simmer_tui.config.settings import NO_WHEELS, Settings
 from simmer_tui.config.settings_file import LoadedSettings, Override, load_settings
-from simmer_tui.config.toml_file import TomlFile
 from simmer_tui.dialect.dialect_rules import DialectRules, Parts
 from simmer_tui.errors import ConfigurationError, Problem
 from simmer_tui.sim.command import shown_path
@@ -133,7 +132,11 @@ def load(
     # Places are checked only in a set without other mistakes: with a wrong maze they would all be wrong.
     misplaced = [Problem(loaded.places[name], what) for name, what in placement_problems(simulation)]
     if mission is not None:
-        misplaced += _undoable(mission, mission_file, simulation)
+        # It imports shapely's geometry, and few sets need it.
+        from simmer_tui.config.mission_plan import mission_problems
+
+        undoable = mission_problems(mission, simulation)
+        misplaced += [Problem(mission_file.place(key), what) for key, what in undoable]
     if misplaced:
         raise ConfigurationError(misplaced)
     return Configuration(
@@ -180,15 +183,6 @@ def _dialect(
         what = f"is the serial port of a set with a {dialect_toml.FILE}; simmer-tui init --dialect writes one"
         problems.append(Problem(loaded.places["server.pty"], what))
     return dialect, settings
-
-
-def _undoable(mission: MissionSpec, file: TomlFile, simulation: SimulationSpec) -> Iterator[Problem]:
-    """The reasons why a mission cannot be drawn or completed."""
-    # It imports shapely's geometry, and few sets need it.
-    from simmer_tui.config.mission_plan import mission_problems
-
-    for key, what in mission_problems(mission, simulation):
-        yield Problem(file.place(key) if key else MISSION_FILE, what)
 
 
 def simulation_of(

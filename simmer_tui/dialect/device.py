@@ -9,7 +9,6 @@ from typing import Protocol
 from msgspec import Struct
 
 from simmer_tui.dialect.dialect_rules import (
-    TYPE,
     AnyReply,
     AssignStep,
     Busy,
@@ -175,7 +174,7 @@ class DialectDevice:
         self._rules = rules
         made = {code: sensor_of(spec) for code, spec in rules.parts.lidars.items()}
         self._lidars = {code: each for code, each in made.items() if isinstance(each, Lidar)}
-        self._deframer = Deframer(rules.framing, rules.types, TYPE)
+        self._deframer = Deframer(rules.framing, rules.types)
         self._booting: Timer | None = None
         """The end of the robot's boot; received bytes are lost until then."""
         self._silence: Timer | None = None
@@ -609,7 +608,7 @@ class DialectDevice:
         for count in range(reply.times):
             content = reply.content(_TaskScope(self, {**values, "k": count}, touched), missing)
             try:
-                yield self._rules.framing.frame(TYPE, reply.type, content)
+                yield self._rules.framing.frame(reply.type, content)
             except struct.error as error:
                 raise ExpressionError(f"{len(content)} bytes do not fit the frame: {error}") from None
 

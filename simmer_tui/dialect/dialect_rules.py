@@ -10,7 +10,7 @@ from msgspec import Struct, field
 from msgspec.structs import replace
 
 from simmer_tui.dialect.expressions import Expression, FieldValue, Scope
-from simmer_tui.dialect.frames import Frame, Framing
+from simmer_tui.dialect.frames import TYPE, Frame, Framing
 from simmer_tui.dialect.patterns import Pattern
 from simmer_tui.dialect.templates import BinaryReply, TextReply
 from simmer_tui.errors import ExpressionError
@@ -162,10 +162,6 @@ def _unpacked(shape: str, names: tuple[str, ...], content: bytes) -> dict[str, F
     values = struct.unpack(shape, content)
     plain = (each.decode("latin-1") if isinstance(each, bytes) else each for each in values)
     return dict(zip(names, plain, strict=True))
-
-
-TYPE = "type"
-"""The field of a binary header that is the type of message."""
 
 
 class StreamRule(Struct, frozen=True):

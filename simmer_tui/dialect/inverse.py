@@ -14,7 +14,6 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from simmer_tui.dialect.dialect_rules import (
-    TYPE,
     DialectRules,
     MessageRule,
     MoveStep,
@@ -246,14 +245,14 @@ class InverseRules:
     def _framed(self, rule: MessageRule, content: bytes) -> bytes:
         framing = self._rules.framing
         if framing.kind is FrameKind.BINARY:
-            return framing.frame(TYPE, rule.type, content)
+            return framing.frame(rule.type, content)
         if framing.kind is FrameKind.BRACKET:
             return framing.open + content + framing.close
         return content if framing.kind is FrameKind.BYTE else content + framing.end
 
     def _frame(self, data: bytes) -> Frame | None:
         """The frame that the robot would read from these bytes; None if they are not one whole message."""
-        frames = Deframer(self._rules.framing, self._rules.types, TYPE).receive(data)
+        frames = Deframer(self._rules.framing, self._rules.types).receive(data)
         only = frames[0] if len(frames) == 1 else None
         return only if isinstance(only, Frame) and only.data == data else None
 

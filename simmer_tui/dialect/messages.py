@@ -97,7 +97,7 @@ def _example(replies: Sequence[AnyReply], rules: DialectRules, values: dict[str,
             if isinstance(reply, BinaryReply):
                 content = reply.content(_Example(rules, values), rules.missing)
                 times = f" ({reply.times} times)" if reply.times > 1 else ""
-                shown.append(rules.framing.frame("type", reply.type, content).hex(" ") + times)
+                shown.append(rules.framing.frame(reply.type, content).hex(" ") + times)
             else:
                 shown.append(escape(reply.text(_Example(rules, values), rules.missing)))
         except (ValueError, struct.error) as error:

@@ -11,9 +11,9 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from msgspec import Struct, field
 
-from simmer_tui.dialect.dialect_rules import TYPE, AnyReply, DialectRules, MessageRule
+from simmer_tui.dialect.dialect_rules import AnyReply, DialectRules, MessageRule
 from simmer_tui.dialect.expressions import FieldValue
-from simmer_tui.dialect.frames import Deframer, Frame
+from simmer_tui.dialect.frames import TYPE, Deframer, Frame
 from simmer_tui.dialect.readings import MessageScope, read_by
 from simmer_tui.dialect.templates import BinaryReply, Field, TextReply
 
@@ -83,7 +83,9 @@ class ReplyReader:
         )
         """Names that are always numbers."""
         self._streams = [
-            self._made_pending(MessageRule(number=0), "stream", each.send, {}) for each in rules.streams
+            self._made_pending(MessageRule(number=0), "stream", each.send, {})
+            for each in rules.streams
+            if each.send
         ]
         self._buffer = bytearray()
         answers = [each for rule in rules.rules for each in (rule.reply, rule.done, rule.stopped)]
@@ -146,7 +148,7 @@ class ReplyReader:
         """The reply at the beginning of the received bytes, if it matches a pending one."""
         window = bytes(self._buffer[:LONGEST])
         for pending in (*self.pending, *self._streams):
-            match = pending.patterns[0].match(window) if pending.patterns else None
+            match = pending.patterns[0].match(window)
             if match is None or not match.end():
                 continue
             # A number at the very end may continue: 12. and then 5.
@@ -232,7 +234,7 @@ class ReplyReader:
     def _frame(self, frame: Frame) -> RobotReply:
         kind = frame.head.get(TYPE)
         for pending in (*self.pending, *self._streams):
-            template = pending.templates[0] if pending.templates else None
+            template = pending.templates[0]
             if not isinstance(template, BinaryReply) or template.type not in (None, kind):
                 continue
             readings: dict[str, float] = {}
