@@ -6,7 +6,7 @@ from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Protocol
 
-from msgspec import Struct
+from msgspec import Struct, field
 
 from simmer_tui.dialect.dialect_rules import (
     AnyReply,
@@ -50,10 +50,10 @@ WATCHDOG = "watchdog"
 
 
 class Timer:
-    """A call that is due later, unless it is cancelled before."""
+    """A call that is due later, unless it is cancelled before; without a call it is over."""
 
-    def __init__(self, call: Callable[[], None]) -> None:
-        self._call: Callable[[], None] | None = call
+    def __init__(self, call: Callable[[], None] | None = None) -> None:
+        self._call = call
 
     @property
     def pending(self) -> bool:
@@ -124,7 +124,7 @@ class _Task(Struct, eq=False):
     steps: Iterator[Step]
     touched: bool = False
     over: bool = False
-    timer: Timer | None = None
+    timer: Timer = field(default_factory=Timer)
     velocity: Velocity | None = None
     """Velocity of the run under way: in/s, in/s, deg/s."""
 
@@ -175,11 +175,11 @@ class DialectDevice:
         made = {code: sensor_of(spec) for code, spec in rules.parts.lidars.items()}
         self._lidars = {code: each for code, each in made.items() if isinstance(each, Lidar)}
         self._deframer = Deframer(rules.framing, rules.types)
-        self._booting: Timer | None = None
+        self._booting = Timer()
         """The end of the robot's boot; received bytes are lost until then."""
-        self._silence: Timer | None = None
-        self._watchdog: Timer | None = None
-        self._streams: list[Timer | None] = []
+        self._silence, self._watchdog = Timer(), Timer()
+        self._streams: dict[int, Timer] = {}
+        """The next message of each stream, by its place in the rules."""
         self._begun = 0.0
         """The time when they began."""
         self._moving: _Task | None = None
@@ -213,14 +213,12 @@ class DialectDevice:
     def opened(self) -> None:
         """Called when a program opens the port."""
         boot = self._rules.robot.boot
-        self._streams = [None] * len(self._rules.streams)
         if boot:
             self._booting = self.host.call_later(boot, self._boot)
         else:
             self._boot()
 
     def _boot(self) -> None:
-        self._booting = None
         if self._rules.robot.greeting:
             self.host.send(self._rules.robot.greeting.encode())
         self._begun = self.host.now
@@ -233,24 +231,21 @@ class DialectDevice:
             self._tell_noise(noise)
         self._faults.end()
         self._facts.end()
-        for timer in (*self._streams, self._silence, self._booting):
-            if timer is not None:
-                timer.cancel()
+        for timer in (*self._streams.values(), self._silence, self._booting):
+            timer.cancel()
         if self._runs and not self._rules.robot.runs_on:
             self._halt()
 
     def received(self, data: bytes) -> None:
         """Called with received bytes."""
-        if self._booting is not None:
+        if self._booting.pending:
             boot = self._rules.robot.boot
             what = f"the robot boots for {boot:g} s after the port was opened"
             self._faults.note(f"'{escape(data.decode('latin-1'), _SHOWN)}' is lost: {what}", alike="boot")
             return
         self._rest_watchdog()
         self._take(self._deframer.receive(data))
-        if self._silence is not None:
-            self._silence.cancel()
-            self._silence = None
+        self._silence.cancel()
         silence = self._rules.framing.silence
         if silence and self._deframer.unfinished:
             self._silence = self.host.call_later(silence, lambda: self._take(self._deframer.silence()))
@@ -269,15 +264,12 @@ class DialectDevice:
         self._faults.note(f"{count} dropped, {noise.why}: '{shown}'{more}", alike=noise.why)
 
     def _rest_watchdog(self) -> None:
-        if self._watchdog is not None:
-            self._watchdog.cancel()
-            self._watchdog = None
+        self._watchdog.cancel()
         after = self._rules.robot.halts_after
         if after:
             self._watchdog = self.host.call_later(after, self._fell_silent)
 
     def _fell_silent(self) -> None:
-        self._watchdog = None
         if self._runs:
             silence = f"nothing has come for {self._rules.robot.halts_after:g} s"
             self._facts.note(f"{silence}: the robot stops (halts_after)")
@@ -492,8 +484,7 @@ class DialectDevice:
 
     def _end(self, task: _Task) -> None:
         task.over = True
-        if task.timer is not None:
-            task.timer.cancel()
+        task.timer.cancel()
         if self._moving is task:
             self._moving = None
         if self._asked is task:
@@ -622,8 +613,7 @@ class DialectDevice:
             tick, left = tick + skipped, left + skipped * stream.every
             what = f"{skipped} messages of a stream that were more than {LATEST:g} s late are left out"
             self._facts.note(what, alike=("late", index))
-        later = self.host.call_later(max(left, 0.0), lambda: self._tick(index, stream, tick))
-        self._streams[index] = later
+        self._streams[index] = self.host.call_later(max(left, 0.0), lambda: self._tick(index, stream, tick))
 
     def _tick(self, index: int, stream: StreamRule, tick: int) -> None:
         self._next_tick(index, stream, tick + 1)
