@@ -3,7 +3,7 @@
 import math
 import struct
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Protocol
 
 from msgspec import Struct, field
@@ -26,6 +26,7 @@ from simmer_tui.dialect.dialect_rules import (
 from simmer_tui.dialect.expressions import (
     Expression,
     FieldValue,
+    FieldValues,
     bounded_text,
     finite,
     listed_codes,
@@ -89,7 +90,7 @@ class DeviceHost(Protocol):
 
     def call_later(self, seconds: float, call: Callable[[], None]) -> Timer: ...
 
-    def read(self, codes: Sequence[str], done: Callable[[Mapping[str, FieldValue]], None]) -> None:
+    def read(self, codes: Sequence[str], done: Callable[[FieldValues], None]) -> None:
         """Read sensors now; `done` is called when their Read Times are over."""
 
     def move(self, command: str, done: Callable[[MoveEnd], None]) -> None:
@@ -119,7 +120,7 @@ class _Task(Struct, eq=False):
     """A message of `size` bytes that is being carried out: its values, and its remaining steps."""
 
     rule: MessageRule
-    values: Mapping[str, FieldValue]
+    values: FieldValues
     size: int
     steps: Iterator[Step]
     touched: bool = False
@@ -133,7 +134,7 @@ class _TaskScope(Struct):
     """The names of an expression."""
 
     device: "DialectDevice"
-    values: Mapping[str, FieldValue]
+    values: FieldValues
     touched: bool = False
 
     def value(self, name: str) -> FieldValue:
@@ -164,7 +165,7 @@ class DialectDevice:
         self,
         rules: DialectRules,
         host: DeviceHost,
-        observer: Callable[[MessageRule, Mapping[str, FieldValue]], None] = lambda rule, values: None,
+        observer: Callable[[MessageRule, FieldValues], None] = lambda rule, values: None,
     ) -> None:
         self._observer = observer
         self.host = host
@@ -204,7 +205,7 @@ class DialectDevice:
         return self._moving is not None or self._runs
 
     @property
-    def doing(self) -> Mapping[str, FieldValue] | None:
+    def doing(self) -> FieldValues | None:
         """The values of the message whose movement is under way, the same object that `observer` got."""
         return self._moving.values if self._moving is not None else None
 
@@ -392,11 +393,11 @@ class DialectDevice:
             if not self._do(task, step, task.values):
                 return
 
-    def _with_readings(self, task: _Task, step: Step, readings: Mapping[str, FieldValue]) -> None:
+    def _with_readings(self, task: _Task, step: Step, readings: FieldValues) -> None:
         if not task.over and self._do(task, step, {**task.values, **readings}):
             self._next_step(task)
 
-    def _do(self, task: _Task, step: Step, values: Mapping[str, FieldValue]) -> bool:
+    def _do(self, task: _Task, step: Step, values: FieldValues) -> bool:
         """Do a step. True if the next one follows at once."""
         scope = _TaskScope(self, values, task.touched)
         try:
@@ -517,7 +518,7 @@ class DialectDevice:
     def _send(
         self,
         replies: Sequence[AnyReply],
-        values: Mapping[str, FieldValue],
+        values: FieldValues,
         place: str,
         *,
         touched: bool = False,
@@ -528,7 +529,7 @@ class DialectDevice:
         `FILE:LINE`."""
         codes = self._sensors_in([each for reply in replies for each in reply.expressions], values)
 
-        def made(readings: Mapping[str, FieldValue]) -> None:
+        def made(readings: FieldValues) -> None:
             try:
                 for data in self._bounded(replies, {**values, **readings}, touched):
                     self.host.send(data, droppable=droppable)
@@ -541,9 +542,7 @@ class DialectDevice:
         else:
             made({})
 
-    def _sensors_in(
-        self, expressions: Sequence[Expression], values: Mapping[str, FieldValue]
-    ) -> tuple[str, ...]:
+    def _sensors_in(self, expressions: Sequence[Expression], values: FieldValues) -> tuple[str, ...]:
         """The sensors that expressions read. Those of `named` are in the message, in the state, or in the
         expression."""
         found = dict.fromkeys(self._rules.sensors_in(expressions))
@@ -555,9 +554,7 @@ class DialectDevice:
             found |= dict.fromkeys(code for code in asked if code in self._rules.parts.readable)
         return tuple(found)
 
-    def sense(
-        self, function: str, arguments: Sequence[FieldValue], readings: Mapping[str, FieldValue]
-    ) -> FieldValue:
+    def sense(self, function: str, arguments: Sequence[FieldValue], readings: FieldValues) -> FieldValue:
         """The result of ray or scan, from the lidar that they use. Raises ExpressionError."""
         code = next(iter(self._rules.parts.behind.get(function, ())), "")
         lidar, ranges = self._lidars.get(code), readings.get(code)
@@ -568,7 +565,7 @@ class DialectDevice:
         bearings = scan_bearings(arguments)
         return tuple(ranges[lidar.nearest_ray(each)] for each in bearings)
 
-    def named(self, codes: Sequence[str], readings: Mapping[str, FieldValue]) -> str:
+    def named(self, codes: Sequence[str], readings: FieldValues) -> str:
         """`u0:3.00,u1:12.50`: readings with the codes of their request. Raises ExpressionError."""
         items = []
         for code in codes:
@@ -577,9 +574,7 @@ class DialectDevice:
             items.append(f"{code}:{value:.2f}" if is_number else f"{code}:{self._rules.missing}")
         return bounded_text(",".join(items))
 
-    def _bounded(
-        self, replies: Sequence[AnyReply], values: Mapping[str, FieldValue], touched: bool
-    ) -> Iterator[bytes]:
+    def _bounded(self, replies: Sequence[AnyReply], values: FieldValues, touched: bool) -> Iterator[bytes]:
         """The bytes of replies, up to a limit. Raises ExpressionError."""
         size = 0
         for reply in replies:
@@ -589,7 +584,7 @@ class DialectDevice:
                     raise ExpressionError(f"the replies to a message go up to {LONGEST_REPLY} bytes")
                 yield data
 
-    def _encoded(self, reply: AnyReply, values: Mapping[str, FieldValue], touched: bool) -> Iterator[bytes]:
+    def _encoded(self, reply: AnyReply, values: FieldValues, touched: bool) -> Iterator[bytes]:
         """The bytes of a reply. Raises ExpressionError."""
         missing = self._rules.missing
         if not isinstance(reply, BinaryReply):

@@ -2,14 +2,14 @@
 
 import re
 import struct
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from enum import StrEnum
 from functools import cached_property
 
 from msgspec import Struct, field
 from msgspec.structs import replace
 
-from simmer_tui.dialect.expressions import Expression, FieldValue, Scope
+from simmer_tui.dialect.expressions import Expression, FieldValue, FieldValues, Scope
 from simmer_tui.dialect.frames import TYPE, Frame, Framing
 from simmer_tui.dialect.patterns import Pattern
 from simmer_tui.dialect.templates import BinaryReply, TextReply
@@ -259,7 +259,7 @@ class DialectRules(Struct, frozen=True, kw_only=True):
     reply_end: str = ""
     missing: str = "inf"
     robot: RobotRules = RobotRules()
-    state: Mapping[str, FieldValue] = field(default_factory=dict)
+    state: FieldValues = field(default_factory=dict)
     rules: tuple[MessageRule, ...] = ()
     streams: tuple[StreamRule, ...] = ()
     unknown: tuple[AnyReply, ...] = ()
@@ -289,7 +289,7 @@ class DialectRules(Struct, frozen=True, kw_only=True):
     def found(
         self,
         frame: Frame,
-        scope: Callable[[Mapping[str, FieldValue]], Scope],
+        scope: Callable[[FieldValues], Scope],
         failed: Callable[[MessageRule, ExpressionError], None] = lambda rule, error: None,
     ) -> tuple[MessageRule, dict[str, FieldValue]] | None:
         """The first rule for a message, with its values.

@@ -10,7 +10,7 @@ from msgspec import Struct
 
 from simmer_tui.dialect.device import DialectDevice, MoveEnd, Timer
 from simmer_tui.dialect.dialect_rules import DialectRules, MessageRule, Velocity
-from simmer_tui.dialect.expressions import FieldValue
+from simmer_tui.dialect.expressions import FieldValues
 from simmer_tui.dialect.readings import MessageScope
 from simmer_tui.dialect.reply_reader import SILENCE, PendingReply, ReplyReader, RobotReply
 from simmer_tui.dialect.templates import TextReply
@@ -101,7 +101,7 @@ class _Asked(Struct, frozen=True):
     line: int
     time: float
     takes: float
-    values: Mapping[str, FieldValue]
+    values: FieldValues
 
 
 class Comparison:
@@ -147,7 +147,7 @@ class Comparison:
     def _note(self, text: str) -> None:
         self._found.add(OtherAnswer(self._line, text))
 
-    def _note_message(self, rule: MessageRule, values: Mapping[str, FieldValue]) -> None:
+    def _note_message(self, rule: MessageRule, values: FieldValues) -> None:
         self.messages += 1
         if rule.stops:
             return

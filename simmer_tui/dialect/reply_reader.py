@@ -12,7 +12,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from msgspec import Struct, field
 
 from simmer_tui.dialect.dialect_rules import AnyReply, DialectRules, MessageRule
-from simmer_tui.dialect.expressions import FieldValue
+from simmer_tui.dialect.expressions import FieldValues
 from simmer_tui.dialect.frames import TYPE, Deframer, Frame
 from simmer_tui.dialect.readings import MessageScope, read_by
 from simmer_tui.dialect.templates import BinaryReply, Field, TextReply
@@ -43,7 +43,7 @@ class RobotReply(Struct, frozen=True):
     part: str = ""
     rule: MessageRule | None = None
     readings: Mapping[str, float] = field(default_factory=dict)
-    values: Mapping[str, FieldValue] | None = None
+    values: FieldValues | None = None
     """Values of the message that it answers, the same object that `asked` got."""
 
     @property
@@ -59,7 +59,7 @@ class PendingReply(Struct, eq=False):
     rule: MessageRule
     part: str
     templates: list[AnyReply]
-    values: Mapping[str, FieldValue]
+    values: FieldValues
     patterns: list[re.Pattern[bytes]]
 
 
@@ -71,7 +71,7 @@ class ReplyReader:
         state: Its state, which messages change.
     """
 
-    def __init__(self, rules: DialectRules, state: Mapping[str, FieldValue]) -> None:
+    def __init__(self, rules: DialectRules, state: FieldValues) -> None:
         self._rules = rules
         self._state = state
         self._end = rules.reply_end.encode()
@@ -98,7 +98,7 @@ class ReplyReader:
         """True if a reply has been received in part."""
         return bool(self._buffer) or (self._deframer is not None and self._deframer.unfinished)
 
-    def asked(self, rule: MessageRule, values: Mapping[str, FieldValue]) -> None:
+    def asked(self, rule: MessageRule, values: FieldValues) -> None:
         """Add the replies of a sent message to the pending ones."""
         for part, replies in (("reply", rule.reply), ("done", rule.done), ("stopped", rule.stopped)):
             if replies:
@@ -106,7 +106,7 @@ class ReplyReader:
         del self.pending[:-MOST_PENDING]
 
     def _made_pending(
-        self, rule: MessageRule, part: str, replies: Sequence[AnyReply], values: Mapping[str, FieldValue]
+        self, rule: MessageRule, part: str, replies: Sequence[AnyReply], values: FieldValues
     ) -> PendingReply:
         return PendingReply(rule, part, [*replies], values, [self._pattern(each) for each in replies])
 
@@ -214,9 +214,7 @@ class ReplyReader:
             return False
         return bool(part.format) or part.expression.names <= self._numbers
 
-    def _readings(
-        self, template: AnyReply, match: re.Match[bytes], values: Mapping[str, FieldValue]
-    ) -> dict[str, float]:
+    def _readings(self, template: AnyReply, match: re.Match[bytes], values: FieldValues) -> dict[str, float]:
         if not isinstance(template, TextReply):
             return {}
         fields = (part for part in template.parts if isinstance(part, Field))

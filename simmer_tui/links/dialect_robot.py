@@ -57,7 +57,7 @@ class DialectRobot(MonitoredRobot):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        self._inverse = InverseRules(self.rules)
+        self._inverse = InverseRules(self.rules, self._device.state)
         self._queue: deque[_Request] = deque()
         self._moving: _Request | None = None
         """The request whose movement is under way."""
@@ -160,8 +160,7 @@ class DialectRobot(MonitoredRobot):
 
     def _prepare(self, request: _Request) -> str:
         """Find the message for a command. Returns the reason if there is none."""
-        command, state = request.command, self._device.state
-        simulator = self.engine.simulator
+        command, simulator = request.command, self.engine.simulator
         if command.problem:
             return command.problem
         if command.code == WAIT and not simulator.is_drive(command):
@@ -171,13 +170,13 @@ class DialectRobot(MonitoredRobot):
             return f"{self.port} is closed"
         if self.switch.program is not None:
             return _TAKEN
-        if command.source in PEOPLE and self._drives(command) and self._inverse.stop(state) is None:
+        if command.source in PEOPLE and self._drives(command) and self._inverse.stop() is None:
             return NO_STOP
         if not simulator.is_drive(command):
-            made = self._inverse.read(command.code, state)
+            made = self._inverse.read(command.code)
         else:
             value = parse_value(command.argument)
-            made = value if isinstance(value, str) else self._inverse.drive(command.code, value, state)
+            made = value if isinstance(value, str) else self._inverse.drive(command.code, value)
         if isinstance(made, str):
             return made
         request.message = made
@@ -281,7 +280,7 @@ class DialectRobot(MonitoredRobot):
     def stop(self) -> None:
         """Send a person's or a command's stop at once, ahead of waiting commands."""
         self._end_key()
-        message = self._inverse.stop(self._device.state)
+        message = self._inverse.stop()
         if message is None:
             text = 'the robot cannot be stopped: no rule of the dialect is a plain stop (do = "stop")'
             self._tell(NoticeKind.FAULT, text)
@@ -306,7 +305,7 @@ class DialectRobot(MonitoredRobot):
 
     def _press(self, request: _Request) -> None:
         """Drive by a key; the robot is stopped when no more keys come."""
-        command, state = request.command, self._device.state
+        command = request.command
         driven = self._meant(command)
         if driven is None:  # a velocity of 0: the key was released
             self._keys_silent()
@@ -314,9 +313,9 @@ class DialectRobot(MonitoredRobot):
             return
         problem = "" if self._open else f"{self.port} is closed"
         problem = _TAKEN if self.switch.program is not None else problem
-        if self._inverse.stop(state) is None:
+        if self._inverse.stop() is None:
             problem = NO_STOP
-        made = self._inverse.held(*driven, state) if not isinstance(driven, str) else driven
+        made = self._inverse.held(*driven) if not isinstance(driven, str) else driven
         if problem or isinstance(made, str):
             self._refuse(request, problem or str(made))
             return
