@@ -133,8 +133,6 @@ def _faults(kind: type[Sensor]) -> Iterator[str]:
     missing = sorted(getattr(kind, "__abstractmethods__", ()))
     if missing:
         yield f"{kind.__name__} lacks {', '.join(missing)}"
-    elif inspect.isabstract(kind) or not kind.__mro__:
-        yield f"{kind.__name__} is abstract"
     if kind.is_scan:
         yield f"{kind.__name__} scans as a lidar does; a reading of a device is one number"
     if not is_kind_name(kind.name):

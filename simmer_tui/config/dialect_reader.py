@@ -241,40 +241,35 @@ class _Reader(RuleParts):
         return patterns
 
     def _type(self, given: Mapping[str, Any], prefix: str) -> int | None:
-        kind = given.get("type")
+        kind, place, add_problem = given.get("type"), f"{prefix}type", self._file.add_problem
         if self._framing.kind is not FrameKind.BINARY:
             if kind is not None or "unpack" in given:
                 key = "type" if kind is not None else "unpack"
-                self._file.add_problem(prefix + key, 'is for [frame] kind = "binary" only')
+                add_problem(prefix + key, 'is for [frame] kind = "binary" only')
             return None
         if "match" in given and "unpack" in given:
-            self._file.add_problem(
-                f"{prefix}unpack", "stands beside match; one of them takes the content apart"
-            )
+            add_problem(f"{prefix}unpack", "stands beside match; one of them takes the content apart")
         if TYPE not in self._framing.names:
             if kind is not None and self._is_framed:
-                self._file.add_problem(
-                    f"{prefix}type", f"the header has no field '{TYPE}' (names in [frame])"
-                )
+                add_problem(place, f"the header has no field '{TYPE}' (names in [frame])")
             return None
         if not is_whole(kind):
-            self._file.add_problem(f"{prefix}type", "must be a whole number: the header's field type")
+            add_problem(place, "must be a whole number: the header's field type")
             return None
         code = tuple(pack_codes(self._framing.head))[self._framing.names.index(TYPE)]
         try:
             struct.pack(f"<{code}", kind)
         except struct.error:
-            self._file.add_problem(f"{prefix}type", f"{kind} does not fit the header '{self._framing.head}'")
+            add_problem(place, f"{kind} does not fit the header '{self._framing.head}'")
         return kind
 
     # -- steps -------------------------------------------------------------------------------------
 
     def _steps(self, given: Mapping[str, Any], prefix: str, names: Names) -> tuple[Step, ...]:
-        texts = _listed(given.get("do", []))
+        place, texts = f"{prefix}do", _listed(given.get("do", []))
         if not _is_texts(texts):
-            self._file.add_problem(f"{prefix}do", "must be a step or a list of steps, each a text")
+            self._file.add_problem(place, "must be a step or a list of steps, each a text")
             return ()
-        place = f"{prefix}do"
         return without_gaps([self._made(place, self._step, text.strip(), place, names) for text in texts])
 
     def _step(self, text: str, place: str, names: Names) -> Step | None:

@@ -170,8 +170,6 @@ class DialectDevice:
         self._observer = observer
         self.host = host
         self.state: dict[str, FieldValue] = dict(rules.state)
-        self.unknown = 0
-        """Number of messages that no command matches."""
         self._rules = rules
         made = {code: sensor_of(spec) for code, spec in rules.parts.lidars.items()}
         self._lidars = {code: each for code, each in made.items() if isinstance(each, Lidar)}
@@ -286,7 +284,6 @@ class DialectDevice:
             lambda rule, error: self._faults.note(f"{rule.place}: if: {error}"),
         )
         if found is None:
-            self.unknown += 1
             hint = nearest(text, self._rules)
             self.host.done(frame.data, UNKNOWN_MESSAGE + hint)
             self._faults.note(f"'{escape(text)}' is no message of the dialect{hint}", alike=("?", text))
