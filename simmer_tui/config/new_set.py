@@ -36,8 +36,8 @@ from simmer_tui.config.sets import (
     MISSION_SET,
     bundled_folder,
     bundled_sets,
+    read_all,
     read_files,
-    unreadable,
 )
 from simmer_tui.config.settings import Setting, all_settings
 from simmer_tui.config.settings_file import with_all_settings
@@ -157,11 +157,7 @@ def term_files(course_set: Mapping[str, bytes]) -> dict[str, bytes]:
 def _bundled_files(folder: str) -> dict[str, bytes]:
     """The files in a folder beside the default set, by path in it. Raises ConfigurationError."""
     home = bundled_folder() / folder
-    try:
-        found = sorted(path for path in home.rglob("*") if path.is_file())
-        return {path.relative_to(home).as_posix(): path.read_bytes() for path in found}
-    except OSError as error:
-        raise unreadable(error, home) from None
+    return read_all(sorted(path for path in home.rglob("*") if path.is_file()), home)
 
 
 def _free_code(wanted: str, taken: Collection[str]) -> str:

@@ -1,7 +1,7 @@
 """Configuration sets as folders: listing, finding and copying them."""
 
 import os
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from functools import cache
 from pathlib import Path
 
@@ -23,12 +23,20 @@ LOCAL_FOLDER = "config"
 """The folder of the working directory that is used when none is named."""
 
 
+PACKAGE = Path(__file__).resolve().parent.parent
+"""The folder of the package."""
+
+
+def installed_folder(name: str, source: str) -> Path:
+    """A folder with files for users: inside the installed package, to which the build copies them from a
+    `source` beside it, or that source in a checkout."""
+    installed = PACKAGE / name
+    return installed if installed.is_dir() else PACKAGE.parent / source
+
+
 def bundled_folder() -> Path:
-    """The folder of the default set: inside the installed package, or beside it in a checkout."""
-    package = Path(__file__).resolve().parent.parent
-    # The build copies the folder `config` of a checkout into the package.
-    installed = package / "bundled"
-    return installed if installed.is_dir() else package.parent / "config"
+    """The folder of the default set."""
+    return installed_folder("bundled", "config")
 
 
 def bundled_sets() -> Mapping[str, Path]:
@@ -123,19 +131,22 @@ def read_files(source: Path) -> dict[str, bytes]:
     )
     if not paths:
         raise ConfigurationError([Problem(shown_path(source), "holds no files of a set to copy")])
-    try:
-        # Windows finds Sensors.CSV as sensors.csv, and other systems do not: a copy has the usual names.
-        files = {_usual_name(path.name): path.read_bytes() for path in paths}
-    except OSError as error:
-        raise unreadable(error, source) from None
-    if not (source / DEVICES).is_dir():
-        return files
+    # Windows finds Sensors.CSV as sensors.csv, and other systems do not: a copy has the usual names.
+    files = {_usual_name(name): data for name, data in read_all(paths, source).items()}
     problems: list[Problem] = []
     own = [f"{DEVICES}/{path.name}" for path in sorted((source / DEVICES).glob("*.py"))]
     files |= {device.path: device.data for device in read_devices(source, own, DEVICES, problems)}
     if problems:
         raise ConfigurationError(problems)
     return files
+
+
+def read_all(paths: Iterable[Path], folder: Path) -> dict[str, bytes]:
+    """The bytes of files in a folder, by path in it. Raises ConfigurationError if one cannot be read."""
+    try:
+        return {path.relative_to(folder).as_posix(): path.read_bytes() for path in paths}
+    except OSError as error:
+        raise unreadable(error, folder) from None
 
 
 def unreadable(error: OSError, path: Path) -> ConfigurationError:
