@@ -144,7 +144,7 @@ def delimiter_of(text: str) -> str:
     return ","
 
 
-def cells_of(text: str) -> list[list[str]]:
+def plain_rows(text: str) -> list[list[str]]:
     """The rows of a valid CSV text, without spaces around cells, blank rows and comments."""
     rows = csv.reader(io.StringIO(text), delimiter=delimiter_of(text), skipinitialspace=True)
     cells = ([cell.strip() for cell in row] for row in rows)
@@ -153,7 +153,7 @@ def cells_of(text: str) -> list[list[str]]:
 
 def rows_by_header(text: str) -> list[dict[str, str]]:
     """The rows under the header of such a text, by column."""
-    rows = cells_of(text)
+    rows = plain_rows(text)
     return [dict(zip(rows[0], row, strict=False)) for row in rows[1:]]
 
 

@@ -25,9 +25,9 @@ from simmer_tui.config.csv_table import (
     COMMENT,
     ID,
     POLL_CHARACTER,
-    cells_of,
     csv_text,
     delimiter_of,
+    plain_rows,
     rows_by_header,
 )
 from simmer_tui.config.examples import EXAMPLE, example_files
@@ -106,7 +106,7 @@ def with_mission(files: Mapping[str, bytes]) -> dict[str, bytes]:
     drives, sensors = drive_csv.FILE, sensors_csv.FILE
     problems = [Problem(name, "is missing from the set") for name in (drives, sensors) if name not in texts]
     tables = [(name, texts[name]) for name in (drives, sensors) if name in texts]
-    problems += [Problem(name, "the file is empty") for name, text in tables if not cells_of(text)]
+    problems += [Problem(name, "the file is empty") for name, text in tables if not plain_rows(text)]
     if problems:
         raise ConfigurationError(problems)
     taken = {row.get(POLL_CHARACTER, "") for name in (drives, sensors) for row in rows_by_header(texts[name])}
@@ -169,7 +169,7 @@ def _free_code(wanted: str, taken: Collection[str]) -> str:
 def _with_row(text: str, row: Mapping[str, str]) -> str:
     """A table with one more row, and the columns that it needs; comments stay after the rows."""
     comments = [line for line in text.splitlines() if line.lstrip(' "').startswith(COMMENT)]
-    table = cells_of(text)
+    table = plain_rows(text)
     header = table[0]
     header += [name for name, value in row.items() if value and name not in header]
     table.append([row.get(name, "") for name in header])

@@ -13,7 +13,7 @@ from msgspec import Struct
 from shapely import MultiPoint
 
 from simmer_tui.config import drive_csv, robot_csv, sensors_csv, settings_file
-from simmer_tui.config.csv_table import ID, cells_of, rows_by_header
+from simmer_tui.config.csv_table import ID, plain_rows, rows_by_header
 from simmer_tui.config.loader import Configuration
 from simmer_tui.config.settings import WheelsSettings
 from simmer_tui.dialect.dialect_rules import DialectRules
@@ -227,7 +227,7 @@ def _cells(rules: Rules, course: Mapping[str, str], team: Mapping[str, str]) -> 
 def _robot_cells(file: str, labels: tuple[str, ...], wanted: str, found: str) -> Iterable[Problem]:
     """Problems in robot.csv: the name at the beginning of a row decides if it may change."""
     nothing: list[str] = []
-    for model, row in zip_longest(cells_of(wanted), cells_of(found), fillvalue=nothing):
+    for model, row in zip_longest(plain_rows(wanted), plain_rows(found), fillvalue=nothing):
         label = (row or model)[0]
         if label not in labels and [*map(_plain, row[1:])] != [*map(_plain, model[1:])]:
             yield Problem(f"{file}:{escape(label)}", "must be the same as in the course's set")
