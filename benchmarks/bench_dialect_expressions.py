@@ -17,10 +17,9 @@ from pathlib import Path
 
 from simmer_tui.config.loader import find_set, load
 from simmer_tui.dialect.device import DialectDevice
-from simmer_tui.dialect.dialect_rules import DialectRules
+from simmer_tui.dialect.dialect_rules import DialectRules, Parts
 from simmer_tui.dialect.expressions import LONGEST_TEXT, MOST_RAYS, Expression, FieldValue
-from simmer_tui.dialect.set_parts import Parts
-from simmer_tui.dialect.templates import text_reply
+from simmer_tui.dialect.templates import parsed_reply
 from simmer_tui.engine import Engine
 from simmer_tui.errors import ExpressionError
 from simmer_tui.links.dialect_link import SimulatedHost, value_of
@@ -109,7 +108,7 @@ def costs(rounds: int) -> dict[str, tuple[float, int]]:
     names = Names()
     made = {name: hardest(text) for name, text in HARD.items()}
     found = {name: cost(lambda each=each: each.value(names), rounds) for name, each in made.items()}  # type: ignore[misc]
-    replies = {name: text_reply(text) for name, text in FIELDS.items()}
+    replies = {name: parsed_reply(text)[0] for name, text in FIELDS.items()}
     return found | {
         name: cost(lambda each=each: each.text(names, ""), rounds) for name, each in replies.items()
     }  # type: ignore[misc]

@@ -30,6 +30,14 @@ from collections.abc import Iterable, Sequence
 from msgspec import Struct
 
 
+def reason_of(error: BaseException) -> str:
+    """The reason of an error, for a message that names the file itself: the system's words for it alone.
+
+    They are without error number and path: "Permission denied".
+    """
+    return str(getattr(error, "strerror", None) or error)
+
+
 class SimmerError(Exception):
     """Base of all errors this package raises on purpose."""
 

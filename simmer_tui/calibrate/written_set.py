@@ -20,11 +20,12 @@ from simmer_tui.calibrate.estimates import ParameterEstimate, unidentified_label
 from simmer_tui.calibrate.fit import Fit
 from simmer_tui.calibrate.parameters import with_values
 from simmer_tui.config import drive_csv, sensors_csv, settings_file
+from simmer_tui.config.csv_table import csv_text
 from simmer_tui.config.loader import Configuration
 from simmer_tui.config.sets import write_files
 from simmer_tui.config.settings import all_settings, value_of
 from simmer_tui.config.settings_file import settings_text
-from simmer_tui.errors import CalibrationError
+from simmer_tui.errors import CalibrationError, reason_of
 from simmer_tui.importer.set_writer import drive_csv_text, sensors_csv_text
 from simmer_tui.runlog.logged_devices import same_files
 from simmer_tui.runlog.typed_json import TypedJson
@@ -115,11 +116,8 @@ def _notes(estimates: Sequence[ParameterEstimate], source: str) -> dict[str, str
 
 def _noted(text: str, notes: dict[str, str]) -> str:
     """A CSV file with notes in a last column without a name."""
-    made = io.StringIO()
     head, *rows = csv.reader(io.StringIO(text))
-    noted = ([*row, notes.get(row[0], "")] for row in rows)
-    csv.writer(made, lineterminator="\n").writerows([[*head, ""], *noted])
-    return made.getvalue()
+    return csv_text([[*head, ""], *([*row, notes.get(row[0], "")] for row in rows)])
 
 
 def _settings(fit: Fit, estimates: Sequence[ParameterEstimate], source: str) -> str:
@@ -197,7 +195,7 @@ def read_knowledge(directory: Path) -> Knowledge:
             raise ValueError("its parts are of different sizes")
     except OSError as error:
         raise CalibrationError(
-            f"{shown} cannot be read ({error.strerror or error}); --check takes a set that "
+            f"{shown} cannot be read ({reason_of(error)}); --check takes a set that "
             "simmer-tui calibrate wrote"
         ) from None
     except ValueError as error:

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from simmer_tui import platform_has
 from simmer_tui.config.settings_file import Override
-from simmer_tui.errors import ConfigurationError, Problem
+from simmer_tui.errors import ConfigurationError, Problem, reason_of
 from simmer_tui.links.access import LONGEST_TOKEN
 from simmer_tui.links.processes import StatField, stat_of
 from simmer_tui.sim.command import shown_path
@@ -32,7 +32,7 @@ def add_token_of(path: Path, overrides: dict[str, Override]) -> None:
             line = file.readline(LONGEST_TOKEN + 2)
         word = line.decode().strip()
     except OSError as error:
-        raise _refused(f"{shown} cannot be read: {error.strerror or error}") from None
+        raise _refused(f"{shown} cannot be read: {reason_of(error)}") from None
     except ValueError:
         raise _refused(f"{shown} is no text in UTF-8") from None
     if not word or len(line.rstrip(b"\r\n")) > LONGEST_TOKEN:

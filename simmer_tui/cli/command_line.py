@@ -21,6 +21,7 @@ from simmer_tui.errors import (
     Problem,
     ProgramError,
     SimmerError,
+    reason_of,
 )
 from simmer_tui.sim.command import escape, escape_passage, shown_path
 from simmer_tui.sim.rules import FlagRule, did_you_mean
@@ -89,7 +90,7 @@ def writing(kind: type[SimmerError], path: Path) -> Generator[None, None, None]:
     try:
         yield
     except OSError as error:
-        raise kind(f"{shown_path(path)} cannot be written: {error.strerror or error}") from None
+        raise kind(f"{shown_path(path)} cannot be written: {reason_of(error)}") from None
 
 
 def without_effect(options: Iterable[str]) -> list[Problem]:

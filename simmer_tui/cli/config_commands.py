@@ -19,10 +19,9 @@ from simmer_tui.cli.command_line import (
     subcommand,
 )
 from simmer_tui.config.device_trust import DeviceUse
-from simmer_tui.config.dialect_templates import TEMPLATES, with_dialect
 from simmer_tui.config.loader import Configuration, load
 from simmer_tui.config.new_set import FOLDER as SCHEMAS
-from simmer_tui.config.new_set import explained, with_mission
+from simmer_tui.config.new_set import explained, term_files, with_dialect, with_mission
 from simmer_tui.config.set_document import CHECK, DIFFERENCES, problems_document, set_document
 from simmer_tui.config.set_summary import summarize
 from simmer_tui.config.sets import (
@@ -35,7 +34,7 @@ from simmer_tui.config.sets import (
     set_name,
     write_files,
 )
-from simmer_tui.config.term import term_files
+from simmer_tui.dialect.frames import FrameKind
 from simmer_tui.document.model import Document
 from simmer_tui.errors import ConfigurationError, Problem
 from simmer_tui.importer.device_skeletons import with_skeletons
@@ -57,7 +56,7 @@ def _init_options(parser: OneLineParser) -> None:
     )
     parser.add_argument(
         "--dialect",
-        choices=TEMPLATES,
+        choices=[each.value for each in FrameKind],
         help="with a dialect.toml to be edited, for messages that are lines, in brackets, bytes or binary",
     )
 
@@ -71,7 +70,7 @@ def run_init(options: argparse.Namespace) -> int:
         source = bundled_sets()[MISSION_SET]  # the same robot, with a gripper and realistic delays
     files, name = read_files(source), set_name(source)
     if options.dialect is not None:
-        files = with_dialect(files, options.dialect)
+        files = with_dialect(files, FrameKind(options.dialect))
     files = explained(with_mission(files) if mission else files, name if name in bundled_sets() else "")
     if options.term:
         files = term_files(files)

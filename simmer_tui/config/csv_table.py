@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 from msgspec import Struct
 
 from simmer_tui.config.given_path import other_case
-from simmer_tui.errors import Problem
+from simmer_tui.errors import Problem, reason_of
 from simmer_tui.sim.columns import CsvColumn
 from simmer_tui.sim.command import escape, escape_word, shown_path
 from simmer_tui.sim.rules import CodeRule, IntegerRule, Rule, did_you_mean
@@ -40,7 +40,7 @@ def read_text(path: Path, problems: list[Problem]) -> str | None:
         problems.append(Problem(path.name, what))
         return None
     except OSError as error:
-        problems.append(Problem(path.name, f"cannot be read: {error.strerror or error}"))
+        problems.append(Problem(path.name, f"cannot be read: {reason_of(error)}"))
         return None
     remedy = 'save it as "CSV UTF-8"' if path.suffix.lower() == ".csv" else "save it as UTF-8"
     # UTF-16, which spreadsheets save as "Unicode text", and workbooks with the wrong ending.
@@ -144,7 +144,7 @@ def delimiter_of(text: str) -> str:
     return ","
 
 
-def cells_of(text: str) -> list[list[str]]:
+def plain_rows(text: str) -> list[list[str]]:
     """The rows of a valid CSV text, without spaces around cells, blank rows and comments."""
     rows = csv.reader(io.StringIO(text), delimiter=delimiter_of(text), skipinitialspace=True)
     cells = ([cell.strip() for cell in row] for row in rows)
@@ -153,8 +153,15 @@ def cells_of(text: str) -> list[list[str]]:
 
 def rows_by_header(text: str) -> list[dict[str, str]]:
     """The rows under the header of such a text, by column."""
-    rows = cells_of(text)
+    rows = plain_rows(text)
     return [dict(zip(rows[0], row, strict=False)) for row in rows[1:]]
+
+
+def csv_text(rows: Iterable[Iterable[object]], delimiter: str = ",") -> str:
+    """The text of a CSV file with these rows."""
+    text = io.StringIO()
+    csv.writer(text, delimiter=delimiter, lineterminator="\n").writerows(rows)
+    return text.getvalue()
 
 
 def _clean(cells: Sequence[str], delimiter: str) -> tuple[str, ...]:

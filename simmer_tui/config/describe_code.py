@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterator
 
-from simmer_tui.sim.angles import side_name
+from simmer_tui.sim.angles import half_turn, side_name
 from simmer_tui.sim.columns import FIELD_OF_VIEW, CsvColumn
 from simmer_tui.sim.command import escape_word
 from simmer_tui.sim.rules import did_you_mean
@@ -42,7 +42,7 @@ def side_of(angle: float) -> str:
 
 def _turned(angle: float) -> str:
     """An angle as degrees from the front, to the nearer side."""
-    angle = (angle + 180.0) % 360.0 - 180.0
+    angle = half_turn(angle)
     if abs(math.remainder(angle, 180.0)) < _NEAR:
         return f"to the {side_of(angle)}"
     side = "left" if angle > 0 else "right"

@@ -106,19 +106,15 @@ def run_devices(files: Iterable[DeviceFile]) -> None:
 @contextlib.contextmanager
 def device_faults(files: Iterable[DeviceFile], problems: list[Problem]) -> Iterator[None]:
     """Context in which faults of device files become problems."""
-    paths = [file.path for file in files]
-    if not paths:
-        yield
-        return
     try:
         yield
     except DeviceError as error:
         problems.append(_problem(error))
     except Exception as error:
         # A rule or a class variable of the team's own.
-        for path in paths:
-            found = _problem(located(path, "a part of it", error))
-            if found.where != path:
+        for file in files:
+            found = _problem(located(file.path, "a part of it", error))
+            if found.where != file.path:
                 problems.append(found)
                 return
         raise
@@ -137,8 +133,6 @@ def _faults(kind: type[Sensor]) -> Iterator[str]:
     missing = sorted(getattr(kind, "__abstractmethods__", ()))
     if missing:
         yield f"{kind.__name__} lacks {', '.join(missing)}"
-    elif inspect.isabstract(kind) or not kind.__mro__:
-        yield f"{kind.__name__} is abstract"
     if kind.is_scan:
         yield f"{kind.__name__} scans as a lidar does; a reading of a device is one number"
     if not is_kind_name(kind.name):

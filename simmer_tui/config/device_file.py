@@ -14,7 +14,8 @@ from pathlib import Path, PurePosixPath, PureWindowsPath
 
 from msgspec import Struct
 
-from simmer_tui.errors import Problem
+from simmer_tui.config.given_path import opened_at_once
+from simmer_tui.errors import Problem, reason_of
 from simmer_tui.sim.command import escape, shown_path
 from simmer_tui.sim.rules import describe
 
@@ -106,17 +107,14 @@ def _read(directory: Path, name: str) -> bytes:
     try:
         if not path.resolve().is_relative_to(directory.resolve()):
             raise ValueError("is a link that leads out of the set; put a copy of the file in its place")
-        # Without waiting: a named pipe would block every command.
-        flags = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
-        with open(os.open(path, flags), "rb") as file:  # noqa: PTH123 - a descriptor
+        with opened_at_once(path) as file:
             if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
                 raise ValueError("is no file")
             data = file.read(LARGEST + 1)
     except FileNotFoundError:
         raise ValueError(f"is not in the set {shown_path(directory)}") from None
     except (OSError, RuntimeError) as error:  # RuntimeError: links that lead to each other
-        reason = escape(str(getattr(error, "strerror", None) or error))
-        raise ValueError(f"cannot be read: {reason}") from None
+        raise ValueError(f"cannot be read: {escape(reason_of(error))}") from None
     if len(data) > LARGEST:
         raise ValueError(f"has more than {LARGEST:,} bytes")
     try:

@@ -46,14 +46,12 @@ def outline_of(file: DeviceFile, problems: list[Problem]) -> DeviceOutline:
     """The outline of a file; a file that is not Python is a problem, and its outline is empty."""
     try:
         module = parsed(file)
-        classes = [node for node in module.body if isinstance(node, ast.ClassDef)]
-        kinds = tuple(kind for node in classes if (kind := _kind(node)) is not None)
-        return DeviceOutline(kinds, tuple(_unfinished(file, classes)))
     except ConfigurationError as error:
         problems += error.problems
-    except RecursionError:
-        problems.append(Problem(file.path, "is nested too deeply to be parsed"))
-    return DeviceOutline((), ())
+        return DeviceOutline((), ())
+    classes = [node for node in module.body if isinstance(node, ast.ClassDef)]
+    kinds = tuple(kind for node in classes if (kind := _kind(node)) is not None)
+    return DeviceOutline(kinds, tuple(_unfinished(file, classes)))
 
 
 def _kind(node: ast.ClassDef) -> type[SensorKind] | None:

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING
 
 from msgspec import Struct
 
+from simmer_tui.config.given_path import opened_at_once
 from simmer_tui.errors import Problem
 from simmer_tui.sim.command import shown_path
 
@@ -89,8 +90,7 @@ def trust_file() -> Path:
 def trusted_hashes() -> frozenset[str]:
     """The hashes that the user trusts; empty if there is no file."""
     try:
-        # Without waiting: a named pipe would hold up every command.
-        with open(os.open(trust_file(), os.O_RDONLY | getattr(os, "O_NONBLOCK", 0)), "rb") as file:  # noqa: PTH123
+        with opened_at_once(trust_file()) as file:
             if not _is_own(os.fstat(file.fileno())):
                 return frozenset()
             text = file.read(_LARGEST).decode("utf-8", "replace")

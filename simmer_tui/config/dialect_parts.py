@@ -7,11 +7,10 @@ from typing import Any, ParamSpec, TypeGuard, TypeVar
 from simmer_tui.config.dialect_toml import LONGEST_TIME, REPLY_KEYS
 from simmer_tui.config.toml_file import TomlFile
 from simmer_tui.dialect import expressions, kinds
-from simmer_tui.dialect.dialect_rules import TYPE, AnyReply
+from simmer_tui.dialect.dialect_rules import AnyReply, Parts
 from simmer_tui.dialect.expressions import Expression
-from simmer_tui.dialect.frames import FrameKind, Framing
+from simmer_tui.dialect.frames import TYPE, FrameKind, Framing
 from simmer_tui.dialect.kinds import ANY, NUMBER, StaticType, ValueKind
-from simmer_tui.dialect.set_parts import Parts
 from simmer_tui.dialect.templates import BinaryReply, Field, TextReply, check_pack, parsed_reply
 from simmer_tui.sim.rules import did_you_mean
 
@@ -34,6 +33,11 @@ def without_gaps(parts: Iterable[T | None]) -> tuple[T, ...]:
 def is_whole(value: object) -> TypeGuard[int]:
     """True for a whole number."""
     return isinstance(value, int) and not isinstance(value, bool)
+
+
+def is_number(value: object) -> TypeGuard[float]:
+    """True for a number of any kind."""
+    return isinstance(value, float) or is_whole(value)
 
 
 class RuleParts:
@@ -108,7 +112,7 @@ class RuleParts:
             self._file.add_problem(place, f"has {size} bytes; the frame has {framing.body}")
             return
         try:
-            framing.frame(TYPE, reply.type, bytes(size))
+            framing.frame(reply.type, bytes(size))
         except struct.error:
             what = f"type {reply.type} or {size} bytes of content do not fit the header '{framing.head}'"
             self._file.add_problem(place, what)
@@ -125,7 +129,7 @@ class RuleParts:
         return None if mistakes else template
 
     def _time(self, given: object, place: str, names: Names) -> Expression | None:
-        if isinstance(given, bool) or not isinstance(given, int | float):
+        if not is_number(given):
             return self._expression(given, place, names, reads=False)
         if 0 <= given <= LONGEST_TIME:
             return Expression(repr(given))

@@ -8,7 +8,7 @@ from typing import Any, TypeGuard
 
 from msgspec.structs import replace
 
-from simmer_tui.config.dialect_parts import READING, Names, RuleParts, is_whole, without_gaps
+from simmer_tui.config.dialect_parts import READING, Names, RuleParts, is_number, is_whole, without_gaps
 from simmer_tui.config.dialect_toml import (
     COMMAND_KEYS,
     FILE,
@@ -24,13 +24,13 @@ from simmer_tui.config.dialect_toml import (
 from simmer_tui.config.toml_file import TomlFile
 from simmer_tui.dialect import expressions
 from simmer_tui.dialect.dialect_rules import (
-    TYPE,
     AssignStep,
     Busy,
     CourseProtocol,
     DialectRules,
     MessageRule,
     MoveStep,
+    Parts,
     PauseStep,
     RobotRules,
     RunStep,
@@ -38,10 +38,9 @@ from simmer_tui.dialect.dialect_rules import (
     StopStep,
     StreamRule,
 )
-from simmer_tui.dialect.frames import FrameKind, Framing
+from simmer_tui.dialect.frames import TYPE, FrameKind, Framing
 from simmer_tui.dialect.kinds import ANY, LIST, NUMBER, TEXT, StaticType, ValueKind, kind_of
 from simmer_tui.dialect.patterns import NAME, Pattern
-from simmer_tui.dialect.set_parts import Parts
 from simmer_tui.dialect.templates import check_pack, pack_codes
 from simmer_tui.errors import Problem
 from simmer_tui.sim.command import parse_value
@@ -171,7 +170,7 @@ class _Reader(RuleParts):
                 self._file.add_problem(place, "is no name for a value of the state")
             elif name in self._parts.readable:
                 self._file.add_problem(place, "is the code of a sensor; take another name")
-            elif isinstance(value, bool) or not isinstance(value, int | float | str):
+            elif not isinstance(value, str) and not is_number(value):
                 self._file.add_problem(place, "must be a number or a text")
             else:
                 yield name, value
@@ -242,40 +241,35 @@ class _Reader(RuleParts):
         return patterns
 
     def _type(self, given: Mapping[str, Any], prefix: str) -> int | None:
-        kind = given.get("type")
+        kind, place, add_problem = given.get("type"), f"{prefix}type", self._file.add_problem
         if self._framing.kind is not FrameKind.BINARY:
             if kind is not None or "unpack" in given:
                 key = "type" if kind is not None else "unpack"
-                self._file.add_problem(prefix + key, 'is for [frame] kind = "binary" only')
+                add_problem(prefix + key, 'is for [frame] kind = "binary" only')
             return None
         if "match" in given and "unpack" in given:
-            self._file.add_problem(
-                f"{prefix}unpack", "stands beside match; one of them takes the content apart"
-            )
+            add_problem(f"{prefix}unpack", "stands beside match; one of them takes the content apart")
         if TYPE not in self._framing.names:
             if kind is not None and self._is_framed:
-                self._file.add_problem(
-                    f"{prefix}type", f"the header has no field '{TYPE}' (names in [frame])"
-                )
+                add_problem(place, f"the header has no field '{TYPE}' (names in [frame])")
             return None
         if not is_whole(kind):
-            self._file.add_problem(f"{prefix}type", "must be a whole number: the header's field type")
+            add_problem(place, "must be a whole number: the header's field type")
             return None
         code = tuple(pack_codes(self._framing.head))[self._framing.names.index(TYPE)]
         try:
             struct.pack(f"<{code}", kind)
         except struct.error:
-            self._file.add_problem(f"{prefix}type", f"{kind} does not fit the header '{self._framing.head}'")
+            add_problem(place, f"{kind} does not fit the header '{self._framing.head}'")
         return kind
 
     # -- steps -------------------------------------------------------------------------------------
 
     def _steps(self, given: Mapping[str, Any], prefix: str, names: Names) -> tuple[Step, ...]:
-        texts = _listed(given.get("do", []))
+        place, texts = f"{prefix}do", _listed(given.get("do", []))
         if not _is_texts(texts):
-            self._file.add_problem(f"{prefix}do", "must be a step or a list of steps, each a text")
+            self._file.add_problem(place, "must be a step or a list of steps, each a text")
             return ()
-        place = f"{prefix}do"
         return without_gaps([self._made(place, self._step, text.strip(), place, names) for text in texts])
 
     def _step(self, text: str, place: str, names: Names) -> Step | None:
@@ -330,11 +324,7 @@ class _Reader(RuleParts):
         self._file.check_names(given, STREAM_KEYS, prefix)
         every = given.get("every")
         # The loop of a robot at 2 kHz; faster streams fill any line.
-        if (
-            isinstance(every, bool)
-            or not isinstance(every, int | float)
-            or not 0.0005 <= every <= LONGEST_TIME
-        ):
+        if not is_number(every) or not 0.0005 <= every <= LONGEST_TIME:
             self._file.add_problem(f"{prefix}every", f"must be seconds from 0.0005 to {LONGEST_TIME:g}")
             return None
         send = self._replies(given, "send", prefix, {"tick": NUMBER})

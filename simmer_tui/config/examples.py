@@ -6,7 +6,7 @@ from pathlib import Path
 from subprocess import list2cmdline
 
 from simmer_tui import platform_has
-from simmer_tui.config.sets import unreadable, write_files
+from simmer_tui.config.sets import PACKAGE, installed_folder, read_all, write_files
 
 EXAMPLE = "wander.py"
 """The first sample program: it reads, drives around, and sends its believed pose."""
@@ -17,14 +17,11 @@ _PROGRAMS = (EXAMPLE, "solve.py", "robot_emulator.py")
 _FOLDERS = ("course", "c", "matlab", "arduino")
 """Programs of the course, those in other languages, and sketches for the robot itself."""
 _SUFFIXES = (".py", ".c", ".h", ".m", ".ino", ".md", ".toml")
-_PACKAGE = Path(__file__).resolve().parent.parent
 
 
 def examples_folder() -> Path:
-    """The folder of the sample programs: inside the installed package, or beside it in a checkout."""
-    # The build copies them from the folder `scripts` of a checkout into the package.
-    installed = _PACKAGE / "examples"
-    return installed if installed.is_dir() else _PACKAGE.parent / "scripts"
+    """The folder of the sample programs."""
+    return installed_folder("examples", "scripts")
 
 
 def example_command() -> str:
@@ -42,11 +39,7 @@ def example_files() -> dict[str, bytes]:
     found = [folder / name for name in _PROGRAMS] + sorted(folder.glob("solve_*.py"))
     for name in _FOLDERS:
         found += sorted(path for path in (folder / name).rglob("*") if path.suffix in _SUFFIXES)
-    try:
-        files = {path.relative_to(folder).as_posix(): path.read_bytes() for path in found}
-        return files | {CLIENT: (_PACKAGE / CLIENT).read_bytes()}
-    except OSError as error:
-        raise unreadable(error, folder) from None
+    return read_all(found, folder) | read_all([PACKAGE / CLIENT], PACKAGE)
 
 
 def copy_examples(destination: Path) -> tuple[Path, ...]:

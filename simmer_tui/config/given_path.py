@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from pathlib import Path, PureWindowsPath
+from typing import BinaryIO
 
 from simmer_tui.sim.command import escape_word
 
@@ -16,6 +17,12 @@ def given_path(text: str, home: Path | None = None) -> Path:
     if os.sep == "\\" or "\\" not in text or path.exists():
         return path
     return home / PureWindowsPath(text).as_posix()
+
+
+def opened_at_once(path: Path) -> BinaryIO:
+    """A file to be read, opened without waiting: a named pipe would block every command."""
+    flags = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
+    return open(os.open(path, flags), "rb")  # noqa: PTH123 - a descriptor, which the caller closes
 
 
 def drive_hint(text: str) -> str:

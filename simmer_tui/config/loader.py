@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pickle
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -22,8 +22,7 @@ from simmer_tui.config.set_devices import DeviceStatus, set_devices
 from simmer_tui.config.sets import FILES, find_set, init_set, set_name
 from simmer_tui.config.settings import NO_WHEELS, Settings
 from simmer_tui.config.settings_file import LoadedSettings, Override, load_settings
-from simmer_tui.config.toml_file import TomlFile
-from simmer_tui.dialect.dialect_rules import DialectRules
+from simmer_tui.dialect.dialect_rules import DialectRules, Parts
 from simmer_tui.errors import ConfigurationError, Problem
 from simmer_tui.sim.command import shown_path
 from simmer_tui.sim.obstacles import placement_problems
@@ -129,11 +128,15 @@ def load(
     dialect, settings = _dialect(directory, loaded, settings, sensors, rows, overrides or {}, problems)
     if problems or maze is None or robot is None:
         raise ConfigurationError(problems)
-    simulation = _simulation(settings, maze, robot, sensors, rows)
+    simulation = simulation_of(settings, maze, robot, sensors, rows)
     # Places are checked only in a set without other mistakes: with a wrong maze they would all be wrong.
     misplaced = [Problem(loaded.places[name], what) for name, what in placement_problems(simulation)]
     if mission is not None:
-        misplaced += _undoable(mission, mission_file, simulation)
+        # It imports shapely's geometry, and few sets need it.
+        from simmer_tui.config.mission_plan import mission_problems
+
+        undoable = mission_problems(mission, simulation)
+        misplaced += [Problem(mission_file.place(key), what) for key, what in undoable]
     if misplaced:
         raise ConfigurationError(misplaced)
     return Configuration(
@@ -165,7 +168,6 @@ def _dialect(
     if (directory / dialect_toml.FILE).exists():
         # Few sets have one, and its reader takes time to import.
         from simmer_tui.config.dialect_reader import load_dialect
-        from simmer_tui.dialect.set_parts import Parts
 
         parts = Parts(sensors, rows.drives, rows.gripper, rows.velocities)
         dialect = load_dialect(directory, parts, problems)
@@ -183,22 +185,14 @@ def _dialect(
     return dialect, settings
 
 
-def _undoable(mission: MissionSpec, file: TomlFile, simulation: SimulationSpec) -> Iterator[Problem]:
-    """The reasons why a mission cannot be drawn or completed."""
-    # It imports shapely's geometry, and few sets need it.
-    from simmer_tui.config.mission_plan import mission_problems
-
-    for key, what in mission_problems(mission, simulation):
-        yield Problem(file.place(key) if key else MISSION_FILE, what)
-
-
-def _simulation(
+def simulation_of(
     settings: Settings,
     maze: MazeSpec,
     robot: RobotSpec,
     sensors: tuple[SensorSpec, ...],
     rows: DriveRows,
 ) -> SimulationSpec:
+    """The simulation that the parts of a set describe."""
     motion, wheels = settings.motion, None
     if settings.wheels.layout != NO_WHEELS:
         layout = WheelLayout(settings.wheels.layout)

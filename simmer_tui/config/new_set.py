@@ -1,4 +1,6 @@
-"""The files of a new set for editing: with comments, schemas and, on request, a mission.
+"""The files of a new set for editing: with comments and schemas; on request a mission, a dialect, a course.
+
+Files that are not made from others are in the folders `dialects` and `term` of the bundled sets.
 
 Comments are after the rows, so that the first line of a file stays its header and the rows of a maze stay in
 place. The JSON schemas of settings.toml and mission.toml are made from their rules; editors complete and
@@ -6,8 +8,6 @@ check by them. A file names its schema in a comment, `#:schema .schema/settings.
 Code and taplo on the command line read that.
 """
 
-import csv
-import io
 import json
 from collections.abc import Collection, Iterable, Mapping
 from typing import Any
@@ -21,15 +21,44 @@ from simmer_tui.config import (
     sensors_csv,
     settings_file,
 )
-from simmer_tui.config.csv_table import COMMENT, ID, POLL_CHARACTER, cells_of, delimiter_of, rows_by_header
-from simmer_tui.config.sets import MISSION_SET, bundled_sets, read_files
+from simmer_tui.config.csv_table import (
+    COMMENT,
+    ID,
+    POLL_CHARACTER,
+    csv_text,
+    delimiter_of,
+    plain_rows,
+    rows_by_header,
+)
+from simmer_tui.config.examples import EXAMPLE, example_files
+from simmer_tui.config.sets import (
+    LOCAL_FOLDER,
+    MISSION_SET,
+    bundled_folder,
+    bundled_sets,
+    read_all,
+    read_files,
+)
 from simmer_tui.config.settings import Setting, all_settings
 from simmer_tui.config.settings_file import with_all_settings
 from simmer_tui.dialect.dialect_rules import Busy
+from simmer_tui.dialect.frames import FrameKind
 from simmer_tui.errors import ConfigurationError, Problem
 from simmer_tui.sim.values import Value
+from simmer_tui.version import requirement
 
 _LOAD = "load"
+_DIALECT_HEAD = """\
+# The language of your robot: what its sketch understands, and answers. simmer-tui check DIR finds
+# every mistake, and prints all messages with an example of their replies. docs/dialects.md has every key.
+# Values are inches and degrees; counter-clockwise and left are positive. cm, mm and m are factors.
+
+"""
+SAMPLES, SUBMISSION = "samples", "submission"
+"""Folders of a course with the sample programs and with students' submissions."""
+PROGRAM = "main.py"
+"""The program in a submission that is run."""
+_REQUIREMENTS = "requirements.txt"
 
 
 def explained(files: Mapping[str, bytes], nominal: str = "") -> dict[str, bytes]:
@@ -77,7 +106,7 @@ def with_mission(files: Mapping[str, bytes]) -> dict[str, bytes]:
     drives, sensors = drive_csv.FILE, sensors_csv.FILE
     problems = [Problem(name, "is missing from the set") for name in (drives, sensors) if name not in texts]
     tables = [(name, texts[name]) for name in (drives, sensors) if name in texts]
-    problems += [Problem(name, "the file is empty") for name, text in tables if not cells_of(text)]
+    problems += [Problem(name, "the file is empty") for name, text in tables if not plain_rows(text)]
     if problems:
         raise ConfigurationError(problems)
     taken = {row.get(POLL_CHARACTER, "") for name in (drives, sensors) for row in rows_by_header(texts[name])}
@@ -91,6 +120,46 @@ def with_mission(files: Mapping[str, bytes]) -> dict[str, bytes]:
     return made | {mission_toml.FILE: files.get(mission_toml.FILE, model[mission_toml.FILE])}
 
 
+def with_dialect(files: Mapping[str, bytes], kind: FrameKind) -> dict[str, bytes]:
+    """The files of a set with a dialect.toml of a kind, a small language with the codes of the set."""
+    drives, sensors = (_codes(files[name]) for name in (drive_csv.FILE, sensors_csv.FILE))
+    ranges = [code for name, code in sensors.items() if name.startswith(("ultra", "tof"))]
+    text = _DIALECT_HEAD + _bundled_files("dialects")[f"{kind}.toml"].decode()
+    for word, code in (
+        ("SENSOR", next(iter([*ranges, *sensors.values()]), "u1")),
+        ("FORWARD", drives.get("right", "d1")),
+        ("TURN", drives.get("rot", "r1")),
+    ):
+        text = text.replace(word, code)
+    return {**files, dialect_toml.FILE: text.encode()}
+
+
+def _codes(data: bytes) -> dict[str, str]:
+    """The codes of the rows of a table, by ID."""
+    rows = rows_by_header(data.decode("utf-8-sig", "replace"))
+    return {row.get(ID, ""): row.get(POLL_CHARACTER, "") for row in rows}
+
+
+def term_files(course_set: Mapping[str, bytes]) -> dict[str, bytes]:
+    """The files of a course's folder, by path in it: its set, samples, and a repository for students.
+
+    Raises ConfigurationError if a bundled file cannot be read.
+    """
+    samples = example_files()
+    files = {f"{LOCAL_FOLDER}/{name}": data for name, data in course_set.items()}
+    files |= {f"{SAMPLES}/{name}": data for name, data in samples.items()}
+    files[f"{SUBMISSION}/{PROGRAM}"] = samples[EXAMPLE]
+    files |= _bundled_files("term")
+    files[_REQUIREMENTS] += f"{requirement()}\n".encode()
+    return files
+
+
+def _bundled_files(folder: str) -> dict[str, bytes]:
+    """The files in a folder beside the default set, by path in it. Raises ConfigurationError."""
+    home = bundled_folder() / folder
+    return read_all(sorted(path for path in home.rglob("*") if path.is_file()), home)
+
+
 def _free_code(wanted: str, taken: Collection[str]) -> str:
     """The wanted code, or one with another digit: there are more digits than sensors with the same letter."""
     others = (f"{letter}{digit}" for letter in (wanted[0], "x", "z") for digit in "1234567890")
@@ -100,14 +169,12 @@ def _free_code(wanted: str, taken: Collection[str]) -> str:
 def _with_row(text: str, row: Mapping[str, str]) -> str:
     """A table with one more row, and the columns that it needs; comments stay after the rows."""
     comments = [line for line in text.splitlines() if line.lstrip(' "').startswith(COMMENT)]
-    table = cells_of(text)
+    table = plain_rows(text)
     header = table[0]
     header += [name for name, value in row.items() if value and name not in header]
     table.append([row.get(name, "") for name in header])
-    written = io.StringIO()
-    writer = csv.writer(written, delimiter=delimiter_of(text), lineterminator="\n")
-    writer.writerows([*cells, *[""] * (len(header) - len(cells))] for cells in table)
-    return written.getvalue() + "".join(f"{line}\n" for line in comments)
+    rows = ([*cells, *[""] * (len(header) - len(cells))] for cells in table)
+    return csv_text(rows, delimiter_of(text)) + "".join(f"{line}\n" for line in comments)
 
 
 def _comments(name: str, text: str) -> Iterable[str]:

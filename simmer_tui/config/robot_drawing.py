@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterable, Sequence
 from textwrap import dedent
 
-from simmer_tui.sim.angles import ARROWS, PLAIN_ARROWS, eighth_of_turn, side_name
+from simmer_tui.sim.angles import ARROWS, PLAIN_ARROWS, eighth_of_turn, half_turn, side_name
 from simmer_tui.sim.specs import RobotSpec, SensorSpec, SimulationSpec
 
 # Size of the drawing of one sensor, characters.
@@ -159,9 +159,9 @@ def movement_commands(spec: SimulationSpec) -> list[tuple[str, str]]:
 def _named(codes: Sequence[str]) -> str:
     """Codes in words, `i1 to i4` for many consecutive ones."""
     first, last = codes[0], codes[-1]
-    is_row = first[1:].isdigit() and [*codes] == [
-        f"{first[0]}{int(first[1:]) + i}" for i in range(len(codes))
-    ]
+    is_row = first[1:].isdigit() and all(
+        code == f"{first[0]}{number}" for number, code in enumerate(codes, int(first[1:]))
+    )
     return f"{first} to {last}" if is_row and len(codes) > 2 else " ".join(codes)
 
 
@@ -175,19 +175,18 @@ def _direction(sensor: SensorSpec) -> str:
     kind = sensor.kind
     if not _has_direction(sensor):
         return kind.meaning
-    angle = (sensor.rotation + 180.0) % 360.0 - 180.0
-    if angle in (0.0, -180.0):
+    angle = half_turn(sensor.rotation)
+    if angle in (0.0, 180.0):
         return f"{kind.meaning}, {side_name(angle, 'front', 'rear')}"
     return f"{kind.meaning}, {abs(angle):g} deg {'left' if angle > 0 else 'right'}"
 
 
 def _outline(robot: RobotSpec) -> list[tuple[float, float]]:
+    parts = [step / _OUTLINE_STEPS for step in range(_OUTLINE_STEPS)]
     if robot.radius is not None:
-        turns = [2 * math.pi * step / _OUTLINE_STEPS for step in range(_OUTLINE_STEPS)]
+        turns = [2 * math.pi * part for part in parts]
         return [(robot.radius * math.cos(turn), robot.radius * math.sin(turn)) for turn in turns]
-    points = []
-    ends = (*robot.vertices[1:], robot.vertices[0])
-    for (x, y), (to_x, to_y) in zip(robot.vertices, ends, strict=True):
-        parts = [step / _OUTLINE_STEPS for step in range(_OUTLINE_STEPS)]
-        points += [(x + part * (to_x - x), y + part * (to_y - y)) for part in parts]
-    return points
+    sides = zip(robot.vertices, (*robot.vertices[1:], robot.vertices[0]), strict=True)
+    return [
+        (x + part * (to_x - x), y + part * (to_y - y)) for (x, y), (to_x, to_y) in sides for part in parts
+    ]

@@ -1,7 +1,7 @@
 """Configuration sets as folders: listing, finding and copying them."""
 
 import os
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from functools import cache
 from pathlib import Path
 
@@ -9,7 +9,7 @@ from simmer_tui.config import drive_csv, maze_csv, mission_toml, robot_csv, sens
 from simmer_tui.config.device_file import FOLDER as DEVICES
 from simmer_tui.config.device_file import read_devices
 from simmer_tui.config.given_path import drive_hint, given_path
-from simmer_tui.errors import ConfigurationError, Problem
+from simmer_tui.errors import ConfigurationError, Problem, reason_of
 from simmer_tui.sim.command import escape_passage, shown_path
 from simmer_tui.sim.rules import did_you_mean
 
@@ -23,12 +23,20 @@ LOCAL_FOLDER = "config"
 """The folder of the working directory that is used when none is named."""
 
 
+PACKAGE = Path(__file__).resolve().parent.parent
+"""The folder of the package."""
+
+
+def installed_folder(name: str, source: str) -> Path:
+    """A folder with files for users: inside the installed package, to which the build copies them from a
+    `source` beside it, or that source in a checkout."""
+    installed = PACKAGE / name
+    return installed if installed.is_dir() else PACKAGE.parent / source
+
+
 def bundled_folder() -> Path:
-    """The folder of the default set: inside the installed package, or beside it in a checkout."""
-    package = Path(__file__).resolve().parent.parent
-    # The build copies the folder `config` of a checkout into the package.
-    installed = package / "bundled"
-    return installed if installed.is_dir() else package.parent / "config"
+    """The folder of the default set."""
+    return installed_folder("bundled", "config")
 
 
 def bundled_sets() -> Mapping[str, Path]:
@@ -123,13 +131,8 @@ def read_files(source: Path) -> dict[str, bytes]:
     )
     if not paths:
         raise ConfigurationError([Problem(shown_path(source), "holds no files of a set to copy")])
-    try:
-        # Windows finds Sensors.CSV as sensors.csv, and other systems do not: a copy has the usual names.
-        files = {_usual_name(path.name): path.read_bytes() for path in paths}
-    except OSError as error:
-        raise unreadable(error, source) from None
-    if not (source / DEVICES).is_dir():
-        return files
+    # Windows finds Sensors.CSV as sensors.csv, and other systems do not: a copy has the usual names.
+    files = {_usual_name(name): data for name, data in read_all(paths, source).items()}
     problems: list[Problem] = []
     own = [f"{DEVICES}/{path.name}" for path in sorted((source / DEVICES).glob("*.py"))]
     files |= {device.path: device.data for device in read_devices(source, own, DEVICES, problems)}
@@ -138,10 +141,18 @@ def read_files(source: Path) -> dict[str, bytes]:
     return files
 
 
-def unreadable(error: OSError, folder: Path) -> ConfigurationError:
-    """The error for a file of a folder that cannot be copied."""
-    where = shown_path(error.filename or folder)
-    return ConfigurationError([Problem(where, f"cannot be read: {error.strerror or error}")])
+def read_all(paths: Iterable[Path], folder: Path) -> dict[str, bytes]:
+    """The bytes of files in a folder, by path in it. Raises ConfigurationError if one cannot be read."""
+    try:
+        return {path.relative_to(folder).as_posix(): path.read_bytes() for path in paths}
+    except OSError as error:
+        raise unreadable(error, folder) from None
+
+
+def unreadable(error: OSError, path: Path) -> ConfigurationError:
+    """The error for a file, or one of a folder, that cannot be read."""
+    where = shown_path(error.filename or path)
+    return ConfigurationError([Problem(where, f"cannot be read: {reason_of(error)}")])
 
 
 def _usual_name(name: str) -> str:
@@ -162,7 +173,7 @@ def write_files(destination: Path, files: Mapping[str, bytes]) -> tuple[Path, ..
             (destination / name).parent.mkdir(parents=True, exist_ok=True)
             (destination / name).write_bytes(data)
     except OSError as error:
-        raise _unwritable(shown, error.strerror or str(error)) from None
+        raise _unwritable(shown, reason_of(error)) from None
     return tuple(destination / name for name in files)
 
 

@@ -530,7 +530,5 @@ def settings_from(values: Mapping[str, Any], usual: Settings = Settings()) -> Se
 
 def with_any_ports(server: ServerSettings) -> ServerSettings:
     """The same settings, with any free number for every port, and no path that another process may use."""
-    known, settings = ServerSettings.__annotations__, [port.setting for port in dialects.all_ports()]
-    added = tuple((name, 0) for name in settings if name not in known)
-    numbers: dict[str, Any] = {name: 0 for name in settings if name in known}
-    return replace(server, **numbers, pty="", added_ports=added)
+    numbers = {f"server.{port.setting}": 0 for port in dialects.all_ports()}
+    return settings_from({**numbers, "server.pty": ""}, Settings(server=server)).server

@@ -3,13 +3,12 @@
 import math
 import struct
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Protocol
 
-from msgspec import Struct
+from msgspec import Struct, field
 
 from simmer_tui.dialect.dialect_rules import (
-    TYPE,
     AnyReply,
     AssignStep,
     Busy,
@@ -20,11 +19,14 @@ from simmer_tui.dialect.dialect_rules import (
     Step,
     StopStep,
     StreamRule,
+    Velocity,
     expressions_of,
+    scaled,
 )
 from simmer_tui.dialect.expressions import (
     Expression,
     FieldValue,
+    FieldValues,
     bounded_text,
     finite,
     listed_codes,
@@ -48,27 +50,36 @@ WATCHDOG = "watchdog"
 """Source of the end of an untimed run that `halts_after` ends."""
 
 
-class Timer(Protocol):
-    """A scheduled call."""
+class Timer:
+    """A call that is due later, unless it is cancelled before; without a call it is over."""
+
+    def __init__(self, call: Callable[[], None] | None = None) -> None:
+        self._call = call
+
+    @property
+    def pending(self) -> bool:
+        """True until the call is made or cancelled."""
+        return self._call is not None
 
     def cancel(self) -> None:
         """Cancel the call."""
+        self._call = None
+
+    def __call__(self) -> None:
+        call, self._call = self._call, None
+        if call is not None:
+            call()
 
 
-class MoveEnd(Protocol):
+class MoveEnd(Struct, frozen=True):
     """End of a movement of known length."""
 
-    @property
-    def refused(self) -> str:
-        """The reason why it did not begin; empty if it did."""
-
-    @property
-    def touched(self) -> bool:
-        """True if it met an obstacle."""
-
-    @property
-    def stopped(self) -> bool:
-        """True if it ended neither by itself nor by an obstacle, but was stopped."""
+    refused: str = ""
+    """The reason why it did not begin; empty if it did."""
+    touched: bool = False
+    """True if it met an obstacle."""
+    stopped: bool = False
+    """True if it ended neither by itself nor by an obstacle, but was stopped."""
 
 
 class DeviceHost(Protocol):
@@ -79,13 +90,13 @@ class DeviceHost(Protocol):
 
     def call_later(self, seconds: float, call: Callable[[], None]) -> Timer: ...
 
-    def read(self, codes: Sequence[str], done: Callable[[Mapping[str, FieldValue]], None]) -> None:
+    def read(self, codes: Sequence[str], done: Callable[[FieldValues], None]) -> None:
         """Read sensors now; `done` is called when their Read Times are over."""
 
     def move(self, command: str, done: Callable[[MoveEnd], None]) -> None:
         """Do a movement of known length."""
 
-    def drive(self, velocity: tuple[float, float, float] | None, seconds: float | None) -> str:
+    def drive(self, velocity: Velocity | None, seconds: float | None) -> str:
         """Drive at a velocity (in/s, in/s, deg/s) for a time, or until the next command. Returns the reason
         it is refused, or an empty text."""
 
@@ -109,13 +120,13 @@ class _Task(Struct, eq=False):
     """A message of `size` bytes that is being carried out: its values, and its remaining steps."""
 
     rule: MessageRule
-    values: Mapping[str, FieldValue]
+    values: FieldValues
     size: int
     steps: Iterator[Step]
     touched: bool = False
     over: bool = False
-    timer: Timer | None = None
-    velocity: tuple[float, float, float] | None = None
+    timer: Timer = field(default_factory=Timer)
+    velocity: Velocity | None = None
     """Velocity of the run under way: in/s, in/s, deg/s."""
 
 
@@ -123,7 +134,7 @@ class _TaskScope(Struct):
     """The names of an expression."""
 
     device: "DialectDevice"
-    values: Mapping[str, FieldValue]
+    values: FieldValues
     touched: bool = False
 
     def value(self, name: str) -> FieldValue:
@@ -154,23 +165,20 @@ class DialectDevice:
         self,
         rules: DialectRules,
         host: DeviceHost,
-        observer: Callable[[MessageRule, Mapping[str, FieldValue]], None] = lambda rule, values: None,
+        observer: Callable[[MessageRule, FieldValues], None] = lambda rule, values: None,
     ) -> None:
         self._observer = observer
         self.host = host
         self.state: dict[str, FieldValue] = dict(rules.state)
-        self.unknown = 0
-        """Number of messages that no command matches."""
         self._rules = rules
         made = {code: sensor_of(spec) for code, spec in rules.parts.lidars.items()}
         self._lidars = {code: each for code, each in made.items() if isinstance(each, Lidar)}
-        self._deframer = Deframer(rules.framing, rules.types, TYPE)
-        self._open = False
-        self._deaf = False
-        """True while the robot boots: received bytes are lost."""
-        self._silence: Timer | None = None
-        self._watchdog: Timer | None = None
-        self._streams: list[Timer | None] = []
+        self._deframer = Deframer(rules.framing, rules.types)
+        self._booting = Timer()
+        """The end of the robot's boot; received bytes are lost until then."""
+        self._silence, self._watchdog = Timer(), Timer()
+        self._streams: dict[int, Timer] = {}
+        """The next message of each stream, by its place in the rules."""
         self._begun = 0.0
         """The time when they began."""
         self._moving: _Task | None = None
@@ -195,7 +203,7 @@ class DialectDevice:
         return self._moving is not None or self._runs
 
     @property
-    def doing(self) -> Mapping[str, FieldValue] | None:
+    def doing(self) -> FieldValues | None:
         """The values of the message whose movement is under way, the same object that `observer` got."""
         return self._moving.values if self._moving is not None else None
 
@@ -203,19 +211,13 @@ class DialectDevice:
 
     def opened(self) -> None:
         """Called when a program opens the port."""
-        self._open = True
         boot = self._rules.robot.boot
-        self._streams = [None] * len(self._rules.streams)
-        self._deaf = boot > 0
         if boot:
-            self.host.call_later(boot, self._boot)
+            self._booting = self.host.call_later(boot, self._boot)
         else:
             self._boot()
 
     def _boot(self) -> None:
-        if not self._open:
-            return
-        self._deaf = False
         if self._rules.robot.greeting:
             self.host.send(self._rules.robot.greeting.encode())
         self._begun = self.host.now
@@ -224,29 +226,25 @@ class DialectDevice:
 
     def closed(self) -> None:
         """Called when the program closes the port."""
-        self._open = False
         for noise in self._deframer.end():
             self._tell_noise(noise)
         self._faults.end()
         self._facts.end()
-        for timer in (*self._streams, self._silence):
-            if timer is not None:
-                timer.cancel()
+        for timer in (*self._streams.values(), self._silence, self._booting):
+            timer.cancel()
         if self._runs and not self._rules.robot.runs_on:
             self._halt()
 
     def received(self, data: bytes) -> None:
         """Called with received bytes."""
-        if self._deaf:
+        if self._booting.pending:
             boot = self._rules.robot.boot
             what = f"the robot boots for {boot:g} s after the port was opened"
             self._faults.note(f"'{escape(data.decode('latin-1'), _SHOWN)}' is lost: {what}", alike="boot")
             return
         self._rest_watchdog()
         self._take(self._deframer.receive(data))
-        if self._silence is not None:
-            self._silence.cancel()
-            self._silence = None
+        self._silence.cancel()
         silence = self._rules.framing.silence
         if silence and self._deframer.unfinished:
             self._silence = self.host.call_later(silence, lambda: self._take(self._deframer.silence()))
@@ -265,15 +263,12 @@ class DialectDevice:
         self._faults.note(f"{count} dropped, {noise.why}: '{shown}'{more}", alike=noise.why)
 
     def _rest_watchdog(self) -> None:
-        if self._watchdog is not None:
-            self._watchdog.cancel()
-            self._watchdog = None
+        self._watchdog.cancel()
         after = self._rules.robot.halts_after
         if after:
             self._watchdog = self.host.call_later(after, self._fell_silent)
 
     def _fell_silent(self) -> None:
-        self._watchdog = None
         if self._runs:
             silence = f"nothing has come for {self._rules.robot.halts_after:g} s"
             self._facts.note(f"{silence}: the robot stops (halts_after)")
@@ -289,7 +284,6 @@ class DialectDevice:
             lambda rule, error: self._faults.note(f"{rule.place}: if: {error}"),
         )
         if found is None:
-            self.unknown += 1
             hint = nearest(text, self._rules)
             self.host.done(frame.data, UNKNOWN_MESSAGE + hint)
             self._faults.note(f"'{escape(text)}' is no message of the dialect{hint}", alike=("?", text))
@@ -375,8 +369,6 @@ class DialectDevice:
             self._answer(task)
 
     def _answer(self, task: _Task) -> None:
-        if task.over:
-            return
         if task.rule.moves:
             self._reply(task, task.rule.reply)
             self._next_step(task)
@@ -398,11 +390,11 @@ class DialectDevice:
             if not self._do(task, step, task.values):
                 return
 
-    def _with_readings(self, task: _Task, step: Step, readings: Mapping[str, FieldValue]) -> None:
+    def _with_readings(self, task: _Task, step: Step, readings: FieldValues) -> None:
         if not task.over and self._do(task, step, {**task.values, **readings}):
             self._next_step(task)
 
-    def _do(self, task: _Task, step: Step, values: Mapping[str, FieldValue]) -> bool:
+    def _do(self, task: _Task, step: Step, values: FieldValues) -> bool:
         """Do a step. True if the next one follows at once."""
         scope = _TaskScope(self, values, task.touched)
         try:
@@ -447,7 +439,7 @@ class DialectDevice:
         task.velocity = velocity
         return self._pause(task, seconds)
 
-    def _velocity(self, step: RunStep, scope: _TaskScope) -> tuple[float, float, float]:
+    def _velocity(self, step: RunStep, scope: _TaskScope) -> Velocity:
         """The velocity of a run. Raises ExpressionError."""
         drive = step.drive.text(scope, "")
         speed = self._rules.parts.speeds.get(drive.removeprefix("-"))
@@ -455,8 +447,7 @@ class DialectDevice:
             raise ExpressionError(
                 f"'{escape(drive)}' is no drive; there are {', '.join(self._rules.parts.speeds)}"
             )
-        sign = -1.0 if drive.startswith("-") else 1.0
-        return (sign * speed[0], sign * speed[1], sign * speed[2])
+        return scaled(speed, -1.0 if drive.startswith("-") else 1.0)
 
     def _moved(self, task: _Task, movement: MoveEnd) -> None:
         if task.over:
@@ -491,8 +482,7 @@ class DialectDevice:
 
     def _end(self, task: _Task) -> None:
         task.over = True
-        if task.timer is not None:
-            task.timer.cancel()
+        task.timer.cancel()
         if self._moving is task:
             self._moving = None
         if self._asked is task:
@@ -525,7 +515,7 @@ class DialectDevice:
     def _send(
         self,
         replies: Sequence[AnyReply],
-        values: Mapping[str, FieldValue],
+        values: FieldValues,
         place: str,
         *,
         touched: bool = False,
@@ -536,7 +526,7 @@ class DialectDevice:
         `FILE:LINE`."""
         codes = self._sensors_in([each for reply in replies for each in reply.expressions], values)
 
-        def made(readings: Mapping[str, FieldValue]) -> None:
+        def made(readings: FieldValues) -> None:
             try:
                 for data in self._bounded(replies, {**values, **readings}, touched):
                     self.host.send(data, droppable=droppable)
@@ -549,9 +539,7 @@ class DialectDevice:
         else:
             made({})
 
-    def _sensors_in(
-        self, expressions: Sequence[Expression], values: Mapping[str, FieldValue]
-    ) -> tuple[str, ...]:
+    def _sensors_in(self, expressions: Sequence[Expression], values: FieldValues) -> tuple[str, ...]:
         """The sensors that expressions read. Those of `named` are in the message, in the state, or in the
         expression."""
         found = dict.fromkeys(self._rules.sensors_in(expressions))
@@ -563,9 +551,7 @@ class DialectDevice:
             found |= dict.fromkeys(code for code in asked if code in self._rules.parts.readable)
         return tuple(found)
 
-    def sense(
-        self, function: str, arguments: Sequence[FieldValue], readings: Mapping[str, FieldValue]
-    ) -> FieldValue:
+    def sense(self, function: str, arguments: Sequence[FieldValue], readings: FieldValues) -> FieldValue:
         """The result of ray or scan, from the lidar that they use. Raises ExpressionError."""
         code = next(iter(self._rules.parts.behind.get(function, ())), "")
         lidar, ranges = self._lidars.get(code), readings.get(code)
@@ -576,7 +562,7 @@ class DialectDevice:
         bearings = scan_bearings(arguments)
         return tuple(ranges[lidar.nearest_ray(each)] for each in bearings)
 
-    def named(self, codes: Sequence[str], readings: Mapping[str, FieldValue]) -> str:
+    def named(self, codes: Sequence[str], readings: FieldValues) -> str:
         """`u0:3.00,u1:12.50`: readings with the codes of their request. Raises ExpressionError."""
         items = []
         for code in codes:
@@ -585,9 +571,7 @@ class DialectDevice:
             items.append(f"{code}:{value:.2f}" if is_number else f"{code}:{self._rules.missing}")
         return bounded_text(",".join(items))
 
-    def _bounded(
-        self, replies: Sequence[AnyReply], values: Mapping[str, FieldValue], touched: bool
-    ) -> Iterator[bytes]:
+    def _bounded(self, replies: Sequence[AnyReply], values: FieldValues, touched: bool) -> Iterator[bytes]:
         """The bytes of replies, up to a limit. Raises ExpressionError."""
         size = 0
         for reply in replies:
@@ -597,7 +581,7 @@ class DialectDevice:
                     raise ExpressionError(f"the replies to a message go up to {LONGEST_REPLY} bytes")
                 yield data
 
-    def _encoded(self, reply: AnyReply, values: Mapping[str, FieldValue], touched: bool) -> Iterator[bytes]:
+    def _encoded(self, reply: AnyReply, values: FieldValues, touched: bool) -> Iterator[bytes]:
         """The bytes of a reply. Raises ExpressionError."""
         missing = self._rules.missing
         if not isinstance(reply, BinaryReply):
@@ -607,7 +591,7 @@ class DialectDevice:
         for count in range(reply.times):
             content = reply.content(_TaskScope(self, {**values, "k": count}, touched), missing)
             try:
-                yield self._rules.framing.frame(TYPE, reply.type, content)
+                yield self._rules.framing.frame(reply.type, content)
             except struct.error as error:
                 raise ExpressionError(f"{len(content)} bytes do not fit the frame: {error}") from None
 
@@ -621,12 +605,9 @@ class DialectDevice:
             tick, left = tick + skipped, left + skipped * stream.every
             what = f"{skipped} messages of a stream that were more than {LATEST:g} s late are left out"
             self._facts.note(what, alike=("late", index))
-        later = self.host.call_later(max(left, 0.0), lambda: self._tick(index, stream, tick))
-        self._streams[index] = later
+        self._streams[index] = self.host.call_later(max(left, 0.0), lambda: self._tick(index, stream, tick))
 
     def _tick(self, index: int, stream: StreamRule, tick: int) -> None:
-        if not self._open:
-            return
         self._next_tick(index, stream, tick + 1)
         values: dict[str, FieldValue] = {"tick": tick}
         try:

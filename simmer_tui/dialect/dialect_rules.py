@@ -1,18 +1,21 @@
-"""The rules of a dialect.toml: messages, their steps and their replies."""
+"""The rules of a dialect.toml: messages, their steps and their replies, and the parts of the set they use."""
 
 import re
 import struct
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from enum import StrEnum
+from functools import cached_property
 
 from msgspec import Struct, field
+from msgspec.structs import replace
 
-from simmer_tui.dialect.expressions import Expression, FieldValue, Scope
-from simmer_tui.dialect.frames import Frame, Framing
+from simmer_tui.dialect.expressions import Expression, FieldValue, FieldValues, Scope
+from simmer_tui.dialect.frames import TYPE, Frame, Framing
 from simmer_tui.dialect.patterns import Pattern
-from simmer_tui.dialect.set_parts import Parts
 from simmer_tui.dialect.templates import BinaryReply, TextReply
 from simmer_tui.errors import ExpressionError
+from simmer_tui.sim.specs import DriveSpec, GripperSpec, SensorSpec, VelocityKind, VelocitySpec
+from simmer_tui.sim.velocity_commands import WAIT
 
 AnyReply = TextReply | BinaryReply
 
@@ -145,6 +148,13 @@ class MessageRule(Struct, frozen=True, kw_only=True):
         found = (pattern.match(text) for pattern in self.patterns)
         return next((values for values in found if values is not None), None)
 
+    def example(self, number: int) -> dict[str, FieldValue]:
+        """The values of a message that it matches, with this number for each packed value."""
+        values: dict[str, FieldValue] = dict.fromkeys(self.names, number)
+        if self.patterns:
+            values |= self.patterns[0].match(self.patterns[0].example) or {}
+        return values
+
 
 def _unpacked(shape: str, names: tuple[str, ...], content: bytes) -> dict[str, FieldValue] | None:
     if struct.calcsize(shape) != len(content):
@@ -152,10 +162,6 @@ def _unpacked(shape: str, names: tuple[str, ...], content: bytes) -> dict[str, F
     values = struct.unpack(shape, content)
     plain = (each.decode("latin-1") if isinstance(each, bytes) else each for each in values)
     return dict(zip(names, plain, strict=True))
-
-
-TYPE = "type"
-"""The field of a binary header that is the type of message."""
 
 
 class StreamRule(Struct, frozen=True):
@@ -183,6 +189,67 @@ class RobotRules(Struct, frozen=True):
     runs_on: bool = False
 
 
+Velocity = tuple[float, float, float]
+"""x and y in in/s, rotation in deg/s, in the robot's frame."""
+
+
+def scaled(velocity: Velocity, factor: float) -> Velocity:
+    """A velocity times a number."""
+    x, y, rotation = velocity
+    return (factor * x, factor * y, factor * rotation)
+
+
+class Parts(Struct, frozen=True, dict=True):
+    """The parts of a set that a dialect may use. What follows from them is computed once."""
+
+    sensors: Sequence[SensorSpec] = ()
+    drives: Sequence[DriveSpec] = ()
+    gripper: GripperSpec | None = None
+    velocities: Sequence[VelocitySpec] = ()
+
+    @cached_property
+    def readable(self) -> frozenset[str]:
+        """Codes of the sensors."""
+        return frozenset(each.code for each in self.sensors if each.enabled)
+
+    @cached_property
+    def yes_or_no(self) -> frozenset[str]:
+        """Codes of the sensors that read 1 or 0."""
+        return frozenset(each.code for each in self.sensors if each.enabled and each.is_yes_or_no)
+
+    @cached_property
+    def lidars(self) -> dict[str, SensorSpec]:
+        """The sensors whose reading is a list of numbers, by code."""
+        return {each.code: each for each in self.sensors if each.enabled and each.kind.is_scan}
+
+    @cached_property
+    def behind(self) -> dict[str, tuple[str, ...]]:
+        """The codes of the sensors that ray, scan and contact read, as far as there are any."""
+        found: dict[str, tuple[str, ...]] = {}
+        for sensor in self.sensors:
+            for function in sensor.kind.dialect_functions if sensor.enabled else ():
+                found[function] = (*found.get(function, ()), sensor.code)
+        return found
+
+    @cached_property
+    def speeds(self) -> dict[str, Velocity]:
+        """The velocity of each drive at its Speed, by code: x and y in in/s, rotation in deg/s."""
+        driven = ((each.code, each.kind.direction, each.speed) for each in self.drives if each.enabled)
+        return {code: scaled((to.x, to.y, to.r), speed) for code, to, speed in driven}
+
+    @cached_property
+    def velocity(self) -> str:
+        """Code of the command that sets the whole velocity; empty if the set has none."""
+        rows = (each.code for each in self.velocities if each.enabled and each.kind is VelocityKind.ALL)
+        return next(rows, "")
+
+    @cached_property
+    def commands(self) -> frozenset[str]:
+        """Codes of all commands that a step may have."""
+        codes = {WAIT, *self.speeds, *(each.code for each in self.velocities if each.enabled)}
+        return frozenset(codes | ({self.gripper.code} if self.gripper and self.gripper.enabled else set()))
+
+
 class DialectRules(Struct, frozen=True, kw_only=True):
     """A dialect.toml that has been checked."""
 
@@ -192,7 +259,7 @@ class DialectRules(Struct, frozen=True, kw_only=True):
     reply_end: str = ""
     missing: str = "inf"
     robot: RobotRules = RobotRules()
-    state: Mapping[str, FieldValue] = field(default_factory=dict)
+    state: FieldValues = field(default_factory=dict)
     rules: tuple[MessageRule, ...] = ()
     streams: tuple[StreamRule, ...] = ()
     unknown: tuple[AnyReply, ...] = ()
@@ -222,7 +289,7 @@ class DialectRules(Struct, frozen=True, kw_only=True):
     def found(
         self,
         frame: Frame,
-        scope: Callable[[Mapping[str, FieldValue]], Scope],
+        scope: Callable[[FieldValues], Scope],
         failed: Callable[[MessageRule, ExpressionError], None] = lambda rule, error: None,
     ) -> tuple[MessageRule, dict[str, FieldValue]] | None:
         """The first rule for a message, with its values.
@@ -240,6 +307,11 @@ class DialectRules(Struct, frozen=True, kw_only=True):
             except ExpressionError as error:
                 failed(rule, error)
         return None
+
+    @property
+    def reactive(self) -> "DialectRules":
+        """The rules for known messages alone, without boot, greeting, streams and replies to unknown ones."""
+        return replace(self, streams=(), robot=replace(self.robot, boot=0.0, greeting=""), unknown=())
 
     @property
     def single(self) -> frozenset[str]:

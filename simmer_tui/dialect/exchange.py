@@ -7,11 +7,10 @@ import statistics
 from collections.abc import Callable, Mapping, Sequence
 
 from msgspec import Struct
-from msgspec.structs import replace
 
-from simmer_tui.dialect.device import DialectDevice, MoveEnd
-from simmer_tui.dialect.dialect_rules import DialectRules, MessageRule
-from simmer_tui.dialect.expressions import FieldValue
+from simmer_tui.dialect.device import DialectDevice, MoveEnd, Timer
+from simmer_tui.dialect.dialect_rules import DialectRules, MessageRule, Velocity
+from simmer_tui.dialect.expressions import FieldValues
 from simmer_tui.dialect.readings import MessageScope
 from simmer_tui.dialect.reply_reader import SILENCE, PendingReply, ReplyReader, RobotReply
 from simmer_tui.dialect.templates import TextReply
@@ -43,22 +42,6 @@ class OtherAnswer(Struct, frozen=True, order=True):
     text: str
 
 
-class _Ended(Struct, frozen=True):
-    """The end of a movement, as planned."""
-
-    refused: str = ""
-    touched: bool = False
-    stopped: bool = False
-
-
-class _Later:
-    def __init__(self, call: Callable[[], None]) -> None:
-        self.call: Callable[[], None] | None = call
-
-    def cancel(self) -> None:
-        self.call = None
-
-
 class _PlannedHost:
     """A robot that moves at its drives' Speed; the exchange sets its time."""
 
@@ -66,42 +49,39 @@ class _PlannedHost:
         self.now = 0.0
         self.tell = told
         self._rules = rules
-        self._due: list[tuple[float, int, _Later]] = []
+        self._due: list[tuple[float, int, Timer]] = []
         self._count = itertools.count()
-        self._moving: _Later | None = None
+        self._moving: Timer | None = None
         self._stopped: Callable[[], None] = lambda: None
 
     def pass_time(self, until: float) -> None:
         """Make the scheduled calls until a time."""
         while self._due and self._due[0][0] <= until:
-            self.now, _, later = heapq.heappop(self._due)
-            if later.call is not None:
-                later.call()
+            self.now, _, timer = heapq.heappop(self._due)
+            timer()
         self.now = max(self.now, until)
 
-    def call_later(self, seconds: float, call: Callable[[], None]) -> _Later:
-        later = _Later(call)
-        heapq.heappush(self._due, (self.now + seconds, next(self._count), later))
-        return later
+    def call_later(self, seconds: float, call: Callable[[], None]) -> Timer:
+        timer = Timer(call)
+        heapq.heappush(self._due, (self.now + seconds, next(self._count), timer))
+        return timer
 
     def read(self, codes: Sequence[str], done: Callable[[Mapping[str, float]], None]) -> None:
         done(dict.fromkeys(codes, math.nan))
 
     def move(self, command: str, done: Callable[[MoveEnd], None]) -> None:
         made = parse_command(command)
-        value, speed = (
-            parse_value(made.argument),
-            math.hypot(*self._rules.parts.speeds.get(made.code, (0.0,))),
-        )
+        value = parse_value(made.argument)
+        speed = math.hypot(*self._rules.parts.speeds.get(made.code, ()))
         seconds = abs(value) / speed if isinstance(value, float) and speed else 0.0
-        self._stopped = lambda: done(_Ended(stopped=True))
-        self._moving = self.call_later(seconds, lambda: done(_Ended()))
+        self._stopped = lambda: done(MoveEnd(stopped=True))
+        self._moving = self.call_later(seconds, lambda: done(MoveEnd()))
 
-    def drive(self, velocity: tuple[float, float, float] | None, seconds: float | None) -> str:
+    def drive(self, velocity: Velocity | None, seconds: float | None) -> str:
         return ""
 
     def halt(self, by: str = "") -> None:
-        if self._moving is not None and self._moving.call is not None:
+        if self._moving is not None and self._moving.pending:
             self._moving.cancel()
             self._stopped()
 
@@ -121,7 +101,7 @@ class _Asked(Struct, frozen=True):
     line: int
     time: float
     takes: float
-    values: Mapping[str, FieldValue]
+    values: FieldValues
 
 
 class Comparison:
@@ -142,9 +122,8 @@ class Comparison:
         self._asked: dict[int, _Asked] = {}
         """Pending messages, by the identity of their values."""
         self._delays: dict[str, list[tuple[float, float, int]]] = {}
-        reactive = replace(rules, streams=(), robot=replace(rules.robot, boot=0.0, greeting=""), unknown=())
         self._host = _PlannedHost(rules, self._note)
-        self._device = DialectDevice(reactive, self._host, self._note_message)
+        self._device = DialectDevice(rules.reactive, self._host, self._note_message)
         self._reader = ReplyReader(rules, self._device.state)
 
     def differences(self, pieces: Sequence[Exchanged]) -> list[OtherAnswer]:
@@ -168,7 +147,7 @@ class Comparison:
     def _note(self, text: str) -> None:
         self._found.add(OtherAnswer(self._line, text))
 
-    def _note_message(self, rule: MessageRule, values: Mapping[str, FieldValue]) -> None:
+    def _note_message(self, rule: MessageRule, values: FieldValues) -> None:
         self.messages += 1
         if rule.stops:
             return

@@ -16,6 +16,9 @@ RealNumber = float | int
 FieldValue = RealNumber | str | tuple["FieldValue", ...]
 """Result of an expression: a number, a text, or a list. A number that is not finite means a missing one."""
 
+FieldValues = Mapping[str, FieldValue]
+"""Values by name: those of a message, of the state, or readings."""
+
 CONSTANTS: Mapping[str, float] = {"cm": 2.54, "mm": 25.4, "m": 0.0254}
 """Factors from inches to other units of length."""
 # Far more than needed: no rule of the public teams has more than 90 characters.

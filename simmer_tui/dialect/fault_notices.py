@@ -1,5 +1,6 @@
 """Notices of faults on a line, once each: programs repeat their mistakes many times a second."""
 
+from collections import Counter
 from collections.abc import Callable
 
 UNKNOWN_MESSAGE = "unknown"
@@ -19,20 +20,20 @@ class FaultNotices:
 
     def __init__(self, tell: Callable[[str], None]) -> None:
         self._tell = tell
-        self._counts: dict[object, int] = {}
+        self._counts = Counter[object]()
         self._texts: dict[object, str] = {}
         self._unreported = 0
 
     def note(self, text: str, alike: object = None) -> None:
         """Count a fault. Faults with an equal `alike`, by default the text, are the same."""
         key = text if alike is None else alike
-        if key not in self._counts and len(self._counts) >= MOST_FAULTS:
-            self._unreported += 1
-            return
-        self._counts[key] = self._counts.get(key, 0) + 1
         if key not in self._texts:
+            if len(self._texts) >= MOST_FAULTS:
+                self._unreported += 1
+                return
             self._texts[key] = text
             self._tell(text)
+        self._counts[key] += 1
 
     def end(self) -> None:
         """Report the number of occurrences of each repeated fault, and forget them all."""
@@ -42,4 +43,4 @@ class FaultNotices:
         if self._unreported:
             more = "1 more was" if self._unreported == 1 else f"{self._unreported} more were"
             self._tell(f"{MOST_FAULTS} different faults were reported, {more} not")
-        self._counts, self._texts, self._unreported = {}, {}, 0
+        self._counts, self._texts, self._unreported = Counter(), {}, 0

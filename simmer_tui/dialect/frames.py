@@ -7,6 +7,8 @@ from itertools import groupby
 
 from msgspec import Struct, field
 
+TYPE = "type"
+"""The field of a binary header that is the type of message."""
 _WITHOUT_END = "a message without its end"
 
 
@@ -38,11 +40,11 @@ class Framing(Struct, frozen=True):
     names: tuple[str, ...] = ()
     body: str | int = 0
 
-    def frame(self, type_field: str, kind: int | None, content: bytes) -> bytes:
-        """A binary frame that carries `content`, its length filled in."""
+    def frame(self, kind: int | None, content: bytes) -> bytes:
+        """A binary frame of a type that carries `content`, its length filled in."""
         fields = dict.fromkeys(self.names, 0)
         if kind is not None:
-            fields[type_field] = kind
+            fields[TYPE] = kind
         if isinstance(self.body, str):
             fields[self.body] = len(content)
         return struct.pack(self.head, *fields.values()) + content + self.end
@@ -74,15 +76,11 @@ class Deframer:
     Args:
         framing: How they are framed.
         types: The known values of a binary frame's `type`; if empty, all are known.
-        type_field: The name of that field.
     """
 
-    def __init__(
-        self, framing: Framing, types: frozenset[int] = frozenset(), type_field: str = "type"
-    ) -> None:
+    def __init__(self, framing: Framing, types: frozenset[int] = frozenset()) -> None:
         self._framing = framing
         self._types = types
-        self._type_field = type_field
         self._held = bytearray()
         self._skipping = False
         """True while the rest of a message that is too long is dropped."""
@@ -189,7 +187,7 @@ class Deframer:
             yield Frame(data, data[size : size + length], head)
 
     def _wrong(self, head: Mapping[str, int], length: int) -> str:
-        kind = head.get(self._type_field)
+        kind = head.get(TYPE)
         if self._types and kind is not None and kind not in self._types:
             return f"type {kind} is not known"
         if not 0 <= length <= self._framing.longest:

@@ -14,24 +14,23 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from simmer_tui.dialect.dialect_rules import (
-    TYPE,
     DialectRules,
     MessageRule,
     MoveStep,
     RunStep,
     StopStep,
+    Velocity,
     expressions_of,
+    scaled,
 )
-from simmer_tui.dialect.expressions import FieldValue
+from simmer_tui.dialect.expressions import FieldValue, FieldValues
 from simmer_tui.dialect.frames import Deframer, Frame, FrameKind
-from simmer_tui.dialect.patterns import Pattern
+from simmer_tui.dialect.patterns import NUMERIC, Pattern
 from simmer_tui.dialect.readings import SAME, MessageScope, readable, straight_line
 from simmer_tui.dialect.templates import pack_codes
 from simmer_tui.errors import ExpressionError
 from simmer_tui.sim.command import parse_command, parse_value
 
-Velocity = tuple[float, float, float]
-_NUMBERS = ("number", "int", "digit")
 # The choices of a public team's rule have 4 combinations.
 MOST_CHOICES = 256
 """Combinations of a rule's choices that are tried."""
@@ -65,112 +64,101 @@ class _Found(Struct, frozen=True):
 
 
 class InverseRules:
-    """The inverse of a dialect's rules. In all methods, `state` is the robot's present state, by name."""
+    """The inverse of a dialect's rules.
 
-    def __init__(self, rules: DialectRules) -> None:
+    Args:
+        rules: The dialect.
+        state: The robot's present state, which messages change; by default that at its start.
+    """
+
+    def __init__(self, rules: DialectRules, state: FieldValues | None = None) -> None:
         self._rules = rules
+        self._state = rules.state if state is None else state
 
     # -- messages for commands -----------------------------------------------------------------------
 
-    def stop(self, state: Mapping[str, FieldValue]) -> DialectMessage | None:
+    def stop(self) -> DialectMessage | None:
         """The message of a rule that is a plain stop."""
-        for rule in self._rules.rules:
-            if rule.steps and all(isinstance(step, StopStep) for step in rule.steps):
-                for message in self._messages(rule, state):
-                    return message
-        return None
+        rules = self._rules.rules
+        stops = (each for each in rules if each.steps and all(isinstance(s, StopStep) for s in each.steps))
+        return next((message for rule in stops for message in self._messages(rule)), None)
 
-    def drive(self, code: str, value: float, state: Mapping[str, FieldValue]) -> DialectMessage | str:
+    def drive(self, code: str, value: float) -> DialectMessage | str:
         """The message for a movement of known length, or the reason there is none."""
-        made = self._moves(code, value, state)
+        made = self._moves(code, value)
         # The robot's own word for the opposite direction is tried before a negative number, which its sketch
         # may not expect.
-        return min(made, key=lambda each: each.number < 0, default=self._why_no(code))
+        why_none = f"no rule of the dialect with one step and one number does {code}"
+        return min(made, key=lambda each: each.number < 0, default=why_none)
 
     def code_of(self, velocity: Velocity) -> tuple[str, float] | None:
         """The drive along a velocity, and 1 for its direction or -1 for the opposite one."""
         size = math.hypot(*velocity)
         if not size:
             return None
-        wanted = _Found((velocity[0] / size, velocity[1] / size, velocity[2] / size), 1.0)
+        wanted = _Found(scaled(velocity, 1 / size), 1.0)
         for code in self._rules.parts.speeds:
-            direction = self._direction(code, 1.0)
-            sign = _along(wanted, direction) if direction is not None else math.nan
+            sign = _along(wanted, self._direction(code, 1.0))
             if abs(sign) == 1.0:
                 return code, sign
         return None
 
-    def held(self, code: str, value: float, state: Mapping[str, FieldValue]) -> DialectMessage | str:
+    def held(self, code: str, value: float) -> DialectMessage | str:
         """The message for a key that drives while it is held. It is an untimed run, if a rule has one; else a
         movement by `value`, else one of the rule's own length."""
         wanted = self._direction(code, value)
-        if wanted is None:
-            return self._why_no(code)
-        messages = [each for rule in self._rules.rules for each in self._messages(rule, state)]
-        ways = [_along(self._does(each, state), wanted) for each in messages]
+        messages = [each for rule in self._rules.rules for each in self._messages(rule)]
+        ways = [_along(self._does(each), wanted) for each in messages]
         if math.inf in ways:
             return messages[ways.index(math.inf)]
-        driven = self.drive(code, value, state)
+        driven = self.drive(code, value)
         if isinstance(driven, DialectMessage):
             return driven
         return next((each for each, way in zip(messages, ways, strict=True) if way > 0), driven)
 
-    def read(self, code: str, state: Mapping[str, FieldValue]) -> DialectMessage | str:
+    def read(self, code: str) -> DialectMessage | str:
         """The message that is answered with a reading of a sensor, or the reason there is none."""
-        for rule in self._rules.rules:
-            if not rule.steps and code in readable(rule, self._rules.single, state):
-                for message in self._messages(rule, state):
-                    return message
-        return f"no message of the dialect without a movement is answered with {code} alone in a field"
+        rules, single = self._rules.rules, self._rules.single
+        answers = (each for each in rules if not each.steps and code in readable(each, single, self._state))
+        why_none = f"no message of the dialect without a movement is answered with {code} alone in a field"
+        return next((message for rule in answers for message in self._messages(rule)), why_none)
 
     def dictionary(self) -> Iterator[tuple[str, str]]:
         """Each command of ours for which there is a message, with the message; the stop first."""
-        state = self._rules.state
-        stop = self.stop(state)
+        stop = self.stop()
         if stop is None:
             return
         yield "stop", stop.text
         for code in self._rules.parts.speeds:
             for sign, shown in ((1.0, f"{code}-N"), (-1.0, f"{code}--N")):
                 # A number that a robot of any size can do, and that no rule has as a constant.
-                driven, held = self.drive(code, sign * 1.375, state), self.held(code, sign * 1.375, state)
+                driven, held = self.drive(code, sign * 1.375), self.held(code, sign * 1.375)
                 if isinstance(driven, DialectMessage):
                     yield shown, driven.rule.shown
                 elif isinstance(held, DialectMessage):
                     yield f"{shown}, keys only", held.rule.shown
         for code in sorted(self._rules.single):
-            asked = self.read(code, state)
+            asked = self.read(code)
             if isinstance(asked, DialectMessage):
                 yield code, asked.text
 
-    def _why_no(self, code: str) -> str:
-        return f"no rule of the dialect with one step and one number does {code}"
-
     # -- movements -----------------------------------------------------------------------------------
 
-    def _direction(self, code: str, value: float) -> Velocity | str | None:
+    def _direction(self, code: str, value: float) -> Velocity | str:
         """The unit velocity of a drive, reversed for a negative value; any other code is returned itself."""
         speed = self._rules.parts.speeds.get(code)
         if speed is None:
             return code
-        size = math.hypot(*speed)
-        if not size:
-            return None
-        sign = math.copysign(1.0, value)
-        return (sign * speed[0] / size, sign * speed[1] / size, sign * speed[2] / size)
+        return scaled(speed, math.copysign(1.0, value) / math.hypot(*speed))
 
-    def _moves(self, code: str, value: float, state: Mapping[str, FieldValue]) -> Iterator[DialectMessage]:
+    def _moves(self, code: str, value: float) -> Iterator[DialectMessage]:
         wanted = self._direction(code, value)
-        if wanted is None:
-            return
         for rule in self._rules.rules:
             if len(rule.steps) == 1 and isinstance(rule.steps[0], MoveStep | RunStep):
-                solved = (self._solved(form, wanted, abs(value), state) for form in _forms(rule))
+                solved = (self._solved(form, wanted, abs(value)) for form in _forms(rule))
                 yield from (message for message in solved if message is not None)
 
-    def _solved(
-        self, form: "_Form", wanted: Velocity | str, distance: float, state: Mapping[str, FieldValue]
-    ) -> DialectMessage | None:
+    def _solved(self, form: "_Form", wanted: Velocity | str, distance: float) -> DialectMessage | None:
         """The message that moves by this distance, with its number solved for."""
         numbers = form.numbers
         if len(numbers) > 1:
@@ -180,7 +168,7 @@ class InverseRules:
             ((name, kind),) = numbers.items()
 
             def going(n: float) -> float:
-                return _along(self._evaluated(form.rule, form.values({name: n}), state), wanted)
+                return _along(self._evaluated(form.rule, form.values({name: n})), wanted)
 
             line = straight_line(going)
             if line is None:
@@ -192,38 +180,35 @@ class InverseRules:
             texts[name] = text
             # With whole numbers, the robot's language allows no more exact distance.
             slack = abs(line[0]) * (0.5 if kind in ("int", "digit") else 10.0**-_DECIMALS) + SAME
-        message = self._message(form, texts, state)
-        found = self._does(message, state) if message is not None else None
+        message = self._message(form, texts)
+        found = self._does(message) if message is not None else None
         if message is None or found is None or not abs(_along(found, wanted) - distance) <= slack:
             return None
         return replace(message, number=number, seconds=found.seconds)
 
-    def _does(self, message: DialectMessage, state: Mapping[str, FieldValue]) -> _Found | None:
+    def _does(self, message: DialectMessage) -> _Found | None:
         """The movement that a message makes."""
         frame = self._frame(message.data)
         values = message.rule.values(frame) if frame is not None else None
-        return self._evaluated(message.rule, values, state) if values is not None else None
+        return self._evaluated(message.rule, values) if values is not None else None
 
-    def _evaluated(
-        self, rule: MessageRule, values: Mapping[str, FieldValue], state: Mapping[str, FieldValue]
-    ) -> _Found | None:
+    def _evaluated(self, rule: MessageRule, values: FieldValues) -> _Found | None:
         """The movement of a rule with these values; None if it makes none."""
         if len(rule.steps) != 1:
             return None
-        step, scope = rule.steps[0], MessageScope(state, values)
+        step, scope = rule.steps[0], MessageScope(self._state, values)
         try:
             if isinstance(step, MoveStep):
                 command = parse_command(step.command.text(scope, "inf"))
                 distance = parse_value(command.argument)
-                direction = self._direction(command.code, 1.0)
-                if direction is None or isinstance(distance, str):
+                if isinstance(distance, str):
                     return None
-                return _Found(direction, distance)
+                return _Found(self._direction(command.code, 1.0), distance)
             if isinstance(step, RunStep):
                 drive = step.drive.text(scope, "")
                 code = drive.removeprefix("-")
                 direction = self._direction(code, -1.0 if drive != code else 1.0)
-                if direction is None or isinstance(direction, str):
+                if isinstance(direction, str):
                     return None
                 seconds = step.seconds.number(scope) if step.seconds is not None else math.inf
                 return _Found(direction, seconds * math.hypot(*self._rules.parts.speeds[code]), seconds)
@@ -233,17 +218,15 @@ class InverseRules:
 
     # -- messages ------------------------------------------------------------------------------------
 
-    def _messages(self, rule: MessageRule, state: Mapping[str, FieldValue]) -> Iterator[DialectMessage]:
+    def _messages(self, rule: MessageRule) -> Iterator[DialectMessage]:
         """The messages of a rule that need no number."""
         forms = _forms(rule)
         if rule.type is not None and not rule.patterns and not rule.unpack:
             forms = iter((_Form(rule),))
-        made = (self._message(form, {}, state) for form in forms)
+        made = (self._message(form, {}) for form in forms)
         yield from (message for message in made if message is not None)
 
-    def _message(
-        self, form: "_Form", numbers: Mapping[str, str], state: Mapping[str, FieldValue]
-    ) -> DialectMessage | None:
+    def _message(self, form: "_Form", numbers: Mapping[str, str]) -> DialectMessage | None:
         """The message with these numbers; None if one is missing, or an earlier rule matches it."""
         try:
             content, text = form.content(numbers)
@@ -253,7 +236,7 @@ class InverseRules:
         frame = self._frame(data)
         if frame is None:
             return None
-        found = self._rules.found(frame, lambda values: MessageScope(state, values))
+        found = self._rules.found(frame, lambda values: MessageScope(self._state, values))
         if found is None or found[0] is not form.rule:
             return None
         return DialectMessage(data, text, form.rule)
@@ -261,14 +244,14 @@ class InverseRules:
     def _framed(self, rule: MessageRule, content: bytes) -> bytes:
         framing = self._rules.framing
         if framing.kind is FrameKind.BINARY:
-            return framing.frame(TYPE, rule.type, content)
+            return framing.frame(rule.type, content)
         if framing.kind is FrameKind.BRACKET:
             return framing.open + content + framing.close
         return content if framing.kind is FrameKind.BYTE else content + framing.end
 
     def _frame(self, data: bytes) -> Frame | None:
         """The frame that the robot would read from these bytes; None if they are not one whole message."""
-        frames = Deframer(self._rules.framing, self._rules.types, TYPE).receive(data)
+        frames = Deframer(self._rules.framing, self._rules.types).receive(data)
         only = frames[0] if len(frames) == 1 else None
         return only if isinstance(only, Frame) and only.data == data else None
 
@@ -293,7 +276,7 @@ class _Form(Struct, frozen=True):
     def numbers(self) -> dict[str, str]:
         """The kinds of the numbers on which the first step depends."""
         used = frozenset[str]().union(*(each.names for each in expressions_of(self.rule.steps[0])))
-        return {name: kind for name, kind in self.kinds.items() if kind in _NUMBERS and name in used}
+        return {name: kind for name, kind in self.kinds.items() if kind in NUMERIC and name in used}
 
     def values(self, numbers: Mapping[str, float]) -> dict[str, FieldValue]:
         """The values of a message with these numbers, defaults for the rest."""

@@ -84,9 +84,7 @@ def _condition(condition: Expression | None) -> str:
 
 
 def _replies(rule: MessageRule, rules: DialectRules) -> str:
-    values: dict[str, FieldValue] = dict.fromkeys(rule.names, 7)
-    if rule.patterns:
-        values |= rule.patterns[0].match(rule.patterns[0].example) or {}
+    values = rule.example(7)
     parts = (("", rule.reply), ("at its end ", rule.done), ("if stopped ", rule.stopped))
     return "; ".join(word + _example(each, rules, values) for word, each in parts if each)
 
@@ -99,7 +97,7 @@ def _example(replies: Sequence[AnyReply], rules: DialectRules, values: dict[str,
             if isinstance(reply, BinaryReply):
                 content = reply.content(_Example(rules, values), rules.missing)
                 times = f" ({reply.times} times)" if reply.times > 1 else ""
-                shown.append(rules.framing.frame("type", reply.type, content).hex(" ") + times)
+                shown.append(rules.framing.frame(reply.type, content).hex(" ") + times)
             else:
                 shown.append(escape(reply.text(_Example(rules, values), rules.missing)))
         except (ValueError, struct.error) as error:

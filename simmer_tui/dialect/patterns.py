@@ -15,16 +15,16 @@ from simmer_tui.sim.rules import did_you_mean
 
 # Possessive: a field never gives characters back, so that matching takes linear time.
 _FIELDS = {
-    "number": rf"(?>{NUMBER.pattern})",
-    "int": r"(?>[+-]?[0-9]+)",
-    "digit": r"[0-9]",
-    "word": r"(?>\w+)",
-    "text": r".*",
-    "list": r"(?>\w+(?:\s*,\s*\w+)*)",
+    "number": (rf"(?>{NUMBER.pattern})", "7.5"),
+    "int": (r"(?>[+-]?[0-9]+)", "7"),
+    "digit": (r"[0-9]", "7"),
+    "word": (r"(?>\w+)", "word"),
+    "text": (r".*", "text"),
+    "list": (r"(?>\w+(?:\s*,\s*\w+)*)", "u0,u1"),
 }
-_EXAMPLES: Mapping[str, str] = {
-    "number": "7.5", "int": "7", "digit": "7", "word": "word", "text": "text", "list": "u0,u1",
-}  # fmt: skip
+"""Regular expression of a kind of field, and an example."""
+NUMERIC = ("number", "int", "digit")
+"""Kinds of fields that are numbers."""
 NAME = re.compile(r"[A-Za-z_]\w*", re.ASCII)
 """Name of a field, or of a value of a dialect."""
 _FIELD = re.compile(r"\{([^{}]*)\}")
@@ -92,10 +92,11 @@ class Pattern:
             raise ValueError(f"{{{inside}}}: '{kind}' is no kind of field; there are {known}"
                              f"{did_you_mean(kind, _FIELDS)}")  # fmt: skip
         self.kinds[name[0]] = kind
-        pattern = f"(?P<{name[0]}>{_FIELDS[kind]})"
+        inner, example = _FIELDS[kind]
+        pattern = f"(?P<{name[0]}>{inner})"
         if not has_default:
-            return pattern, _EXAMPLES[kind]
-        if re.fullmatch(_FIELDS[kind], default) is None:
+            return pattern, example
+        if re.fullmatch(inner, default) is None:
             raise ValueError(f"{{{inside}}}: the default '{default}' is no {kind}")
         self.defaults[name[0]] = default
         return f"(?:{pattern})?+", default
@@ -141,7 +142,7 @@ def _literal(text: str) -> str:
 
 
 def _converted(kind: str, text: str) -> FieldValue:
-    if kind in ("number", "int", "digit"):
+    if kind in NUMERIC:
         return _plain(text)
     if kind == "list":
         return tuple(part.strip() for part in text.split(","))

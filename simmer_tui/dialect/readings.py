@@ -1,10 +1,10 @@
 """Readings from replies: the inverse of expressions, if they are `a*reading + b`."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 
 from simmer_tui.dialect.dialect_rules import MessageRule
-from simmer_tui.dialect.expressions import Expression, FieldValue
+from simmer_tui.dialect.expressions import Expression, FieldValue, FieldValues
 from simmer_tui.dialect.templates import BinaryReply
 from simmer_tui.errors import ExpressionError
 
@@ -16,7 +16,7 @@ SAME = 1e-6
 class MessageScope:
     """The names of an expression that reads no sensor: values of a message, and of the state."""
 
-    def __init__(self, state: Mapping[str, FieldValue], values: Mapping[str, FieldValue]) -> None:
+    def __init__(self, state: FieldValues, values: FieldValues) -> None:
         self.names = {"contact": 0, "time": 0.0, **state, **values}
 
     def value(self, name: str) -> FieldValue:
@@ -43,16 +43,14 @@ def straight_line(function: Callable[[float], float]) -> tuple[float, float] | N
     return (a, b) if all(abs(got - wanted) <= SAME * scale for got, wanted in probes) else None
 
 
-def readable(rule: MessageRule, codes: frozenset[str], state: Mapping[str, FieldValue]) -> frozenset[str]:
+def readable(rule: MessageRule, codes: frozenset[str], state: FieldValues) -> frozenset[str]:
     """The sensors whose readings can be computed from the reply of a rule."""
-    values: dict[str, FieldValue] = dict.fromkeys(rule.names, 0)
-    if rule.patterns:
-        values |= rule.patterns[0].match(rule.patterns[0].example) or {}
+    scope = MessageScope(state, rule.example(0))
     found = set()
     for reply in rule.reply:
         # A binary reply's text is not read.
         for expression in reply.values if isinstance(reply, BinaryReply) else reply.expressions:
-            code, line = read_by(expression, codes, MessageScope(state, values))
+            code, line = read_by(expression, codes, scope)
             if line is not None:
                 found.add(code)
     return frozenset(found)

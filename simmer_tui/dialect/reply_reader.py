@@ -11,9 +11,9 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from msgspec import Struct, field
 
-from simmer_tui.dialect.dialect_rules import TYPE, AnyReply, DialectRules, MessageRule
-from simmer_tui.dialect.expressions import FieldValue
-from simmer_tui.dialect.frames import Deframer, Frame
+from simmer_tui.dialect.dialect_rules import AnyReply, DialectRules, MessageRule
+from simmer_tui.dialect.expressions import FieldValues
+from simmer_tui.dialect.frames import TYPE, Deframer, Frame
 from simmer_tui.dialect.readings import MessageScope, read_by
 from simmer_tui.dialect.templates import BinaryReply, Field, TextReply
 
@@ -43,7 +43,7 @@ class RobotReply(Struct, frozen=True):
     part: str = ""
     rule: MessageRule | None = None
     readings: Mapping[str, float] = field(default_factory=dict)
-    values: Mapping[str, FieldValue] | None = None
+    values: FieldValues | None = None
     """Values of the message that it answers, the same object that `asked` got."""
 
     @property
@@ -59,7 +59,7 @@ class PendingReply(Struct, eq=False):
     rule: MessageRule
     part: str
     templates: list[AnyReply]
-    values: Mapping[str, FieldValue]
+    values: FieldValues
     patterns: list[re.Pattern[bytes]]
 
 
@@ -71,7 +71,7 @@ class ReplyReader:
         state: Its state, which messages change.
     """
 
-    def __init__(self, rules: DialectRules, state: Mapping[str, FieldValue]) -> None:
+    def __init__(self, rules: DialectRules, state: FieldValues) -> None:
         self._rules = rules
         self._state = state
         self._end = rules.reply_end.encode()
@@ -83,7 +83,9 @@ class ReplyReader:
         )
         """Names that are always numbers."""
         self._streams = [
-            self._made_pending(MessageRule(number=0), "stream", each.send, {}) for each in rules.streams
+            self._made_pending(MessageRule(number=0), "stream", each.send, {})
+            for each in rules.streams
+            if each.send
         ]
         self._buffer = bytearray()
         answers = [each for rule in rules.rules for each in (rule.reply, rule.done, rule.stopped)]
@@ -96,7 +98,7 @@ class ReplyReader:
         """True if a reply has been received in part."""
         return bool(self._buffer) or (self._deframer is not None and self._deframer.unfinished)
 
-    def asked(self, rule: MessageRule, values: Mapping[str, FieldValue]) -> None:
+    def asked(self, rule: MessageRule, values: FieldValues) -> None:
         """Add the replies of a sent message to the pending ones."""
         for part, replies in (("reply", rule.reply), ("done", rule.done), ("stopped", rule.stopped)):
             if replies:
@@ -104,7 +106,7 @@ class ReplyReader:
         del self.pending[:-MOST_PENDING]
 
     def _made_pending(
-        self, rule: MessageRule, part: str, replies: Sequence[AnyReply], values: Mapping[str, FieldValue]
+        self, rule: MessageRule, part: str, replies: Sequence[AnyReply], values: FieldValues
     ) -> PendingReply:
         return PendingReply(rule, part, [*replies], values, [self._pattern(each) for each in replies])
 
@@ -146,7 +148,7 @@ class ReplyReader:
         """The reply at the beginning of the received bytes, if it matches a pending one."""
         window = bytes(self._buffer[:LONGEST])
         for pending in (*self.pending, *self._streams):
-            match = pending.patterns[0].match(window) if pending.patterns else None
+            match = pending.patterns[0].match(window)
             if match is None or not match.end():
                 continue
             # A number at the very end may continue: 12. and then 5.
@@ -212,9 +214,7 @@ class ReplyReader:
             return False
         return bool(part.format) or part.expression.names <= self._numbers
 
-    def _readings(
-        self, template: AnyReply, match: re.Match[bytes], values: Mapping[str, FieldValue]
-    ) -> dict[str, float]:
+    def _readings(self, template: AnyReply, match: re.Match[bytes], values: FieldValues) -> dict[str, float]:
         if not isinstance(template, TextReply):
             return {}
         fields = (part for part in template.parts if isinstance(part, Field))
@@ -232,7 +232,7 @@ class ReplyReader:
     def _frame(self, frame: Frame) -> RobotReply:
         kind = frame.head.get(TYPE)
         for pending in (*self.pending, *self._streams):
-            template = pending.templates[0] if pending.templates else None
+            template = pending.templates[0]
             if not isinstance(template, BinaryReply) or template.type not in (None, kind):
                 continue
             readings: dict[str, float] = {}

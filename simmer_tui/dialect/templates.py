@@ -131,14 +131,6 @@ def pack_codes(pack: str) -> Iterator[str]:
         yield from code * (1 if code in "sp" else int(count or 1))
 
 
-def text_reply(source: str) -> TextReply:
-    """A parsed reply. Raises ValueError with the first mistake."""
-    reply, mistakes = parsed_reply(source)
-    if mistakes:
-        raise ValueError(mistakes[0])
-    return reply
-
-
 def parsed_reply(source: str) -> tuple[TextReply, list[str]]:
     """A parsed reply, without the parts that cannot be parsed, and the mistakes in these."""
     parts: list[str | Field] = []

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import math
 from collections.abc import Callable, Iterable, Mapping
 from itertools import zip_longest
@@ -15,6 +13,7 @@ from msgspec import Struct
 from shapely import MultiPoint
 
 from simmer_tui.config import drive_csv, robot_csv, sensors_csv, settings_file
+from simmer_tui.config.csv_table import ID, plain_rows, rows_by_header
 from simmer_tui.config.loader import Configuration
 from simmer_tui.config.settings import WheelsSettings
 from simmer_tui.dialect.dialect_rules import DialectRules
@@ -220,32 +219,28 @@ def _gripper(course: GripperSpec | None, team: GripperSpec | None) -> Iterable[P
 def _cells(rules: Rules, course: Mapping[str, str], team: Mapping[str, str]) -> Iterable[Problem]:
     for file, columns in rules.cells.items():
         if file in ROBOT_FILES:
-            wanted, found = _rows(course.get(file, "")), _rows(team.get(file, ""))
+            wanted, found = (files.get(file, "").removeprefix("\ufeff") for files in (course, team))
             compare = _robot_cells if file == robot_csv.FILE else _table_cells
             yield from compare(file, columns, wanted, found)
 
 
-def _robot_cells(
-    file: str, labels: tuple[str, ...], wanted: list[list[str]], found: list[list[str]]
-) -> Iterable[Problem]:
+def _robot_cells(file: str, labels: tuple[str, ...], wanted: str, found: str) -> Iterable[Problem]:
     """Problems in robot.csv: the name at the beginning of a row decides if it may change."""
     nothing: list[str] = []
-    for model, row in zip_longest(wanted, found, fillvalue=nothing):
+    for model, row in zip_longest(plain_rows(wanted), plain_rows(found), fillvalue=nothing):
         label = (row or model)[0]
         if label not in labels and [*map(_plain, row[1:])] != [*map(_plain, model[1:])]:
             yield Problem(f"{file}:{escape(label)}", "must be the same as in the course's set")
 
 
-def _table_cells(
-    file: str, columns: tuple[str, ...], wanted: list[list[str]], found: list[list[str]]
-) -> Iterable[Problem]:
+def _table_cells(file: str, columns: tuple[str, ...], wanted: str, found: str) -> Iterable[Problem]:
     """Problems in a file with headings: a row is compared with the course's of the same ID, or else type."""
-    models = {row["ID"]: row for row in _tables(wanted)}
+    models = {row.get(ID, ""): row for row in rows_by_header(wanted)}
     types = {name.rstrip("0123456789"): row for name, row in reversed(models.items())}
-    for row in _tables(found):
-        name = row["ID"]
+    for row in rows_by_header(found):
+        name = row.get(ID, "")
         model = models.get(name, types.get(name.rstrip("0123456789"), {}))
-        for column in [each for each in {**model, **row} if each not in ("ID", *columns)]:
+        for column in [each for each in {**model, **row} if each not in (ID, *columns)]:
             if _plain(row.get(column, "")) != _plain(model.get(column, "")):
                 yield Problem(
                     f"{file}:{escape_word(name)}:{escape_word(column)}",
@@ -253,19 +248,9 @@ def _table_cells(
                 )
 
 
-def _rows(text: str) -> list[list[str]]:
-    rows = [[cell.strip() for cell in row] for row in csv.reader(io.StringIO(text.lstrip("\ufeff")))]
-    return [row for row in rows if any(row) and not row[0].startswith("#")]
-
-
-def _tables(rows: list[list[str]]) -> list[dict[str, str]]:
-    head = rows[0] if rows else []
-    return [{"ID": "", **dict(zip(head, row, strict=False))} for row in rows[1:]]
-
-
 def _plain(cell: str) -> str | float:
     """The number in a cell, in any notation; else its text."""
     try:
-        return float(cell)
+        return float(cell.replace(",", "."))
     except ValueError:
         return cell

@@ -15,7 +15,7 @@ from pathlib import Path, PurePosixPath
 from typing import ClassVar
 
 from simmer_tui.config.sets import bundled_folder
-from simmer_tui.errors import GradeError, PortError, ProgramError
+from simmer_tui.errors import GradeError, PortError, ProgramError, reason_of
 from simmer_tui.grade.cgroup import ControlGroup
 from simmer_tui.grade.usage import SandboxUsage, Supervisor
 from simmer_tui.links.ports import Listener, PortRequest
@@ -161,7 +161,7 @@ class LaunchedSandbox(ABC):
             try:
                 self._process, self._link = self._launch()
             except OSError as error:
-                raise GradeError(f"{error.filename or 'the sandbox'}: {error.strerror or error}") from None
+                raise GradeError(f"{error.filename or 'the sandbox'}: {reason_of(error)}") from None
             self._link.settimeout(ANSWER_TIMEOUT)
         return self._process
 

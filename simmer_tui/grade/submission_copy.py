@@ -15,7 +15,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
-from simmer_tui.errors import GradeError
+from simmer_tui.errors import GradeError, reason_of
 from simmer_tui.sim.command import escape_passage, shown_path
 
 # Programs have dozens of files; an environment that was submitted by mistake has ten thousands.
@@ -53,7 +53,7 @@ def copy_submission(source: Path, goal: Path, most_bytes: int) -> None:
         with _opened_folder(source, None) as folder:
             _Copy(folder.owner, most_bytes).take(folder, goal, PurePosixPath())
     except OSError as error:
-        raise GradeError(f"its folder: {error.strerror or error}") from None
+        raise GradeError(f"its folder: {reason_of(error)}") from None
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,7 +102,7 @@ class _Copy:
                 elif entry.is_file(follow_symlinks=False):
                     self._copy_file(source, entry.name, goal / entry.name)
             except OSError as error:
-                raise GradeError(f"{shown_path(here)}: {error.strerror or error}") from None
+                raise GradeError(f"{shown_path(here)}: {reason_of(error)}") from None
         goal.chmod(0o755)  # the program reads them with a user ID that nobody has
 
     def _listed(self, source: _Folder, shown: PurePosixPath) -> list[os.DirEntry[str]]:
@@ -115,7 +115,7 @@ class _Copy:
                         raise GradeError(f"has more than {_MOST_ENTRIES} files, folders and links")
                     found.append(entry)
         except OSError as error:
-            raise GradeError(f"{shown_path(shown)}: {error.strerror or error}") from None
+            raise GradeError(f"{shown_path(shown)}: {reason_of(error)}") from None
         return sorted(found, key=lambda entry: entry.name)
 
     def _copy_file(self, source: _Folder, name: str, goal: Path) -> None:

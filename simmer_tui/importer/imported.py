@@ -12,12 +12,15 @@ from typing import Any, TypeVar
 from msgspec import Struct
 from msgspec.structs import replace
 
+from simmer_tui.config.drive_csv import DriveRows
+from simmer_tui.config.loader import simulation_of
 from simmer_tui.config.mission_plan import cells_of
+from simmer_tui.config.sets import unreadable
 from simmer_tui.config.settings import settings_from
-from simmer_tui.errors import ConfigurationError, Problem
+from simmer_tui.errors import Problem
 from simmer_tui.importer.device_classes import ClassNumber, ClassNumbers, class_number
 from simmer_tui.importer.python_values import Located, Unreadable
-from simmer_tui.sim.command import escape_word, shown_path
+from simmer_tui.sim.command import escape_word
 from simmer_tui.sim.obstacles import placement_problems
 from simmer_tui.sim.rules import NumberRule, Rule
 from simmer_tui.sim.specs import (
@@ -29,7 +32,6 @@ from simmer_tui.sim.specs import (
     RobotSpec,
     SensorKind,
     SensorSpec,
-    SimulationSpec,
 )
 
 COURSE_MAZE = MazeSpec(
@@ -118,18 +120,7 @@ def settled(imported: Imported, origins: Mapping[str, str]) -> Imported:
 
 def _problems(imported: Imported) -> dict[str, str]:
     settings = settings_from(imported.settings)
-    spec = SimulationSpec(
-        maze=imported.maze,
-        robot=imported.robot,
-        sensors=(),
-        drives=(),
-        bot_center=settings.bot_center,
-        bot_rot=settings.bot_rot,
-        block_center=settings.block_center,
-        block_size=settings.blocksize,
-        block_solid=settings.motion.block_solid,
-    )
-    return dict(placement_problems(spec))
+    return dict(placement_problems(simulation_of(settings, imported.maze, imported.robot, (), DriveRows())))
 
 
 def _middles(maze: MazeSpec, kinds: tuple[int, ...]) -> list[tuple[float, float]]:
@@ -265,8 +256,7 @@ def text_of_file(path: Path) -> str:
     try:
         data = path.read_bytes()
     except OSError as error:
-        what = f"cannot be read: {error.strerror or error}"
-        raise ConfigurationError([Problem(shown_path(path), what)]) from None
+        raise unreadable(error, path) from None
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError:

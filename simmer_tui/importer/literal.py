@@ -197,11 +197,10 @@ class _Reader(ast.NodeVisitor):
     def visit_Pass(self, _: ast.Pass) -> None:
         """Nothing to do."""
 
-    def visit_FunctionDef(self, statement: ast.FunctionDef) -> None:
-        self.source.names.pop(statement.name, None)
+    def visit_FunctionDef(self, node: ast.FunctionDef | ast.ClassDef) -> None:
+        self.source.names.pop(node.name, None)
 
-    def visit_ClassDef(self, statement: ast.ClassDef) -> None:
-        self.source.names.pop(statement.name, None)
+    visit_ClassDef = visit_FunctionDef  # noqa: N815 - as NodeVisitor calls them
 
     def visit_Expr(self, statement: ast.Expr) -> None:
         match statement.value:

@@ -1,7 +1,5 @@
 """Writes an import as a configuration set: four CSV files and settings.toml."""
 
-import csv
-import io
 from collections.abc import Iterable, Iterator, Sequence
 from operator import attrgetter
 from pathlib import Path
@@ -9,7 +7,7 @@ from pathlib import Path
 from msgspec import Struct
 
 from simmer_tui.config import drive_csv, maze_csv, robot_csv, sensors_csv, settings_file
-from simmer_tui.config.csv_table import CODE, ENABLED, ID
+from simmer_tui.config.csv_table import CODE, ENABLED, ID, csv_text
 from simmer_tui.config.sets import write_files
 from simmer_tui.config.settings_file import settings_text
 from simmer_tui.importer.imported import Imported
@@ -94,10 +92,7 @@ def _cells(spec: Struct, columns: Iterable[CsvColumn], used: tuple[CsvColumn, ..
 
 
 def _csv(rows: Iterable[Iterable[float | str]]) -> str:
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerows([_cell(value) for value in row] for row in rows)
-    return text.getvalue()
+    return csv_text([_cell(value) for value in row] for row in rows)
 
 
 def _cell(value: float | str) -> str:

@@ -41,14 +41,6 @@ _DIRECT = {
     "port_rx": "server.packet_port",
     "port_tx": "server.packet_reply_port",
 }
-_READ = frozenset(
-    {
-        *_DIRECT,
-        *("motors", "drives", "sensors", "walls", "block_position", "rand_bias"),
-        *("frame_rate", "robot_outline", "robot_width", "robot_height"),
-        *("robot_start_position", "start_position", "robot_start_rotation", "start_rotation"),
-    }
-)
 # Names of the settings that are places; where a file has two, the last one counts.
 _PLACES = {"bot_center": ("start_position", "robot_start_position"), "block_center": ("block_position",)}
 # Names that identify a `config.py`, in addition to its tables of devices.
@@ -56,6 +48,9 @@ _SIGNS = (
     *("walls", "robot_outline", "wall_segment_length", "floor_segment_length", "block_size"),
     *("robot_start_position", "start_position", "robot_start_rotation", "start_rotation", "block_position"),
 )
+# Tables of devices.
+_TABLES = ("sensors", "drives", "motors")
+_READ = frozenset((*_DIRECT, *_SIGNS, *_TABLES, "rand_bias", "frame_rate", "robot_width", "robot_height"))
 # Names that cannot be set here, and the value they always have.
 _ALWAYS: dict[str, Any] = {
     "wall_segment_length": 12,
@@ -86,7 +81,7 @@ def check_is_configuration(text: str, file: str = FILE) -> None:
     programs of a team sometimes use one of these names for something else."""
     names = read_source(text, file).names
     found = [name for name in _SIGNS if name in names]
-    for name in ("sensors", "drives", "motors"):
+    for name in _TABLES:
         table = names[name].value if name in names else None
         if isinstance(table, dict) and any(isinstance(item.value, Call) for item in table.values()):
             found.append(name)
@@ -293,14 +288,12 @@ def _list_the_rest(source: Source, notes: Notes) -> None:
     """Note the names of the file that were not imported."""
     idle: list[tuple[str, int]] = []
     for name, located in source.names.items():
-        if name in _READ:
-            continue
         if name in _ALWAYS:
             if located.value != _ALWAYS[name]:
                 notes.add(located.line, name, f"is left out; here it is always {describe(_ALWAYS[name])}")
         elif _IDLE.fullmatch(name):
             idle.append((name, located.line))
-        elif name not in source.used:
+        elif name not in source.used and name not in _READ:
             notes.add(located.line, name, "has no equivalent; left out")
     if idle:
         names = ", ".join(name for name, _ in idle)

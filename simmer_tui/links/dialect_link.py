@@ -10,7 +10,7 @@ from msgspec.structs import replace
 
 from simmer_tui import platform_has
 from simmer_tui.config.dialects import SERIAL
-from simmer_tui.dialect.device import DialectDevice, MoveEnd
+from simmer_tui.dialect.device import DialectDevice, MoveEnd, Timer
 from simmer_tui.dialect.dialect_rules import DialectRules
 from simmer_tui.dialect.expressions import FieldValue
 from simmer_tui.engine import Engine
@@ -45,30 +45,14 @@ STOP = Command("xx", "xx", stops=True)
 """The stop sent by a rule of the dialect, or at the end of a run."""
 
 
-class MoveOutcome:
-    """End of a movement."""
-
-    def __init__(self, result: CommandResult) -> None:
-        self.refused = (result.reason or result.status.value) if result.status in REFUSALS else ""
-        self.touched = result.contact is not None
-        self.stopped = result.status is Status.STOPPED or (
-            result.trajectory is not None and result.trajectory.cut is not None
-        )
-
-
-class _Later:
-    """A call at a simulated time that can be cancelled."""
-
-    def __init__(self, call: Callable[[], None]) -> None:
-        self._call: Callable[[], None] | None = call
-
-    def cancel(self) -> None:
-        """Cancel the call."""
-        self._call = None
-
-    def __call__(self) -> None:
-        if self._call is not None:
-            self._call()
+def move_end(result: CommandResult) -> MoveEnd:
+    """The end of a movement, by its result."""
+    cut = result.trajectory is not None and result.trajectory.cut is not None
+    return MoveEnd(
+        refused=(result.reason or result.status.value) if result.status in REFUSALS else "",
+        touched=result.contact is not None,
+        stopped=result.status is Status.STOPPED or cut,
+    )
 
 
 class SimulatedHost:
@@ -98,11 +82,11 @@ class SimulatedHost:
         """Simulated time."""
         return self._engine.now()
 
-    def call_later(self, seconds: float, call: Callable[[], None]) -> _Later:
+    def call_later(self, seconds: float, call: Callable[[], None]) -> Timer:
         """Call a function after this much simulated time."""
-        later = _Later(call)
-        self._engine.call_at(self._engine.now() + seconds, later)
-        return later
+        timer = Timer(call)
+        self._engine.call_at(self._engine.now() + seconds, timer)
+        return timer
 
     def read(self, codes: Sequence[str], done: Callable[[Mapping[str, FieldValue]], None]) -> None:
         """Read sensors now; the reading takes the sum of their Read Times."""
@@ -129,14 +113,14 @@ class SimulatedHost:
 
     def move(self, command: str, done: Callable[[MoveEnd], None]) -> None:
         """Do a movement of known length."""
-        self._moves.submit(parse_command(command, self.source), lambda result: done(MoveOutcome(result)))
+        self._moves.submit(parse_command(command, self.source), lambda result: done(move_end(result)))
 
     def drive(self, velocity: tuple[float, float, float] | None, seconds: float | None) -> str:
         """Drive at a velocity, for a time or until another command."""
         values = [*(velocity or (0.0, 0.0, 0.0)), *([] if seconds is None else [seconds])]
         text = f"{self._rules.parts.velocity}-{';'.join(f'{each:.12g}' for each in values)}"
-        ends: list[MoveOutcome] = []
-        self._moves.submit(parse_command(text, self.source), lambda result: ends.append(MoveOutcome(result)))
+        ends: list[MoveEnd] = []
+        self._moves.submit(parse_command(text, self.source), lambda result: ends.append(move_end(result)))
         return ends[0].refused if ends else ""
 
     def halt(self, by: str = "") -> None:

@@ -57,7 +57,7 @@ class DialectRobot(MonitoredRobot):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        self._inverse = InverseRules(self.rules)
+        self._inverse = InverseRules(self.rules, self._device.state)
         self._queue: deque[_Request] = deque()
         self._moving: _Request | None = None
         """The request whose movement is under way."""
@@ -160,8 +160,7 @@ class DialectRobot(MonitoredRobot):
 
     def _prepare(self, request: _Request) -> str:
         """Find the message for a command. Returns the reason if there is none."""
-        command, state = request.command, self._device.state
-        simulator = self.engine.simulator
+        command, simulator = request.command, self.engine.simulator
         if command.problem:
             return command.problem
         if command.code == WAIT and not simulator.is_drive(command):
@@ -170,10 +169,10 @@ class DialectRobot(MonitoredRobot):
         if hindrance := self._hindrance(command):
             return hindrance
         if not simulator.is_drive(command):
-            made = self._inverse.read(command.code, state)
+            made = self._inverse.read(command.code)
         else:
             value = parse_value(command.argument)
-            made = value if isinstance(value, str) else self._inverse.drive(command.code, value, state)
+            made = value if isinstance(value, str) else self._inverse.drive(command.code, value)
         if isinstance(made, str):
             return made
         request.message = made
@@ -186,7 +185,7 @@ class DialectRobot(MonitoredRobot):
         if self.switch.program is not None:
             return _TAKEN
         is_unsafe = command.source in PEOPLE and self._drives(command)
-        return NO_STOP if is_unsafe and self._inverse.stop(self._device.state) is None else ""
+        return NO_STOP if is_unsafe and self._inverse.stop() is None else ""
 
     def _refuse(self, request: _Request, reason: str) -> None:
         result = self.engine.peek(replace(request.command, problem=reason))
@@ -286,7 +285,7 @@ class DialectRobot(MonitoredRobot):
     def stop(self) -> None:
         """Send a person's or a command's stop at once, ahead of waiting commands."""
         self._end_key()
-        message = self._inverse.stop(self._device.state)
+        message = self._inverse.stop()
         if message is None:
             text = 'the robot cannot be stopped: no rule of the dialect is a plain stop (do = "stop")'
             self._tell(NoticeKind.FAULT, text)
@@ -318,7 +317,7 @@ class DialectRobot(MonitoredRobot):
             request.answer(self._result(command, Status.DONE, math.inf))
             return
         hindrance = self._hindrance(command)
-        made = driven if isinstance(driven, str) else self._inverse.held(*driven, self._device.state)
+        made = driven if isinstance(driven, str) else self._inverse.held(*driven)
         if hindrance or isinstance(made, str):
             self._refuse(request, hindrance or str(made))
             return

@@ -26,7 +26,7 @@ from simmer_tui.events import (
     TwinReading,
     WireMessage,
 )
-from simmer_tui.links.dialect_link import LOGGED_OF_STREAM, MoveOutcome, SimulatedHost, value_of
+from simmer_tui.links.dialect_link import LOGGED_OF_STREAM, SimulatedHost, move_end, value_of
 from simmer_tui.links.real_robot import RealRobot
 from simmer_tui.sessions import LoopTimer
 from simmer_tui.sim.command import parse_command
@@ -55,7 +55,7 @@ class Twin(SimulatedHost):
     def move(self, command: str, done: Callable[[MoveEnd], None]) -> None:
         def moved(result: CommandResult) -> None:
             self.refused = result.status in REFUSALS
-            done(MoveOutcome(result))
+            done(move_end(result))
             self._moved(result)
 
         self._moves.submit(parse_command(command, self.source), moved)
@@ -83,7 +83,7 @@ class MonitoredRobot(RealRobot):
         super().__post_init__()
         rules = self.rules
         # Messages that the robot sends by itself come from the real one only.
-        reactive = replace(rules, streams=(), robot=replace(rules.robot, boot=0.0, greeting=""), unknown=())
+        reactive = rules.reactive
         self._twin = Twin(self.engine, reactive, self._twin_moved)
         self._device = DialectDevice(reactive, self._twin, self._note_message)
         self._reader = ReplyReader(rules, self._device.state)

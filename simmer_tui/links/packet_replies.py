@@ -9,6 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from simmer_tui.config.dialects import PACKET_REPLIES
+from simmer_tui.errors import reason_of
 from simmer_tui.links.link import LinkContext
 from simmer_tui.links.packet_presence import Presence
 from simmer_tui.links.peer import MOST_CONNECTIONS, Peer, ReadBudget, host_of
@@ -161,7 +162,7 @@ class ReplyPort:
                         self._clock.written += sent
                     rest = rest[sent:]
         except OSError as error:
-            self._tell_fault(f"client {read.peer} broke off on the reply port: {error.strerror or error}")
+            self._tell_fault(f"client {read.peer} broke off on the reply port: {reason_of(error)}")
             rest = b""
         if rest and len(self.unread) < MOST_CONNECTIONS:
             self.unread.add(_Unread(read, self, rest))

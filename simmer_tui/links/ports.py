@@ -12,7 +12,7 @@ from collections.abc import Callable, Sequence
 from msgspec import Struct
 
 from simmer_tui.config.dialects import BACKLOG
-from simmer_tui.errors import PortError
+from simmer_tui.errors import PortError, reason_of
 from simmer_tui.links.access import AccessCheck, TokenCheck
 from simmer_tui.links.peer import MOST_WAITING, PIECE, Peer, ReadBudget, RefusedPeer
 
@@ -124,7 +124,7 @@ def _explained(error: OSError, host: str, request: PortRequest) -> str:
         return f"{what} may not be used by you: choose one above 1023 with {request.option} N"
     if error.errno == errno.EADDRNOTAVAIL:
         return f"--host {host}: not an address of this machine; try 127.0.0.1 or 0.0.0.0"
-    return f"{what} on {host}: {error.strerror or error}"
+    return f"{what} on {host}: {reason_of(error)}"
 
 
 # -- accepting --------------------------------------------------------------------------------------

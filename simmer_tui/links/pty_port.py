@@ -13,7 +13,7 @@ from functools import cache
 from pathlib import Path
 
 from simmer_tui import platform_has
-from simmer_tui.errors import PortError
+from simmer_tui.errors import PortError, reason_of
 from simmer_tui.links.peer import PIECE
 from simmer_tui.links.serial_wire import DRIVER_BUFFER, FRAME, SerialRobot
 from simmer_tui.sessions import LoopTimer
@@ -44,7 +44,7 @@ class PtyDevice:
             self._link()
         except (OSError, PortError) as error:
             os.close(self.descriptor)
-            raise PortError(f"--pty {path}: {getattr(error, 'strerror', None) or error}") from None
+            raise PortError(f"--pty {path}: {reason_of(error)}") from None
 
     def _make(self) -> None:
         if sys.platform == "win32" or not platform_has.POSIX:
@@ -54,7 +54,7 @@ class PtyDevice:
         try:
             self.descriptor, end = os.openpty()
         except OSError as error:
-            raise PortError(f"--pty: no pseudo-terminal can be made: {error.strerror}") from None
+            raise PortError(f"--pty: no pseudo-terminal can be made: {reason_of(error)}") from None
         self.name = os.ttyname(end)
         # Bytes pass unchanged, also for programs that set nothing, such as cat.
         tty.setraw(end)

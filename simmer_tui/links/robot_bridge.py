@@ -7,6 +7,7 @@ from simmer_tui.config.dialects import TEAM
 from simmer_tui.config.loader import Configuration
 from simmer_tui.config.settings import SerialSettings
 from simmer_tui.engine import Engine
+from simmer_tui.errors import reason_of
 from simmer_tui.links.real_robot import RealRobot
 from simmer_tui.links.serial_link import RobotLink
 
@@ -25,7 +26,7 @@ def bridge_to(
         try:
             link = RecordedLink(link, serial.record, serial.baud)
         except OSError as error:
-            text = f"what the robot says is not recorded: {serial.record}: {error.strerror or error}"
+            text = f"what the robot says is not recorded: {serial.record}: {reason_of(error)}"
             engine.tell_fault(text)
     rules = configuration.dialect
     if rules is not None and rules.protocol is None and TEAM in configuration.settings.server.listeners:

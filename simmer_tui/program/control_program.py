@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from simmer_tui import platform_has
-from simmer_tui.errors import ProgramError
+from simmer_tui.errors import ProgramError, reason_of
 from simmer_tui.program.kept_process import Keeper, KeptProcess
 from simmer_tui.program.program_command import console_variables, with_hook, words_of
 from simmer_tui.program.program_output import OutputReader, OutputRoute, ProgramOutput
@@ -123,7 +123,7 @@ class Program(RunningProgram):
                 route.abandon()
                 raise
         except OSError as error:
-            raise ProgramError(f"--run {command!r}: {error.strerror or error}") from None
+            raise ProgramError(f"--run {command!r}: {reason_of(error)}") from None
         self.pid = process.pid
         """Its process ID."""
         super().__init__(process.wait, process.end, route.start(), on_end, _LAST_LINES)

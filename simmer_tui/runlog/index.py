@@ -12,7 +12,7 @@ from typing import get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from simmer_tui.errors import RunLogError
+from simmer_tui.errors import RunLogError, reason_of
 from simmer_tui.runlog.closing import Closing
 from simmer_tui.runlog.log_records import (
     ActionRecord,
@@ -135,7 +135,7 @@ class RunLogIndex(Closing):
                 self._over.append(self._now)
                 self._offsets.append(stream.position)
         except OSError as error:
-            raise RunLogError(f"{self.shown} cannot be read: {error.strerror or error}") from None
+            raise RunLogError(f"{self.shown} cannot be read: {reason_of(error)}") from None
         return self.count - before
 
     def _take(self, record: AnyRecord) -> EntryFlag:
@@ -211,7 +211,7 @@ class RunLogIndex(Closing):
             self._file.seek(begin)
             return decode_line(self._file.read(end - begin), i + 2)
         except OSError as error:
-            return BrokenLine(i + 2, f"it cannot be read: {error.strerror or error}")
+            return BrokenLine(i + 2, f"it cannot be read: {reason_of(error)}")
 
     # -- searches ----------------------------------------------------------------------------
 

@@ -13,7 +13,7 @@ from typing import IO, cast
 from msgspec import Struct
 
 from simmer_tui.config.loader import Configuration
-from simmer_tui.errors import RunLogError
+from simmer_tui.errors import RunLogError, reason_of
 from simmer_tui.events import Event
 from simmer_tui.run.reducer import Reducer
 from simmer_tui.runlog.closing import Closing
@@ -229,8 +229,7 @@ def _pieces(file: IO[bytes]) -> Iterator[bytes]:
 
 
 def _unreadable(shown: str, error: BaseException) -> str:
-    reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
-    return f"{shown} cannot be read: {reason}"
+    return f"{shown} cannot be read: {reason_of(error)}"
 
 
 def _read_header(file: IO[bytes], shown: str) -> Header:

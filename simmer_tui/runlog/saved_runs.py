@@ -14,7 +14,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from simmer_tui.config.loader import Configuration
-from simmer_tui.errors import RunLogError
+from simmer_tui.errors import RunLogError, reason_of
 from simmer_tui.events import ActionDone, CommandResult, Event, MovementPlanned
 from simmer_tui.runlog.writer import ReplayedPrefix, RunLog, data_folder, new_file
 from simmer_tui.sim.command import shown_path
@@ -105,7 +105,7 @@ class SavedRun:
             path = new_file(folder, mode=0o600)
         except OSError as error:
             shown = shown_path(folder)
-            raise RunLogError(f"runs cannot be saved in {shown}: {error.strerror or error}") from None
+            raise RunLogError(f"runs cannot be saved in {shown}: {reason_of(error)}") from None
         self._file: _BackgroundFile | None = None
         self._log = RunLog(
             path,

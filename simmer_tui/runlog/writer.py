@@ -19,7 +19,7 @@ from msgspec import Struct
 
 from simmer_tui import platform_has
 from simmer_tui.config.loader import Configuration
-from simmer_tui.errors import RunLogError
+from simmer_tui.errors import RunLogError, reason_of
 from simmer_tui.events import Event, Notice, NoticeKind
 from simmer_tui.run.reducer import Reducer
 from simmer_tui.run.state import checkpoint_of
@@ -65,7 +65,7 @@ def auto_path(now: datetime | None = None) -> Path:
         return new_file(folder, now)
     except OSError as error:
         shown = shown_path(error.filename or folder)
-        raise RunLogError(f"{shown} cannot be made: {error.strerror or error}") from None
+        raise RunLogError(f"{shown} cannot be made: {reason_of(error)}") from None
 
 
 def new_file(folder: Path, now: datetime | None = None, mode: int = MODE) -> Path:
@@ -163,7 +163,7 @@ class RunLog(Closing):
         try:
             self._file: LineFile = (file or _opened)(path)
         except OSError as error:
-            raise RunLogError(f"cannot log to {shown}: {error.strerror or error}") from None
+            raise RunLogError(f"cannot log to {shown}: {reason_of(error)}") from None
         except ValueError as error:  # a NUL in the name
             raise RunLogError(f"cannot log to {shown}: {error}") from None
         timed = configuration.settings.motion.motion == "timed"
@@ -216,7 +216,7 @@ class RunLog(Closing):
         try:
             self._file.close()
         except OSError as error:  # while writing the rest of a compressed log
-            self._on_stop(f"logging to {shown_path(self.path)} has stopped: {error.strerror or error}")
+            self._on_stop(f"logging to {shown_path(self.path)} has stopped: {reason_of(error)}")
 
     def _write(self, record: Struct) -> None:
         if self.stopped:
@@ -232,8 +232,7 @@ class RunLog(Closing):
             self._stop(error)
 
     def _stop(self, error: OSError) -> None:
-        reason = error.strerror or str(error)
-        self.stopped = f"logging to {shown_path(self.path)} has stopped: {reason}"
+        self.stopped = f"logging to {shown_path(self.path)} has stopped: {reason_of(error)}"
         self._on_stop(self.stopped)
 
 

@@ -20,7 +20,7 @@ from pathlib import Path, PurePath
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from simmer_tui import platform_has
-from simmer_tui.errors import ClusterError, SimmerError, TrialsError
+from simmer_tui.errors import ClusterError, SimmerError, TrialsError, reason_of
 from simmer_tui.program.program_command import is_python
 from simmer_tui.sim.command import escape_passage, shown_path
 from simmer_tui.trials.run import TrialRun, fault_result
@@ -165,7 +165,7 @@ def _add(files: dict[str, PackedFile], name: str, path: Path) -> None:
             )
         files[name] = PackedFile(path.read_bytes(), os.access(path, os.X_OK))
     except OSError as error:
-        raise TrialsError(f"--run: {shown} cannot be read: {error.strerror or error}") from None
+        raise TrialsError(f"--run: {shown} cannot be read: {reason_of(error)}") from None
 
 
 # A scheduler on the same network answers within milliseconds; Dask's own 30 s look like a hang.

@@ -24,7 +24,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from simmer_tui import platform_has
-from simmer_tui.errors import InterruptedTrialError, SimmerError, TrialsError
+from simmer_tui.errors import InterruptedTrialError, SimmerError, TrialsError, reason_of
 from simmer_tui.program import Keeper
 from simmer_tui.trials.run import TrialRun, fault_result
 from simmer_tui.trials.trial import Trial, TrialResult
@@ -180,7 +180,7 @@ def _result(
     except SimmerError as error:
         return TrialsError(str(error))
     except OSError as error:
-        return TrialsError(f"run {trial.number}: {error.filename or ''} {error.strerror or error}")
+        return TrialsError(f"run {trial.number}: {error.filename or ''} {reason_of(error)}")
     except Exception as error:  # noqa: BLE001 - a fault in one run must not end the others
         return fault_result(trial, f"{type(error).__name__}: {error}")
 

@@ -27,7 +27,7 @@ from typing import Generic, TypeVar
 import msgspec
 
 from simmer_tui import platform_has
-from simmer_tui.errors import SimmerError
+from simmer_tui.errors import SimmerError, reason_of
 from simmer_tui.runlog.typed_json import TypedJson
 from simmer_tui.sim.command import escape_passage, shown_path
 from simmer_tui.version import __version__
@@ -113,7 +113,7 @@ class RunStore(Generic[Plan, Line]):
         except (FileNotFoundError, NotADirectoryError):
             raise kind.error(f"{shown} holds no {kind.noun}: there is no {kind.plan_file}") from None
         except OSError as error:
-            raise kind.error(f"{shown} cannot be read: {error.strerror or error}") from None
+            raise kind.error(f"{shown} cannot be read: {reason_of(error)}") from None
         try:
             if _HEAD.decode(data).format != kind.format:
                 raise ValueError(f"the format is not {kind.format}")
@@ -195,7 +195,7 @@ class RunStore(Generic[Plan, Line]):
             yield
         except OSError as error:
             where = shown_path(error.filename or self.path)
-            raise self._kind.error(f"{where} cannot be {what}: {error.strerror or error}") from None
+            raise self._kind.error(f"{where} cannot be {what}: {reason_of(error)}") from None
 
     @property
     def _unfinished(self) -> Path:

@@ -7,8 +7,6 @@ the value and not by random draws (common random numbers).
 
 from __future__ import annotations
 
-import csv
-import io
 import re
 from collections.abc import Mapping, Sequence
 from itertools import dropwhile
@@ -17,7 +15,7 @@ from pathlib import Path
 from msgspec.structs import replace
 
 from simmer_tui.config import drive_csv, sensors_csv
-from simmer_tui.config.csv_table import ID, POLL_CHARACTER, CsvRow, read_csv
+from simmer_tui.config.csv_table import ID, POLL_CHARACTER, CsvRow, csv_text, read_csv
 from simmer_tui.config.loader import Configuration
 from simmer_tui.config.settings import Settings, all_settings, value_of
 from simmer_tui.errors import ConfigurationError, Problem
@@ -137,15 +135,12 @@ def _row(head: CsvRow, rows: Sequence[CsvRow], owner: str) -> CsvRow | None:
 def _with_cell(head: CsvRow, rows: Sequence[CsvRow], changed: CsvRow, header: str, value: str) -> str:
     """The file with another value in a cell, its column added where it has none."""
     names = list(head.cells) if header in head.cells else [*head.cells, header]
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(names)
+    lines = [names]
     for row in rows:
-        cells = [row.cell(index) for index in range(max(len(names), len(row.cells)))]
+        lines.append([row.cell(index) for index in range(max(len(names), len(row.cells)))])
         if row is changed:
-            cells[names.index(header)] = value
-        writer.writerow(cells)
-    return text.getvalue()
+            lines[-1][names.index(header)] = value
+    return csv_text(lines)
 
 
 def check_effects(points: Sequence[SweepPoint], configurations: Sequence[Configuration]) -> None:

@@ -15,7 +15,7 @@ from textual.widget import Widget
 from simmer_tui.config.dialects import COMMANDS
 from simmer_tui.config.examples import EXAMPLE, example_command
 from simmer_tui.config.settings import ScreenSettings
-from simmer_tui.errors import ProgramError, RunLogError
+from simmer_tui.errors import ProgramError, RunLogError, reason_of
 from simmer_tui.events import Action
 from simmer_tui.operating.orders import ConsoleCommand, Local
 from simmer_tui.operating.robot_operator import Operator
@@ -279,7 +279,7 @@ class SimmerApp(Shell):
         try:
             text = await report_of(saved, self.size.width - _PAGE_FRAME, self._plain)
         except OSError as error:
-            text = f"The report cannot be made: {error.strerror or error}"
+            text = f"The report cannot be made: {reason_of(error)}"
         screen.replace(text)
 
     def _show_program(self) -> None:
@@ -301,8 +301,7 @@ class SimmerApp(Shell):
         try:
             file.write_text(text, encoding="utf-8")
         except (OSError, ValueError) as error:  # ValueError: a name with a zero byte
-            reason = getattr(error, "strerror", None) or str(error)
-            self._console.show_error(f"{escape(name)}: {escape(reason)}")
+            self._console.show_error(f"{escape(name)}: {escape(reason_of(error))}")
         else:
             self._operator.hint(f"{what} written to {printable(str(file))}")
 

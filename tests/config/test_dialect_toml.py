@@ -11,14 +11,13 @@ import jsonschema
 import pytest
 
 from simmer_tui.config.dialect_reader import load_dialect
-from simmer_tui.config.dialect_templates import TEMPLATES
 from simmer_tui.config.loader import find_set, init_set, load
 from simmer_tui.config.new_set import dialect_schema
 from simmer_tui.config.set_summary import summarize
 from simmer_tui.config.settings_file import Override
-from simmer_tui.dialect.dialect_rules import CourseProtocol
+from simmer_tui.dialect.dialect_rules import CourseProtocol, Parts
+from simmer_tui.dialect.frames import FrameKind
 from simmer_tui.dialect.messages import dictionary
-from simmer_tui.dialect.set_parts import Parts
 from simmer_tui.errors import ConfigurationError, Problem
 
 SPEC = load(find_set("default")).simulation
@@ -146,7 +145,7 @@ def test_a_file_without_rules_is_told(tmp_path: Path) -> None:
 
 
 @pytest.mark.quick_cases(1)
-@pytest.mark.parametrize("kind", TEMPLATES)
+@pytest.mark.parametrize("kind", FrameKind)
 def test_a_new_set_of_each_kind_is_right_and_fits_its_schema(tmp_path: Path, kind: str) -> None:
     words = [sys.executable, "-m", "simmer_tui"]
     made = subprocess.run([*words, "init", "robot", "--dialect", kind], cwd=tmp_path, check=False)

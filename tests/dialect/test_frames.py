@@ -52,7 +52,7 @@ def test_a_message_that_is_too_long_is_dropped_up_to_the_next_end() -> None:
 
 def test_a_binary_frame_has_its_header_and_a_wrong_one_is_dropped_up_to_the_next_end() -> None:
     deframer = Deframer(BINARY, frozenset((1, 2)))
-    good = BINARY.frame("type", 2, b"abc")
+    good = BINARY.frame(2, b"abc")
     assert good == b"\x02\x03abc$"
     found = deframer.receive(b"\x09\x00$" + good + b"\x01\xff" + b"zz$" + good)
     assert [part.content for part in found if isinstance(part, Frame)] == [b"abc", b"abc"]
@@ -66,7 +66,7 @@ def test_half_a_binary_frame_is_dropped_after_silence() -> None:
     deframer = Deframer(BINARY)
     assert deframer.receive(b"\x01\x05ab") == []
     assert [type(part) for part in deframer.silence()] == [Noise]
-    assert deframer.receive(BINARY.frame("type", 1, b"")) != []
+    assert deframer.receive(BINARY.frame(1, b"")) != []
 
 
 @pytest.mark.parametrize("framing", FRAMINGS, ids=lambda framing: framing.kind.value)
@@ -84,7 +84,7 @@ def test_messages_do_not_depend_on_how_the_bytes_come(framing: Framing, data: by
 
 @given(st.lists(st.tuples(st.integers(0, 255), st.binary(max_size=40)), max_size=6), st.integers(1, 9))
 def test_binary_frames_come_back_in_any_pieces(messages: list[tuple[int, bytes]], size: int) -> None:
-    data = b"".join(BINARY.frame("type", kind, content) for kind, content in messages)
+    data = b"".join(BINARY.frame(kind, content) for kind, content in messages)
     deframer = Deframer(BINARY)
     found = [part for at in range(0, len(data), size) for part in deframer.receive(data[at : at + size])]
     assert [(part.head["type"], part.content) for part in found if isinstance(part, Frame)] == messages
@@ -92,4 +92,4 @@ def test_binary_frames_come_back_in_any_pieces(messages: list[tuple[int, bytes]]
 
 def test_a_content_that_does_not_fit_its_header_is_an_error() -> None:
     with pytest.raises(struct.error):
-        BINARY.frame("type", 300, b"")
+        BINARY.frame(300, b"")

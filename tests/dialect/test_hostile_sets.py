@@ -14,10 +14,10 @@ from hypothesis import strategies as st
 from benchmarks.bench_dialect_expressions import FIELDS, HARD, MOST_BYTES, Names, cost, hardest
 from simmer_tui.config.dialect_reader import load_dialect
 from simmer_tui.config.loader import find_set, load
+from simmer_tui.dialect.dialect_rules import Parts
 from simmer_tui.dialect.expressions import Expression
 from simmer_tui.dialect.patterns import Pattern
-from simmer_tui.dialect.set_parts import Parts
-from simmer_tui.dialect.templates import LONGEST_REPLY, text_reply
+from simmer_tui.dialect.templates import LONGEST_REPLY, parsed_reply
 from simmer_tui.errors import ExpressionError, Problem
 
 SPEC = load(find_set("default")).simulation
@@ -83,7 +83,7 @@ def test_no_expression_takes_more_than_its_memory(kind: str) -> None:
 
 @pytest.mark.parametrize("kind", FIELDS)
 def test_no_field_takes_more_than_its_memory(kind: str) -> None:
-    field, names = text_reply(FIELDS[kind]), Names()
+    field, names = parsed_reply(FIELDS[kind])[0], Names()
     _, size = cost(lambda: field.text(names, ""), 1)
     assert size <= MOST_BYTES
 
@@ -99,7 +99,7 @@ def test_the_robot_is_asked_a_few_times(text: str) -> None:
 def test_replies_do_not_grow_without_a_bound() -> None:
     field = "{f:99.17f}"
     with pytest.raises(ExpressionError, match=f"replies go up to {LONGEST_REPLY}"):
-        text_reply(field * 1000).text(Names(), "")
+        parsed_reply(field * 1000)[0].text(Names(), "")
 
 
 @pytest.mark.parametrize("source", ["say {t:text} x", "{a:word} {b:text} {c:number}z", "{l:list} {t:text} ,"])

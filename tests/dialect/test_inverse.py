@@ -8,10 +8,9 @@ import pytest
 
 from simmer_tui.config.dialect_reader import load_dialect
 from simmer_tui.config.loader import find_set, load
-from simmer_tui.dialect.dialect_rules import DialectRules
+from simmer_tui.dialect.dialect_rules import DialectRules, Parts
 from simmer_tui.dialect.expressions import FieldValue
 from simmer_tui.dialect.inverse import DialectMessage, InverseRules
-from simmer_tui.dialect.set_parts import Parts
 from simmer_tui.errors import Problem
 
 SPEC = load(find_set("default")).simulation
@@ -135,7 +134,7 @@ def test_a_movement_has_its_message(
     tmp_path: Path, dialect: str, code: str, value: float, data: bytes
 ) -> None:
     rules = rules_of(tmp_path, dialect)
-    assert data_of(InverseRules(rules).drive(code, value, rules.state)) == data
+    assert data_of(InverseRules(rules).drive(code, value)) == data
 
 
 @pytest.mark.parametrize(
@@ -145,14 +144,14 @@ def test_a_movement_without_one_number_has_none(
     tmp_path: Path, dialect: str, code: str, value: float
 ) -> None:
     rules = rules_of(tmp_path, dialect)
-    made = InverseRules(rules).drive(code, value, rules.state)
+    made = InverseRules(rules).drive(code, value)
     assert made == f"no rule of the dialect with one step and one number does {code}"
 
 
 def test_the_state_counts(tmp_path: Path) -> None:
     rules = rules_of(tmp_path, BRACKETS)
     turned = {"front": 1, "way": 0}
-    assert data_of(InverseRules(rules).drive("a1", 3.0, turned)).startswith(b"[d")
+    assert data_of(InverseRules(rules, turned).drive("a1", 3.0)).startswith(b"[d")
 
 
 @pytest.mark.parametrize(
@@ -163,15 +162,15 @@ def test_a_key_takes_a_run_without_an_end_if_there_is_one(
     tmp_path: Path, dialect: str, code: str, value: float, data: bytes
 ) -> None:
     rules = rules_of(tmp_path, dialect)
-    assert data_of(InverseRules(rules).held(code, value, rules.state)) == data
+    assert data_of(InverseRules(rules).held(code, value)) == data
 
 
 def test_a_stop_is_a_rule_that_does_nothing_else(tmp_path: Path) -> None:
     for dialect, data in ((LINES, b"halt\n"), (BRACKETS, b"[h]"), (BYTES, b"S"), (BINARY, b"\x03\x00$")):
         rules = rules_of(tmp_path, dialect)
-        assert data_of(InverseRules(rules).stop(rules.state)) == data
+        assert data_of(InverseRules(rules).stop()) == data
     rules = rules_of(tmp_path, LINES.replace('"halt"\ndo = "stop"', '"halt"\ndo = ["stop", "front = 1"]'))
-    assert InverseRules(rules).stop(rules.state) is None
+    assert InverseRules(rules).stop() is None
 
 
 @pytest.mark.parametrize(
@@ -180,13 +179,13 @@ def test_a_stop_is_a_rule_that_does_nothing_else(tmp_path: Path) -> None:
 )
 def test_a_reading_has_its_message(tmp_path: Path, dialect: str, code: str, data: bytes) -> None:
     rules = rules_of(tmp_path, dialect)
-    assert data_of(InverseRules(rules).read(code, rules.state)) == data
+    assert data_of(InverseRules(rules).read(code)) == data
 
 
 @pytest.mark.parametrize("code", ["u2", "u3", "u4", "u5"])
 def test_a_reading_among_others_or_bent_has_none(tmp_path: Path, code: str) -> None:
     rules = rules_of(tmp_path, LINES)
-    assert isinstance(InverseRules(rules).read(code, rules.state), str)
+    assert isinstance(InverseRules(rules).read(code), str)
 
 
 def test_the_dictionary_names_what_there_is(tmp_path: Path) -> None:
@@ -202,4 +201,4 @@ def test_the_dictionary_names_what_there_is(tmp_path: Path) -> None:
 def test_an_expression_that_fails_is_no_rule(tmp_path: Path) -> None:
     rules = rules_of(tmp_path, '[[command]]\nmatch = "w {n}"\ndo = "d1-{1/n + pick(n, 1, 2)}"\n')
     state: dict[str, FieldValue] = {}
-    assert isinstance(InverseRules(rules).drive("d1", 3.0, state), str)
+    assert isinstance(InverseRules(rules, state).drive("d1", 3.0), str)

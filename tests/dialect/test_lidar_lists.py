@@ -12,10 +12,10 @@ from simmer_tui.config.dialect_reader import load_dialect
 from simmer_tui.config.loader import load
 from simmer_tui.config.sets import find_set
 from simmer_tui.dialect.device import DialectDevice
+from simmer_tui.dialect.dialect_rules import Parts
 from simmer_tui.dialect.expressions import MOST_CALCULATED, Expression, FieldValue
 from simmer_tui.dialect.inverse import InverseRules
 from simmer_tui.dialect.messages import dictionary
-from simmer_tui.dialect.set_parts import Parts
 from simmer_tui.errors import ExpressionError, Problem
 from simmer_tui.grade.course import Rules
 from simmer_tui.grade.robot_rules import rule_problems

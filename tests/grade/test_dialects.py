@@ -12,8 +12,8 @@ from simmer_tui.cli.grade_command import run_grade
 from simmer_tui.config.dialect_reader import load_dialect
 from simmer_tui.config.loader import load
 from simmer_tui.dialect.device import DialectDevice
+from simmer_tui.dialect.dialect_rules import Parts
 from simmer_tui.dialect.expressions import FieldValue
-from simmer_tui.dialect.set_parts import Parts
 from simmer_tui.errors import Problem
 from simmer_tui.grade.course import Rules, Team, read_course
 from simmer_tui.grade.robot_rules import rule_problems

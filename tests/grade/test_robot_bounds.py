@@ -225,6 +225,10 @@ TABLE = "ID,Code,Enabled,Bias\nultra1,u1,1,0.50\nultra2,u2,0,2\nir1,i1,1,\n"
         ("\ufeff# a comment\n\n ID , Code,Enabled,Bias\nultra1,zz, 1.0 ,.5\nir1,i9,1,\n", []),
         (TABLE.replace("0.50", "0.51"), ["ultra1:Bias"]),
         (TABLE.replace("ultra2,u2,0", "ultra2,u2,1"), ["ultra2:Enabled"]),
+        (
+            "ID;Code;Enabled;Bias\nultra1;u1;1;0,5\nir1;i9;1;\n",
+            [],
+        ),  # as spreadsheets of many countries save it
         ("ID,Code,Enabled,Bias\nultra7,u7,1,0.5\n", []),  # as the first of its type
         ("ID,Code,Enabled,Bias\nultra7,u7,0,2\n", ["ultra7:Enabled", "ultra7:Bias"]),
         ("ID,Code\nultra1,u1\n", ["ultra1:Enabled", "ultra1:Bias"]),
@@ -245,6 +249,7 @@ def test_cells_of_a_table_are_the_courses(course: Configuration, own: str, probl
     [
         ("Shape,0\nx-size (in),6\n", []),
         ("Shape,0.0\nx-size (in),6.5\n", []),
+        ("Shape;0\nx-size (in);6,5\n", []),
         ("Shape,1\nx-size (in),6\n", ["Shape"]),
         ("Shape,0\n", []),
         ("x-size (in),6\n", []),
