@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from textual.events import Key, Paste
+from textual.events import Paste
 from textual.widgets import Input
 
 from simmer_tui.tui.help import HelpScreen
@@ -128,20 +128,13 @@ def test_two_commands_in_a_line_are_refused_and_neither_is_done(fly: Fly) -> Non
     fly(scenario)
 
 
-def burst(cockpit: Cockpit, keys: list[str]) -> None:
-    """Keys as a terminal delivers them at once: all are in the app's queue before any is looked at."""
-    for key in keys:
-        is_sign = len(key) == 1
-        cockpit.app.post_message(Key("colon" if key == ":" else key, key if is_sign else None))
-
-
 @pytest.mark.parametrize("bursts", [8, pytest.param(50, marks=pytest.mark.slow)])
 def test_lines_typed_ahead_are_all_carried_out_whole_and_in_order(fly: Fly, bursts: int) -> None:
     lines = ["o1", "o2", "o3", "zz", "d1-1", "u1"]
 
     async def scenario(cockpit: Cockpit) -> None:
         for times in range(1, bursts + 1):
-            burst(cockpit, [key for line in lines for key in (*line, "enter")])
+            cockpit.burst([key for line in lines for key in (*line, "enter")])
             await cockpit.until(lambda times=times: cockpit.commands("console") == lines * times)
         assert cockpit.line == ""
 
@@ -153,7 +146,7 @@ def test_keys_beside_letters_keep_their_place_too(fly: Fly) -> None:
         # One letter taken back, one line given up, one given; then out of the console, a key that drives,
         # back by the colon, an order whose letters are all keys that drive, and a command.
         typed = [*"u13", "backspace", "enter", *"d1-9", "ctrl+u", *"u2", "enter", "escape", "w"]
-        burst(cockpit, [*typed, *":trail", "enter", *"u3", "enter", "escape", "up"])
+        cockpit.burst([*typed, *":trail", "enter", *"u3", "enter", "escape", "up"])
         await cockpit.until(lambda: len(cockpit.commands("keys")) == 2)
         assert cockpit.commands("console") == ["u1", "u2", "u3"]
         assert cockpit.commands("keys") == ["d1-3", "d1-3"]
@@ -168,7 +161,7 @@ def test_a_paste_gives_each_whole_line_and_leaves_the_rest_in_the_line(fly: Fly)
     async def scenario(cockpit: Cockpit) -> None:
         await cockpit.pilot.press(*"o")
         cockpit.app.post_message(Paste("1\no2\r\n\nzz\ro3\nd1-"))
-        burst(cockpit, ["2", "enter"])
+        cockpit.burst(["2", "enter"])
         await cockpit.until(lambda: len(cockpit.commands("console")) == 5)
         assert cockpit.commands("console") == ["o1", "o2", "zz", "o3", "d1-2"]
         await cockpit.press()  # while the maze has the focus, too
