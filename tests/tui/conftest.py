@@ -126,7 +126,7 @@ class Cockpit:
         """Keys as a terminal delivers them at once: all are in the app's queue before any is looked at."""
         for key in keys:
             is_sign = len(key) == 1
-            self.app.post_message(Key("colon" if key == ":" else key, key if is_sign else None))
+            self.app.post_message(Key({":": "colon", "/": "slash"}.get(key, key), key if is_sign else None))
 
     def client(self) -> Robot:
         """A program's connection; closed at the end."""

@@ -86,7 +86,7 @@ def test_keys_typed_at_once_while_a_page_is_open_close_it_once_and_none_is_lost(
         cockpit.burst(["escape", "escape", "enter", *"u2", "enter"])
         await cockpit.until(lambda: cockpit.commands("console") == ["u1", "u2"])
 
-    assert fly(scenario) == 0
+    fly(scenario)
 
 
 @pytest.mark.slow

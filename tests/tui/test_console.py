@@ -11,7 +11,9 @@ import pytest
 from textual.events import Paste
 from textual.widgets import Input
 
+from simmer_tui.events import ProgramEnded
 from simmer_tui.tui.help import HelpScreen
+from simmer_tui.tui.log_panel import LogPanel
 from simmer_tui.tui.terminal import GlyphMode
 
 Fly = Callable[..., int | None]
@@ -153,6 +155,34 @@ def test_keys_beside_letters_keep_their_place_too(fly: Fly) -> None:
         assert "reset" not in cockpit["log"]
         order = [command.shown for command in cockpit.given]
         assert order == ["u1", "u2", "d1-3", "u3", "d1-3"]
+
+    fly(scenario)
+
+
+def test_a_command_typed_ahead_from_the_maze_drives_nothing_by_keys(
+    fly: Fly,
+) -> None:
+    async def scenario(cockpit: Cockpit) -> None:
+        await cockpit.press()
+        cockpit.burst(["enter", *"d1-3", "enter"])
+        await cockpit.until(lambda: cockpit.given)
+        assert [(each.source, each.shown) for each in cockpit.given] == [("console", "d1-3")]
+
+    fly(scenario)
+
+
+def test_a_filter_typed_ahead_is_whole_and_its_letters_have_no_other_meaning(fly: Fly) -> None:
+    async def scenario(cockpit: Cockpit) -> None:
+        log = cockpit.app.query_one(LogPanel)
+        cockpit.server.call(cockpit.server.tell, ProgramEnded(0.5, 0))
+        await cockpit.until(lambda: "verdict" in cockpit["log"])
+        log.focus()
+        await cockpit.pilot.pause()
+        cockpit.burst([*"/R:1", "enter", "escape", "w"])
+        await cockpit.until(lambda: cockpit.commands("keys") == ["d1-3"])
+        assert log.filter == "R:1"
+        assert "back at the start" not in log.text
+        assert cockpit.line == ""
 
     fly(scenario)
 
