@@ -6,10 +6,10 @@ from collections.abc import Callable, Sequence
 from msgspec import Struct
 
 from simmer_tui.errors import ConsoleCommandError
-from simmer_tui.events import Action, ActionName
+from simmer_tui.events import LARGEST, Action, ActionName
 from simmer_tui.playback_throttle import FASTEST, SLOWEST
 from simmer_tui.sim.command import Command, escape_word, parse_command, parse_value
-from simmer_tui.sim.rules import NumberOrOffRule, NumberRule, did_you_mean
+from simmer_tui.sim.rules import IntegerRule, NumberOrOffRule, NumberRule, did_you_mean
 from simmer_tui.sim.specs import SimulationSpec
 from simmer_tui.sim.velocity_commands import WAIT
 
@@ -58,10 +58,15 @@ def _alone(order: OrderSpec, words: Sequence[str]) -> ConsoleCommand:
 
 
 def _each_number(words: Sequence[str]) -> tuple[float, ...]:
+    which = "each " if len(words) > 1 else ""
     try:
-        return tuple(NumberRule().from_text(word) for word in words)
+        numbers = tuple(NumberRule().from_text(word) for word in words)
     except ValueError as error:
-        raise ConsoleCommandError(f"each {error}") from None
+        raise ConsoleCommandError(f"{which}{error}") from None
+    # A log with a larger one, even in an action that was refused, could not be read again.
+    if any(abs(number) > LARGEST for number in numbers):
+        raise ConsoleCommandError(f"{which}must be a number from {-LARGEST:g} to {LARGEST:g}")
+    return numbers
 
 
 def _numbers(order: OrderSpec, words: Sequence[str]) -> ConsoleCommand:
@@ -70,6 +75,17 @@ def _numbers(order: OrderSpec, words: Sequence[str]) -> ConsoleCommand:
     if len(words) != count:
         raise ConsoleCommandError(f"takes {count} numbers" if count != 1 else "takes one number")
     return Action(order.action, _each_number(words))
+
+
+_SEED = IntegerRule(0, int(LARGEST))
+"""Seeds that a log keeps to the last digit."""
+
+
+def _seed(order: OrderSpec, words: Sequence[str]) -> ConsoleCommand:
+    assert order.action is not None
+    if len(words) != 1:
+        raise ConsoleCommandError("takes one number")
+    return Action(order.action, (float(_SEED.from_text(words[0])),))
 
 
 def _switch(order: OrderSpec, words: Sequence[str]) -> ConsoleCommand:
@@ -119,7 +135,7 @@ _ORDERS = (
     OrderSpec(":reset", "everything back to the start, same seed", _alone, ActionName.RESET),
     OrderSpec(":teleport X Y HEADING", "put the robot there", _numbers, ActionName.TELEPORT),
     OrderSpec(":block X Y", "put the block there", _numbers, ActionName.BLOCK),
-    OrderSpec(":seed N", "back to the start with another seed", _numbers, ActionName.SEED),
+    OrderSpec(":seed N", "back to the start with another seed", _seed, ActionName.SEED),
     OrderSpec(":noise on|off", "random errors of sensors and drives", _switch, ActionName.NOISE),
     OrderSpec(":bias [on|off]", "show the drive bias; random, or as in drive.csv", _switch, ActionName.BIAS),
     OrderSpec(":speed N", "simulated seconds a second", _numbers, ActionName.SPEED),

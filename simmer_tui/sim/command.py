@@ -42,10 +42,16 @@ def escape(text: str, limit: int = _LINE) -> str:
     if text.isascii() and text.isprintable():
         shown = text
     else:
-        shown = "".join(
-            c if c.isascii() and c.isprintable() else c.encode("unicode_escape").decode() for c in text
-        )
+        shown = "".join(c if c.isascii() and c.isprintable() else _escaped(c) for c in text)
     return shown if len(shown) <= limit else shown[: limit - 3] + "..."
+
+
+def _escaped(character: str) -> str:
+    """A character as its escape sequence. A byte that was no UTF-8, a surrogate in Python's texts, is shown
+    as that byte."""
+    if "\udc80" <= character <= "\udcff":
+        return f"\\x{ord(character) - 0xDC00:02x}"
+    return character.encode("unicode_escape").decode()
 
 
 def escape_word(text: str) -> str:
@@ -85,13 +91,14 @@ def parse_command(text: str, source: str = "client") -> Command:
     return Command(text, stripped[:2], stripped[3:] if len(stripped) > 2 else None, source)
 
 
-def parse_value(argument: str | None) -> float | str:
-    """The number after the separator, or the reason there is none, as text.
+def parse_value(argument: str | None, example: str = "d1-3") -> float | str:
+    """The number after the separator, or the reason there is none, as text, with an example of a command
+    that has one.
 
     An overflowing literal (`1e400`) gives infinity, which the caller refuses as out of range.
     """
     if argument is None or not argument.strip():
-        return "the value is missing, as in d1-3"
+        return f"the value is missing, as in {example}"
     # `float` alone accepts nan, inf and 1_000, which no program of the course sends on purpose.
     if NUMBER.fullmatch(argument.strip()) is None:
         return f"'{escape_word(argument)}' is not a finite decimal number, such as 3, -2.5 or 1e-3"

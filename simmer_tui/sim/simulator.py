@@ -633,7 +633,7 @@ class Simulator:
 def _amount(drive: DriveSpec | GripperSpec, argument: str | None) -> float | str:
     """The value that a command requests of a drive (times Gain) or the gripper, or as text the reason why it
     is refused."""
-    value = parse_value(argument)
+    value = parse_value(argument, f"{drive.code}-{1 if isinstance(drive, GripperSpec) else 3}")
     if isinstance(value, str):
         return value
     if isinstance(drive, GripperSpec):

@@ -45,7 +45,7 @@ class VelocityRequest(Struct, frozen=True):
 
 def parse_wait(argument: str | None) -> float | str:
     """The seconds of `wt-S`, or the reason there are none."""
-    value = parse_value(argument)
+    value = parse_value(argument, f"{WAIT}-1")
     if isinstance(value, str):
         return value
     if 0.0 <= value <= LONGEST_WAIT:
@@ -63,13 +63,13 @@ class VelocityControl:
     def parse(self, spec: VelocitySpec, argument: str | None, commanded: Twist) -> VelocityRequest | str:
         """The request of a command for a robot whose velocity was `commanded` before, or the reason it is
         refused."""
-        numbers = _numbers(argument)
-        if isinstance(numbers, str):
-            return numbers
         if spec.kind is VelocityKind.WHEELS and self._wheels is None:
             return f"{spec.code} needs the robot's wheels: [wheels] in settings.toml"
         names = _names(spec.kind, self._wheels)
         shape = _shape(spec, names)
+        numbers = _numbers(argument, shape)
+        if isinstance(numbers, str):
+            return numbers
         if not len(names) <= len(numbers) <= len(names) + 1:
             return f"{spec.code} has {len(names)} or {len(names) + 1} values, {shape}, not {len(numbers)}"
         values, seconds = numbers[: len(names)], (*numbers[len(names) :], math.inf)[0]
@@ -139,11 +139,11 @@ def _names(kind: VelocityKind, wheels: WheelKinematics | None) -> tuple[str, ...
     return tuple(f"W{number}" for number in range(1, len(wheels.wheels) + 1))
 
 
-def _numbers(argument: str | None) -> list[float] | str:
+def _numbers(argument: str | None, shape: str) -> list[float] | str:
     """The values between semicolons, or commas, or the reason there are none."""
     values = []
     for text in _BETWEEN.split(argument or ""):
-        value = parse_value(text or None)
+        value = parse_value(text or None, shape)
         if isinstance(value, str):
             return value
         if abs(value) > LARGEST_SPEED:

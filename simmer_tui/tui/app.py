@@ -60,7 +60,7 @@ class SimmerApp(Shell):
     ENABLE_COMMAND_PALETTE = True
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("colon", "colon", priority=True),
-        Binding("enter", "focus_console"),
+        Binding("enter", "focus_console", priority=True),
         Binding(EXAMPLE_KEY.lower(), "example"),
         Binding("R", "again", priority=True),
     ]
@@ -140,10 +140,10 @@ class SimmerApp(Shell):
             put(self._reply, Box(console.x + console.width - room, console.y + 1, max(room - 1, 1), 1))
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
-        """Leave the colon to text fields as a letter."""
-        if action in ("colon", "again"):
+        """Leave keys to pages and text fields that have a use of their own for them."""
+        if action in ("colon", "again", "focus_console"):
             is_elsewhere = len(self.screen_stack) == 1 and not self._console.has_focus_within
-            return is_elsewhere and (action == "colon" or self._panes.phase.is_over)
+            return is_elsewhere and (action != "again" or self._panes.phase.is_over)
         return super().check_action(action, parameters)
 
     def _first_steps(self) -> answers.AnswerCard:

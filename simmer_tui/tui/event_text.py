@@ -169,7 +169,8 @@ class _Wording(EventHandler[EventWords]):
 
     def on_action(self, event: events.ActionDone) -> EventWords:
         name = event.action.name.value
-        arguments = "".join(f" {number:g}" for number in event.action.arguments)
+        # 13 digits: a seed is shown whole.
+        arguments = "".join(f" {number:.13g}" for number in event.action.arguments)
         done: StyledLine = ((event.text, "danger" if event.refused else "good"),)
         refusal = f"{name}: {event.text}" if event.refused else ""
         return EventWords(event.action.source, f"{name}{arguments}", lambda: done, refusal)

@@ -6,7 +6,6 @@ from typing import ClassVar
 
 from rich.text import Text
 from textual.app import ComposeResult, SystemCommand
-from textual.binding import Binding, BindingType
 from textual.command import DiscoveryHit, Hit, Hits, Provider
 from textual.containers import VerticalScroll
 from textual.content import Content
@@ -96,7 +95,6 @@ def help_screen(keys: KeySettings, spec: SimulationSpec, code: str = "") -> "Hel
 class HelpScreen(ModalScreen[None]):
     """Shows a text until dismissed."""
 
-    BINDINGS: ClassVar[list[BindingType]] = [Binding("escape,q,question_mark,enter", "dismiss", "Close")]
     FRAME: ClassVar[str] = "help"
     """Name of the frame in app.tcss."""
 
@@ -115,6 +113,13 @@ class HelpScreen(ModalScreen[None]):
         frame.border_title, frame.border_subtitle = self._title, self._note
         frame.focus()
 
+    async def take_key(self, event: Key) -> bool:
+        """Close the page at once: of keys that come together, the next one belongs to the screen below."""
+        if event.key not in _CLOSING:
+            return False
+        self.dismiss()
+        return True
+
 
 class ReportScreen(HelpScreen):
     """Shows a long text about this run. Text typed meanwhile goes to the console, as before."""
@@ -127,15 +132,19 @@ class ReportScreen(HelpScreen):
         for shown in self.query(f"#{self.FRAME}-text").results(Static):
             shown.update(Text(text, no_wrap=True))
 
-    async def on_key(self, event: Key) -> None:
-        if event.is_printable and event.character is not None and event.character not in _CLOSING:
-            event.stop()
-            self.dismiss()
-            await self.app.run_action(f"app.begin_order({event.character!r})")
+    async def take_key(self, event: Key) -> bool:
+        """Close the page as every page, or give what is typed to the console."""
+        if await super().take_key(event):
+            return True
+        if not event.is_printable or event.character is None:
+            return False
+        self.dismiss()
+        await self.app.run_action(f"app.begin_order({event.character!r})")
+        return True
 
 
-_CLOSING = ("q", "?")
-"""Characters that close a page; all others go to the console."""
+_CLOSING = ("escape", "q", "question_mark", "enter")
+"""Keys that close a page. A report gives all other characters to the console."""
 
 
 # -- the palette -----------------------------------------------------------------------------------

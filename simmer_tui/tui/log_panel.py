@@ -20,6 +20,8 @@ from simmer_tui.tui.textual_internals import StillWhenClamped, set_virtual_size
 
 _INDENT = 18
 """Columns before the continuation of a line: it begins below the result of its command."""
+_ACTIONS = {key: action for group in IN_LOG for key, action in group.actions.items()}
+"""Action of each key on the list."""
 # The heading does not scroll with the rows below it.
 _HEADING = 1
 _HINTS = "/ filters   Enter unfolds"
@@ -111,11 +113,11 @@ class LogPanel(StillWhenClamped, ScrollView, MarkableLines, can_focus=True):
         self._typing = True
         self.refresh()
 
-    def on_key(self, event: Key) -> None:
+    async def take_key(self, event: Key) -> bool:
+        """Do a key's action completely before this returns; False if it has none here."""
         if not self._typing:
-            return
-        event.stop()
-        event.prevent_default()
+            action = _ACTIONS.get(event.key)
+            return action is not None and await self.app.run_action(action, self)
         match event.key:
             case "enter" | "tab":
                 self._typing = False
@@ -127,6 +129,16 @@ class LogPanel(StillWhenClamped, ScrollView, MarkableLines, can_focus=True):
                 self.show_only(self.filter[:-1])
             case _ if event.is_printable and event.character:
                 self.show_only(self.filter + event.character)
+            case _:
+                return False
+        return True
+
+    async def on_key(self, event: Key) -> None:
+        """Have no other key do anything while a filter is typed."""
+        if self._typing:
+            await self.take_key(event)
+            event.stop()
+            event.prevent_default()
 
     def action_unfold(self) -> None:
         """Unfold the entry at the cursor, or the last one that folds; or fold it again."""

@@ -72,6 +72,7 @@ class Shell(FaultReporting, TerminalApp):
         self._page = 0
         self._answer_rows = 0
         self._had_mission = False
+        self._last_focused: Widget | None = None
         self._is_arranged = False
         """True while widgets have boxes, but not their sizes."""
         self._ending: int | None = None
@@ -220,6 +221,8 @@ class Shell(FaultReporting, TerminalApp):
         )
         least = f"at least {SMALLEST_COLUMNS} x {SMALLEST_ROWS} please"
         self._small.show([(("The terminal is too small:", "warning"),), ((least, "plain"),)])
+        # Textual takes the focus from a widget that is hidden, as all are while the terminal is too small.
+        self._last_focused = self.screen_stack[0].focused or self._last_focused
         # One layout for all boxes, otherwise the screen would be laid out once a widget.
         with self.batch_update():
             for widget in self.screen_stack[0].children:
@@ -244,8 +247,15 @@ class Shell(FaultReporting, TerminalApp):
         """Draw into boxes that have just got their sizes."""
         if self._is_arranged:
             self._is_arranged = False
+            self._restore_focus()
             self._show_again()
             self.refresh_frame()
+
+    def _restore_focus(self) -> None:
+        """Give the focus back to the widget that had it, if none has it and that one is shown again."""
+        below, last = self.screen_stack[0], self._last_focused
+        if below.focused is None and last is not None and last.display:
+            below.set_focus(last)
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
         """Allow pages on small screens only."""

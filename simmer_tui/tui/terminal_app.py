@@ -45,12 +45,17 @@ _REPLACED = {character: sign for sign, characters in _RESEMBLING.items() for cha
 
 
 @runtime_checkable
-class LineEditor(Protocol):
-    """Widget that people type lines into."""
+class KeyTaker(Protocol):
+    """Widget or screen that does its keys in the app's own queue."""
 
     async def take_key(self, event: events.Key) -> bool:
         """Do a key's action completely before this returns; False if it has none here."""
         ...
+
+
+@runtime_checkable
+class LineEditor(KeyTaker, Protocol):
+    """Widget that people type lines into."""
 
     def take_paste(self, text: str) -> None:
         """Take pasted text completely before this returns."""
@@ -63,25 +68,27 @@ class TerminalApp(App[int]):
     Textual passes a key to the queue of the widget with the focus. If the widget does not take it, it passes
     on to the app, which looks for a binding. Keys may come at once (typed ahead, sent by tmux, by a slow
     link). Letters then overtake an Enter or an Escape before them: lines are joined, and letters of a command
-    drive the robot.
+    drive the robot. A second key of those that close a page would close the screen below it.
     """
 
     paste_target: LineEditor | None = None
     """Receiver of pasted text, wherever the focus is."""
 
     async def on_event(self, event: events.Event) -> None:
-        """Take keys and pastes for a line editor here, in the app's own queue."""
+        """Take keys and pastes for a line editor, and keys for a page, here, in the app's own queue."""
         if isinstance(event, events.Key | events.Paste) and not event.is_forwarded:
             # Textual would give the focus back only with this key, which then reaches no widget: in a browser
             # the app begins without the focus.
             self.app_focus = True
-            editor = self.focused if isinstance(self.focused, LineEditor) else None
             if isinstance(event, events.Key):
-                if editor is not None and await editor.take_key(event):
+                for taker in (self.focused, self.screen):
+                    if isinstance(taker, KeyTaker) and await taker.take_key(event):
+                        return
+            elif len(self.screen_stack) == 1:
+                target = self.focused if isinstance(self.focused, LineEditor) else self.paste_target
+                if target is not None:
+                    target.take_paste(event.text)
                     return
-            elif (target := editor or self.paste_target) is not None and len(self.screen_stack) == 1:
-                target.take_paste(event.text)
-                return
         await super().on_event(event)
 
     def on_mount(self) -> None:

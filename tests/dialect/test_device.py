@@ -295,6 +295,8 @@ def test_unknown_messages_and_noise_are_told_with_the_nearest_pattern(tmp_path: 
     robot.received(b"GET\nf  x\n")
     assert host.take() == ["< ? GET", "< ? f  x"]
     assert host.told[0] == "'GET' is no message of the dialect; 'get' differs in case"
+    robot.received(b"\xff\xfeget\n")
+    assert host.told[-1].startswith(r"'\xff\xfeget' is no message of the dialect"), "the bytes that came"
     robot.received(b"half")
     robot.closed()
     assert host.told[-1] == "4 bytes dropped, a message without its end: 'half'"

@@ -121,10 +121,11 @@ def test_rim_speeds_drive_and_their_slip_is_told() -> None:
         ("vv-1;2", "vv has 3 or 4 values"),
         ("vx-1;0", "T, the seconds"),
         ("ww-1;2;3", "ww-W1;W2;W3;W4[;T]"),
-        ("vv-1;;2", "the value is missing"),
+        ("vv", "the value is missing, as in vv-VX;VY;OMEGA[;T]"),
+        ("vv-1;;2", "the value is missing, as in vv-VX;VY;OMEGA[;T]"),
         ("vv-1e7;0;0", "beyond the limit"),
         ("wt--1", "a wait has 0 to"),
-        ("wt", "the value is missing"),
+        ("wt", "the value is missing, as in wt-1"),
     ],
 )
 def test_a_velocity_that_makes_no_sense_is_refused(command: str, part: str) -> None:

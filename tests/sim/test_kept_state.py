@@ -279,7 +279,7 @@ def test_commands_are_what_their_rows_say() -> None:
         ("d1-2e6", "a movement of 2e+06 is beyond the limit of 1e+06"),
         ("d1", "the value is missing, as in d1-3"),
         ("p1-0.5", "p1-1 closes the gripper and p1-0 opens it, not 0.5"),
-        ("p1", "the value is missing, as in d1-3"),
+        ("p1", "the value is missing, as in p1-1"),
         ("u4", "the code u4 is disabled"),
         ("w1-1", "the code w1 is disabled"),
         ("vy-1", "the code vy is disabled"),

@@ -261,7 +261,7 @@ def turned_least(scan: LidarScan, bearing: float) -> np.intp:
     ("text", "what"),
     [
         ("sc-x", "is not a finite decimal number"),
-        ("sc-", "the value is missing"),
+        ("sc-", "the value is missing, as in sc-90"),
         ("sc-1e999", "no direction"),
     ],
 )

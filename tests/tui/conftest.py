@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Awaitable, Callable, Mapping
+from collections.abc import Awaitable, Callable, Iterable, Mapping
 from pathlib import Path
 
 import numpy as np
 import pytest
+from textual.events import Key
 from textual.pilot import Pilot
 from textual.widgets import Input
 
@@ -119,6 +120,12 @@ class Cockpit:
         self.maze.focus()
         await self.pilot.pause()
         await self.pilot.press(*keys)
+
+    def burst(self, keys: Iterable[str]) -> None:
+        """Keys as a terminal delivers them at once: all are in the app's queue before any is looked at."""
+        for key in keys:
+            is_sign = len(key) == 1
+            self.app.post_message(Key({":": "colon", "/": "slash"}.get(key, key), key if is_sign else None))
 
     def client(self) -> Robot:
         """A program's connection; closed at the end."""

@@ -11,7 +11,7 @@ import pytest
 from textual.widgets import Static
 
 from simmer_tui.events import Goal, MissionEvent, OutputLine, ProgramEnded
-from simmer_tui.tui.help import ReportScreen
+from simmer_tui.tui.help import HelpScreen, ReportScreen
 
 Fly = Callable[..., int | None]
 Cockpit = Any
@@ -69,6 +69,22 @@ def test_the_report_of_this_run_opens_and_closes(
             "what is typed belongs to the console, not to the maze"
         )
         assert cockpit.commands("keys") == []
+
+    fly(scenario)
+
+
+def test_keys_typed_at_once_while_a_page_is_open_close_it_once_and_none_is_lost(fly: Fly) -> None:
+    async def scenario(cockpit: Cockpit) -> None:
+        app = cockpit.app
+        await app.push_screen(ReportScreen("Succeeded.", "Why", "Esc closes"))
+        cockpit.burst([*":reset", "enter", *"u1", "enter"])
+        await cockpit.until(lambda: cockpit.commands("console") == ["u1"])
+        assert "back at the start" in cockpit["log"]
+        assert len(app.screen_stack) == 1
+        cockpit.burst(["escape", "question_mark"])
+        await cockpit.until(lambda: isinstance(app.screen, HelpScreen))
+        cockpit.burst(["escape", "escape", "enter", *"u2", "enter"])
+        await cockpit.until(lambda: cockpit.commands("console") == ["u1", "u2"])
 
     fly(scenario)
 

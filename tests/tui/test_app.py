@@ -601,8 +601,23 @@ def test_too_small_a_terminal_says_so_and_the_robot_goes_on(fly: Fly) -> None:
         assert cockpit.server.simulator.commands == 1
         await cockpit.pilot.resize_terminal(80, 24)
         await cockpit.until(lambda: cockpit.maze.display)
+        await cockpit.until(lambda: cockpit.app.query_one("#line").has_focus)
 
     fly(scenario, size=(39, 20))
+
+
+@pytest.mark.parametrize("name", ["line", "maze"])
+def test_the_focus_comes_back_when_a_terminal_is_no_longer_too_small(fly: Fly, name: str) -> None:
+    async def scenario(cockpit: Cockpit) -> None:
+        widget = cockpit.app.query_one(f"#{name}")
+        widget.focus()
+        await cockpit.until(lambda: widget.has_focus)
+        await cockpit.pilot.resize_terminal(20, 5)
+        await cockpit.until(lambda: cockpit.app.focused is None)
+        await cockpit.pilot.resize_terminal(80, 24)
+        await cockpit.until(lambda: widget.has_focus)
+
+    fly(scenario, size=(80, 24))
 
 
 @pytest.mark.slow

@@ -8,10 +8,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from textual.events import Key, Paste
+from textual.events import Paste
 from textual.widgets import Input
 
+from simmer_tui.events import ProgramEnded
 from simmer_tui.tui.help import HelpScreen
+from simmer_tui.tui.log_panel import LogPanel
 from simmer_tui.tui.terminal import GlyphMode
 
 Fly = Callable[..., int | None]
@@ -128,20 +130,13 @@ def test_two_commands_in_a_line_are_refused_and_neither_is_done(fly: Fly) -> Non
     fly(scenario)
 
 
-def burst(cockpit: Cockpit, keys: list[str]) -> None:
-    """Keys as a terminal delivers them at once: all are in the app's queue before any is looked at."""
-    for key in keys:
-        is_sign = len(key) == 1
-        cockpit.app.post_message(Key("colon" if key == ":" else key, key if is_sign else None))
-
-
 @pytest.mark.parametrize("bursts", [8, pytest.param(50, marks=pytest.mark.slow)])
 def test_lines_typed_ahead_are_all_carried_out_whole_and_in_order(fly: Fly, bursts: int) -> None:
     lines = ["o1", "o2", "o3", "zz", "d1-1", "u1"]
 
     async def scenario(cockpit: Cockpit) -> None:
         for times in range(1, bursts + 1):
-            burst(cockpit, [key for line in lines for key in (*line, "enter")])
+            cockpit.burst([key for line in lines for key in (*line, "enter")])
             await cockpit.until(lambda times=times: cockpit.commands("console") == lines * times)
         assert cockpit.line == ""
 
@@ -153,7 +148,7 @@ def test_keys_beside_letters_keep_their_place_too(fly: Fly) -> None:
         # One letter taken back, one line given up, one given; then out of the console, a key that drives,
         # back by the colon, an order whose letters are all keys that drive, and a command.
         typed = [*"u13", "backspace", "enter", *"d1-9", "ctrl+u", *"u2", "enter", "escape", "w"]
-        burst(cockpit, [*typed, *":trail", "enter", *"u3", "enter", "escape", "up"])
+        cockpit.burst([*typed, *":trail", "enter", *"u3", "enter", "escape", "up"])
         await cockpit.until(lambda: len(cockpit.commands("keys")) == 2)
         assert cockpit.commands("console") == ["u1", "u2", "u3"]
         assert cockpit.commands("keys") == ["d1-3", "d1-3"]
@@ -164,11 +159,39 @@ def test_keys_beside_letters_keep_their_place_too(fly: Fly) -> None:
     fly(scenario)
 
 
+def test_a_command_typed_ahead_from_the_maze_drives_nothing_by_keys(
+    fly: Fly,
+) -> None:
+    async def scenario(cockpit: Cockpit) -> None:
+        await cockpit.press()
+        cockpit.burst(["enter", *"d1-3", "enter"])
+        await cockpit.until(lambda: cockpit.given)
+        assert [(each.source, each.shown) for each in cockpit.given] == [("console", "d1-3")]
+
+    fly(scenario)
+
+
+def test_a_filter_typed_ahead_is_whole_and_its_letters_have_no_other_meaning(fly: Fly) -> None:
+    async def scenario(cockpit: Cockpit) -> None:
+        log = cockpit.app.query_one(LogPanel)
+        cockpit.server.call(cockpit.server.tell, ProgramEnded(0.5, 0))
+        await cockpit.until(lambda: "verdict" in cockpit["log"])
+        log.focus()
+        await cockpit.pilot.pause()
+        cockpit.burst([*"/R:1", "enter", "escape", "w"])
+        await cockpit.until(lambda: cockpit.commands("keys") == ["d1-3"])
+        assert log.filter == "R:1"
+        assert "back at the start" not in log.text
+        assert cockpit.line == ""
+
+    fly(scenario)
+
+
 def test_a_paste_gives_each_whole_line_and_leaves_the_rest_in_the_line(fly: Fly) -> None:
     async def scenario(cockpit: Cockpit) -> None:
         await cockpit.pilot.press(*"o")
         cockpit.app.post_message(Paste("1\no2\r\n\nzz\ro3\nd1-"))
-        burst(cockpit, ["2", "enter"])
+        cockpit.burst(["2", "enter"])
         await cockpit.until(lambda: len(cockpit.commands("console")) == 5)
         assert cockpit.commands("console") == ["o1", "o2", "zz", "o3", "d1-2"]
         await cockpit.press()  # while the maze has the focus, too

@@ -256,7 +256,7 @@ class Turning:
         """The ray that a command requests by a bearing, None for all of them, or the reason for refusal."""
         if argument is None:
             return None
-        bearing = parse_value(argument)
+        bearing = parse_value(argument, f"{self.lidar.spec.code}-90")
         if isinstance(bearing, str):
             return bearing
         if not math.isfinite(bearing):
