@@ -53,7 +53,7 @@ def parse_belief(line: bytes, time: float, true: Pose, whole: Bounds) -> Belief:
         raise ValueError("a belief is one JSON object a line") from None
     if not isinstance(fields, dict):
         raise ValueError('a belief is an object, such as {"x": 6, "y": 42, "heading": 0}')
-    _check_names(fields, _FIELDS, "is not a field")
+    _check_names(fields, _FIELDS, "belief")
     grid = None if fields.get("grid") is None else _grid(fields["grid"], whole, true)
     # Missing fields follow from the grid.
     derived = {} if grid is None else asdict(grid.best_pose)
@@ -71,7 +71,7 @@ def parse_belief(line: bytes, time: float, true: Pose, whole: Bounds) -> Belief:
 def _check_names(fields: dict[str, Any], known: Sequence[str], what: str) -> None:
     # An error, not ignored: a misspelt field would never be drawn, without a word.
     if unknown := sorted(set(fields) - set(known)):
-        raise ValueError(f"'{escape_word(unknown[0])}' {what}; there are {', '.join(known)}")
+        raise ValueError(f"'{escape_word(unknown[0])}' is no field of a {what}; there are {', '.join(known)}")
 
 
 def _number(value: Any, name: str) -> float:
@@ -124,7 +124,7 @@ def _grid(value: Any, whole: Bounds, true: Pose) -> GridBelief:
     """A grid. One that names no bounds has those of the `whole` maze."""
     if not isinstance(value, dict):
         raise ValueError('grid must be an object, such as {"p": [[0.1, 0.9], [0, 0]]}')
-    _check_names(value, _GRID_FIELDS, "is no field of a grid")
+    _check_names(value, _GRID_FIELDS, "grid")
     written = [name for name in _GRID_FIELDS[:3] if value.get(name) is not None]
     if len(written) != 1:
         raise ValueError("a grid needs exactly one of p, f32 and u8")
