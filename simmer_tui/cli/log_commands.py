@@ -108,6 +108,8 @@ def _steps(log: LogReader, run: RunStatistics, table: CommandTable | None) -> It
             if table is not None and isinstance(logged, Logged):
                 table.add(logged, run.elapsed)
         yield log.position
+    if table is not None:
+        table.finish()
 
 
 def _export_options(parser: OneLineParser) -> None:

@@ -219,14 +219,33 @@ def checked(configuration: Configuration, options: argparse.Namespace) -> Config
     return replace(configuration, settings=replace(configuration.settings, motion=motion))
 
 
+def _open_closed_streams() -> None:
+    """Open the null device for each standard stream that is closed, as by `>&-` or in a service.
+
+    Otherwise the next socket or file gets its descriptor, and a program that is run writes into that.
+    """
+    for descriptor, name in enumerate(("stdin", "stdout", "stderr")):
+        if getattr(sys, name) is not None:
+            continue
+        opened = os.open(os.devnull, os.O_RDWR)
+        if opened != descriptor:
+            os.dup2(opened, descriptor)
+            os.close(opened)
+        os.set_inheritable(descriptor, True)
+        mode = "r" if name == "stdin" else "w"
+        stream = os.fdopen(descriptor, mode, encoding="utf-8", closefd=False)
+        setattr(sys, name, stream)
+
+
 def run() -> None:
     """Run `main` as the whole program.
 
     A closed pipe at the other end of standard output is no fault. Neither is a console without all
     characters, such as one of Windows with code page 1252.
     """
+    _open_closed_streams()
     for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, io.TextIOWrapper):  # there may be no such stream
+        if isinstance(stream, io.TextIOWrapper):  # a test may have another kind of stream
             stream.reconfigure(errors="backslashreplace")
     try:
         code = main()

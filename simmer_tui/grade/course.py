@@ -10,6 +10,7 @@ from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
+from simmer_tui.config import drive_csv, robot_csv, sensors_csv
 from simmer_tui.config.given_path import given_path
 from simmer_tui.config.sets import MISSION_SET, find_set
 from simmer_tui.config.toml_file import TomlFile
@@ -23,6 +24,8 @@ from simmer_tui.trials.sequential import LARGEST_CAP, MARGIN, RISK
 COURSE_FILE, TEAM_FILE = "course.toml", "team.toml"
 PLAN_FILE, TEAMS_FOLDER = "grade.json", "teams"
 """The file and the folder by which a grading is recognized."""
+ROBOT_FILES = (robot_csv.FILE, sensors_csv.FILE, drive_csv.FILE)
+"""The files of a set that are the team's; the rest is the course's."""
 DEFAULT_COMMAND = "python main.py"
 _LARGEST_TEAM_FILE = 65536
 """Largest team.toml, bytes: it is an untrusted file of two lines."""
@@ -197,7 +200,7 @@ def _folders_named(home: Path, top: Mapping[str, Any]) -> tuple[Path, ...]:
 def _rules(file: TomlFile, top: Mapping[str, Any]) -> Rules:
     rules = file.values(_RULES, file.table("rules"), "rules.", others=("cells",))
     cells = file.table("rules.cells")
-    columns = [Value(NamesRule(), name=name) for name in cells]
+    columns = [Value(NamesRule(), name=name) for name in ROBOT_FILES]
     return Rules(
         **rules,
         cells=file.values(columns, cells, "rules.cells."),

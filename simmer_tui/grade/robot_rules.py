@@ -25,8 +25,6 @@ from simmer_tui.sim.footprint import Footprint
 from simmer_tui.sim.specs import DriveSpec, GripperSpec, RobotSpec, SensorSpec, VelocitySpec
 from simmer_tui.sim.values import CourseRule
 
-ROBOT_FILES = (robot_csv.FILE, sensors_csv.FILE, drive_csv.FILE)
-"""The files of a set that are the team's; the rest is the course's."""
 # Judged: the smallest that has room for a controller, two motors and a battery. A point would pass any maze.
 SMALLEST_ROBOT = 3.0
 """Width of a team's robot at its narrowest, inches, whatever a course's rules say."""
@@ -218,10 +216,9 @@ def _gripper(course: GripperSpec | None, team: GripperSpec | None) -> Iterable[P
 
 def _cells(rules: Rules, course: Mapping[str, str], team: Mapping[str, str]) -> Iterable[Problem]:
     for file, columns in rules.cells.items():
-        if file in ROBOT_FILES:
-            wanted, found = (files.get(file, "").removeprefix("\ufeff") for files in (course, team))
-            compare = _robot_cells if file == robot_csv.FILE else _table_cells
-            yield from compare(file, columns, wanted, found)
+        wanted, found = (files.get(file, "").removeprefix("\ufeff") for files in (course, team))
+        compare = _robot_cells if file == robot_csv.FILE else _table_cells
+        yield from compare(file, columns, wanted, found)
 
 
 def _robot_cells(file: str, labels: tuple[str, ...], wanted: str, found: str) -> Iterable[Problem]:

@@ -17,8 +17,8 @@ from simmer_tui.config.settings import ServerSettings, all_settings, settings_fr
 from simmer_tui.config.settings_file import Override, load_settings
 from simmer_tui.config.toml_file import TomlFile
 from simmer_tui.errors import ConfigurationError, Problem
-from simmer_tui.grade.course import Rules, Team
-from simmer_tui.grade.robot_rules import ROBOT_FILES, rule_problems
+from simmer_tui.grade.course import ROBOT_FILES, Rules, Team
+from simmer_tui.grade.robot_rules import rule_problems
 from simmer_tui.importer.files import read_path
 from simmer_tui.importer.set_writer import write_set
 from simmer_tui.sim.command import escape

@@ -165,23 +165,49 @@ class CommandTable(EventHandler[None]):
     def __init__(self, file: TextIO) -> None:
         self._writer = CsvWriter(file, COLUMNS)
         self._ended: MovementEnded | None = None
+        self._accepted: set[int] = set()
+        self._unanswered: dict[int, tuple[Logged, float, MovementEnded]] = {}
 
     def add(self, logged: Logged, elapsed: float) -> None:
-        """Add an event; movements that were answered at once get their row when they end."""
+        """Add an event; movements that were answered at once get their row when they end.
+
+        With a delay of the link the answer is later than the end. These have their row at the answer.
+        """
         self._logged, self._elapsed = logged, elapsed
         self.handle(logged.event)
 
+    def finish(self) -> None:
+        """Write the rows of movements that ended and were never answered."""
+        for logged, elapsed, event in self._unanswered.values():
+            self._logged, self._elapsed = logged, elapsed
+            self._write_ended(event)
+        self._unanswered.clear()
+
     def on_ended(self, event: MovementEnded) -> None:
         self._ended = event
-        if not event.answers:
-            done = CommandResult(
-                event.number, event.time, event.command, Status.DONE, math.inf, event.before, event.pose
-            )
-            self._write(done)
+        if event.number in self._accepted:
+            self._accepted.remove(event.number)
+            self._write_ended(event)
+        elif not event.answers:
+            self._unanswered[event.number] = (self._logged, self._elapsed, event)
 
     def on_result(self, event: CommandResult) -> None:
+        ended = self._unanswered.pop(event.number, None)
+        if ended is not None:
+            self._ended = ended[-1]
         if event.status is not Status.ACCEPTED:
             self._write(event)
+        elif ended is not None:
+            self._write_ended(ended[-1])
+        else:
+            self._accepted.add(event.number)
+
+    def _write_ended(self, event: MovementEnded) -> None:
+        self._ended = event
+        done = CommandResult(
+            event.number, event.time, event.command, Status.DONE, math.inf, event.before, event.pose
+        )
+        self._write(done)
 
     def _write(self, result: CommandResult) -> None:
         logged, elapsed = self._logged, self._elapsed

@@ -317,6 +317,39 @@ def test_outputs_that_are_closed_do_not_end_it(run: Callable[..., Run]) -> None:
     assert started.process.wait(SECONDS) == 0
 
 
+@posix
+@pytest.mark.parametrize("closed", ["0<&-", "1>&-", "2>&-", "0<&- 1>&- 2>&-"])
+@pytest.mark.quick_cases(2)
+def test_standard_streams_closed_at_the_start_are_no_fault(tmp_path: Path, closed: str) -> None:
+    """As in a service: neither the simulator nor its program writes into what gets their numbers."""
+    asks = (
+        "import os, socket; "
+        "there, back = (socket.create_connection((os.environ['SIMMER_HOST'], int(os.environ[port]))) "
+        "for port in ('SIMMER_PORT', 'SIMMER_REPLY_PORT')); there.sendall(b'u1'); back.recv(64); "
+        "[os.fstat(each) for each in range(3)]; os.write(1, b'x'); os.write(2, b'x')"
+    )
+    log = tmp_path / "run.jsonl"
+    command = [sys.executable, "-m", "simmer_tui", "--no-ui", "--port", "0", "--log", str(log)]
+    command += ["--run", python(asks)]
+    done = subprocess.run(
+        ["sh", "-c", f"{shlex.join(command)} {closed}"],
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        text=True,
+        timeout=SECONDS,
+    )
+    assert (done.returncode, "Traceback" in done.stderr) == (0, False), done.stderr
+    if "1>&-" not in closed:
+        assert "verdict" not in done.stdout
+    report = subprocess.run(
+        ["sh", "-c", f"{shlex.join([sys.executable, '-m', 'simmer_tui', 'report', str(log)])} {closed}"],
+        capture_output=True,
+        text=True,
+        timeout=SECONDS,
+    )
+    assert (report.returncode, report.stderr) == (0, "")
+
+
 # -- a program beside it ---------------------------------------------------------------------
 
 

@@ -258,6 +258,17 @@ def test_every_mistake_in_a_course_is_told_with_its_line(tmp_path: Path) -> None
         assert part in told
 
 
+@pytest.mark.parametrize("name", ["drives.csv", "maze.csv"])
+def test_rules_for_the_cells_of_another_file_than_the_robots_are_refused(tmp_path: Path, name: str) -> None:
+    """They would have no effect, and the teams' robots could differ in every column."""
+    file = tmp_path / "teams.toml"
+    (tmp_path / "red").mkdir()
+    file.write_text(f'[rules.cells]\n"{name}" = ["Poll Character"]\n[[team]]\nfolder = "red"\n')
+    with pytest.raises(ConfigurationError) as caught:
+        read_course(file)
+    assert [problem.where for problem in caught.value.problems] == [f"teams.toml:2:rules.cells.{name}"]
+
+
 def test_folder_of_folders_is_a_course(tmp_path: Path) -> None:
     for name in ("red", "blue", ".hidden"):
         (tmp_path / name).mkdir()

@@ -16,6 +16,7 @@ from simmer_tui.config.loader import Configuration
 from simmer_tui.engine import Engine
 from simmer_tui.events import Action, ActionName, Belief, Notice, NoticeKind
 from simmer_tui.runlog.writer import RunLog
+from simmer_tui.sessions import LinkDelay
 from simmer_tui.sim import CommandResult, Pose, Simulator, parse_command
 from tests.manual_loop import ManualLoop
 
@@ -65,6 +66,7 @@ def start_run(tmp_path: Path, configuration: Configuration) -> Iterator[Callable
         *,
         timed: bool = False,
         answer_at_end: bool = True,
+        link: LinkDelay | None = None,
         files: dict[str, str] | None = None,
         **changes: Any,
     ) -> Run:
@@ -75,7 +77,7 @@ def start_run(tmp_path: Path, configuration: Configuration) -> Iterator[Callable
             files={**configuration.files, **(files or {})},
         )
         simulator = Simulator(replace(configuration.simulation, **changes), 7)
-        engine = Engine(simulator, timed=timed)
+        engine = Engine(simulator, timed=timed, link=link)
         loop = ManualLoop()
         if timed:
             engine.start(cast("Any", loop))

@@ -23,6 +23,7 @@ from simmer_tui.report.content import report_document, svg_picture
 from simmer_tui.report.figure import WIDTH
 from simmer_tui.report.page import report_page
 from simmer_tui.runlog.reader import Logged, LogReader
+from simmer_tui.sessions import LinkDelay
 from simmer_tui.sim import Pose
 
 SVG = "{http://www.w3.org/2000/svg}"
@@ -166,6 +167,24 @@ def test_the_table_has_a_row_a_command(eventful_log: Path, tmp_path: Path) -> No
         assert (row["contact_x_in"] != "") == (outcome.contact is not None)
     assert {row["reply"] for row in rows} >= {"inf", "nan"}
     assert "'=cmd()" in {row["command"] for row in rows}
+
+
+@pytest.mark.parametrize("answer_at_end", [False, True])
+@pytest.mark.parametrize("timed", [False, True])
+def test_a_command_over_a_link_with_a_delay_has_one_row(
+    start_run: Any, tmp_path: Path, timed: bool, answer_at_end: bool
+) -> None:
+    """Its answer is later than its end. The row has the contact as well."""
+    run = start_run(timed=timed, answer_at_end=answer_at_end, link=LinkDelay(0.01, 0.02, 3))
+    for text in ("d1-2", "u1", "d1-90", "u1"):
+        run.send(text)
+        run.loop.run_until(run.loop.now + 60.0)
+    output = tmp_path / "run.csv"
+    assert run_report([str(run.path), "--csv", str(output)]) == 0
+    with output.open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [row["command"] for row in rows] == ["d1-2", "u1", "d1-90", "u1"]
+    assert [row["contact_x_in"] != "" for row in rows] == [False, False, True, False]
 
 
 def test_instant_readings_alone_are_drawn_by_their_number(start_run: Any) -> None:
