@@ -172,6 +172,14 @@ class Driving:
         if self._slicing:
             return
         self._slicing = True
+        try:
+            self._pass_slice()
+        finally:  # a sender's answer may fail; others wait on
+            self._slicing = False
+        if self._waits and self._loop is not None and not self.paused:
+            self._loop.call_soon(self.pass_time)
+
+    def _pass_slice(self) -> None:
         begun = time.perf_counter()
         while self._waits and not self.paused:
             until = self.first_over
@@ -184,10 +192,7 @@ class Driving:
                 self.limit_reached(self._simulator.time)
             self.settle()
             if self._loop is not None and time.perf_counter() - begun > SLICE:
-                break
-        self._slicing = False
-        if self._waits and self._loop is not None and not self.paused:
-            self._loop.call_soon(self.pass_time)
+                return
 
     def pause(self, paused: bool) -> None:
         """Stop simulated time for waits in instant motion, or continue."""

@@ -127,6 +127,18 @@ def test_a_stop_cuts_a_wait_at_the_time_reached() -> None:
     assert bench.simulator.time == reached
 
 
+def test_an_answer_that_fails_holds_up_no_later_wait() -> None:
+    bench = Bench()
+
+    def fail(result: CommandResult) -> None:
+        raise ValueError(result.command.text)
+
+    with pytest.raises(ValueError, match="wt-2"):
+        bench.session.submit(parse_command("wt-2"), fail)
+    bench.send("wt-1")
+    assert [result.time for result in bench.results] == pytest.approx([1003.3])
+
+
 def replace_stops(text: str) -> Command:
     """A command that stops, as a dialect makes it."""
     return replace(parse_command(text), stops=True)

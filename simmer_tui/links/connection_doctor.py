@@ -67,10 +67,10 @@ class ConnectionDoctor:
         return self._ports[COMMANDS.purpose], self._ports[REPLIES.purpose]
 
     def _codes(self, *, enabled: bool = True) -> frozenset[str]:
-        """Codes of the sensors and drives that are enabled, or of those that are not."""
+        """Codes of the set's rows that are enabled, or of those that are not."""
         spec = self._engine.simulator.spec
-        sensors = {sensor.code for sensor in spec.sensors if sensor.enabled is enabled}
-        return frozenset(sensors | {drive.code for drive in spec.drives if drive.enabled is enabled})
+        rows = (*spec.sensors, *spec.drive_rows, *spec.velocities)
+        return frozenset(row.code for row in rows if row.enabled is enabled)
 
     # -- the reply port ------------------------------------------------------------------------------
 

@@ -17,6 +17,7 @@ from simmer_tui.errors import ProgramError, reason_of
 from simmer_tui.program.kept_process import Keeper, KeptProcess
 from simmer_tui.program.program_command import console_variables, with_hook, words_of
 from simmer_tui.program.program_output import OutputReader, OutputRoute, ProgramOutput
+from simmer_tui.sim.command import shown_path
 
 if TYPE_CHECKING:
     from simmer_tui.program.job_process import JobProcess
@@ -123,7 +124,9 @@ class Program(RunningProgram):
                 route.abandon()
                 raise
         except OSError as error:
-            raise ProgramError(f"--run {command!r}: {reason_of(error)}") from None
+            # The program's name is repeated only if the command has more words.
+            name = f"{shown_path(error.filename)}: " if error.filename not in (None, command) else ""
+            raise ProgramError(f"--run {command!r}: {name}{reason_of(error)}") from None
         self.pid = process.pid
         """Its process ID."""
         super().__init__(process.wait, process.end, route.start(), on_end, _LAST_LINES)

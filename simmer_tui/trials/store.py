@@ -111,7 +111,8 @@ class RunStore(Generic[Plan, Line]):
         try:
             data = file.read_bytes()
         except (FileNotFoundError, NotADirectoryError):
-            raise kind.error(f"{shown} holds no {kind.noun}: there is no {kind.plan_file}") from None
+            noun = kind.noun.removeprefix("a ")
+            raise kind.error(f"{shown} holds no {noun}: there is no {kind.plan_file}") from None
         except OSError as error:
             raise kind.error(f"{shown} cannot be read: {reason_of(error)}") from None
         try:

@@ -204,6 +204,7 @@ def test_a_reply_in_the_wrong_byte_order_leads_to_such_a_value(serve: Any) -> No
         (b"u0\n", "the program asks for u0, but codes of this set begin at 1: u1"),
         (b"u1u2", "'u1u2' came without a line end between its commands"),
         (b"d1-3d1-2", "'d1-3d1-2' came without a line end between its commands"),
+        (b"u1vv-0;0;0", "'u1vv-0;0;0' came without a line end between its commands"),
     ],
 )
 def test_what_a_program_sends_shows_its_mistake_once(serve: Any, sent: bytes, told: str) -> None:
