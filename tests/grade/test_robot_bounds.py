@@ -209,7 +209,7 @@ def cells(course: Configuration, file: str, columns: tuple[str, ...], wanted: st
     """Problems with cells of a file: all may differ in other files, and in these columns."""
     base = replace(course, files={**course.files, file: wanted})
     team = replace(course, files={**course.files, file: own})
-    found = rule_problems(Rules(cells={file: columns, "maze.csv": ()}), base, team)
+    found = rule_problems(Rules(cells={file: columns}), base, team)
     same = ": must be the same as in the course's set"
     assert all(str(each).endswith(same) for each in found)
     return [str(each).removesuffix(same) for each in found]
@@ -260,7 +260,3 @@ def test_cells_of_a_table_are_the_courses(course: Configuration, own: str, probl
 def test_rows_of_a_robot_are_the_courses(course: Configuration, own: str, problems: list[str]) -> None:
     found = cells(course, "robot.csv", ("x-size (in)",), "Shape,0\nx-size (in),6\n", own)
     assert found == [f"robot.csv:{each}" for each in problems]
-
-
-def test_other_files_than_the_robots_are_not_compared(course: Configuration, tmp_path: Path) -> None:
-    assert cells(course, "maze.csv", (), "1", "2") == []
