@@ -96,9 +96,7 @@ def test_a_program_that_is_still_running_is_ended() -> None:
     ("command", "mistake"),
     [
         ("/no/such/program", "--run '/no/such/program': No such file or directory"),
-        pytest.param(
-            "pyhton my.py", "--run 'pyhton my.py': pyhton: No such file or directory", marks=posix
-        ),
+        pytest.param("pyhton my.py", "--run 'pyhton my.py': pyhton: No such file or directory", marks=posix),
         pytest.param("'unbalanced", "No closing quotation", marks=posix),
         pytest.param("  ", "--run needs a program", marks=posix),
     ],
