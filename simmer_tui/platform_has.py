@@ -1,4 +1,5 @@
-"""The features of this system that not every system has: all of the package asks here.
+"""The features of this system that not every system has, and the user's data folder: all of the package asks
+here.
 
 Windows has none of the calls of POSIX: `fork` and process groups, locks of `fcntl`, pseudo-terminals, users
 and groups with numbers, resource limits. They come together, so one constant represents them. What needs
@@ -11,6 +12,7 @@ from __future__ import annotations
 import contextlib
 import os
 import sys
+from pathlib import Path
 
 try:
     import fcntl
@@ -34,6 +36,13 @@ def lock_alone(descriptor: int) -> None:
         raise
     except OSError:  # some network file systems have no locks
         pass
+
+
+def data_folder() -> Path:
+    """The user's data folder on this platform, which may not exist yet."""
+    import platformdirs  # few runs need it, and a start should not wait for it
+
+    return platformdirs.user_data_path("simmer-tui", appauthor=False)
 
 
 def user_id() -> int | None:

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING
 
 from msgspec import Struct
 
+from simmer_tui import platform_has
 from simmer_tui.config.given_path import opened_at_once
 from simmer_tui.errors import Problem
 from simmer_tui.sim.command import shown_path
@@ -82,9 +83,7 @@ def untrusted(file: DeviceFile, place: str) -> Problem:
 
 def trust_file() -> Path:
     """The file with the hashes, in the user's data folder."""
-    import platformdirs  # few sets have devices
-
-    return platformdirs.user_data_path("simmer-tui", appauthor=False) / _FILE
+    return platform_has.data_folder() / _FILE
 
 
 def trusted_hashes() -> frozenset[str]:

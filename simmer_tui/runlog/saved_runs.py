@@ -13,10 +13,11 @@ from collections import deque
 from collections.abc import Callable
 from pathlib import Path
 
+from simmer_tui import platform_has
 from simmer_tui.config.loader import Configuration
 from simmer_tui.errors import RunLogError, reason_of
 from simmer_tui.events import ActionDone, CommandResult, Event, MovementPlanned
-from simmer_tui.runlog.writer import ReplayedPrefix, RunLog, data_folder, new_file
+from simmer_tui.runlog.writer import ReplayedPrefix, RunLog, new_file
 from simmer_tui.sim.command import shown_path
 from simmer_tui.sim.simulator import Simulator
 
@@ -42,7 +43,7 @@ _FLUSHING = 1.0
 
 def saved_runs_folder() -> Path:
     """The folder of saved runs, in the user's data folder."""
-    return data_folder() / "runs"
+    return platform_has.data_folder() / "runs"
 
 
 def last_run(folder: Path | None = None) -> Path:

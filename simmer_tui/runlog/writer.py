@@ -14,7 +14,6 @@ from itertools import count
 from pathlib import Path
 from typing import Protocol
 
-import platformdirs
 from msgspec import Struct
 
 from simmer_tui import platform_has
@@ -48,18 +47,13 @@ CHECKPOINT_EVERY = 500
 """Lines after which a checkpoint is written: reading can begin there."""
 
 
-def data_folder() -> Path:
-    """The user's data folder on this platform, which may not exist yet."""
-    return platformdirs.user_data_path("simmer-tui", appauthor=False)
-
-
 def auto_path(now: datetime | None = None) -> Path:
     """Make an empty file, named by date, in the user's data folder.
 
     It exists at once, so that runs that start in the same second get one each. Raises RunLogError.
     """
     # Not in the working directory, which may be temporary.
-    folder = data_folder() / "logs"
+    folder = platform_has.data_folder() / "logs"
     try:
         folder.mkdir(parents=True, exist_ok=True)
         return new_file(folder, now)

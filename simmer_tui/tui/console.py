@@ -5,7 +5,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import ClassVar
 
-from platformdirs import user_data_path
 from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
 from textual.containers import Vertical
@@ -13,6 +12,7 @@ from textual.events import Key
 from textual.suggester import Suggester
 from textual.widgets import Input
 
+from simmer_tui import platform_has
 from simmer_tui.errors import ConsoleCommandError
 from simmer_tui.operating.orders import ConsoleCommand, completed, completions, read_console_command
 from simmer_tui.sim.command import escape_word
@@ -30,7 +30,7 @@ AGAIN = "R"
 
 def default_history_file() -> Path:
     """File of the history in the user's data folder."""
-    return user_data_path("simmer-tui", appauthor=False) / "console-history.txt"
+    return platform_has.data_folder() / "console-history.txt"
 
 
 class History:
