@@ -254,7 +254,8 @@ class Shell(FaultReporting, TerminalApp):
     def _restore_focus(self) -> None:
         """Give the focus back to the widget that had it, if none has it and that one is shown again."""
         below, last = self.screen_stack[0], self._last_focused
-        if below.focused is None and last is not None and last.display:
+        # Not `display`, which the line keeps while the prompt around it is hidden.
+        if below.focused is None and last is not None and last.is_on_screen:
             below.set_focus(last)
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:

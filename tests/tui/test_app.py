@@ -611,9 +611,15 @@ def test_the_focus_comes_back_when_a_terminal_is_no_longer_too_small(fly: Fly, n
     async def scenario(cockpit: Cockpit) -> None:
         widget = cockpit.app.query_one(f"#{name}")
         widget.focus()
-        await cockpit.until(lambda: widget.has_focus)
+        # Only a widget that has been laid out is told that it is hidden.
+        await cockpit.until(lambda: widget.has_focus and widget.region.area)
         await cockpit.pilot.resize_terminal(20, 5)
         await cockpit.until(lambda: cockpit.app.focused is None)
+        small = cockpit.app.query_one("#small")
+        await cockpit.pilot.resize_terminal(21, 5)
+        await cockpit.until(lambda: small.region.width == 21)
+        await cockpit.pilot.pause()
+        assert cockpit.app.focused is None, "nothing that is typed goes to what cannot be seen"
         await cockpit.pilot.resize_terminal(80, 24)
         await cockpit.until(lambda: widget.has_focus)
 
