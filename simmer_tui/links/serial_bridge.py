@@ -105,6 +105,8 @@ class SerialBridge(RealRobot):
         """The message that a person's stop is written like."""
         self._paused: dict[_Exchange, asyncio.TimerHandle] = {}
         """Messages that wait a time of their own, and who wakes them."""
+        self._untold: deque[tuple[_Exchange, list[CommandResult]]] = deque()
+        """Results that their client has and the watchers do not have yet; within a turn of the event loop."""
         self._begin_listening()
 
     def close(self) -> None:
@@ -279,6 +281,8 @@ class SerialBridge(RealRobot):
         left = self._moving_until - self._loop.time()
         # A sender's messages after a wait are sent after it.
         kept_back: set[BackendSession | None] = {exchange.session for exchange in self._paused}
+        if not kept_back and (left <= 0 or not self._open):
+            return self._waiting[0]
         if left <= 0 or not self._open:
             return next((each for each in self._waiting if each.session not in kept_back), None)
         for exchange in self._waiting:
@@ -314,6 +318,7 @@ class SerialBridge(RealRobot):
 
     def _simulate(self, exchange: _Exchange) -> None:
         """Have the twin do the same commands."""
+        self._tell_results()
         if exchange.is_stop:
             self.engine.stop_motion("a stop for the robot")
         exchange.simulated = [self.engine.mirror(command) for command in exchange.commands]
@@ -375,7 +380,8 @@ class SerialBridge(RealRobot):
 
     def _complete(self, exchange: _Exchange, reply: bytes) -> None:
         simulator = self.engine.simulator
-        reads = [not simulator.is_drive(command) for command in exchange.commands]
+        moves, commands = exchange.moves, exchange.commands
+        reads = [not (moves and simulator.is_drive(command)) for command in commands]
         answers = read_numbers(reply, self._robot_form(exchange), reads, exchange.scans)
         outcomes = [
             _real(simulated, answer, reads_sensor, exchange.is_stop)
@@ -384,16 +390,25 @@ class SerialBridge(RealRobot):
         self._finish(exchange, outcomes, reply if self.settings.robot_reply == "same" else None)
 
     def _finish(self, exchange: _Exchange, outcomes: list[CommandResult], unchanged: bytes | None) -> None:
-        """Tell all watchers, and the client, the results of a message."""
-        tell = self.engine.tell
-        for outcome, simulated in zip(outcomes, exchange.simulated, strict=True):
-            tell(outcome)
-            reading = outcome.reading
-            if reading is not None:
-                code = reading.sensor.code
-                tell(TwinReading(outcome.time, outcome.command, code, outcome.reply, simulated.reply))
+        """Tell the client, and all watchers, the results of a message."""
+        self._untold.append((exchange, outcomes))
+        # The client first: its next message is then on its way while log and screen take this one. Nothing
+        # else happens in between: the twin does a later message only after they have been told.
         if exchange.answered is not None:
             exchange.answered(outcomes, unchanged)
+        self._tell_results()
+
+    def _tell_results(self) -> None:
+        """Tell all watchers the results that only the clients have."""
+        tell = self.engine.tell
+        while self._untold:
+            exchange, outcomes = self._untold.popleft()
+            for outcome, simulated in zip(outcomes, exchange.simulated, strict=True):
+                tell(outcome)
+                reading = outcome.reading
+                if reading is not None:
+                    code = reading.sensor.code
+                    tell(TwinReading(outcome.time, outcome.command, code, outcome.reply, simulated.reply))
 
     def _listen_on(self) -> None:
         self._silence.set_in(self._framer.idle_timeout)

@@ -8,7 +8,7 @@ import math
 import re
 import struct
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from enum import StrEnum
 from itertools import islice
 
@@ -316,25 +316,24 @@ def read_numbers(
     to a drive they are infinity and NaN. `scans` is true for each command that asks for a scan: its answer is
     the ranges, or NaN.
     """
-    scans = scans or (False,) * len(sensing)
     found: list[RobotAnswer] = []
-    if form.format in (ReplyFormat.FLOAT64, ReplyFormat.FLOAT32):
-        number = NUMBERS[form.format.value, form.byte_order]
+    number = NUMBERS.get((form.format, form.byte_order))
+    if number is not None:
         usable = len(reply) - len(reply) % number.size
-        values = [value for (value,) in number.iter_unpack(reply[:usable])]
-        found = _counted(values, scans) if any(scans) else list(values)
+        values = (value for (value,) in number.iter_unpack(reply[:usable]))
+        found.extend(_counted(values, scans) if any(scans) else values)
     else:
+        scans = scans or (False,) * len(sensing)
         items = _items(reply.decode("latin-1").strip(), scans)
         for item, reads, is_scan in zip(items, sensing, scans, strict=False):
             found.append(_ranges(item) if is_scan else _answer(item, reads))
-    found += [math.nan] * (len(sensing) - len(found))
+    found.extend([math.nan] * (len(sensing) - len(found)))
     return tuple(found[: len(sensing)])
 
 
-def _counted(values: list[float], scans: Sequence[bool]) -> list[RobotAnswer]:
+def _counted(rest: Iterator[float], scans: Sequence[bool]) -> list[RobotAnswer]:
     """The answers in numbers, where the first number of a scan is its count."""
     found: list[RobotAnswer] = []
-    rest = iter(values)
     for is_scan in scans:
         value = next(rest, math.nan)
         if not is_scan:
