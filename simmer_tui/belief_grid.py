@@ -11,9 +11,8 @@ from typing import Annotated
 
 import numpy as np
 from msgspec import Meta, Struct, field
-from numpy.typing import NDArray
 
-from simmer_tui.sim.angles import FloatArray
+from simmer_tui.sim.arrays import FloatArray, NDArray
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.specs import CELL_SIZE, WALL, MazeSpec
 
@@ -43,7 +42,7 @@ _DOUBT = 1.5
 _PAGE_ROWS, _PAGE_COLUMNS = 24, 48
 """Most rows and columns of a map on a page."""
 Levels = NDArray[np.uint8]
-Probabilities = NDArray[np.float64]
+Probabilities = FloatArray
 Bounds = tuple[float, float, float, float]
 """x0, y0, x1, y1, inches."""
 _Size = Annotated[int, Meta(ge=1, le=MOST_ROWS)]

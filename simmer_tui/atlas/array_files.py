@@ -11,10 +11,10 @@ import struct
 import zipfile
 
 import numpy as np
-from numpy.typing import NDArray
 
 from simmer_tui.atlas.expected_readings import Atlas
 from simmer_tui.errors import AtlasError
+from simmer_tui.sim.arrays import NDArray
 
 # `create_system` of a zip file: 3 is Unix, on every machine, so that the bytes are the same.
 _UNIX = 3

@@ -5,10 +5,10 @@ from __future__ import annotations
 import re
 
 import numpy as np
-from numpy.typing import NDArray
 
 from simmer_tui.atlas.expected_readings import Atlas
 from simmer_tui.errors import AtlasError
+from simmer_tui.sim.arrays import NDArray
 from simmer_tui.version import __version__
 
 MEGA_FLASH = 256 * 1024

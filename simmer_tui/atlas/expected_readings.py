@@ -6,11 +6,10 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 from msgspec import Struct
-from numpy.typing import NDArray
 
 from simmer_tui.errors import AtlasError, UnknownSensorError
 from simmer_tui.sim import Simulator
-from simmer_tui.sim.angles import BoolArray, FloatArray
+from simmer_tui.sim.arrays import BoolArray, FloatArray, NDArray
 from simmer_tui.sim.maze import Maze
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.sensors.base import ObservingSensor, World, sensor_of

@@ -29,7 +29,7 @@ from simmer_tui.calibrate.measured_run import MeasuredRun
 from simmer_tui.calibrate.written_set import Knowledge, knowledge_of, learned_spec
 from simmer_tui.config.loader import Configuration
 from simmer_tui.errors import CalibrationError
-from simmer_tui.sim.angles import FloatArray
+from simmer_tui.sim.arrays import FloatArray
 from simmer_tui.sim.specs import DriveKind
 
 FALSE_ALARMS = 0.05

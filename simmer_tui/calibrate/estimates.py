@@ -14,7 +14,7 @@ from simmer_tui.calibrate.fit import Fit
 from simmer_tui.calibrate.measured_run import MeasuredRun
 from simmer_tui.calibrate.parameters import Parameter, observed_sensors
 from simmer_tui.calibrate.posterior import RANGE
-from simmer_tui.sim.angles import FloatArray
+from simmer_tui.sim.arrays import FloatArray
 from simmer_tui.sim.motion import profile_of
 from simmer_tui.sim.sensors import ParameterKind
 from simmer_tui.sim.specs import DriveSpec

@@ -18,7 +18,7 @@ from msgspec.structs import astuple
 from simmer_tui.calibrate.geometry import SHARES, Clearance, moved, on_axes
 from simmer_tui.calibrate.measured_run import Chain, MeasuredMovement, MeasuredRun
 from simmer_tui.calibrate.parameters import observed_sensors
-from simmer_tui.sim.angles import BoolArray, FloatArray, IntArray
+from simmer_tui.sim.arrays import BoolArray, FloatArray, IntArray
 from simmer_tui.sim.block import Block
 from simmer_tui.sim.maze import Maze
 from simmer_tui.sim.sensors import CountingSensor, ObservingSensor, World

@@ -39,7 +39,7 @@ from simmer_tui.calibrate.posterior import (
 from simmer_tui.calibrate.rows import PER_STOP, Model
 from simmer_tui.errors import CalibrationError
 from simmer_tui.report.robust_fit import Z_95
-from simmer_tui.sim.angles import BoolArray, FloatArray
+from simmer_tui.sim.arrays import BoolArray, FloatArray
 
 PARTICLES = (300, 1500, 4000)
 """Particles at each try."""

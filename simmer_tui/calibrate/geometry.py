@@ -8,9 +8,8 @@ in its new frame (sim/motion.py). Rotations in a plane commute, so all parts tog
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from simmer_tui.sim.angles import FloatArray
+from simmer_tui.sim.arrays import FloatArray, NDArray
 from simmer_tui.sim.specs import CELL_SIZE, WALL, Axes, MazeSpec, RobotSpec
 
 ComplexArray = NDArray[np.complex128]

@@ -26,7 +26,7 @@ from simmer_tui.calibrate.parameters import main_axis
 from simmer_tui.calibrate.pose_filter import PoseFilter
 from simmer_tui.calibrate.written_set import learned_spec
 from simmer_tui.config.loader import Configuration
-from simmer_tui.sim.angles import FloatArray
+from simmer_tui.sim.arrays import FloatArray
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.sensors import ParameterKind, modelled_sensor
 from simmer_tui.sim.specs import Axes, DriveSpec, SensorSpec, SimulationSpec

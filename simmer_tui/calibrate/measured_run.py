@@ -28,7 +28,7 @@ from simmer_tui.events import (
     MovementPlanned,
 )
 from simmer_tui.runlog.reader import Logged, LogReader
-from simmer_tui.sim.angles import FloatArray, IntArray
+from simmer_tui.sim.arrays import FloatArray, IntArray
 from simmer_tui.sim.command import escape_passage, parse_value
 from simmer_tui.sim.legs import Leg
 from simmer_tui.sim.pose import Pose

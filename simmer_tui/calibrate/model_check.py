@@ -27,7 +27,7 @@ from simmer_tui.calibrate.parameters import AXES, ParameterSpace, main_axis
 from simmer_tui.calibrate.posterior import PROCESS, Iterate, Posterior, Rows
 from simmer_tui.calibrate.rows import Model
 from simmer_tui.report.robust_fit import Z_95
-from simmer_tui.sim.angles import BoolArray, FloatArray
+from simmer_tui.sim.arrays import BoolArray, FloatArray
 from simmer_tui.sim.sensors import ParameterKind
 
 FALSE_MISFIT_RATE = 0.01

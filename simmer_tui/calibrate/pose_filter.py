@@ -13,7 +13,7 @@ from simmer_tui.calibrate.geometry import SHARES, Clearance, moved, on_axes
 from simmer_tui.calibrate.measured_run import MeasuredRun
 from simmer_tui.calibrate.parameters import observed_sensors
 from simmer_tui.calibrate.stretches import REFERENCES
-from simmer_tui.sim.angles import FloatArray
+from simmer_tui.sim.arrays import FloatArray
 from simmer_tui.sim.sensors import CountingSensor, ObservingSensor, Sensor
 from simmer_tui.sim.specs import SensorKind, SimulationSpec
 

@@ -22,7 +22,7 @@ from scipy import sparse
 from scipy.linalg import cho_factor, cho_solve, cho_solve_banded, cholesky_banded
 
 from simmer_tui.calibrate.parameters import ParameterSpace
-from simmer_tui.sim.angles import BoolArray, FloatArray, IntArray
+from simmer_tui.sim.arrays import BoolArray, FloatArray, IntArray
 
 PROCESS, KINEMATIC, COUNTER, RANGE, OBSERVATION, START, PRIOR = range(7)
 """Families of rows."""

@@ -17,7 +17,7 @@ from simmer_tui.calibrate.measured_run import MeasuredRun
 from simmer_tui.calibrate.model_check import held_back_misfits
 from simmer_tui.calibrate.pose_filter import PoseFilter
 from simmer_tui.calibrate.posterior import Iterate
-from simmer_tui.sim.angles import FloatArray
+from simmer_tui.sim.arrays import FloatArray
 from simmer_tui.sim.specs import SensorKind
 
 HELD_BACK = 0.25

@@ -32,7 +32,7 @@ from simmer_tui.document.model import (
 )
 from simmer_tui.phrases import capitalized
 from simmer_tui.report.figure import WALLS, WIDTH
-from simmer_tui.sim.angles import FloatArray
+from simmer_tui.sim.arrays import FloatArray
 from simmer_tui.sim.command import escape_passage
 from simmer_tui.sim.specs import CELL_SIZE, WALL, SimulationSpec
 

@@ -41,7 +41,7 @@ from simmer_tui.calibrate.posterior import (
     VarianceShare,
 )
 from simmer_tui.calibrate.stretches import prediction, share_of_variance
-from simmer_tui.sim.angles import BoolArray, FloatArray, IntArray
+from simmer_tui.sim.arrays import BoolArray, FloatArray, IntArray
 from simmer_tui.sim.distance_errors import REFERENCE_TURN
 from simmer_tui.sim.sensors import CountingSensor, ObservingSensor, Sensor, with_parameters
 from simmer_tui.sim.specs import CELL_SIZE, ContactRule

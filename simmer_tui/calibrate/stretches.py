@@ -19,8 +19,8 @@ from collections.abc import Mapping
 import numpy as np
 
 from simmer_tui.calibrate.geometry import displacement, on_axes
-from simmer_tui.sim.angles import BoolArray, FloatArray
 from simmer_tui.sim.arcs import Arc, Twist
+from simmer_tui.sim.arrays import BoolArray, FloatArray
 from simmer_tui.sim.distance_errors import REFERENCE_TURN, components
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.sensors import CountingSensor, Sensor, modelled_sensor

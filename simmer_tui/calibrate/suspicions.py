@@ -21,7 +21,7 @@ from simmer_tui.report.drive_audit import other_direction
 from simmer_tui.report.finding import FEWEST, Basis, Claim, DeviceUnderTest, Finding, FindingKind, kept
 from simmer_tui.report.sensor_audit import other_quantity
 from simmer_tui.report.sensor_sample import Alternative, SensorSample, stuck, turned
-from simmer_tui.sim.angles import BoolArray, FloatArray
+from simmer_tui.sim.arrays import BoolArray, FloatArray
 from simmer_tui.sim.sensors import CountingSensor, ObservingSensor, ParameterKind, Sensor
 
 # Judged: unknown gains, biases and mounting have an effect of an inch in a foot, and of 10 degrees.

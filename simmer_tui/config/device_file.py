@@ -5,7 +5,6 @@ The bytes read here are hashed, parsed, trusted and run: no file is opened a sec
 
 from __future__ import annotations
 
-import hashlib
 import os
 import re
 import stat
@@ -41,6 +40,9 @@ class DeviceFile(Struct, frozen=True):
     @property
     def sha256(self) -> str:
         """The hash by which the file is trusted, 64 hexadecimal digits."""
+        # Some milliseconds, which a start without device files saves.
+        import hashlib
+
         return hashlib.sha256(self.data).hexdigest()
 
     @property

@@ -7,7 +7,6 @@ Only Linux reports the user of a local connection. On other systems only the tok
 from __future__ import annotations
 
 import asyncio
-import hmac
 import socket
 from collections.abc import Callable
 from ipaddress import ip_address
@@ -119,6 +118,9 @@ class AccessCheck:
 
     def is_token(self, line: bytes) -> bool:
         """True if a first line is the token."""
+        # Some milliseconds with what it imports, which a start without a token saves.
+        import hmac
+
         # Compared in constant time: the time of == shows how many characters are right.
         return hmac.compare_digest(line.removesuffix(b"\r"), self._token)
 

@@ -30,7 +30,7 @@ from simmer_tui.protocol.replies import (
     read_numbers,
 )
 from simmer_tui.sessions import LoopTimer
-from simmer_tui.sim.angles import FloatArray
+from simmer_tui.sim.arrays import FloatArray
 from simmer_tui.sim.command import Command, escape
 from simmer_tui.sim.records import CommandResult, LidarScan, Reading, Status, ray_bearings
 from simmer_tui.sim.simulator import Simulator

@@ -23,13 +23,12 @@ from collections.abc import Iterable, Sequence
 from enum import StrEnum
 from itertools import groupby, takewhile
 
-import numpy as np
 from msgspec import Struct
-from numpy.typing import NDArray
 
 from simmer_tui.config.settings import ServerSettings
 from simmer_tui.protocol.binary import GRACE, LONGEST
 from simmer_tui.protocol.replies import NUMBERS, ReplyForm, ReplyFormat, pack_reply
+from simmer_tui.sim.arrays import FloatArray
 from simmer_tui.sim.command import Command
 from simmer_tui.sim.records import CommandResult, Status
 
@@ -255,7 +254,7 @@ def number_text(value: float) -> str:
     return f"{value:.1f}" if "e" in text else text
 
 
-def ranges_text(ranges: NDArray[np.float64]) -> str:
+def ranges_text(ranges: FloatArray) -> str:
     """Ranges with three decimals each, joined by semicolons, since commas join items."""
     return ";".join([f"{value:.{_DECIMALS}f}" for value in ranges.tolist()])
 

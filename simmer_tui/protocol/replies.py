@@ -14,8 +14,8 @@ from itertools import islice
 
 import numpy as np
 from msgspec import Struct
-from numpy.typing import NDArray
 
+from simmer_tui.sim.arrays import FloatArray
 from simmer_tui.sim.command import NUMBER
 
 NUMBERS = {
@@ -67,7 +67,7 @@ class ReplyForm(Struct, frozen=True):
         return _ENDS[self.format]
 
 
-def pack_reply(layout: struct.Struct, number: float, ranges: NDArray[np.float64] | None = None) -> bytes:
+def pack_reply(layout: struct.Struct, number: float, ranges: FloatArray | None = None) -> bytes:
     """A reply in binary: a number, or to a lidar's code the count of the ranges, and the ranges. Numbers too
     large for a float32 become infinite."""
     if ranges is not None:
@@ -303,7 +303,7 @@ def _number(word: str) -> float:
     return float(word) if NUMBER.fullmatch(word) else _WORDS.get(word.lower(), math.nan)
 
 
-RobotAnswer = float | NDArray[np.float64]
+RobotAnswer = float | FloatArray
 """The answer of a robot to a command: a number, or the ranges of a scan."""
 
 

@@ -19,7 +19,7 @@ from simmer_tui.report import figure
 from simmer_tui.report.recording import Keyframe, Mark, MarkKind, PlayerReading, latest
 from simmer_tui.report.run_statistics import RunStatistics
 from simmer_tui.run.scan_traces import range_step, ray_ends, ray_times
-from simmer_tui.sim.angles import FloatArray
+from simmer_tui.sim.arrays import FloatArray
 from simmer_tui.sim.footprint import Footprint
 from simmer_tui.sim.maze import Maze
 from simmer_tui.sim.pose import Pose

@@ -20,7 +20,8 @@ from simmer_tui.run.attempt import Attempt
 from simmer_tui.run.episodes import SAME
 from simmer_tui.run.facts import DEFAULT_ALLOWED_TURN, wrapped
 from simmer_tui.run.table import Columns
-from simmer_tui.sim.angles import BoolArray, FloatArray, IntArray, cos_sin_array
+from simmer_tui.sim.angles import cos_sin_array
+from simmer_tui.sim.arrays import BoolArray, FloatArray, IntArray
 from simmer_tui.sim.sensors import CountingSensor, ObservingSensor, modelled_sensor
 from simmer_tui.sim.specs import CELL_SIZE
 

@@ -19,7 +19,7 @@ from simmer_tui.report.robust_fit import binomial_tail
 from simmer_tui.report.sensor_sample import by_sensor
 from simmer_tui.run.attempt import Attempt
 from simmer_tui.run.table import Columns
-from simmer_tui.sim.angles import BoolArray, FloatArray, IntArray
+from simmer_tui.sim.arrays import BoolArray, FloatArray, IntArray
 from simmer_tui.sim.specs import DriveSpec, SensorSpec
 
 _FEWEST = FEWEST["set"]

@@ -27,7 +27,7 @@ from simmer_tui.report.finding import (
 from simmer_tui.report.robust_fit import RobustFit, binomial_tail, excess_noise, robust_fit
 from simmer_tui.run.run_history import RunHistory
 from simmer_tui.run.table import Columns
-from simmer_tui.sim.angles import BoolArray, FloatArray
+from simmer_tui.sim.arrays import BoolArray, FloatArray
 from simmer_tui.sim.specs import CELL_SIZE, Axes, DriveKind, DriveSpec
 
 # The errors of a shorter movement are too small to measure: they are a share of it.

@@ -14,7 +14,7 @@ from simmer_tui.report.run_statistics import RunStatistics
 from simmer_tui.run.attempt import Task
 from simmer_tui.run.paths import PathSegment
 from simmer_tui.run.run_history import SAME_PLACE
-from simmer_tui.sim.angles import FloatArray
+from simmer_tui.sim.arrays import FloatArray
 from simmer_tui.sim.block import Block
 from simmer_tui.sim.footprint import Footprint
 from simmer_tui.sim.maze import Maze

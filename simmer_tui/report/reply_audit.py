@@ -22,7 +22,7 @@ from simmer_tui.report.robust_fit import Z_95, binomial_tail, mad_scale
 from simmer_tui.report.sensor_sample import LAGS, by_sensor, delayed, poses_of, world_without_block
 from simmer_tui.run.attempt import Attempt
 from simmer_tui.run.table import Columns
-from simmer_tui.sim.angles import FloatArray, IntArray
+from simmer_tui.sim.arrays import FloatArray, IntArray
 from simmer_tui.sim.sensors import ObservingSensor, modelled_sensor
 
 # Judged: up to half a cell; a larger offset would be a range to another wall.

@@ -15,7 +15,7 @@ from simmer_tui.run.attempt import Attempt, Collision
 from simmer_tui.run.facts import COVERED, SLIGHT, wrapped
 from simmer_tui.run.history_rows import BeliefRow, GripRow
 from simmer_tui.run.table import Columns
-from simmer_tui.sim.angles import BoolArray, FloatArray
+from simmer_tui.sim.arrays import BoolArray, FloatArray
 from simmer_tui.sim.sensors import ObservingSensor, modelled_sensor
 from simmer_tui.sim.specs import CELL_SIZE, SensorSpec
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from simmer_tui.sim.angles import FloatArray
+from simmer_tui.sim.arrays import FloatArray
 
 Z_95 = 1.959963984540054
 """97.5 % quantile of the standard normal distribution, for intervals of 95 %."""

@@ -24,7 +24,7 @@ from simmer_tui.report.robust_fit import (
     two_sided,
 )
 from simmer_tui.report.sensor_sample import Alternative, SensorSample
-from simmer_tui.sim.angles import FloatArray
+from simmer_tui.sim.arrays import FloatArray
 from simmer_tui.sim.specs import SensorSpec
 
 # Judged: a fault explains the readings if no more than a fifth of them do not fit.

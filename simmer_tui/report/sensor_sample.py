@@ -15,7 +15,7 @@ import numpy as np
 from simmer_tui.report.finding import LEAST_DEGREES, LEAST_INCHES, FindingKind
 from simmer_tui.run.run_history import RunHistory
 from simmer_tui.run.table import Columns
-from simmer_tui.sim.angles import BoolArray, FloatArray
+from simmer_tui.sim.arrays import BoolArray, FloatArray
 from simmer_tui.sim.block import Block
 from simmer_tui.sim.maze import Maze
 from simmer_tui.sim.sensors import CountingSensor, ObservingSensor, Sensor, modelled_sensor

@@ -10,7 +10,8 @@ from msgspec import Struct
 
 from simmer_tui.belief_grid import SURELY_ELSEWHERE, GridBelief
 from simmer_tui.events import Belief
-from simmer_tui.sim.angles import FloatArray, cos_sin
+from simmer_tui.sim.angles import cos_sin
+from simmer_tui.sim.arrays import FloatArray
 from simmer_tui.sim.path import Contact
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.specs import CELL_SIZE, SensorSpec

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from simmer_tui.run.table import Columns
-from simmer_tui.sim.angles import BoolArray
+from simmer_tui.sim.arrays import BoolArray
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.specs import CELL_SIZE
 

@@ -50,7 +50,7 @@ from simmer_tui.run.state import (
     start_block,
 )
 from simmer_tui.sim import noise
-from simmer_tui.sim.angles import FloatArray
+from simmer_tui.sim.arrays import FloatArray
 from simmer_tui.sim.block import Block
 from simmer_tui.sim.gripper import in_global_frame, in_robot_frame
 from simmer_tui.sim.legs import Leg

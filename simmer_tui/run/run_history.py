@@ -56,7 +56,7 @@ from simmer_tui.run.message_trail import MessageTrail
 from simmer_tui.run.paths import PathRecord, Truth
 from simmer_tui.run.state import Checkpoint
 from simmer_tui.run.table import Columns, Errors, Newest, RowTable, Thinned
-from simmer_tui.sim.angles import BoolArray
+from simmer_tui.sim.arrays import BoolArray
 from simmer_tui.sim.block import Block
 from simmer_tui.sim.command import parse_value
 from simmer_tui.sim.gripper import in_robot_frame

@@ -9,7 +9,8 @@ from collections.abc import Sequence
 import numpy as np
 from msgspec import Struct
 
-from simmer_tui.sim.angles import BoolArray, FloatArray, half_turn
+from simmer_tui.sim.angles import half_turn
+from simmer_tui.sim.arrays import BoolArray, FloatArray
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.records import LidarScan, Reading
 from simmer_tui.sim.scan_rays import has_echo

@@ -8,8 +8,8 @@ import numpy as np
 from msgspec import Struct, field
 
 from simmer_tui.events import Belief, CommandResult, Goal, MovementEnded, MovementPlanned, Result, TwinReading
-from simmer_tui.sim.angles import FloatArray
 from simmer_tui.sim.arcs import Twist
+from simmer_tui.sim.arrays import FloatArray
 from simmer_tui.sim.block import Block
 from simmer_tui.sim.path import Contact
 from simmer_tui.sim.pose import Pose

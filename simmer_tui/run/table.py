@@ -10,9 +10,8 @@ from struct import Struct
 from typing import Annotated, Any, Generic, Protocol, TypeVar, cast, overload
 
 import numpy as np
-from numpy.typing import NDArray
 
-from simmer_tui.sim.angles import FloatArray
+from simmer_tui.sim.arrays import FloatArray, NDArray
 
 
 class Timed(Protocol):

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
 from simmer_tui.errors import RunLogError, reason_of
 from simmer_tui.runlog.closing import Closing
@@ -31,6 +30,7 @@ from simmer_tui.runlog.log_records import (
     decode_line,
 )
 from simmer_tui.runlog.reader import MAX_LINE, RecordStream, open_log, too_long
+from simmer_tui.sim.arrays import BoolArray
 from simmer_tui.sim.command import shown_path
 from simmer_tui.sim.records import REFUSALS, Status
 
@@ -219,9 +219,9 @@ class RunLogIndex(Closing):
         """The last entry not after a time (as `time_of` counts); -1 if there is none yet."""
         return bisect_right(self._elapsed, elapsed) - 1
 
-    def _hits(self, flags: EntryFlag, begin: int = 0, end: int | None = None) -> NDArray[np.bool_]:
+    def _hits(self, flags: EntryFlag, begin: int = 0, end: int | None = None) -> BoolArray:
         values = np.frombuffer(self._flags, dtype=np.uint16)[begin:end]
-        hits: NDArray[np.bool_] = (values & np.uint16(flags)) != 0
+        hits: BoolArray = (values & np.uint16(flags)) != 0
         return hits
 
     def find_next(self, i: int, flags: EntryFlag) -> int | None:

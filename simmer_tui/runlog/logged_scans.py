@@ -16,7 +16,7 @@ from msgspec.structs import replace
 from simmer_tui.errors import RunLogError
 from simmer_tui.protocol.replies import MOST_RANGES
 from simmer_tui.runlog.log_records import ReadingRecord
-from simmer_tui.sim.angles import FloatArray
+from simmer_tui.sim.arrays import FloatArray
 from simmer_tui.sim.maze import Maze
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.recent_motion import BlockPlace, Motion, RecentMotion

@@ -34,7 +34,7 @@ from simmer_tui.runlog.log_records import (
 )
 from simmer_tui.runlog.logged_scans import LoggedRanges
 from simmer_tui.runlog.reader import LogReader
-from simmer_tui.sim.angles import FloatArray
+from simmer_tui.sim.arrays import FloatArray
 from simmer_tui.sim.command import Command, escape, escape_word, parse_command
 from simmer_tui.sim.fingerprint import math_fingerprint
 from simmer_tui.sim.legs import Leg

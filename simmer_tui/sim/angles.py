@@ -6,11 +6,8 @@ Tables of eight directions begin at 0 degrees and go counter-clockwise.
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
-BoolArray = NDArray[np.bool_]
+from simmer_tui.sim.arrays import FloatArray
 
 ARROWS = ("→", "↗", "↑", "↖", "←", "↙", "↓", "↘")
 """Arrows to 0, 45 ... 315 degrees, counter-clockwise from the right."""

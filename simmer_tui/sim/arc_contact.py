@@ -17,8 +17,9 @@ from itertools import pairwise
 import numpy as np
 from msgspec import Struct
 
-from simmer_tui.sim.angles import BoolArray, FloatArray, cos_sin, turned
+from simmer_tui.sim.angles import cos_sin, turned
 from simmer_tui.sim.arcs import Arc
+from simmer_tui.sim.arrays import BoolArray, FloatArray
 from simmer_tui.sim.contact import TOUCHING
 from simmer_tui.sim.footprint import Edges, Footprint
 from simmer_tui.sim.obstacles import Obstacles

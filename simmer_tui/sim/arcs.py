@@ -17,7 +17,8 @@ from collections.abc import Iterable
 import numpy as np
 from msgspec import Struct
 
-from simmer_tui.sim.angles import FloatArray, cos_sin
+from simmer_tui.sim.angles import cos_sin
+from simmer_tui.sim.arrays import FloatArray
 from simmer_tui.sim.pose import Pose
 
 # The tangent of half a turn of 90 degrees is 1, and h grows without bound towards 180.

@@ -5,7 +5,8 @@ import math
 import numpy as np
 from msgspec import Struct
 
-from simmer_tui.sim.angles import FloatArray, cos_sin
+from simmer_tui.sim.angles import cos_sin
+from simmer_tui.sim.arrays import FloatArray
 
 
 class Block(Struct, frozen=True):

@@ -7,10 +7,10 @@ import numpy as np
 import shapely
 from msgspec import Struct
 from msgspec.structs import astuple, replace
-from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
-from simmer_tui.sim.angles import FloatArray, cos_sin, turned
+from simmer_tui.sim.angles import cos_sin, turned
+from simmer_tui.sim.arrays import BoolArray, FloatArray
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.specs import RobotSpec
 
@@ -52,7 +52,7 @@ class Edges(Struct, frozen=True, dict=True):
         both = points[..., 0, None] * x + points[..., 1, None] * y
         return both[..., : len(self.offset)], both[..., len(self.offset) :]
 
-    def select(self, chosen: NDArray[np.bool_]) -> "Edges":
+    def select(self, chosen: BoolArray) -> "Edges":
         """The edges a mask (n,) picks."""
         return Edges(*[each[chosen] for each in astuple(self)])
 

@@ -6,9 +6,8 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from simmer_tui.sim.angles import FloatArray
+from simmer_tui.sim.arrays import BoolArray, FloatArray, NDArray
 from simmer_tui.sim.specs import CELL_SIZE, TILE_SIZE, TILES_PER_CELL, WALL, MazeSpec
 
 Rays = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
@@ -57,7 +56,7 @@ class Maze:
         self.width, self.height = spec.width, spec.height
         # Files have the first row on top, coordinates begin at the bottom.
         cells = np.array(spec.cells)[::-1]
-        self.walls: NDArray[np.bool_] = np.pad(cells == WALL, 1, constant_values=True)
+        self.walls: BoolArray = np.pad(cells == WALL, 1, constant_values=True)
         self._stride = spec.columns + 2
         self._flat = self.walls.ravel()
         self._cells = self._flat.tobytes()
@@ -70,7 +69,7 @@ class Maze:
         return np.array(self.spec.floor, dtype=np.uint8)
 
     @cached_property
-    def _black(self) -> NDArray[np.bool_]:
+    def _black(self) -> BoolArray:
         return np.pad(self.tiles[::-1] == 0, 1, constant_values=False)
 
     def is_wall(self, x: float, y: float) -> bool:
@@ -165,7 +164,7 @@ class Maze:
                     next_y += period_y
         return distances
 
-    def are_walls(self, x: FloatArray, y: FloatArray) -> NDArray[np.bool_]:
+    def are_walls(self, x: FloatArray, y: FloatArray) -> BoolArray:
         """`is_wall` for arrays of points, both (n,)."""
         # Points outside are moved to a corner, so that no index leaves the grid. They count as wall below.
         inside = (x > ON_WALL) & (x < self.width - ON_WALL) & (y > ON_WALL) & (y < self.height - ON_WALL)
@@ -277,7 +276,7 @@ class Maze:
                 cosines[index] = across[index] if upright else along[index]
         return cosines
 
-    def black(self, points: FloatArray) -> NDArray[np.bool_]:
+    def black(self, points: FloatArray) -> BoolArray:
         """True for each of the (n, 2) points that is on, or at the edge of, a black tile. The outside is not
         black."""
         scaled = points / TILE_SIZE

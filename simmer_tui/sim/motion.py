@@ -9,7 +9,7 @@ import numpy as np
 from msgspec import Struct
 from msgspec.structs import astuple, replace
 
-from simmer_tui.sim.angles import FloatArray
+from simmer_tui.sim.arrays import FloatArray
 from simmer_tui.sim.contact import FirstContact, first_contact
 from simmer_tui.sim.footprint import Footprint
 from simmer_tui.sim.maze import Maze

@@ -10,10 +10,10 @@ import numpy as np
 import shapely
 from msgspec import Struct
 from msgspec.structs import replace
-from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
-from simmer_tui.sim.angles import BoolArray, FloatArray, cos_sin_array
+from simmer_tui.sim.angles import cos_sin_array
+from simmer_tui.sim.arrays import BoolArray, FloatArray, NDArray
 from simmer_tui.sim.block import Block
 from simmer_tui.sim.footprint import Edges, Footprint, Part
 from simmer_tui.sim.maze import Maze
@@ -50,7 +50,7 @@ class Obstacles(Struct, frozen=True, dict=True):
     """The block, if it is solid; it is then the tree's last geometry."""
 
     @classmethod
-    def of_maze(cls, walls: NDArray[np.bool_]) -> "Obstacles":
+    def of_maze(cls, walls: BoolArray) -> "Obstacles":
         """The walls of a maze, given as `Maze.walls`."""
         upright = _runs(walls[1:-1, :])
         # The same for the transposed grid, whose x and y are swapped back.
@@ -204,7 +204,7 @@ def _onto(place: float, lines: tuple[int, int]) -> float:
     return place
 
 
-def _runs(walls: NDArray[np.bool_]) -> NDArray[np.float64]:
+def _runs(walls: BoolArray) -> FloatArray:
     """Upright wall faces as (x, y, x, y) in cells, neighbouring ones joined. `walls` has a ring column on
     either side."""
     side = walls[:, 1:].astype(np.int8) - walls[:, :-1]
@@ -217,7 +217,7 @@ def _runs(walls: NDArray[np.bool_]) -> NDArray[np.float64]:
     return runs
 
 
-def _boxes(walls: NDArray[np.bool_]) -> list[BaseGeometry]:
+def _boxes(walls: BoolArray) -> list[BaseGeometry]:
     """Wall cells joined along rows, and four slabs for the outside, all shrunk by `SKIN`."""
     rows, columns = walls.shape[0] - 2, walls.shape[1] - 2
     width, height = columns * CELL_SIZE, rows * CELL_SIZE

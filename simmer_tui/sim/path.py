@@ -8,7 +8,8 @@ from typing import overload
 import numpy as np
 from msgspec import Struct
 
-from simmer_tui.sim.angles import FloatArray, cos_sin, cos_sin_array
+from simmer_tui.sim.angles import cos_sin, cos_sin_array
+from simmer_tui.sim.arrays import FloatArray
 from simmer_tui.sim.pose import Pose
 
 

@@ -11,8 +11,8 @@ from collections.abc import Iterator
 import numpy as np
 from msgspec import Struct
 
-from simmer_tui.sim.angles import FloatArray
 from simmer_tui.sim.arcs import Arc, poses_along
+from simmer_tui.sim.arrays import FloatArray
 from simmer_tui.sim.block import Block
 from simmer_tui.sim.gripper import in_global_frame
 from simmer_tui.sim.legs import Leg

@@ -4,9 +4,9 @@ from enum import StrEnum
 
 import numpy as np
 from msgspec import Struct
-from numpy.typing import NDArray
 
 from simmer_tui.sim.arcs import Twist
+from simmer_tui.sim.arrays import BoolArray, FloatArray
 from simmer_tui.sim.command import Command
 from simmer_tui.sim.path import Contact
 from simmer_tui.sim.pose import Pose as Pose
@@ -32,8 +32,8 @@ class FloorPatch(Struct, frozen=True):
 
     centre: tuple[float, float]
     radius: float
-    points: NDArray[np.float64]
-    black: NDArray[np.bool_]
+    points: FloatArray
+    black: BoolArray
 
 
 class LidarScan(Struct, frozen=True):
@@ -47,18 +47,18 @@ class LidarScan(Struct, frozen=True):
     """
 
     revolution: int
-    ranges: NDArray[np.float64]
-    bearings: NDArray[np.float64]
-    true: NDArray[np.float64]
-    poses: NDArray[np.float64]
+    ranges: FloatArray
+    bearings: FloatArray
+    true: FloatArray
+    poses: FloatArray
 
 
-def ray_bearings(like: NDArray[np.float64], count: int) -> NDArray[np.float64]:
+def ray_bearings(like: FloatArray, count: int) -> FloatArray:
     """The directions of `count` rays, degrees, evenly spaced in the same sense of rotation as `like`."""
     if len(like) == count:
         return like
     turn = -360.0 if len(like) < 2 or like[1] < like[0] else 360.0
-    bearings: NDArray[np.float64] = like[0] + turn * np.arange(count) / count
+    bearings: FloatArray = like[0] + turn * np.arange(count) / count
     return bearings
 
 
@@ -163,7 +163,7 @@ class CommandResult(Struct, frozen=True):
     """Seconds of simulated time that the command itself waits, as planned."""
 
     @property
-    def ranges(self) -> NDArray[np.float64] | None:
+    def ranges(self) -> FloatArray | None:
         """The ranges of the reply, inches, if a whole scan was requested, else None. The reply to one ray, as
         in `sc-90`, is one number."""
         reading = self.reading

@@ -3,7 +3,7 @@
 import numpy as np
 from msgspec import Struct
 
-from simmer_tui.sim.angles import BoolArray, FloatArray
+from simmer_tui.sim.arrays import BoolArray, FloatArray
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.records import LidarScan
 from simmer_tui.sim.specs import SensorSpec

@@ -9,8 +9,8 @@ from msgspec.structs import replace
 
 from simmer_tui.errors import DeviceError, PlacementError, UnknownSensorError
 from simmer_tui.sim import noise
-from simmer_tui.sim.angles import FloatArray
 from simmer_tui.sim.arcs import Twist
+from simmer_tui.sim.arrays import FloatArray
 from simmer_tui.sim.block import Block
 from simmer_tui.sim.command import Command, parse_command, parse_value
 from simmer_tui.sim.continuous import ContinuousMotion, MotionListener

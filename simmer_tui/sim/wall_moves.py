@@ -12,8 +12,9 @@ from collections.abc import Iterator
 import numpy as np
 from msgspec import Struct
 
-from simmer_tui.sim.angles import FloatArray, cos_sin, turned
+from simmer_tui.sim.angles import cos_sin, turned
 from simmer_tui.sim.arcs import Arc, Twist
+from simmer_tui.sim.arrays import FloatArray
 from simmer_tui.sim.contact import TOUCHING
 from simmer_tui.sim.footprint import Edges, Footprint
 from simmer_tui.sim.obstacles import Obstacles

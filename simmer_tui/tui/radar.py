@@ -5,7 +5,7 @@ import math
 import numpy as np
 from textual.strip import Strip
 
-from simmer_tui.sim.angles import FloatArray
+from simmer_tui.sim.arrays import FloatArray
 from simmer_tui.sim.maze import Maze
 from simmer_tui.sim.records import RangeScan
 from simmer_tui.tui.line_panel import RoleWidget, heading

@@ -5,7 +5,6 @@ from functools import lru_cache
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 from rich.color import Color
 from rich.segment import Segment
 from rich.style import Style
@@ -13,6 +12,7 @@ from textual.geometry import Region
 from textual.strip import Strip
 from textual.widget import Widget
 
+from simmer_tui.sim.arrays import NDArray
 from simmer_tui.tui.maze.glyphs import BLANK, Cells, Mask
 from simmer_tui.tui.maze.palette import DEFAULT, Attribute
 

@@ -15,7 +15,7 @@ from simmer_tui.calibrate.posterior import Iterate
 from simmer_tui.calibrate.rows import PER_STOP, Model
 from simmer_tui.config.loader import load
 from simmer_tui.config.sets import bundled_folder
-from simmer_tui.sim.angles import FloatArray
+from simmer_tui.sim.arrays import FloatArray
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.sensors import CountingSensor, ObservingSensor, sensor_of
 from simmer_tui.sim.specs import Axes, MazeSpec, SimulationSpec

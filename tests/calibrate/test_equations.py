@@ -29,7 +29,7 @@ from simmer_tui.calibrate.posterior import (
     outliers_in,
 )
 from simmer_tui.calibrate.rows import LONGEST_COUNT, PER_STOP, Model, huber_weights, inlier_probability
-from simmer_tui.sim.angles import FloatArray
+from simmer_tui.sim.arrays import FloatArray
 from simmer_tui.sim.sensors import ObservingSensor, sensor_of
 from tests.calibrate.synthetic import STEP_TIME, Synthetic, make
 

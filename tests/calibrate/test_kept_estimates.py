@@ -32,8 +32,8 @@ from simmer_tui.calibrate.stretches import (
     prediction,
     share_of_variance,
 )
-from simmer_tui.sim.angles import FloatArray
 from simmer_tui.sim.arcs import Twist
+from simmer_tui.sim.arrays import FloatArray
 from simmer_tui.sim.sensors import ParameterKind
 from tests.calibrate.synthetic import START, Synthetic, make
 from tests.kept_numbers import assert_kept

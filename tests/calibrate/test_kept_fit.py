@@ -35,7 +35,7 @@ from simmer_tui.calibrate.parameters import parameters_of
 from simmer_tui.calibrate.posterior import COUNTER, KINEMATIC, PROCESS, RANGE, Posterior, Rows
 from simmer_tui.calibrate.rows import Model
 from simmer_tui.errors import CalibrationError
-from simmer_tui.sim.angles import FloatArray
+from simmer_tui.sim.arrays import FloatArray
 from simmer_tui.sim.pose import Pose
 from tests.calibrate.synthetic import START, Synthetic, make
 from tests.kept_numbers import assert_kept

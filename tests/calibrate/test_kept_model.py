@@ -26,8 +26,8 @@ from simmer_tui.calibrate.posterior import COUNTER, Iterate, Posterior, noise_sc
 from simmer_tui.calibrate.rows import Model
 from simmer_tui.calibrate.stretches import ARC_SEGMENTS, VelocityStretch
 from simmer_tui.calibrate.suspicions import suspicions, suspicions_without_path
-from simmer_tui.sim.angles import FloatArray
 from simmer_tui.sim.arcs import Twist
+from simmer_tui.sim.arrays import FloatArray
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.sensors import ParameterKind
 from simmer_tui.sim.specs import ContactRule, RobotSpec

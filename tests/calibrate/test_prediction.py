@@ -18,7 +18,7 @@ from simmer_tui.calibrate.prediction import HeldBack, PredictionAccuracy, held_b
 from simmer_tui.calibrate.result_page import held_back_picture
 from simmer_tui.config.loader import load
 from simmer_tui.config.sets import bundled_folder
-from simmer_tui.sim.angles import FloatArray
+from simmer_tui.sim.arrays import FloatArray
 from simmer_tui.sim.block import Block
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.sensors import RangeSensor, Ultrasonic, sensor_of

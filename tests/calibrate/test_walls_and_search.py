@@ -12,7 +12,7 @@ from msgspec import structs
 from simmer_tui.calibrate.find_path import PathFinder
 from simmer_tui.calibrate.measured_run import Chain, MeasuredMovement, MeasuredRun, Readings
 from simmer_tui.calibrate.pose_filter import PoseFilter
-from simmer_tui.sim.angles import FloatArray
+from simmer_tui.sim.arrays import FloatArray
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.sensors import ObservingSensor, sensor_of
 from simmer_tui.sim.specs import Axes, SimulationSpec

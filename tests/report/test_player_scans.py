@@ -26,7 +26,7 @@ from simmer_tui.report.recording import Recording
 from simmer_tui.run.scan_traces import ScanTrace, range_step, ray_ends, ray_times, scan_trace
 from simmer_tui.runlog.writer import RunLog
 from simmer_tui.sim import Pose, Simulator, parse_command
-from simmer_tui.sim.angles import FloatArray
+from simmer_tui.sim.arrays import FloatArray
 from simmer_tui.sim.records import CommandResult, LidarScan, Reading
 from simmer_tui.sim.scan_rays import rays_of
 from simmer_tui.sim.sensors import Lidar, LidarSpec

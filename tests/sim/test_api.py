@@ -27,7 +27,7 @@ from simmer_tui.sim import (
     Status,
     parse_command,
 )
-from simmer_tui.sim.angles import FloatArray
+from simmer_tui.sim.arrays import FloatArray
 from simmer_tui.sim.sensors import Ultrasonic
 
 

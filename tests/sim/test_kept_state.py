@@ -25,7 +25,7 @@ from simmer_tui.sim import (
     Simulator,
     parse_command,
 )
-from simmer_tui.sim.angles import FloatArray
+from simmer_tui.sim.arrays import FloatArray
 from simmer_tui.sim.command import Command
 from simmer_tui.sim.legs import Leg
 from simmer_tui.sim.records import CommandResult

@@ -22,7 +22,8 @@ import numpy as np
 from msgspec import Struct, field
 from msgspec.structs import replace
 
-from simmer_tui.sim.angles import FloatArray, cos_sin, cos_sin_array
+from simmer_tui.sim.angles import cos_sin, cos_sin_array
+from simmer_tui.sim.arrays import FloatArray
 from simmer_tui.sim.block import Block
 from simmer_tui.sim.maze import Maze, Rays
 from simmer_tui.sim.pose import Pose

@@ -16,7 +16,8 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from simmer_tui.sim import columns
-from simmer_tui.sim.angles import FloatArray, cos_sin_array
+from simmer_tui.sim.angles import cos_sin_array
+from simmer_tui.sim.arrays import FloatArray
 from simmer_tui.sim.block import Block
 from simmer_tui.sim.columns import CsvColumn
 from simmer_tui.sim.command import parse_value

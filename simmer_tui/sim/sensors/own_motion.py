@@ -9,7 +9,8 @@ import numpy as np
 from msgspec.structs import replace
 
 from simmer_tui.sim import columns
-from simmer_tui.sim.angles import FloatArray, cos_sin
+from simmer_tui.sim.angles import cos_sin
+from simmer_tui.sim.arrays import FloatArray
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.sensors.base import (
     CountingSensor,

@@ -9,7 +9,8 @@ import numpy as np
 from msgspec.structs import replace
 
 from simmer_tui.sim import columns
-from simmer_tui.sim.angles import FloatArray, cos_sin, cos_sin_array
+from simmer_tui.sim.angles import cos_sin, cos_sin_array
+from simmer_tui.sim.arrays import FloatArray
 from simmer_tui.sim.columns import CsvColumn
 from simmer_tui.sim.maze import Rays
 from simmer_tui.sim.pose import Pose

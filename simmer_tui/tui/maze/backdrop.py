@@ -6,10 +6,9 @@ from collections.abc import Sequence
 from copy import copy
 
 import numpy as np
-from numpy.typing import NDArray
 
 from simmer_tui.belief_grid import Levels
-from simmer_tui.sim.angles import FloatArray
+from simmer_tui.sim.arrays import FloatArray, NDArray
 from simmer_tui.sim.specs import TILES_PER_CELL, WALL
 from simmer_tui.tui.maze.glyphs import BLANK, BRAILLE, DOT_BITS, Cells, Mask, Signs, by_cell
 from simmer_tui.tui.maze.heat import HeatNumber

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from simmer_tui.sim.angles import FloatArray
+from simmer_tui.sim.arrays import FloatArray
 from simmer_tui.sim.pose import Pose
 from simmer_tui.tui.maze.canvas import Canvas, Patch
 from simmer_tui.tui.maze.glyphs import Mask

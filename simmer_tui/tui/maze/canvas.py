@@ -6,9 +6,8 @@ and each replaces earlier ones in its cells.
 
 import numpy as np
 from msgspec import Struct
-from numpy.typing import NDArray
 
-from simmer_tui.sim.angles import FloatArray
+from simmer_tui.sim.arrays import FloatArray, NDArray
 from simmer_tui.tui.maze.backdrop import Backdrop
 from simmer_tui.tui.maze.glyphs import BLANK, BRAILLE, Cells, Mask, dot_patterns
 from simmer_tui.tui.maze.palette import Attribute, Role

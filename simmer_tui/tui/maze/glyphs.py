@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 from msgspec import Struct, field
 from msgspec.structs import replace
-from numpy.typing import NDArray
 
-from simmer_tui.sim.angles import ARROWS, FloatArray, eighth_of_turn
+from simmer_tui.sim.angles import ARROWS, eighth_of_turn
+from simmer_tui.sim.arrays import BoolArray, FloatArray, NDArray
 from simmer_tui.tui.maze.palette import DEFAULT, Role
 from simmer_tui.tui.terminal import ColorDepth, GlyphMode
 
-Mask = NDArray[np.bool_]
+Mask = BoolArray
 BLANK = ord(" ")
 # The first of the 256 braille patterns of Unicode, the one without a dot.
 BRAILLE = 0x2800

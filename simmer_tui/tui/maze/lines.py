@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 from msgspec import Struct
 
-from simmer_tui.sim.angles import FloatArray
+from simmer_tui.sim.arrays import FloatArray
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.records import FloorPatch
 from simmer_tui.sim.scan_rays import ScanRays

@@ -10,8 +10,8 @@ from typing import Self
 
 import numpy as np
 from msgspec import Struct
-from numpy.typing import NDArray
 
+from simmer_tui.sim.arrays import NDArray
 from simmer_tui.tui.terminal import ColorDepth
 
 DEFAULT = -1

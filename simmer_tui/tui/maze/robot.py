@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from simmer_tui.sim.angles import FloatArray
+from simmer_tui.sim.arrays import FloatArray
 from simmer_tui.tui.maze.bodies import LARGE, CellRange, cell_range, local_places, patch_of, square_of
 from simmer_tui.tui.maze.canvas import Canvas, Patch
 from simmer_tui.tui.maze.glyphs import Mask, by_cell, heading_arrow

@@ -9,10 +9,9 @@ from typing import NamedTuple
 
 import numpy as np
 from msgspec import Struct
-from numpy.typing import NDArray
 
 from simmer_tui.run.state import SensorRow, State
-from simmer_tui.sim.angles import FloatArray
+from simmer_tui.sim.arrays import FloatArray, NDArray
 from simmer_tui.sim.maze import Maze
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.scan_rays import ScanRays, rays_of

@@ -4,9 +4,8 @@ import math
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
-from simmer_tui.sim.angles import FloatArray
+from simmer_tui.sim.arrays import BoolArray, FloatArray, NDArray
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.specs import RobotSpec
 
@@ -29,7 +28,7 @@ def near_places(places: FloatArray) -> FloatArray:
     return near
 
 
-def covers(shape: RobotSpec, points: FloatArray) -> NDArray[np.bool_]:
+def covers(shape: RobotSpec, points: FloatArray) -> BoolArray:
     """True for points (..., 2) inside a shape's outline, (...)."""
     x, y = points[..., 0], points[..., 1]
     if shape.radius is not None:

@@ -9,7 +9,7 @@ import math
 import numpy as np
 from msgspec import Struct
 
-from simmer_tui.sim.angles import FloatArray
+from simmer_tui.sim.arrays import FloatArray
 from simmer_tui.sim.specs import CELL_SIZE, MazeSpec
 from simmer_tui.tui.maze.glyphs import Cells, Signs, side_arrow
 from simmer_tui.tui.maze.palette import Attribute, Palette, Role
