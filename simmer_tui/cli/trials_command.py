@@ -183,13 +183,14 @@ def _kept(overrides: dict[str, Override]) -> dict[str, Any]:
 
 
 def _resumed(options: argparse.Namespace) -> TrialFolder:
-    """A set of trials to continue; repeated options must have their first values. Raises TrialsError,
-    ConfigurationError."""
+    """A set of trials to continue; repeated options must have their first values. While no run is done,
+    another program replaces one that was mistyped. Raises TrialsError, ConfigurationError."""
     path = options.out or newest_folder(PREFIX, PLAN, Path())
     if path is None:
         raise TrialsError("there are no trials here to resume: name their folder with --out")
     folder = TrialFolder.resume(path)
-    plan = folder.plan
+    command = folder.plan.command if folder.results else options.run or folder.plan.command
+    plan = structs.replace(folder.plan, command=command)
     overrides = overrides_from(options)
     settings = _kept(overrides)
     given: dict[str, tuple[object, object]] = {
@@ -219,8 +220,9 @@ def _resumed(options: argparse.Namespace) -> TrialFolder:
     if runs < plan.runs:
         raise TrialsError(f"--runs {runs} is less than the {plan.runs} runs planned for these trials")
     _check_plan(options, plan, folder.configuration)
-    if runs > plan.runs:
-        folder.write_plan(structs.replace(plan, runs=runs))
+    plan = structs.replace(plan, runs=runs)
+    if plan != folder.plan:
+        folder.write_plan(plan)
     return folder
 
 
