@@ -169,11 +169,10 @@ def _right(rows: Columns, sensor: SensorSpec) -> BoolArray:
 
 def looks_alike(seen: Attempt, belief: BeliefRow) -> bool:
     """True if the likeliest cell of a grid has a place that looks like the robot's own. Every range sensor
-    that was read would then read the same at both, within its noise."""
+    that was read would then read the same at both, within its noise: of those whose kind has a model."""
     read = set(seen.history.sensor_codes)
-    sensors = [
-        modelled_sensor(each) for each in seen.spec.sensors if each.code in read and each.kind.is_range
-    ]
+    ranges = [each for each in seen.spec.sensors if each.code in read and each.kind.is_range]
+    sensors = [made for made in map(modelled_sensor, ranges) if isinstance(made, ObservingSensor)]
     if len(sensors) < _AGREEING:
         return False
     world = world_without_block(seen.spec)
@@ -181,8 +180,6 @@ def looks_alike(seen: Attempt, belief: BeliefRow) -> bool:
     poses = _around(belief)
     alike = np.ones(len(poses), dtype=np.bool_)
     for sensor in sensors:
-        if not isinstance(sensor, ObservingSensor):
-            continue
         here, there = sensor.true_values(world, true)[0], sensor.true_values(world, poses)
         noise = COVERED * (sensor.spec.error * here + sensor.spec.absolute_error)
         # Nothing in range on both sides is alike too; infinity less infinity is no number.
