@@ -238,7 +238,7 @@ class _Judge:
         attempt, goal = self._attempt, self._goal
         over = attempt.over
         seconds = attempt.elapsed - attempt.begun if over is None else over.event.time
-        when = f"after {seconds:.1f} s"
+        when = f"{seconds:.1f} s{attempt.restart}" if attempt.restart else f"after {seconds:.1f} s"
         reached = f" (last goal: {goal.value})" if goal is not None else ""
         if outcome is Outcome.SUCCEEDED:
             return f"Succeeded {when}, with {contacts_text(attempt.contacts)}."
