@@ -36,7 +36,6 @@ from simmer_tui.cli.trials_options import (
     typed_path,
 )
 from simmer_tui.config.loader import Configuration, load
-from simmer_tui.config.mission_toml import OVERRIDDEN
 from simmer_tui.config.sets import find_mission_set, find_set
 from simmer_tui.config.settings_file import Override
 from simmer_tui.document.as_data import csv_text
@@ -142,10 +141,7 @@ def _check(
     if not configuration.settings.sim:
         problems.append(Problem("trials", "are for the simulated robot; leave out --serial"))
     if configuration.mission is not None:
-        given = [overrides[name].option for name in OVERRIDDEN if name in overrides]
-        varied = {name for point in points for name in point}
-        given += [f"--vary {name}" for name in OVERRIDDEN if name in varied]
-        problems += without_effect(given)
+        problems += without_effect(overrides, {name for point in points for name in point})
     if problems:
         raise ConfigurationError(problems)
 

@@ -106,8 +106,7 @@ def _last_lines(verdict: Verdict) -> Bullets:
 
 def _figures(run: RunStatistics, attempt: Attempt, *, crashed: bool) -> KeyFigures:
     """Three numbers: those of the mission; after a crash, the progress until then."""
-    task, over = attempt.task, attempt.over
-    seconds = attempt.elapsed - attempt.begun if over is None else over.event.time
+    task, seconds = attempt.task, attempt.seconds
     contacts = (str(attempt.contacts), counted(attempt.contacts, "contact").partition(" ")[2])
     if task is None or crashed:
         told = (str(attempt.commands), counted(attempt.commands, "command").partition(" ")[2])

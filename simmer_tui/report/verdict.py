@@ -237,8 +237,8 @@ class _Judge:
     def _text(self, outcome: Outcome, cause: Cause | None) -> str:
         attempt, goal = self._attempt, self._goal
         over = attempt.over
-        seconds = attempt.elapsed - attempt.begun if over is None else over.event.time
-        when = f"{seconds:.1f} s{attempt.restart}" if attempt.restart else f"after {seconds:.1f} s"
+        seconds = f"{attempt.seconds:.1f} s"
+        when = f"{seconds}{attempt.restart}" if attempt.restart else f"after {seconds}"
         reached = f" (last goal: {goal.value})" if goal is not None else ""
         if outcome is Outcome.SUCCEEDED:
             return f"Succeeded {when}, with {contacts_text(attempt.contacts)}."

@@ -159,6 +159,11 @@ class Attempt:
         return [row for row in kept.items if self._began < row.order <= self._until]
 
     @property
+    def seconds(self) -> float:
+        """Simulated seconds that it took, or has taken; of a mission, by its own clock."""
+        return self.elapsed - self.begun if self.over is None else self.over.event.time
+
+    @property
     def restart(self) -> str:
         """Words behind a time since its beginning: ` after the restart at 40.0 s`. Empty if nothing restarted
         the run, and its times are those of the log."""
