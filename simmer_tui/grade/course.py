@@ -27,6 +27,8 @@ PLAN_FILE, TEAMS_FOLDER = "grade.json", "teams"
 ROBOT_FILES = (robot_csv.FILE, sensors_csv.FILE, drive_csv.FILE)
 """The files of a set that are the team's; the rest is the course's."""
 DEFAULT_COMMAND = "python main.py"
+USUAL_CONFIGS = ("config", "config.py", "Main.m")
+"""Names of a team's robot, one of which is taken if the team names none."""
 _LARGEST_TEAM_FILE = 65536
 """Largest team.toml, bytes: it is an untrusted file of two lines."""
 # Judged: a name is a cell of a table; a path and a mistake with its advice need more room to be understood.
@@ -260,7 +262,7 @@ def submitted_team(team: Team, files: Path, command: str) -> Team:
 
 def _usual_config(folder: Path) -> str:
     """The usual place of a team's robot set; empty if it has none."""
-    return next((name for name in ("config", "config.py", "Main.m") if (folder / name).exists()), "")
+    return next((name for name in USUAL_CONFIGS if (folder / name).exists()), "")
 
 
 def _listed(file: TomlFile, home: Path, command: str) -> list[Team]:

@@ -29,6 +29,7 @@ from simmer_tui.grade.course import (
     PLAN_FILE,
     TEAM_FILE,
     TEAMS_FOLDER,
+    USUAL_CONFIGS,
     Course,
     Team,
     shown_name,
@@ -332,19 +333,22 @@ def _kept(planned: PlannedTeam, path: Path, command: str, reader: SubmissionRead
             team = reader.call(submitted_team, team, files, command)
         else:
             team = submitted_team(team, files, command)
-        refused = _missing_program(team.command, left_out)
+        refused = _not_copied(team, left_out)
     except GradeError as error:
         refused = str(error)
     return PlannedTeam(team, planned.attempt, refused)
 
 
-def _missing_program(command: str, left_out: Mapping[str, str]) -> str:
-    """The reason why a file that a team's command names, or a folder of it, was not copied; else empty."""
+def _not_copied(team: Team, left_out: Mapping[str, str]) -> str:
+    """The reason why a file that a team's grading needs, or a folder of it, was not copied; else empty: its
+    program, its team.toml and its robot."""
     words: Sequence[str] = ()
     with suppress(ProgramError):  # its runs say so
-        words = words_of(command)
-    for word in map(PurePosixPath, words):
-        for path in map(str, (word, *word.parents)):
+        words = words_of(team.command)
+    robots = (team.config,) if team.config else USUAL_CONFIGS
+    for name in map(PurePosixPath, (*words, TEAM_FILE, *robots)):
+        for path in map(str, (name, *name.parents)):
             if path in left_out:
-                return f"{shown_path(path)} {left_out[path]}, which is not copied: submit the program itself"
+                what = "which is not copied: submit a plain file or folder"
+                return f"{shown_path(path)} {left_out[path]}, {what}"
     return ""

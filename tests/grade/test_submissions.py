@@ -20,6 +20,8 @@ from tests.grade.conftest import read_grades
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="links are a privilege there")
 
+REMEDY = "submit a plain file or folder"
+
 
 def content(folder: Path) -> dict[str, str]:
     """The files below a folder by relative path."""
@@ -89,7 +91,22 @@ def test_a_program_that_is_not_copied_is_refused_with_the_reason(
     found = {entry.team.name: [*map(str, entry.problems)] for entry in folder.entries if entry.problems}
     refused, team = ("src", "c") if kind == "a link above it" else ("main.py", "a")
     what = "a pipe" if kind == "a pipe" else "a symbolic link"
-    assert found == {team: [f"files: {refused} is {what}, which is not copied: submit the program itself"]}
+    assert found == {
+        team: [f"files: {refused} is {what}, which is not copied: submit a plain file or folder"]
+    }
+
+
+@pytest.mark.parametrize("name", ["team.toml", "config", "Main.m"])
+def test_a_robot_that_is_not_copied_is_refused_with_the_reason(
+    make_course: Callable[..., Path], secret: Path, tmp_path: Path, name: str
+) -> None:
+    """The team would be graded with the course's robot, or command, without a word."""
+    file = make_course({"a": "", "b": ""})
+    (tmp_path / "teams" / "a" / name).symlink_to(secret)
+    (tmp_path / "teams" / "b" / "data").symlink_to(secret)
+    folder = GradeFolder.create(tmp_path / "out", read_course(file), 3, Isolation.NONE)
+    found = [[*map(str, entry.problems)] for entry in folder.entries]
+    assert found == [[f"files: {name} is a symbolic link, which is not copied: {REMEDY}"], []]
 
 
 @pytest.mark.parametrize("swapped", ["main.py", "lib"])
