@@ -58,6 +58,8 @@ class Verdict:
     notes: tuple[str, ...] = ()
     program: ProgramEnded | None = None
     """End of the program, if the simulator started it."""
+    restart: str = ""
+    """Words behind a time that counts from a restart, `Attempt.restart`."""
 
     @property
     def reasons(self) -> list[str]:
@@ -183,6 +185,7 @@ class _Judge:
             advice=self._advice(cause),
             notes=() if late is None else (f"After that the program crashed: {crash_text(late)}.",),
             program=self._program,
+            restart=self._attempt.restart,
         )
 
     # -- facts -----------------------------------------------------------------------------------

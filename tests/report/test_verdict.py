@@ -31,6 +31,7 @@ from simmer_tui.events import (
 from simmer_tui.mission import plan_run
 from simmer_tui.report import live_verdict
 from simmer_tui.report.causes import Kind
+from simmer_tui.report.content import output
 from simmer_tui.report.live_verdict import LiveVerdict
 from simmer_tui.report.page import report_page
 from simmer_tui.report.verdict import Outcome, Verdict, verdict_of
@@ -221,6 +222,18 @@ def test_the_time_of_a_run_that_was_restarted_names_the_restart(start_run: Calla
     assert begun < float(stuck) < begun + since
     page = report_page(report, "run")
     assert f"simulated after the restart at {begun:.1f} s" in page
+
+
+def test_the_output_of_a_program_after_a_restart_has_times_from_there(mission_run: Any) -> None:
+    mission_run.send("u1", "d1-8")
+    mission_run.engine.tell(CRASH)
+    assert output(verdict(mission_run)).heading == "The program's last output"
+    mission_run.perform(ActionName.RESET)
+    mission_run.engine.tell(CRASH)
+    found = verdict(mission_run)
+    begun = found.elapsed - CRASH.time
+    assert begun > 1.0
+    assert output(found).heading == f"The program's last output, times after the restart at {begun:.1f} s"
 
 
 def test_a_run_that_was_too_slow_after_a_restart_has_its_own_seconds(mission_run: Any) -> None:
