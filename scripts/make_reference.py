@@ -10,9 +10,12 @@ from __future__ import annotations
 
 import argparse
 import ast
+import importlib
 import math
 import sys
-from collections.abc import Iterable, Iterator
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from itertools import product
 from pathlib import Path
 
 sys.path.append(str(Path(__file__).resolve().parent.parent))  # a clone's root; an installed one is first
@@ -53,6 +56,8 @@ _OF_PYTHON = ("AssertionError", "AttributeError")
 _PLACE = "..."  # placeholder for a value in a message
 
 Rows = Iterable[tuple[str, ...]]
+Texts = Mapping[str, Sequence[str]]
+Constants = Mapping[str, object]
 
 
 def pages() -> dict[str, str]:
@@ -359,43 +364,79 @@ def _messages_of(path: Path) -> Iterator[str]:
     text = path.read_text("utf-8")
     if not any(f"{call}(" in text for call in (*_PROBLEM_CALLS, _ERRORS)):
         return
+    constants = _constants_of(path)
     for function in ast.walk(ast.parse(text)):
         if not isinstance(function, ast.FunctionDef | ast.AsyncFunctionDef):
             continue
-        names: dict[str, list[str]] = {}
-        for node in ast.walk(function):
-            if isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name):
-                names.setdefault(node.targets[0].id, []).extend(_texts(node.value, {}))
+        names = _local_texts(function, constants)
         for node in ast.walk(function):
             if isinstance(node, ast.Call) and node.args:
                 called = getattr(node.func, "id", "") or getattr(node.func, "attr", "")
                 # A method of another class may have the same name.
                 if len(node.args) > _PROBLEM_CALLS.get(called, math.inf):
-                    yield from _told(node.args[_PROBLEM_CALLS[called]], names)
+                    yield from _told(node.args[_PROBLEM_CALLS[called]], names, constants)
                 elif called.endswith(_ERRORS) and not called.startswith("_") and called not in _OF_PYTHON:
-                    yield from _told(node.args[0], names)
+                    yield from _told(node.args[0], names, constants)
 
 
-def _told(node: ast.expr, names: dict[str, list[str]]) -> Iterator[str]:
+def _told(node: ast.expr, names: Texts, constants: Constants) -> Iterator[str]:
     """Messages with text of their own, not only a value that is passed on."""
-    for text in _texts(node, names):
+    for text in _texts(node, names, constants):
         words = " ".join(text.split())
         if sum(part.isalpha() for part in words.replace(_PLACE, " ").split()) > 1:
             yield words
 
 
-def _texts(node: ast.expr, names: dict[str, list[str]]) -> list[str]:
-    """Texts that an expression may give."""
+def _local_texts(function: ast.AST, constants: Constants) -> Texts:
+    """Texts of the local names of a function, those with an unknown one too."""
+    names: dict[str, list[str]] = {}
+    unknown: Counter[str] = Counter()
+    for node in ast.walk(function):
+        if isinstance(node, ast.arg):
+            unknown[node.arg] += 1
+        elif isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):
+            unknown[node.id] += 1
+        elif isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name):
+            names.setdefault(node.targets[0].id, []).extend(_texts(node.value, {}, constants))
+            unknown[node.targets[0].id] -= 1
+    for name in +unknown:
+        names.setdefault(name, []).append(_PLACE)
+    return names
+
+
+def _texts(node: ast.expr, names: Texts, constants: Constants) -> list[str]:
+    """Texts that an expression may give; the placeholder for one that is not known."""
     if isinstance(node, ast.Constant) and isinstance(node.value, str):
         return [node.value]
     if isinstance(node, ast.JoinedStr):
-        pieces = (piece.value if isinstance(piece, ast.Constant) else _PLACE for piece in node.values)
-        return ["".join(map(str, pieces))]
+        pieces = [_pieces(piece, names, constants) for piece in node.values]
+        return ["".join(each) for each in product(*pieces)]
     if isinstance(node, ast.IfExp):
-        return _texts(node.body, names) + _texts(node.orelse, names)
+        return _texts(node.body, names, constants) + _texts(node.orelse, names, constants)
     if isinstance(node, ast.Name):
-        return names.get(node.id, [])
-    return []
+        return list(names.get(node.id, (_PLACE,)))
+    return [_PLACE]
+
+
+def _pieces(piece: ast.expr, names: Texts, constants: Constants) -> list[str]:
+    """Texts that one part of an f-string may give: a constant's value, each of a local name's texts, or the
+    placeholder."""
+    if isinstance(piece, ast.FormattedValue):
+        parts = [part for part in ast.walk(piece) if isinstance(part, ast.Name)]
+        if parts and all(part.id in constants for part in parts):
+            shown = ast.fix_missing_locations(ast.Expression(ast.JoinedStr([piece])))
+            return [str(eval(compile(shown, "message", "eval"), dict(constants)))]
+        if piece.format_spec is None and piece.conversion == -1:
+            return _texts(piece.value, names, constants)
+        return [_PLACE]
+    return _texts(piece, names, constants)
+
+
+def _constants_of(path: Path) -> Constants:
+    """Constants of a module by name, those that it imports included."""
+    module = ".".join(path.relative_to(ROOT).with_suffix("").parts)
+    found = vars(importlib.import_module(module))
+    return {name: value for name, value in found.items() if name.isupper()}
 
 
 def _escaped(text: str) -> str:

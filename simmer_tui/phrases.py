@@ -302,6 +302,11 @@ def program_end_text(program: ProgramEnded) -> str:
     return f"the program ended with exit code {program.exit_code}"
 
 
+def exit_text(code: int | None) -> str:
+    """Reason of a mission's end: `the program has ended with exit code 3`."""
+    return f"the program has ended with exit code {code}"
+
+
 def last_output(program: ProgramEnded) -> str:
     """The last line that a program printed, on standard error if it failed; empty without any."""
     streams = (program.stderr, program.stdout) if program.exit_code else (program.stdout, program.stderr)

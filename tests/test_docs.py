@@ -143,6 +143,16 @@ def test_every_page_of_the_site_can_be_reached() -> None:
     assert {path.relative_to(DOCS).as_posix() for path in PAGES[1:]} - listed == set()
 
 
+def test_messages_of_the_reference_have_the_constants_and_words_of_the_code() -> None:
+    messages = script("make_reference").messages()
+    for message in (
+        "has no Main.m and no config.py: name the file to import",
+        "name the config.py of simmer-python",
+        "... is a folder: name a file to write to",  # either of two words
+    ):
+        assert message in messages, message
+
+
 def test_the_reference_is_as_the_code_has_it() -> None:
     made = script("make_reference").pages()
     there = {path.name: path.read_text("utf-8") for path in (DOCS / "reference").glob("*.md")}

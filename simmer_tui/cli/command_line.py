@@ -6,13 +6,14 @@ import argparse
 import os
 import re
 import sys
-from collections.abc import Callable, Generator, Iterable, Sequence
+from collections.abc import Callable, Collection, Generator, Iterable, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager, suppress
 from enum import IntEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn, TextIO
 
 from simmer_tui.config.device_trust import OPTION, TRUST, DeviceTrust
+from simmer_tui.config.mission_toml import OVERRIDDEN
 from simmer_tui.config.settings import Setting, all_settings
 from simmer_tui.config.settings_file import Override
 from simmer_tui.errors import (
@@ -93,11 +94,13 @@ def writing(kind: type[SimmerError], path: Path) -> Generator[None, None, None]:
         raise kind(f"{shown_path(path)} cannot be written: {reason_of(error)}") from None
 
 
-def without_effect(options: Iterable[str]) -> list[Problem]:
-    """The problems with options that place robot or block in a mission: one of two places would be ignored
-    without a word."""
+def without_effect(overrides: Mapping[str, Override], varied: Collection[str] = ()) -> list[Problem]:
+    """The problems with options that place robot or block in a mission, or vary their place: one of two
+    places would be ignored without a word."""
+    given = [overrides[name].option for name in OVERRIDDEN if name in overrides]
+    given += [f"--vary {name}" for name in OVERRIDDEN if name in varied]
     what = "has no effect in a mission: mission.toml says where robot and block start"
-    return [Problem(option, what) for option in options]
+    return [Problem(option, what) for option in given]
 
 
 def has_terminal() -> bool:

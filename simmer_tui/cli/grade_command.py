@@ -122,7 +122,7 @@ def run_grade(options: argparse.Namespace) -> int:
 def _begun(options: argparse.Namespace) -> GradeFolder:
     if options.target is None:
         raise GradeError("name the course: a teams.toml, or a folder with one folder a team")
-    course = read_course(options.target, options.course, alone=options.practice)
+    course = read_course(options.target, options.course, alone=options.practice, is_here=options.dask is None)
     given = {
         name: value
         for name in ("require", "margin", "cap", "clock")

@@ -26,7 +26,6 @@ from simmer_tui.cli.command_line import (
     without_effect,
 )
 from simmer_tui.config.loader import Configuration, load
-from simmer_tui.config.mission_toml import OVERRIDDEN
 from simmer_tui.config.sets import find_mission_set, find_set
 from simmer_tui.config.settings import OFF
 from simmer_tui.errors import ConfigurationError, Problem
@@ -199,9 +198,8 @@ def _server(options: argparse.Namespace) -> Server:
     from simmer_tui.mission import plan_run
 
     directory = find_mission_set(options.config)
-    given = [overrides[name].option for name in OVERRIDDEN if name in overrides]
-    if given:
-        raise ConfigurationError(without_effect(given))
+    if problems := without_effect(overrides):
+        raise ConfigurationError(problems)
     configuration, plan = plan_run(checked(load(directory, overrides), options))
     return Server(configuration, plan=plan)
 

@@ -18,6 +18,7 @@ from simmer_tui.cli.command_line import ExitCode, say
 from simmer_tui.config.dialects import SERIAL
 from simmer_tui.errors import ProgramError
 from simmer_tui.events import NOT_CONNECTED, Action, ActionName, Event, MissionEnd, Notice, NoticeKind, Result
+from simmer_tui.phrases import exit_text
 from simmer_tui.program import Program, ProgramOutput, not_started
 from simmer_tui.program.program_command import out_of_reach
 from simmer_tui.server import Server
@@ -333,7 +334,7 @@ class RunLife:
         elif self._command is None:
             referee.end("the client has left")
         else:
-            referee.end(f"the program has ended with exit code {code}")
+            referee.end(exit_text(code))
         # Even if the watcher that would set it has failed: nobody waits forever.
         self._front.finish(code)
 

@@ -36,7 +36,6 @@ from simmer_tui.cli.trials_options import (
     typed_path,
 )
 from simmer_tui.config.loader import Configuration, load
-from simmer_tui.config.mission_toml import OVERRIDDEN
 from simmer_tui.config.sets import find_mission_set, find_set
 from simmer_tui.config.settings_file import Override
 from simmer_tui.document.as_data import csv_text
@@ -142,10 +141,7 @@ def _check(
     if not configuration.settings.sim:
         problems.append(Problem("trials", "are for the simulated robot; leave out --serial"))
     if configuration.mission is not None:
-        given = [overrides[name].option for name in OVERRIDDEN if name in overrides]
-        varied = {name for point in points for name in point}
-        given += [f"--vary {name}" for name in OVERRIDDEN if name in varied]
-        problems += without_effect(given)
+        problems += without_effect(overrides, {name for point in points for name in point})
     if problems:
         raise ConfigurationError(problems)
 
@@ -183,13 +179,14 @@ def _kept(overrides: dict[str, Override]) -> dict[str, Any]:
 
 
 def _resumed(options: argparse.Namespace) -> TrialFolder:
-    """A set of trials to continue; repeated options must have their first values. Raises TrialsError,
-    ConfigurationError."""
+    """A set of trials to continue; repeated options must have their first values. While no run is done,
+    another program replaces one that was mistyped. Raises TrialsError, ConfigurationError."""
     path = options.out or newest_folder(PREFIX, PLAN, Path())
     if path is None:
         raise TrialsError("there are no trials here to resume: name their folder with --out")
     folder = TrialFolder.resume(path)
-    plan = folder.plan
+    command = folder.plan.command if folder.results else options.run or folder.plan.command
+    plan = structs.replace(folder.plan, command=command)
     overrides = overrides_from(options)
     settings = _kept(overrides)
     given: dict[str, tuple[object, object]] = {
@@ -219,8 +216,9 @@ def _resumed(options: argparse.Namespace) -> TrialFolder:
     if runs < plan.runs:
         raise TrialsError(f"--runs {runs} is less than the {plan.runs} runs planned for these trials")
     _check_plan(options, plan, folder.configuration)
-    if runs > plan.runs:
-        folder.write_plan(structs.replace(plan, runs=runs))
+    plan = structs.replace(plan, runs=runs)
+    if plan != folder.plan:
+        folder.write_plan(plan)
     return folder
 
 

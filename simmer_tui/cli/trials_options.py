@@ -131,7 +131,8 @@ def add_trials_options(parser: OneLineParser) -> None:
     group.add_argument(
         "--resume",
         action="store_true",
-        help="continue the trials in the folder (default: the newest here); --runs may ask for more",
+        help="continue the trials in the folder (default: the newest here); --runs may ask for more, and "
+        "--run for another program while no run is done",
     )
     group.add_argument(
         "--require",

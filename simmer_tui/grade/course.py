@@ -27,6 +27,8 @@ PLAN_FILE, TEAMS_FOLDER = "grade.json", "teams"
 ROBOT_FILES = (robot_csv.FILE, sensors_csv.FILE, drive_csv.FILE)
 """The files of a set that are the team's; the rest is the course's."""
 DEFAULT_COMMAND = "python main.py"
+USUAL_CONFIGS = ("config", "config.py", "Main.m")
+"""Names of a team's robot, one of which is taken if the team names none."""
 _LARGEST_TEAM_FILE = 65536
 """Largest team.toml, bytes: it is an untrusted file of two lines."""
 # Judged: a name is a cell of a table; a path and a mistake with its advice need more room to be understood.
@@ -132,9 +134,12 @@ _LIMITS = tuple(
 )
 
 
-def read_course(target: Path, course_file: Path | None = None, *, alone: bool = False) -> Course:
+def read_course(
+    target: Path, course_file: Path | None = None, *, alone: bool = False, is_here: bool = True
+) -> Course:
     """The course in a TOML file, or of the folders in a folder, which may contain a course.toml;
-    `course_file` replaces it. With `alone` the folder is one team's.
+    `course_file` replaces it. With `alone` the folder is one team's. `is_here` is False if the programs run
+    on other machines.
 
     Raises ConfigurationError with every mistake.
     """
@@ -157,7 +162,8 @@ def read_course(target: Path, course_file: Path | None = None, *, alone: bool = 
         command=command,
         limits=Limits(**file.values(_LIMITS, file.table("limits"), "limits.")),
         rules=_rules(file, top),
-        read_only=top.get("read_only", ()),
+        # A team that tries its program need not have the course's tools.
+        read_only=_read_only(file, home, top, must_exist=is_here and not alone),
         image=top.get("image", ""),
         teams=tuple(teams),
         team_folders=team_folders,
@@ -195,6 +201,19 @@ def _set_of(home: Path, name: str) -> Path:
 
 def _folders_named(home: Path, top: Mapping[str, Any]) -> tuple[Path, ...]:
     return (given_path(top["teams"], home),) if "teams" in top else ()
+
+
+def _read_only(file: TomlFile, home: Path, top: Mapping[str, Any], *, must_exist: bool) -> tuple[str, ...]:
+    """More folders that programs may read, by absolute path: a sandbox shows them at the same place."""
+    paths = [str(given_path(each, home).absolute()) for each in top.get("read_only", ())]
+    for each in absent(paths) if must_exist else ():
+        file.add_problem("read_only", f'"{shown_name(each, LONG)}" does not exist')
+    return tuple(paths)
+
+
+def absent(paths: Iterable[str]) -> list[str]:
+    """Those of some paths that do not exist on this machine."""
+    return [each for each in paths if not Path(each).exists()]
 
 
 def _rules(file: TomlFile, top: Mapping[str, Any]) -> Rules:
@@ -243,7 +262,7 @@ def submitted_team(team: Team, files: Path, command: str) -> Team:
 
 def _usual_config(folder: Path) -> str:
     """The usual place of a team's robot set; empty if it has none."""
-    return next((name for name in ("config", "config.py", "Main.m") if (folder / name).exists()), "")
+    return next((name for name in USUAL_CONFIGS if (folder / name).exists()), "")
 
 
 def _listed(file: TomlFile, home: Path, command: str) -> list[Team]:

@@ -12,10 +12,10 @@ from __future__ import annotations
 
 import hmac
 import shutil
-from collections.abc import Iterable
-from contextlib import closing
+from collections.abc import Iterable, Mapping, Sequence
+from contextlib import closing, suppress
 from dataclasses import dataclass, field, replace
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import Annotated
 
 from msgspec import Meta, Struct, structs
@@ -23,12 +23,13 @@ from msgspec import Meta, Struct, structs
 from simmer_tui.config import mission_toml
 from simmer_tui.config.device_trust import DeviceUse
 from simmer_tui.config.loader import Configuration, load
-from simmer_tui.errors import ConfigurationError, GradeError, Problem
+from simmer_tui.errors import ConfigurationError, GradeError, Problem, ProgramError
 from simmer_tui.grade.course import (
     LONG,
     PLAN_FILE,
     TEAM_FILE,
     TEAMS_FOLDER,
+    USUAL_CONFIGS,
     Course,
     Team,
     shown_name,
@@ -39,6 +40,8 @@ from simmer_tui.grade.sandbox import Isolation
 from simmer_tui.grade.submission import PROGRAM, SubmissionCheck, check_submission, reference
 from simmer_tui.grade.submission_copy import copy_submission
 from simmer_tui.grade.submission_reader import SubmissionReader
+from simmer_tui.program.program_command import words_of
+from simmer_tui.sim.command import shown_path
 from simmer_tui.trials.run import OUTPUT, PACKED_LOG
 from simmer_tui.trials.sequential import Decision, SequentialTest, sequential_test
 from simmer_tui.trials.store import RunStore, StoreKind, unbroken
@@ -325,11 +328,27 @@ def _kept(planned: PlannedTeam, path: Path, command: str, reader: SubmissionRead
     refused = ""
     try:
         files = home / PROGRAM
-        copy_submission(team.folder, files, _LARGEST_SUBMISSION)
+        left_out = copy_submission(team.folder, files, _LARGEST_SUBMISSION)
         if (files / TEAM_FILE).exists():
             team = reader.call(submitted_team, team, files, command)
         else:
             team = submitted_team(team, files, command)
+        refused = _not_copied(team, left_out)
     except GradeError as error:
         refused = str(error)
     return PlannedTeam(team, planned.attempt, refused)
+
+
+def _not_copied(team: Team, left_out: Mapping[str, str]) -> str:
+    """The reason why a file that a team's grading needs, or a folder of it, was not copied; else empty: its
+    program, its team.toml and its robot."""
+    words: Sequence[str] = ()
+    with suppress(ProgramError):  # its runs say so
+        words = words_of(team.command)
+    robots = (team.config,) if team.config else USUAL_CONFIGS
+    for name in map(PurePosixPath, (*words, TEAM_FILE, *robots)):
+        for path in map(str, (name, *name.parents)):
+            if path in left_out:
+                what = "which is not copied: submit a plain file or folder"
+                return f"{shown_path(path)} {left_out[path]}, {what}"
+    return ""

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import tempfile
 from collections import Counter
-from collections.abc import Callable, Generator, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import count
 from pathlib import Path
@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 
 from simmer_tui.errors import GradeError
 from simmer_tui.grade import bubblewrap, container
+from simmer_tui.grade.course import LONG, absent, shown_name
 from simmer_tui.grade.grade_folder import Entry, GradeFolder
 from simmer_tui.grade.grade_run import GradeRun, GradeTrial
 from simmer_tui.grade.sandbox import Isolation
@@ -121,9 +122,17 @@ def what_is_missing(isolation: Isolation) -> str:
             return container.what_is_missing(engine.value)
 
 
+def missing_there(isolation: Isolation, read_only: Sequence[str]) -> str:
+    """The same on a worker of a cluster, which also needs the folders of `read_only`."""
+    for each in absent(read_only) if isolation is not Isolation.NONE else ():
+        return f"{shown_name(each, LONG)} does not exist (read_only)"
+    return what_is_missing(isolation)
+
+
 def on_cluster(folder: GradeFolder, client: Client) -> RunSource:
     """Runs on the workers of a cluster. Raises GradeError if one of them cannot sandbox programs."""
-    missing = {where: why for where, why in client.run(what_is_missing, folder.plan.isolation).items() if why}
+    answers = client.run(missing_there, folder.plan.isolation, folder.course.read_only)
+    missing = {where: why for where, why in answers.items() if why}
     if missing:
         where, why = next(iter(missing.items()))
         raise GradeError(f"programs cannot be sandboxed on the worker {where}: {why}")

@@ -43,17 +43,22 @@ _FOLDER = getattr(os, "O_DIRECTORY", 0)
 _WRITE = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_BINARY", 0)
 
 
-def copy_submission(source: Path, goal: Path, most_bytes: int) -> None:
+def copy_submission(source: Path, goal: Path, most_bytes: int) -> dict[str, str]:
     """Copy the plain files of a folder to a new one. Links, pipes, devices, caches and version control stay.
+
+    Returns:
+        By path, the reason why an entry was not copied: `is a pipe`.
 
     Raises:
         GradeError: There is too much, or something cannot be read, or changed meanwhile.
     """
     try:
         with _opened_folder(source, None) as folder:
-            _Copy(folder.owner, most_bytes).take(folder, goal, PurePosixPath())
+            copy = _Copy(folder.owner, most_bytes)
+            copy.take(folder, goal, PurePosixPath())
     except OSError as error:
         raise GradeError(f"its folder: {reason_of(error)}") from None
+    return copy.left_out
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,6 +91,7 @@ class _Copy:
         self._owner = owner
         self._most = self._left = most_bytes
         self._files = self._entries = 0
+        self.left_out: dict[str, str] = {}
 
     def take(self, source: _Folder, goal: Path, shown: PurePosixPath) -> None:
         """Copy the contents of a folder to a new one. Raises GradeError."""
@@ -99,8 +105,8 @@ class _Copy:
                     if entry.name not in _CACHES and not entry.name.startswith(".git"):
                         with _opened_folder(source.path / entry.name, source.descriptor) as folder:
                             self.take(folder, goal / entry.name, here)
-                elif entry.is_file(follow_symlinks=False):
-                    self._copy_file(source, entry.name, goal / entry.name)
+                elif reason := self._not_copied(source, entry, goal):
+                    self.left_out[str(here)] = reason
             except OSError as error:
                 raise GradeError(f"{shown_path(here)}: {reason_of(error)}") from None
         goal.chmod(0o755)  # the program reads them with a user ID that nobody has
@@ -118,8 +124,18 @@ class _Copy:
             raise GradeError(f"{shown_path(shown)}: {reason_of(error)}") from None
         return sorted(found, key=lambda entry: entry.name)
 
-    def _copy_file(self, source: _Folder, name: str, goal: Path) -> None:
-        """Copy a plain file. Raises GradeError, OSError."""
+    def _not_copied(self, source: _Folder, entry: os.DirEntry[str], goal: Path) -> str:
+        """Copy an entry that is a plain file; the reason if it is none. Raises GradeError, OSError."""
+        if entry.is_symlink():
+            return "is a symbolic link"
+        if entry.is_file(follow_symlinks=False):
+            mine = self._copy_file(source, entry.name, goal / entry.name)
+            return "" if mine else "is another user's file under a second name"
+        is_pipe = stat.S_ISFIFO(entry.stat(follow_symlinks=False).st_mode)
+        return "is a pipe" if is_pipe else "is no file"
+
+    def _copy_file(self, source: _Folder, name: str, goal: Path) -> bool:
+        """Copy a plain file; False for a hard link to another user's. Raises GradeError, OSError."""
         given = name if source.descriptor is not None else source.path / name
         read = os.open(given, _READ, dir_fd=source.descriptor)
         try:
@@ -127,7 +143,7 @@ class _Copy:
             if not stat.S_ISREG(found.st_mode):
                 raise GradeError(f"{escape_passage(name)}: changed while it was copied")
             if found.st_nlink > 1 and found.st_uid != self._owner:
-                return  # a hard link to another user's file is a link as well
+                return False  # it is a link as well
             self._files += 1
             self._check(found.st_size)
             mode = 0o755 if found.st_mode & 0o111 else 0o644
@@ -140,6 +156,7 @@ class _Copy:
             finally:
                 os.close(written)
             goal.chmod(mode)
+            return True
         finally:
             os.close(read)
 

@@ -245,8 +245,7 @@ class DialectRobot(MonitoredRobot):
         """The robot has not answered in time."""
         if request.message is not None:
             self._reader.forget(request.message.rule)
-        reason = f"the robot did not answer within {self.settings.timeout:g} s"
-        self._give_up(request, reason)
+        self._give_up(request, self.no_answer)
 
     def _give_up(self, request: _Request, reason: str) -> None:
         known = request.result or self._result(request.command, Status.UNANSWERED, math.nan)
@@ -290,8 +289,7 @@ class DialectRobot(MonitoredRobot):
             text = 'the robot cannot be stopped: no rule of the dialect is a plain stop (do = "stop")'
             self._tell(NoticeKind.FAULT, text)
         elif not self._open:
-            text = f"the stop cannot be sent: {self.port} is closed"
-            self._tell(NoticeKind.FAULT, text)
+            self._tell(NoticeKind.FAULT, self.unsent_stop)
         else:
             # Otherwise the stop would complete half a line of the program.
             data = message.data

@@ -54,6 +54,16 @@ class RealRobot(EventHandler[None], Backend):
         """True if the port is open."""
         return self._open
 
+    @property
+    def no_answer(self) -> str:
+        """Reason for a command that got no answer in time."""
+        return f"the robot did not answer within {self.settings.timeout:g} s"
+
+    @property
+    def unsent_stop(self) -> str:
+        """Fault of a stop while the port is closed."""
+        return f"the stop cannot be sent: {self.port} is closed"
+
     @abstractmethod
     def stop(self) -> None:
         """The emergency stop of a person."""

@@ -187,8 +187,7 @@ class SerialBridge(RealRobot):
     def stop(self) -> None:
         """Send a person's emergency stop at once, or as soon as the port opens."""
         if not self._open:
-            text = f"the stop cannot be sent: {self.port} is closed; it goes out as soon as that opens"
-            self._tell(NoticeKind.FAULT, text)
+            self._tell(NoticeKind.FAULT, f"{self.unsent_stop}; it goes out as soon as that opens")
         self._send_stop(_Exchange(self._stop_text(self._last), (), self._last.form, is_stop=True))
 
     def _send_stop(self, stop: _Exchange) -> None:
@@ -450,7 +449,7 @@ class SerialBridge(RealRobot):
         self._mistrust()
         if self._under_way:
             late = self._under_way.popleft()
-            reason = f"the robot did not answer within {self.settings.timeout:g} s"
+            reason = self.no_answer
             if any(each.ranges is not None for each in late.simulated):
                 reason += "; a lidar's reply is its count and so many numbers"
             self._answer_in_its_place(late, reason)

@@ -16,7 +16,8 @@ from simmer_tui.config.mission_plan import Cell, cells_of
 from simmer_tui.document import svg
 from simmer_tui.errors import ExportError
 from simmer_tui.report import figure
-from simmer_tui.report.recording import Keyframe, Mark, MarkKind, PlayerReading, latest
+from simmer_tui.report.keyframes import Keyframe
+from simmer_tui.report.recording import Mark, MarkKind, PlayerReading, latest
 from simmer_tui.report.run_statistics import RunStatistics
 from simmer_tui.run.scan_traces import range_step, ray_ends, ray_times
 from simmer_tui.sim.arrays import FloatArray

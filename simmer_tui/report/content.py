@@ -245,7 +245,8 @@ def output(verdict: Verdict) -> Bullets:
     program = verdict.program
     said = () if program is None else (*program.stderr, *(() if program.crashed else program.stdout))
     lines = [f"{line.time:.1f} s  {escape_passage(line.text)}" for line in said]
-    return Bullets(OUTPUT.title, lines, OUTPUT.key, "output")
+    title = f"{OUTPUT.title}, times{verdict.restart}" if verdict.restart else OUTPUT.title
+    return Bullets(title, lines, OUTPUT.key, "output")
 
 
 def _output_table(verdict: Verdict) -> DataTable:

@@ -238,7 +238,8 @@ class EndingCauses:
         seen, spent = self._seen, self._seen.spent
         if not (seen.out_of_time or self._cut_off):
             return None
-        rest = max(seen.elapsed - seen.begun - spent.driving - spent.reading - spent.link, 0.0)
+        seconds = seen.elapsed - seen.begun
+        rest = max(seconds - spent.driving - spent.reading - spent.link, 0.0)
         parts = {"driving": spent.driving, "reading": spent.reading, "the link": spent.link, "waiting": rest}
         most = max(parts, key=lambda name: parts[name])
         count = spent.readings.total()
@@ -248,7 +249,7 @@ class EndingCauses:
             return self._made(
                 Kind.TOO_SLOW,
                 "It was too slow: at the real time limit the program was still running.",
-                f"Most of the {seen.elapsed:.1f} simulated seconds went to {most}.",
+                f"Most of the {seconds:.1f} simulated seconds{seen.restart} went to {most}.",
                 readings,
                 self._goals(),
             )

@@ -106,12 +106,11 @@ def _last_lines(verdict: Verdict) -> Bullets:
 
 def _figures(run: RunStatistics, attempt: Attempt, *, crashed: bool) -> KeyFigures:
     """Three numbers: those of the mission; after a crash, the progress until then."""
-    task, over = attempt.task, attempt.over
-    seconds = attempt.elapsed - attempt.begun if over is None else over.event.time
+    task, seconds = attempt.task, attempt.seconds
     contacts = (str(attempt.contacts), counted(attempt.contacts, "contact").partition(" ")[2])
     if task is None or crashed:
         told = (str(attempt.commands), counted(attempt.commands, "command").partition(" ")[2])
-        return KeyFigures(((f"{seconds:.1f} s", "simulated"), told, contacts))
+        return KeyFigures(((f"{seconds:.1f} s", f"simulated{attempt.restart}"), told, contacts))
     met = f"{len(goals_met(run.history))} of {len(Goal)}"
     return KeyFigures(((met, "goals met"), (f"{seconds:.1f} s", f"of {task.time_limit:g} s"), contacts))
 
@@ -149,7 +148,7 @@ def _goals(run: RunStatistics, task: Task, attempt: Attempt) -> Iterator[tuple[P
         if goal is Goal.DELIVERED and task.zone is not None:
             where = f" to {task.zone.x:g}, {task.zone.y:g}"
         chip = _goal(f"{goal.value}{where}", met=goal in met)
-        yield (chip, f" {met[goal]:.1f} s") if goal in met else (chip,)
+        yield (chip, f" {met[goal]:.1f} s{attempt.restart}") if goal in met else (chip,)
     if task.contacts is not None:
         contacts = _goal(contacts_text(attempt.contacts), met=attempt.contacts <= task.contacts)
         yield contacts, f", {task.contacts} allowed"

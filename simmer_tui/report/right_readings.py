@@ -12,9 +12,10 @@ import numpy as np
 
 from simmer_tui.report.sensor_sample import world_without_block
 from simmer_tui.run.attempt import Attempt, Collision
-from simmer_tui.run.facts import COVERED, SLIGHT, wrapped
+from simmer_tui.run.facts import COVERED, SLIGHT
 from simmer_tui.run.history_rows import BeliefRow, GripRow
 from simmer_tui.run.table import Columns
+from simmer_tui.sim.angles import half_turn
 from simmer_tui.sim.arrays import BoolArray, FloatArray
 from simmer_tui.sim.sensors import ObservingSensor, modelled_sensor
 from simmer_tui.sim.specs import CELL_SIZE, SensorSpec
@@ -169,11 +170,10 @@ def _right(rows: Columns, sensor: SensorSpec) -> BoolArray:
 
 def looks_alike(seen: Attempt, belief: BeliefRow) -> bool:
     """True if the likeliest cell of a grid has a place that looks like the robot's own. Every range sensor
-    that was read would then read the same at both, within its noise."""
+    that was read would then read the same at both, within its noise: of those whose kind has a model."""
     read = set(seen.history.sensor_codes)
-    sensors = [
-        modelled_sensor(each) for each in seen.spec.sensors if each.code in read and each.kind.is_range
-    ]
+    ranges = [each for each in seen.spec.sensors if each.code in read and each.kind.is_range]
+    sensors = [made for made in map(modelled_sensor, ranges) if isinstance(made, ObservingSensor)]
     if len(sensors) < _AGREEING:
         return False
     world = world_without_block(seen.spec)
@@ -181,8 +181,6 @@ def looks_alike(seen: Attempt, belief: BeliefRow) -> bool:
     poses = _around(belief)
     alike = np.ones(len(poses), dtype=np.bool_)
     for sensor in sensors:
-        if not isinstance(sensor, ObservingSensor):
-            continue
         here, there = sensor.true_values(world, true)[0], sensor.true_values(world, poses)
         noise = COVERED * (sensor.spec.error * here + sensor.spec.absolute_error)
         # Nothing in range on both sides is alike too; infinity less infinity is no number.
@@ -196,7 +194,7 @@ def _around(belief: BeliefRow) -> FloatArray:
     one; a grid without headings allows for all four."""
     reach = min(belief.allowed, CELL_SIZE / 2)
     steps = np.arange(-reach, reach + _STEP / 2, _STEP)
-    beside = wrapped((belief.true_heading - belief.heading) * 4.0) / 4.0
+    beside = half_turn((belief.true_heading - belief.heading) * 4.0) / 4.0
     turns = [0.0] if belief.tells_heading else [0.0, 90.0, 180.0, 270.0]
     x, y, turn = np.meshgrid(belief.x + steps, belief.y + steps, belief.heading + beside + np.array(turns))
     return np.column_stack((x.ravel(), y.ravel(), turn.ravel()))

@@ -58,6 +58,8 @@ class Verdict:
     notes: tuple[str, ...] = ()
     program: ProgramEnded | None = None
     """End of the program, if the simulator started it."""
+    restart: str = ""
+    """Words behind a time that counts from a restart, `Attempt.restart`."""
 
     @property
     def reasons(self) -> list[str]:
@@ -183,6 +185,7 @@ class _Judge:
             advice=self._advice(cause),
             notes=() if late is None else (f"After that the program crashed: {crash_text(late)}.",),
             program=self._program,
+            restart=self._attempt.restart,
         )
 
     # -- facts -----------------------------------------------------------------------------------
@@ -237,8 +240,8 @@ class _Judge:
     def _text(self, outcome: Outcome, cause: Cause | None) -> str:
         attempt, goal = self._attempt, self._goal
         over = attempt.over
-        seconds = attempt.elapsed - attempt.begun if over is None else over.event.time
-        when = f"after {seconds:.1f} s"
+        seconds = f"{attempt.seconds:.1f} s"
+        when = f"{seconds}{attempt.restart}" if attempt.restart else f"after {seconds}"
         reached = f" (last goal: {goal.value})" if goal is not None else ""
         if outcome is Outcome.SUCCEEDED:
             return f"Succeeded {when}, with {contacts_text(attempt.contacts)}."

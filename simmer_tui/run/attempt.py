@@ -158,6 +158,17 @@ class Attempt:
         """The rows of a kind since the last restart until its end, newest last."""
         return [row for row in kept.items if self._began < row.order <= self._until]
 
+    @property
+    def seconds(self) -> float:
+        """Simulated seconds that it took, or has taken; of a mission, by its own clock."""
+        return self.elapsed - self.begun if self.over is None else self.over.event.time
+
+    @property
+    def restart(self) -> str:
+        """Words behind a time since its beginning: ` after the restart at 40.0 s`. Empty if nothing restarted
+        the run, and its times are those of the log."""
+        return "" if self._restart is None else f" after the restart at {self.begun:.1f} s"
+
     # -- how it ended ----------------------------------------------------------------------------
 
     @property

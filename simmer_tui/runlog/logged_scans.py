@@ -1,7 +1,7 @@
 """The scans of lidars in a log: their ranges, as whole steps of the sensor's resolution, in base64.
 
 A log has the ranges alone. The directions of the rays follow from the sensor, and their origins from the
-movements before them. The true distances are computed on request.
+movements before them.
 """
 
 from __future__ import annotations
@@ -11,15 +11,13 @@ import math
 from collections.abc import Iterable
 
 import numpy as np
-from msgspec.structs import replace
 
 from simmer_tui.errors import RunLogError
 from simmer_tui.protocol.replies import MOST_RANGES
 from simmer_tui.runlog.log_records import ReadingRecord
 from simmer_tui.sim.arrays import FloatArray
-from simmer_tui.sim.maze import Maze
 from simmer_tui.sim.pose import Pose
-from simmer_tui.sim.recent_motion import BlockPlace, Motion, RecentMotion
+from simmer_tui.sim.recent_motion import Motion, RecentMotion
 from simmer_tui.sim.records import LidarScan, ray_bearings
 from simmer_tui.sim.sensors import Lidar, sensor_of
 from simmer_tui.sim.specs import SensorSpec
@@ -120,8 +118,8 @@ class ScanDecoder:
     def scan(
         self, record: ReadingRecord, sensor: SensorSpec, pose: Pose, under_way: Motion | None
     ) -> LidarScan:
-        """The scan of a reading, with the robot now at a pose, perhaps in motion. Its true distances are left
-        out: `with_truth` gives them. Raises RunLogError."""
+        """The scan of a reading, with the robot now at a pose, perhaps in motion. It has no true
+        distances. Raises RunLogError."""
         ranges, revolution = self._ranges.of(record, sensor), record.revolution
         assert revolution is not None, "a scan has a revolution"
         last = self._last.get(sensor.code)
@@ -136,11 +134,3 @@ class ScanDecoder:
         scan = LidarScan(revolution, ranges, ray_bearings(bearings, len(ranges)), np.empty(0), poses)
         self._last[sensor.code] = scan
         return scan
-
-
-def with_truth(scan: LidarScan, sensor: SensorSpec, maze: Maze, block: BlockPlace) -> LidarScan:
-    """A scan of a log with the true distances of its rays, in a maze and with the block where it is."""
-    lidar = sensor_of(sensor)
-    if not isinstance(lidar, Lidar) or not len(scan.poses):
-        return scan
-    return replace(scan, true=lidar.distances(maze, scan.poses, [(slice(None), block)]))

@@ -4,10 +4,13 @@ Tables of eight directions begin at 0 degrees and go counter-clockwise.
 """
 
 import math
+from typing import TypeVar
 
 import numpy as np
 
 from simmer_tui.sim.arrays import FloatArray
+
+_Angle = TypeVar("_Angle", float, FloatArray)
 
 ARROWS = ("→", "↗", "↑", "↖", "←", "↙", "↓", "↘")
 """Arrows to 0, 45 ... 315 degrees, counter-clockwise from the right."""
@@ -20,10 +23,10 @@ _FEW = 32
 _QUADRANTS = {0.0: (1.0, 0.0), 90.0: (0.0, 1.0), 180.0: (-1.0, 0.0), 270.0: (0.0, -1.0), 360.0: (1.0, 0.0)}
 
 
-def half_turn(degrees: float) -> float:
-    """The same direction as an angle in (-180, 180]: headings as people read them."""
-    turned = math.remainder(degrees, 360.0)
-    return 180.0 if turned == -180.0 else turned
+def half_turn(degrees: _Angle) -> _Angle:
+    """The same direction as an angle in (-180, 180], or an array of them; NaN for infinity."""
+    # From 180 downwards: the remainder is from 0 to below 360.
+    return 180.0 - (180.0 - degrees) % 360.0
 
 
 def eighth_of_turn(degrees: float) -> int:

@@ -27,7 +27,7 @@ from simmer_tui.sim.specs import DriveKind
 from simmer_tui.snapshot import Snapshot
 from simmer_tui.tui import answers
 from simmer_tui.tui.console import ConsolePane, History
-from simmer_tui.tui.event_text import REASONS, refusal_of
+from simmer_tui.tui.event_text import REASONS, ends_with_answer, refusal_of
 from simmer_tui.tui.headline import RunPhase
 from simmer_tui.tui.help import CommandProvider, ReportScreen, help_screen
 from simmer_tui.tui.key_table import IN_CONSOLE, Hint, MazePane, drive_keys, hints_of, keymap, maze_hints
@@ -116,7 +116,8 @@ class SimmerApp(Shell):
         entries = self._panes.log.entries if brief else ()
         status = status_line(snapshot, entries, brief=brief, plain=self._plain)
         answer = self._panes.answer
-        if brief and "answer" in self._plan.boxes and answer is not None and answer.covers:
+        is_free = not ends_with_answer(entries, self._panes.slot.asked_at)
+        if brief and is_free and "answer" in self._plan.boxes and answer is not None and answer.covers:
             # The third of its lines: the other two take the rows of legend and pose.
             lines = answer.shown(Room(self.size.width, BRIEF_ANSWER, self._plain))
             status = lines[2][1:] if len(lines) > 2 else ()

@@ -124,6 +124,7 @@ class EventWords(Struct, frozen=True):
         refusal: reason why a command or action was refused; empty if it was not, None for other events.
         ends_mission: true for the event that ends a mission.
         is_departure: true for what a program does after its end.
+        is_answer: true for a hint, and for what an action of a person did.
     """
 
     source: str = "robot"
@@ -132,6 +133,7 @@ class EventWords(Struct, frozen=True):
     refusal: str | None = None
     ends_mission: bool = False
     is_departure: bool = False
+    is_answer: bool = False
 
 
 class _Wording(EventHandler[EventWords]):
@@ -173,7 +175,9 @@ class _Wording(EventHandler[EventWords]):
         arguments = "".join(f" {number:.13g}" for number in event.action.arguments)
         done: StyledLine = ((event.text, "danger" if event.refused else "good"),)
         refusal = f"{name}: {event.text}" if event.refused else ""
-        return EventWords(event.action.source, f"{name}{arguments}", lambda: done, refusal)
+        source = event.action.source
+        subject = f"{name}{arguments}"
+        return EventWords(source, subject, lambda: done, refusal, is_answer=source in PEOPLE)
 
     def on_belief(self, event: Belief) -> EventWords:
         def pieces() -> StyledLine:
@@ -194,7 +198,13 @@ class _Wording(EventHandler[EventWords]):
     def on_notice(self, event: events.Notice) -> EventWords:
         source = _NOTICE_SOURCES.get(event.kind, "robot")
         text: StyledLine = ((event.text, _NOTICE_ROLES.get(event.kind, "good")),)
-        return EventWords(source, source, lambda: text, is_departure=event.kind in _AFTER_THE_END)
+        return EventWords(
+            source,
+            source,
+            lambda: text,
+            is_departure=event.kind in _AFTER_THE_END,
+            is_answer=event.kind is NoticeKind.HINT,
+        )
 
     def on_wire(self, event: events.WireMessage) -> EventWords:
         shown = escape_passage(event.data)
@@ -278,6 +288,13 @@ def last_event_line(entries: Sequence[LogEntry]) -> StyledLine:
         return entry_line(newest)
     since = f"   then {folded_text(newest)}" if newest.folds else ""
     return (*entry_line(_outweighing(events_alone)), (since, "dim"))
+
+
+def ends_with_answer(entries: Sequence[LogEntry], since: int) -> bool:
+    """True if the last event is an answer to a person, and came after the event `since`."""
+    if not entries or entries[-1].folds or entries[-1].number <= since:
+        return False
+    return words_of(entries[-1]).is_answer
 
 
 def _outweighing(entries: Sequence[LogEntry]) -> LogEntry:

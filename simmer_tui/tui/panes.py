@@ -98,6 +98,8 @@ class AnswerSlot:
         """Advice for a beginning, if there is any."""
         self.has_orders = False
         """True if orders can be typed, which an answer may name."""
+        self.asked_at = 0
+        """Number of the newest event when an answer was last requested."""
         self._asked: AnswerCard | None = None
         self._moved = 0
         self._closed = False
@@ -106,7 +108,7 @@ class AnswerSlot:
 
     def ask(self, answer: AnswerCard, snapshot: Snapshot) -> None:
         """Show an answer until it is closed, or until the robot moves again."""
-        self._asked, self._moved = answer, snapshot.state.moved
+        self._asked, self._moved, self.asked_at = answer, snapshot.state.moved, snapshot.number
 
     def close(self) -> bool:
         """Close the answer, if it can be closed. Returns True if it could."""

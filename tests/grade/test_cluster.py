@@ -10,6 +10,11 @@ from pathlib import Path
 import pytest
 
 from simmer_tui.cli.grade_command import run_grade
+from simmer_tui.errors import GradeError
+from simmer_tui.grade.course import read_course
+from simmer_tui.grade.grade_folder import GradeFolder
+from simmer_tui.grade.grading import on_cluster
+from simmer_tui.grade.sandbox import Isolation
 from tests.grade.conftest import HIT, SOLVE
 from tests.grade.test_grading import QUICK
 
@@ -26,6 +31,22 @@ with LocalCluster(
     code = run_grade([*arguments, "--dask", cluster.scheduler_address])
 sys.exit(code)
 """
+
+
+class Worker:
+    """A cluster with one worker, which is this process."""
+
+    def run(self, function: Callable[..., str], *arguments: object) -> dict[str, str]:
+        return {"tcp://worker": function(*arguments)}
+
+
+def test_a_worker_without_a_folder_for_programs_is_named(
+    make_course: Callable[..., Path], tmp_path: Path
+) -> None:
+    file = make_course({"a": HIT}, f'read_only = ["/opt/matlba"]\n{QUICK}')
+    folder = GradeFolder.create(tmp_path / "out", read_course(file, is_here=False), 3, Isolation.BWRAP)
+    with pytest.raises(GradeError, match=r"worker tcp://worker: /opt/matlba does not exist \(read_only\)"):
+        on_cluster(folder, Worker())  # type: ignore[arg-type]
 
 
 @pytest.mark.slow

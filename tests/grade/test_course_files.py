@@ -35,10 +35,11 @@ def teams(tmp_path: Path) -> Path:
 
 
 def test_a_course_has_what_its_file_says(teams: Path, tmp_path: Path) -> None:
-    file = tmp_path / "course.toml"
+    file, tools = tmp_path / "course.toml", tmp_path / "tools"
+    tools.mkdir()
     file.write_text(
         'name = "A course"\nset = "mission"\ncommand = "./run"\nimage = "an image"\n'
-        'read_only = ["/opt/x"]\ndialects = true\nwheels = true\n'
+        f'read_only = ["{tools}", "tools"]\ndialects = true\nwheels = true\n'
         "[decide]\nrequire = 0.8\nmargin = 0.2\nrisk = 0.1\ncap = 70\n"
         "[limits]\ntime = 1\ncpu = 2\nmemory = 3\nprocesses = 4\ndisk = 5\noutput = 6\nlogs = 7\n"
         '[rules]\nsensors = 3\nsize = 8.5\n[rules.cells]\n"robot.csv" = ["Shape"]\n'
@@ -55,7 +56,7 @@ def test_a_course_has_what_its_file_says(teams: Path, tmp_path: Path) -> None:
         cap=70,
         limits=Limits(time=1.0, cpu=2.0, memory=3.0, processes=4, disk=5.0, output=6.0, logs=7.0),
         rules=Rules(sensors=3, size=8.5, cells={"robot.csv": ("Shape",)}, dialects=True, wheels=True),
-        read_only=("/opt/x",),
+        read_only=(str(tools), str(tools)),
         image="an image",
         teams=(
             Team("named", teams / "a", "./other", "robot", {"command": "./other", "config": "robot"}),
@@ -128,6 +129,16 @@ def test_values_beyond_are_mistakes_with_their_lines(teams: Path, values: str, l
         what = allowed.get(name.partition(".")[2], "a number above 0 and at most 1e+06")
         expected.append(f"course.toml:{place}:{name}: must be {what}, not {value}")
     assert sorted(problems_of(teams)) == sorted(expected)
+
+
+def test_a_folder_for_programs_that_does_not_exist_is_refused_with_its_line(teams: Path) -> None:
+    (teams / "course.toml").write_text('name = "x"\nread_only = ["/usr", "/opt/matlba", "tools"]\n')
+    assert problems_of(teams) == [
+        'course.toml:2:read_only: "/opt/matlba" does not exist',
+        f'course.toml:2:read_only: "{teams / "tools"}" does not exist',
+    ]
+    # A team that practices may not have the course's tools, and a cluster's workers have their own.
+    assert read_course(teams, alone=True).read_only == read_course(teams, is_here=False).read_only
 
 
 def test_what_is_not_there_is_said(teams: Path, tmp_path: Path) -> None:

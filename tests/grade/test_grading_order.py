@@ -25,7 +25,15 @@ from simmer_tui.grade import bubblewrap, container, grading
 from simmer_tui.grade.course import read_course
 from simmer_tui.grade.grade_folder import GradeFolder
 from simmer_tui.grade.grade_run import GradeRun, GradeTrial
-from simmer_tui.grade.grading import Grading, check_isolation, grade, on_cluster, run_there, what_is_missing
+from simmer_tui.grade.grading import (
+    Grading,
+    check_isolation,
+    grade,
+    missing_there,
+    on_cluster,
+    run_there,
+    what_is_missing,
+)
 from simmer_tui.grade.sandbox import Isolation
 from simmer_tui.grade.submission_reader import SubmissionReader, serve
 from simmer_tui.trials.cluster import PackedFile
@@ -123,7 +131,7 @@ class Cluster:
         self.sent: list[tuple[object, ...]] = []
 
     def run(self, function: object, *given: object) -> dict[str, str]:
-        assert (function, given) == (what_is_missing, (Isolation.NONE,))
+        assert (function, given) == (missing_there, (Isolation.NONE, ()))
         return self.missing
 
     def submit(self, function: object, *given: object, pure: bool) -> str:

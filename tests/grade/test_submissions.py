@@ -20,6 +20,8 @@ from tests.grade.conftest import read_grades
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="links are a privilege there")
 
+REMEDY = "submit a plain file or folder"
+
 
 def content(folder: Path) -> dict[str, str]:
     """The files below a folder by relative path."""
@@ -52,12 +54,59 @@ def test_copy_is_of_plain_files(handed_in: Path, secret: Path, tmp_path: Path) -
     for cache in ("__pycache__", ".git"):
         (handed_in / cache).mkdir()
         (handed_in / cache / "x").write_text("x")
-    copy_submission(handed_in, tmp_path / "copy", 100)
+    left_out = copy_submission(handed_in, tmp_path / "copy", 100)
+    assert {name: left_out[name] for name in sorted(left_out)} == {
+        "folder": "is a symbolic link",
+        "link.py": "is a symbolic link",
+        "pipe": "is a pipe",
+    }
     assert content(tmp_path / "copy") == {"main.py": "go", "lib/a.py": "a"}
     modes = {
         name: (tmp_path / "copy" / name).stat().st_mode & 0o777 for name in ("main.py", "lib/a.py", "lib")
     }
     assert modes == {"main.py": 0o755, "lib/a.py": 0o644, "lib": 0o755}
+
+
+@pytest.mark.parametrize("kind", ["a symbolic link", "a pipe", "a link above it"])
+def test_a_program_that_is_not_copied_is_refused_with_the_reason(
+    make_course: Callable[..., Path], secret: Path, tmp_path: Path, kind: str
+) -> None:
+    file = make_course(
+        {"a": "", "b": ""}, '[[team]]\nname = "c"\nfolder = "c"\ncommand = "python ./src/a.py"\n'
+    )
+    program = tmp_path / "teams" / "a" / "main.py"
+    program.unlink()
+    (tmp_path / "c").mkdir()
+    (tmp_path / "c" / "src").mkdir()
+    (tmp_path / "c" / "src" / "a.py").touch()
+    if kind == "a symbolic link":
+        program.symlink_to(secret / "a.py")
+    elif kind == "a pipe":
+        os.mkfifo(program)
+    else:
+        program.touch()
+        shutil.rmtree(tmp_path / "c" / "src")
+        (tmp_path / "c" / "src").symlink_to(secret)
+    folder = GradeFolder.create(tmp_path / "out", read_course(file), 3, Isolation.NONE)
+    found = {entry.team.name: [*map(str, entry.problems)] for entry in folder.entries if entry.problems}
+    refused, team = ("src", "c") if kind == "a link above it" else ("main.py", "a")
+    what = "a pipe" if kind == "a pipe" else "a symbolic link"
+    assert found == {
+        team: [f"files: {refused} is {what}, which is not copied: submit a plain file or folder"]
+    }
+
+
+@pytest.mark.parametrize("name", ["team.toml", "config", "Main.m"])
+def test_a_robot_that_is_not_copied_is_refused_with_the_reason(
+    make_course: Callable[..., Path], secret: Path, tmp_path: Path, name: str
+) -> None:
+    """The team would be graded with the course's robot, or command, without a word."""
+    file = make_course({"a": "", "b": ""})
+    (tmp_path / "teams" / "a" / name).symlink_to(secret)
+    (tmp_path / "teams" / "b" / "data").symlink_to(secret)
+    folder = GradeFolder.create(tmp_path / "out", read_course(file), 3, Isolation.NONE)
+    found = [[*map(str, entry.problems)] for entry in folder.entries]
+    assert found == [[f"files: {name} is a symbolic link, which is not copied: {REMEDY}"], []]
 
 
 @pytest.mark.parametrize("swapped", ["main.py", "lib"])
@@ -97,7 +146,8 @@ def test_other_name_of_another_users_file_is_not_taken(handed_in: Path, secret: 
     os.link(secret / "a.py", handed_in / "main.py")
     for path in (handed_in, handed_in / "lib", handed_in / "lib" / "a.py"):
         os.chown(path, 12345, 12345)
-    copy_submission(handed_in, tmp_path / "copy", 100)
+    left_out = copy_submission(handed_in, tmp_path / "copy", 100)
+    assert left_out == {"main.py": "is another user's file under a second name"}
     assert content(tmp_path / "copy") == {"lib/a.py": "a"}
 
 

@@ -6,12 +6,16 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
+from msgspec.structs import replace
 
 from simmer_tui.belief_grid import grid_belief
 from simmer_tui.cli.log_commands import build_report
 from simmer_tui.events import Belief
 from simmer_tui.report.causes import Kind
 from simmer_tui.report.content import tables
+from simmer_tui.report.right_readings import looks_alike
+from simmer_tui.sim.sensors.recorded_kinds import RecordedKind, recorded_class
 from tests.report.test_causes import begin
 
 READ = ("u1", "u2", "u4", "u3")
@@ -65,6 +69,28 @@ def test_one_sensor_is_too_few_to_say_that_cells_look_alike() -> None:
     mission.give("u1")
     believe(mission, 1, 5, 1)
     assert "alike" not in mission.why().text
+
+
+@pytest.mark.parametrize("modelled", [(), ("u1",)])
+def test_range_sensors_without_a_model_do_not_make_cells_look_alike(
+    modelled: tuple[str, ...],
+) -> None:
+    """A kind of a team's own has readings in a log, but nothing says what it would read elsewhere."""
+    mission = begin()
+    mission.give(*READ)
+    believe(mission, 1, 5, 1)
+    attempt = mission.attempt
+    belief = mission.history.beliefs[-1]
+    assert looks_alike(attempt, belief)
+    beam = recorded_class(RecordedKind(name="beam", title="Beam", unit="in", is_range=True))
+    attempt.spec = replace(
+        attempt.spec,
+        sensors=tuple(
+            each if each.code in modelled else beam.spec_type(kind=beam, number=each.number, code=each.code)
+            for each in attempt.spec.sensors
+        ),
+    )
+    assert not looks_alike(attempt, belief)
 
 
 def test_a_flat_grid_is_unsure_and_its_evidence_names_the_true_cell() -> None:

@@ -24,7 +24,7 @@ from simmer_tui.config.sets import bundled_sets
 from simmer_tui.engine import Engine
 from simmer_tui.events import Action, ActionName, Belief, MissionEvent, Result
 from simmer_tui.mission import Referee, plan_run
-from simmer_tui.report import recording
+from simmer_tui.report import keyframes, recording
 from simmer_tui.report.page import report_page
 from simmer_tui.run import paths
 from simmer_tui.run.reducer import Reducer
@@ -186,11 +186,11 @@ def test_keyframes_of_any_movement(mission_spec: SimulationSpec, moves: list[tup
         if trajectory is None:
             continue
         until = outcome.time
-        way = [recording.Keyframe(time, pose) for time, pose in recording.keyframes_of(trajectory, until)]
+        way = [keyframes.Keyframe(time, pose) for time, pose in keyframes.keyframes_of(trajectory, until)]
         times = [frame.elapsed for frame in way]
         for part in range(40):
             time = trajectory.start_time + (until - trajectory.start_time) * part / 39
-            pose, shown = trajectory.pose_at(time), recording.pose_at(way, times, time)
+            pose, shown = trajectory.pose_at(time), keyframes.pose_at(way, times, time)
             assert math.hypot(shown.x - pose.x, shown.y - pose.y) < 0.05
             assert abs(shown.heading - pose.heading) < 0.75
 
@@ -205,7 +205,7 @@ def test_keyframes_of_a_movement_cost_as_much_as_it_has_segments() -> None:
         counted: Counter[str] = Counter()
         sys.setprofile(lambda frame, event, _, counted=counted: counted.update((event,)))
         try:
-            way = recording.keyframes_of(outcome.trajectory, outcome.time)
+            way = keyframes.keyframes_of(outcome.trajectory, outcome.time)
         finally:
             sys.setprofile(None)
         assert way[-1] == (outcome.time, outcome.trajectory.pose_at(outcome.time))

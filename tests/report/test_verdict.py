@@ -31,7 +31,9 @@ from simmer_tui.events import (
 from simmer_tui.mission import plan_run
 from simmer_tui.report import live_verdict
 from simmer_tui.report.causes import Kind
+from simmer_tui.report.content import output
 from simmer_tui.report.live_verdict import LiveVerdict
+from simmer_tui.report.page import report_page
 from simmer_tui.report.verdict import Outcome, Verdict, verdict_of
 from simmer_tui.run.attempt import Attempt, Task, task_of
 from simmer_tui.run.reducer import Reducer
@@ -203,6 +205,46 @@ def test_a_run_that_restarts_counts_again_at_the_time_of_its_replay(mission_run:
     assert run.totals.commands == 4
     # The mission's own second, what does not count, and three inches after the reset.
     assert run.history.elapsed == pytest.approx(gone + mission_run.simulator.time)
+
+
+def test_the_time_of_a_run_that_was_restarted_names_the_restart(start_run: Callable[..., Any]) -> None:
+    """All other times count from the log's beginning."""
+    run = start_run()
+    run.send("u1", "d1-8", "a1-4")
+    run.perform(ActionName.RESET)
+    run.send("u1", "d1-3", *["d1-40"] * 6)
+    report = build_report(run.path)
+    begun, since = report.history.elapsed - run.simulator.time, run.simulator.time
+    text = report.verdict.text
+    assert begun > 1.0
+    assert text.startswith(f"Still going {since:.1f} s after the restart at {begun:.1f} s: stuck at ")
+    [stuck] = re.findall(r"from ([\d.]+) s on", text)
+    assert begun < float(stuck) < begun + since
+    page = report_page(report, "run")
+    assert f"simulated after the restart at {begun:.1f} s" in page
+
+
+def test_the_output_of_a_program_after_a_restart_has_times_from_there(mission_run: Any) -> None:
+    mission_run.send("u1", "d1-8")
+    mission_run.engine.tell(CRASH)
+    assert output(verdict(mission_run)).heading == "The program's last output"
+    mission_run.perform(ActionName.RESET)
+    mission_run.engine.tell(CRASH)
+    found = verdict(mission_run)
+    begun = found.elapsed - CRASH.time
+    assert begun > 1.0
+    assert output(found).heading == f"The program's last output, times after the restart at {begun:.1f} s"
+
+
+def test_a_run_that_was_too_slow_after_a_restart_has_its_own_seconds(mission_run: Any) -> None:
+    mission_run.send("u1", "d1-8", "a1-8")
+    mission_run.perform(ActionName.RESET)
+    mission_run.engine.tell(MissionEvent(0.0, Result.UNDER_WAY, "mission: begun"))
+    mission_run.engine.tell(Notice(NoticeKind.CONNECTED, "client a connected", "a"))
+    mission_run.send("u1", "d1-3")
+    history = build_report(mission_run.path).history
+    found = verdict_of(history, task_of(load(find_set("mission")), 7), cut_off=True)
+    assert f"Most of the {mission_run.simulator.time:.1f} simulated seconds" in " ".join(found.evidence)
 
 
 def test_the_verdict_on_screen_sees_what_the_report_sees(tmp_path: Path) -> None:

@@ -19,13 +19,14 @@ from simmer_tui.errors import RunLogError
 from simmer_tui.events import ActionName, CommandResult
 from simmer_tui.runlog.index import RunLogIndex
 from simmer_tui.runlog.log_records import BrokenLine
-from simmer_tui.runlog.logged_scans import packed_ranges, unpacked_ranges, with_truth
+from simmer_tui.runlog.logged_scans import packed_ranges, unpacked_ranges
 from simmer_tui.runlog.playback import Playback
 from simmer_tui.runlog.reader import LogReader
 from simmer_tui.runlog.rerun import Rerun
 from simmer_tui.sim import parse_command
 from simmer_tui.sim.recent_motion import BlockPlace
 from simmer_tui.sim.records import LidarScan
+from simmer_tui.sim.sensors import Lidar, sensor_of
 from tests.runlog.conftest import Run, StartRun
 
 
@@ -197,8 +198,9 @@ def test_a_scan_is_reachable_by_its_line_and_its_truth_can_be_worked_out(
             assert reading.scan.ranges.tobytes() == original.scan.ranges.tobytes()
             state = playback.state_at(entry)
             assert state.sensors["sc"].reading.scan is not None
-            lying = BlockPlace(0.0, state.block)
-            true = with_truth(reading.scan, reading.sensor, run.simulator.maze, lying).true
+            lidar, lying = sensor_of(reading.sensor), BlockPlace(0.0, state.block)
+            assert isinstance(lidar, Lidar)
+            true = lidar.distances(run.simulator.maze, reading.scan.poses, [(slice(None), lying)])
             assert reading.scan.poses.tobytes() == original.scan.poses.tobytes()
             assert true.tobytes() == original.scan.true.tobytes()
 

@@ -138,6 +138,8 @@ def test_the_cosine_of_an_angle_is_that_of_the_angle_within_a_turn() -> None:
     for angle, within in ((-0.5, 359.5), (0.5, 0.5), (-1.5, 358.5), (360.5, 0.5), (-720.5, 359.5)):
         assert cos_sin(angle) == (math.cos(math.radians(within)), math.sin(math.radians(within)))
     assert [half_turn(each) for each in (180.5, -179.5, -180.0, 180.0)] == [-179.5, -179.5, 180.0, 180.0]
+    assert half_turn(np.array((180.5, -180.0, 540.0))).tolist() == [-179.5, 180.0, 180.0]
+    assert math.isnan(half_turn(math.inf))
 
 
 def test_a_short_echo_counts_and_a_range_of_0_does_not() -> None:

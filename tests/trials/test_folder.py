@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -119,10 +120,30 @@ def test_plan_that_cannot_be_read_is_named(folder: TrialFolder, text: str, why: 
     ],
 )
 def test_trials_are_not_gone_on_with_as_others(
-    folder: TrialFolder, options: list[str], error: str, capfd: pytest.CaptureFixture[str]
+    folder: TrialFolder,
+    made_result: Callable[..., TrialResult],
+    options: list[str],
+    error: str,
+    capfd: pytest.CaptureFixture[str],
 ) -> None:
+    folder.append(made_result(1, run_seed(9, 1)))
     assert run_trials(["--resume", "--out", str(folder.path), *options]) == 2
     assert error in capfd.readouterr().err
+
+
+def test_a_mistyped_program_is_corrected_while_no_run_is_done(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    options = ["--runs", "1", "--jobs", "1", "--out", "out"]
+    assert run_trials(["--run", "pyhton -c pass", *options]) == 2
+    right = ["--run", f"{sys.executable} -c pass", *options]
+    assert run_trials(right) == 2
+    assert "add --resume" in capfd.readouterr().err
+    assert run_trials([*right, "--resume"]) == 0
+    folder = TrialFolder.read(tmp_path / "out")
+    assert (folder.plan.command, len(folder.done)) == (right[1], 1)
+    assert run_trials([*options, "--run", "python -c other", "--resume"]) == 2
 
 
 def test_finished_trials_gone_on_with_only_show_their_table(

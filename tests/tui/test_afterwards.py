@@ -188,6 +188,25 @@ def test_on_a_small_screen_the_reply_of_a_stopped_movement_says_so_beside_what_i
     fly(scenario, size=(80, 24))
 
 
+def test_on_a_small_screen_the_answer_to_an_order_is_shown_below_the_first_steps(
+    fly: Fly, tmp_path: Path
+) -> None:
+    async def scenario(cockpit: Cockpit) -> None:
+        await cockpit.until(lambda: "3 or press" in cockpit["hint"])
+        for order, said in (
+            (f":save {tmp_path / 'a.txt'}", "log written to"),
+            (":seed 5", "with seed 5"),
+            (f":log {tmp_path / 'a.jsonl'}", "logging to"),
+        ):
+            await cockpit.type(order)
+            await cockpit.until(lambda said=said: said in cockpit["hint"])  # type: ignore[misc]
+            assert "2 or type below" in cockpit["answer"]
+        await cockpit.type(":why")
+        await cockpit.until(lambda: "logging to" not in cockpit["hint"])
+
+    fly(scenario, size=(80, 24))
+
+
 def test_a_page_of_a_small_screen_keeps_no_part_of_the_answer(fly: Fly) -> None:
     async def scenario(cockpit: Cockpit) -> None:
         await cockpit.until(lambda: "3 or press" in cockpit["hint"])
