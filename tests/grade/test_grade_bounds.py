@@ -42,9 +42,13 @@ def test_a_submission_has_64_megabytes(
     make_course: Callable[..., Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     asked: list[int] = []
-    monkeypatch.setattr(
-        grade_folder, "copy_submission", lambda source, goal, most: asked.append(most) or goal.mkdir()
-    )
+
+    def copy(source: Path, goal: Path, most: int) -> dict[str, str]:
+        asked.append(most)
+        goal.mkdir()
+        return {}
+
+    monkeypatch.setattr(grade_folder, "copy_submission", copy)
     GradeFolder.create(tmp_path / "out", read_course(make_course({"a": ""})), 3, Isolation.NONE)
     assert asked == [64_000_000]
 
