@@ -54,3 +54,20 @@ def test_a_program_runs_on_without_its_output_and_the_reason_is_told(tmp_path: P
     assert "disconnected after 3 commands" in done.stderr
     assert "Broken" not in done.stderr
     assert done.returncode == 0
+
+
+LIMITED = """
+import resource, sys
+from simmer_tui.cli.main import main
+resource.setrlimit(resource.RLIMIT_FSIZE, (600, 600))
+sys.exit(main(["init", sys.argv[1]]))
+"""
+
+
+def test_no_half_of_a_set_stays_behind(tmp_path: Path) -> None:
+    folder = tmp_path / "set"
+    done = subprocess.run(
+        [sys.executable, "-c", LIMITED, folder], capture_output=True, text=True, check=False
+    )
+    assert done.stderr == f"{folder}: cannot be written: File too large\n"
+    assert [*folder.iterdir()] == []
