@@ -25,6 +25,7 @@ alone and has a tree of its own.
 
 from __future__ import annotations
 
+import errno
 from collections.abc import Iterable, Sequence
 
 from msgspec import Struct
@@ -36,6 +37,11 @@ def reason_of(error: BaseException) -> str:
     They are without error number and path: "Permission denied".
     """
     return str(getattr(error, "strerror", None) or error)
+
+
+def is_disk_full(error: OSError) -> bool:
+    """True if a disk or a quota is full, or a file has the largest size that is allowed."""
+    return error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 
 class SimmerError(Exception):

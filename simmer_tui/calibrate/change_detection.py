@@ -196,7 +196,7 @@ def _pseudo_inverse(information: FloatArray) -> FloatArray:
 LEAST = 5
 """Robots from which strength is estimated: with four the interval of one bias reaches from 0.6 to
 3.7 times it."""
-_NAMES = ("strength of translations", "strength of rotations")
+_NAMES = ("translations", "rotations")
 
 
 def strengths(robots: Sequence[Knowledge]) -> tuple[ParameterEstimate, ...]:

@@ -14,6 +14,7 @@ from simmer_tui.calibrate.fit import Fit
 from simmer_tui.calibrate.measured_run import MeasuredRun
 from simmer_tui.calibrate.parameters import Parameter, observed_sensors
 from simmer_tui.calibrate.posterior import RANGE
+from simmer_tui.phrases import times_text
 from simmer_tui.sim.arrays import FloatArray
 from simmer_tui.sim.motion import profile_of
 from simmer_tui.sim.sensors import ParameterKind
@@ -180,7 +181,7 @@ def _faults(fit: Fit) -> list[ParameterEstimate]:
                 low, high = share_interval(hits, seen)
                 found.append(replace(estimate, value=hits / seen, low=low, high=high))
             else:
-                why = f"{sensor.code} faced a wall within range only {seen} times"
+                why = f"{sensor.code} faced a wall within range only {times_text(seen)}"
                 found.append(estimate.unidentified(why))
     return found
 
@@ -256,7 +257,7 @@ def _speed(
     rows = [(abs(each.value), each.took) for each in made if math.isfinite(each.took)]
     speed = _as_it_was(drive.kind.value, "speed", "speed", f"{drive.kind.unit}/s", drive.speed)
     if len(rows) < _ENOUGH:
-        return speed.unidentified(f"{drive.code} was answered only {len(rows)} times"), None
+        return speed.unidentified(f"{drive.code} was answered only {times_text(len(rows))}"), None
     values, took = np.array(rows).T
     if drive.acceleration or drive.start_lag:
         profiles = [profile_of(drive, float(each)) for each in values]

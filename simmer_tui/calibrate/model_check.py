@@ -34,7 +34,7 @@ FALSE_MISFIT_RATE = 0.01
 """False-alarm rate of a group of tests, for robots that follow the model: a verdict must rarely be wrong."""
 _UNEVEN = 0.05
 """Level of the test that sensors are mounted where the set has them: a false alarm only widens intervals."""
-_FEW = 8
+FEWEST_MOVEMENTS = 8
 """Least number of a drive's movements for a test of its terms: a slope over time needs some on either
 side."""
 _LEAST = {"": 0.02, "in": 0.05, "deg": 0.5}
@@ -186,7 +186,7 @@ def held_back_misfits(scores: Mapping[str, FloatArray]) -> tuple[Misfit, ...]:
     Args:
         scores: Absolute errors of predictions in standard deviations, (n,), by name of the kind.
     """
-    tested = {name: each for name, each in scores.items() if len(each) >= _FEW_SCORES}
+    tested = tested_kinds(scores)
     far = _SLACK * _NORMAL_SCORE
     found = []
     for name, each in tested.items():
@@ -208,11 +208,21 @@ def conformal_factor(scores: FloatArray) -> tuple[float, float, float]:
     return value, low, high
 
 
+def tested_drives(model: Model) -> tuple[int, ...]:
+    """Indices of the drives that moved often enough for a test."""
+    counts = np.bincount(model.drive, minlength=len(model.run.spec.drives))
+    return tuple(index for index, count in enumerate(counts.tolist()) if count >= FEWEST_MOVEMENTS)
+
+
+def tested_kinds(scores: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
+    """The scores of kinds of sensor with enough held-back readings for a test; by name, as the argument."""
+    return {name: each for name, each in scores.items() if len(each) >= _FEW_SCORES}
+
+
 def _terms(model: Model, state: Iterate, rows: Rows) -> list[_Term]:
     """Drift and shortfall of each drive that moved often enough, and the drift that all of these share."""
     drives = model.run.spec.drives
-    counts = np.bincount(model.drive, minlength=len(drives))
-    tested = tuple(index for index in range(len(drives)) if counts[index] >= _FEW)
+    tested = tested_drives(model)
     # From -1/2 to 1/2 over the log, so that a bias is that of its middle.
     place = np.arange(len(model.drive)) / max(len(model.drive) - 1, 1) - 0.5
     lost, short = -place * model.amount, -np.sign(model.amount)

@@ -53,6 +53,11 @@ class HeldBack:
     """Absolute errors of predictions of held-back readings, in standard deviations, by kind; the predictions
     use the estimates and the other readings at their stop."""
 
+    @property
+    def scores_by_name(self) -> dict[str, FloatArray]:
+        """The scores, by the name of the kind."""
+        return {kind.name: each for kind, each in self.scores.items()}
+
 
 def held_back(fit: Fit) -> HeldBack | None:
     """Learn from the first part, and predict the rest, up to the end of the last chain that is long enough.
@@ -86,7 +91,7 @@ def held_back(fit: Fit) -> HeldBack | None:
 def widened(fit: Fit, held: HeldBack) -> Fit:
     """The fit; if predictions of held-back readings are not right often enough, with intervals widened until
     they are."""
-    found = held_back_misfits({kind.name: each for kind, each in held.scores.items()})
+    found = held_back_misfits(held.scores_by_name)
     if not found:
         return fit
     factor = max(found[0].value, 1.0)

@@ -11,7 +11,13 @@ import numpy as np
 from simmer_tui.calibrate.change_detection import FALSE_ALARMS, PartVerdict
 from simmer_tui.calibrate.estimates import ParameterEstimate, unidentified_labels
 from simmer_tui.calibrate.fit import Fit, fit_path
-from simmer_tui.calibrate.model_check import FALSE_MISFIT_RATE, Misfit
+from simmer_tui.calibrate.model_check import (
+    FALSE_MISFIT_RATE,
+    FEWEST_MOVEMENTS,
+    Misfit,
+    tested_drives,
+    tested_kinds,
+)
 from simmer_tui.calibrate.parameters import AXES
 from simmer_tui.calibrate.posterior import COUNTER, OBSERVATION, PROCESS, RANGE, Rows
 from simmer_tui.calibrate.prediction import HeldBack
@@ -105,17 +111,30 @@ CHECK = DataTable(
         DataColumn("verdict", WORDS, ""),
     ),
 )
-TABLES = (MISFITS, PARAMETERS, UNIDENTIFIED, HELD_BACK, RESIDUALS, CHECK)
-"""All tables of a calibration, and of a check."""
+STRENGTHS = DataTable(
+    "strengths",
+    "How the biases of the robots differ",
+    (
+        DataColumn("movements"),
+        DataColumn("strength", number(".3g")),
+        DataColumn("low", number(".3g"), "from"),
+        DataColumn("high", number(".3g"), "to"),
+    ),
+)
+TABLES = (MISFITS, PARAMETERS, UNIDENTIFIED, HELD_BACK, RESIDUALS, CHECK, STRENGTHS)
+"""All tables of a calibration, of a check, and of the strength of biases."""
 _PATH = "#3066e4"
 _MOST_CHANGED = 10
 """Most changed parameters that the page shows first: as many as fit beside the picture."""
 
 
-def fit_verdict(misfits: Sequence[Misfit]) -> VerdictBox:
-    """The verdict on whether the model fits the robot, the first part of a page."""
+def fit_verdict(fit: Fit, held: HeldBack | None) -> VerdictBox:
+    """The verdict on the model of a robot, the first part of a page: it fits, or not, or was not tested."""
     headline, tone, why = "The model fits this robot", Tone.GOOD, "all its tests passed."
-    if misfits:
+    if not tested_drives(fit.model) and (held is None or not tested_kinds(held.scores_by_name)):
+        headline, tone = "The log is too short to test the model", Tone.PLAIN
+        why = f"a test needs {FEWEST_MOVEMENTS} movements of one drive."
+    if fit.misfits:
         headline, tone = "The model does not fit this robot", Tone.BAD
         why = (
             "no set can describe everything it does, so the intervals are wider. The interval of a drive "
@@ -237,13 +256,22 @@ def check_document(parts: Sequence[PartVerdict]) -> Document:
     return Document("Has the robot changed?", (table, Paragraph(answer, "answer")))
 
 
+def strength_document(found: Sequence[ParameterEstimate]) -> Document:
+    """Both numbers of the setting `strength`, and the line for settings.toml."""
+    table = STRENGTHS.filled(
+        [(each.label, each.value, each.low, each.high) for each in found], "In each row: the 95 % interval."
+    )
+    setting = f"strength = [{', '.join(_NUMBER.text(each.value) for each in found)}]"
+    return Document("Strength of biases", (table, Paragraph(setting, "setting")))
+
+
 def result_document(fit: Fit, estimates: Sequence[ParameterEstimate], held: HeldBack | None) -> Document:
     """All estimates, with the accuracy of their predictions, for terminals and programs."""
     tables = (misfits_table(fit.misfits), figures_table(estimates), unidentified_table(estimates))
     misfits, learned, unidentified = ((table,) if table.rows else () for table in tables)
     about = Paragraph(_about(fit, estimates), "about", "run")
     parts = (*misfits, about, *learned, *unidentified, _held_back(held), residual_table(fit))
-    return Document(_title(fit), (fit_verdict(fit.misfits), *parts))
+    return Document(_title(fit), (fit_verdict(fit, held), *parts))
 
 
 def result_page(fit: Fit, estimates: Sequence[ParameterEstimate], held: HeldBack | None) -> Document:
@@ -269,7 +297,7 @@ def result_page(fit: Fit, estimates: Sequence[ParameterEstimate], held: HeldBack
         _title(fit),
         (
             Paragraph(f"{_title(fit)} · {_about(fit, estimates)}", kind="run"),
-            fit_verdict(fit.misfits),
+            fit_verdict(fit, held),
             KeyFigures(figures),
             *((misfits,) if misfits.rows else ()),
             SideBySide((differs,), (first_path, about_path), even=True),

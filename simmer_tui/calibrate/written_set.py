@@ -180,8 +180,8 @@ def write_texts(texts: Mapping[str, str], directory: Path) -> None:
     write_files(directory, {name: texts[name].encode("utf-8", "surrogatepass") for name in sorted(texts)})
 
 
-def read_knowledge(directory: Path) -> Knowledge:
-    """The estimates that were written into a set.
+def read_knowledge(directory: Path, option: str = "--check") -> Knowledge:
+    """The estimates that were written into a set, which was given with an option.
 
     Raises:
         CalibrationError: if the file is not there or damaged.
@@ -195,7 +195,7 @@ def read_knowledge(directory: Path) -> Knowledge:
             raise ValueError("its parts are of different sizes")
     except OSError as error:
         raise CalibrationError(
-            f"{shown} cannot be read ({reason_of(error)}); --check takes a set that "
+            f"{shown} cannot be read ({reason_of(error)}); {option} takes a set that "
             "simmer-tui calibrate wrote"
         ) from None
     except ValueError as error:

@@ -20,6 +20,7 @@ from simmer_tui.cli.command_line import (
     add_trust_option,
     print_answer,
     subcommand,
+    writing,
 )
 from simmer_tui.cli.log_options import add_large_option, allow_large, configuration_of
 from simmer_tui.cli.progress_bar import progress_bar
@@ -89,7 +90,7 @@ def run_calibrate(options: argparse.Namespace) -> int:
             f"this needs scipy, which is not installed: pip install '{requirement('calibrate')}'"
         )
     if options.strength:
-        return _strength(options.logs)
+        return _strength(options.logs, as_json=options.json)
     from simmer_tui.calibrate.change_detection import require_one_robot
     from simmer_tui.calibrate.measured_run import read_runs
     from simmer_tui.calibrate.written_set import device_texts
@@ -117,6 +118,8 @@ def _check_options(options: argparse.Namespace) -> None:
     if options.guided:
         if options.logs or options.out is None or options.serial is None:
             raise CalibrationError("--guided takes --serial PORT and --out DIR, and no LOG")
+    elif options.strength and not options.logs:
+        raise CalibrationError("--strength takes calibrated sets: name five or more")
     elif not options.logs:
         raise CalibrationError("name a LOG, or --guided to make one")
     elif options.serial is not None or options.config is not None:
@@ -132,20 +135,30 @@ def _guide(options: argparse.Namespace) -> int:
     check_free(options.out)
     configuration = load(find_set(options.config), {"serial.port": Override("--serial", options.serial)})
     log = options.out.with_name(f"{options.out.name}.jsonl")
+    # Before somebody puts the robot into the maze.
+    if log.exists():
+        raise CalibrationError(f"{shown_path(log)} is there already: name another --out, or give it as LOG")
+    with writing(CalibrationError, log):
+        log.parent.mkdir(parents=True, exist_ok=True)
     hold_session(configuration, log, Console())
     return _learn(guided_run(read_runs([log])), options)
 
 
-def _strength(directories: list[Path]) -> int:
+def _strength(names: list[Path], *, as_json: bool) -> int:
     from simmer_tui.calibrate.change_detection import strengths
-    from simmer_tui.calibrate.written_set import read_knowledge
+    from simmer_tui.calibrate.result_page import strength_document
+    from simmer_tui.calibrate.written_set import Knowledge, read_knowledge
 
-    found = strengths([read_knowledge(directory) for directory in directories])
-    for each in found:
-        sys.stdout.write(
-            f"{each.label}: {each.value:.3g} (95 % interval {each.low:.3g} to {each.high:.3g})\n"
-        )
-    sys.stdout.write(f"strength = [{', '.join(f'{each.value:.3g}' for each in found)}]\n")
+    robots: list[Knowledge] = []
+    for name in names:
+        robot = read_knowledge(find_set(str(name)), "--strength")
+        if robot in robots:
+            first = shown_path(names[robots.index(robot)])
+            raise CalibrationError(
+                f"{shown_path(name)} is the same calibration as {first}; name each robot once"
+            )
+        robots.append(robot)
+    print_answer(strength_document(strengths(robots)), as_json=as_json)
     return ExitCode.DONE
 
 

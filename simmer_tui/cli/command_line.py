@@ -130,6 +130,12 @@ class CliCommand:
                 return int(self._function(options))
         except SimmerError as error:
             return report(error, parser.prog)
+        except PermissionError as error:
+            # A command looks at many files. None of them is worth a message of its own for this.
+            if error.filename is None:
+                raise
+            say(f"{parser.prog}: {shown_path(error.filename)} cannot be opened: {reason_of(error)}")
+            return ExitCode.PROBLEM
         except KeyboardInterrupt:
             return ExitCode.INTERRUPTED
 

@@ -6,6 +6,8 @@ import asyncio
 import contextlib
 import secrets
 import time
+from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -28,6 +30,7 @@ from simmer_tui.links.serial_link import SerialLink
 from simmer_tui.protocol.replies import ReplyForm, ReplyFormat
 from simmer_tui.runlog.writer import RunLog
 from simmer_tui.sim.command import parse_command
+from simmer_tui.sim.records import CommandResult
 from simmer_tui.sim.simulator import Simulator
 
 _NAMES = {
@@ -81,7 +84,7 @@ async def _session(configuration: Configuration, guide: SessionPlanner, log: Pat
         async def ask(text: str) -> float:
             answered: asyncio.Future[float] = loop.create_future()
             message = Message(f"{text}\n".encode(), (parse_command(text),), form)
-            session.submit(message, lambda outcomes, _: answered.set_result(outcomes[0].reply))
+            session.submit(message, partial(_answer, answered))
             return await answered
 
         async def learn() -> Fit | None:
@@ -108,6 +111,12 @@ async def _session(configuration: Configuration, guide: SessionPlanner, log: Pat
                 raise
             finally:
                 bridge.close()
+
+
+def _answer(asked: asyncio.Future[float], results: Sequence[CommandResult], _: bytes | None) -> None:
+    """Give a command's reply to the session, unless it is ending: then nobody waits for it."""
+    if not asked.done():
+        asked.set_result(results[0].reply)
 
 
 def picture(guide: SessionPlanner, what: str, link: str, height: int) -> Group:

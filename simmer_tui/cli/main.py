@@ -28,7 +28,7 @@ from simmer_tui.cli.command_line import (
 from simmer_tui.config.loader import Configuration, load
 from simmer_tui.config.sets import find_mission_set, find_set
 from simmer_tui.config.settings import OFF
-from simmer_tui.errors import ConfigurationError, Problem
+from simmer_tui.errors import ConfigurationError, Problem, is_disk_full, reason_of
 from simmer_tui.version import __version__, requirement
 
 if TYPE_CHECKING:
@@ -235,22 +235,38 @@ def _open_closed_streams() -> None:
         setattr(sys, name, stream)
 
 
+def _drop_output() -> None:
+    """Send the rest of standard output to the null device: Python writes it once more at exit, which must not
+    fail."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
 def run() -> None:
     """Run `main` as the whole program.
 
-    A closed pipe at the other end of standard output is no fault. Neither is a console without all
-    characters, such as one of Windows with code page 1252.
+    A closed pipe at the other end of standard output is no fault. A full disk is told in one line. A console
+    without all characters, such as one of Windows with code page 1252, is no fault either.
     """
     _open_closed_streams()
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):  # a test may have another kind of stream
             stream.reconfigure(errors="backslashreplace")
+    code: int | str | None
     try:
-        code = main()
+        try:
+            code = main()
+        except SystemExit as ended:  # argparse ends help, version and wrong options so
+            code = ended.code
         sys.stdout.flush()
     # `simmer-tui report | head` ends like this.
     except BrokenPipeError:
-        # Python flushes standard output once more at exit, which must not fail.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _drop_output()
         code = ExitCode.NO
+    except OSError as error:
+        # Errors with a file's name are not from standard output.
+        if error.filename is not None or not is_disk_full(error):
+            raise
+        _drop_output()
+        say(f"simmer-tui: the answer cannot be written: {reason_of(error)}")
+        code = ExitCode.PROBLEM
     sys.exit(code)

@@ -122,7 +122,7 @@ class RunLife:
         self._interruptions: list[int] = []
         """The exit codes of signals, as they came."""
         self._mission_end = MissionEnd(lambda: front.finish(0))
-        self._output = ProgramOutput(lambda: server.engine.present)
+        self._output = self._new_output()
         self._program_code: int | None = None
         self._latest = ""
         """Command of the program that was started last."""
@@ -185,6 +185,12 @@ class RunLife:
             front.set_example(self._run_example)
         front.set_restart(self._again)
 
+    def _new_output(self) -> ProgramOutput:
+        server = self._server
+        return ProgramOutput(
+            lambda: server.engine.present, lambda why: server.tell(Notice(NoticeKind.FAULT, why))
+        )
+
     def _run_program(self, command: str) -> None:
         """Start a program beside the run. Raises ProgramError."""
         if SERIAL.purpose in self._server.ports and (why := out_of_reach(command)):
@@ -217,7 +223,7 @@ class RunLife:
             return
         with self._lock:
             self._program_code, self._end_told = None, False
-            self._output = ProgramOutput(lambda: server.engine.present)
+            self._output = self._new_output()
             self._program_over.clear()
         try:
             self._run_program(self._latest)

@@ -1,5 +1,6 @@
 """Configuration sets as folders: listing, finding and copying them."""
 
+import contextlib
 import os
 from collections.abc import Iterable, Mapping
 from functools import cache
@@ -78,9 +79,11 @@ def find_set(name_or_path: str | None) -> Path:
         if folder.is_dir():
             return _set_in(folder)
         is_other = folder.exists()
+    except PermissionError as error:
+        raise ConfigurationError([Problem(shown, f"cannot be read: {reason_of(error)}")]) from None
     except (OSError, ValueError) as error:
         # A name that is too long for the system, or has a NUL, is not a folder either.
-        raise ConfigurationError([Problem(shown, f"cannot be a folder: {error}")]) from None
+        raise ConfigurationError([Problem(shown, f"cannot be a folder: {reason_of(error)}")]) from None
     sets = bundled_sets()
     if is_other:
         raise ConfigurationError([Problem(shown, "is not a folder; a set is a folder with five files")])
@@ -168,11 +171,18 @@ def write_files(destination: Path, files: Mapping[str, bytes]) -> tuple[Path, ..
     if present:
         what = f"has {', '.join(present)} already; nothing is overwritten, name another folder"
         raise ConfigurationError([Problem(shown, what)])
+    written: list[Path] = []
     try:
         for name, data in files.items():
-            (destination / name).parent.mkdir(parents=True, exist_ok=True)
-            (destination / name).write_bytes(data)
+            path = destination / name
+            path.parent.mkdir(parents=True, exist_ok=True)
+            written.append(path)
+            path.write_bytes(data)
     except OSError as error:
+        # A second try would find the first half, and refuse to overwrite it.
+        for path in written:
+            with contextlib.suppress(OSError):
+                path.unlink()
         raise _unwritable(shown, reason_of(error)) from None
     return tuple(destination / name for name in files)
 

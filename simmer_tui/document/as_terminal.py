@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from rich import box
 from rich.console import Console
+from rich.measure import Measurement
 from rich.table import Table as RichTable
 from rich.text import Text
 
@@ -13,6 +14,8 @@ from simmer_tui.sim.command import printable
 
 # Basic styles only: every terminal theme has them, and they stay readable on light and dark grounds.
 _STYLES = {"note": "dim", "warning": "yellow", "strong": "bold"}
+_ANY_WIDTH = 10_000
+"""Columns of a terminal that no table fills: in it the width that a table needs can be measured."""
 # Bars of histograms for terminals that have nothing but ASCII.
 _ASCII = str.maketrans(BLOCKS, " .:-=+*#@")
 
@@ -63,6 +66,10 @@ def print_table(table: DataTable, console: Console) -> None:
             else:
                 cells.append(Text(printable(text.translate(_ASCII) if plain else text)))
         made.add_row(*cells)
+    # In more lines rather than cut: half a number would be another number.
+    if Measurement.get(console, console.options.update_width(_ANY_WIDTH), made).minimum > console.width:
+        for each in made.columns:
+            each.no_wrap = False
     console.print(made)
     if table.note:
         console.print(Text(printable(table.note), style="dim"))

@@ -64,7 +64,13 @@ class Format:
 
 def number(form: str = "", unit: str = "") -> Format:
     """Format of a number, by a format specification, with a unit behind it if the heading has none."""
-    return Format(lambda value: f"{value:{form}}{unit}", numeric=True)
+    return Format(lambda value: f"{_plain(value, form)}{unit}", numeric=True)
+
+
+def _plain(value: float, form: str) -> str:
+    """A number by a format specification; a large one in digits: few readers are used to exponents."""
+    text = f"{value:{form}}"
+    return f"{value:{'+' if form.startswith('+') else ''}.0f}" if "e+" in text else text
 
 
 def estimate(form: str = ".3f") -> Format:
@@ -72,8 +78,8 @@ def estimate(form: str = ".3f") -> Format:
 
     def show(each: Any) -> str:
         if math.isnan(each.low):  # too few values for an interval
-            return f"{each.value:{form}}"
-        return f"{each.value:{form}} ({each.low:{form}} to {each.high:{form}})"
+            return _plain(each.value, form)
+        return f"{_plain(each.value, form)} ({_plain(each.low, form)} to {_plain(each.high, form)})"
 
     return Format(show, ("", "_low", "_high"), lambda each: (each.value, each.low, each.high), numeric=True)
 

@@ -18,6 +18,7 @@ from collections.abc import Callable, Iterator
 from msgspec import Struct, field
 
 from simmer_tui import platform_has
+from simmer_tui.errors import is_disk_full, reason_of
 from simmer_tui.events import NOT_STARTED, OutputLine, ProgramEnded
 
 if platform_has.POSIX:
@@ -81,10 +82,14 @@ class OutputTail:
 class ProgramOutput:
     """Both streams of a program."""
 
-    def __init__(self, now: Callable[[], float] = lambda: 0.0) -> None:
-        """`now` returns the simulated time, in any thread."""
+    def __init__(
+        self, now: Callable[[], float] = lambda: 0.0, on_lost: Callable[[str], None] = lambda why: None
+    ) -> None:
+        """`now` returns the simulated time, in any thread. `on_lost` gets a sentence when a stream cannot be
+        passed on any more, in a thread of its own."""
         self.stderr = OutputTail(now)
         self.stdout = OutputTail(now)
+        self.on_lost = on_lost
 
     def end(self, code: int, moment: float, *, stopped: bool = False) -> ProgramEnded:
         """The event of the program's end.
@@ -129,6 +134,8 @@ class _Stream(Struct):
     tail: OutputTail
     target: int | None
     on_line: Callable[[str], None] | None
+    on_lost: Callable[[str], None] = lambda why: None
+    """Gets a sentence when the target is full: from then on its bytes are only kept."""
     rest: bytes = field(default=b"")
     lock: threading.Lock = field(default_factory=threading.Lock)
     """Held while bytes are neither in the pipe nor kept."""
@@ -188,8 +195,13 @@ class _Stream(Struct):
                 view = view[os.write(target, view) :]
             except BlockingIOError:  # our output does not block, because another process has set it so
                 time.sleep(_SOON)
-            except OSError:
-                return False
+            except OSError as error:
+                if not is_disk_full(error):
+                    return False
+                # A program cannot get this error through a pipe: it would see a broken one.
+                self.target = None
+                self.on_lost(f"the program's output cannot be passed on: {reason_of(error)}")
+                return True
         return True
 
 
@@ -220,6 +232,7 @@ class OutputRoute:
         self.stderr: int | None = None
         """Ends for the program; None where it shares ours."""
         self._streams: list[_Stream] = []
+        self._on_lost = output.on_lost
         if on_line is not None:
             self.stdout, self.stderr = (
                 self._opened(tail, None, on_line) for tail in (output.stdout, output.stderr)
@@ -232,7 +245,7 @@ class OutputRoute:
         """Open a stream. Returns the program's end."""
         has_terminal = target is not None and not self._windows and os.isatty(target)
         ours, theirs = _terminal(target) if target is not None and has_terminal else os.pipe()
-        self._streams.append(_Stream(ours, tail, target, on_line))
+        self._streams.append(_Stream(ours, tail, target, on_line, self._on_lost))
         return theirs
 
     def _passed(self, tail: OutputTail, target: int) -> int | None:

@@ -192,12 +192,12 @@ function simmerPlayer(recording, live) {
     element("div", { class: "controls" },
       element("div", { class: "timeline" }, marks, slider),
       element("div", { class: "buttons" }, play, speeds, clock, ...(live ? [goLive] : []), decided, button("◂ event", "N, or shift and n", () => toMark(-1)), button("event ▸", "n", () => toMark(1)),
-        ...(live ? [] : [button("whole way", "w", wholeWay)]), button("light / dark", "d", changeTheme))),
+        ...(live ? [] : [button("whole path", "w", wholeWay)]), button("light / dark", "d", changeTheme))),
     element("div", { class: "now" }, words, happened, readings,
       element("details", { class: "keys" }, element("summary", {}, "Keys and colours"),
         (live ? "L returns to what happens now. " : "") +
         "Space plays, arrows 1 s (with shift 10 s), [ ] speed, n N events, c C contacts, m the moment that decided, home end, " +
-        "w whole way, d dark. A click on the way or on the sensors goes there. Solid is the robot, dashed where it believes to " +
+        "w whole path, d dark. A click on the path or on the sensors goes there. Solid is the robot, dashed where it believes to " +
         "be. A line ends where a sensor saw something, its light cone where there is something. Dots are the scan of a lidar. Grey beside a reading is the " +
         "truth.")),
     tip);
@@ -269,7 +269,8 @@ function simmerPlayer(recording, live) {
   }
 
   const share = (value) => (value > 0 && value < 1 ? "less than 1 %" : `${value.toFixed(0)} %`);
-  const angle = (heading) => (((heading % 360) + 360) % 360).toFixed(1);
+  // Not wrapped, as in the log, so that it can be compared with a compass and a gyroscope.
+  const angle = (heading) => heading.toFixed(1).replace(/^-0.0$/, "0.0");
 
   let trailText = "";
   function showTrail(pose) {
@@ -496,7 +497,7 @@ function simmerPlayer(recording, live) {
     setPlaying(false);
     page.classList.remove("at-moment");
     clock.textContent = `${run.end.toFixed(1)} s`;
-    words.textContent = "The whole way. Play it, or click on it to see a moment.";
+    words.textContent = "The whole path. Play it, or click on it to see a moment.";
     happened.textContent = "";
     for (const { value, truth, box } of chips.values()) {
       value.textContent = truth.textContent = "";

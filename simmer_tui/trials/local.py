@@ -180,7 +180,7 @@ def _result(
     except SimmerError as error:
         return TrialsError(str(error))
     except OSError as error:
-        return TrialsError(f"run {trial.number}: {error.filename or ''} {reason_of(error)}")
+        return TrialsError(f"run {trial.number}: {error.filename or folder} {reason_of(error)}")
     except Exception as error:  # noqa: BLE001 - a fault in one run must not end the others
         return fault_result(trial, f"{type(error).__name__}: {error}")
 

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import gzip
 import io
+import json
 import os
+import shutil
 import subprocess
 import sys
 from dataclasses import replace
@@ -19,12 +21,14 @@ from simmer_tui.calibrate.estimates import ParameterEstimate, estimates_of
 from simmer_tui.calibrate.fit import Fit, fit
 from simmer_tui.calibrate.measured_run import read_runs
 from simmer_tui.calibrate.prediction import held_back
-from simmer_tui.calibrate.result_page import figures_table, held_back_table
+from simmer_tui.calibrate.result_page import figures_table, held_back_table, result_document
 from simmer_tui.calibrate.written_set import set_texts
 from simmer_tui.cli.main import main
+from simmer_tui.document.as_data import json_text
 from simmer_tui.document.as_terminal import print_table
 from simmer_tui.errors import CalibrationError
 from tests.calibrate.conftest import CODES, Logged
+from tests.calibrate.test_kept_reports import KNOWN
 
 Capture = pytest.CaptureFixture[str]
 
@@ -167,3 +171,47 @@ def test_a_row_of_the_set_says_once_why_it_is_as_before(found: Fit) -> None:
     (row,) = [row for row in rows if row.startswith("tof1,")]
     assert row.count("t1 was never read") == 1
     assert "intervals" not in row
+
+
+def test_a_log_that_is_too_short_for_any_test_is_not_said_to_fit(found: Fit) -> None:
+    short = fit(found.run.before_stop(4))
+    answer = json_text(result_document(short, estimates_of(short), held_back(short)))
+    verdict = "The log is too short to test the model: a test needs 8 movements of one drive."
+    assert json.loads(answer)["text"]["fit"] == verdict
+
+
+def test_what_was_answered_once_is_said_in_words(tmp_path: Path, logged: Logged) -> None:
+    path = tmp_path / "short.jsonl"
+    record(path, set_with(logged.configured), logged.hidden, 5, wandering(1, 5, CODES, ("d1",)))
+    whys = {each.why_not for each in estimates_of(fit(read_runs([path])))}
+    assert "d1 was answered only once" in whys
+    assert "u1 faced a wall within range only twice" in whys
+
+
+def test_sets_for_strength_are_by_name_and_each_is_one_robot(tmp_path: Path, capsys: Capture) -> None:
+    one = tmp_path / "robot-1"
+    assert main(["init", str(one)]) == 0
+    assert (
+        refused(["--strength"], capsys)
+        == "simmer-tui calibrate: --strength takes calibrated sets: name five or more"
+    )
+    assert "; --strength takes a set that simmer-tui calibrate wrote" in refused(
+        ["--strength", str(one)], capsys
+    )
+    (one / "calibration.json").write_text(json.dumps(KNOWN))
+    copy = shutil.copytree(one, tmp_path / "copy")
+    said = refused(["--strength", str(one), str(copy), *[str(one)] * 3], capsys)
+    assert said == f"simmer-tui calibrate: {copy} is the same calibration as {one}; name each robot once"
+
+
+def test_a_guided_session_says_before_it_begins_that_its_log_is_there(
+    tmp_path: Path, capsys: Capture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("sys.stdin", io.StringIO(""))
+    options = ["--guided", "--serial", str(tmp_path / "none"), "--config", "default"]
+    (tmp_path / "x.jsonl").touch()
+    said = refused([*options, "--out", str(tmp_path / "x")], capsys)
+    advice = "is there already: name another --out, or give it as LOG"
+    assert said == f"simmer-tui calibrate: {tmp_path / 'x.jsonl'} {advice}"
+    assert "puts the robot" in refused([*options, "--out", str(tmp_path / "new" / "y")], capsys)
+    assert (tmp_path / "new").is_dir()

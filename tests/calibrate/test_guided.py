@@ -3,7 +3,12 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import io
+import os
+import signal
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -122,3 +127,36 @@ def test_the_picture_fits_the_terminal_and_begins_with_what_is_known_least(found
     assert lengths == sorted(lengths, reverse=True)
     assert figures[0].split()[0] in {"ultra5", "tof1"}  # which were never read
     assert lines[-1].endswith("parameters that are known better")
+
+
+def test_ctrl_c_stops_a_robot_that_has_not_answered_yet(tmp_path: Path) -> None:
+    import tty  # not on Windows
+
+    robot, port = os.openpty()
+    tty.setraw(port)
+    command = [sys.executable, "-m", "simmer_tui", "calibrate", "--guided"]
+    with subprocess.Popen(
+        [*command, "--serial", os.ttyname(port), "--out", tmp_path / "set"],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
+    ) as process:
+        assert process.stdin is not None
+        assert process.stderr is not None
+        process.stdin.write("\n")
+        process.stdin.flush()
+        sent = b""
+        while not sent.endswith(b"\n"):
+            sent += os.read(robot, 100)
+        process.send_signal(signal.SIGINT)
+        said = process.stderr.read()
+    os.close(port)
+    with contextlib.suppress(OSError):  # EIO: all has been read
+        while more := os.read(robot, 100):
+            sent += more
+    os.close(robot)
+    assert "Traceback" not in said
+    assert process.returncode == 2
+    assert "the session ended before there was enough to estimate anything" in said
+    assert sent.endswith(b"xx\n")

@@ -32,6 +32,7 @@ from simmer_tui.document.formats import (
     SHARE,
     WORDS,
     TextLink,
+    estimate,
     number,
 )
 from simmer_tui.document.model import (
@@ -281,3 +282,20 @@ def test_a_click_on_a_heading_sorts_the_rows_and_another_turns_them_around(tmp_p
     page = tmp_path / "page.html"
     page.write_text(html_page(shown(table), script=script), "utf-8")
     assert "<title>bdca cdba abcd</title>" in opened(page)
+
+
+def test_large_numbers_have_no_exponent() -> None:
+    shown_mean, shown_difference = number(".4g"), estimate("+.3g")
+    assert shown_mean.text(12345.6) == "12346"
+    less = SimpleNamespace(value=-1140.4, low=-1330.0, high=-930.0)
+    assert shown_difference.text(less) == "-1140 (-1330 to -930)"
+    assert number(".1g").text(0.00002) == "2e-05"
+
+
+def test_no_number_is_cut_where_a_table_is_wider_than_the_terminal() -> None:
+    columns = (DataColumn("first"), DataColumn("second"), DataColumn("third", number()))
+    table = DataTable("wide", "Wide", columns, [("a" * 30, "b" * 30, 12345)])
+    said = terminal(shown(table), width=40)
+    assert max(map(len, said.splitlines())) <= 40
+    assert (said.count("a"), said.count("b")) == (30, 30)
+    assert "12345" in said

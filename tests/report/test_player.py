@@ -129,6 +129,10 @@ def test_a_browser_shows_the_poses_of_the_log(tmp_path: Path) -> None:
         assert abs((heading - pose.heading + 180) % 360 - 180) < 0.5, time
         assert clock.startswith(f"{time:.2f} / ")
         assert f"({x:.2f}, {y:.2f})" in words
+        # As the terminal, the log and a compass have it: not wrapped.
+        told = re.search(r"heading (-?[\d.]+)°", words)
+        assert told is not None
+        assert abs(float(told[1]) - pose.heading) < 0.5, time
 
 
 @pytest.mark.slow

@@ -366,6 +366,8 @@ class Run:
         match self._trial.command:
             case "refused":
                 raise RunLogError("full")
+            case "cannot be written":
+                raise OSError(28, "No space left on device")
             case "odd":
                 raise KeyError("u1")
             case "dies":
@@ -493,6 +495,13 @@ def test_a_run_that_cannot_be_done_ends_all(
     with pytest.raises(TrialsError, match=f"^{said}$"):
         next(results)
     assert workers == ["start", "join 10.0"]
+
+
+@pytest.mark.usefixtures("workers")
+def test_a_run_that_cannot_be_written_names_its_folder(trials: list[Trial], tmp_path: Path) -> None:
+    results = run_locally(commanded(trials, "cannot be written"), tmp_path, 1, Run)  # type: ignore[arg-type]
+    with pytest.raises(TrialsError, match=rf"^run 1: {tmp_path} No space left on device$"):
+        next(results)
 
 
 def test_runs_under_way_are_interrupted_when_nobody_wants_them(
