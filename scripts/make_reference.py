@@ -32,6 +32,7 @@ from simmer_tui.config import (
 from simmer_tui.config.csv_table import ENABLED
 from simmer_tui.config.settings import all_settings
 from simmer_tui.document.model import DataTable
+from simmer_tui.grade import course
 from simmer_tui.grade import site as grade_site
 from simmer_tui.operating.orders import CONSOLE_COMMANDS
 from simmer_tui.report import content, run_statistics
@@ -205,8 +206,19 @@ def files() -> str:
             table(("key", "allowed", "meaning"), _dialect_keys()),
             "## settings.toml\n",
             "[Settings](settings.md).\n",
+            f"## {course.COURSE_FILE}\n",
+            "Beside a set, for [grading](../grading.md).\n",
+            table(("key", "default", "allowed", "meaning"), _course_keys()),
         )
     )
+
+
+def _course_keys() -> Iterator[tuple[str, ...]]:
+    for name, values in course.KEYS.items():
+        of = f" of [[{name}]]" if name == "team" else f" of [{name}]" if name else ""
+        for value in values:
+            default = "" if value.default is None else _code(str(value.rule.plain(value.default)).lower())
+            yield f"{_code(value.name)}{of}", default, value.rule.allowed, value.help
 
 
 def _dialect_keys() -> Iterator[tuple[str, ...]]:

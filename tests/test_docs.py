@@ -28,6 +28,7 @@ from simmer_tui.config.maze_csv import CELLS
 from simmer_tui.config.profiles import DRIVE, LINK, SENSOR, profile_names
 from simmer_tui.config.settings import WEB_PORT, Settings, all_settings
 from simmer_tui.dialect import expressions, templates
+from simmer_tui.grade import course
 from simmer_tui.links import belief_link, dialect_link
 from simmer_tui.operating.orders import CONSOLE_COMMANDS
 from simmer_tui.report import animation, recording
@@ -265,6 +266,19 @@ def numbers() -> Iterator[tuple[str, str]]:
 def test_pages_state_the_numbers_of_the_code() -> None:
     pages = {path.name: " ".join(path.read_text("utf-8").split()) for path in WRITTEN}
     assert [(name, phrase) for name, phrase in numbers() if phrase not in pages[name]] == []
+
+
+def test_the_course_of_the_page_and_of_init_have_the_defaults_of_the_reference(tmp_path: Path) -> None:
+    """But for the number and the size of sensors: a course without them has no such rule."""
+    examples = [text for language, text, _ in blocks(DOCS / "grading.md") if language == "toml"]
+    term = ROOT / "config" / "term" / course.COURSE_FILE
+    for text in (*examples, term.read_text("utf-8")):
+        given = tomllib.loads(text)
+        for name in ("decide", "limits"):
+            defaults = {value.name: value.default for value in course.KEYS[name]}
+            assert given[name] == {key: defaults[key] for key in given[name]}, name
+        assert given["command"] == course.DEFAULT_COMMAND
+    assert set(tomllib.loads(examples[0])["limits"]) == {value.name for value in course.KEYS["limits"]}
 
 
 def test_pages_list_every_profile_port_kind_of_sensor_and_answer() -> None:

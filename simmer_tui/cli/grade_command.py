@@ -32,7 +32,7 @@ from simmer_tui.grade.sandbox import Isolation
 from simmer_tui.grade.site import INDEX, grades_document, grades_table, gradescope_json, junit_xml, site
 from simmer_tui.grade.team_result import TeamResult, TeamStatus, team_results
 from simmer_tui.phrases import counted
-from simmer_tui.trials.sequential import MARGIN, shown_test
+from simmer_tui.trials.sequential import MARGIN, REQUIRED_RATE, shown_test
 from simmer_tui.trials.trial import TrialResult
 
 GRADES, JUNIT, GRADESCOPE, SITE = "grades.csv", "junit.xml", "gradescope", "site"
@@ -48,7 +48,9 @@ def _options(parser: OneLineParser) -> None:
         action="store_true",
         help="COURSE is one team's own folder: the same check, for students",
     )
-    parser.add_argument("--require", metavar="RATE", type=rate, help="success rate that passes (default 0.9)")
+    parser.add_argument(
+        "--require", metavar="RATE", type=rate, help=f"success rate that passes (default {REQUIRED_RATE:g})"
+    )
     parser.add_argument(
         "--margin",
         metavar="RATE",

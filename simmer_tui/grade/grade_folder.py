@@ -37,7 +37,7 @@ from simmer_tui.grade.course import (
 from simmer_tui.grade.grade_run import GradeTrial
 from simmer_tui.grade.sandbox import Isolation
 from simmer_tui.grade.submission import PROGRAM, SubmissionCheck, check_submission, reference
-from simmer_tui.grade.submission_copy import copy_submission
+from simmer_tui.grade.submission_copy import LARGEST_SUBMISSION, copy_submission
 from simmer_tui.grade.submission_reader import SubmissionReader
 from simmer_tui.trials.run import OUTPUT, PACKED_LOG
 from simmer_tui.trials.sequential import Decision, SequentialTest, sequential_test
@@ -45,9 +45,6 @@ from simmer_tui.trials.store import RunStore, StoreKind, unbroken
 from simmer_tui.trials.trial import TrialResult, maze_faults, timed_seconds, with_clock
 
 COURSE, RUNS = "course", "runs"
-# The usual limit of the disk in a sandbox, `Limits.disk`.
-_LARGEST_SUBMISSION = 64_000_000
-"""Largest submission, bytes; a larger one would not fit into its sandbox either."""
 _NUMBERS = 100_000
 """Numbers of runs reserved for each team: more than the largest cap of a test."""
 
@@ -325,7 +322,7 @@ def _kept(planned: PlannedTeam, path: Path, command: str, reader: SubmissionRead
     refused = ""
     try:
         files = home / PROGRAM
-        copy_submission(team.folder, files, _LARGEST_SUBMISSION)
+        copy_submission(team.folder, files, LARGEST_SUBMISSION)
         if (files / TEAM_FILE).exists():
             team = reader.call(submitted_team, team, files, command)
         else:

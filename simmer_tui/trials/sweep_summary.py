@@ -26,8 +26,6 @@ from simmer_tui.trials.intervals import IntervalEstimate, median
 from simmer_tui.trials.trial import TrialResult, clocks_text
 from simmer_tui.trials.trials_summary import runs_table
 
-WANTED_RATE = 0.9
-"""Default success rate that a program must keep."""
 CURVES = "sweep.csv"
 SWEEP = DataTable(
     "sweep",

@@ -28,6 +28,9 @@ RANDOM = "random"
 """The name of a maze made for a run."""
 REAL = "real"
 """The real clock, and `timed` motion by it."""
+# Judged: many times what a program needs for a mission in simulated time.
+TIME_LIMIT = 120.0
+"""Default limit of the real time of a run, seconds, without that of a mission in timed motion."""
 # A stream apart from those of drives and sensors, so that a maze changes none of their errors.
 _MAZE_STREAM = tuple(b"maze")
 # Mazes tried: a mission that fits into hardly any maze is refused rather than searched for without end.

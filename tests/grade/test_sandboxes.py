@@ -25,7 +25,8 @@ from simmer_tui.grade import bubblewrap, container
 from simmer_tui.grade.bubblewrap import Bubblewrap, limits_text, seen_folders
 from simmer_tui.grade.call_filter import call_filter
 from simmer_tui.grade.container import Container
-from simmer_tui.grade.sandbox import LaunchedSandbox, Limits, package_folders, sandbox_environment
+from simmer_tui.grade.limits import Limits
+from simmer_tui.grade.sandbox import LaunchedSandbox, package_folders, sandbox_environment
 from simmer_tui.links.ports import PortRequest
 from simmer_tui.program import ProgramOutput
 
