@@ -31,6 +31,7 @@ from simmer_tui.dialect import expressions, templates
 from simmer_tui.grade import course
 from simmer_tui.links import belief_link, dialect_link
 from simmer_tui.operating.orders import CONSOLE_COMMANDS
+from simmer_tui.program import keeper
 from simmer_tui.report import animation, recording
 from simmer_tui.run import paths
 from simmer_tui.runlog import encode, header, writer
@@ -285,8 +286,6 @@ def test_pages_list_every_profile_port_kind_of_sensor_and_answer() -> None:
     pages = {path.name: path.read_text("utf-8") for path in WRITTEN}
     for sort in (DRIVE, SENSOR, LINK):
         assert [name for name in profile_names(sort) if f"`{name}`" not in pages["mission.md"]] == []
-    variables = [port.variable for port in dialects.all_ports()]
-    assert [name for name in variables if f"`{name}`" not in pages["trials.md"]] == []
     explained = pages["sensors.md"] + pages["mission.md"]
     assert [name for name in KINDS if f"`{name}`" not in explained] == []
     with_json = {
@@ -295,6 +294,19 @@ def test_pages_list_every_profile_port_kind_of_sensor_and_answer() -> None:
         if "--json" in command_line.command_named(name).parser().format_help()
     }
     assert {name.split()[0] for name in script("make_reference").ANSWERS} == with_json
+
+
+def test_one_page_has_every_variable_of_programs() -> None:
+    variables = {port.variable for port in dialects.all_ports()}
+    for path in (ROOT / "simmer_tui").rglob("*.py"):
+        variables |= set(re.findall(r"\"(SIMMER_[A-Z_]+)\"", path.read_text("utf-8")))
+    table = (DOCS / "trials.md").read_text("utf-8").partition("## Variables that the program gets")[2]
+    assert set(re.findall(r"`(SIMMER_[A-Z_]+)`", table)) == variables - {keeper.MARK}
+    parsers = {
+        name: command_line.command_named(name).parser().format_help() for name in command_line.COMMANDS
+    }
+    for name, text in {**parsers, "": command_line.build_parser().format_help()}.items():
+        assert len(set(re.findall(r"SIMMER_[A-Z_]+", text))) <= 1, f"{name}: the list is on the page"
 
 
 def test_each_step_of_the_course_is_short_and_has_a_picture() -> None:

@@ -79,11 +79,7 @@ def add_trials_options(parser: OneLineParser) -> None:
     group.add_argument(
         "--run",
         metavar='"CMD ..."',
-        help="the program; it gets the variables SIMMER_HOST, SIMMER_PORT, SIMMER_REPLY_PORT, "
-        "SIMMER_DROP_ZONE, SIMMER_TIME_LIMIT, SIMMER_DRIVE_PROFILE, SIMMER_SENSOR_PROFILE (where the "
-        "robot has profiles), "
-        "SIMMER_RUN (the number of the run) and, in other mazes than the set's, SIMMER_MAZE (a file like "
-        "maze.csv)",
+        help="the program; it is run with SIMMER_PORT and others set (docs/trials.md)",
     )
     group.add_argument(
         "--runs",

@@ -96,6 +96,7 @@ class LaunchedSandbox(ABC):
         if "error" in answer:
             raise PortError(f"port {request.number} ({request.purpose}): {escape_passage(answer['error'])}")
         for each in sockets:
+            each.listen(request.backlog)  # the launcher knows no dialect
             each.setblocking(False)
         return Listener(int(answer["port"]), sockets, request.backlog)
 
