@@ -27,6 +27,8 @@ _SHOWN_MISS = 0.005
 # -- numbers and places ----------------------------------------------------------------------------
 
 
+NOTHING_SENT = "nothing was sent"
+"""Reason for the failure of a run in which no command came from a program that ended with exit code 0."""
 WEDGED_TEXT = "wedged: back off before turning"
 """Advice to a robot that touches something in one place again and again."""
 
@@ -289,6 +291,11 @@ def crash_text(program: ProgramEnded) -> str:
     """The error that a program crashed with, and where: `KeyError: 'u9' in robot.py:12`."""
     place = f" in {escape(program.place, _LONGEST)}" if program.place else ""
     return f"{escape(program.error, _LONGEST)}{place}"
+
+
+def exit_text(code: int | None) -> str:
+    """Reason for the end of a run by its program."""
+    return f"the program has ended with exit code {code}"
 
 
 def program_end_text(program: ProgramEnded) -> str:

@@ -296,6 +296,23 @@ def test_pages_list_every_profile_port_kind_of_sensor_and_answer() -> None:
     assert {name.split()[0] for name in script("make_reference").ANSWERS} == with_json
 
 
+def test_the_page_of_reports_has_every_key_of_the_player() -> None:
+    player = (ROOT / "simmer_tui" / "report" / "player.js").read_text("utf-8")
+    table = re.search(r"const KEYS = \{(.*?)\n  \};", player, re.DOTALL)
+    assert table is not None
+    keys = set(re.findall(r'(?:^|[ ,])"?(\w+|[][ ])"?: (?:\(|\w+,)', table[1], re.MULTILINE))
+    names = {" ": "space", "ArrowLeft": "left", "ArrowRight": "right", "Home": "home", "End": "end"}
+    text = (DOCS / "report.md").read_text("utf-8").partition("| key | |")[2].partition("\n\n")[0]
+    shown = set(
+        re.findall(r"(?<=[|`, ;])([][]|\w|space|left|right|home|end)(?=[`, ])", text.replace(" a ", " "))
+    )
+    assert {names.get(key, key) for key in keys} - {"l"} == shown, "l is for the live page"
+    speeds = re.search(r"const SPEEDS = \[([\d.]+), .* (\d+)\];", player)
+    assert speeds is not None
+    assert f"slower, faster: {speeds[1]} to {speeds[2]} times real speed" in text
+    assert "or `l`," in (DOCS / "browser.md").read_text("utf-8")
+
+
 def test_one_page_has_every_variable_of_programs() -> None:
     variables = {port.variable for port in dialects.all_ports()}
     for path in (ROOT / "simmer_tui").rglob("*.py"):

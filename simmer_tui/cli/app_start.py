@@ -14,6 +14,7 @@ from simmer_tui.cli.command_line import say
 from simmer_tui.cli.headless import LinePrinter
 from simmer_tui.cli.run_life import FrontEnd
 from simmer_tui.events import Notice, NoticeKind, Result
+from simmer_tui.phrases import exit_text
 from simmer_tui.server import Server
 from simmer_tui.tui.terminal import TerminalChoice, choose
 
@@ -92,10 +93,10 @@ class Screen(FrontEnd):
 
     def program_ended(self, code: int) -> None:
         server = self._server
-        server.tell(Notice(NoticeKind.PROGRAM, f"the program has ended with exit code {code}"))
+        server.tell(Notice(NoticeKind.PROGRAM, exit_text(code)))
         # A mission whose program has crashed is over, as without a screen.
         if code and server.referee is not None:
-            server.call(server.referee.end, f"the program has ended with exit code {code}")
+            server.call(server.referee.end, exit_text(code))
         # Without `--once` the screen stays, so that the end can be seen.
         if self._once:
             self.finish(code)

@@ -18,6 +18,7 @@ from simmer_tui.cli.command_line import ExitCode, say
 from simmer_tui.config.dialects import SERIAL
 from simmer_tui.errors import ProgramError
 from simmer_tui.events import NOT_CONNECTED, Action, ActionName, Event, MissionEnd, Notice, NoticeKind, Result
+from simmer_tui.phrases import NOTHING_SENT, exit_text
 from simmer_tui.program import Program, ProgramOutput, not_started
 from simmer_tui.program.program_command import out_of_reach
 from simmer_tui.server import Server
@@ -28,8 +29,6 @@ if TYPE_CHECKING:
     from simmer_tui.run.run_history import RunHistory
     from simmer_tui.web.page_server import PageServer
 
-NOTHING_SENT = "nothing was sent"
-"""Reason for the failure of a mission in which no command came."""
 LAST_OUTPUT = 1.0
 """Seconds that a program may run after the end of its mission: enough to print its last output."""
 # All within the 2 s that an end by signal may take. The program ends first, so that its last commands are
@@ -333,7 +332,7 @@ class RunLife:
         elif self._command is None:
             referee.end("the client has left")
         else:
-            referee.end(f"the program has ended with exit code {code}")
+            referee.end(exit_text(code))
         # Even if the watcher that would set it has failed: nobody waits forever.
         self._front.finish(code)
 

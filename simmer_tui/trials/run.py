@@ -24,7 +24,7 @@ from simmer_tui.errors import InterruptedTrialError, ProgramError
 from simmer_tui.events import Event, Goal, MissionEnd, Result
 from simmer_tui.links.ports import Listener, PortRequest, take_port
 from simmer_tui.mission import MissionState
-from simmer_tui.phrases import last_output
+from simmer_tui.phrases import exit_text, last_output
 from simmer_tui.program import Keeper, Program, ProgramOutput, RunningProgram, not_started
 from simmer_tui.report.finding import plain_findings
 from simmer_tui.report.verdict import findings_of, verdict_of
@@ -304,7 +304,7 @@ def _reason(end: _End, time_limit: float) -> str:
         return f"the real time limit of {time_limit:g} s"
     if end.ending is Ending.SILENCE:
         return Ending.SILENCE.value
-    return f"the program has ended with exit code {end.exit_code}"
+    return exit_text(end.exit_code)
 
 
 def _judged(end: _End, state: MissionState | None) -> _End:

@@ -19,7 +19,7 @@ from simmer_tui.config.mission_plan import MissionPlan, mission_problems
 from simmer_tui.config.settings import AUTO_CLOCK, ELSE_REAL, with_any_ports
 from simmer_tui.errors import ConfigurationError, Problem
 from simmer_tui.mission import plan_run, planned
-from simmer_tui.phrases import computing_text, counted
+from simmer_tui.phrases import NOTHING_SENT, computing_text, counted
 from simmer_tui.sim.obstacles import placement_problems
 from simmer_tui.sim.specs import MazeSpec
 from simmer_tui.trials.mazes import maze_text, random_maze
@@ -158,7 +158,7 @@ class Ending(StrEnum):
     CONTACTS = "contacts"
     TIME_LIMIT = "time limit"
     EXIT = "program ended"
-    SILENCE = "nothing was sent"
+    SILENCE = NOTHING_SENT
     """The program ended with exit code 0 without sending a command."""
     REAL_TIME_LIMIT = "real time limit"
     FAULT = "fault"
