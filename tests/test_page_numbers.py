@@ -74,6 +74,7 @@ PHRASES = {
         "more than {calibrate.rows.LONGEST_COUNT!w} movements apart",
         "{calibrate.guided.WANTED[main]} for biases along the axes, {calibrate.guided.WANTED[angle]} degrees for "
         "mounting angles and {calibrate.guided.WANTED[range]} in for ranges",
+        "readings after every {calibrate.stretches.LEAST_DISTANCE:g} in or {calibrate.stretches.LEAST_TURN:g} degrees",
         "within an inch and {calibrate.measured_run.START_SPREAD[2]:g} degrees",
         "at most {calibrate.parameters.IDENTIFIED!w} of its prior's",
         "for drives {calibrate.parameters._BIAS_PRIOR[0]} for a bias along and across, and "
@@ -148,6 +149,8 @@ PHRASES = {
         "({settings.screen.keys_turn_speed:g} deg/s)",
         "ends {tui.key_velocity._REPEATED} s after the last repeat of the key, or {tui.key_velocity._FIRST} s",
         "Touching again within {sim.continuous.SAME_CONTACT} s is the same contact",
+        "Reading a clock costs {program.hook.simmer_clock.LOOK/1000:g} us, polling for a reply that is not there "
+        "{1000*program.hook.simmer_clock.EMPTY_POLL:g} ms, and `input()` {program.hook.simmer_clock.INPUT:g} s",
         "Over a cell ({sim.specs.CELL_SIZE:g} in)",
     ],
     "grading.md": [
@@ -190,6 +193,8 @@ PHRASES = {
         "the first {links.dialect_link.LOGGED_OF_STREAM:,} messages of streams",
         "more than {runlog.encode.LARGE_GRID:,} states",
         "the last {program.program_output.LAST_LINES} lines of each",
+        "{runlog.logged_scans.MISSED} is infinity",
+        "-{belief_grid._STEPS:g} log2(p/p_best), {belief_grid.RULED_OUT} for none",
     ],
     "screen.md": [
         "Blue dots show its last {run.reducer.LEGS} movements",
