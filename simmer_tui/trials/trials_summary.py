@@ -102,7 +102,7 @@ RUNS_TABLE = DataTable(
         DataColumn("text"),
         *map(DataColumn, ("exit_code", "time_s", "distance_in", "commands", "contacts")),
         *(DataColumn(key, Format(str, POSE.suffixes, tuple)) for key in ("start", "end")),
-        *(DataColumn(key, Format(str, ("_x_in", "_y_in"), tuple)) for key in ("block", "drop")),
+        *(DataColumn(key, Format(str, ("_x_in", "_y_in"), tuple)) for key in ("block", "drop_zone")),
         *map(DataColumn, ("reached_s", "taken_s", "delivered_s", "output", "clock", "log")),
     ),
     hidden=True,

@@ -339,7 +339,7 @@ def test_report_as_json_has_the_figures(tmp_path: Path, capsys: Capture) -> None
     assert run_report([str(tmp_path / "run.jsonl"), "--json"]) == 0
     found = printed(capsys)
     run = found["run"]
-    assert (run["commands"], run["contacts"], run["seed"], run["driven_in"]) == (1, 0, 7, 0.0)
+    assert (run["commands"], run["contacts"], run["seed"], run["distance_in"]) == (1, 0, 7, 0.0)
     assert run["end_x_in"] == simulator.pose.x
     assert found["text"]["findings"] == ["No contact with a wall and no refused command."]
     [row] = found["commands"]
