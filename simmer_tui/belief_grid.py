@@ -13,7 +13,7 @@ import numpy as np
 from msgspec import Meta, Struct, field
 from numpy.typing import NDArray
 
-from simmer_tui.sim.angles import FloatArray
+from simmer_tui.sim.angles import FloatArray, wrapped_angle
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.specs import CELL_SIZE, WALL, MazeSpec
 
@@ -118,7 +118,7 @@ class GridBelief(Struct, frozen=True, gc=False, omit_defaults=True):
         width, height = self.cell_size
         x0, _, _, y1 = self.bounds
         turned = self.first + 360.0 * heading / self.headings
-        return Pose(x0 + (column + 0.5) * width, y1 - (row + 0.5) * height, (turned + 180.0) % 360.0 - 180.0)
+        return Pose(x0 + (column + 0.5) * width, y1 - (row + 0.5) * height, wrapped_angle(turned))
 
     def places(self) -> Probabilities:
         """Probability of each cell, all its headings together, (rows, columns): of those that are logged."""
@@ -158,7 +158,7 @@ def grid_belief(probabilities: Probabilities, bounds: Bounds, first: float, true
         + places.sum(axis=1) @ ((np.arange(rows) - best[0]) * height) ** 2
     )
     step = 360.0 / headings
-    turns = ((np.arange(headings) - best[2]) * step + 180.0) % 360.0 - 180.0
+    turns = wrapped_angle((np.arange(headings) - best[2]) * step)
     turned = float(given.sum(axis=(0, 1)) @ turns**2)
     state = _state_of(true, shape, bounds, first)
     peak = _largest_near(given, state)

@@ -13,7 +13,7 @@ from simmer_tui.calibrate.geometry import SHARES, Clearance, moved, on_axes
 from simmer_tui.calibrate.measured_run import MeasuredRun
 from simmer_tui.calibrate.parameters import observed_sensors
 from simmer_tui.calibrate.stretches import REFERENCES
-from simmer_tui.sim.angles import FloatArray
+from simmer_tui.sim.angles import FloatArray, wrapped_angle
 from simmer_tui.sim.sensors import CountingSensor, ObservingSensor, Sensor
 from simmer_tui.sim.specs import SensorKind, SimulationSpec
 
@@ -283,7 +283,7 @@ class PoseFilter:
         """Note an error of a prediction, with its expected standard deviation, if that is known."""
         kind = sensor.spec.kind
         if kind.unit == "deg":
-            off = (off + 180.0) % 360.0 - 180.0
+            off = wrapped_angle(off)
         if np.isfinite(off):
             self.errors[kind, ahead].append(abs(off))
             if deviation:

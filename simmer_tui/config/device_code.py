@@ -14,7 +14,7 @@ from msgspec.structs import fields
 
 from simmer_tui.config.device_file import DeviceFile
 from simmer_tui.config.device_guard import guard, located
-from simmer_tui.config.device_outline import parsed
+from simmer_tui.config.device_outline import python_tree
 from simmer_tui.errors import ConfigurationError, DeviceError, Problem
 from simmer_tui.sim.columns import CsvColumn
 from simmer_tui.sim.command import escape
@@ -65,7 +65,7 @@ def run_device(file: DeviceFile) -> ModuleType:
     known = sys.modules.get(file.module)
     if known is not None:
         return known
-    tree = parsed(file)
+    tree = python_tree(file.text, file.path)
     module = ModuleType(file.module)
     module.__file__ = file.path
     module.__dict__["print"] = _print_aside
@@ -122,7 +122,7 @@ def device_faults(files: Iterable[DeviceFile], problems: list[Problem]) -> Itera
 
 def _place(file: DeviceFile, kind: type) -> str:
     """The line of a class."""
-    for node in parsed(file).body:
+    for node in python_tree(file.text, file.path).body:
         if getattr(node, "name", None) == kind.__name__:
             return f"{file.path}:{node.lineno}"
     return file.path

@@ -32,9 +32,9 @@ from simmer_tui.report.finding import (
 )
 from simmer_tui.report.sensor_audit import change_text, sensor_tests
 from simmer_tui.report.sensor_sample import by_sensor, sample_of
-from simmer_tui.run.facts import wrapped
 from simmer_tui.run.run_history import RunHistory
 from simmer_tui.run.table import Columns
+from simmer_tui.sim.angles import wrapped_angle
 from simmer_tui.sim.command import escape
 from simmer_tui.sim.noise import bias_spread
 from simmer_tui.sim.specs import DriveSpec, SensorSpec, SimulationSpec
@@ -199,7 +199,7 @@ def _mounted(
     if row.kind is not own.kind or _is_another_robot(history.spec, nominal.spec):
         return
     device, count = DeviceUnderTest(own.code, "reading", Basis.NOMINAL), len(rows)
-    turned = wrapped(own.rotation - row.rotation)
+    turned = wrapped_angle(own.rotation - row.rotation)
     if own.kind.has("rotation") and abs(turned) >= LEAST_DEGREES:
         side = "left" if turned > 0 else "right"
         what = f"looks {abs(turned):.1f} deg further to the {side} than in {_by(nominal)}"

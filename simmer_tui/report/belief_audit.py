@@ -18,9 +18,9 @@ from simmer_tui.report.robust_fit import binomial_tail, mad_scale, robust_fit, t
 from simmer_tui.report.sensor_sample import by_sensor, poses_of, world_without_block
 from simmer_tui.run.attempt import Attempt
 from simmer_tui.run.episodes import SAME
-from simmer_tui.run.facts import DEFAULT_ALLOWED_TURN, wrapped
+from simmer_tui.run.facts import DEFAULT_ALLOWED_TURN
 from simmer_tui.run.table import Columns
-from simmer_tui.sim.angles import BoolArray, FloatArray, IntArray, cos_sin_array
+from simmer_tui.sim.angles import BoolArray, FloatArray, IntArray, cos_sin_array, wrapped_angle
 from simmer_tui.sim.sensors import CountingSensor, ObservingSensor, modelled_sensor
 from simmer_tui.sim.specs import CELL_SIZE
 
@@ -79,7 +79,7 @@ class BeliefMotion:
         self._at = np.searchsorted(self._moves["order"], beliefs["order"])
         """Number of movements before each belief."""
         turn, true_turn = np.diff(beliefs["heading"]), np.diff(beliefs["true_heading"])
-        self._turn = wrapped(turn)
+        self._turn = wrapped_angle(turn)
         self._true_turn = true_turn
         believed = _in_frame(beliefs, ("x", "y", "heading"), self._turn)
         self._believed_way = np.hypot(*believed)
@@ -255,7 +255,7 @@ def wrong_heading(attempt: Attempt) -> list[Disagreement]:
         # Beyond the error that the program allowed for, by the noise of a mean.
         beyond = (abs(value) - allowed) * len(rows) ** 0.5 / float(np.median(noise))
         turns = beliefs["turn"][beliefs["order"] >= believed["order"][0]]
-        stays = np.abs(wrapped(turns - value)) <= np.maximum(DEFAULT_ALLOWED_TURN, allowed)
+        stays = np.abs(wrapped_angle(turns - value)) <= np.maximum(DEFAULT_ALLOWED_TURN, allowed)
         if beyond <= 0.0 or stays.mean() < 0.5:
             continue
         more = f"{abs(value):.0f} {spec.unit} {'more' if value > 0 else 'less'}"

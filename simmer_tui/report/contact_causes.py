@@ -22,8 +22,9 @@ from simmer_tui.report.counterfactuals import Change, Counterfactual, Counterfac
 from simmer_tui.report.right_readings import looked_at_each_movement, looks_alike, shown_place
 from simmer_tui.report.why import facing_sensor_text, looks_there, shown_range
 from simmer_tui.run.attempt import Attempt, Collision
-from simmer_tui.run.facts import ALIKE, LastReading, carried_over, facing_sensor, wrapped
+from simmer_tui.run.facts import ALIKE, LastReading, carried_over, facing_sensor
 from simmer_tui.run.history_rows import BeliefRow
+from simmer_tui.sim.angles import wrapped_angle
 from simmer_tui.sim.command import parse_value
 from simmer_tui.sim.specs import CELL_SIZE
 
@@ -190,7 +191,7 @@ class _ContactCauses:
             return False
         sensor = next(each for each in self._spec.sensors if each.code == last.code)
         towards = math.degrees(math.atan2(value * kind.direction.y, value * kind.direction.x))
-        return abs(wrapped(sensor.rotation - towards)) <= ALIKE and abs(value) > last.value
+        return abs(wrapped_angle(sensor.rotation - towards)) <= ALIKE and abs(value) > last.value
 
     @property
     def _facing(self) -> LastReading | None:

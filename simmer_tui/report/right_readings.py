@@ -12,10 +12,10 @@ import numpy as np
 
 from simmer_tui.report.sensor_sample import world_without_block
 from simmer_tui.run.attempt import Attempt, Collision
-from simmer_tui.run.facts import COVERED, SLIGHT, wrapped
+from simmer_tui.run.facts import COVERED, SLIGHT
 from simmer_tui.run.history_rows import BeliefRow, GripRow
 from simmer_tui.run.table import Columns
-from simmer_tui.sim.angles import BoolArray, FloatArray
+from simmer_tui.sim.angles import BoolArray, FloatArray, wrapped_angle
 from simmer_tui.sim.sensors import ObservingSensor, modelled_sensor
 from simmer_tui.sim.specs import CELL_SIZE, SensorSpec
 
@@ -196,7 +196,7 @@ def _around(belief: BeliefRow) -> FloatArray:
     one; a grid without headings allows for all four."""
     reach = min(belief.allowed, CELL_SIZE / 2)
     steps = np.arange(-reach, reach + _STEP / 2, _STEP)
-    beside = wrapped((belief.true_heading - belief.heading) * 4.0) / 4.0
+    beside = wrapped_angle((belief.true_heading - belief.heading) * 4.0) / 4.0
     turns = [0.0] if belief.tells_heading else [0.0, 90.0, 180.0, 270.0]
     x, y, turn = np.meshgrid(belief.x + steps, belief.y + steps, belief.heading + beside + np.array(turns))
     return np.column_stack((x.ravel(), y.ravel(), turn.ravel()))

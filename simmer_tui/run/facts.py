@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING
 
 from msgspec import Struct
 
 from simmer_tui.belief_grid import SURELY_ELSEWHERE, GridBelief
 from simmer_tui.events import Belief
-from simmer_tui.sim.angles import FloatArray, cos_sin
+from simmer_tui.sim.angles import cos_sin, wrapped_angle
 from simmer_tui.sim.path import Contact
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.specs import CELL_SIZE, SensorSpec
@@ -18,7 +18,6 @@ from simmer_tui.sim.specs import CELL_SIZE, SensorSpec
 if TYPE_CHECKING:  # most runs have no mission
     from simmer_tui.config.mission_plan import Cell
 
-_Angle = TypeVar("_Angle", float, FloatArray)
 # Judged: at more than this a sensor sees the wall's edge, not the place touched.
 BESIDE = 60.0
 """A sensor that looks further than this from a place, degrees, does not look there."""
@@ -139,7 +138,7 @@ def is_same_place(pose: Pose, other: Pose) -> bool:
 
 def displacement(begin: Pose, end: Pose) -> tuple[float, float]:
     """Distance (inches) and turn (-180 to 180 degrees) from one pose to another."""
-    return math.hypot(end.x - begin.x, end.y - begin.y), wrapped(end.heading - begin.heading)
+    return math.hypot(end.x - begin.x, end.y - begin.y), wrapped_angle(end.heading - begin.heading)
 
 
 def facing_sensor(
@@ -161,7 +160,7 @@ def degrees_beside(contact: Contact, sensor: SensorSpec) -> float:
     """Angle between a sensor and a contact, seen from the robot's middle, 0 to 180 degrees."""
     pose, (x, y) = contact.pose, contact.point
     towards = math.degrees(math.atan2(y - pose.y, x - pose.x)) - pose.heading
-    return abs(wrapped(sensor.rotation - towards))
+    return abs(wrapped_angle(sensor.rotation - towards))
 
 
 def deviation(belief: Belief) -> Deviation:
@@ -195,7 +194,7 @@ def _spread_of(headings: list[float]) -> float:
     cos = sum(math.cos(math.radians(each)) for each in headings) / len(headings)
     sin = sum(math.sin(math.radians(each)) for each in headings) / len(headings)
     mean = math.degrees(math.atan2(sin, cos))
-    return math.sqrt(sum(wrapped(each - mean) ** 2 for each in headings) / len(headings))
+    return math.sqrt(sum(wrapped_angle(each - mean) ** 2 for each in headings) / len(headings))
 
 
 def missed_zone(zone: Cell, x: float, y: float) -> tuple[float, float]:
@@ -214,8 +213,3 @@ def carried_over(old: Pose, new: Pose, pose: Pose) -> Pose:
     x, y = pose.x - old.x, pose.y - old.y
     ahead, aside = cos * x - sin * y, sin * x + cos * y
     return Pose(*new.place(ahead, aside), new.heading + pose.heading - old.heading)
-
-
-def wrapped(angle: _Angle) -> _Angle:
-    """An angle, or an array of them, from -180 to below 180 degrees."""
-    return (angle + 180.0) % 360.0 - 180.0

@@ -4,6 +4,7 @@ Tables of eight directions begin at 0 degrees and go counter-clockwise.
 """
 
 import math
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
+_Angle = TypeVar("_Angle", float, FloatArray)
 
 ARROWS = ("→", "↗", "↑", "↖", "←", "↙", "↓", "↘")
 """Arrows to 0, 45 ... 315 degrees, counter-clockwise from the right."""
@@ -27,6 +29,11 @@ def half_turn(degrees: float) -> float:
     """The same direction as an angle in (-180, 180]: headings as people read them."""
     turned = math.remainder(degrees, 360.0)
     return 180.0 if turned == -180.0 else turned
+
+
+def wrapped_angle(angle: _Angle) -> _Angle:
+    """An angle, or an array of them, from -180 to below 180 degrees: for differences of headings."""
+    return (angle + 180.0) % 360.0 - 180.0
 
 
 def eighth_of_turn(degrees: float) -> int:
