@@ -22,7 +22,7 @@ from simmer_tui.cli.command_line import (
 )
 from simmer_tui.cli.trials_options import count, new_folder, newest_folder, rate, run_to_end, typed_path
 from simmer_tui.config.settings import CLOCKS
-from simmer_tui.document.as_data import csv_text
+from simmer_tui.document.as_data import table_csv
 from simmer_tui.errors import GradeError
 from simmer_tui.grade import bubblewrap
 from simmer_tui.grade.course import LONG, PLAN_FILE, Course, read_course, shown_name
@@ -234,7 +234,7 @@ def _run_all(folder: GradeFolder, options: argparse.Namespace) -> None:
 
 def _write(folder: GradeFolder, found: list[TeamResult], isolation: str) -> None:
     """Write the files of the answer. Raises GradeError."""
-    files = {GRADES: csv_text(grades_table(folder, found)), JUNIT: junit_xml(folder, found)}
+    files = {GRADES: table_csv(grades_table(folder, found)), JUNIT: junit_xml(folder, found)}
     for each in found:
         files[f"{GRADESCOPE}/{each.entry.team.slug}/results.json"] = gradescope_json(folder, each)
     shown = team_results(folder, hidden=True) if folder.plan.hides_names else found

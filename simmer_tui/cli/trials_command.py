@@ -38,7 +38,7 @@ from simmer_tui.config.loader import Configuration, load
 from simmer_tui.config.mission_toml import OVERRIDDEN
 from simmer_tui.config.sets import find_mission_set, find_set
 from simmer_tui.config.settings_file import Override
-from simmer_tui.document.as_data import csv_text
+from simmer_tui.document.as_data import table_csv
 from simmer_tui.document.as_html import html_page
 from simmer_tui.document.formats import ESTIMATE
 from simmer_tui.errors import ConfigurationError, Problem, TrialsError
@@ -46,7 +46,7 @@ from simmer_tui.phrases import counted
 from simmer_tui.sim.command import escape, shown_path
 from simmer_tui.trials.cluster import pack
 from simmer_tui.trials.explanations import Explanations
-from simmer_tui.trials.failures import rate
+from simmer_tui.trials.failures import success_rate
 from simmer_tui.trials.figures import write_run_pages
 from simmer_tui.trials.folder import PAGE, PLAN, TABLE, TrialFolder, TrialPlan
 from simmer_tui.trials.local import run_locally
@@ -275,7 +275,7 @@ def _explain(folder: TrialFolder, options: argparse.Namespace) -> None:
 
 def _show(folder: TrialFolder, required: float | None, *, as_json: bool) -> None:
     """Write the files of the answer and print it."""
-    files = {TABLE: csv_text(runs_table(folder))}
+    files = {TABLE: table_csv(runs_table(folder))}
     if folder.plan.points:
         files[CURVES] = curves_csv(folder)
         wanted = REQUIRED_RATE if required is None else required
@@ -306,4 +306,4 @@ def _is_kept(folder: TrialFolder, wanted: float) -> bool:
     """True if the success rate is at least `wanted`; in a sweep, for some value of each name."""
     if folder.plan.points:
         return all(curve.kept(wanted) for curve in curves(folder))
-    return rate(folder.done).value >= wanted
+    return success_rate(folder.done).value >= wanted

@@ -20,7 +20,7 @@ from simmer_tui.sim.columns import CsvColumn
 from simmer_tui.sim.command import escape
 from simmer_tui.sim.rules import Rule
 from simmer_tui.sim.sensors import Sensor
-from simmer_tui.sim.sensors.recorded_kinds import described, is_kind_name, is_label, recorded_class
+from simmer_tui.sim.sensors.recorded_kinds import is_kind_name, is_label, recorded_class, recorded_kind
 from simmer_tui.sim.specs import SensorSpec
 
 
@@ -180,6 +180,6 @@ def _elsewhere(kind: type[Sensor], module: ModuleType) -> Iterator[str]:
         yield f"the class {shown} must stand in the file under that name"
         return
     try:
-        recorded_class(described(kind))
+        recorded_class(recorded_kind(kind))
     except ValueError as error:
         yield f"a log cannot describe {shown}: {error}"

@@ -96,7 +96,7 @@ class SimulatedHost:
             if len(results) < len(codes):
                 return
             took = sum(each.duration for each in results.values())
-            values = {code: value_of(results[code]) for code in codes}
+            values = {code: reply_value(results[code]) for code in codes}
             left = begun + took - self._engine.now()
             if left > 0:
                 self.call_later(left, lambda: done(values))
@@ -144,7 +144,7 @@ class SimulatedHost:
         self._engine.tell(Notice(NoticeKind.ROBOT, f"dialect: {text}"))
 
 
-def value_of(result: CommandResult) -> FieldValue:
+def reply_value(result: CommandResult) -> FieldValue:
     """The number of a reading, or the list of numbers of a whole scan."""
     ranges = result.ranges
     return result.reply if ranges is None else tuple(ranges.tolist())

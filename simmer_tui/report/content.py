@@ -214,7 +214,7 @@ def report_document(run: RunStatistics, name: str) -> Document:
         *((output(run.verdict),) if failed else ()),
         Bullets("What happened", findings(run), "findings"),
         Bullets("Notes", run.notes, "notes"),
-        *tables(run, name),
+        *report_tables(run, name),
         *(() if failed else (output(run.verdict),)),
         again(name),
     ]
@@ -259,7 +259,7 @@ def svg_picture(run: RunStatistics, name: str) -> str:
     """The maze and under it the traces, as one picture."""
     figure, strips = replace(maze_figure(run), title=f"Run {name}"), traces(run)
     if strips is not None:
-        below = svg.shifted(0.0, figure.height + _GAP, strips.content)
+        below = svg.translated(0.0, figure.height + _GAP, strips.content)
         height = figure.height + _GAP + strips.height
         figure = replace(figure, height=height, content=figure.content + below)
     return svg.document(figure)
@@ -270,7 +270,7 @@ def maze_picture(run: RunStatistics, name: str, width: float) -> str:
     return svg.document(replace(maze_figure(run), title=f"Run {name}"), width)
 
 
-def tables(run: RunStatistics, name: str = "") -> list[DataTable]:
+def report_tables(run: RunStatistics, name: str = "") -> list[DataTable]:
     """The run's record, the findings about sensors and drives, and all other tables that have rows."""
     others = (
         _mission(run),

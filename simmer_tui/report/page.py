@@ -25,10 +25,10 @@ from simmer_tui.document.model import (
 )
 from simmer_tui.events import Goal
 from simmer_tui.phrases import contacts_text, counted
-from simmer_tui.report.content import again, output, tables
+from simmer_tui.report.content import again, output, report_tables
 from simmer_tui.report.figure import maze_figure
 from simmer_tui.report.findings import findings
-from simmer_tui.report.player import player_script, player_style, shortened
+from simmer_tui.report.player import left_out_text, player_script, player_style
 from simmer_tui.report.run_statistics import RunStatistics
 from simmer_tui.report.traces import traces
 from simmer_tui.report.verdict import Outcome, Verdict, goals_met
@@ -67,7 +67,7 @@ def _page(run: RunStatistics, name: str, *, commands: bool) -> Document:
         SideBySide(tuple(_picture(run)), tuple(_cards(run, attempt, name if commands else ""))),
         Folded("All that happened", (Bullets("", findings(run)), Bullets("Notes", run.notes))),
         *(() if strips is None else (Folded(strips_title, (SectionHeading(strips_title), strips)),)),
-        Folded("Movements, errors of readings, timing", tables(run, name)),
+        Folded("Movements, errors of readings, timing", report_tables(run, name)),
         Folded(last.heading, (Bullets("", last.entries, kind="output"),) if last.entries else ()),
         *((again(name),) if commands else ()),
     ]
@@ -124,7 +124,7 @@ def _picture(run: RunStatistics) -> Iterator[DocumentPart]:
     cause = run.verdict.cause
     what = "the end of the run" if cause is None else "the moment of the cause"
     begin = TextLink(f"{run.verdict.elapsed:.1f} s", f"#t={run.verdict.elapsed:.2f}")
-    yield Paragraph((f"It begins at {what}, ", begin, f". {shortened(run.recording)}"), kind="note")
+    yield Paragraph((f"It begins at {what}, ", begin, f". {left_out_text(run.recording)}"), kind="note")
 
 
 def _cards(run: RunStatistics, attempt: Attempt, log: str) -> Iterator[DocumentPart]:

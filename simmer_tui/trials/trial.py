@@ -123,7 +123,7 @@ def prepare(trial: Trial) -> tuple[Configuration, MissionPlan | None]:
     return replace(configuration, settings=settings), plan
 
 
-def clock_of(configuration: Configuration) -> str:
+def run_clock(configuration: Configuration) -> str:
     """The clock for the runs of a set: a choice of the setting `clock`, but not `auto`."""
     clock = configuration.settings.motion.clock
     if clock != AUTO_CLOCK:
@@ -139,13 +139,13 @@ def with_clock(configuration: Configuration, clock: str) -> Configuration:
 
 def timing_of(configuration: Configuration) -> str:
     """The clock of the runs of a set, as `MotionSettings.timing` has it."""
-    return with_clock(configuration, clock_of(configuration)).settings.motion.timing
+    return with_clock(configuration, run_clock(configuration)).settings.motion.timing
 
 
 def timed_seconds(configuration: Configuration) -> float:
     """Real time of a mission by its time limit, seconds: 0 unless its runs may use the real clock."""
     motion, mission = configuration.settings.motion, configuration.mission
-    by_real_clock = timing_of(configuration) == "timed" or clock_of(configuration) == ELSE_REAL
+    by_real_clock = timing_of(configuration) == "timed" or run_clock(configuration) == ELSE_REAL
     if not by_real_clock or mission is None:
         return 0.0
     return mission.time_limit / motion.time_scale

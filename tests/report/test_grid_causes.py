@@ -11,7 +11,7 @@ from simmer_tui.belief_grid import grid_belief
 from simmer_tui.cli.log_commands import build_report
 from simmer_tui.events import Belief
 from simmer_tui.report.causes import Kind
-from simmer_tui.report.content import tables
+from simmer_tui.report.content import report_tables
 from tests.report.test_causes import begin
 
 READ = ("u1", "u2", "u4", "u3")
@@ -78,7 +78,7 @@ def test_a_flat_grid_is_unsure_and_its_evidence_names_the_true_cell() -> None:
 
 
 def belief_rows(path: Path) -> dict[str, tuple[Any, ...]]:
-    [table] = [each for each in tables(build_report(path)) if each.key == "belief"]
+    [table] = [each for each in report_tables(build_report(path)) if each.key == "belief"]
     return {row[0]: row[1:] for row in table.rows}
 
 

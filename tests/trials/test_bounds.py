@@ -27,7 +27,7 @@ from simmer_tui.trials.intervals import PairCounts, student_quantile
 from simmer_tui.trials.mazes import maze_text, random_maze
 from simmer_tui.trials.sequential import REQUIRED_RATE, sequential_test, shown_test
 from simmer_tui.trials.store import RunStore
-from simmer_tui.trials.trial import RANDOM, Trial, TrialResult, clock_of, maze_of, run_seed, with_clock
+from simmer_tui.trials.trial import RANDOM, Trial, TrialResult, maze_of, run_clock, run_seed, with_clock
 from tests.kept_numbers import assert_kept
 
 posix = pytest.mark.skipif(sys.platform == "win32", reason="errors and paths are told in another way there")
@@ -292,7 +292,7 @@ def test_the_clock_of_a_set_is_never_left_open() -> None:
     configuration = load(find_set("mission"))
     for clock, found in (("auto", "real"), ("program", "program"), ("real", "real")):
         given = with_clock(configuration, "".join([*clock]))
-        assert clock_of(given) == found
+        assert run_clock(given) == found
 
 
 @pytest.mark.parametrize(

@@ -69,7 +69,7 @@ class RecordedSensor(Sensor):
     is_opaque = True
 
 
-def described(kind: type[SensorKind]) -> RecordedKind:
+def recorded_kind(kind: type[SensorKind]) -> RecordedKind:
     """The description of a kind."""
     blank = kind.spec_type(kind=kind, number=1, code="?")
     columns = tuple(_recorded(column, blank) for column in kind.columns)
