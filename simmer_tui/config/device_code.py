@@ -20,7 +20,13 @@ from simmer_tui.sim.columns import CsvColumn
 from simmer_tui.sim.command import escape
 from simmer_tui.sim.rules import Rule
 from simmer_tui.sim.sensors import Sensor
-from simmer_tui.sim.sensors.recorded_kinds import is_kind_name, is_label, recorded_class, recorded_kind
+from simmer_tui.sim.sensors.recorded_kinds import (
+    LONGEST_KIND,
+    is_kind_name,
+    is_label,
+    recorded_class,
+    recorded_kind,
+)
 from simmer_tui.sim.specs import SensorSpec
 
 
@@ -136,7 +142,7 @@ def _faults(kind: type[Sensor]) -> Iterator[str]:
     if kind.is_scan:
         yield f"{kind.__name__} scans as a lidar does; a reading of a device is one number"
     if not is_kind_name(kind.name):
-        yield f"the name of {kind.__name__} must be 1 to 20 letters a to z"
+        yield f"the name of {kind.__name__} must be 1 to {LONGEST_KIND} letters a to z"
     for name in ("meaning", "unit"):
         if not is_label(getattr(kind, name, None)):
             yield f"{kind.__name__} needs {name} = a line of text"

@@ -14,6 +14,7 @@ from msgspec.structs import replace
 
 from simmer_tui.config import dialects
 from simmer_tui.sim.rules import (
+    LARGEST_PORT,
     ChoiceRule,
     FlagRule,
     IntegerRule,
@@ -95,7 +96,7 @@ _talk = functools.partial(Setting, course=CourseRule.FREE)
 
 
 def _port(port: dialects.DialectPort) -> Setting:
-    return _talk(IntegerRule(0, 65535), port.help, metavar="PORT")
+    return _talk(IntegerRule(0, LARGEST_PORT), port.help, metavar="PORT")
 
 
 def _number(low: float, high: float, help_text: str, unit: str = "", option: str = "") -> Setting:

@@ -18,6 +18,7 @@ from simmer_tui.sim.specs import SimulationSpec
 from simmer_tui.trials.failures import CHANGED_CAUSES, changed_causes, success_rate
 from simmer_tui.trials.folder import TrialFolder
 from simmer_tui.trials.intervals import (
+    RESAMPLES,
     IntervalEstimate,
     PairCounts,
     mcnemar,
@@ -193,7 +194,7 @@ def _means(pairs: list[RunPair]) -> DataTable:
         rows.append((name, unit, len(chosen), a, b, mean_difference([y - x for x, y in values]) or alone))
     note = (
         "In brackets, from three runs on: the 95 % interval of the mean over the pairs. It is the wider of "
-        "Student's t and the bootstrap-t (10 000 resamples, fixed seed)."
+        f"Student's t and the bootstrap-t ({RESAMPLES // 1000} 000 resamples, fixed seed)."
     )
     return MEANS.filled(rows, note)
 
