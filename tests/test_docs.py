@@ -28,6 +28,8 @@ from simmer_tui.config.settings import all_settings
 from simmer_tui.grade import course
 from simmer_tui.operating.orders import CONSOLE_COMMANDS
 from simmer_tui.program import keeper
+from simmer_tui.report.causes import Kind
+from simmer_tui.report.verdict import Outcome
 from simmer_tui.sim.sensors import KINDS
 from simmer_tui.version import REPOSITORY, requirement
 
@@ -245,6 +247,32 @@ def test_one_page_has_every_variable_of_programs() -> None:
     }
     for name, text in {**parsers, "": command_line.build_parser().format_help()}.items():
         assert len(set(re.findall(r"SIMMER_[A-Z_]+", text))) <= 1, f"{name}: the list is on the page"
+
+
+def test_pages_list_the_outcomes_and_all_causes() -> None:
+    report, causes = ((DOCS / name).read_text("utf-8") for name in ("report.md", "causes.md"))
+    listed = re.search(r"^- `outcome`: (.*);$", report, re.MULTILINE)
+    assert listed is not None
+    assert re.findall(r"`([^`]+)`", listed[1]) == [outcome.value for outcome in Outcome]
+    first_cells = " ".join(re.findall(r"^\| (`[^|]*) \|", causes, re.MULTILINE))
+    assert set(re.findall(r"`([^`]+)`", first_cells)) == {kind.value for kind in Kind}
+
+
+def test_the_map_of_the_rooms_is_that_of_the_import_contracts() -> None:
+    """From the lowest to the highest; a layer of the contracts may be two rows."""
+    text = (ROOT / "CONTRIBUTING.md").read_text("utf-8").partition("## The map")[2]
+    cells = " ".join(re.findall(r"^\| (`[^|]*) \|", text.partition("\n\nBeside")[0], re.MULTILINE))
+    rooms = [name.rstrip("/").removesuffix(".py") for name in re.findall(r"`([^`]+)`", cells)]
+    contracts = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["tool"]["importlinter"][
+        "contracts"
+    ]
+    layers = next(each["layers"] for each in contracts if each["type"] == "layers")
+    level = {
+        name: number for number, layer in enumerate(reversed(layers)) for name in re.findall(r"\w+", layer)
+    }
+    assert set(rooms) == level.keys() - {"__main__"} | {"client"}
+    levels = [level[name] for name in rooms if name in level]
+    assert levels == sorted(levels)
 
 
 def test_each_step_of_the_course_is_short_and_has_a_picture() -> None:

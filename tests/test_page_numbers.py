@@ -1,5 +1,5 @@
 # ruff: noqa: E501 - a phrase is one line
-"""Numbers that pages state are those of the code.
+"""Numbers, and names of files, that pages state are those of the code.
 
 A phrase stands here as on its page, with the name of a constant of the package, or of a default below, in
 place of each number: `{run.facts.UNSURE:g}`. A number may be multiplied or divided, and `!w` writes it as a
@@ -70,6 +70,7 @@ PHRASES = {
         "at {web.run_frames._PACE!w} times real speed",
     ],
     "calibrate.md": [
+        "`{calibrate.written_set.PAGE}` shows each parameter",
         "(70 to {calibrate.guided.MOST} movements)",
         "more than {calibrate.rows.LONGEST_COUNT!w} movements apart",
         "{calibrate.guided.WANTED[main]} for biases along the axes, {calibrate.guided.WANTED[angle]} degrees for "
@@ -162,6 +163,11 @@ PHRASES = {
         "{grade.robot_rules.MOST_SENSORS} sensors",
         "at most {grade.submission_copy.LARGEST_SUBMISSION/1000000:g} MB and {grade.submission_copy.MOST_FILES} files",
         "{grade.submission_reader._CPU} s of processor time and {grade.submission_reader._MEMORY/1000000:g} MB",
+        "| `{cli.grade_command.GRADES}` | a row for each team",
+        "| `{cli.grade_command.SITE}/{grade.site.INDEX}` | how many passed",
+        "| `{cli.grade_command.JUNIT}` | a test case",
+        "| `{cli.grade_command.GRADESCOPE}/TEAM/results.json` |",
+        "The seed is in `{grade.course.PLAN_FILE}`",
         "A supervisor measures every {grade.usage._EVERY} s",
         "of its runs have {cli.grade_command._SEED_BITS} bits",
         "It is {exit.LOST:d} if the Dask cluster was lost, and {exit.INTERRUPTED:d} after Ctrl-C",
@@ -225,6 +231,10 @@ PHRASES = {
         "steppers",
     ],
     "trials.md": [
+        "`{trials.store.RESULTS}`, a line for each finished run, and `{trials.folder.TABLE}`, a row for each run",
+        "`{trials.folder.PAGE}`: distributions",
+        "`{trials.sweep_summary.CURVES}` has a row for each value",
+        "Results are kept in `{trials.folder.WHY}/{trials.store.RESULTS}`",
         "`--margin` ({test.margin})",
         "up to {trials.cluster.MOST_BYTES/1000000:g} MB",
         "repeats {trials.explanations.EXPLAINED!w} failed runs",
