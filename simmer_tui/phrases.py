@@ -27,6 +27,8 @@ _SHOWN_MISS = 0.005
 # -- numbers and places ----------------------------------------------------------------------------
 
 
+SHOWN_OUTPUT = 5
+"""Last lines of a program's output that a page shows: an error and where it is. The log has more."""
 NOTHING_SENT = "nothing was sent"
 """Reason for the failure of a run in which no command came from a program that ended with exit code 0."""
 WEDGED_TEXT = "wedged: back off before turning"

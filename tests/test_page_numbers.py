@@ -185,7 +185,7 @@ PHRASES = {
         "at most {trials.figures.MOST}, with some for every cause",
         "at most {report.animation.USUAL_SECONDS:g} s long",
         "the last {program.program_output.LAST_LINES} lines of `stderr` and `stdout`",
-        "the program's last {report.page._LAST_LINES!w} lines if it crashed",
+        "the program's last {phrases.SHOWN_OUTPUT!w} lines if it crashed",
         "It needs {report.finding.FEWEST[set]} readings or movements",
         "Only rows that differ are tested, from {report.finding.FEWEST[nominal]} readings on",
         "any finding of a run is wrong is at most {100*report.finding._ERROR:g} % (Holm)",

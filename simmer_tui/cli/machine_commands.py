@@ -32,6 +32,8 @@ from simmer_tui.version import __version__, requirement
 
 # Packages whose version affects the picture or the results, for bug reports.
 _LIBRARIES = ("textual", "rich", "numpy", "shapely", "pyserial", "msgspec")
+_EXTRAS = {"calibrate": "scipy", "dask": "distributed", "export": "PIL", "web": "websockets"}
+"""A module of each extra of the package that users may need (pyproject.toml)."""
 _SAMPLES = {
     GlyphMode.ASCII: "#o->",
     GlyphMode.HALF: "\N{UPPER HALF BLOCK}\N{LOWER HALF BLOCK}\N{FULL BLOCK}",
@@ -162,14 +164,17 @@ def _grading() -> Check:
 
 
 def _extras() -> str:
-    """Programs and packages that some features need."""
+    """Extras of the package, and programs, that some features need."""
+    missing = [name for name, module in _EXTRAS.items() if find_spec(module) is None]
     octave = "apt-get install octave octave-instrument-control"
-    features = (
+    programs = (
         ("Octave", _is_there("octave-cli", "octave"), octave),
         ("MATLAB", _is_there("matlab"), "from MathWorks"),
-        ("Dask", find_spec("distributed") is not None, f"pip install '{requirement('dask')}'"),
     )
-    return ", ".join(name if there else f"no {name} ({how})" for name, there, how in features)
+    found = ", ".join(name for name in _EXTRAS if name not in missing) or "none"
+    lack = f"; missing: pip install '{requirement(','.join(missing))}'" if missing else ""
+    others = ", ".join(name if there else f"no {name} ({how})" for name, there, how in programs)
+    return f"{found}{lack}; {others}"
 
 
 def _is_there(*programs: str) -> bool:

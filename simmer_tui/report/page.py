@@ -24,7 +24,7 @@ from simmer_tui.document.model import (
     VerdictBox,
 )
 from simmer_tui.events import Goal
-from simmer_tui.phrases import contacts_text, counted
+from simmer_tui.phrases import SHOWN_OUTPUT, contacts_text, counted
 from simmer_tui.report.content import again, output, report_tables
 from simmer_tui.report.figure import maze_figure
 from simmer_tui.report.findings import findings
@@ -35,8 +35,6 @@ from simmer_tui.report.verdict import Outcome, Verdict, goals_met
 from simmer_tui.run.attempt import Attempt, Task
 from simmer_tui.sim.command import escape, escape_passage, escape_word
 
-_LAST_LINES = 5
-"""Lines of a crashed program's output at the top of the page: the error, and where it was raised."""
 _TONES = {Outcome.SUCCEEDED: Tone.GOOD, Outcome.FAILED: Tone.BAD, Outcome.CRASHED: Tone.BAD}
 _CRASH_SIGN = "!"
 
@@ -100,7 +98,7 @@ def verdict_box(verdict: Verdict, *, is_mission: bool) -> VerdictBox:
 def _last_lines(verdict: Verdict) -> Bullets:
     """The last output of a crashed program."""
     program = verdict.program
-    said = () if program is None else program.stderr[-_LAST_LINES:]
+    said = () if program is None else program.stderr[-SHOWN_OUTPUT:]
     return Bullets("", [escape_passage(line.text) for line in said], kind="output")
 
 

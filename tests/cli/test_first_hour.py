@@ -284,6 +284,22 @@ def test_doctor_names_as_many_saved_runs_as_there_are(
     assert f"the last {len(list(saved_runs_folder().glob('*')))} are saved in" in capsys.readouterr().out
 
 
+def test_doctor_says_which_extras_of_the_package_are_missing(
+    monkeypatch: pytest.MonkeyPatch, capsys: Capture
+) -> None:
+    project = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text("utf-8"))["project"]
+    extras = set(project["optional-dependencies"]) - {"dev", "docs", "release", "test"}
+    for there in (True, False):
+        monkeypatch.setattr(
+            "simmer_tui.cli.machine_commands.find_spec", lambda name, there=there: there or None
+        )
+        run_doctor([])
+        (line,) = [line for line in capsys.readouterr().out.splitlines() if line.startswith("ok  extras")]
+        names = re.search(r"simmer-tui\[(.*?)\] @ git" if not there else r"extras  +(.*?); ", line)
+        assert names is not None, line
+        assert set(names[1].replace(" ", "").split(",")) == extras
+
+
 def test_a_program_is_told_the_set(folder: Path) -> None:
     ports = {f"server.{name}": Override(name, 0) for name in ("port", "reply_port", "belief_port")}
     server = Server(load(folder, ports))
