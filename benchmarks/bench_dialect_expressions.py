@@ -22,7 +22,7 @@ from simmer_tui.dialect.expressions import LONGEST_TEXT, MOST_RAYS, Expression, 
 from simmer_tui.dialect.templates import parsed_reply
 from simmer_tui.engine import Engine
 from simmer_tui.errors import ExpressionError
-from simmer_tui.links.dialect_link import SimulatedHost, value_of
+from simmer_tui.links.dialect_link import SimulatedHost, reply_value
 from simmer_tui.sim.simulator import Simulator
 
 MOST_SECONDS, MOST_BYTES = 0.001, 65_536
@@ -61,7 +61,7 @@ class Names:
         rules = DialectRules(parts=parts)
         host = SimulatedHost(Engine(simulator), rules, lambda data, droppable: None)
         self._device = DialectDevice(rules, host)
-        self._readings = {code: value_of(simulator.execute(code)) for code in parts.lidars}
+        self._readings = {code: reply_value(simulator.execute(code)) for code in parts.lidars}
 
     def value(self, name: str) -> FieldValue:
         return NAMES[name]

@@ -14,8 +14,8 @@ How it counts, by `ast` and `tokenize`, over every `*.py` file of `simmer_tui/`:
 - *decisions of a function*: one for itself (McCabe's count), its `if`, `for`, `while`, `except`, `case`,
   conditional expressions, each comprehension and each of its ifs, and each `and`/`or`. Nested functions count
   for themselves.
-- *names with more than one meaning*: public classes, type aliases and `NewType`s at the top of a module
-  that another module defines as well.
+- *names with more than one meaning*: public classes, functions, type aliases and `NewType`s at the top of a
+  module that another module defines as well.
 
 Options list what was counted.
 """
@@ -34,6 +34,9 @@ MANY = 15
 """Decisions in a function beyond which it is listed."""
 _DECISIONS = (ast.If, ast.For, ast.AsyncFor, ast.While, ast.ExceptHandler, ast.match_case, ast.IfExp)
 _FUNCTIONS = (ast.FunctionDef, ast.AsyncFunctionDef)
+_DEFINITIONS = (ast.ClassDef, *_FUNCTIONS)
+SAME_ROLE = {"install", "load", "main", "typed", "what_is_missing"}
+"""Functions that several modules have on purpose, with one meaning: they are called in the same way."""
 _WITHOUT_CODE = (
     *(tokenize.COMMENT, tokenize.NL, tokenize.NEWLINE, tokenize.INDENT, tokenize.DEDENT),
     *(tokenize.ENCODING, tokenize.ENDMARKER),
@@ -117,9 +120,9 @@ def tested_events(tree: ast.Module, events: set[str]) -> Iterator[int]:
 
 
 def public_names(tree: ast.Module) -> Iterator[tuple[str, int]]:
-    """Public classes and type aliases that a module defines, each with its line."""
+    """Public classes, functions and type aliases that a module defines, each with its line."""
     for node in tree.body:
-        if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
+        if isinstance(node, _DEFINITIONS) and not node.name.startswith("_"):
             yield node.name, node.lineno
         elif isinstance(node, ast.Assign | ast.AnnAssign):
             targets = node.targets if isinstance(node, ast.Assign) else [node.target]
@@ -134,7 +137,9 @@ def shared_names(package: Path) -> dict[str, list[str]]:
     for path in sorted(package.rglob("*.py")):
         for name, line in public_names(ast.parse(path.read_text("utf-8"))):
             found[name].append(f"{path.relative_to(package.parent)}:{line}")
-    return {name: places for name, places in sorted(found.items()) if len(places) > 1}
+    return {
+        name: places for name, places in sorted(found.items()) if len(places) > 1 and name not in SAME_ROLE
+    }
 
 
 def main() -> None:

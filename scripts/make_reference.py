@@ -21,7 +21,7 @@ from pathlib import Path
 sys.path.append(str(Path(__file__).resolve().parent.parent))  # a clone's root; an installed one is first
 from simmer_tui.calibrate import result_page
 from simmer_tui.cli import log_commands, machine_commands
-from simmer_tui.cli.command_line import ExitCode, default_text
+from simmer_tui.cli.command_line import EXIT_CODES, EXIT_CODES_OF_RUNS, default_text
 from simmer_tui.cli.main import COMMANDS, build_parser, command_named
 from simmer_tui.config import (
     dialect_toml,
@@ -35,13 +35,14 @@ from simmer_tui.config import (
 from simmer_tui.config.csv_table import ENABLED
 from simmer_tui.config.settings import all_settings
 from simmer_tui.document.model import DataTable
+from simmer_tui.grade import course
 from simmer_tui.grade import site as grade_site
 from simmer_tui.operating.orders import CONSOLE_COMMANDS
 from simmer_tui.report import content, run_statistics
 from simmer_tui.sim.columns import BASE
 from simmer_tui.sim.sensors import KINDS
 from simmer_tui.trials import compare, sweep_summary, trials_summary
-from simmer_tui.tui.key_table import ANYWHERE, IN_LOG, WITH_THE_MOUSE
+from simmer_tui.tui.key_table import ANYWHERE, IN_LOG, IN_REPLAY, WITH_THE_MOUSE
 
 ROOT = Path(__file__).resolve().parent.parent
 PAGES = ROOT / "docs" / "reference"
@@ -99,16 +100,8 @@ def commands() -> str:
         parser = command_named(name).parser()
         usage = parser.format_usage().removeprefix("usage: ")
         parts += [f"## simmer-tui {name}\n", *_command(parser, usage)]
-    meanings = {
-        ExitCode.DONE: "all is well",
-        ExitCode.NO: "done, but the answer is no: a mission failed, a reply differs, too few trials succeed",
-        ExitCode.PROBLEM: "nothing was done: a mistake in an option, a set or a log, a port that is taken",
-        ExitCode.LOST: "the Dask cluster was lost",
-        ExitCode.NOT_STARTED: "the program of `--run` cannot be started",
-        ExitCode.INTERRUPTED: "Ctrl-C",
-    }
-    parts += ["## Exit codes\n", "With `--run` the program's own exit code comes first.\n"]
-    parts.append(table(("code", "when"), ((str(int(code)), text) for code, text in meanings.items())))
+    parts += ["## Exit codes\n", f"{EXIT_CODES_OF_RUNS}\n"]
+    parts.append(table(("code", "when"), ((str(int(code)), text) for code, text in EXIT_CODES.items())))
     return "\n".join(parts)
 
 
@@ -210,8 +203,19 @@ def files() -> str:
             table(("key", "allowed", "meaning"), _dialect_keys()),
             "## settings.toml\n",
             "[Settings](settings.md).\n",
+            f"## {course.COURSE_FILE}\n",
+            "Beside a set, for [grading](../grading.md).\n",
+            table(("key", "default", "allowed", "meaning"), _course_keys()),
         )
     )
+
+
+def _course_keys() -> Iterator[tuple[str, ...]]:
+    for name, values in course.KEYS.items():
+        of = f" of [[{name}]]" if name == "team" else f" of [{name}]" if name else ""
+        for value in values:
+            default = "" if value.default is None else _code(str(value.rule.plain(value.default)).lower())
+            yield f"{_code(value.name)}{of}", default, value.rule.allowed, value.help
 
 
 def _dialect_keys() -> Iterator[tuple[str, ...]]:
@@ -260,7 +264,7 @@ def screen() -> str:
     return "\n".join(
         (
             "# On the screen\n",
-            "`:help` shows this in the app.\n",
+            "`:help` shows this in the app, and `?` in a replay its own keys.\n",
             "## Orders in the console\n",
             "Anything else that is typed there is a command to the robot, such as `u1` or `d1-3`.\n",
             table(
@@ -272,6 +276,8 @@ def screen() -> str:
             table(("key", "meaning"), ((_code(each.shown), each.help) for each in ANYWHERE)),
             "## Keys while the events have the focus\n",
             table(("key", "meaning"), ((_code(each.shown), each.help) for each in IN_LOG)),
+            "## Keys in a replay\n",
+            table(("key", "meaning"), ((_code(each.shown), each.help) for each in IN_REPLAY if each.shown)),
             "## Mouse\n",
             table(("", "meaning"), ((each.shown, each.help) for each in WITH_THE_MOUSE)),
         )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from simmer_tui.config.settings import TIME_SCALES
 from simmer_tui.errors import SimmerError
 from simmer_tui.events import Action, ActionName
 from simmer_tui.sim import noise
@@ -77,9 +78,9 @@ def _resume(_: Simulator) -> str:
 
 
 def _speed(_: Simulator, scale: float) -> str:
-    # The bounds of the setting time_scale.
-    if not 0.01 <= scale <= 1000:
-        raise SimmerError("the speed is between 0.01 and 1000 simulated seconds a second")
+    low, high = TIME_SCALES.low, TIME_SCALES.high
+    if not low <= scale <= high:
+        raise SimmerError(f"the speed is between {low:g} and {high:g} simulated seconds a second")
     return f"{scale:g} simulated seconds a second"
 
 

@@ -41,7 +41,7 @@ DEFAULT_PACKET_PORT, DEFAULT_PACKET_REPLY_PORT = 61200, 61201
 DEFAULT_BELIEF_PORT = 9002
 
 # Judged: times that are short beside a round trip of a real robot, and long beside one to the simulator.
-_LONGEST_COMMAND = 255  # bytes; the simulator takes at most 256 with the newline
+_LONGEST_COMMAND = 255  # bytes, and a newline; the simulator takes one byte more
 _INTERRUPT_INTERVAL = 0.5  # s; on Windows, Ctrl-C is noticed only between two waits
 _REPLY_CONNECT_TIMEOUT = 3.0  # s
 _BELIEF_TIMEOUT = 0.2  # s; a program must not wait for what is only drawn

@@ -143,7 +143,7 @@ def planned(configuration: Configuration, plan: MissionPlan, seed: int) -> Confi
 def environment(plan: MissionPlan) -> dict[str, str]:
     """Variables for a control program: `SIMMER_DROP_ZONE` (the middle of the cell, `30,18`),
     `SIMMER_TIME_LIMIT` (simulated seconds) and, if mission.toml gives it, `SIMMER_START`
-    (`9.5,42,0`: x, y, heading)."""
+    (`9.5,42.0,0.0`: x, y, heading)."""
     known = {
         "SIMMER_DROP_ZONE": f"{plan.drop_zone.x:g},{plan.drop_zone.y:g}",
         "SIMMER_TIME_LIMIT": f"{plan.time_limit:g}",

@@ -27,6 +27,10 @@ _SHOWN_MISS = 0.005
 # -- numbers and places ----------------------------------------------------------------------------
 
 
+SHOWN_OUTPUT = 5
+"""Last lines of a program's output that a page shows: an error and where it is. The log has more."""
+NOTHING_SENT = "nothing was sent"
+"""Reason for the failure of a run in which no command came from a program that ended with exit code 0."""
 WEDGED_TEXT = "wedged: back off before turning"
 """Advice to a robot that touches something in one place again and again."""
 
@@ -291,6 +295,11 @@ def crash_text(program: ProgramEnded) -> str:
     return f"{escape(program.error, _LONGEST)}{place}"
 
 
+def exit_text(code: int | None) -> str:
+    """Reason of a mission's end: `the program has ended with exit code 3`."""
+    return f"the program has ended with exit code {code}"
+
+
 def program_end_text(program: ProgramEnded) -> str:
     """End of a program: `the program crashed: ...`, `the program ended with exit code 3`."""
     if program.stopped:
@@ -300,11 +309,6 @@ def program_end_text(program: ProgramEnded) -> str:
     if program.crashed:
         return f"the program crashed: {crash_text(program)}"
     return f"the program ended with exit code {program.exit_code}"
-
-
-def exit_text(code: int | None) -> str:
-    """Reason of a mission's end: `the program has ended with exit code 3`."""
-    return f"the program has ended with exit code {code}"
 
 
 def last_output(program: ProgramEnded) -> str:

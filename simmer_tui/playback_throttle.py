@@ -15,6 +15,7 @@ from collections.abc import Callable
 
 from msgspec import Struct
 
+from simmer_tui.config.settings import PACES
 from simmer_tui.events import Event, EventHandler, LegEnded, MovementEnded, Watchers
 from simmer_tui.sessions import LoopTimer, TimerQueue
 from simmer_tui.sim.legs import Leg
@@ -26,14 +27,11 @@ LONGEST = 2.0
 # Judged: more than anybody can follow, and little memory.
 MOST_LATE = 2000
 """Events and answers kept for later. With more, all are shown at once."""
-# Powers of two, so that doubling and halving by key meets both.
-SLOWEST, FASTEST = 0.125, 1024.0
-"""Least and greatest pace, simulated seconds a second. 0 is as fast as possible."""
 
 
 def checked_pace(pace: float) -> float:
     """The pace within its bounds; 0 stays 0, as fast as possible."""
-    return min(max(pace, SLOWEST), FASTEST) if pace else 0.0
+    return min(max(pace, PACES.low), PACES.high) if pace else 0.0
 
 
 class _Way(Struct, frozen=True):

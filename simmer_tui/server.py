@@ -195,7 +195,7 @@ class Server:
         try:
             return self._take(host, request)
         except PortError:
-            if (request.purpose, request.number) != (SERIAL.purpose, SERIAL.default):
+            if not request.falls_back:
                 raise
         # Programs of --run get its number, whichever it is.
         listener = self._take(host, replace(request, number=0))

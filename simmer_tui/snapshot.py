@@ -30,7 +30,7 @@ from simmer_tui.events import (
 from simmer_tui.mission import MissionState, Referee, mission_state
 from simmer_tui.report.live_verdict import LiveVerdict
 from simmer_tui.report.verdict import Verdict
-from simmer_tui.run.facts import degrees_beside
+from simmer_tui.run.facts import BESIDE, degrees_beside
 from simmer_tui.run.reducer import Reducer
 from simmer_tui.run.state import State
 from simmer_tui.runlog.writer import steady_clock
@@ -53,8 +53,6 @@ _BY_HAND = ("console",)
 """Sources whose commands have an entry each: a person who types a command waits for it."""
 _NOTHING = np.empty(0)
 """The true ranges of a scan in an entry: none are kept."""
-# Degrees. A sensor that points further past a contact than this says nothing of it.
-_FAR_ASIDE = 90.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -249,13 +247,13 @@ class EventFeed(EventHandler[None]):
 
     def _nearest(self, contact: Contact) -> Reading | None:
         """The last reading of the range sensor that points at a contact, since the movement before."""
-        best, least = None, _FAR_ASIDE
+        best, least = None, BESIDE
         for result in self._reducer.seen.values():
             reading = result.reading
             if reading is None or not reading.sensor.kind.is_range:
                 continue
             aside = degrees_beside(contact, reading.sensor)
-            if aside < least:
+            if aside <= least:
                 best, least = _light(reading), aside
         return best
 

@@ -19,24 +19,18 @@ from types import ModuleType
 
 import pytest
 
-from simmer_tui import backend, belief_grid
-from simmer_tui.calibrate import guided
 from simmer_tui.cli import main as command_line
 from simmer_tui.cli.help_command import whole_parser
-from simmer_tui.config import device_file, dialects, drive_csv, sensors_csv
+from simmer_tui.config import dialects, drive_csv, sensors_csv
 from simmer_tui.config.maze_csv import CELLS
 from simmer_tui.config.profiles import DRIVE, LINK, SENSOR, profile_names
-from simmer_tui.config.settings import WEB_PORT, Settings, all_settings
-from simmer_tui.dialect import expressions, templates
-from simmer_tui.links import belief_link, dialect_link
+from simmer_tui.config.settings import all_settings
+from simmer_tui.grade import course
 from simmer_tui.operating.orders import CONSOLE_COMMANDS
-from simmer_tui.report import animation, recording
-from simmer_tui.run import paths
-from simmer_tui.runlog import encode, header, writer
-from simmer_tui.sim.sensors import KINDS, LidarSpec
-from simmer_tui.sim.sensors.range_sensors import USUAL_RANGE
-from simmer_tui.sim.specs import GripperSpec
-from simmer_tui.trials import cluster, figures, sequential
+from simmer_tui.program import keeper
+from simmer_tui.report.causes import Kind
+from simmer_tui.report.verdict import Outcome
+from simmer_tui.sim.sensors import KINDS
 from simmer_tui.version import REPOSITORY, requirement
 
 ROOT = Path(__file__).parents[1]
@@ -193,10 +187,6 @@ def test_no_option_setting_column_order_or_variable_is_undocumented() -> None:
         assert f"| {value} | {name} |" in reference["files.md"]
     for order in CONSOLE_COMMANDS.values():
         assert f"`{order.usage}`".replace("|", "\\|") in reference["screen.md"], order.usage
-    everything = "".join(path.read_text("utf-8") for path in PAGES)
-    code = "".join(path.read_text("utf-8") for path in (ROOT / "simmer_tui").rglob("*.py"))
-    for variable in set(re.findall(r'"(SIMMER_[A-Z_]+)"', code)) - {"SIMMER_KEPT"}:
-        assert variable in everything, variable
 
 
 @pytest.mark.parametrize("path", WRITTEN, ids=lambda path: path.name)
@@ -212,77 +202,23 @@ def test_pages_name_only_commands_and_options_there_are(path: Path) -> None:
                 assert option in known, f"{path.name}: {line}"
 
 
-def numbers() -> Iterator[tuple[str, str]]:
-    """Pages, and phrases of them with numbers of the code."""
-    settings, grip, lidar = (
-        Settings(),
-        GripperSpec(code="p1"),
-        LidarSpec(kind=KINDS["lidar"], number=1, code="sc"),
-    )
-    ports = dialects.COMMANDS, dialects.REPLIES, dialects.PACKETS, dialects.PACKET_REPLIES
-    commands, replies, packets, packet_replies = (port.default for port in ports)
-    rows, headings = belief_grid.MOST_ROWS, belief_grid.MOST_HEADINGS
-    screen, states = settings.screen, belief_grid.MOST_STATES
-    yield "atlas.md", f"up to {states:,} poses"
-    yield "beliefs.md", f"the belief port ({dialects.BELIEFS.default}, or `{dialects.BELIEFS.variable}`)"
-    yield "beliefs.md", f"at most {belief_link.LONGEST_LINE >> 20} MB long"
-    yield "beliefs.md", f"1 to {rows:,}, and 1 to {headings} headings; at most {states:,} states in all"
-    yield "beliefs.md", f"more than {100 * belief_grid.SURELY_ELSEWHERE:g} % of the probability"
-    yield "browser.md", f"<http://127.0.0.1:{WEB_PORT}/>"
-    yield "calibrate.md", f"(70 to {guided.MOST} movements)"
-    yield "coming-from.md", f"At most {backend.MOST_COMMANDS:,} commands or {backend.MOST_BYTES >> 10} KB"
-    yield (
-        "coming-from.md",
-        f"ports {commands} and {replies} ({packets} and {packet_replies} for simmer-python)",
-    )
-    yield "devices.md", f"has at most {device_file.LARGEST:,} bytes"
-    yield "dialects.md", f"{dialects.SERIAL.default}; with another `{dialects.SERIAL.option}`"
-    yield "dialects.md", f"{expressions.LONGEST:,} characters, {expressions.MOST_NODES} parts"
-    yield "dialects.md", f"one `scan` of {expressions.MOST_RAYS} rays"
-    yield "dialects.md", f"the replies to a message {templates.LONGEST_REPLY >> 10} KB"
-    yield "driving.md", f"`loop_time` ({settings.motion.loop_time:g} s)"
-    yield (
-        "driving.md",
-        f"`keys_speed` ({screen.keys_speed:g} in/s) or `keys_turn_speed` ({screen.keys_turn_speed:g} deg/s)",
-    )
-    yield (
-        "mission.md",
-        f"`Reach` inches long (default {grip.reach:g}) and `Width` inches wide (default {grip.width:g})",
-    )
-    yield "mission.md", f"strokes a second, default {grip.speed:g}"
-    yield (
-        "report.md",
-        f"the newest {paths.MOVEMENTS} movements and {recording.READINGS:,} readings".replace(",", " "),
-    )
-    yield "report.md", f"at most {figures.MOST}, with some for every cause"
-    yield "report.md", f"at most {animation.USUAL_SECONDS:g} s long"
-    yield "run-log.md", f"This is format {header.FORMAT}."
-    yield "run-log.md", f"version of this format, {header.FORMAT}"
-    yield "run-log.md", f"about every {writer.CHECKPOINT_EVERY} lines"
-    yield "run-log.md", f"the first {dialect_link.LOGGED_OF_STREAM:,} messages of streams"
-    yield "run-log.md", f"more than {encode.LARGE_GRID:,} states"
-    yield "sensors.md", f"{lidar.min_range} to {lidar.max_range} in"
-    yield "sensors.md", f"{lidar.scan_rate} revolutions a second (`Scan Rate (Hz)`) of {lidar.rays} rays"
-    yield (
-        "sensors.md",
-        f"Percent Error is {lidar.error}, the Resolution {lidar.resolution} in, the Dropout {lidar.dropout}",
-    )
-    yield "sensors.md", f"({USUAL_RANGE} in, 4 m, if there is none)"
-    yield "trials.md", f"`--margin` ({sequential.MARGIN})"
-    yield "trials.md", f"up to {cluster.MOST_BYTES // 1_000_000} MB"
-
-
-def test_pages_state_the_numbers_of_the_code() -> None:
-    pages = {path.name: " ".join(path.read_text("utf-8").split()) for path in WRITTEN}
-    assert [(name, phrase) for name, phrase in numbers() if phrase not in pages[name]] == []
+def test_the_course_of_the_page_and_of_init_have_the_defaults_of_the_reference(tmp_path: Path) -> None:
+    """But for the number and the size of sensors: a course without them has no such rule."""
+    examples = [text for language, text, _ in blocks(DOCS / "grading.md") if language == "toml"]
+    term = ROOT / "config" / "term" / course.COURSE_FILE
+    for text in (*examples, term.read_text("utf-8")):
+        given = tomllib.loads(text)
+        for name in ("decide", "limits"):
+            defaults = {value.name: value.default for value in course.KEYS[name]}
+            assert given[name] == {key: defaults[key] for key in given[name]}, name
+        assert given["command"] == course.DEFAULT_COMMAND
+    assert set(tomllib.loads(examples[0])["limits"]) == {value.name for value in course.KEYS["limits"]}
 
 
 def test_pages_list_every_profile_port_kind_of_sensor_and_answer() -> None:
     pages = {path.name: path.read_text("utf-8") for path in WRITTEN}
     for sort in (DRIVE, SENSOR, LINK):
         assert [name for name in profile_names(sort) if f"`{name}`" not in pages["mission.md"]] == []
-    variables = [port.variable for port in dialects.all_ports()]
-    assert [name for name in variables if f"`{name}`" not in pages["trials.md"]] == []
     explained = pages["sensors.md"] + pages["mission.md"]
     assert [name for name in KINDS if f"`{name}`" not in explained] == []
     with_json = {
@@ -291,6 +227,62 @@ def test_pages_list_every_profile_port_kind_of_sensor_and_answer() -> None:
         if "--json" in command_line.command_named(name).parser().format_help()
     }
     assert {name.split()[0] for name in script("make_reference").ANSWERS} == with_json
+
+
+def test_the_page_of_reports_has_every_key_of_the_player() -> None:
+    player = (ROOT / "simmer_tui" / "report" / "player.js").read_text("utf-8")
+    table = re.search(r"const KEYS = \{(.*?)\n  \};", player, re.DOTALL)
+    assert table is not None
+    keys = set(re.findall(r'(?:^|[ ,])"?(\w+|[][ ])"?: (?:\(|\w+,)', table[1], re.MULTILINE))
+    names = {" ": "space", "ArrowLeft": "left", "ArrowRight": "right", "Home": "home", "End": "end"}
+    text = (DOCS / "report.md").read_text("utf-8").partition("| key | |")[2].partition("\n\n")[0]
+    shown = set(
+        re.findall(r"(?<=[|`, ;])([][]|\w|space|left|right|home|end)(?=[`, ])", text.replace(" a ", " "))
+    )
+    assert {names.get(key, key) for key in keys} - {"l"} == shown, "l is for the live page"
+    speeds = re.search(r"const SPEEDS = \[([\d.]+), .* (\d+)\];", player)
+    assert speeds is not None
+    assert f"slower, faster: {speeds[1]} to {speeds[2]} times real speed" in text
+    assert "or `l`," in (DOCS / "browser.md").read_text("utf-8")
+
+
+def test_one_page_has_every_variable_of_programs() -> None:
+    variables = {port.variable for port in dialects.all_ports()}
+    for path in (ROOT / "simmer_tui").rglob("*.py"):
+        variables |= set(re.findall(r"\"(SIMMER_[A-Z_]+)\"", path.read_text("utf-8")))
+    table = (DOCS / "trials.md").read_text("utf-8").partition("## Variables that the program gets")[2]
+    assert set(re.findall(r"`(SIMMER_[A-Z_]+)`", table)) == variables - {keeper.MARK}
+    parsers = {
+        name: command_line.command_named(name).parser().format_help() for name in command_line.COMMANDS
+    }
+    for name, text in {**parsers, "": command_line.build_parser().format_help()}.items():
+        assert len(set(re.findall(r"SIMMER_[A-Z_]+", text))) <= 1, f"{name}: the list is on the page"
+
+
+def test_pages_list_the_outcomes_and_all_causes() -> None:
+    report, causes = ((DOCS / name).read_text("utf-8") for name in ("report.md", "causes.md"))
+    listed = re.search(r"^- `outcome`: (.*);$", report, re.MULTILINE)
+    assert listed is not None
+    assert re.findall(r"`([^`]+)`", listed[1]) == [outcome.value for outcome in Outcome]
+    first_cells = " ".join(re.findall(r"^\| (`[^|]*) \|", causes, re.MULTILINE))
+    assert set(re.findall(r"`([^`]+)`", first_cells)) == {kind.value for kind in Kind}
+
+
+def test_the_map_of_the_rooms_is_that_of_the_import_contracts() -> None:
+    """From the lowest to the highest; a layer of the contracts may be two rows."""
+    text = (ROOT / "CONTRIBUTING.md").read_text("utf-8").partition("## The map")[2]
+    cells = " ".join(re.findall(r"^\| (`[^|]*) \|", text.partition("\n\nBeside")[0], re.MULTILINE))
+    rooms = [name.rstrip("/").removesuffix(".py") for name in re.findall(r"`([^`]+)`", cells)]
+    contracts = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["tool"]["importlinter"][
+        "contracts"
+    ]
+    layers = next(each["layers"] for each in contracts if each["type"] == "layers")
+    level = {
+        name: number for number, layer in enumerate(reversed(layers)) for name in re.findall(r"\w+", layer)
+    }
+    assert set(rooms) == level.keys() - {"__main__"} | {"client"}
+    levels = [level[name] for name in rooms if name in level]
+    assert levels == sorted(levels)
 
 
 def test_each_step_of_the_course_is_short_and_has_a_picture() -> None:

@@ -20,7 +20,7 @@ from simmer_tui.errors import ConfigurationError
 from simmer_tui.importer.imported import Imported
 from simmer_tui.importer.set_writer import write_set
 from simmer_tui.protocol.packets import RequestStyle, encode
-from simmer_tui.report.content import tables
+from simmer_tui.report.content import report_tables
 from simmer_tui.report.run_statistics import RunStatistics
 from simmer_tui.runlog.reader import LogReader
 from simmer_tui.runlog.writer import RunLog
@@ -143,7 +143,7 @@ def test_the_report_tells_its_errors(configuration: Configuration, tmp_path: Pat
         for entry in reader:
             run.add(entry)
         run.finish(reader.note)
-    table = next(each for each in tables(run) if each.title == "Errors of readings")
+    table = next(each for each in report_tables(run) if each.title == "Errors of readings")
     rows = {row["sensor"]: row for row in table.objects()}
     temperature = rows["temp1"]
     assert (temperature["readings"], temperature["unit"]) == (20, "C")

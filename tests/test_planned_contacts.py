@@ -17,7 +17,7 @@ from simmer_tui.config.loader import load
 from simmer_tui.config.sets import find_set
 from simmer_tui.engine import Engine
 from simmer_tui.events import Event
-from simmer_tui.report.content import tables
+from simmer_tui.report.content import report_tables
 from simmer_tui.run.reducer import Reducer
 from simmer_tui.run.state import checkpoint_of
 from simmer_tui.runlog.index import EntryFlag, RunLogIndex
@@ -83,7 +83,7 @@ def test_the_state_that_screens_show(stopped: Stopped) -> None:
 
 def test_the_report(stopped: Stopped) -> None:
     run = build_report(stopped.log)
-    first, *others = tables(run)
+    first, *others = report_tables(run)
     assert next(first.objects())["contacts"] == 0
     [commands] = [table for table in others if table.title == "Commands"]
     assert [row[3] for row in commands.texts()] == ["", "", ""]

@@ -15,6 +15,7 @@ from simmer_tui import snapshot
 from simmer_tui.engine import Engine
 from simmer_tui.events import Action, ActionName, Belief, Event, MovementEnded, Notice, NoticeKind
 from simmer_tui.report.live_verdict import LiveVerdict
+from simmer_tui.run.facts import BESIDE
 from simmer_tui.run.reducer import HISTORY, LEGS, Reducer
 from simmer_tui.run.run_history import RunHistory
 from simmer_tui.run.state import checkpoint_of
@@ -231,3 +232,17 @@ def test_a_new_verdict_waits_for_its_line_on_a_slow_screen(course_spec: Simulati
     assert live.verdict is not None
     assert show(Notice(NoticeKind.CONNECTED, "robot.py")).verdict is None
     assert show(told[-1]).verdict is live.verdict
+
+
+@pytest.mark.parametrize("beside", [BESIDE - 10.0, BESIDE + 10.0])
+def test_a_contact_has_a_reading_of_a_sensor_that_looks_there_as_causes_say_it(
+    course_spec: SimulationSpec, beside: float
+) -> None:
+    """The wall is to the left, and only u1 was read."""
+    sensors = tuple(
+        replace(sensor, rotation=90.0 - beside) if sensor.code == "u1" else sensor
+        for sensor in course_spec.sensors
+    )
+    contact = Run(replace(course_spec, sensors=sensors)).give("u1", "w1-100").entries[-1]
+    assert isinstance(contact.event, MovementEnded)
+    assert (contact.nearest is not None) is (beside <= BESIDE)

@@ -216,7 +216,7 @@ def strengths(robots: Sequence[Knowledge]) -> tuple[ParameterEstimate, ...]:
         if not units:
             raise CalibrationError("these sets have no drive in common whose bias was identified")
         values, errors = np.array([_biases(each, units) for each in robots]).transpose(1, 0, 2)
-        value, low, high = between(values, errors)
+        value, low, high = spread_between_robots(values, errors)
         found.append(ParameterEstimate("strength", str(turning), label, "", 0.0, value, low, high))
     return tuple(found)
 
@@ -240,7 +240,7 @@ def _biases(robot: Knowledge, units: dict[str, float]) -> tuple[FloatArray, Floa
     return values / scale, np.sqrt(variances) / scale
 
 
-def between(values: FloatArray, errors: FloatArray) -> tuple[float, float, float]:
+def spread_between_robots(values: FloatArray, errors: FloatArray) -> tuple[float, float, float]:
     """Standard deviation between robots, with its 95 % interval.
 
     Args:

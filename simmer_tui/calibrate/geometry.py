@@ -41,7 +41,7 @@ def chord_factor(turn: FloatArray, segments: int | FloatArray) -> tuple[ComplexA
     return length * direction, (slope + 1j * mean * length) * direction * (np.pi / 180.0)
 
 
-def displacement(totals: FloatArray, segments: int | FloatArray) -> ComplexArray:
+def displacements(totals: FloatArray, segments: int | FloatArray) -> ComplexArray:
     """Displacements, (m,), in the frame of the start, by (m, 3) totals of x, y (inches) and r (degrees)."""
     return chord_factor(totals[:, 2], segments)[0] * (totals[:, 0] + 1j * totals[:, 1])
 
@@ -51,7 +51,7 @@ def moved(
 ) -> FloatArray:
     """The poses, (m, 3), to which totals lead from (m, 3) poses in free space. `bend` is the distance between
     the ends of a path that is not an arc and of the arc, in the frame of the start."""
-    offset = (displacement(totals, segments) + bend) * np.exp(1j * np.radians(poses[:, 2]))
+    offset = (displacements(totals, segments) + bend) * np.exp(1j * np.radians(poses[:, 2]))
     return np.column_stack((poses[:, 0] + offset.real, poses[:, 1] + offset.imag, poses[:, 2] + totals[:, 2]))
 
 

@@ -140,10 +140,10 @@ class ParameterSpace:
         values = (*parameters.tolist(), *noise_scales.tolist())
         pairs = zip((*self.parameters, *self.noise_scales), values, strict=True)
         changed = ((each.drive, each.index, each.field, value) for each, value in pairs)
-        return with_values(spec, changed)
+        return with_parameter_values(spec, changed)
 
 
-def with_values(spec: SimulationSpec, changed: Any) -> SimulationSpec:
+def with_parameter_values(spec: SimulationSpec, changed: Any) -> SimulationSpec:
     """A specification with these values and no random biases. `changed` has (True for a drive, row, field,
     value) each."""
     drives, sensors = list(spec.drives), list(spec.sensors)

@@ -55,7 +55,7 @@ MISFITS = DataTable(
         DataColumn("kind"),
         *_ESTIMATE,
         DataColumn("unit", UNIT, hidden=True),
-        DataColumn("probability", number(".1g"), "p"),
+        DataColumn("p", number(".1g")),
         DataColumn("text", heading="observation", wraps=True),
     ),
 )
@@ -101,7 +101,7 @@ CHECK = DataTable(
     "parts",
     "Has the robot changed?",
     (
-        *(DataColumn(key, hidden=True) for key in ("part", "changed", "probability")),
+        *(DataColumn(key, hidden=True) for key in ("part", "changed", "p")),
         DataColumn("owner", WORDS, "part"),
         DataColumn("parameter", heading="parameter"),
         DataColumn("set", number(".4g")),

@@ -18,7 +18,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from simmer_tui.calibrate.geometry import displacement, on_axes
+from simmer_tui.calibrate.geometry import displacements, on_axes
 from simmer_tui.sim.arcs import Arc, Twist
 from simmer_tui.sim.arrays import BoolArray, FloatArray
 from simmer_tui.sim.distance_errors import REFERENCE_TURN, components
@@ -144,7 +144,9 @@ class VelocityStretch:
     @property
     def bend(self) -> complex:
         """Distance of its end from that of one arc with these totals, inches in the frame of its start."""
-        return complex(self._pose.x, self._pose.y) - complex(displacement(self._asked[None], ARC_SEGMENTS)[0])
+        return complex(self._pose.x, self._pose.y) - complex(
+            displacements(self._asked[None], ARC_SEGMENTS)[0]
+        )
 
     @property
     def distances(self) -> tuple[tuple[int, float], ...]:

@@ -20,7 +20,7 @@ from simmer_tui.calibrate.parameters import observed_sensors
 from simmer_tui.report.drive_audit import other_direction
 from simmer_tui.report.finding import FEWEST, Basis, Claim, DeviceUnderTest, Finding, FindingKind, kept
 from simmer_tui.report.sensor_audit import other_quantity
-from simmer_tui.report.sensor_sample import Alternative, SensorSample, stuck, turned
+from simmer_tui.report.sensor_sample import Alternative, SensorSample, inverted_compass, stuck
 from simmer_tui.sim.arrays import BoolArray, FloatArray
 from simmer_tui.sim.sensors import CountingSensor, ObservingSensor, ParameterKind, Sensor
 
@@ -92,7 +92,7 @@ def _observed(
         for each in alike
         if isinstance(each, ObservingSensor) and each.spec.kind.is_range == spec.kind.is_range
     ]
-    return sample.against([*stuck(sample), *turned(sample, base), *others])
+    return sample.against([*stuck(sample), *inverted_compass(sample, base), *others])
 
 
 def _unknown(sensor: Sensor) -> float:

@@ -18,7 +18,7 @@ import numpy as np
 
 from simmer_tui.calibrate.estimates import ParameterEstimate, unidentified_labels
 from simmer_tui.calibrate.fit import Fit
-from simmer_tui.calibrate.parameters import with_values
+from simmer_tui.calibrate.parameters import with_parameter_values
 from simmer_tui.config import drive_csv, sensors_csv, settings_file
 from simmer_tui.config.csv_table import csv_text
 from simmer_tui.config.loader import Configuration
@@ -63,7 +63,7 @@ def learned_spec(spec: SimulationSpec, estimates: Sequence[ParameterEstimate]) -
     """The specification with every parameter that was identified."""
     rows = {each.kind.value: (True, i) for i, each in enumerate(spec.drives)}
     rows |= {each.id: (False, i) for i, each in enumerate(spec.sensors)}
-    return with_values(
+    return with_parameter_values(
         spec,
         (
             (*rows[each.owner], each.field, _within(each.field, float(f"{each.value:.{_DIGITS}g}")))

@@ -42,24 +42,30 @@ _LINES, _WIDTH = 12, 100
 
 
 class ExitCode(IntEnum):
-    """Exit codes of `simmer-tui`.
-
-    With `--run` the program's own exit code has precedence. 128 and a signal's number is an end by that
-    signal, as in a shell.
-    """
+    """Exit codes of `simmer-tui`; the code of a program that is run comes before them."""
 
     DONE = 0
     NO = 1
-    """Done, but with a negative answer: a mission failed, a reply differs, too few trials succeeded, an
-    imported set needs editing, there is no serial port."""
     PROBLEM = 2
-    """Nothing was done: a mistake in an option, a set or a log, or a port in use."""
     LOST = 3
-    """The Dask cluster for trials is not reachable, or was lost: the trials can be continued."""
     NOT_STARTED = 127
-    """The program of `--run` cannot be started."""
     INTERRUPTED = 130
-    """Ctrl-C."""
+
+
+EXIT_CODES = {
+    ExitCode.DONE: "all is well",
+    ExitCode.NO: "done, but the answer is no: a mission failed, no command came from the program, a reply "
+    "differs, too few trials succeed, an imported set needs editing, there is no serial port",
+    ExitCode.PROBLEM: "nothing was done: a mistake in an option, a set or a log, a port that is taken",
+    ExitCode.LOST: "the Dask cluster cannot be reached, or was lost: --resume continues",
+    ExitCode.NOT_STARTED: "the program of --run cannot be started",
+    ExitCode.INTERRUPTED: "Ctrl-C, unless it ends a run without a program, which has no code of its own",
+}
+"""Meanings of the exit codes, for the reference."""
+EXIT_CODES_OF_RUNS = (
+    "With --run it is the program's own code; 128 and the number of the signal that ended it, as in a shell. "
+    "With --mission and --no-ui it is 0 if the mission succeeded, else 1, whatever the program's code."
+)
 
 
 _CODES: dict[type[SimmerError], ExitCode] = {

@@ -21,7 +21,7 @@ from simmer_tui.cli.command_line import (
 from simmer_tui.config.device_trust import DeviceUse
 from simmer_tui.config.loader import Configuration, load
 from simmer_tui.config.new_set import FOLDER as SCHEMAS
-from simmer_tui.config.new_set import explained, term_files, with_dialect, with_mission
+from simmer_tui.config.new_set import term_files, with_comments, with_dialect, with_mission
 from simmer_tui.config.set_document import CHECK, DIFFERENCES, problems_document, set_document
 from simmer_tui.config.set_summary import summarize
 from simmer_tui.config.sets import (
@@ -71,7 +71,7 @@ def run_init(options: argparse.Namespace) -> int:
     files, name = read_files(source), set_name(source)
     if options.dialect is not None:
         files = with_dialect(files, FrameKind(options.dialect))
-    files = explained(with_mission(files) if mission else files, name if name in bundled_sets() else "")
+    files = with_comments(with_mission(files) if mission else files, name if name in bundled_sets() else "")
     if options.term:
         files = term_files(files)
     wrote = _write(options.directory, files)
@@ -197,7 +197,7 @@ def run_import(options: argparse.Namespace) -> int:
     # Exit code 0: the set can be used. 1: it was written, but must be edited first.
     imported, skeletons = with_skeletons(read_path(options.file))
     files = {**set_files(imported), **skeletons}
-    files = explained(with_mission(files) if options.mission else files)
+    files = with_comments(with_mission(files) if options.mission else files)
     sys.stdout.write(f"{_write(options.directory, files)}\n")
     if imported.left_out:
         sys.stdout.write("Not imported, or changed:\n")

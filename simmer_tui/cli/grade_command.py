@@ -22,7 +22,7 @@ from simmer_tui.cli.command_line import (
 )
 from simmer_tui.cli.trials_options import count, new_folder, newest_folder, rate, run_to_end, typed_path
 from simmer_tui.config.settings import CLOCKS
-from simmer_tui.document.as_data import csv_text
+from simmer_tui.document.as_data import table_csv
 from simmer_tui.errors import GradeError
 from simmer_tui.grade import bubblewrap
 from simmer_tui.grade.course import LONG, PLAN_FILE, Course, read_course, shown_name
@@ -32,7 +32,7 @@ from simmer_tui.grade.sandbox import Isolation
 from simmer_tui.grade.site import INDEX, grades_document, grades_table, gradescope_json, junit_xml, site
 from simmer_tui.grade.team_result import TeamResult, TeamStatus, team_results
 from simmer_tui.phrases import counted
-from simmer_tui.trials.sequential import MARGIN, shown_test
+from simmer_tui.trials.sequential import MARGIN, REQUIRED_RATE, shown_test
 from simmer_tui.trials.trial import TrialResult
 
 GRADES, JUNIT, GRADESCOPE, SITE = "grades.csv", "junit.xml", "gradescope", "site"
@@ -48,7 +48,9 @@ def _options(parser: OneLineParser) -> None:
         action="store_true",
         help="COURSE is one team's own folder: the same check, for students",
     )
-    parser.add_argument("--require", metavar="RATE", type=rate, help="success rate that passes (default 0.9)")
+    parser.add_argument(
+        "--require", metavar="RATE", type=rate, help=f"success rate that passes (default {REQUIRED_RATE:g})"
+    )
     parser.add_argument(
         "--margin",
         metavar="RATE",
@@ -232,7 +234,7 @@ def _run_all(folder: GradeFolder, options: argparse.Namespace) -> None:
 
 def _write(folder: GradeFolder, found: list[TeamResult], isolation: str) -> None:
     """Write the files of the answer. Raises GradeError."""
-    files = {GRADES: csv_text(grades_table(folder, found)), JUNIT: junit_xml(folder, found)}
+    files = {GRADES: table_csv(grades_table(folder, found)), JUNIT: junit_xml(folder, found)}
     for each in found:
         files[f"{GRADESCOPE}/{each.entry.team.slug}/results.json"] = gradescope_json(folder, each)
     shown = team_results(folder, hidden=True) if folder.plan.hides_names else found

@@ -99,7 +99,7 @@ async def _session(configuration: Configuration, guide: SessionPlanner, log: Pat
 
             def show(what: str) -> None:
                 link = bridge.port if bridge.connected else f"{bridge.port} is closed; trying again"
-                live.update(picture(guide, what, link, console.height))
+                live.update(progress_picture(guide, what, link, console.height))
 
             try:
                 await drive_guided(ask, guide, learn, time.time, show)
@@ -119,7 +119,7 @@ def _answer(asked: asyncio.Future[float], results: Sequence[CommandResult], _: b
         asked.set_result(results[0].reply)
 
 
-def picture(guide: SessionPlanner, what: str, link: str, height: int) -> Group:
+def progress_picture(guide: SessionPlanner, what: str, link: str, height: int) -> Group:
     """The progress of the session in `height` lines: the present step, and the intervals of the parameters,
     the least known first."""
     pose = guide.pose

@@ -40,7 +40,7 @@ _PROGRESS_EVERY = 500
 RERUN = DataTable(
     "rerun",
     "Rerun",
-    tuple(map(DataColumn, ("log", "same", "commands", "actions", "seed", "configuration", "program"))),
+    tuple(map(DataColumn, ("log", "same", "commands", "actions", "seed", "configuration", "version"))),
     record=True,
 )
 

@@ -24,7 +24,7 @@ from simmer_tui.links import port_list
 from simmer_tui.links.link import port_requests
 from simmer_tui.links.ports import take_port
 from simmer_tui.phrases import counted
-from simmer_tui.runlog.saved_runs import saved_runs_folder
+from simmer_tui.runlog.saved_runs import BEFORE, saved_runs_folder
 from simmer_tui.sim.command import escape, escape_word
 from simmer_tui.tui.sizes import SMALLEST_COLUMNS, SMALLEST_ROWS
 from simmer_tui.tui.terminal import GlyphMode, choose
@@ -32,6 +32,8 @@ from simmer_tui.version import __version__, requirement
 
 # Packages whose version affects the picture or the results, for bug reports.
 _LIBRARIES = ("textual", "rich", "numpy", "shapely", "pyserial", "msgspec")
+_EXTRAS = {"calibrate": "scipy", "dask": "distributed", "export": "PIL", "web": "websockets"}
+"""A module of each extra of the package that users may need (pyproject.toml)."""
 _SAMPLES = {
     GlyphMode.ASCII: "#o->",
     GlyphMode.HALF: "\N{UPPER HALF BLOCK}\N{LOWER HALF BLOCK}\N{FULL BLOCK}",
@@ -56,13 +58,14 @@ def run_doctor(options: argparse.Namespace) -> int:
     missing for which feature. Exits with 1 if simmer-tui could not start as it is."""
     configuration, set_check = _set()
     server = configuration.settings.server if configuration is not None else ServerSettings()
+    ports, keep_from_starting = _ports(server)
     checks = {
         "version": (True, _program()),
         "libraries": (True, ", ".join(f"{name} {metadata.version(name)}" for name in _LIBRARIES)),
         "terminal": _terminal(os.environ),
         "drawing": (True, _drawing(os.environ)),
         "set": set_check,
-        "ports": _ports(server),
+        "ports": ports,
         "serial": (True, _serial()),
         "runs": _runs(),
         "grading": _grading(),
@@ -73,8 +76,8 @@ def run_doctor(options: argparse.Namespace) -> int:
     else:
         for about, (fine, text) in checks.items():
             sys.stdout.write(f"{'ok' if fine else '!!'}  {about:<9} {text}\n")
-    # Without a set or a port nothing starts; any other lack affects only one feature.
-    return ExitCode.DONE if checks["set"][0] and checks["ports"][0] else ExitCode.NO
+    # Any other lack affects only one feature.
+    return ExitCode.NO if keep_from_starting or not set_check[0] else ExitCode.DONE
 
 
 def _program() -> str:
@@ -93,7 +96,9 @@ def _terminal(environment: Mapping[str, str]) -> Check:
     if columns < SMALLEST_COLUMNS or rows < SMALLEST_ROWS:
         least = f"{SMALLEST_COLUMNS} x {SMALLEST_ROWS}"
         return False, f"{columns} x {rows}, {kind}: too small, make it {least} at least"
-    hint = "" if columns >= _USUAL[0] and rows >= _USUAL[1] else "; from 80 x 24 on all is shown at once"
+    usual_columns, usual_rows = _USUAL
+    is_usual = columns >= usual_columns and rows >= usual_rows
+    hint = "" if is_usual else f"; from {usual_columns} x {usual_rows} on all is shown at once"
     return True, f"{columns} x {rows}, {kind}{hint}"
 
 
@@ -115,21 +120,24 @@ def _set() -> tuple[Configuration | None, Check]:
     return configuration, (True, f"{escape(configuration.name)}, {configuration.directory}")
 
 
-def _ports(server: ServerSettings) -> Check:
-    requests = [request for _, each in port_requests(server) for request in each]
-    taken = []
-    for request in requests:
+def _ports(server: ServerSettings) -> tuple[Check, bool]:
+    """The check of the ports, and True if nothing starts without one that is taken."""
+    requests = [(dialect, request) for dialect, each in port_requests(server) for request in each]
+    taken, is_needed = [], False
+    for dialect, request in requests:
         try:
             # Taking it is the only sure test; it is released at once.
             take_port(server.host, request).close()
         except PortError:
-            taken.append(request.number)
-    shown = ", ".join(str(request.number) for request in requests)
+            taken.append(request)
+            is_needed |= not (dialect.warning or request.falls_back)
+    shown = ", ".join(str(request.number) for _, request in requests)
     if not taken:
-        return True, f"{shown} are free on {escape(server.host)}"
-    busy = ", ".join(map(str, taken))
-    how = "end what holds them (another simmer-tui?), or --port 0 --reply-port 0 --belief-port 0 with --run"
-    return False, f"{busy} of {shown} taken: {how}"
+        return (True, f"{shown} are free on {escape(server.host)}"), False
+    busy = ", ".join(str(request.number) for request in taken)
+    options = " ".join(f"{request.option} 0" for request in taken)
+    how = f"end what holds them (another simmer-tui?), or {options} with --run"
+    return (False, f"{busy} of {shown} taken: {how}"), is_needed
 
 
 def _serial() -> str:
@@ -144,7 +152,8 @@ def _runs() -> Check:
     # The first run makes the folder: until then its nearest parent is checked.
     existing = next(path for path in (folder, *folder.parents) if path.exists())
     fine = os.access(existing, os.W_OK)
-    return fine, f"the last ten are saved in {folder}" + ("" if fine else ", which cannot be written")
+    lack = "" if fine else ", which cannot be written"
+    return fine, f"the last {BEFORE + 1} are saved in {folder}{lack}"
 
 
 def _grading() -> Check:
@@ -155,14 +164,17 @@ def _grading() -> Check:
 
 
 def _extras() -> str:
-    """Programs and packages that some features need."""
+    """Extras of the package, and programs, that some features need."""
+    missing = [name for name, module in _EXTRAS.items() if find_spec(module) is None]
     octave = "apt-get install octave octave-instrument-control"
-    features = (
+    programs = (
         ("Octave", _is_there("octave-cli", "octave"), octave),
         ("MATLAB", _is_there("matlab"), "from MathWorks"),
-        ("Dask", find_spec("distributed") is not None, f"pip install '{requirement('dask')}'"),
     )
-    return ", ".join(name if there else f"no {name} ({how})" for name, there, how in features)
+    found = ", ".join(name for name in _EXTRAS if name not in missing) or "none"
+    lack = f"; missing: pip install '{requirement(','.join(missing))}'" if missing else ""
+    others = ", ".join(name if there else f"no {name} ({how})" for name, there, how in programs)
+    return f"{found}{lack}; {others}"
 
 
 def _is_there(*programs: str) -> bool:

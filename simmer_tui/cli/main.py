@@ -194,17 +194,17 @@ def _server(options: argparse.Namespace) -> Server:
 
         add_token_of(options.token_file, overrides)
     if not options.mission:
-        return Server(checked(load(find_set(options.config), overrides), options))
+        return Server(with_possible_clock(load(find_set(options.config), overrides), options))
     from simmer_tui.mission import plan_run
 
     directory = find_mission_set(options.config)
     if problems := without_effect(overrides):
         raise ConfigurationError(problems)
-    configuration, plan = plan_run(checked(load(directory, overrides), options))
+    configuration, plan = plan_run(with_possible_clock(load(directory, overrides), options))
     return Server(configuration, plan=plan)
 
 
-def checked(configuration: Configuration, options: argparse.Namespace) -> Configuration:
+def with_possible_clock(configuration: Configuration, options: argparse.Namespace) -> Configuration:
     """The same configuration, with the real clock if there is no program to follow and that is allowed.
     Raises ConfigurationError."""
     motion = configuration.settings.motion

@@ -18,7 +18,7 @@ from simmer_tui.cli.command_line import ExitCode, say
 from simmer_tui.config.dialects import SERIAL
 from simmer_tui.errors import ProgramError
 from simmer_tui.events import NOT_CONNECTED, Action, ActionName, Event, MissionEnd, Notice, NoticeKind, Result
-from simmer_tui.phrases import exit_text
+from simmer_tui.phrases import NOTHING_SENT, exit_text
 from simmer_tui.program import Program, ProgramOutput, not_started
 from simmer_tui.program.program_command import out_of_reach
 from simmer_tui.server import Server
@@ -29,8 +29,6 @@ if TYPE_CHECKING:
     from simmer_tui.run.run_history import RunHistory
     from simmer_tui.web.page_server import PageServer
 
-NOTHING_SENT = "nothing was sent"
-"""Reason for the failure of a mission in which no command came."""
 LAST_OUTPUT = 1.0
 """Seconds that a program may run after the end of its mission: enough to print its last output."""
 # All within the 2 s that an end by signal may take. The program ends first, so that its last commands are

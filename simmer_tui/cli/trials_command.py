@@ -27,7 +27,6 @@ from simmer_tui.cli.command_line import (
 from simmer_tui.cli.progress_bar import progress_bar
 from simmer_tui.cli.trials_options import (
     DEFAULT_RUNS,
-    DEFAULT_TIME_LIMIT,
     PREFIX,
     add_trials_options,
     new_folder,
@@ -38,7 +37,7 @@ from simmer_tui.cli.trials_options import (
 from simmer_tui.config.loader import Configuration, load
 from simmer_tui.config.sets import find_mission_set, find_set
 from simmer_tui.config.settings_file import Override
-from simmer_tui.document.as_data import csv_text
+from simmer_tui.document.as_data import table_csv
 from simmer_tui.document.as_html import html_page
 from simmer_tui.document.formats import ESTIMATE
 from simmer_tui.errors import ConfigurationError, Problem, TrialsError
@@ -46,22 +45,21 @@ from simmer_tui.phrases import counted
 from simmer_tui.sim.command import escape, shown_path
 from simmer_tui.trials.cluster import pack
 from simmer_tui.trials.explanations import Explanations
-from simmer_tui.trials.failures import rate
+from simmer_tui.trials.failures import success_rate
 from simmer_tui.trials.figures import write_run_pages
 from simmer_tui.trials.folder import PAGE, PLAN, TABLE, TrialFolder, TrialPlan
 from simmer_tui.trials.local import run_locally
 from simmer_tui.trials.mazes import read_mazes
-from simmer_tui.trials.sequential import MARGIN, SequentialTest, sequential_test, shown_test
+from simmer_tui.trials.sequential import MARGIN, REQUIRED_RATE, SequentialTest, sequential_test, shown_test
 from simmer_tui.trials.sweep import SweepPoint, points_of
 from simmer_tui.trials.sweep_summary import (
     CURVES,
-    WANTED_RATE,
     curves,
     curves_csv,
     sweep_document,
     sweep_page,
 )
-from simmer_tui.trials.trial import TrialResult, timed_seconds
+from simmer_tui.trials.trial import TIME_LIMIT, TrialResult, timed_seconds
 from simmer_tui.trials.trials_page import trials_page
 from simmer_tui.trials.trials_summary import runs_table, trials_document
 
@@ -126,7 +124,7 @@ def _begun(options: argparse.Namespace) -> TrialFolder:
         mazes=tuple(mazes),
         random_mazes=bool(options.random_mazes),
         fixed_ports=bool(options.fixed_ports),
-        time_limit=options.time_limit or DEFAULT_TIME_LIMIT + timed_seconds(configuration),
+        time_limit=options.time_limit or TIME_LIMIT + timed_seconds(configuration),
         points=points,
     )
     _check_plan(options, plan, configuration)
@@ -275,10 +273,10 @@ def _explain(folder: TrialFolder, options: argparse.Namespace) -> None:
 
 def _show(folder: TrialFolder, required: float | None, *, as_json: bool) -> None:
     """Write the files of the answer and print it."""
-    files = {TABLE: csv_text(runs_table(folder))}
+    files = {TABLE: table_csv(runs_table(folder))}
     if folder.plan.points:
         files[CURVES] = curves_csv(folder)
-        wanted = WANTED_RATE if required is None else required
+        wanted = REQUIRED_RATE if required is None else required
         answer, page = sweep_document(folder, wanted), sweep_page(folder, wanted)
     else:
         answer, page = trials_document(folder), trials_page(folder, write_run_pages(folder), required)
@@ -306,4 +304,4 @@ def _is_kept(folder: TrialFolder, wanted: float) -> bool:
     """True if the success rate is at least `wanted`; in a sweep, for some value of each name."""
     if folder.plan.points:
         return all(curve.kept(wanted) for curve in curves(folder))
-    return rate(folder.done).value >= wanted
+    return success_rate(folder.done).value >= wanted

@@ -20,11 +20,10 @@ from simmer_tui.config.sets import MISSION_SET
 from simmer_tui.errors import ClusterError
 from simmer_tui.sim.command import shown_path
 from simmer_tui.trials.explanations import EXPLAINED
-from simmer_tui.trials.sequential import MARGIN
-from simmer_tui.trials.sweep_summary import WANTED_RATE
+from simmer_tui.trials.sequential import MARGIN, REQUIRED_RATE
+from simmer_tui.trials.trial import TIME_LIMIT
 
 DEFAULT_RUNS = 100
-DEFAULT_TIME_LIMIT = 120.0
 PREFIX = "trials_"
 _MANY = 1_000_000
 
@@ -80,11 +79,7 @@ def add_trials_options(parser: OneLineParser) -> None:
     group.add_argument(
         "--run",
         metavar='"CMD ..."',
-        help="the program; it gets the variables SIMMER_HOST, SIMMER_PORT, SIMMER_REPLY_PORT, "
-        "SIMMER_DROP_ZONE, SIMMER_TIME_LIMIT, SIMMER_DRIVE_PROFILE, SIMMER_SENSOR_PROFILE (where the "
-        "robot has profiles), "
-        "SIMMER_RUN (the number of the run) and, in other mazes than the set's, SIMMER_MAZE (a file like "
-        "maze.csv)",
+        help="the program; it is run with SIMMER_PORT and others set (docs/trials.md)",
     )
     group.add_argument(
         "--runs",
@@ -120,7 +115,7 @@ def add_trials_options(parser: OneLineParser) -> None:
         metavar="SECONDS",
         type=seconds,
         help="longest real time of a run (default "
-        f"{DEFAULT_TIME_LIMIT:g}, with timed motion the mission's time limit more)",
+        f"{TIME_LIMIT:g}, with timed motion the mission's time limit more)",
     )
     group.add_argument(
         "--dask", metavar="ADDRESS", help="send the runs to a Dask cluster (needs simmer-tui[dask])"
@@ -139,7 +134,7 @@ def add_trials_options(parser: OneLineParser) -> None:
         metavar="RATE",
         type=rate,
         help="exit code 1 if the success rate is below, 0 to 1; with --vary if that of every value of one is "
-        f"(and what the program is to keep, default {WANTED_RATE:g})",
+        f"(and what the program is to keep, default {REQUIRED_RATE:g})",
     )
     group.add_argument(
         "--sure",

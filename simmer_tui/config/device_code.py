@@ -14,13 +14,19 @@ from msgspec.structs import fields
 
 from simmer_tui.config.device_file import DeviceFile
 from simmer_tui.config.device_guard import guard, located
-from simmer_tui.config.device_outline import parsed
+from simmer_tui.config.device_outline import python_tree
 from simmer_tui.errors import ConfigurationError, DeviceError, Problem
 from simmer_tui.sim.columns import CsvColumn
 from simmer_tui.sim.command import escape
 from simmer_tui.sim.rules import Rule
 from simmer_tui.sim.sensors import Sensor
-from simmer_tui.sim.sensors.recorded_kinds import described, is_kind_name, is_label, recorded_class
+from simmer_tui.sim.sensors.recorded_kinds import (
+    LONGEST_KIND,
+    is_kind_name,
+    is_label,
+    recorded_class,
+    recorded_kind,
+)
 from simmer_tui.sim.specs import SensorSpec
 
 
@@ -65,7 +71,7 @@ def run_device(file: DeviceFile) -> ModuleType:
     known = sys.modules.get(file.module)
     if known is not None:
         return known
-    tree = parsed(file)
+    tree = python_tree(file.text, file.path)
     module = ModuleType(file.module)
     module.__file__ = file.path
     module.__dict__["print"] = _print_aside
@@ -122,7 +128,7 @@ def device_faults(files: Iterable[DeviceFile], problems: list[Problem]) -> Itera
 
 def _place(file: DeviceFile, kind: type) -> str:
     """The line of a class."""
-    for node in parsed(file).body:
+    for node in python_tree(file.text, file.path).body:
         if getattr(node, "name", None) == kind.__name__:
             return f"{file.path}:{node.lineno}"
     return file.path
@@ -136,7 +142,7 @@ def _faults(kind: type[Sensor]) -> Iterator[str]:
     if kind.is_scan:
         yield f"{kind.__name__} scans as a lidar does; a reading of a device is one number"
     if not is_kind_name(kind.name):
-        yield f"the name of {kind.__name__} must be 1 to 20 letters a to z"
+        yield f"the name of {kind.__name__} must be 1 to {LONGEST_KIND} letters a to z"
     for name in ("meaning", "unit"):
         if not is_label(getattr(kind, name, None)):
             yield f"{kind.__name__} needs {name} = a line of text"
@@ -180,6 +186,6 @@ def _elsewhere(kind: type[Sensor], module: ModuleType) -> Iterator[str]:
         yield f"the class {shown} must stand in the file under that name"
         return
     try:
-        recorded_class(described(kind))
+        recorded_class(recorded_kind(kind))
     except ValueError as error:
         yield f"a log cannot describe {shown}: {error}"

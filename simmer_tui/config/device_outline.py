@@ -26,26 +26,26 @@ class DeviceOutline(Struct, frozen=True):
     unfinished: tuple[str, ...]
 
 
-def parsed(file: DeviceFile) -> ast.Module:
-    """The syntax tree of a file. Raises ConfigurationError with its line and what is wrong."""
+def python_tree(text: str, path: str) -> ast.Module:
+    """The syntax tree of Python source. Raises ConfigurationError with its line and what is wrong."""
     try:
         with warnings.catch_warnings():
             # For a string such as "\d", which is not a problem of the set.
             warnings.simplefilter("ignore")
-            return ast.parse(file.text.removeprefix("\ufeff"), file.path)
+            return ast.parse(text.removeprefix("\ufeff"), path)
     except SyntaxError as error:
-        where = f"{file.path}:{error.lineno}" if error.lineno else file.path
+        where = f"{path}:{error.lineno}" if error.lineno else path
         raise ConfigurationError([Problem(where, f"is not Python: {escape(error.msg)}")]) from None
     except (ValueError, RecursionError, MemoryError) as error:
         what = escape(str(error)) or type(error).__name__
         what = f"is not Python that can be read: {what}"
-        raise ConfigurationError([Problem(file.path, what)]) from None
+        raise ConfigurationError([Problem(path, what)]) from None
 
 
 def outline_of(file: DeviceFile, problems: list[Problem]) -> DeviceOutline:
     """The outline of a file; a file that is not Python is a problem, and its outline is empty."""
     try:
-        module = parsed(file)
+        module = python_tree(file.text, file.path)
     except ConfigurationError as error:
         problems += error.problems
         return DeviceOutline((), ())

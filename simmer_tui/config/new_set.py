@@ -61,7 +61,7 @@ PROGRAM = "main.py"
 _REQUIREMENTS = "requirements.txt"
 
 
-def explained(files: Mapping[str, bytes], nominal: str = "") -> dict[str, bytes]:
+def with_comments(files: Mapping[str, bytes], nominal: str = "") -> dict[str, bytes]:
     """The files of a set with comments that explain their values, and with the schemas of its TOML files,
     which these name. Existing comments stay unchanged.
 
@@ -74,7 +74,7 @@ def explained(files: Mapping[str, bytes], nominal: str = "") -> dict[str, bytes]
         if name.endswith(".py"):
             made[name] = data  # a device, whose hash must not change
             continue
-        text = text_of(name, data)
+        text = decoded(name, data)
         if name == dialect_toml.FILE:
             text = naming_schema(name, text)
         elif name in (settings_file.FILE, mission_toml.FILE):
@@ -90,7 +90,7 @@ def explained(files: Mapping[str, bytes], nominal: str = "") -> dict[str, bytes]
     return made
 
 
-def text_of(name: str, data: bytes) -> str:
+def decoded(name: str, data: bytes) -> str:
     """The text of a file. Raises ConfigurationError if it is not text."""
     try:
         return data.decode("utf-8-sig")
@@ -102,7 +102,7 @@ def with_mission(files: Mapping[str, bytes]) -> dict[str, bytes]:
     """The files of a set with the parts that a mission needs: a gripper, a load sensor and a mission.toml.
     Missing parts are copied from the bundled set `mission`."""
     model = read_files(bundled_sets()[MISSION_SET])
-    texts = {name: text_of(name, data) for name, data in files.items() if not name.endswith(".py")}
+    texts = {name: decoded(name, data) for name, data in files.items() if not name.endswith(".py")}
     drives, sensors = drive_csv.FILE, sensors_csv.FILE
     problems = [Problem(name, "is missing from the set") for name in (drives, sensors) if name not in texts]
     tables = [(name, texts[name]) for name in (drives, sensors) if name in texts]

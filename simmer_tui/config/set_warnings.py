@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 
 from simmer_tui.config.loader import Configuration
-from simmer_tui.config.settings import BITS_OF_A_BYTE
+from simmer_tui.config.settings import BITS_OF_A_BYTE, USUAL_BAUD
 from simmer_tui.sim.sensors import Lidar
 
 # SLAMTEC's data sheet of the RPLIDAR A1M8: 8000 samples a second.
@@ -13,8 +13,6 @@ MOST_SAMPLES = 8000
 MOST_IN_A_PACKET = 150
 """Most rays of a packet that one such call reads completely."""
 _SLOW_LINK = "hc-05"
-# 9600 baud with a start and a stop bit.
-_BYTES_A_SECOND = 960
 # Judged: a robot whose program waits so long for each scan drives past the things it should see.
 _LONG = 0.5
 """Seconds on a real robot's line from which a scan is slow."""
@@ -45,10 +43,10 @@ def _lidars(configuration: Configuration) -> Iterator[str]:
             )
         size = _SIZES.get(server.reply_format, 0)
         if settings.link_profile == _SLOW_LINK and size and "binary" in server.listeners:
-            seconds = (sensor.rays + 1) * size / _BYTES_A_SECOND
+            seconds = (sensor.rays + 1) * size * BITS_OF_A_BYTE / USUAL_BAUD
             yield (
-                f"a scan of {sensor.id} takes {seconds:.1f} s at the {_SLOW_LINK}'s 9600 baud, of which the "
-                "simulated link knows nothing: set Rays lower, or ask for single rays"
+                f"a scan of {sensor.id} takes {seconds:.1f} s at the {_SLOW_LINK}'s {USUAL_BAUD} baud, of "
+                "which the simulated link knows nothing: set Rays lower, or ask for single rays"
             )
         serial = settings.serial
         size = _SIZES.get(serial.robot_reply if serial.robot_reply != "same" else server.reply_format, 0)

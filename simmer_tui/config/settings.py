@@ -14,6 +14,7 @@ from msgspec.structs import replace
 
 from simmer_tui.config import dialects
 from simmer_tui.sim.rules import (
+    LARGEST_PORT,
     ChoiceRule,
     FlagRule,
     IntegerRule,
@@ -31,6 +32,9 @@ from simmer_tui.sim.values import CourseRule, Value
 # A start bit, eight data bits and a stop bit: 8N1, the default of every Arduino.
 BITS_OF_A_BYTE = 10
 """Bits on a serial line for each byte."""
+# The usual rate of Arduino sketches, and that of an HC-05 as it is sold.
+USUAL_BAUD = 9600
+"""Bits a second of a line whose rate is not known."""
 MAX_SEED = 2**63 - 1
 """The largest seed: TOML promises integers of 64 bits, signed."""
 AUTO_CLOCK = "auto"
@@ -39,6 +43,11 @@ ELSE_REAL = "program, else real"
 """The program's clock, or the real one for programs that cannot run with it."""
 CLOCKS = ("real", "program", ELSE_REAL)
 """The clocks that can be chosen."""
+TIME_SCALES = NumberRule(0.01, 1000)
+"""Simulated seconds that may pass in a second of timed motion."""
+# Powers of two, so that doubling and halving by key meets both bounds.
+PACES = NumberOrOffRule(0.125, 1024)
+"""Paces at which movements may be shown, times real speed; off is as fast as possible."""
 USUAL_DRIVE, USUAL_LINK = "omni-4", "usb"
 """The profiles of the drive and of the link of `realistic`."""
 USUAL_SENSORS = {
@@ -87,7 +96,7 @@ _talk = functools.partial(Setting, course=CourseRule.FREE)
 
 
 def _port(port: dialects.DialectPort) -> Setting:
-    return _talk(IntegerRule(0, 65535), port.help, metavar="PORT")
+    return _talk(IntegerRule(0, LARGEST_PORT), port.help, metavar="PORT")
 
 
 def _number(low: float, high: float, help_text: str, unit: str = "", option: str = "") -> Setting:
@@ -129,6 +138,7 @@ class ServerSettings(Struct, frozen=True, kw_only=True):
     reply_port: Annotated[int, _port(dialects.REPLIES)] = dialects.REPLIES.default
     reply_format: Annotated[str, _talk(ChoiceRule(("float64", "float32")), "size of a reply")] = "float64"
     byte_order: Annotated[str, _talk(ChoiceRule(("big", "little")), "order of a reply's bytes")] = "big"
+    # Programs of Sep and Oct 2020 send no newline, and one command a write: after 5 ms nothing more comes.
     grace: Annotated[
         float, _talk(NumberRule(0, 10), "how long bytes without a newline stay alone to be a command", "s")
     ] = 0.005
@@ -180,7 +190,7 @@ class MotionSettings(Struct, frozen=True, kw_only=True):
         ),
     ] = AUTO_CLOCK
     time_scale: Annotated[
-        float, _number(0.01, 1000, "simulated seconds that pass in a second of timed motion")
+        float, Setting(TIME_SCALES, "simulated seconds that pass in a second of timed motion")
     ] = 1.0
     contact: Annotated[
         str,
@@ -265,7 +275,7 @@ class SerialSettings(Struct, frozen=True, kw_only=True):
     port: Annotated[
         str, _text("serial port or URL of a real robot, which is then driven", "PORT", "--serial")
     ] = ""
-    baud: Annotated[int, _whole(50, 4_000_000, "bits a second on the port")] = 9600
+    baud: Annotated[int, _whole(50, 4_000_000, "bits a second on the port")] = USUAL_BAUD
     timeout: Annotated[
         float, _number(0.01, 3600, "after how long a command without a reply is answered NaN", "s", _SERIAL)
     ] = 5.0
@@ -332,7 +342,7 @@ class ScreenSettings(Struct, frozen=True, kw_only=True):
     pace: Annotated[
         float,
         Setting(
-            NumberOrOffRule(0.125, 1024),
+            PACES,
             "how fast movements are shown when motion is instant, times real speed",
         ),
     ] = 4.0

@@ -26,7 +26,7 @@ from simmer_tui.dialect.dialect_rules import (
 from simmer_tui.dialect.expressions import FieldValue, FieldValues
 from simmer_tui.dialect.frames import Deframer, Frame, FrameKind
 from simmer_tui.dialect.patterns import NUMERIC, Pattern
-from simmer_tui.dialect.readings import SAME, MessageScope, readable, straight_line
+from simmer_tui.dialect.readings import SAME, MessageScope, readable_sensors, straight_line
 from simmer_tui.dialect.templates import pack_codes
 from simmer_tui.errors import ExpressionError
 from simmer_tui.sim.command import parse_command, parse_value
@@ -119,7 +119,9 @@ class InverseRules:
     def read(self, code: str) -> DialectMessage | str:
         """The message that is answered with a reading of a sensor, or the reason there is none."""
         rules, single = self._rules.rules, self._rules.single
-        answers = (each for each in rules if not each.steps and code in readable(each, single, self._state))
+        answers = (
+            each for each in rules if not each.steps and code in readable_sensors(each, single, self._state)
+        )
         why_none = f"no message of the dialect without a movement is answered with {code} alone in a field"
         return next((message for rule in answers for message in self._messages(rule)), why_none)
 

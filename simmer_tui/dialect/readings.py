@@ -43,7 +43,7 @@ def straight_line(function: Callable[[float], float]) -> tuple[float, float] | N
     return (a, b) if all(abs(got - wanted) <= SAME * scale for got, wanted in probes) else None
 
 
-def readable(rule: MessageRule, codes: frozenset[str], state: FieldValues) -> frozenset[str]:
+def readable_sensors(rule: MessageRule, codes: frozenset[str], state: FieldValues) -> frozenset[str]:
     """The sensors whose readings can be computed from the reply of a rule."""
     scope = MessageScope(state, rule.example(0))
     found = set()

@@ -105,7 +105,7 @@ class CsvWriter:
         self._writer.writerow([_cell(plain) for form, value in pairs for plain in form.plain(value)])
 
 
-def csv_text(table: DataTable) -> str:
+def table_csv(table: DataTable) -> str:
     """The whole table."""
     file = io.StringIO()
     writer = CsvWriter(file, table.columns)

@@ -98,7 +98,7 @@ def _part(part: DocumentPart) -> str:
         case SectionHeading():
             return _element(f"h{part.level}", html_text(part.text))
         case Figure():
-            return _element("div", svg.picture(part), part.kind)
+            return _element("div", svg.figure_svg(part), part.kind)
         case Folded():
             content = _body(part.parts)
             return (

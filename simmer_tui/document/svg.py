@@ -26,7 +26,7 @@ def html_text(text: str) -> str:
     return html.escape(printable(text))
 
 
-def number(value: float) -> str:
+def coordinate(value: float) -> str:
     """A coordinate, short."""
     return f"{value:.2f}".rstrip("0").rstrip(".")
 
@@ -43,7 +43,7 @@ def shade(fraction: float) -> str:
 def element(name: str, content: str = "", /, **attributes: object) -> str:
     """`<name attributes>content</name>`; underscores in names become hyphens, floats short."""
     listed = "".join(
-        f" {key.rstrip('_').replace('_', '-')}='{number(value) if isinstance(value, float) else value}'"
+        f" {key.rstrip('_').replace('_', '-')}='{coordinate(value) if isinstance(value, float) else value}'"
         for key, value in attributes.items()
     )
     return f"<{name}{listed}>{content}</{name}>" if content or name == "g" else f"<{name}{listed}/>"
@@ -56,7 +56,7 @@ def text(x: float, y: float, words: str, size: float = 11.0, **attributes: objec
 
 def points(pairs: Iterable[tuple[float, float]]) -> str:
     """The `points` of a polyline."""
-    return " ".join(f"{number(x)},{number(y)}" for x, y in pairs)
+    return " ".join(f"{coordinate(x)},{coordinate(y)}" for x, y in pairs)
 
 
 def curve(pairs: Iterable[tuple[float, float]]) -> str:
@@ -64,13 +64,14 @@ def curve(pairs: Iterable[tuple[float, float]]) -> str:
     return " ".join(f"{x:.1f},{y:.1f}" for x, y in pairs)
 
 
-def picture(figure: Figure, shown: float | None = None) -> str:
+def figure_svg(figure: Figure, shown: float | None = None) -> str:
     """A figure on white, which scales to the width it is given; by itself it is `shown` points wide."""
     width, height = figure.width, figure.height
     shown = width if shown is None else shown
     return (
-        f"<svg xmlns='http://www.w3.org/2000/svg' viewBox='0 0 {number(width)} {number(height)}' "
-        f"width='{number(shown)}' height='{number(height * shown / width)}' role='img' {FONT} fill='{INK}'>"
+        f"<svg xmlns='http://www.w3.org/2000/svg' viewBox='0 0 {coordinate(width)} {coordinate(height)}' "
+        f"width='{coordinate(shown)}' height='{coordinate(height * shown / width)}' role='img' {FONT} "
+        f"fill='{INK}'>"
         f"<title>{html_text(figure.title)}</title>"
         f"<rect width='100%' height='100%' fill='#ffffff'/>{figure.content}</svg>"
     )
@@ -78,12 +79,12 @@ def picture(figure: Figure, shown: float | None = None) -> str:
 
 def document(figure: Figure, shown: float | None = None) -> str:
     """The same as a file of its own."""
-    return f"<?xml version='1.0' encoding='UTF-8'?>\n{picture(figure, shown)}\n"
+    return f"<?xml version='1.0' encoding='UTF-8'?>\n{figure_svg(figure, shown)}\n"
 
 
-def shifted(x: float, y: float, content: str) -> str:
+def translated(x: float, y: float, content: str) -> str:
     """The same, moved."""
-    return element("g", content, transform=f"translate({number(x)} {number(y)})")
+    return element("g", content, transform=f"translate({coordinate(x)} {coordinate(y)})")
 
 
 def legend(x: float, y: float, marks: Iterable[tuple[str, str]], width: float = 960.0) -> str:
@@ -94,7 +95,7 @@ def legend(x: float, y: float, marks: Iterable[tuple[str, str]], width: float = 
     for words, mark in marks:
         if x + 30 + 5.6 * len(words) > width:
             break
-        parts.append(shifted(x, y, mark) + text(x + 26, y + 4, words))
+        parts.append(translated(x, y, mark) + text(x + 26, y + 4, words))
         x += 46 + 5.6 * len(words)
     return "".join(parts)
 

@@ -27,6 +27,7 @@ from simmer_tui.errors import GradeError, PortError, ProgramError
 from simmer_tui.grade import launcher
 from simmer_tui.grade.call_filter import call_filter
 from simmer_tui.grade.cgroup import made_group
+from simmer_tui.grade.limits import Limits
 from simmer_tui.grade.sandbox import (
     ANSWER_TIMEOUT,
     FILES,
@@ -34,7 +35,6 @@ from simmer_tui.grade.sandbox import (
     SCRATCH,
     WRITABLE,
     LaunchedSandbox,
-    Limits,
     package_folders,
 )
 from simmer_tui.grade.usage import tells_descendants

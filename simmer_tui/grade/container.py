@@ -19,6 +19,7 @@ from pathlib import Path
 
 from simmer_tui import platform_has
 from simmer_tui.errors import GradeError
+from simmer_tui.grade.limits import Limits
 from simmer_tui.grade.sandbox import (
     ANSWER_TIMEOUT,
     FILES,
@@ -26,7 +27,6 @@ from simmer_tui.grade.sandbox import (
     LAUNCHER,
     SCRATCH,
     LaunchedSandbox,
-    Limits,
     package_folders,
 )
 from simmer_tui.sim.command import escape_passage

@@ -6,7 +6,7 @@ import hashlib
 import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,11 +15,11 @@ from simmer_tui.config.given_path import given_path
 from simmer_tui.config.sets import MISSION_SET, find_set
 from simmer_tui.config.toml_file import TomlFile
 from simmer_tui.errors import ConfigurationError, Problem
-from simmer_tui.grade.sandbox import Limits
+from simmer_tui.grade.limits import LIMITS, Limits
 from simmer_tui.sim.command import printable, shown_path
-from simmer_tui.sim.rules import FlagRule, IntegerRule, NamesRule, NumberRule, TextRule
+from simmer_tui.sim.rules import FlagRule, IntegerRule, NamesRule, NumberRule, Rule, TextRule
 from simmer_tui.sim.values import Value
-from simmer_tui.trials.sequential import LARGEST_CAP, MARGIN, RISK
+from simmer_tui.trials.sequential import LARGEST_CAP, MARGIN, REQUIRED_RATE, RISK
 
 COURSE_FILE, TEAM_FILE = "course.toml", "team.toml"
 PLAN_FILE, TEAMS_FOLDER = "grade.json", "teams"
@@ -85,7 +85,7 @@ class Course:
     """The configuration set: maze, mission, settings, and the robot of teams that have none."""
     command: str = DEFAULT_COMMAND
     """Default command of the teams."""
-    require: float = 0.9
+    require: float = REQUIRED_RATE
     margin: float = MARGIN
     risk: float = RISK
     cap: int | None = None
@@ -102,36 +102,44 @@ class Course:
     """In these, each folder is a team's."""
 
 
-_COMMAND = Value(TextRule(), "command of teams that name no other", name="command")
-_CONFIG = Value(TextRule(), "the team's robot: a set, a config.py or a Main.m, by path", name="config")
-_NAME, _FOLDER = Value(TextRule(), name="name"), Value(TextRule(), name="folder")
-_TOP = (
-    _NAME,
-    Value(TextRule(), "the configuration set: a path, or the name of a bundled one", name="set"),
-    _COMMAND,
-    Value(TextRule(), "a folder with one folder a team", name="teams"),
-    Value(TextRule(), "the container's image, for docker and podman", name="image"),
-    Value(NamesRule(), "more folders that programs may read", name="read_only"),
-    Value(FlagRule(), "a team may have a dialect.toml", name="dialects"),
-    Value(FlagRule(), "a team may have [wheels] in its settings.toml", name="wheels"),
-)
-_DECIDE = (
-    Value(NumberRule(0, 1, low_open=True), "the success rate that passes", name="require"),
-    Value(NumberRule(0, 1, low_open=True), "how far below it fails", name="margin"),
-    Value(NumberRule(0, 0.5, low_open=True, high_open=True), "error rate of the decision", name="risk"),
-    Value(IntegerRule(1, LARGEST_CAP), "most runs of a team", name="cap"),
-)
-_RULES = (
-    Value(IntegerRule(0, 1000), "sensors enabled at most", name="sensors"),
-    Value(NumberRule(0, low_open=True), "diameter of a circle around the robot, inches", name="size"),
-)
-_LIMITS = tuple(
-    Value(
-        IntegerRule(1, 10_000) if each.name == "processes" else NumberRule(0, 1e6, low_open=True),
-        name=each.name,
-    )
-    for each in fields(Limits)
-)
+def _key(name: str, rule: Rule[Any], meaning: str, default: object = None) -> Value:
+    return Value(rule, meaning, name=name, default=default)
+
+
+_RATE = NumberRule(0, 1, low_open=True)
+_RISK = NumberRule(0, 0.5, low_open=True, high_open=True)
+_NAME = _key("name", TextRule(), "name; by default that of the folder")
+_COMMAND = _key("command", TextRule(), "its command, in place of the course's")
+_CONFIG = _key("config", TextRule(), "the team's robot: a set, a config.py or a Main.m, by path")
+KEYS: dict[str, tuple[Value, ...]] = {
+    "": (
+        _NAME,
+        _key("set", TextRule(), "the configuration set: a path, or the name of a bundled one", MISSION_SET),
+        _key("command", TextRule(), "command of teams that name no other", DEFAULT_COMMAND),
+        _key("teams", TextRule(), "a folder with one folder a team"),
+        _key("image", TextRule(), "the container's image, for docker and podman"),
+        _key("read_only", NamesRule(), "more folders that programs may read"),
+        _key("dialects", FlagRule(), "a team may have a dialect.toml", False),
+        _key("wheels", FlagRule(), "a team may have [wheels] in its settings.toml", False),
+    ),
+    "decide": (
+        _key("require", _RATE, "the success rate that passes", REQUIRED_RATE),
+        _key("margin", _RATE, "how far below it fails", MARGIN),
+        _key("risk", _RISK, "error rate of the decision", RISK),
+        _key("cap", IntegerRule(1, LARGEST_CAP), "most runs of a team"),
+    ),
+    "limits": LIMITS,
+    "rules": (
+        _key("sensors", IntegerRule(0, 1000), "sensors enabled at most"),
+        _key("size", NumberRule(0, low_open=True), "diameter of a circle around the robot, inches"),
+    ),
+    "rules.cells": tuple(
+        _key(file, NamesRule(), "columns that may differ from the course's; of robot.csv, rows")
+        for file in ROBOT_FILES
+    ),
+    "team": (_NAME, _key("folder", TextRule(), "its folder, by path"), _COMMAND, _CONFIG),
+}
+"""The keys of course.toml by their tables; those outside of tables first."""
 
 
 def read_course(
@@ -148,7 +156,7 @@ def read_course(
     course_file = course_file or _usual_file(target, shown)
     file = TomlFile.read(course_file, problems) if course_file else TomlFile("", "", problems)
     home = Path() if course_file is None else course_file.parent
-    top = file.values(_TOP, others=("decide", "limits", "rules", "team"))
+    top = file.values(KEYS[""], others=("decide", "limits", "rules", "team"))
     command = top.get("command", DEFAULT_COMMAND)
     directory = _set_of(home, top.get("set", MISSION_SET))
     team_folders = () if alone else (target,) if target.is_dir() else _folders_named(home, top)
@@ -160,14 +168,14 @@ def read_course(
         name=top.get("name", target.resolve().stem),
         directory=directory,
         command=command,
-        limits=Limits(**file.values(_LIMITS, file.table("limits"), "limits.")),
+        limits=Limits(**file.values(LIMITS, file.table("limits"), "limits.")),
         rules=_rules(file, top),
         # A team that tries its program need not have the course's tools.
         read_only=_read_only(file, home, top, must_exist=is_here and not alone),
         image=top.get("image", ""),
         teams=tuple(teams),
         team_folders=team_folders,
-        **file.values(_DECIDE, file.table("decide"), "decide."),
+        **file.values(KEYS["decide"], file.table("decide"), "decide."),
     )
     where = file.file or shown
     if not teams and not problems:
@@ -217,12 +225,10 @@ def absent(paths: Iterable[str]) -> list[str]:
 
 
 def _rules(file: TomlFile, top: Mapping[str, Any]) -> Rules:
-    rules = file.values(_RULES, file.table("rules"), "rules.", others=("cells",))
-    cells = file.table("rules.cells")
-    columns = [Value(NamesRule(), name=name) for name in ROBOT_FILES]
+    rules = file.values(KEYS["rules"], file.table("rules"), "rules.", others=("cells",))
     return Rules(
         **rules,
-        cells=file.values(columns, cells, "rules.cells."),
+        cells=file.values(KEYS["rules.cells"], file.table("rules.cells"), "rules.cells."),
         dialects=top.get("dialects", False),
         wheels=top.get("wheels", False),
     )
@@ -269,7 +275,7 @@ def _listed(file: TomlFile, home: Path, command: str) -> list[Team]:
     """The teams that the course names one by one."""
     teams = []
     for index, table in enumerate(file.tables("team"), 1):
-        said = file.values((_NAME, _FOLDER, _COMMAND, _CONFIG), table, f"team {index}.")
+        said = file.values(KEYS["team"], table, f"team {index}.")
         if "folder" not in said:
             file.add_problem("team", f"team {index} has no folder")
             continue

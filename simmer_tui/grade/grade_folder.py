@@ -38,7 +38,7 @@ from simmer_tui.grade.course import (
 from simmer_tui.grade.grade_run import GradeTrial
 from simmer_tui.grade.sandbox import Isolation
 from simmer_tui.grade.submission import PROGRAM, SubmissionCheck, check_submission, reference
-from simmer_tui.grade.submission_copy import copy_submission
+from simmer_tui.grade.submission_copy import LARGEST_SUBMISSION, copy_submission
 from simmer_tui.grade.submission_reader import SubmissionReader
 from simmer_tui.program.program_command import words_of
 from simmer_tui.sim.command import shown_path
@@ -48,9 +48,6 @@ from simmer_tui.trials.store import RunStore, StoreKind, unbroken
 from simmer_tui.trials.trial import TrialResult, maze_faults, timed_seconds, with_clock
 
 COURSE, RUNS = "course", "runs"
-# The usual limit of the disk in a sandbox, `Limits.disk`.
-_LARGEST_SUBMISSION = 64_000_000
-"""Largest submission, bytes; a larger one would not fit into its sandbox either."""
 _NUMBERS = 100_000
 """Numbers of runs reserved for each team: more than the largest cap of a test."""
 
@@ -328,7 +325,7 @@ def _kept(planned: PlannedTeam, path: Path, command: str, reader: SubmissionRead
     refused = ""
     try:
         files = home / PROGRAM
-        left_out = copy_submission(team.folder, files, _LARGEST_SUBMISSION)
+        left_out = copy_submission(team.folder, files, LARGEST_SUBMISSION)
         if (files / TEAM_FILE).exists():
             team = reader.call(submitted_team, team, files, command)
         else:

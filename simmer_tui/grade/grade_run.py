@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shutil
 import tempfile
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 from msgspec import structs
@@ -12,7 +12,8 @@ from msgspec import structs
 from simmer_tui.errors import ConfigurationError, PlacementError, PortError
 from simmer_tui.grade.bubblewrap import Bubblewrap
 from simmer_tui.grade.container import Container
-from simmer_tui.grade.sandbox import Isolation, Limits
+from simmer_tui.grade.limits import Limits
+from simmer_tui.grade.sandbox import Isolation
 from simmer_tui.program import Keeper
 from simmer_tui.sim.command import escape_passage
 from simmer_tui.trials.run import Sandbox, TrialRun, Unconfined, fault_result
@@ -77,7 +78,7 @@ def sandbox_of(trial: GradeTrial, keeper: Keeper | None = None) -> Sandbox:
         case Isolation.NONE:
             return OpenCopy(trial.files, keeper)
         case engine:
-            limits = replace(trial.limits, time=trial.time_limit)
+            limits = structs.replace(trial.limits, time=trial.time_limit)
             return Container(engine.value, trial.image, trial.files, limits, trial.read_only)
 
 

@@ -144,7 +144,7 @@ def on_cluster(folder: GradeFolder, client: Client) -> RunSource:
             if trial.slug not in packed:
                 (folder.runs / trial.slug).mkdir(exist_ok=True)
                 packed[trial.slug] = client.submit(itself, _packed(trial.files), pure=False)
-            return client.submit(run_there, trial, packed[trial.slug], pure=False)
+            return client.submit(grade_there, trial, packed[trial.slug], pure=False)
 
         return results_of(trials, submit, folder.runs, client)
 
@@ -159,7 +159,7 @@ def _packed(folder: Path) -> dict[str, PackedFile]:
     }
 
 
-def run_there(trial: GradeTrial, submission: dict[str, PackedFile]) -> tuple[TrialResult, dict[str, bytes]]:
+def grade_there(trial: GradeTrial, submission: dict[str, PackedFile]) -> tuple[TrialResult, dict[str, bytes]]:
     """A run, and the files it leaves; on the cluster. Raises TrialsError if it cannot be done."""
     with tempfile.TemporaryDirectory(prefix="simmer-tui-", ignore_cleanup_errors=True) as name:
         place = Path(name)

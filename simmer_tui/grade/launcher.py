@@ -27,7 +27,7 @@ import socket
 import sys
 from typing import Any
 
-# The kernel's usual limit.
+# Listening again sets another number, as `LaunchedSandbox.take` does.
 _BACKLOG = 128
 # An order holds the environment of the program: some kilobytes.
 _LONGEST_ORDER = 1 << 17

@@ -9,7 +9,6 @@ import subprocess
 import sys
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path, PurePosixPath
 from typing import ClassVar
@@ -17,6 +16,7 @@ from typing import ClassVar
 from simmer_tui.config.sets import bundled_folder
 from simmer_tui.errors import GradeError, PortError, ProgramError, reason_of
 from simmer_tui.grade.cgroup import ControlGroup
+from simmer_tui.grade.limits import Limits
 from simmer_tui.grade.usage import SandboxUsage, Supervisor
 from simmer_tui.links.ports import Listener, PortRequest
 from simmer_tui.program.control_program import RunningProgram
@@ -96,6 +96,7 @@ class LaunchedSandbox(ABC):
         if "error" in answer:
             raise PortError(f"port {request.number} ({request.purpose}): {escape_passage(answer['error'])}")
         for each in sockets:
+            each.listen(request.backlog)  # the launcher knows no dialect
             each.setblocking(False)
         return Listener(int(answer["port"]), sockets, request.backlog)
 
@@ -214,11 +215,6 @@ def sandbox_environment(python: str) -> dict[str, str]:
     }
 
 
-_MEGABYTE = 1_000_000
-# Open files of a process: enough for every program of a course, too few to harm others.
-_FILES = 256
-
-
 class Isolation(StrEnum):
     """Kind of sandbox."""
 
@@ -226,39 +222,3 @@ class Isolation(StrEnum):
     DOCKER = "docker"
     PODMAN = "podman"
     NONE = "none"
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Limits:
-    """Limits of one run, all its processes together: `time` (real) and `cpu` in seconds, `memory` and `disk`
-    in megabytes, `processes` (and threads) at a time, `output` in kilobytes kept. `logs`, in megabytes,
-    limits the logs of failed runs of all teams together."""
-
-    time: float = 120.0
-    cpu: float = 120.0
-    memory: float = 2000.0
-    processes: int = 64
-    disk: float = 64.0
-    output: float = 20.0
-    logs: float = 400.0
-
-    @property
-    def disk_bytes(self) -> int:
-        """Limit of the disk, bytes."""
-        return int(self.disk * _MEGABYTE)
-
-    @property
-    def memory_bytes(self) -> int:
-        """Limit of the memory, bytes."""
-        return int(self.memory * _MEGABYTE)
-
-    def resources(self) -> dict[str, int]:
-        """The limits that the system keeps for each process, by the end of their RLIMIT_ names."""
-        return {
-            "CPU": max(int(self.cpu), 1),
-            "AS": self.memory_bytes,
-            "NPROC": self.processes,
-            "FSIZE": self.disk_bytes,
-            "NOFILE": _FILES,
-            "CORE": 0,
-        }

@@ -23,6 +23,7 @@ from simmer_tui.document.model import (
 )
 from simmer_tui.grade.grade_folder import GradeFolder, number_in_team
 from simmer_tui.grade.team_result import TeamResult, TeamStatus, code_of, last_failure, ranked
+from simmer_tui.phrases import SHOWN_OUTPUT
 from simmer_tui.sim.command import escape, escape_passage
 from simmer_tui.sim.fingerprint import math_fingerprint
 from simmer_tui.trials.figures import log_page, map_figure
@@ -39,8 +40,6 @@ _TONES = {
     TeamStatus.UNDER_WAY: Tone.PLAIN,
 }
 _RUN_TONES = {"succeeded": Tone.GOOD, "failed": Tone.BAD}
-_LAST_LINES = 5
-"""Last lines shown of a program that never started: as many as a short traceback has."""
 _MOST_SILENT = 5
 """Programs that never started whose names and lines are shown; judged: more would push the table away."""
 _SHOWN_RUNS = 3
@@ -208,7 +207,7 @@ def _last_lines(folder: GradeFolder, team_result: TeamResult) -> Bullets:
         output = folder.output(team_result.entry, number_in_team(team_result.results[-1])).read_bytes()
     except OSError:
         return Bullets(title, ())  # not kept: its space was used up
-    lines = output.decode(errors="replace").splitlines()[-_LAST_LINES:]
+    lines = output.decode(errors="replace").splitlines()[-SHOWN_OUTPUT:]
     return Bullets(title, [escape_passage(line) for line in lines], kind="output")
 
 

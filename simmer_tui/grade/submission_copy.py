@@ -16,10 +16,14 @@ from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
 from simmer_tui.errors import GradeError, reason_of
+from simmer_tui.grade.limits import Limits
 from simmer_tui.sim.command import escape_passage, shown_path
 
 # Programs have dozens of files; an environment that was submitted by mistake has ten thousands.
 MOST_FILES = 2000
+"""Most files of a submission."""
+LARGEST_SUBMISSION = Limits().disk_bytes
+"""Largest submission, bytes; a larger one would not fit into its sandbox either."""
 _MOST_ENTRIES = 20_000
 """Most entries (files, folders, links, pipes) examined. Judged: ten times `MOST_FILES`, which takes a
 moment."""

@@ -18,6 +18,7 @@ from typing import ParamSpec, TypeVar, cast
 
 from simmer_tui import platform_has
 from simmer_tui.errors import GradeError, SimmerError
+from simmer_tui.grade.submission_copy import LARGEST_SUBMISSION
 
 if platform_has.POSIX:
     import resource
@@ -30,8 +31,6 @@ _CPU = 5
 """Seconds of processor time for one file or set. The largest honest set takes 0.1 s."""
 _MEMORY = 500_000_000
 """Bytes of memory beyond those of the child when it begins. Judged: a hundred times an honest set."""
-_LARGEST_FILE = 64_000_000
-"""Largest file that is written from a submission, bytes: as much as a team may submit."""
 _READ_TIMEOUT = 60.0
 """Seconds (real) for one file or set, with the child's start, on an overloaded machine."""
 
@@ -115,7 +114,7 @@ def serve(connection: End) -> None:
 def _limit_size() -> None:
     if sys.platform != "win32" and platform_has.POSIX:
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-        resource.setrlimit(resource.RLIMIT_FSIZE, (_LARGEST_FILE, _LARGEST_FILE))
+        resource.setrlimit(resource.RLIMIT_FSIZE, (LARGEST_SUBMISSION, LARGEST_SUBMISSION))
     if (
         sys.platform == "linux" and platform_has.LINUX
     ):  # elsewhere the size is not known, or the limit is not enforced

@@ -12,8 +12,9 @@ from pathlib import Path
 
 from msgspec import Struct
 
+from simmer_tui.config.device_outline import python_tree
 from simmer_tui.errors import ConfigurationError
-from simmer_tui.importer.literal import parsed, read_module
+from simmer_tui.importer.literal import read_module
 from simmer_tui.importer.python_values import Located
 from simmer_tui.sim.command import escape
 
@@ -58,7 +59,7 @@ def read_device_classes(folder: Path) -> Mapping[str, ClassNumbers]:
         name = f"{FOLDER}/{escape(path.name)}"
         try:
             data = path.read_bytes()[:_MOST_BYTES]
-            module = parsed(data.decode("utf-8", "replace"), name)
+            module = python_tree(data.decode("utf-8", "replace"), name)
         except (OSError, ConfigurationError):
             continue
         constants, tables = read_module(module).names, _tables(module.body)

@@ -19,11 +19,10 @@ from simmer_tui.errors import Problem
 from simmer_tui.importer.imported import Imported, OwnDevice, free_number
 from simmer_tui.sim.columns import ERROR, ROTATION, X, Y
 from simmer_tui.sim.sensors import KINDS
-from simmer_tui.sim.sensors.recorded_kinds import RecordedColumn, RecordedKind, recorded_class
+from simmer_tui.sim.sensors.recorded_kinds import LONGEST_KIND, RecordedColumn, RecordedKind, recorded_class
 from simmer_tui.sim.specs import SensorKind
 
 _COLUMNS = (X, Y, ROTATION, ERROR)
-_LONGEST_KIND = 20
 _TEXT = '''"""{title}, a device of the team's own from simmer-python. It is unfinished: write `observe`.
 
 Its numbers are from {source}. docs/devices.md explains the rest.
@@ -81,7 +80,7 @@ def _kind_name(title: str, taken: Sequence[str]) -> str:
     """The kind in sensors.csv for a class; empty if its name cannot be used in a file."""
     if not title.isascii() or not title.isidentifier() or keyword.iskeyword(title) or len(title) > 60:
         return ""
-    letters = re.sub("[^a-z]", "", title.lower())[: _LONGEST_KIND - 3]
+    letters = re.sub("[^a-z]", "", title.lower())[: LONGEST_KIND - 3]
     name = letters if letters and letters not in taken else f"own{letters}"
     return name if name not in taken else ""
 

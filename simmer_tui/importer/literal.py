@@ -9,14 +9,14 @@ their line; so does every name that such a statement may have changed.
 import ast
 import math
 import operator
-import warnings
 from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from typing import Any, NoReturn
 
 from msgspec import Struct, field
 
-from simmer_tui.errors import ConfigurationError, NotUnderstoodError, Problem
+from simmer_tui.config.device_outline import python_tree
+from simmer_tui.errors import NotUnderstoodError
 from simmer_tui.importer.python_values import (
     MAX_ITEMS,
     SPACED,
@@ -34,7 +34,7 @@ from simmer_tui.importer.python_values import (
     readable,
     vector,
 )
-from simmer_tui.sim.command import escape, escape_word
+from simmer_tui.sim.command import escape_word
 
 MAX_STEPS = 100_000
 """Most expressions evaluated in one file, counting each turn of a comprehension: a short file can require any
@@ -103,7 +103,7 @@ class Source(Struct):
 
 def read_source(text: str, file: str) -> Source:
     """Read Python source. Raises ConfigurationError if it is not Python."""
-    return read_module(parsed(text, file))
+    return read_module(python_tree(text, file))
 
 
 def read_module(module: ast.Module) -> Source:
@@ -113,22 +113,6 @@ def read_module(module: ast.Module) -> Source:
     for statement in module.body:
         reader.read(statement)
     return reader.source
-
-
-def parsed(text: str, file: str) -> ast.Module:
-    """The tree of Python source. Raises ConfigurationError if it is not Python."""
-    try:
-        with warnings.catch_warnings():
-            # For example, of a backslash in a text of the file.
-            warnings.simplefilter("ignore")
-            # Parsing runs nothing of the file.
-            return ast.parse(text)
-    except SyntaxError as error:
-        place = f"{file}:{error.lineno}" if error.lineno else file
-        raise ConfigurationError([Problem(place, f"is not Python here: {escape(error.msg)}")]) from error
-    except (ValueError, RecursionError, MemoryError) as error:
-        # Errors of the parser for null bytes and for thousands of nested brackets.
-        raise ConfigurationError([Problem(file, f"is not Python that can be read: {error}")]) from error
 
 
 def read_expression(text: str) -> Any:

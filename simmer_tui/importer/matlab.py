@@ -28,7 +28,7 @@ from simmer_tui.importer.imported import (
 from simmer_tui.importer.literal import read_expression
 from simmer_tui.importer.python_values import Unreadable
 from simmer_tui.sim.command import escape, escape_word, shown_path
-from simmer_tui.sim.rules import FlagRule, listed
+from simmer_tui.sim.rules import LARGEST_PORT, FlagRule, listed
 from simmer_tui.sim.specs import RobotSpec
 
 FILE = "Main.m"
@@ -131,7 +131,7 @@ def _first_assignments(lines: list[tuple[int, str]]) -> dict[str, tuple[int, str
 def _ports(lines: list[tuple[int, str]], notes: Notes) -> dict[str, SettingValue]:
     for number, line in lines:
         ports = _PORTS.search(line)
-        if ports is None or max(int(port) for port in ports.groups()) > 65535:
+        if ports is None or max(int(port) for port in ports.groups()) > LARGEST_PORT:
             continue
         if ports[1] != ports[2] or not int(ports[1]):
             return {"server.port": int(ports[1]), "server.reply_port": int(ports[2])}

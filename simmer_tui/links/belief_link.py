@@ -85,7 +85,7 @@ class RefusalReasons(EventHandler[None]):
 # A grid of 65,536 states takes 341 kB packed and, as a list, at most some 15 bytes a state.
 LONGEST_LINE = 1024 * 1024
 """Longest line, bytes."""
-_TOO_LONG = "a line has at most 1 MB; send a grid as f32, as believe() does"
+_TOO_LONG = f"a line has at most {LONGEST_LINE >> 20} MB; send a grid as f32, as believe() does"
 # Reading bytes costs little, parsing a line much, even a short one.
 TURN, LINE = 128 * 1024, 4 * 1024
 """Limits of one turn of the event loop: bytes read, including a surcharge for each parsed line, bytes.

@@ -33,6 +33,9 @@ from simmer_tui.sim.pose import Pose
 # Judged: more than a large terminal has cells, so that more could not be distinguished.
 MOST_PARTICLES = 5000
 """Particles kept of one belief, evenly picked; a screen shows no more."""
+# Judged: a line of the event list, twice.
+LONGEST_NOTE = 200
+"""Characters kept of the note of a belief."""
 # Finer than any filter's estimate. Screen, log and replay get the same rounded numbers. A log of particles
 # with all digits would be three times as large.
 DECIMALS = 2
@@ -65,7 +68,7 @@ def parse_belief(line: bytes, time: float, true: Pose, whole: Bounds) -> Belief:
     note = fields.get("note") or ""
     if not isinstance(note, str):
         raise ValueError("note must be text")
-    return Belief(time, pose, true, spread, _particles(fields.get("particles")), note[:200], grid)
+    return Belief(time, pose, true, spread, _particles(fields.get("particles")), note[:LONGEST_NOTE], grid)
 
 
 def _check_names(fields: dict[str, Any], known: Sequence[str], what: str) -> None:

@@ -10,6 +10,7 @@ from msgspec.structs import replace
 
 from simmer_tui import platform_has
 from simmer_tui.config.dialects import SERIAL
+from simmer_tui.config.settings import USUAL_BAUD
 from simmer_tui.dialect.device import DialectDevice, MoveEnd, Timer
 from simmer_tui.dialect.dialect_rules import DialectRules
 from simmer_tui.dialect.expressions import FieldValue
@@ -30,9 +31,6 @@ from simmer_tui.sim.records import REFUSALS, CommandResult, Status
 # A stream at 240 Hz would be most of a log, and its messages are all alike.
 LOGGED_OF_STREAM = 1000
 """Messages of streams that are logged; later ones are only counted."""
-# The usual rate of Arduino sketches.
-USUAL_BAUD = 9600.0
-"""Bits a second of a line whose rate is not known."""
 NO_HOOK = "it is no Python, it is frozen, or it was started with -I, -E or -S"
 """Reasons why a program may not use the hook."""
 NO_HOOK_ADVICE = (
@@ -98,7 +96,7 @@ class SimulatedHost:
             if len(results) < len(codes):
                 return
             took = sum(each.duration for each in results.values())
-            values = {code: value_of(results[code]) for code in codes}
+            values = {code: reply_value(results[code]) for code in codes}
             left = begun + took - self._engine.now()
             if left > 0:
                 self.call_later(left, lambda: done(values))
@@ -146,7 +144,7 @@ class SimulatedHost:
         self._engine.tell(Notice(NoticeKind.ROBOT, f"dialect: {text}"))
 
 
-def value_of(result: CommandResult) -> FieldValue:
+def reply_value(result: CommandResult) -> FieldValue:
     """The number of a reading, or the list of numbers of a whole scan."""
     ranges = result.ranges
     return result.reply if ranges is None else tuple(ranges.tolist())
@@ -173,7 +171,7 @@ class DialectLink:
         """Bytes of streams that were sent since the last reply."""
         self._instant = context.settings.line == "instant"
         framing = rules.framing if rules.protocol is None else FRAMINGS[rules.protocol]
-        self._wire = Wire(self.engine, framing, 0.0 if self._instant else USUAL_BAUD)
+        self._wire = Wire(self.engine, framing, 0 if self._instant else USUAL_BAUD)
         self._host = SimulatedHost(self.engine, rules, self._reply)
         self._device: DialectDevice | CourseDevice = DialectDevice(rules, self._host)
         if rules.protocol is not None:

@@ -88,7 +88,8 @@ def port_requests(server: ServerSettings) -> list[tuple[Dialect, list[PortReques
     def request(port: DialectPort) -> PortRequest:
         number = port_number(server, port)
         taken = 0 if any_free and number in defaults else number
-        return PortRequest(taken, port.purpose, port.option, port.backlog)
+        falls_back = port is dialects.SERIAL and number == port.default
+        return PortRequest(taken, port.purpose, port.option, port.backlog, falls_back)
 
     return [(each, [request(port) for port in each.ports]) for each in served]
 

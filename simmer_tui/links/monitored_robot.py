@@ -26,7 +26,7 @@ from simmer_tui.events import (
     TwinReading,
     WireMessage,
 )
-from simmer_tui.links.dialect_link import LOGGED_OF_STREAM, SimulatedHost, move_end, value_of
+from simmer_tui.links.dialect_link import LOGGED_OF_STREAM, SimulatedHost, move_end, reply_value
 from simmer_tui.links.real_robot import RealRobot
 from simmer_tui.sessions import LoopTimer
 from simmer_tui.sim.command import parse_command
@@ -50,7 +50,7 @@ class Twin(SimulatedHost):
     def read(self, codes: Sequence[str], done: Callable[[Mapping[str, FieldValue]], None]) -> None:
         results = {code: self._engine.peek(parse_command(code, self.source)) for code in codes}
         self.read_last |= results
-        done({code: value_of(result) for code, result in results.items()})
+        done({code: reply_value(result) for code, result in results.items()})
 
     def move(self, command: str, done: Callable[[MoveEnd], None]) -> None:
         def moved(result: CommandResult) -> None:

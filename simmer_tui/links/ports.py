@@ -22,12 +22,13 @@ _TRIES = 50
 
 class PortRequest(Struct, frozen=True):
     """A port to take: its number (0 for any free one), purpose, option, and backlog (connections that the
-    system keeps until they are accepted)."""
+    system keeps until they are accepted). If it `falls_back` and is in use, any free one is taken."""
 
     number: int
     purpose: str
     option: str
     backlog: int = BACKLOG
+    falls_back: bool = False
 
 
 class Listener(Struct, frozen=True):

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
 
+from simmer_tui.config.settings import USUAL_BAUD
 from simmer_tui.links.port_list import close_port, explain, open_port
 from simmer_tui.links.serial_channel import SerialChannel, channel_for
 from simmer_tui.sessions import LoopTimer
@@ -62,7 +63,7 @@ class BackOff:
 class SerialLink:
     """A serial port, or a URL that pyserial opens (`socket://`, `rfc2217://`, `loop://`)."""
 
-    def __init__(self, port: str, baud: int = 9600, back_off: BackOff | None = None) -> None:
+    def __init__(self, port: str, baud: int = USUAL_BAUD, back_off: BackOff | None = None) -> None:
         self.name = port
         self._baud = baud
         self._back_off = back_off or BackOff()

@@ -5,11 +5,11 @@ from collections.abc import Callable, Sequence
 
 from msgspec import Struct
 
+from simmer_tui.config.settings import PACES
 from simmer_tui.errors import ConsoleCommandError
 from simmer_tui.events import LARGEST, Action, ActionName
-from simmer_tui.playback_throttle import FASTEST, SLOWEST
 from simmer_tui.sim.command import Command, escape_word, parse_command, parse_value
-from simmer_tui.sim.rules import IntegerRule, NumberOrOffRule, NumberRule, did_you_mean
+from simmer_tui.sim.rules import IntegerRule, NumberRule, did_you_mean
 from simmer_tui.sim.specs import SimulationSpec
 from simmer_tui.sim.velocity_commands import WAIT
 
@@ -101,7 +101,7 @@ def _switch(order: OrderSpec, words: Sequence[str]) -> ConsoleCommand:
 def _pace(order: OrderSpec, words: Sequence[str]) -> ConsoleCommand:
     if len(words) != 1:
         raise ConsoleCommandError("takes one number, or off")
-    return Local(order.name, f"{NumberOrOffRule(SLOWEST, FASTEST).from_text(words[0]):g}")
+    return Local(order.name, f"{PACES.from_text(words[0]):g}")
 
 
 def _velocity(order: OrderSpec, words: Sequence[str]) -> ConsoleCommand:

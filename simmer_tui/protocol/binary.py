@@ -11,8 +11,7 @@ from simmer_tui.sim.records import CommandResult
 # Judged: ten times as long as a code and a number with all its digits.
 LONGEST = 256
 """Longest command, bytes. A longer one is answered once and skipped up to the next newline."""
-# Programs of Sep and Oct 2020 send no newline, and one command a write: after 5 ms nothing more comes.
-GRACE = 0.005
+GRACE = ServerSettings().grace
 """Seconds of silence after which bytes without a newline are a command."""
 # Judged: longer than any pause in the middle of one long message.
 SKIP_GRACE = 0.25

@@ -35,7 +35,10 @@ from simmer_tui.sim.records import CommandResult, Status
 # Some 4,000 commands with a value; a request has at most a thousand.
 MAX_REQUEST = 64 * 1024
 """Longest request, bytes."""
-MAX_COMMANDS = 1000
+# Judged: a program that never reads must not fill the memory.
+MAX_WAITING = 1000
+"""Most items a mailbox keeps."""
+MAX_COMMANDS = MAX_WAITING
 """Most commands in a request: as many as a mailbox holds replies."""
 STOP = "xx"
 """The code by which programs stop all motion, in every dialect."""
@@ -191,10 +194,6 @@ def _command(piece: bytes, problem: str = "") -> Command:
 
 
 # -- replies --------------------------------------------------------------------------------------
-
-# Judged: a program that never reads must not fill the memory.
-MAX_WAITING = 1000
-"""Most items a mailbox keeps."""
 
 # As simmer-python prints them; programs match \d+\.\d+.
 _DECIMALS = 3

@@ -52,7 +52,6 @@ _DRIVE_ERRORS = frozenset((Change.NO_NOISE, Change.NO_BIAS, Change.EXACT))
 # The values are names in files and stay as they are.
 _SHOWN = {
     Change.BELIEVED: "from the pose that the program believed",
-    Change.FURTHER_OFF: "from 3 in further away",
 }
 
 

@@ -65,13 +65,13 @@ RUN = DataTable(
         DataColumn("configuration", PASSAGE),
         DataColumn("seed"),
         DataColumn("started", QUOTED),
-        DataColumn("program", QUOTED, "simmer-tui"),
-        DataColumn("simulated_s", DURATION, "simulated time"),
-        DataColumn("real_s", DURATION, "real time"),
+        DataColumn("version", QUOTED, "simmer-tui"),
+        DataColumn("time_s", DURATION, "simulated time"),
+        DataColumn("real_time_s", DURATION, "real time"),
         DataColumn("commands"),
         DataColumn("refused"),
         DataColumn("movements"),
-        DataColumn("driven_in", number(".1f", " in"), "driven"),
+        DataColumn("distance_in", number(".1f", " in"), "driven"),
         DataColumn("turned_deg", number(".0f", " deg"), "turned"),
         DataColumn("contacts"),
         DataColumn("end", POSE, "ended at"),
@@ -214,7 +214,7 @@ def report_document(run: RunStatistics, name: str) -> Document:
         *((output(run.verdict),) if failed else ()),
         Bullets("What happened", findings(run), "findings"),
         Bullets("Notes", run.notes, "notes"),
-        *tables(run, name),
+        *report_tables(run, name),
         *(() if failed else (output(run.verdict),)),
         again(name),
     ]
@@ -260,7 +260,7 @@ def svg_picture(run: RunStatistics, name: str) -> str:
     """The maze and under it the traces, as one picture."""
     figure, strips = replace(maze_figure(run), title=f"Run {name}"), traces(run)
     if strips is not None:
-        below = svg.shifted(0.0, figure.height + _GAP, strips.content)
+        below = svg.translated(0.0, figure.height + _GAP, strips.content)
         height = figure.height + _GAP + strips.height
         figure = replace(figure, height=height, content=figure.content + below)
     return svg.document(figure)
@@ -271,7 +271,7 @@ def maze_picture(run: RunStatistics, name: str, width: float) -> str:
     return svg.document(replace(maze_figure(run), title=f"Run {name}"), width)
 
 
-def tables(run: RunStatistics, name: str = "") -> list[DataTable]:
+def report_tables(run: RunStatistics, name: str = "") -> list[DataTable]:
     """The run's record, the findings about sensors and drives, and all other tables that have rows."""
     others = (
         _mission(run),

@@ -53,7 +53,7 @@ class Change(StrEnum):
     BELIEVED = "from where the program believed to be"
     NO_BLOCK = "without the block in the gripper"
     ASIDE = "an inch to the side"
-    FURTHER_OFF = "from 3 in further away"
+    FURTHER_OFF = f"from {FURTHER:g} in further away"
 
 
 @dataclass(frozen=True, slots=True)

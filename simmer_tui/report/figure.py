@@ -44,7 +44,7 @@ class MazeFrame:
     @property
     def transform(self) -> str:
         """Transform from inches to points, for a group drawn in the global frame."""
-        left, bottom, scale = map(svg.number, (self.left, self.bottom, self.scale))
+        left, bottom, scale = map(svg.coordinate, (self.left, self.bottom, self.scale))
         return f"translate({left} {bottom}) scale({scale} -{scale})"
 
     def at(self, x: float, y: float) -> tuple[float, float]:

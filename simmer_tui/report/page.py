@@ -24,19 +24,17 @@ from simmer_tui.document.model import (
     VerdictBox,
 )
 from simmer_tui.events import Goal
-from simmer_tui.phrases import contacts_text, counted
-from simmer_tui.report.content import again, output, tables
+from simmer_tui.phrases import SHOWN_OUTPUT, contacts_text, counted
+from simmer_tui.report.content import again, output, report_tables
 from simmer_tui.report.figure import maze_figure
 from simmer_tui.report.findings import findings
-from simmer_tui.report.player import player_script, player_style, shortened
+from simmer_tui.report.player import left_out_text, player_script, player_style
 from simmer_tui.report.run_statistics import RunStatistics
 from simmer_tui.report.traces import traces
 from simmer_tui.report.verdict import Outcome, Verdict, goals_met
 from simmer_tui.run.attempt import Attempt, Task
 from simmer_tui.sim.command import escape, escape_passage, escape_word
 
-_LAST_LINES = 5
-"""Lines of a crashed program's output at the top of the page: the error, and where it was raised."""
 _TONES = {Outcome.SUCCEEDED: Tone.GOOD, Outcome.FAILED: Tone.BAD, Outcome.CRASHED: Tone.BAD}
 _CRASH_SIGN = "!"
 
@@ -67,7 +65,7 @@ def _page(run: RunStatistics, name: str, *, commands: bool) -> Document:
         SideBySide(tuple(_picture(run)), tuple(_cards(run, attempt, name if commands else ""))),
         Folded("All that happened", (Bullets("", findings(run)), Bullets("Notes", run.notes))),
         *(() if strips is None else (Folded(strips_title, (SectionHeading(strips_title), strips)),)),
-        Folded("Movements, errors of readings, timing", tables(run, name)),
+        Folded("Movements, errors of readings, timing", report_tables(run, name)),
         Folded(last.heading, (Bullets("", last.entries, kind="output"),) if last.entries else ()),
         *((again(name),) if commands else ()),
     ]
@@ -100,7 +98,7 @@ def verdict_box(verdict: Verdict, *, is_mission: bool) -> VerdictBox:
 def _last_lines(verdict: Verdict) -> Bullets:
     """The last output of a crashed program."""
     program = verdict.program
-    said = () if program is None else program.stderr[-_LAST_LINES:]
+    said = () if program is None else program.stderr[-SHOWN_OUTPUT:]
     return Bullets("", [escape_passage(line.text) for line in said], kind="output")
 
 
@@ -123,7 +121,7 @@ def _picture(run: RunStatistics) -> Iterator[DocumentPart]:
     cause = run.verdict.cause
     what = "the end of the run" if cause is None else "the moment of the cause"
     begin = TextLink(f"{run.verdict.elapsed:.1f} s", f"#t={run.verdict.elapsed:.2f}")
-    yield Paragraph((f"It begins at {what}, ", begin, f". {shortened(run.recording)}"), kind="note")
+    yield Paragraph((f"It begins at {what}, ", begin, f". {left_out_text(run.recording)}"), kind="note")
 
 
 def _cards(run: RunStatistics, attempt: Attempt, log: str) -> Iterator[DocumentPart]:

@@ -17,7 +17,7 @@ from typing import Any
 from simmer_tui.belief_grid import GridBelief, SmallMap
 from simmer_tui.report.recording import Recording
 from simmer_tui.report.run_statistics import RunStatistics
-from simmer_tui.report.traces import clock
+from simmer_tui.report.traces import page_clock
 from simmer_tui.run.facts import deviation
 from simmer_tui.run.paths import BeliefCloud
 from simmer_tui.run.scan_traces import ScanTrace, range_step
@@ -59,7 +59,7 @@ def player_code() -> str:
     return _asset("player.js")
 
 
-def shortened(recording: Recording) -> str:
+def left_out_text(recording: Recording) -> str:
     """A note on parts of the run that the player leaves out, or empty."""
     notes = []
     if recording.begin > 0.0:
@@ -80,7 +80,7 @@ def shortened(recording: Recording) -> str:
 def _recording(run: RunStatistics) -> dict[str, Any]:
     """All that the player needs."""
     recording = run.recording
-    task, strips = run.task, clock(run)
+    task, strips = run.task, page_clock(run)
     return {
         "moment": _ms(min(max(run.verdict.elapsed, recording.begin), recording.end)),
         "limit": task.time_limit if task is not None else None,

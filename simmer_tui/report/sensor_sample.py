@@ -171,7 +171,7 @@ def _observed(
         missed=int((within & ~there).sum()),
         looked=int(within.sum()),
     )
-    others = *_late(expected, usable), *turned(sample, base[usable])
+    others = *_late(expected, usable), *inverted_compass(sample, base[usable])
     return sample.against((*stuck(sample), *others, *_swapped(history, rows[usable], sample, alike)))
 
 
@@ -335,7 +335,7 @@ def delayed(values: FloatArray, lag: int) -> FloatArray:
     return np.concatenate((np.full(lag, np.nan), values))[: len(values)]
 
 
-def turned(sample: SensorSample, base: FloatArray) -> Iterator[Alternative]:
+def inverted_compass(sample: SensorSample, base: FloatArray) -> Iterator[Alternative]:
     """A compass that counts in the other direction, from any zero. Ranges have no sign."""
     spec = sample.spec
     if spec.kind.is_range or not sample.sensor.period or not len(base):

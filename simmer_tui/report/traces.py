@@ -49,7 +49,7 @@ def traces(run: RunStatistics) -> Figure | None:
     end = max(run.history.elapsed if timed else longest, 1e-9)
     drawn, height = _key(bool(run.totals.contacts) and timed), _TOP - _GAP
     for strip in strips:
-        drawn += svg.shifted(0.0, height + _GAP, _draw(strip, end))
+        drawn += svg.translated(0.0, height + _GAP, _draw(strip, end))
         height += _GAP + _STRIP
     if timed:
         drawn += _contact_lines(run, end, height)
@@ -70,7 +70,7 @@ class Clock:
     of: tuple[str, ...]
 
 
-def clock(run: RunStatistics) -> Clock | None:
+def page_clock(run: RunStatistics) -> Clock | None:
     """The clock of the picture; None if it has none."""
     strips = _strips(run, True)
     if not strips or run.history.elapsed <= 0.0:
@@ -133,7 +133,7 @@ def _line(
         if math.isfinite(value):
             stretches[-1].append((place, _STRIP - 3 - (value - low) / (high - low) * (_STRIP - 6)))
         else:
-            beyond.append(f"M{svg.number(place)} 0v5")
+            beyond.append(f"M{svg.coordinate(place)} 0v5")
             stretches.append([])
     drawn = "".join(f"<polyline points='{svg.curve(each)}'/>" for each in stretches if len(each) > 1)
     made = svg.element("g", drawn, fill="none", stroke=color, stroke_width=width) if drawn else ""
@@ -151,7 +151,7 @@ def _contact_lines(run: RunStatistics, end: float, height: float) -> str:
     lines, bands = [], []
     for bump in run.history.repeated.first.items:
         begin, until = _across(bump.touch.elapsed, end), _across(bump.until, end)
-        lines.append(f"M{svg.number(begin)} {_TOP:g}V{svg.number(height)}")
+        lines.append(f"M{svg.coordinate(begin)} {_TOP:g}V{svg.coordinate(height)}")
         if until > begin:
             bands.append(svg.element("rect", x=begin, y=_TOP, width=until - begin, height=height - _TOP))
     drawn = svg.element("g", "".join(bands), fill=svg.CONTACT, fill_opacity=0.08) if bands else ""

@@ -34,7 +34,7 @@ from simmer_tui.events import (
     WireMessage,
 )
 from simmer_tui.run.episodes import BeliefEpisodes
-from simmer_tui.run.facts import Stuck, deviation, displacement
+from simmer_tui.run.facts import PRESSED, PRESSED_WAY, Stuck, deviation, displacement
 from simmer_tui.run.history_rows import (
     ActionRow,
     BeliefRow,
@@ -90,9 +90,6 @@ KEPT_LEGS = 400
 """Newest legs of continuous motion kept whole."""
 STUCK = 3
 """Movements in a row that a contact ended and that count as being stuck: two happen to good programs."""
-PRESSED, PRESSED_WAY = 0.25, 1.0
-"""Share of the time limit, and inches within which it stays: a program that presses so long does not notice
-the wall."""
 OTHER_CODES = "other"
 STOPS = "stop"
 """Name under which commands that stop the robot are counted, whichever their names in a dialect."""

@@ -17,7 +17,7 @@ from simmer_tui.config.set_devices import DeviceStatus
 from simmer_tui.errors import ConfigurationError, Problem, RunLogError
 from simmer_tui.sim.command import escape, shown_path
 from simmer_tui.sim.sensors import KINDS, SensorKinds, sensor_kinds
-from simmer_tui.sim.sensors.recorded_kinds import RecordedKind, described, recorded_class
+from simmer_tui.sim.sensors.recorded_kinds import RecordedKind, recorded_class, recorded_kind
 from simmer_tui.sim.specs import SensorKind, SensorSpec
 
 _SHORT = 12
@@ -39,7 +39,7 @@ def logged_devices(files: Iterable[DeviceFile]) -> tuple[LoggedDevice, ...]:
 def logged_kinds(sensors: Iterable[SensorSpec]) -> tuple[RecordedKind, ...]:
     """The kinds of sensors that are not built in, described."""
     kinds = dict.fromkeys(sensor.kind for sensor in sensors)
-    return tuple(described(kind) for kind in kinds if KINDS.get(kind.name) is not kind)
+    return tuple(recorded_kind(kind) for kind in kinds if KINDS.get(kind.name) is not kind)
 
 
 def recorded_kinds(kinds: Iterable[RecordedKind]) -> SensorKinds:

@@ -19,6 +19,8 @@ T = TypeVar("T")
 
 # At most 30 digits: Python refuses to convert texts of more than 4,300, and no value here needs as many.
 WHOLE_NUMBER = re.compile(r"[+-]?[0-9]{1,30}")
+LARGEST_PORT = 65535
+"""The largest number of a TCP port."""
 MAX_TEXT = 255
 """Most characters of a text: the longest file name that file systems take."""
 # In place of a value that a rule refuses; None is a value.
@@ -194,12 +196,12 @@ class NumberOrOffRule(NumberRule, frozen=True):
 class PortOrOffRule(Rule[str], frozen=True):
     """A TCP port, 0 for any free one, or off; the value is a text."""
 
-    allowed: ClassVar[str] = "a port from 0 to 65535, or off"
+    allowed: ClassVar[str] = f"a port from 0 to {LARGEST_PORT}, or off"
     metavar: ClassVar[str] = "PORT|off"
 
     @property
     def schema(self) -> dict[str, Any]:
-        return {"anyOf": [IntegerRule(0, 65535).schema, {"enum": ["off"]}]}
+        return {"anyOf": [IntegerRule(0, LARGEST_PORT).schema, {"enum": ["off"]}]}
 
     def _parsed(self, text: str) -> object:
         text = text.strip().lower()
@@ -210,7 +212,7 @@ class PortOrOffRule(Rule[str], frozen=True):
             value = self._parsed(value)
         if value == "off":
             return "off"
-        accepted = IntegerRule(0, 65535)._accepted(value)
+        accepted = IntegerRule(0, LARGEST_PORT)._accepted(value)
         return accepted if accepted is _REFUSED else str(accepted)
 
 

@@ -11,7 +11,7 @@ from typing import ClassVar, Self
 
 from msgspec import Struct
 
-from simmer_tui.sim.columns import CsvColumn
+from simmer_tui.sim.columns import TRANSLATION_SPEED, CsvColumn
 
 # The course's maze is made of one-foot cells.
 CELL_SIZE = 12.0
@@ -272,7 +272,7 @@ class DriveSpec(Struct, frozen=True, kw_only=True):
     error: Axes = _NO_AXES
     bias: Axes = _NO_AXES
     gain: float = 1.0
-    speed: float = 6.0
+    speed: float = TRANSLATION_SPEED
     start_lag: float = 0.0
     acceleration: float = 0.0
 

@@ -15,9 +15,10 @@ from simmer_tui.document.model import DataColumn, DataTable, Document, Paragraph
 from simmer_tui.errors import TrialsError
 from simmer_tui.sim.command import escape
 from simmer_tui.sim.specs import SimulationSpec
-from simmer_tui.trials.failures import CHANGED_CAUSES, changed_causes, rate
+from simmer_tui.trials.failures import CHANGED_CAUSES, changed_causes, success_rate
 from simmer_tui.trials.folder import TrialFolder
 from simmer_tui.trials.intervals import (
+    RESAMPLES,
     IntervalEstimate,
     PairCounts,
     mcnemar,
@@ -126,12 +127,12 @@ def verdict(pairs: list[RunPair]) -> str:
     """Sentence that compares the success rates."""
     counts = count_pairs(pairs)
     if mcnemar(counts) >= SIGNIFICANCE:
-        return f"These runs do not show which program succeeds more often ({shown_test(counts)})."
+        return f"These runs do not show which program succeeds more often ({mcnemar_text(counts)})."
     better, worse = "BA" if counts.second_only > counts.first_only else "AB"
-    return f"{better} succeeds more often than {worse} ({shown_test(counts)})."
+    return f"{better} succeeds more often than {worse} ({mcnemar_text(counts)})."
 
 
-def shown_test(counts: PairCounts) -> str:
+def mcnemar_text(counts: PairCounts) -> str:
     """The test behind the verdict, with enough digits to show on which side of 5 % it lies."""
     p = mcnemar(counts)
     shown = f"{p:.2g}"
@@ -145,7 +146,7 @@ def shown_test(counts: PairCounts) -> str:
 def _sets(first: TrialFolder, second: TrialFolder, pairs: list[RunPair]) -> DataTable:
     rows = []
     for index, (name, folder) in enumerate((("A", first), ("B", second))):
-        plan, rated = folder.plan, rate([pair[index] for pair in pairs])
+        plan, rated = folder.plan, success_rate([pair[index] for pair in pairs])
         clock = clocks_text([pair[index] for pair in pairs])
         rows.append((name, folder.path, plan.command, plan.configuration, len(folder.results), clock, rated))
     left_out = len(first.results) + len(second.results) - 2 * len(pairs)
@@ -169,7 +170,7 @@ def _difference(pairs: list[RunPair]) -> DataTable:
     counts = count_pairs(pairs)
     note = (
         "In brackets: the 95 % interval by Newcombe's method 10 for paired proportions (1998), an "
-        f"approximation. The decision is by {shown_test(counts)}."
+        f"approximation. The decision is by {mcnemar_text(counts)}."
     )
     row = (paired_difference(counts), mcnemar(counts))
     return DIFFERENCE.filled([row], note)
@@ -193,7 +194,7 @@ def _means(pairs: list[RunPair]) -> DataTable:
         rows.append((name, unit, len(chosen), a, b, mean_difference([y - x for x, y in values]) or alone))
     note = (
         "In brackets, from three runs on: the 95 % interval of the mean over the pairs. It is the wider of "
-        "Student's t and the bootstrap-t (10 000 resamples, fixed seed)."
+        f"Student's t and the bootstrap-t ({RESAMPLES // 1000} 000 resamples, fixed seed)."
     )
     return MEANS.filled(rows, note)
 

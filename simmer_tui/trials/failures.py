@@ -98,7 +98,7 @@ def grouped(items: Iterable[_Item], key: Callable[[_Item], _Key]) -> dict[_Key, 
     return groups
 
 
-def rate(results: Sequence[TrialResult]) -> IntervalEstimate:
+def success_rate(results: Sequence[TrialResult]) -> IntervalEstimate:
     """The success rate of at least one run."""
     return wilson(sum(result.success for result in results), len(results))
 
@@ -117,7 +117,7 @@ def color_of(name: str) -> str:
     return COLORS.get(name, _OTHER)
 
 
-def kind_of(name: str) -> Kind | None:
+def cause_kind(name: str) -> Kind | None:
     """The kind of a cause's name; None for an unknown name."""
     return next((kind for kind in Kind if kind.value == name), None)
 
@@ -137,7 +137,7 @@ def failures_in_turn(results: Sequence[TrialResult]) -> list[int]:
 def failure_summary(results: Sequence[TrialResult]) -> str:
     """Cause to fix first, and the success rate without it at most; empty if no run failed."""
     for name, group in counted_causes(results):
-        kind = kind_of(name)
+        kind = cause_kind(name)
         if kind is None:
             continue
         whole, failed = len(results), sum(not result.success for result in results)
@@ -154,7 +154,7 @@ def causes_table(results: Sequence[TrialResult]) -> DataTable:
     """The failed runs by cause."""
     rows = []
     for name, group in counted_causes(results):
-        kind = kind_of(name)
+        kind = cause_kind(name)
         share = wilson(len(group), len(results))
         listed = [result.number for result in group]
         rows.append((name, len(group), share, listed, None if kind is None else kind.advice))

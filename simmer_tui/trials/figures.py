@@ -17,7 +17,7 @@ from simmer_tui.runlog.reader import LogReader
 from simmer_tui.sim.specs import BLOCK, CELL_SIZE, START, MazeSpec
 from simmer_tui.trials.failures import color_of, counted_causes, failures_in_turn, grouped
 from simmer_tui.trials.folder import RUNS, TrialFolder
-from simmer_tui.trials.intervals import counted, histogram
+from simmer_tui.trials.intervals import bin_counts, histogram
 from simmer_tui.trials.trial import TrialResult
 
 # Height of a row of the legend, points.
@@ -105,7 +105,7 @@ def _fraction(x: float, y: float, group: Sequence[TrialResult], scale: float) ->
         ring += svg.element(
             "circle", cx=x, cy=y, r=radius, fill="none", stroke=_SUCCESS, stroke_width=4.0,
             stroke_dasharray=f"{done:.2f} {length - done + 0.01:.2f}",
-            transform=f"rotate(-90 {svg.number(x)} {svg.number(y)})",
+            transform=f"rotate(-90 {svg.coordinate(x)} {svg.coordinate(y)})",
         )  # fmt: skip
     return ring + svg.text(
         x, y + radius * 0.72, f"{successes}/{len(group)}", 11.0, text_anchor="middle", font_weight="bold",
@@ -116,7 +116,7 @@ def _fraction(x: float, y: float, group: Sequence[TrialResult], scale: float) ->
 def histogram_figure(successes: Sequence[float], failures: Sequence[float], unit: str) -> Figure:
     """The distribution of values of successful and of failed runs. There must be a value."""
     edges, decimals = histogram([*successes, *failures])
-    counts = [counted(values, edges) for values in (successes, failures)]
+    counts = [bin_counts(values, edges) for values in (successes, failures)]
     tallest = max(a + b for a, b in zip(*counts, strict=True))
     bottom, width = TOP + 12 + _BAR_HEIGHT, (WIDTH - LEFT - RIGHT) / len(counts[0])
     parts = []

@@ -187,7 +187,7 @@ def histogram(values: Sequence[float]) -> tuple[list[float], int]:
     return [round(k * width, decimals) for k in range(begin, end + 1)], decimals
 
 
-def counted(values: Sequence[float], edges: Sequence[float]) -> list[int]:
+def bin_counts(values: Sequence[float], edges: Sequence[float]) -> list[int]:
     """Number of values in each bin; one that rounding puts outside is in the next."""
     counts: list[int] = np.histogram(np.clip(values, edges[0], edges[-1]), edges)[0].tolist()
     return counts

@@ -33,7 +33,7 @@ from simmer_tui.run.run_history import RunHistory
 from simmer_tui.server import Server
 from simmer_tui.sim.command import escape, escape_passage
 from simmer_tui.sim.simulator import Simulator
-from simmer_tui.trials.trial import REAL, Ending, Trial, TrialResult, clock_of, prepare, with_clock
+from simmer_tui.trials.trial import REAL, Ending, Trial, TrialResult, prepare, run_clock, with_clock
 
 LOG, PACKED_LOG, OUTPUT, MAZE = ".jsonl", ".jsonl.gz", ".txt", ".maze.csv"
 """Name endings of a run's log, of its program's output and of a maze of its own."""
@@ -114,7 +114,7 @@ class TrialRun:
         """Do the run. Raises ConfigurationError, PortError, RunLogError, InterruptedTrialError, and
         ProgramError if the program cannot be started and is in no sandbox."""
         configuration, plan = prepare(self._trial)
-        clock = clock_of(configuration)
+        clock = run_clock(configuration)
         result = self._attempt(with_clock(configuration, clock), plan)
         if clock == ELSE_REAL and result.clock == "program" and result.clock_note:
             self._forget()

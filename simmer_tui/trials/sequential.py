@@ -21,7 +21,9 @@ from simmer_tui.errors import TrialsError
 from simmer_tui.trials.intervals import IntervalEstimate
 
 # Runs grow with the inverse square of the margin: for a good program 0.15 takes 38, 0.05 takes 246.
-MARGIN, RISK = 0.15, 0.05
+REQUIRED_RATE, MARGIN, RISK = 0.9, 0.15, 0.05
+"""Defaults: the success rate that passes, a rate this much lower that fails, and the error rate of either
+decision."""
 # The distribution of a walk of n runs takes n^2 steps, and no course has time for more runs.
 LARGEST_CAP = 5000
 # Where the ratio meets a bound exactly, the rounding of logarithms must not decide.

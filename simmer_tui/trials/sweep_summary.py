@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, replace
 
 from simmer_tui.document import svg
-from simmer_tui.document.as_data import csv_text
+from simmer_tui.document.as_data import table_csv
 from simmer_tui.document.formats import COUNT, ESTIMATE, LENGTH, QUOTED
 from simmer_tui.document.model import (
     DataColumn,
@@ -20,14 +20,12 @@ from simmer_tui.document.model import (
 )
 from simmer_tui.report.figure import WIDTH
 from simmer_tui.sim.command import escape, escape_passage, escape_word
-from simmer_tui.trials.failures import grouped, rate
+from simmer_tui.trials.failures import grouped, success_rate
 from simmer_tui.trials.folder import TrialFolder
 from simmer_tui.trials.intervals import IntervalEstimate, median
 from simmer_tui.trials.trial import TrialResult, clocks_text
 from simmer_tui.trials.trials_summary import runs_table
 
-WANTED_RATE = 0.9
-"""Default success rate that a program must keep."""
 CURVES = "sweep.csv"
 SWEEP = DataTable(
     "sweep",
@@ -54,7 +52,7 @@ class SweepValue:
     @property
     def rate(self) -> IntervalEstimate:
         """Share of runs that succeeded, with its interval."""
-        return rate(self.results)
+        return success_rate(self.results)
 
     @property
     def number(self) -> float:
@@ -153,7 +151,7 @@ def answer(curve: Curve, wanted: float) -> str:
 def curves_csv(folder: TrialFolder) -> str:
     """All curves, a row a value: sweep.csv."""
     rows = [_row(curve, each) for curve in curves(folder) for each in curve.values]
-    return csv_text(SWEEP.filled(rows))
+    return table_csv(SWEEP.filled(rows))
 
 
 # Points: room around the curve, and its height.

@@ -19,7 +19,7 @@ from simmer_tui.config.mission_plan import MissionPlan, mission_problems
 from simmer_tui.config.settings import AUTO_CLOCK, ELSE_REAL, with_any_ports
 from simmer_tui.errors import ConfigurationError, Problem
 from simmer_tui.mission import plan_run, planned
-from simmer_tui.phrases import computing_text, counted
+from simmer_tui.phrases import NOTHING_SENT, computing_text, counted
 from simmer_tui.sim.obstacles import placement_problems
 from simmer_tui.sim.specs import MazeSpec
 from simmer_tui.trials.mazes import maze_text, random_maze
@@ -28,6 +28,9 @@ RANDOM = "random"
 """The name of a maze made for a run."""
 REAL = "real"
 """The real clock, and `timed` motion by it."""
+# Judged: many times what a program needs for a mission in simulated time.
+TIME_LIMIT = 120.0
+"""Default limit of the real time of a run, seconds, without that of a mission in timed motion."""
 # A stream apart from those of drives and sensors, so that a maze changes none of their errors.
 _MAZE_STREAM = tuple(b"maze")
 # Mazes tried: a mission that fits into hardly any maze is refused rather than searched for without end.
@@ -120,7 +123,7 @@ def prepare(trial: Trial) -> tuple[Configuration, MissionPlan | None]:
     return replace(configuration, settings=settings), plan
 
 
-def clock_of(configuration: Configuration) -> str:
+def run_clock(configuration: Configuration) -> str:
     """The clock for the runs of a set: a choice of the setting `clock`, but not `auto`."""
     clock = configuration.settings.motion.clock
     if clock != AUTO_CLOCK:
@@ -136,13 +139,13 @@ def with_clock(configuration: Configuration, clock: str) -> Configuration:
 
 def timing_of(configuration: Configuration) -> str:
     """The clock of the runs of a set, as `MotionSettings.timing` has it."""
-    return with_clock(configuration, clock_of(configuration)).settings.motion.timing
+    return with_clock(configuration, run_clock(configuration)).settings.motion.timing
 
 
 def timed_seconds(configuration: Configuration) -> float:
     """Real time of a mission by its time limit, seconds: 0 unless its runs may use the real clock."""
     motion, mission = configuration.settings.motion, configuration.mission
-    by_real_clock = timing_of(configuration) == "timed" or clock_of(configuration) == ELSE_REAL
+    by_real_clock = timing_of(configuration) == "timed" or run_clock(configuration) == ELSE_REAL
     if not by_real_clock or mission is None:
         return 0.0
     return mission.time_limit / motion.time_scale
@@ -155,7 +158,7 @@ class Ending(StrEnum):
     CONTACTS = "contacts"
     TIME_LIMIT = "time limit"
     EXIT = "program ended"
-    SILENCE = "nothing was sent"
+    SILENCE = NOTHING_SENT
     """The program ended with exit code 0 without sending a command."""
     REAL_TIME_LIMIT = "real time limit"
     FAULT = "fault"

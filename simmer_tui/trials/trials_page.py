@@ -24,12 +24,12 @@ from simmer_tui.document.model import (
 from simmer_tui.phrases import capitalized, counted
 from simmer_tui.sim.command import escape
 from simmer_tui.trials.explanations import WHY_FAILED
-from simmer_tui.trials.failures import CAUSES, DEVICES, counted_causes, failure_summary, grouped, rate
+from simmer_tui.trials.failures import CAUSES, DEVICES, counted_causes, failure_summary, grouped, success_rate
 from simmer_tui.trials.figures import histogram_figure, map_figure
 from simmer_tui.trials.folder import TrialFolder
 from simmer_tui.trials.intervals import median
 from simmer_tui.trials.trial import RANDOM, Ending, TrialResult, clock_sentences, clocks_text
-from simmer_tui.trials.trials_summary import ports_advice, success_texts, tables
+from simmer_tui.trials.trials_summary import ports_advice, success_texts, trials_tables
 
 _MAPS = 12
 """Most mazes drawn: the page stays one that can be scrolled through."""
@@ -56,7 +56,7 @@ def trials_page(folder: TrialFolder, run_pages: Mapping[int, str], required: flo
         run_pages: Pages of runs that are linked to, by number.
         required: The success rate of --require; None without it.
     """
-    results, made = folder.done, {table.key: table for table in tables(folder)}
+    results, made = folder.done, {table.key: table for table in trials_tables(folder)}
     maps = _maps(folder, results, run_pages)
     first_map = maps[:1] if len(maps) == 1 else []
     summary, endings = failure_summary(results), Counter(result.ending for result in results)
@@ -100,7 +100,7 @@ def _verdict(results: Sequence[TrialResult], required: float | None) -> VerdictB
     if required is None:
         tone = Tone.GOOD if successes == len(results) else Tone.MIXED if successes else Tone.BAD
     else:
-        enough = rate(results).value >= required
+        enough = success_rate(results).value >= required
         headline += ": enough" if enough else ": too few"
         tone = Tone.GOOD if enough else Tone.BAD
         sentence += f", {required:g} is required"
@@ -117,7 +117,7 @@ def _figures(results: Sequence[TrialResult], required: float | None) -> KeyFigur
     asked = "" if required is None else f", {SHARE.text(required)} required"
     shown = "–" if time is None else f"{LENGTH.text(time)} s"
     contacts = _PER_RUN.text(sum(result.contacts for result in results) / len(results))
-    share = SHARE.text(rate(results).value)
+    share = SHARE.text(success_rate(results).value)
     return KeyFigures(
         ((share, f"succeeded{asked}"), (shown, "median of the successes"), (contacts, "contacts a run"))
     )

@@ -34,7 +34,7 @@ from simmer_tui.trials.failures import (
     failure_summary,
     findings_tables,
     grouped,
-    rate,
+    success_rate,
 )
 from simmer_tui.trials.figures import start_cell
 from simmer_tui.trials.folder import RUNS, TABLE, TrialFolder
@@ -102,7 +102,7 @@ RUNS_TABLE = DataTable(
         DataColumn("text"),
         *map(DataColumn, ("exit_code", "time_s", "distance_in", "commands", "contacts")),
         *(DataColumn(key, Format(str, POSE.suffixes, tuple)) for key in ("start", "end")),
-        *(DataColumn(key, Format(str, ("_x_in", "_y_in"), tuple)) for key in ("block", "drop")),
+        *(DataColumn(key, Format(str, ("_x_in", "_y_in"), tuple)) for key in ("block", "drop_zone")),
         *map(DataColumn, ("reached_s", "taken_s", "delivered_s", "output", "clock", "log")),
     ),
     hidden=True,
@@ -142,7 +142,7 @@ def trials_document(folder: TrialFolder) -> Document:
         Paragraph(failure_summary(results), "advice"),
         Paragraph(ports_advice(results), "ports", "warning"),
         Paragraph(" ".join(clock_sentences(folder.configuration, results)), "computing", "note"),
-        *tables(folder),
+        *trials_tables(folder),
         runs_table(folder),
     ]
     return Document(f"Trials of {escape(folder.plan.command)}", parts)
@@ -151,10 +151,13 @@ def trials_document(folder: TrialFolder) -> Document:
 def success_texts(results: Sequence[TrialResult]) -> tuple[str, str]:
     """The number of successes, and the success rate, in words."""
     successes = sum(result.success for result in results)
-    return f"{successes} of {len(results)} runs succeeded", f"success rate {ESTIMATE.text(rate(results))}"
+    return (
+        f"{successes} of {len(results)} runs succeeded",
+        f"success rate {ESTIMATE.text(success_rate(results))}",
+    )
 
 
-def tables(folder: TrialFolder) -> list[DataTable]:
+def trials_tables(folder: TrialFolder) -> list[DataTable]:
     """All tables for people that have rows; there must be a result."""
     results = folder.done
     made = [
@@ -223,7 +226,7 @@ def _summary(folder: TrialFolder, results: list[TrialResult]) -> DataTable:
         *(folder.path, plan.command, plan.configuration),
         "its mission" if folder.configuration.mission is not None else "exit code 0",
         *(mazes, dict(plan.settings), plan.seed, clocks_text(results), (len(results), plan.runs)),
-        *(sum(result.success for result in results), rate(results)),
+        *(sum(result.success for result in results), success_rate(results)),
         (sum(result.contacts for result in results), sum(result.contacts > 0 for result in results)),
     )
     note = "In brackets, here and below: the 95 % Wilson interval."
@@ -233,7 +236,7 @@ def _summary(folder: TrialFolder, results: list[TrialResult]) -> DataTable:
 def _rated(group: Sequence[TrialResult]) -> tuple[object, ...]:
     """Runs, successes, success rate and contacts."""
     successes = sum(result.success for result in group)
-    return len(group), successes, rate(group), sum(result.contacts for result in group)
+    return len(group), successes, success_rate(group), sum(result.contacts for result in group)
 
 
 def _endings(results: list[TrialResult]) -> DataTable:

@@ -28,9 +28,9 @@ from simmer_tui.sim.command import escape_passage, parse_value, printable
 from simmer_tui.sim.scan_rays import extremes
 from simmer_tui.sim.specs import Axes, DriveKind
 from simmer_tui.snapshot import LogEntry, Snapshot
-from simmer_tui.tui.event_text import clock, distance_off, grid_lines, off_text
+from simmer_tui.tui.event_text import clock_text, distance_off, grid_lines, off_text
 from simmer_tui.tui.gauges import bearing_words
-from simmer_tui.tui.line_panel import StyledLine, heading, length, shortened, wrapped
+from simmer_tui.tui.line_panel import StyledLine, heading, length, shortened, wrapped_lines
 from simmer_tui.tui.readouts import Room, goals_line, movement_line, spent_words, standing_scan
 
 # Two frames show the place and its caller; each has a line of code below it.
@@ -64,15 +64,17 @@ class AnswerCard(Struct, frozen=True):
         """Lines for a room: all, with a heading, or in brief if there are few rows."""
         if room.rows <= _BRIEF:
             given = self.brief or self.lines
-            wide = [part for line in given for part in wrapped(((" ", "plain"), *line), room.width - 1, 2)]
+            wide = [
+                part for line in given for part in wrapped_lines(((" ", "plain"), *line), room.width - 1, 2)
+            ]
             return _fitted(wide, room)
         head = heading(self.title, self.note, room.width, plain=room.plain)
-        rest = [part for line in self.lines for part in wrapped(line, room.width, 2)]
+        rest = [part for line in self.lines for part in wrapped_lines(line, room.width, 2)]
         return [((self.title, self.role), *head[1:]), *_fitted(rest, room, 1)]
 
     def rows(self, width: int) -> int:
         """Rows that all of it takes, with its heading."""
-        return 1 + sum(len(wrapped(line, width, 2)) for line in self.lines)
+        return 1 + sum(len(wrapped_lines(line, width, 2)) for line in self.lines)
 
 
 _BRIEF = 3
@@ -323,7 +325,7 @@ def _failure(snapshot: Snapshot, reason: str, *, orders: bool) -> AnswerCard:
     notes = _notes(verdict)
     brief = (lines[-1], *notes, (*_numbers(snapshot), *_GAP, *(offered[0] if offered else ())))
     lines += [*notes, _numbers(snapshot)]
-    at = f"at {clock(mission.time)}" if mission is not None else ""
+    at = f"at {clock_text(mission.time)}" if mission is not None else ""
     return AnswerCard("why it failed", at, (*lines, *offered), brief, role="danger")
 
 

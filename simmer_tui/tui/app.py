@@ -33,8 +33,8 @@ from simmer_tui.tui.help import CommandProvider, ReportScreen, help_screen
 from simmer_tui.tui.key_table import IN_CONSOLE, Hint, MazePane, drive_keys, hints_of, keymap, maze_hints
 from simmer_tui.tui.key_velocity import PERIOD, KeyVelocity
 from simmer_tui.tui.line_panel import LinePanel, between, shortened
-from simmer_tui.tui.live import LiveSource, report_of
-from simmer_tui.tui.picture import picture
+from simmer_tui.tui.live import LiveSource, report_text
+from simmer_tui.tui.picture import screen_picture
 from simmer_tui.tui.readouts import Room, last_reply, status_line
 from simmer_tui.tui.shell import Shell, put
 from simmer_tui.tui.sizes import BRIEF_ANSWER, Box
@@ -278,7 +278,7 @@ class SimmerApp(Shell):
         # Shown before the machine is busy with making it.
         await self.push_screen(screen)
         try:
-            text = await report_of(saved, self.size.width - _PAGE_FRAME, self._plain)
+            text = await report_text(saved, self.size.width - _PAGE_FRAME, self._plain)
         except OSError as error:
             text = f"The report cannot be made: {reason_of(error)}"
         screen.replace(text)
@@ -295,7 +295,7 @@ class SimmerApp(Shell):
 
     def _write_picture(self, name: str) -> None:
         dark = self._settings.screen.theme != "light"
-        self._write(name, picture(rows_of(self.screen), dark=dark), "picture")
+        self._write(name, screen_picture(rows_of(self.screen), dark=dark), "picture")
 
     def _write(self, name: str, text: str, what: str) -> None:
         file = Path(name).expanduser()

@@ -25,7 +25,7 @@ from simmer_tui.sim.command import escape_passage
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.records import CommandResult, Reading, Status
 from simmer_tui.snapshot import LogEntry
-from simmer_tui.tui.gauges import number_text, with_unit
+from simmer_tui.tui.gauges import reading_text, with_unit
 from simmer_tui.tui.line_panel import StyledLine
 
 REASONS = (":why", ":report")
@@ -45,7 +45,7 @@ _COMMAND = 8
 """Columns of a command."""
 
 
-def clock(seconds: float) -> str:
+def clock_text(seconds: float) -> str:
     """Simulated time as minutes and seconds, `02:03.5`."""
     sign = "-" if seconds < 0 else ""
     tenths = round(abs(seconds) * 10)
@@ -105,7 +105,7 @@ def _percent(share: float) -> str:
     return "<1 %" if 0.0 < share < 0.01 else f"{100 * share:.0f} %"
 
 
-def pose_text(pose: Pose) -> str:
+def screen_pose_text(pose: Pose) -> str:
     """A pose, its heading from -180 to 180 degrees."""
     return f"{pose.x:.1f}, {pose.y:.1f} in  {half_turn(pose.heading):.1f} deg"
 
@@ -181,7 +181,7 @@ class _Wording(EventHandler[EventWords]):
 
     def on_belief(self, event: Belief) -> EventWords:
         def pieces() -> StyledLine:
-            believed, off = pose_text(event.pose), f"{off_text(event)}{spread_text(event)}"
+            believed, off = screen_pose_text(event.pose), f"{off_text(event)}{spread_text(event)}"
             off += "" if event.grid is None else f", {truth_text(event.grid)}"
             note = f"  {escape_passage(event.note)}" if event.note else ""
             return (f"{believed}, off {off}", "belief"), (note, "plain")
@@ -189,7 +189,7 @@ class _Wording(EventHandler[EventWords]):
         return EventWords("belief", "belief", pieces)
 
     def on_twin(self, event: events.TwinReading) -> EventWords:
-        text = f"robot {number_text(event.robot)}, simulated {number_text(event.simulated)}"
+        text = f"robot {reading_text(event.robot)}, simulated {reading_text(event.simulated)}"
         return EventWords(event.command.source, event.code, lambda: ((text, "belief"),))
 
     def on_mission(self, event: events.MissionEvent) -> EventWords:
@@ -230,7 +230,7 @@ class _Wording(EventHandler[EventWords]):
         return (*pieces, (f"  nearest {nearest.sensor.code} said {nearest.value:.1f}{unit}", "dim"))
 
 
-def words_of(entry: LogEntry) -> EventWords:
+def event_words(entry: LogEntry) -> EventWords:
     """Words for an entry's event."""
     return _Wording(entry.nearest, wedged=entry.wedged).handle(entry.event)
 
@@ -239,7 +239,7 @@ def entry_line(entry: LogEntry) -> StyledLine:
     """An entry: simulated time, the command, its effect, and its sender if that was a person."""
     if entry.folds:
         return (*_head(entry, ""), (folded_text(entry), "dim"))
-    words = words_of(entry)
+    words = event_words(entry)
     signed = words.refusal is not None and words.source in PEOPLE
     by = ((f"  by {words.source}", "dim"),) if signed else ()
     return (*_head(entry, words.subject), *words.pieces(), *by)
@@ -256,7 +256,7 @@ def _mission_pieces(event: events.MissionEvent) -> StyledLine:
 
 
 def _head(entry: LogEntry, command: str) -> StyledLine:
-    return (f"{clock(entry.time)}  ", "dim"), (f"{command:<{_COMMAND - 1}} ", "mark")
+    return (f"{clock_text(entry.time)}  ", "dim"), (f"{command:<{_COMMAND - 1}} ", "mark")
 
 
 # -- several entries -------------------------------------------------------------------------------
@@ -294,13 +294,13 @@ def ends_with_answer(entries: Sequence[LogEntry], since: int) -> bool:
     """True if the last event is an answer to a person, and came after the event `since`."""
     if not entries or entries[-1].folds or entries[-1].number <= since:
         return False
-    return words_of(entries[-1]).is_answer
+    return event_words(entries[-1]).is_answer
 
 
 def _outweighing(entries: Sequence[LogEntry]) -> LogEntry:
     """The last entry, or the end of a mission if only its program's departure came after it."""
     for entry in reversed(entries):
-        words = words_of(entry)
+        words = event_words(entry)
         if words.ends_mission:
             return entry
         if not words.is_departure:
@@ -323,7 +323,7 @@ def refusal_of(entries: Sequence[LogEntry], since: int = 0) -> str | None:
         command = getattr(entry.event, "command", None)
         if command is not None and command.source not in PEOPLE:
             continue
-        words = words_of(entry)
+        words = event_words(entry)
         if words.refusal is not None and words.source in PEOPLE:
             return words.refusal
     return None

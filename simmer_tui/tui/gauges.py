@@ -19,7 +19,7 @@ _POINTS = ("E", "NE", "N", "NW", "W", "SW", "S", "SE")
 # -- words and signs -------------------------------------------------------------------------------
 
 
-def number_text(value: float) -> str:
+def reading_text(value: float) -> str:
     """Number for a table: two decimals, infinities by name."""
     if not math.isfinite(value):
         return f"{value:g}"
@@ -30,7 +30,7 @@ def with_unit(value: float, sensor: SensorSpec) -> str:
     """A reading with its unit; a yes or no as a bare 1 or 0."""
     if not sensor.unit and value in (0.0, 1.0):
         return f"{value:.0f}"
-    return f"{number_text(value)} {sensor.unit}".rstrip()
+    return f"{reading_text(value)} {sensor.unit}".rstrip()
 
 
 def bearing_sign(bearing: float, *, plain: bool) -> str:

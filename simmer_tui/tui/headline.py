@@ -8,7 +8,7 @@ from simmer_tui.phrases import contacts_text, counted, crash_text, program_end_t
 from simmer_tui.report.verdict import Outcome
 from simmer_tui.sim.command import escape, printable
 from simmer_tui.snapshot import Snapshot
-from simmer_tui.tui.event_text import clock
+from simmer_tui.tui.event_text import clock_text
 from simmer_tui.tui.line_panel import StyledLine, between, length
 from simmer_tui.tui.readouts import ROOMY, Room
 
@@ -167,8 +167,8 @@ def _right(snapshot: Snapshot, room: Room, phase: RunPhase) -> str:
     state, mission, verdict = snapshot.state, snapshot.mission, snapshot.verdict
     if mission is not None and mission.over:
         minutes, seconds = divmod(round(mission.plan.time_limit), 60)
-        return f"{clock(mission.time)} of {minutes}:{seconds:02d}"
+        return f"{clock_text(mission.time)} of {minutes}:{seconds:02d}"
     time = state.time
     if phase.is_over and verdict is not None and verdict.program is not None:
         time = verdict.program.time
-    return f"seed {state.seed}   {clock(time)}" if phase is RunPhase.WAITING else clock(time)
+    return f"seed {state.seed}   {clock_text(time)}" if phase is RunPhase.WAITING else clock_text(time)

@@ -44,7 +44,7 @@ def fault_line(error: Exception) -> StyledLine:
     return ((f"cannot be shown: {type(error).__name__}: {escape_passage(str(error))}", "danger"),)
 
 
-def wrapped(line: StyledLine, width: int, indent: int) -> list[StyledLine]:
+def wrapped_lines(line: StyledLine, width: int, indent: int) -> list[StyledLine]:
     """A line cut into lines of at most `width` characters, all but the first indented."""
     if length(line) <= width or width <= indent:
         return [line]

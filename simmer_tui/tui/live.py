@@ -49,7 +49,7 @@ class LiveSource:
         return await self._server.snapshot(since, true_values)
 
 
-async def report_of(saved: SavedRun, width: int, plain: bool) -> str:
+async def report_text(saved: SavedRun, width: int, plain: bool) -> str:
     """Text of `simmer-tui report` for the run so far.
 
     It is made in a process of its own: a long run takes a while, and the robot's thread must not

@@ -13,7 +13,7 @@ from textual.strip import Strip
 
 from simmer_tui.snapshot import EVENTS, LogEntry
 from simmer_tui.tui import line_panel
-from simmer_tui.tui.event_text import entry_line, kept_lines, words_of
+from simmer_tui.tui.event_text import entry_line, event_words, kept_lines
 from simmer_tui.tui.key_table import IN_LOG, bindings_of
 from simmer_tui.tui.line_panel import MarkableLines, StyledLine, text_of
 from simmer_tui.tui.textual_internals import StillWhenClamped, set_virtual_size
@@ -196,7 +196,7 @@ class LogPanel(StillWhenClamped, ScrollView, MarkableLines, can_focus=True):
 
     def _passes(self, entry: LogEntry) -> bool:
         wanted = self.filter.lower()
-        if not wanted or wanted == words_of(entry).source:
+        if not wanted or wanted == event_words(entry).source:
             return True
         lines = [_line_of(entry), *(kept_lines(entry) if entry.folds else ())]
         return any(wanted in text_of(line).lower() for line in lines)
@@ -210,7 +210,9 @@ class LogPanel(StillWhenClamped, ScrollView, MarkableLines, can_focus=True):
         if entry.folds:
             return rows + [(entry, line) for line in kept_lines(entry)]
         width = max(self.scrollable_content_region.width - 1, 1)
-        return rows + [(entry, line) for line in line_panel.wrapped(_line_of(entry), width, _INDENT)[1:]]
+        return rows + [
+            (entry, line) for line in line_panel.wrapped_lines(_line_of(entry), width, _INDENT)[1:]
+        ]
 
     def _drop_rows(self) -> None:
         """Drop the rows of entries that are no longer kept."""

@@ -118,7 +118,7 @@ class _Page:
         yield "</g>"
 
 
-def picture(strips: Sequence[Strip], *, dark: bool = True, title: str = "SimMeR") -> str:
+def screen_picture(strips: Sequence[Strip], *, dark: bool = True, title: str = "SimMeR") -> str:
     """Rows of a screen as an SVG. `dark` is true if the default colours are those of a dark theme."""
     page = _Page(MONOKAI if dark else DEFAULT_TERMINAL_THEME)
     for row, strip in enumerate(strips):

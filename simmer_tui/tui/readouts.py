@@ -16,11 +16,11 @@ from simmer_tui.sim.specs import SensorSpec
 from simmer_tui.sim.wheels import WheelKinematics
 from simmer_tui.snapshot import LogEntry, Snapshot
 from simmer_tui.tui.event_text import (
-    clock,
+    clock_text,
     last_event_line,
     off_text,
-    pose_text,
     reply_text,
+    screen_pose_text,
     spread_text,
     truth_text,
 )
@@ -119,13 +119,13 @@ def robot_lines(snapshot: Snapshot, room: Room) -> list[StyledLine]:
         grid, off = state.belief.grid, off_text(state.belief)
         # The answer card shows the spread of a grid, beside its entropy.
         off += spread_text(state.belief) if grid is None else f", {truth_text(grid)}"
-        at = f", at {pose_text(state.belief.pose)}" if room.width >= _WIDE_PANEL else ""
+        at = f", at {screen_pose_text(state.belief.pose)}" if room.width >= _WIDE_PANEL else ""
         believed = fact_line("belief", f"off {off}{at}", "belief")
     if room.rows < _WITH_BLOCK:
         return [head, pose, believed, (*doing, *driven, *contacts)]
     last: StyledLine = ()
     if state.contact is not None:
-        last = ((f", last {clock(state.contact.time)} {side_text(state.contact)}", "label"),)
+        last = ((f", last {clock_text(state.contact.time)} {side_text(state.contact)}", "label"),)
     touched = (*fact_line("contacts", f"{state.contacts}", role), *last)
     lines = [head, pose, believed, (*doing, *driven)]
     return [*lines, _wheels(snapshot, room) or touched, _block_line(snapshot)]
@@ -222,7 +222,7 @@ def mission_lines(mission: MissionState, room: Room) -> list[StyledLine]:
         text = _GOALS[goal][when is not None].format(x=drop.x, y=drop.y)
         if when is not None:
             sign: StyledLine = (("+ " if room.plain else "✓ ", "good"), (text, "value"))
-            lines.append(between(sign, ((clock(when), "label"),), room.width))
+            lines.append(between(sign, ((clock_text(when), "label"),), room.width))
         else:
             mark = ("x " if room.plain else "✗ ") if missed else ("- " if room.plain else "○ ")
             lines.append(((mark, "danger" if missed else "dim"), (text, "value" if missed else "label")))
@@ -240,7 +240,7 @@ def goals_line(mission: MissionState) -> StyledLine:
     pieces: list[tuple[str, str]] = []
     for goal, when in mission.goals.items():
         if when is not None:
-            time = clock(when).partition(".")[0]
+            time = clock_text(when).partition(".")[0]
             pieces += [("✓ ", "good"), (f"{_GOAL_WORDS[goal]} ", "value"), (f"{time}   ", "label")]
     return tuple(pieces)
 
@@ -270,7 +270,7 @@ def program_lines(snapshot: Snapshot, entries: Sequence[LogEntry], room: Room) -
             break
         text = _PRINTED.handle(entry.event)
         if text is not None:
-            printed.append(((f"{clock(entry.time)}  ", "dim"), (printable(text), "value")))
+            printed.append(((f"{clock_text(entry.time)}  ", "dim"), (printable(text), "value")))
     if not printed:
         printed = [(("shows what a program started with --run prints", "dim"),)]
     return [head, *reversed(printed)]

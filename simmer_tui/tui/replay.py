@@ -20,7 +20,7 @@ from simmer_tui.runlog.log_records import ProgramRecord
 from simmer_tui.snapshot import Snapshot
 from simmer_tui.takeover import TakeOver, moment_of
 from simmer_tui.tui.answers import note
-from simmer_tui.tui.event_text import clock
+from simmer_tui.tui.event_text import clock_text
 from simmer_tui.tui.help import HelpScreen, replay_help
 from simmer_tui.tui.key_table import IN_REPLAY, Hint, bindings_of, hints_of
 from simmer_tui.tui.line_panel import LinePanel, StyledLine
@@ -46,7 +46,7 @@ def bar_of(run: RecordedRun, width: int, *, plain: bool) -> tuple[str, int, str]
     """Text before the bar, columns of the bar, and text after it."""
     going, standing = (">", "=") if plain else ("▶", "‖")
     lead = f" {going if run.playing else standing} {run.speed:g}x"
-    head = f"{lead:<8} {clock(run.elapsed)} / {clock(run.duration)} "
+    head = f"{lead:<8} {clock_text(run.elapsed)} / {clock_text(run.duration)} "
     tail = f" {max(run.entry, -1) + 1}/{run.index.count} "
     return head, width - len(head) - len(tail), tail
 

@@ -10,7 +10,7 @@ from simmer_tui.sim.scan_rays import extremes
 from simmer_tui.sim.sensors import LidarSpec
 from simmer_tui.sim.specs import SensorSpec
 from simmer_tui.snapshot import Snapshot
-from simmer_tui.tui.event_text import clock
+from simmer_tui.tui.event_text import clock_text
 from simmer_tui.tui.gauges import bearing_sign, sparkline, with_unit
 from simmer_tui.tui.line_panel import StyledLine, heading
 from simmer_tui.tui.readouts import LABEL, fact_line
@@ -49,13 +49,13 @@ def sensor_facts(
     values = past.get(code, row.history)
     count = min(len(values), width - LABEL)
     curve = fact_line(f"last {count}", sparkline(values, count, plain=plain), "newest")
-    return [*lines, (*read, (f" at {clock(row.time)}{error}", "value")), curve]
+    return [*lines, (*read, (f" at {clock_text(row.time)}{error}", "value")), curve]
 
 
 def _scan_facts(row: SensorRow, scan: LidarScan, *, plain: bool) -> list[StyledLine]:
     """The time of a scan, and its most important points."""
     sensor, found = row.reading.sensor, extremes(scan)
-    taken = f" at {clock(row.time)}, revolution {scan.revolution:,}"
+    taken = f" at {clock_text(row.time)}, revolution {scan.revolution:,}"
     read = (*fact_line("read", counted(len(scan.ranges), "point"), "newest"), (taken, "value"))
     if found.nearest is None or found.farthest is None:
         return [read, fact_line("nearest", "no echo all around")]

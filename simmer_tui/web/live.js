@@ -124,9 +124,12 @@
       ...DRIVES.map(([name, label, about]) => pressed(name, label, about, "")),
       pressed("stop", "■ Stop", "stop the robot", "stop"), ...PRESSES.map(([name, label]) => pressed(name, label, label, "wide")));
     drive = { told: made("p", { class: "told", role: "status" }) };
-    const own = Object.keys(keys).filter((key) => /^[a-z]$/.test(key)).join(" ");
+    const signs = { ArrowUp: "↑", ArrowDown: "↓", ArrowLeft: "←", ArrowRight: "→", " ": "space" };
+    const keysOf = (...names) => Object.entries(keys).filter(([, [name, fine]]) => names.includes(name) && !fine)
+      .map(([key]) => signs[key] || key);
+    const driving = keysOf(...DRIVES.map(([name]) => name)).join(" "), stopping = keysOf("stop").join(" and ");
     const panel = made("div", { class: "card drive" }, made("h2", {}, "Drive"), given, drive.told, pad,
-      made("p", { class: "note" }, `With the focus here keys drive: ${own}, arrows, space stops; with Shift finely.`));
+      made("p", { class: "note" }, `With the focus here keys drive: ${driving} (with Shift finely); to stop: ${stopping}.`));
     // What is pressed here is not for the player.
     panel.addEventListener("keydown", (event) => {
       event.stopPropagation();

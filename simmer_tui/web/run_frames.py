@@ -14,6 +14,7 @@ from typing import Any
 
 import msgspec
 
+from simmer_tui.config.settings import ScreenSettings
 from simmer_tui.events import ActionDone, Event, Notice, NoticeKind
 from simmer_tui.report.page import verdict_box
 from simmer_tui.report.player import RecordingEncoder, recorded_robot
@@ -107,8 +108,8 @@ class LiveRecording:
 
 
 # Simulated seconds a second, and the most seconds that the page may be behind. Timed motion has its own pace.
-# In instant motion a drive takes no time: the page shows it at four times real speed, like the screen.
-_PACE, _LAG, _TIMED_LAG = 4.0, 1.5, 0.08
+# In instant motion a drive takes no time: the page shows it at the screen's usual pace.
+_PACE, _LAG, _TIMED_LAG = ScreenSettings().pace, 1.5, 0.08
 # A slice takes less than a millisecond, so that the robot's thread can run between two of them.
 _SLICE, _PAUSE = 50, 0.0002
 """Events processed before other threads can run, and seconds of that pause."""

@@ -9,7 +9,14 @@ from hypothesis import strategies as st
 from shapely.geometry import Point, box
 from shapely.ops import unary_union
 
-from simmer_tui.calibrate.geometry import SHARES, Clearance, chord_factor, displacement, moved, totals_between
+from simmer_tui.calibrate.geometry import (
+    SHARES,
+    Clearance,
+    chord_factor,
+    displacements,
+    moved,
+    totals_between,
+)
 from simmer_tui.sim.path import Path
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.specs import MazeSpec, RobotSpec
@@ -45,7 +52,7 @@ def test_its_derivative_is_one(turn: float, segments: int) -> None:
     sides = [chord_factor(np.array([turn + sign * step]), segments)[0] for sign in (1, -1)]
     slope = chord_factor(np.array([turn]), segments)[1]
     assert abs((sides[0] - sides[1]) / (2 * step) - slope).max() < 1e-7
-    assert displacement(np.zeros((1, 3)), segments) == 0
+    assert displacements(np.zeros((1, 3)), segments) == 0
 
 
 @pytest.mark.parametrize("turn", [0.0, 0.002, -0.011, 0.0117, 0.02, -3.0, 170.0])
@@ -63,7 +70,7 @@ def test_totals_lead_on_from_any_pose_by_hand() -> None:
     """Facing up, a quarter turn to the left in one part, then 3 in ahead and 2 in to the left."""
     pose, totals = np.array([[10.0, 20.0, 90.0]]), np.array([[3.0, 2.0, 90.0]])
     assert moved(pose, totals, 1)[0] == pytest.approx((7.0, 18.0, 180.0))
-    assert displacement(totals, 1)[0] == pytest.approx(-2.0 + 3.0j)
+    assert displacements(totals, 1)[0] == pytest.approx(-2.0 + 3.0j)
     assert totals_between(pose, np.array([[7.0, 18.0, 180.0]]), 1)[0] == pytest.approx(totals[0])
 
 

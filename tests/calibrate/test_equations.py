@@ -10,7 +10,7 @@ import pytest
 from msgspec import structs
 from scipy import stats
 
-from simmer_tui.calibrate.change_detection import between
+from simmer_tui.calibrate.change_detection import spread_between_robots
 from simmer_tui.calibrate.estimates import line_through, share_interval, timings
 from simmer_tui.calibrate.find_path import PathFinder
 from simmer_tui.calibrate.guided import learned_worst_case, worst_case
@@ -517,4 +517,4 @@ def test_strength_has_the_intervals_of_a_variance() -> None:
     scatter = values.var(axis=0, ddof=1).mean()
     low, high = 8 / stats.chi2.ppf((0.975, 0.025), 8)
     expected = [math.sqrt(each * scatter - 0.03**2) for each in (1.0, low, high)]
-    assert between(values, errors) == pytest.approx(expected)
+    assert spread_between_robots(values, errors) == pytest.approx(expected)

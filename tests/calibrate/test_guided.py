@@ -21,7 +21,7 @@ from scripts.robot_emulator import Robot
 from simmer_tui.calibrate.fit import Fit, fit
 from simmer_tui.calibrate.guided import WANTED, SessionPlanner, drive_guided, guided_run
 from simmer_tui.calibrate.measured_run import read_runs
-from simmer_tui.cli.guided_session import picture
+from simmer_tui.cli.guided_session import progress_picture
 from simmer_tui.cli.main import main
 from simmer_tui.config.loader import load
 from simmer_tui.config.sets import bundled_folder
@@ -116,7 +116,7 @@ def test_the_picture_fits_the_terminal_and_begins_with_what_is_known_least(found
     guide = SessionPlanner(found.run.configuration, np.random.default_rng(1))
     guide.fit = found
     console = Console(file=io.StringIO(), width=80, height=24)
-    console.print(picture(guide, "d1-5", "/dev/ttyACM0", console.height))
+    console.print(progress_picture(guide, "d1-5", "/dev/ttyACM0", console.height))
     assert isinstance(console.file, io.StringIO)
     lines = [line.rstrip() for line in console.file.getvalue().splitlines()]
     assert len(lines) <= console.height - 1

@@ -16,7 +16,7 @@ from msgspec import structs
 
 from simmer_tui.calibrate.find_path import PathFinder
 from simmer_tui.calibrate.fit import Fit
-from simmer_tui.calibrate.geometry import displacement
+from simmer_tui.calibrate.geometry import displacements
 from simmer_tui.calibrate.guided import SessionPlanner
 from simmer_tui.calibrate.measured_run import Chain, MeasuredMovement, MeasuredRun, Readings
 from simmer_tui.calibrate.model_check import check_model, conformal_factor
@@ -175,7 +175,7 @@ def test_a_searched_path_is_that_which_was_kept(robot: str) -> None:
 
 def test_the_law_of_continuous_motion_is_that_of_an_arc() -> None:
     """A quarter turn over 12 in has a chord of 12 sin(45 deg) / (pi / 4)."""
-    (chord,) = displacement(np.array([[12.0, 0.0, 90.0]]), ARC_SEGMENTS)
+    (chord,) = displacements(np.array([[12.0, 0.0, 90.0]]), ARC_SEGMENTS)
     assert abs(chord) == pytest.approx(10.804, abs=0.001)
 
 

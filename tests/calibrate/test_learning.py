@@ -15,7 +15,7 @@ from msgspec import structs
 from msgspec.structs import replace
 
 from benchmarks.emulated_robots import Oddities, Session, draw_robot, placed, record, set_with, wandering
-from simmer_tui.calibrate.change_detection import between, judged
+from simmer_tui.calibrate.change_detection import judged, spread_between_robots
 from simmer_tui.calibrate.estimates import estimates_of, share_interval
 from simmer_tui.calibrate.fit import Fit, fit
 from simmer_tui.calibrate.measured_run import read_runs
@@ -181,10 +181,10 @@ def test_the_strength_is_the_spread_beyond_the_standard_errors() -> None:
     random = np.random.default_rng(1)
     errors = np.full((30, 4), 0.02)
     noise = random.normal(0, 0.02, (30, 4))
-    value, low, high = between(noise + random.normal(0, 0.05, (30, 4)), errors)
+    value, low, high = spread_between_robots(noise + random.normal(0, 0.05, (30, 4)), errors)
     assert low < 0.05 < high
     assert value == pytest.approx(0.05, rel=0.15)
-    assert between(noise, errors)[0] < 0.015
+    assert spread_between_robots(noise, errors)[0] < 0.015
 
 
 @pytest.mark.slow

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 import socket
 import subprocess
@@ -26,6 +27,7 @@ from simmer_tui.config.sets import bundled_sets, find_set
 from simmer_tui.config.settings import all_settings
 from simmer_tui.config.settings_file import Override
 from simmer_tui.notebook import configuration_from_environment
+from simmer_tui.runlog.saved_runs import BEFORE, make_room, saved_runs_folder
 from simmer_tui.server import Server
 from simmer_tui.sim import Simulator
 from simmer_tui.sim.sensors import KINDS
@@ -251,6 +253,53 @@ def test_doctor_says_it_in_ten_lines(
     assert "!!  set       1 mistake in ./config: simmer-tui check lists them" in capsys.readouterr().out
 
 
+def test_doctor_says_whether_a_taken_port_keeps_the_simulator_from_starting(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Capture
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    run_init(["config"])
+    settings = tmp_path / "config" / "settings.toml"
+    text = settings.read_text().replace('listeners = ["binary"]', 'listeners = ["packets"]')
+    with socket.create_server(("127.0.0.1", 0)) as other:
+        number = other.getsockname()[1]
+        for name, code in (("belief_port", 0), ("packet_reply_port", 1)):
+            free = text.replace("packet_port = 61200", "packet_port = 0")
+            settings.write_text(re.sub(rf"^{name} = \d+$", f"{name} = {number}", free, flags=re.M))
+            capsys.readouterr()
+            assert run_doctor([]) == code, name
+            (line,) = [line for line in capsys.readouterr().out.splitlines() if " ports " in line]
+            assert line.startswith(f"!!  ports     {number} of"), "a feature is missing in any case"
+            assert line.endswith(f"or --{name.replace('_', '-')} 0 with --run"), "the option of that port"
+
+
+def test_doctor_names_as_many_saved_runs_as_there_are(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Capture
+) -> None:
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
+    assert saved_runs_folder().is_relative_to(tmp_path)
+    for number in range(BEFORE + 5):
+        make_room(saved_runs_folder())
+        (saved_runs_folder() / f"{number}.jsonl").write_text("a run")
+    run_doctor([])
+    assert f"the last {len(list(saved_runs_folder().glob('*')))} are saved in" in capsys.readouterr().out
+
+
+def test_doctor_says_which_extras_of_the_package_are_missing(
+    monkeypatch: pytest.MonkeyPatch, capsys: Capture
+) -> None:
+    project = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text("utf-8"))["project"]
+    extras = set(project["optional-dependencies"]) - {"dev", "docs", "release", "test"}
+    for there in (True, False):
+        monkeypatch.setattr(
+            "simmer_tui.cli.machine_commands.find_spec", lambda name, there=there: there or None
+        )
+        run_doctor([])
+        (line,) = [line for line in capsys.readouterr().out.splitlines() if line.startswith("ok  extras")]
+        names = re.search(r"simmer-tui\[(.*?)\] @ git" if not there else r"extras  +(.*?); ", line)
+        assert names is not None, line
+        assert set(names[1].replace(" ", "").split(",")) == extras
+
+
 def test_a_program_is_told_the_set(folder: Path) -> None:
     ports = {f"server.{name}": Override(name, 0) for name in ("port", "reply_port", "belief_port")}
     server = Server(load(folder, ports))
@@ -306,7 +355,7 @@ def test_report_as_json_has_the_figures(tmp_path: Path, capsys: Capture) -> None
     assert run_report([str(tmp_path / "run.jsonl"), "--json"]) == 0
     found = printed(capsys)
     run = found["run"]
-    assert (run["commands"], run["contacts"], run["seed"], run["driven_in"]) == (1, 0, 7, 0.0)
+    assert (run["commands"], run["contacts"], run["seed"], run["distance_in"]) == (1, 0, 7, 0.0)
     assert run["end_x_in"] == simulator.pose.x
     assert found["text"]["findings"] == ["No contact with a wall and no refused command."]
     [row] = found["commands"]

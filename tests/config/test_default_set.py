@@ -5,12 +5,16 @@ import tomllib
 from itertools import pairwise
 from pathlib import Path
 
+import pytest
+
 from simmer_tui.config import load_default
 from simmer_tui.config.drive_csv import REQUIRED as DRIVE_HEADERS
+from simmer_tui.config.profiles import DRIVE, LINK, SENSOR, profile_names
 from simmer_tui.config.sensors_csv import HEADERS as SENSOR_HEADERS
-from simmer_tui.config.sets import FILES, bundled_folder
+from simmer_tui.config.sets import FILES, bundled_folder, bundled_sets
 from simmer_tui.config.settings import Settings, all_settings
 from simmer_tui.config.settings_file import with_all_settings
+from simmer_tui.sim.rules import ChoiceRule, IntegerRule, NumberRule, SeveralRule
 from simmer_tui.sim.sensors import LineSensor
 from simmer_tui.sim.specs import Axes, DriveKind
 
@@ -109,3 +113,31 @@ def test_manuals_names_are_top_level_settings() -> None:
 
 def test_default_set_has_the_five_files(folder: Path) -> None:
     assert sorted(path.name for path in folder.iterdir()) == sorted(FILES)
+
+
+@pytest.mark.parametrize("folder", bundled_sets().values(), ids=lambda folder: folder.name)
+def test_comments_of_a_bundled_set_name_what_is_allowed(folder: Path) -> None:
+    """Its comments are written by hand, others are made of the descriptions."""
+    known = {item.name: item for item in all_settings()}
+    profiles = {"drive_profile": DRIVE, "sensor_profile": SENSOR, "link_profile": LINK}
+    table, comment, checked = "", "", 0
+    for line in (folder / "settings.toml").read_text("utf-8").splitlines():
+        if line.startswith("["):
+            table = f"{line.strip('[]')}."
+        elif line.startswith("#"):
+            comment += f" {line}"
+        elif line:
+            item, said = known[table + line.partition(" =")[0]], comment
+            comment = ""
+            rule = item.rule
+            if isinstance(rule, ChoiceRule | SeveralRule) and said:
+                assert [word for word in rule.choices if f'"{word}"' not in said] == [], item.name
+            for name in profile_names(profiles[item.name]) if item.name in profiles and said else ():
+                assert f'"{name}"' in said, item.name
+            bounds = re.search(r"([\d.]+) to ([\d.]*\d)", said)
+            if bounds and isinstance(rule, NumberRule | IntegerRule):
+                checked += 1
+                assert (float(bounds[1]), float(bounds[2])) == (rule.low, rule.high), item.name
+        else:
+            comment = ""
+    assert checked > 5

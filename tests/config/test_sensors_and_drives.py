@@ -1,15 +1,31 @@
 from __future__ import annotations
 
+import re
+import tomllib
+from collections import defaultdict
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from simmer_tui.config.loader import load
 from simmer_tui.config.sensors_csv import HEADERS, optional_headers
+from simmer_tui.config.sets import bundled_folder
+from simmer_tui.sim.columns import (
+    ACCELERATION,
+    DRIVE_GAIN,
+    REACH,
+    ROTATION_SPEED,
+    SPEED,
+    START_LAG,
+    TRANSLATION_SPEED,
+    WIDTH,
+    CsvColumn,
+)
 from simmer_tui.sim.rules import listed
-from simmer_tui.sim.sensors import KINDS
-from simmer_tui.sim.specs import Axes, DriveKind, SensorSpec
+from simmer_tui.sim.sensors import KINDS, LidarSpec
+from simmer_tui.sim.specs import Axes, DriveKind, DriveSpec, GripperSpec, SensorSpec
 
 DRIVES = ", ".join(f'"{kind.value}"' for kind in DriveKind)
 IDS = f'{DRIVES}, "grip", "velocity", "velocity-x", "velocity-y", "velocity-r"'
@@ -356,3 +372,31 @@ def test_drive_mistakes_name_the_cell_and_what_is_allowed(
     (folder / "drive.csv").write_text(f"{header},Gain,Speed\n{row}\n")
     (line,) = problems()
     assert line.startswith(f"drive.csv:2:{expected}")
+
+
+def test_the_help_of_a_column_says_what_a_blank_cell_means() -> None:
+    """In the last brackets: the default, and perhaps its meaning."""
+    gripper = GripperSpec(code="p1")
+    described: list[tuple[Any, CsvColumn]] = [
+        *((DriveSpec(kind=DriveKind.UP, code="w1"), each) for each in (DRIVE_GAIN, START_LAG, ACCELERATION)),
+        *((gripper, each) for each in (REACH, WIDTH)),
+    ]
+    for kind in KINDS.values():
+        described += [(kind.spec_type(kind=kind, number=1, code="?"), each) for each in kind.columns]
+    told, defaults = dict[str, str](), defaultdict[str, set[str]](set)
+    for spec, column in described:
+        # The reference names the kinds with another default than most beside it.
+        found = re.search(r"\(([^() ]+?)(?:: [^()]*)?\)$", column.help)
+        if found and not column.needed:
+            told[column.name] = found[1].casefold()
+            defaults[column.name].add(column.rule.shown(getattr(spec, column.field)).casefold())
+    assert len(told) >= 20
+    assert [name for name, default in told.items() if default not in defaults[name]] == []
+    assert SPEED.help.endswith(f"({TRANSLATION_SPEED:g}, {ROTATION_SPEED:g}, {gripper.speed:g})")
+
+
+def test_a_lidar_is_the_part_of_its_profile_unless_its_row_says_otherwise(folder: Path) -> None:
+    profile = tomllib.loads((bundled_folder() / "profiles/sensors/rplidar-a1m8.toml").read_text("utf-8"))
+    default = LidarSpec(kind=KINDS["lidar"], number=1, code="sc")
+    given = {name: value for name, value in profile.items() if name not in ("title", "kind")}
+    assert {name: getattr(default, name) for name in given} == given

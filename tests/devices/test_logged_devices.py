@@ -17,7 +17,7 @@ from simmer_tui.runlog.logged_devices import LoggedDevice, recorded_kinds, runna
 from simmer_tui.sim import Simulator
 from simmer_tui.sim.command import shown_path
 from simmer_tui.sim.sensors import KINDS
-from simmer_tui.sim.sensors.recorded_kinds import described
+from simmer_tui.sim.sensors.recorded_kinds import recorded_kind
 from tests.devices.conftest import DEVICE, THERMAL, MakeSet, trust
 
 
@@ -68,12 +68,12 @@ def test_only_trusted_files_are_run(file: DeviceFile, tmp_path: Path) -> None:
 def test_kinds_are_described_and_read_back(file: DeviceFile, tmp_path: Path) -> None:
     trust(tmp_path / "set")
     kind = runnable_kinds([file], tmp_path / "set")["temp"]
-    read = recorded_kinds([described(kind)])
+    read = recorded_kinds([recorded_kind(kind)])
     assert (read["temp"].meaning, read["temp"].unit) == ("temperature", "C")
     assert set(read) == {*KINDS, "temp"}
-    said = raised(recorded_kinds, [replace(described(kind), name="ultra")])
+    said = raised(recorded_kinds, [replace(recorded_kind(kind), name="ultra")])
     assert said == "the header describes 'ultra', which is a built-in kind"
-    said = raised(recorded_kinds, [replace(described(kind), name="a b" * 99)])
+    said = raised(recorded_kinds, [replace(recorded_kind(kind), name="a b" * 99)])
     assert said.startswith("the header describes no kind of sensor: ")
     assert len(said) <= len("the header describes no kind of sensor: ") + 120
 

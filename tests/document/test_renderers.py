@@ -16,7 +16,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rich.console import Console
 
-from simmer_tui.document.as_data import csv_text, json_text
+from simmer_tui.document.as_data import json_text, table_csv
 from simmer_tui.document.as_html import embedded, html_page
 from simmer_tui.document.as_terminal import print_document, print_table
 from simmer_tui.document.formats import (
@@ -111,7 +111,7 @@ def test_tables_of_one_key_are_one_to_programs() -> None:
 
 
 def test_csv_has_a_header_of_keys_and_no_formula() -> None:
-    rows = list(csv.DictReader(io.StringIO(csv_text(TABLE))))
+    rows = list(csv.DictReader(io.StringIO(table_csv(TABLE))))
     assert rows[0]["text"] == "'=1+1"
     assert (rows[0]["success_rate_low"], rows[0]["end_heading_deg"], rows[0]["code"]) == ("0.838", "3.0", "x")
     assert set(rows[1].values()) == {""}
@@ -237,7 +237,7 @@ def test_text_from_outside_stays_data_in_every_renderer(text: str) -> None:
     answer = json.loads(json_text(document))
     assert answer["text"]["p"] == answer["t"][0]["d"] == text
     table = next(part for part in document.parts if isinstance(part, DataTable))
-    rows = list(csv.reader(io.StringIO(csv_text(table))))
+    rows = list(csv.reader(io.StringIO(table_csv(table))))
     assert len(rows) == 2
     assert not any(cell.startswith(tuple("=+-@＝＋－＠")) for cell in rows[1])
 

@@ -13,7 +13,7 @@ from simmer_tui.config.sets import find_set
 from simmer_tui.errors import ConfigurationError, GradeError
 from simmer_tui.grade import submission_copy
 from simmer_tui.grade.course import Course, Rules, Team, read_course, shown_name, submitted_team
-from simmer_tui.grade.sandbox import Limits
+from simmer_tui.grade.limits import Limits
 from simmer_tui.grade.submission import check_submission, reference
 from simmer_tui.grade.submission_copy import copy_submission
 

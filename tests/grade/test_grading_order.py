@@ -29,9 +29,9 @@ from simmer_tui.grade.grading import (
     Grading,
     check_isolation,
     grade,
+    grade_there,
     missing_there,
     on_cluster,
-    run_there,
     what_is_missing,
 )
 from simmer_tui.grade.sandbox import Isolation
@@ -159,10 +159,10 @@ def test_files_of_a_team_go_to_a_cluster_once(folder: GradeFolder, monkeypatch: 
     files = {"in/tool": PackedFile(b"x", True), "main.py": PackedFile(b"", False)}
     assert cluster.sent == [
         (grading.itself, files),
-        (run_there, trials[0], "future 1"),
+        (grade_there, trials[0], "future 1"),
         (grading.itself, {"main.py": PackedFile(b"", False)}),
-        (run_there, trials[1], "future 3"),
-        (run_there, trials[2], "future 1"),
+        (grade_there, trials[1], "future 3"),
+        (grade_there, trials[2], "future 1"),
     ]
     assert sorted(path.name for path in folder.runs.iterdir()) == ["a", "b"]
     bad: Any = Cluster({"one": "", "two": "no bwrap"})
@@ -188,7 +188,7 @@ def test_a_run_on_a_worker_leaves_its_files(
         return ended(trial, success=False)
 
     monkeypatch.setattr(GradeRun, "run", run)
-    result, left = run_there(trial, {"main.py": PackedFile(b"x", False)})
+    result, left = grade_there(trial, {"main.py": PackedFile(b"x", False)})
     assert (result, left) == (ended(trial, success=False), {"a/0002.txt": b"out"})
     assert seen == {"files": ["main.py"], "modes": [mode, 0o700]}
 
@@ -197,7 +197,7 @@ def test_a_run_on_a_worker_leaves_its_files(
 
     monkeypatch.setattr(GradeRun, "run", fail)
     with pytest.raises(TrialsError, match=r"^full$"):
-        run_there(trial, {})
+        grade_there(trial, {})
 
 
 # -- the reader of submissions -----------------------------------------------------------------------

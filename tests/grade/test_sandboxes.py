@@ -25,7 +25,8 @@ from simmer_tui.grade import bubblewrap, container
 from simmer_tui.grade.bubblewrap import Bubblewrap, limits_text, seen_folders
 from simmer_tui.grade.call_filter import call_filter
 from simmer_tui.grade.container import Container
-from simmer_tui.grade.sandbox import LaunchedSandbox, Limits, package_folders, sandbox_environment
+from simmer_tui.grade.limits import Limits
+from simmer_tui.grade.sandbox import LaunchedSandbox, package_folders, sandbox_environment
 from simmer_tui.links.ports import PortRequest
 from simmer_tui.program import ProgramOutput
 
@@ -171,6 +172,11 @@ def test_a_port_is_taken_in_the_sandbox(sandbox: LaunchedSandbox, launched: Laun
     assert (listener.port, listener.backlog) == (9000, 7)
     assert [each.getsockname() for each in listener.sockets] == names
     assert [each.getblocking() for each in listener.sockets] == [False, False]
+    # tcpi_sacked of linux/tcp.h, which of a listening socket is the most connections that wait.
+    waiting = [each.getsockopt(socket.IPPROTO_TCP, socket.TCP_INFO, 32)[28:] for each in listener.sockets]
+    assert [int.from_bytes(each, sys.byteorder) for each in waiting] == [7, 7], (
+        "not the launcher's own number"
+    )
     listener.close()
     assert launched.orders() == [{"listen": 9000}]
     assert len(launched.processes) == 1

@@ -14,7 +14,8 @@ from simmer_tui.errors import GradeError
 from simmer_tui.grade.course import read_course
 from simmer_tui.grade.grade_folder import Entry, GradeFolder
 from simmer_tui.grade.grading import Grading
-from simmer_tui.grade.sandbox import Isolation, Limits
+from simmer_tui.grade.limits import Limits
+from simmer_tui.grade.sandbox import Isolation
 from simmer_tui.grade.team_result import TeamStatus, code_of, last_failure, ranked, team_results
 from simmer_tui.trials.run import fault_result
 from simmer_tui.trials.trial import Ending, TrialResult

@@ -22,7 +22,7 @@ from simmer_tui.cli.main import main
 from simmer_tui.grade import launcher
 from simmer_tui.grade.container import Container
 from simmer_tui.grade.course import read_course
-from simmer_tui.grade.sandbox import Limits
+from simmer_tui.grade.limits import Limits
 from simmer_tui.links.ports import PortRequest
 from simmer_tui.program.program_output import ProgramOutput
 from tests.grade.conftest import SOLVE

@@ -25,7 +25,7 @@ from simmer_tui.document.formats import HISTOGRAM
 from simmer_tui.events import Action, ActionName, Belief, MissionEvent, Result
 from simmer_tui.report import recording, run_statistics
 from simmer_tui.report.causes import Kind
-from simmer_tui.report.content import tables
+from simmer_tui.report.content import report_tables
 from simmer_tui.report.findings import findings
 from simmer_tui.run import paths, run_history, table
 from simmer_tui.run.run_history import RunHistory
@@ -61,7 +61,7 @@ def test_widened_bins_hold_what_fell_into_them(values: list[float]) -> None:
 def test_a_histogram_is_sixteen_characters_around_zero(start_run: Any) -> None:
     run = start_run()
     run.send(*("u1",) * 20)
-    [table] = [each for each in tables(build_report(run.path)) if each.key == "sensor_errors"]
+    [table] = [each for each in report_tables(build_report(run.path)) if each.key == "sensor_errors"]
     [row] = table.objects()
     assert (row["sensor"], row["sensor_code"]) == ("ultra1", "u1")
     counts = row["histogram"]
@@ -309,13 +309,13 @@ def test_a_contact_that_was_only_planned_is_none(packets_run: Any) -> None:
     report = build_report(run.path)
     assert report.totals.contacts == 0
     assert {code: record.contacts for code, record in report.totals.codes.items()} == {"d1": 0, "stop": 0}
-    [commands] = [table for table in tables(report) if table.title == "Commands"]
+    [commands] = [table for table in report_tables(report) if table.title == "Commands"]
     assert [(row["code"], row["contacts"], row["refused"]) for row in commands.objects()] == [
         ("d1", 0, 0),
         ("stop", 0, 0),
     ]
     assert [row[3:] for row in commands.texts()] == [["", ""], ["", ""]]
-    [record] = tables(report)[0].objects()
+    [record] = report_tables(report)[0].objects()
     assert record["contacts"] == 0
 
 
@@ -401,7 +401,7 @@ def test_a_log_of_a_header_alone_makes_a_report(start_run: Callable[..., Any]) -
     report = build_report(start_run().path)
     assert findings(report) == ["No command was logged."]
     # The findings have a key in every answer, with or without rows.
-    assert [table.title for table in tables(report) if table.rows] == ["Run"]
+    assert [table.title for table in report_tables(report) if table.rows] == ["Run"]
 
 
 def test_a_contact_that_a_movement_went_on_from_is_counted_but_ends_nothing(start_run: Any) -> None:

@@ -13,7 +13,7 @@ from simmer_tui.belief_grid import grid_belief
 from simmer_tui.cli.log_commands import build_report
 from simmer_tui.events import Belief
 from simmer_tui.report.causes import Kind
-from simmer_tui.report.content import tables
+from simmer_tui.report.content import report_tables
 from simmer_tui.report.right_readings import looks_alike
 from simmer_tui.sim.sensors.recorded_kinds import RecordedKind, recorded_class
 from tests.report.test_causes import begin
@@ -104,7 +104,7 @@ def test_a_flat_grid_is_unsure_and_its_evidence_names_the_true_cell() -> None:
 
 
 def belief_rows(path: Path) -> dict[str, tuple[Any, ...]]:
-    [table] = [each for each in tables(build_report(path)) if each.key == "belief"]
+    [table] = [each for each in report_tables(build_report(path)) if each.key == "belief"]
     return {row[0]: row[1:] for row in table.rows}
 
 

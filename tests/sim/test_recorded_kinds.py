@@ -17,10 +17,10 @@ from simmer_tui.sim.sensors import ObservingSensor, modelled_sensor, sensor_kind
 from simmer_tui.sim.sensors.recorded_kinds import (
     RecordedColumn,
     RecordedKind,
-    described,
     is_kind_name,
     is_label,
     recorded_class,
+    recorded_kind,
 )
 from simmer_tui.sim.specs import SensorKind, SensorSpec
 from tests.kept_numbers import assert_kept, in_json
@@ -68,25 +68,25 @@ def written(kind: RecordedKind) -> Any:
 
 @pytest.mark.parametrize("kind", [*sensor_kinds(Odd).values()], ids=lambda kind: kind.name)
 def test_a_kind_is_described_as_it_was_kept(kind: type[SensorKind]) -> None:
-    assert_kept(written(described(kind)), KEPT, kind.name)
+    assert_kept(written(recorded_kind(kind)), KEPT, kind.name)
 
 
 @pytest.mark.parametrize("kind", [*sensor_kinds().values()], ids=lambda kind: kind.name)
 def test_the_class_of_a_description_has_that_description(kind: type[SensorKind]) -> None:
-    made = recorded_class(described(kind))
+    made = recorded_class(recorded_kind(kind))
     assert made.is_opaque
     assert issubclass(made.spec_type, SensorSpec)
     assert [column.name for column in made.columns] == [column.name for column in kind.columns]
-    assert written(described(made)) == written(described(kind))
-    assert recorded_class(described(kind)) is made
+    assert written(recorded_kind(made)) == written(recorded_kind(kind))
+    assert recorded_class(recorded_kind(kind)) is made
 
 
 def test_the_columns_of_a_recorded_kind_have_rules_of_their_sort() -> None:
-    rules = [column.rule for column in recorded_class(described(Odd)).columns]
+    rules = [column.rule for column in recorded_class(recorded_kind(Odd)).columns]
     words = WordRule(("no", "yes"), (False, True))
     number, text = NumberRule(), RawTextRule(1000)
     assert rules == [number, text, number, number, words, text, number, text]
-    row = recorded_class(described(Odd)).spec_type(kind=Odd, number=3, code="x1")
+    row = recorded_class(recorded_kind(Odd)).spec_type(kind=Odd, number=3, code="x1")
     found = {name: getattr(row, name) for name in ("gain", "mode", "most", "count", "awake", "note")}
     assert found == {
         "gain": 1.0,
@@ -161,7 +161,7 @@ def test_names_and_labels_have_greatest_lengths() -> None:
     )
     assert recorded_class(with_column(words=("a", "b", "c"))).columns[0].rule == NumberRule()
     assert recorded_class(with_column(is_number=False)).columns[0].rule == RawTextRule(1000)
-    long = described(
+    long = recorded_kind(
         type(
             "Long",
             (Odd,),

@@ -14,7 +14,7 @@ from rich.console import Console
 from simmer_tui.config.loader import load
 from simmer_tui.config.sets import bundled_sets
 from simmer_tui.document import svg
-from simmer_tui.document.as_data import csv_text
+from simmer_tui.document.as_data import table_csv
 from simmer_tui.document.as_html import html_page
 from simmer_tui.document.as_terminal import print_table
 from simmer_tui.document.model import DataTable
@@ -22,7 +22,7 @@ from simmer_tui.trials.figures import histogram_figure, map_figure
 from simmer_tui.trials.folder import TrialFolder, TrialPlan
 from simmer_tui.trials.trial import Ending, TrialResult, run_seed
 from simmer_tui.trials.trials_page import trials_page
-from simmer_tui.trials.trials_summary import ports_advice, runs_table, tables
+from simmer_tui.trials.trials_summary import ports_advice, runs_table, trials_tables
 from tests.report.browser import SIZES, measured
 
 
@@ -50,7 +50,7 @@ def folder(tmp_path: Path, made_result: Callable[..., TrialResult]) -> TrialFold
 
 
 def named(folder: TrialFolder) -> dict[str, DataTable]:
-    return {table.title: table for table in tables(folder)}
+    return {table.title: table for table in trials_tables(folder)}
 
 
 def test_summary_has_the_rate_and_its_interval(folder: TrialFolder) -> None:
@@ -129,7 +129,7 @@ def test_the_first_screenful_has_the_answer(folder: TrialFolder, size: str, tmp_
 
 
 def test_map_marks_contacts_failed_ends_and_shares_of_start_cells(folder: TrialFolder) -> None:
-    root = ElementTree.fromstring(svg.picture(map_figure(folder.maze(1), folder.done)))
+    root = ElementTree.fromstring(svg.figure_svg(map_figure(folder.maze(1), folder.done)))
     name = "{http://www.w3.org/2000/svg}"
     groups = list(root.iter(f"{name}g"))
     ends = [group for group in groups if group.get("fill-opacity")]
@@ -151,7 +151,7 @@ def test_csv_has_a_row_a_run_and_no_formulas(
     folder: TrialFolder, made_result: Callable[..., TrialResult]
 ) -> None:
     folder.append(made_result(11, run_seed(1, 11), ending=Ending.EXIT, success=False, last_output="=1+1"))
-    rows = list(csv.DictReader(csv_text(runs_table(folder)).splitlines()))
+    rows = list(csv.DictReader(table_csv(runs_table(folder)).splitlines()))
     assert {"time_s", "distance_in", "start_x_in", "end_heading_deg", "text", "output"} <= rows[0].keys()
     assert [row["run"] for row in rows] == [str(number) for number in range(1, 12)]
     assert [row["success"] for row in rows] == list("00011111100")

@@ -25,10 +25,9 @@ from simmer_tui.trials.figures import write_run_pages
 from simmer_tui.trials.folder import KIND, TrialFolder, TrialPlan
 from simmer_tui.trials.intervals import PairCounts, student_quantile
 from simmer_tui.trials.mazes import maze_text, random_maze
-from simmer_tui.trials.sequential import sequential_test, shown_test
+from simmer_tui.trials.sequential import REQUIRED_RATE, sequential_test, shown_test
 from simmer_tui.trials.store import RunStore
-from simmer_tui.trials.sweep_summary import WANTED_RATE
-from simmer_tui.trials.trial import RANDOM, Trial, TrialResult, clock_of, maze_of, run_seed, with_clock
+from simmer_tui.trials.trial import RANDOM, Trial, TrialResult, maze_of, run_clock, run_seed, with_clock
 from tests.kept_numbers import assert_kept
 
 posix = pytest.mark.skipif(sys.platform == "win32", reason="errors and paths are told in another way there")
@@ -220,7 +219,7 @@ def test_a_control_compares_the_same_errors() -> None:
 
 
 def test_usual_numbers_are_those_of_the_documents() -> None:
-    assert (EXPLAINED, WANTED_RATE) == (3, 0.9)  # docs/trials.md
+    assert (EXPLAINED, REQUIRED_RATE) == (3, 0.9)  # docs/trials.md
 
 
 @posix
@@ -293,7 +292,7 @@ def test_the_clock_of_a_set_is_never_left_open() -> None:
     configuration = load(find_set("mission"))
     for clock, found in (("auto", "real"), ("program", "program"), ("real", "real")):
         given = with_clock(configuration, "".join([*clock]))
-        assert clock_of(given) == found
+        assert run_clock(given) == found
 
 
 @pytest.mark.parametrize(

@@ -15,7 +15,7 @@ from simmer_tui.config.loader import Configuration, find_set, init_set, load
 from simmer_tui.config.settings import ELSE_REAL
 from simmer_tui.config.settings_file import Override
 from simmer_tui.trials.run import TrialRun
-from simmer_tui.trials.trial import Trial, TrialResult, clock_of, clock_sentences, clocks_text, timed_seconds
+from simmer_tui.trials.trial import Trial, TrialResult, clock_sentences, clocks_text, run_clock, timed_seconds
 
 pytest.importorskip("serial")
 DIALECT = '[[command]]\nmatch = "w {n}"\ndo = "d1-{n}"\ndone = "ok"\n'
@@ -95,9 +95,9 @@ def test_such_a_program_is_repeated_under_the_real_clock_where_that_is_allowed(t
 
 
 def test_other_sets_keep_their_clock(tmp_path: Path) -> None:
-    assert clock_of(load(find_set("default"))) == "real"
-    assert clock_of(configuration(tmp_path, "real")) == "real"
-    assert clock_of(configuration(tmp_path)) == "program"
+    assert run_clock(load(find_set("default"))) == "real"
+    assert run_clock(configuration(tmp_path, "real")) == "real"
+    assert run_clock(configuration(tmp_path)) == "program"
     assert timed_seconds(load(find_set("mission"))) == 0.0
 
 

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable
 import pytest
 
 from simmer_tui.document.model import Figure
-from simmer_tui.document.svg import number
+from simmer_tui.document.svg import coordinate
 from simmer_tui.report.causes import Kind
 from simmer_tui.sim.specs import MazeSpec
 from simmer_tui.trials.figures import histogram_figure, map_figure, start_cell
@@ -126,7 +126,7 @@ def test_rings_on_the_map_are_closed_by_the_share_of_successes(results: list[Tri
     length = 2 * math.pi * radius
     ((dashes, turned),) = of(root, "circle", "stroke-dasharray", "transform")
     assert dashes == f"{length * 2 / 3:.2f} {length / 3 + 0.01:.2f}"
-    assert turned == f"rotate(-90 {number(places[0][0])} {number(places[0][1])})"
+    assert turned == f"rotate(-90 {coordinate(places[0][0])} {coordinate(places[0][1])})"
     labels = {words: (x, y) for words, x, y in texts(root)}
     assert labels["2/3"] == pytest.approx((places[0][0], places[0][1] + 28.8))
     assert labels["0/1"] == pytest.approx((places[1][0], places[1][1] + 28.8))
@@ -189,7 +189,7 @@ def test_a_curve_has_its_points_bars_and_scale_in_place(made_result: Make) -> No
     scale = [(60, 256 - 48 * k, 920, 256 - 48 * k) for k in range(6)]
     assert lines == [*scale, (60, 256 - 216, 920, 256 - 216)]
     assert [points for (points,) in of(root, "polyline", "points")] == [
-        " ".join(f"{number(x)},{number(y)}" for x, y, _ in circles)
+        " ".join(f"{coordinate(x)},{coordinate(y)}" for x, y, _ in circles)
     ]
     assert texts(root) == [
         *((f"{k / 5:.1f}", 52.0, 256 - 48 * k + 4) for k in range(6)), ("0.9", 924.0, 44.0),

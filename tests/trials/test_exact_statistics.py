@@ -18,7 +18,7 @@ from scipy import stats
 from simmer_tui.trials.intervals import (
     RESAMPLES,
     PairCounts,
-    counted,
+    bin_counts,
     distribution,
     histogram,
     mcnemar,
@@ -170,7 +170,7 @@ def test_bins_are_round(values: list[float], edges: list[float], decimals: int) 
 
 
 def test_values_are_counted_from_the_lower_edge_on() -> None:
-    assert counted([0.0, 0.9, 1.0, 1.5, 2.0, 3.0, -1.0], [0.0, 1.0, 2.0]) == [3, 4]
+    assert bin_counts([0.0, 0.9, 1.0, 1.5, 2.0, 3.0, -1.0], [0.0, 1.0, 2.0]) == [3, 4]
 
 
 # -- the sequential test ---------------------------------------------------------------------------------

@@ -12,7 +12,7 @@ import pytest
 from rich.console import Console
 
 from simmer_tui.config.loader import find_set, load
-from simmer_tui.document.as_data import csv_text, document_value, plain
+from simmer_tui.document.as_data import document_value, plain, table_csv
 from simmer_tui.document.as_html import html_page
 from simmer_tui.document.as_terminal import print_document
 from simmer_tui.document.model import Document, Figure
@@ -143,7 +143,7 @@ def test_trials_of_a_mission(make: Make, made_result: Result) -> None:
     assert_kept(words(html_page(page)), KEPT, "page of a mission")
     assert_kept([(each.title, each.width, each.height, each.content) for each in figures(page.parts)], KEPT,
                 "pictures of a mission")  # fmt: skip
-    assert_kept(csv_text(runs_table(folder)).splitlines()[:3], KEPT, "csv of a mission")
+    assert_kept(table_csv(runs_table(folder)).splitlines()[:3], KEPT, "csv of a mission")
 
 
 def test_trials_in_mazes_of_a_folder(make: Make, made_result: Result) -> None:

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from simmer_tui.trials.intervals import (
     IntervalEstimate,
     PairCounts,
-    counted,
+    bin_counts,
     distribution,
     histogram,
     mcnemar,
@@ -195,5 +195,5 @@ def test_histogram_has_round_edges_around_all_values_and_counts_each_once(number
     assert max(numbers) - 1e-6 <= edges[-1]
     assert len(edges) <= 23
     assert all(float(f"{edge:.{decimals}f}") == pytest.approx(edge) for edge in edges)
-    assert sum(counted(numbers, edges)) == len(numbers)
-    assert counted([], edges) == [0] * (len(edges) - 1)
+    assert sum(bin_counts(numbers, edges)) == len(numbers)
+    assert bin_counts([], edges) == [0] * (len(edges) - 1)

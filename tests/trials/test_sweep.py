@@ -210,7 +210,7 @@ def test_values_that_are_no_numbers_are_listed(made_result: Callable[..., TrialR
 
 def test_curve_stands_where_its_rates_are(made_result: Callable[..., TrialResult]) -> None:
     curve = Curve("x", tuple(place(made_result, value, 10, 20) for value in ("0", "1", "4")))
-    root = ElementTree.fromstring(svg.picture(curve_figure(curve, 0.9, "curve")))
+    root = ElementTree.fromstring(svg.figure_svg(curve_figure(curve, 0.9, "curve")))
     name = "{http://www.w3.org/2000/svg}"
     places = [float(circle.get("cx", "")) for circle in root.iter(f"{name}circle")]
     assert (places[2] - places[0]) == pytest.approx(4 * (places[1] - places[0]))

@@ -13,7 +13,15 @@ from textual.strip import Strip
 from textual.widget import Widget
 
 from simmer_tui.sim.command import printable
-from simmer_tui.tui.line_panel import ROLES, LinePanel, fault_line, shortened, strip_of, text_of, wrapped
+from simmer_tui.tui.line_panel import (
+    ROLES,
+    LinePanel,
+    fault_line,
+    shortened,
+    strip_of,
+    text_of,
+    wrapped_lines,
+)
 
 words = st.lists(st.text("abcdefgh", min_size=1, max_size=12), min_size=1, max_size=20)
 STYLES = {role: Style() for role in ROLES}
@@ -22,7 +30,7 @@ STYLES = {role: Style() for role in ROLES}
 @given(st.lists(words, min_size=1, max_size=4), st.integers(20, 60))
 def test_wrapping_keeps_every_word_and_the_width(pieces: list[list[str]], width: int) -> None:
     line = tuple((" ".join(piece), "plain") for piece in pieces)
-    rows = wrapped(line, width, 4)
+    rows = wrapped_lines(line, width, 4)
     assert all(len(text_of(row)) <= width for row in rows)
     joined = "".join(text_of(row) for row in rows).replace(" ", "")
     assert joined == text_of(line).replace(" ", "")
@@ -30,8 +38,8 @@ def test_wrapping_keeps_every_word_and_the_width(pieces: list[list[str]], width:
 
 def test_a_line_that_fits_or_a_panel_too_narrow_to_indent_is_left_alone() -> None:
     line = (("one two", "plain"),)
-    assert wrapped(line, 7, 4) == [line]
-    assert wrapped(line, 3, 4) == [line]
+    assert wrapped_lines(line, 7, 4) == [line]
+    assert wrapped_lines(line, 3, 4) == [line]
 
 
 @given(st.text())

@@ -16,7 +16,7 @@ from simmer_tui.sim.records import CommandResult, Reading, Status
 from simmer_tui.sim.sensors import Ultrasonic
 from simmer_tui.sim.specs import SensorSpec
 from simmer_tui.snapshot import EVENTS, LogEntry
-from simmer_tui.tui.event_text import words_of
+from simmer_tui.tui.event_text import event_words
 from simmer_tui.tui.log_panel import LogPanel
 
 
@@ -184,7 +184,7 @@ def test_what_is_typed_after_a_slash_filters() -> None:
 
 def test_a_seed_is_shown_whole() -> None:
     done = ActionDone(0.0, Action(ActionName.SEED, (310310069.0,)), "done", Pose(0, 0, 0))
-    assert words_of(LogEntry(1, 0.0, done, first=1)).subject == "seed 310310069"
+    assert event_words(LogEntry(1, 0.0, done, first=1)).subject == "seed 310310069"
 
 
 def test_another_size_keeps_the_place() -> None:

@@ -8,13 +8,13 @@ from rich.segment import Segment
 from rich.style import Style
 from textual.strip import Strip
 
-from simmer_tui.tui.picture import picture
+from simmer_tui.tui.picture import screen_picture
 
 SVG = "{http://www.w3.org/2000/svg}"
 
 
 def drawn(*segments: Segment) -> ElementTree.Element:
-    return ElementTree.fromstring(picture([Strip(list(segments))]))
+    return ElementTree.fromstring(screen_picture([Strip(list(segments))]))
 
 
 def test_every_word_stands_at_its_cell() -> None:
@@ -51,6 +51,6 @@ def test_reversed_and_default_colours_are_resolved() -> None:
 
 
 def test_nothing_in_it_can_run_or_is_fetched() -> None:
-    text = picture([Strip([Segment("<script>&'\"", Style())])])
+    text = screen_picture([Strip([Segment("<script>&'\"", Style())])])
     assert "<script" not in text
     assert "http" not in text.replace("http://www.w3.org/2000/svg", "")

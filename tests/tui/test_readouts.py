@@ -36,14 +36,14 @@ from simmer_tui.sim.wheels import WheelKinematics
 from simmer_tui.snapshot import EVENTS, LogEntry, Recorder, Snapshot
 from simmer_tui.tui.answers import end_answer, now_answer
 from simmer_tui.tui.event_text import (
-    clock,
+    clock_text,
     entry_line,
+    event_words,
     kept_lines,
     last_event_line,
     refusal_of,
-    words_of,
 )
-from simmer_tui.tui.gauges import gauge, number_text, scale_end, sparkline
+from simmer_tui.tui.gauges import gauge, reading_text, scale_end, sparkline
 from simmer_tui.tui.headline import header_line
 from simmer_tui.tui.line_panel import StyledLine, text_of
 from simmer_tui.tui.readouts import (
@@ -231,7 +231,7 @@ def test_a_replay_waits_for_nobody(run: Run) -> None:
 
 
 def test_the_clock_counts_minutes() -> None:
-    assert [clock(each) for each in (0.0, 59.96, 95.25, -3.0, 6000.0)] == [
+    assert [clock_text(each) for each in (0.0, 59.96, 95.25, -3.0, 6000.0)] == [
         "00:00.0",
         "01:00.0",
         "01:35.2",
@@ -421,7 +421,7 @@ def test_a_sparkline_goes_from_the_least_to_the_greatest(
 
 
 def test_numbers_of_any_kind_have_a_text() -> None:
-    assert [number_text(value) for value in (1.005, -0.5, math.inf, -math.inf, math.nan)] == [
+    assert [reading_text(value) for value in (1.005, -0.5, math.inf, -math.inf, math.nan)] == [
         f"{1.005:.2f}",
         "-0.50",
         "inf",
@@ -538,7 +538,7 @@ def test_the_last_event_in_one_line(run: Run) -> None:
 )
 def test_other_events_in_the_log(event: Event, source: str, text: str) -> None:
     entry = LogEntry(1, 0.0, event)
-    assert words_of(entry).source == source
+    assert event_words(entry).source == source
     assert text_of(entry_line(entry)) == text
 
 

@@ -7,6 +7,10 @@ import sys
 
 import pytest
 
+from simmer_tui.cli.main import command_named
+from simmer_tui.config.settings import all_settings
+from simmer_tui.tui.help import replay_help
+from simmer_tui.tui.recorded import SPEEDS
 from simmer_tui.tui.terminal import (
     COLOR_OPTIONS,
     GLYPH_OPTIONS,
@@ -15,6 +19,7 @@ from simmer_tui.tui.terminal import (
     TerminalChoice,
     choose,
 )
+from simmer_tui.tui.themes import THEMES
 
 XTERM_256 = {"TERM": "xterm-256color"}
 
@@ -103,3 +108,24 @@ def test_environment_tells_textual_the_choice(color: str, system: str, has_no_co
 def test_deciding_does_not_import_textual() -> None:
     program = "import sys, simmer_tui.tui.terminal; sys.exit('textual' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", program], check=False).returncode == 0
+
+
+def test_settings_and_options_offer_what_the_screen_has() -> None:
+    settings = {item.name: item for item in all_settings()}
+    offered: dict[str, tuple[str, ...]] = {
+        "screen.color": COLOR_OPTIONS,
+        "screen.glyphs": GLYPH_OPTIONS,
+        "screen.theme": tuple(THEMES),
+    }
+    for name, choices in offered.items():
+        assert settings[name].rule.choices == choices
+    of_replay = {
+        name: each for each in command_named("replay").parser()._actions for name in each.option_strings
+    }
+    for name in ("screen.color", "screen.glyphs"):
+        item, action = settings[name], of_replay[settings[name].option]
+        assert (action.choices, action.default, action.help) == (item.rule.choices, item.default, item.help)
+
+
+def test_the_help_of_the_replay_names_its_slowest_and_fastest_speed() -> None:
+    assert f"({SPEEDS[0]:g}x to {SPEEDS[-1]:g}x)" in replay_help("a log")

@@ -212,6 +212,18 @@ def test_keys_and_lines_drive_only_where_they_are_to() -> None:
         page.wait("document.querySelector('.told').textContent.includes('own screen')")
 
 
+def test_the_page_names_the_keys_that_drive_and_no_others() -> None:
+    keys = {"forward": "i,up", "back": "m", "turn_left": "", "turn_right": "", "stop": "x,space"}
+    with (
+        page_run(web__control=True, **{f"keys__{name}": key for name, key in keys.items()}) as run,
+        tab() as page,
+    ):
+        page.open(run.address)
+        page.wait("Boolean(document.querySelector('.drive .note'))")
+        note = page.run("document.querySelector('.drive .note').textContent")
+    assert note == "With the focus here keys drive: i \u2191 m q e (with Shift finely); to stop: x and space."
+
+
 def test_a_link_with_a_word_leaves_no_word_in_the_address() -> None:
     with page_run(web__host="127.0.0.1") as run, tab() as page:
         page.open(run.page.links[0].address)

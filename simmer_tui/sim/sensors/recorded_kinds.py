@@ -24,7 +24,9 @@ from simmer_tui.sim.specs import SensorKind, SensorSpec
 _LONGEST_CELL = 1000
 # Characters that fit in a line of a table, with room for numbers beside it.
 _LONGEST_LABEL = 100
-_KIND = re.compile(r"[a-z]{1,20}")
+LONGEST_KIND = 20
+"""Most letters of the name of a kind."""
+_KIND = re.compile(rf"[a-z]{{1,{LONGEST_KIND}}}")
 _GIVEN = ("kind", "number", "code", "enabled")
 """Fields of a row that come from its ID, code and switch, never from a column."""
 
@@ -69,7 +71,7 @@ class RecordedSensor(Sensor):
     is_opaque = True
 
 
-def described(kind: type[SensorKind]) -> RecordedKind:
+def recorded_kind(kind: type[SensorKind]) -> RecordedKind:
     """The description of a kind."""
     blank = kind.spec_type(kind=kind, number=1, code="?")
     columns = tuple(_recorded(column, blank) for column in kind.columns)

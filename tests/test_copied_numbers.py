@@ -1,0 +1,86 @@
+"""Numbers in files that import nothing of the package are those of the package."""
+
+from __future__ import annotations
+
+import ast
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from simmer_tui import belief_grid, client, program_clock
+from simmer_tui.config import dialects
+from simmer_tui.config.settings import ServerSettings
+from simmer_tui.program import program_command
+from simmer_tui.protocol import binary, replies
+from simmer_tui.server import TOKEN
+
+ROOT = Path(__file__).parents[1]
+SCRIPTS, PACKAGE = ROOT / "scripts", ROOT / "simmer_tui"
+
+
+def constants(path: Path) -> dict[str, Any]:
+    """The constants at the top level of a module, which is not imported: the hook would replace the clock."""
+    found = {}
+    for node in ast.parse(path.read_text("utf-8")).body:
+        if isinstance(node, ast.Assign):
+            for target in node.targets:
+                names = target.elts if isinstance(target, ast.Tuple) else [target]
+                values = node.value.elts if isinstance(node.value, ast.Tuple) else [node.value]
+                for name, value in zip(names, values, strict=False):
+                    if isinstance(name, ast.Name) and isinstance(value, ast.Constant):
+                        found[name.id] = value.value
+    return found
+
+
+def test_the_python_client_has_the_defaults_and_limits_of_the_simulator() -> None:
+    found = constants(PACKAGE / "client.py")
+    assert found["DEFAULT_HOST"] == ServerSettings().host
+    for name, port in {
+        "DEFAULT_PORT": dialects.COMMANDS,
+        "DEFAULT_REPLY_PORT": dialects.REPLIES,
+        "DEFAULT_PACKET_PORT": dialects.PACKETS,
+        "DEFAULT_PACKET_REPLY_PORT": dialects.PACKET_REPLIES,
+        "DEFAULT_BELIEF_PORT": dialects.BELIEFS,
+    }.items():
+        assert found[name] == port.default, name
+        assert f'"{port.variable}"' in Path(client.__file__).read_text("utf-8")
+    assert found["_MOST_RANGES"] == replies.MOST_RANGES
+    assert found["_MOST_STATES"] == belief_grid.MOST_STATES
+    assert (found["_MOST_ROWS"], found["_MOST_HEADINGS"]) == (
+        belief_grid.MOST_ROWS,
+        belief_grid.MOST_HEADINGS,
+    )
+    assert found["_LONGEST_COMMAND"] == binary.LONGEST - 1
+
+
+@pytest.mark.parametrize(
+    ("file", "phrase"),
+    [
+        ("c/simmer.h", f"SIMMER_LONGEST = {binary.LONGEST - 1} }}"),
+        ("c/simmer.h", f"SIMMER_MOST_RANGES = {replies.MOST_RANGES} }}"),
+        ("c/simmer.h", f'"{dialects.COMMANDS.variable}", {dialects.COMMANDS.default})'),
+        ("c/simmer.h", f'"{dialects.REPLIES.variable}", port == {dialects.COMMANDS.default} ? '),
+        ("c/simmer.h", f"? {dialects.REPLIES.default} : 0)"),
+        ("c/simmer.h", f'"{dialects.BELIEFS.variable}", {dialects.BELIEFS.default})'),
+        ("matlab/simmer_open.m", f"'{dialects.COMMANDS.variable}', {dialects.COMMANDS.default})"),
+        ("matlab/simmer_open.m", f"'{dialects.REPLIES.variable}', {dialects.REPLIES.default} * "),
+        ("matlab/simmer_open.m", f"(port == {dialects.COMMANDS.default}))"),
+        ("matlab/simmer_send.m", f"numel(text) > {binary.LONGEST - 1} "),
+        ("matlab/simmer_send.m", f"number <= {replies.MOST_RANGES} "),
+        ("matlab/simmer_believe.m", f"numel(p) > {belief_grid.MOST_STATES}\n"),
+        ("matlab/simmer_believe.m", f"port = {dialects.BELIEFS.default};"),
+    ],
+)
+def test_the_clients_in_c_and_matlab_have_them_too(file: str, phrase: str) -> None:
+    assert phrase in (SCRIPTS / file).read_text("utf-8")
+
+
+def test_the_hook_in_a_program_has_the_limits_and_variables_of_the_simulator() -> None:
+    folder = PACKAGE / "program" / "hook"
+    clock, serial = constants(folder / "simmer_clock.py"), constants(folder / "simmer_serial.py")
+    assert clock["IN_FLIGHT"] == program_clock.IN_FLIGHT
+    assert (clock["_PORT"], serial["PORT"]) == program_command.HOOKED
+    assert serial["PORT"] == dialects.SERIAL.variable
+    for path in (folder / "simmer_clock.py", folder / "simmer_serial.py"):
+        assert f'"{TOKEN}"' in path.read_text("utf-8"), path.name
