@@ -75,6 +75,17 @@ def test_what_the_log_does_not_identify_is_neither_judged_nor_shown() -> None:
     assert part.units == ("in",)
 
 
+def test_a_parameter_without_any_information_in_the_log_leaves_the_errors_of_the_others() -> None:
+    values = {"up bias": 0.0, "ultra1 bias": 0.0}
+    found = fitted({**values, "up bias": 0.3}, unidentified=("ultra1 bias",))
+    found.information[1, 1] = 0.0
+    [part] = judged(found, known(values))
+    assert part.probability == pytest.approx(probability(0.3), rel=1e-6)
+    assert part.figures == (
+        ("bias", 0.0, pytest.approx(0.3), pytest.approx(math.sqrt(0.01 * WIDER + 0.04 * WIDER))),
+    )
+
+
 @pytest.mark.parametrize("parts", [1, 2, 4])
 def test_the_smallest_probability_is_held_against_a_part_of_the_rate(parts: int) -> None:
     """Holm's procedure: the first of k parts has changed below rate / k, the next below rate / (k - 1)."""

@@ -247,6 +247,16 @@ def test_ranges_that_fit_no_path_are_a_reason() -> None:
         fit(replace(made.run, readings=readings))
 
 
+def test_ranges_that_are_all_a_cell_too_long_fit_no_path() -> None:
+    made = make(2)
+    readings = {
+        code: replace(each, values=each.values + 12.0) if code.startswith("u") else each
+        for code, each in made.run.readings.items()
+    }
+    with pytest.raises(CalibrationError, match="in 3 tries: the ranges fit no path through the maze"):
+        fit(replace(made.run, readings=readings))
+
+
 @pytest.mark.parametrize(
     ("off", "said"),
     [

@@ -100,4 +100,6 @@ def test_errors_of_predictions_are_bars_beside_their_words(found: Fit) -> None:
     room = figure.width - 330.0
     widths = re.findall(r"width='([\d.]+)'", figure.content)
     assert [float(each) for each in widths] == pytest.approx([room, room / 4, room, room])
+    heights = [float(each) for each in re.findall(r"height='([\d.]+)'", figure.content)]
+    assert heights == [16.0, 10.0] * 2, "a bar has the same space above and below it, 3 points"
     assert figure.height == 52.0

@@ -238,6 +238,7 @@ def test_what_a_kernel_does_not_report_is_left_out() -> None:
     ("attributes", "found"),
     [
         (attribute(7, figures(3)[:32]), 3),  # of older kernels, without dropped packets
+        (attribute(7, figures(3)[:31]), 0),
         (attribute(7, figures(3)[:28]), 0),
         (attribute(7, figures(3)[:28]) + attribute(7, figures(3)), 3),
         (attribute(3, figures(3)), 0),

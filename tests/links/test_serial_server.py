@@ -127,6 +127,8 @@ def test_person_switches_between_robot_and_simulator_while_the_client_stays(pty_
         told = [event.text for event in scene.events if isinstance(event, Notice)]
         assert told.count("programs drive the robot on the robot") == 2
         assert "programs drive the simulated robot" in told
+        # The client has its answer before the watchers have theirs.
+        await until(lambda: sum(isinstance(event, TwinReading) for event in list(scene.events)) == 2)
         assert [event.robot for event in scene.events if isinstance(event, TwinReading)] == [7, 8]
 
     played(pty_end, steps)

@@ -151,6 +151,17 @@ def test_the_state_comes_back_at_any_time_in_any_order(
             same_state(live, playback.state_when(entry, time))
 
 
+def test_an_instant_movement_has_ended_from_the_moment_of_its_end_on(start_run: Callable[..., Any]) -> None:
+    run = start_run()
+    for text in ("d1-3", "r1-40", "u1"):
+        run.send(text)
+        run.look()
+    with RunLogIndex(run.path) as log:
+        playback = Playback(log)
+        for entry, time, live in run.moments:
+            same_state(live, playback.state_when(entry, time))
+
+
 @pytest.mark.parametrize("timed", [True, pytest.param(False, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("looks", [12, pytest.param(150, marks=pytest.mark.slow)])
 def test_a_long_run_is_folded_from_lines_that_sum_up(

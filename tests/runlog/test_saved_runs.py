@@ -72,6 +72,26 @@ def test_nobody_else_may_read_it(data: Path) -> None:
     assert stat.S_IMODE(data.stat().st_mode) == 0o700
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="links are those of POSIX")
+def test_a_link_put_in_place_of_its_file_is_not_followed(
+    data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    other = tmp_path / "notes.txt"
+    other.write_text("mine")
+    make = saved_runs.new_file
+
+    def replaced(folder: Path, mode: int) -> Path:
+        path = make(folder, mode=mode)
+        path.unlink()
+        path.symlink_to(other)
+        return path
+
+    monkeypatch.setattr(saved_runs, "new_file", replaced)
+    with pytest.raises(RunLogError, match="cannot log to"):
+        Saved()
+    assert other.read_text() == "mine"
+
+
 def test_a_run_in_which_nothing_was_done_is_not_kept(data: Path) -> None:
     saved = Saved()
     saved.engine.tell(Notice(NoticeKind.CONNECTED, "client a connected", "a"))

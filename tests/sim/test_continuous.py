@@ -333,6 +333,18 @@ def test_no_contact_is_missed_late_or_within_an_obstacle(name: str, block: bool,
     assert contacts > count / 10
 
 
+@pytest.mark.parametrize(("room", "touches"), [(5.0, True), (5.7, True), (5.9, False)])
+def test_the_crest_of_an_arc_meets_a_wall_that_its_ends_are_far_from(room: float, touches: bool) -> None:
+    """A quarter of a circle of 20 in, 90 degrees a second: the crest is 20 (1 - cos 45) = 5.86 in up."""
+    body, obstacles = Footprint.of(BODIES["disc"]), Obstacles.of_maze(Maze(ROOM).walls)
+    arc = Arc.of(Pose(30.0, 96.0 - 3.0 - room, 45.0), Twist(10.0 * math.pi, 0.0, -90.0), 1.0)
+    met = first_arc_contact(body, obstacles, arc)
+    assert (met is not None) is touches
+    if met is not None:
+        direction = math.degrees(math.acos(math.cos(math.radians(45.0)) + room / 20.0))
+        assert arc.seconds_at(met.h) == pytest.approx((45.0 - direction) / 90.0, abs=1e-9)
+
+
 def at_wall(heading: float, **changes: object) -> Simulator:
     """A disc 10 in from the lower wall of the room, facing it at an angle."""
     return exact_robot(bot_center=(48.0, 13.0), bot_rot=-heading, **changes)

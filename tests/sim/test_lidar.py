@@ -175,6 +175,15 @@ def test_any_way_gives_each_ray_alone(parts: list[list[str]], rate: float, start
     assert np.abs(scan.true - alone).max() == 0.0
 
 
+def test_a_lidar_beside_the_centre_goes_round_it_while_the_robot_turns_on_the_spot() -> None:
+    """Also where the first heading, in degrees, is the number of inches of a coordinate."""
+    headings = np.array([30.0, 75.0, 120.0])
+    x, y = Lidar(EXACT).origins(np.column_stack((np.full(3, 30.0), np.full(3, 30.0), headings)))
+    distance, direction = math.hypot(1.5, 0.7), math.degrees(math.atan2(-0.7, 1.5))
+    assert np.hypot(x - 30.0, y - 30.0) == pytest.approx(distance)
+    assert np.degrees(np.arctan2(y - 30.0, x - 30.0)) == pytest.approx(headings + direction)
+
+
 def test_the_last_complete_revolution_counts_from_time_0() -> None:
     simulator = made()
     assert scanned(simulator).revolution == -1

@@ -311,6 +311,8 @@ def test_the_floor_outside_the_maze_is_not_black() -> None:
     fraction, _ = line_sensor().observe(on_floor(BLACK, BLACK), Pose(0, 6, 0))
     assert fraction == pytest.approx(((113 - 13) / 2 + 13) / 113)
     assert line_sensor().observe(on_floor(BLACK, BLACK), Pose(-2, 6, 0))[0] == 0.0
+    for far in (Pose(-40, 6, 0), Pose(60, 6, 0), Pose(6, -40, 0), Pose(6, 60, 0)):
+        assert line_sensor().observe(on_floor(BLACK, BLACK), far)[0] == 0.0
 
 
 @pytest.mark.parametrize(

@@ -113,6 +113,11 @@ def test_a_bundle_has_modes_folders_and_the_python_of_its_place(tmp_path: Path) 
 
 
 @posix
+def test_quotes_within_a_word_are_the_programs(tmp_path: Path) -> None:
+    assert pack("""python '"a b"' c""", tmp_path).words[1:] == ('"a b"', "c")
+
+
+@posix
 def test_modules_are_found_as_python_finds_them(tmp_path: Path) -> None:
     (tmp_path / "pack" / "sub").mkdir(parents=True)
     for name in ("pack/__main__.py", "pack/sub/one.py"):

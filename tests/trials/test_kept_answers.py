@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace as changed_trial
@@ -133,3 +134,4 @@ def test_a_run_that_may_be_repeated_may_take_twice_its_limit() -> None:
     assert (trial.longest, trial.name) == (9.0, "0007")
     again = changed_trial(trial, configuration=with_clock(configuration, ELSE_REAL))
     assert again.longest == 18.0
+    assert pickle.loads(pickle.dumps(again)).longest == 18.0, "in a worker's process as well"

@@ -202,6 +202,14 @@ def test_result_survives_its_line(trial: Trial, program: Callable[[str], str], t
     assert written_and_read(fault) == fault
 
 
+def test_run_whose_simulator_failed_has_no_figures(trial: Trial) -> None:
+    fault = fault_result(trial, "it broke")
+    assert (fault.success, fault.ending, fault.reason) == (False, Ending.FAULT, "it broke")
+    assert (fault.time, fault.distance, fault.commands, fault.contacts) == (0.0, 0.0, 0, 0)
+    assert (fault.real_seconds, fault.simulator_seconds) == (0.0, 0.0)
+    assert fault.start == fault.end
+
+
 @pytest.mark.parametrize(
     ("old", "new", "why"),
     [

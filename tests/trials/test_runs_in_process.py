@@ -17,6 +17,7 @@ from simmer_tui.errors import InterruptedTrialError, ProgramError
 from simmer_tui.links.ports import take_port
 from simmer_tui.program import ProgramOutput, RunningProgram
 from simmer_tui.program.program_output import OutputReader
+from simmer_tui.runlog.reader import LogReader
 from simmer_tui.trials import run as module
 from simmer_tui.trials.run import TrialRun
 from simmer_tui.trials.trial import Trial, TrialResult
@@ -211,11 +212,14 @@ def test_files_of_a_run_that_was_cut_off_are_replaced(run: Run, tmp_path: Path) 
 
 def test_a_log_that_grows_too_large_is_cut(run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "_LOOK_EVERY", 10)
+    log = tmp_path / "0007.jsonl.gz"
     sizes = {}
-    for most in (0, 10**9):
+    for most in (10**9, 0):
         run(Program(("r1-90",) * 50, 0), most_log=float(most))
-        sizes[most] = (tmp_path / "0007.jsonl.gz").stat().st_size
+        sizes[most] = log.stat().st_size
     assert sizes[0] < sizes[10**9]
+    with LogReader(log) as cut:
+        assert len(list(cut)) == 10, "its size was checked after so many events"
 
 
 def test_an_interrupted_run_has_no_result(trial: Trial, tmp_path: Path) -> None:

@@ -162,6 +162,13 @@ def test_one_process_at_a_time_adds_results(store: RunStore[Plan, Line]) -> None
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="modes of files are those of POSIX")
+def test_plan_of_an_open_folder_has_the_mode_of_any_new_file(store: RunStore[Plan, Line]) -> None:
+    usual = store.path / "usual"
+    usual.touch()
+    assert (store.path / "plan.json").stat().st_mode == usual.stat().st_mode
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="modes of files are those of POSIX")
 def test_private_folder_is_for_its_owner_alone(tmp_path: Path) -> None:
     kind = StoreKind("runs", "plan.json", ("runs",), 7, Plan, Line, TrialsError, private=True)
     store = RunStore(tmp_path, kind)
