@@ -90,18 +90,30 @@ def test_each_step_has_something_to_try() -> None:
     assert {each.step for each in TRIES} == set(STEPS)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("each", TRIES, ids=lambda each: f"{each.step} {each.name}")
-def test_what_is_to_be_tried_runs(each: Try, tmp_path: Path) -> None:
-    shutil.copytree(COURSE, tmp_path / "course")
-    program = tmp_path / "course" / STEPS[each.step]
+def tried(each: Try, folder: Path) -> subprocess.CompletedProcess[str]:
+    """A changed step of the course, run to its end."""
+    shutil.copytree(COURSE, folder / "course")
+    program = folder / "course" / STEPS[each.step]
     text = program.read_text("utf-8")
     for before, after in each.changes.items():
         assert before in text
         text = text.replace(before, after)
     program.write_text(text, "utf-8")
     run = ["--run", f'"{sys.executable}" "{program}"']
-    ended = simmer_tui(["--no-ui", *ANY_PORTS, "--seed", "1", *each.options, *run], tmp_path)
+    return simmer_tui(["--no-ui", *ANY_PORTS, "--seed", "1", *each.options, *run], folder)
+
+
+@pytest.mark.slow
+def test_a_robot_that_refuses_velocities_does_not_keep_going_for_ever(tmp_path: Path) -> None:
+    ended = tried(Try("3b", "", {'f"vv-{speed': 'f"vq-{speed'}), tmp_path)
+    assert "the robot refuses velocities" in ended.stderr
+    assert ended.returncode == 1
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("each", TRIES, ids=lambda each: f"{each.step} {each.name}")
+def test_what_is_to_be_tried_runs(each: Try, tmp_path: Path) -> None:
+    ended = tried(each, tmp_path)
     assert ended.returncode in (0, 1), ended.stderr[-2000:]
     crashed = "Traceback" in ended.stderr
     assert crashed == bool(each.error), ended.stderr[-2000:]

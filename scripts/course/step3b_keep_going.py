@@ -27,8 +27,7 @@ SPEED, SLOW = 4.0, 2.0  # in/s, ahead and back
 STEER, SHARPEST = 13.0, 40.0  # deg/s for each inch that u2 reads too much, and at most
 HOLD, FASTEST = 8.0, 90.0  # deg/s for each degree that the gyroscope is off, and at most
 ROUND = -350.0  # deg, of the gyroscope: a round along an outer wall is one whole turn to the right
-NEAR = 6.0  # in from the start: it is back
-LONGEST = 500.0  # in, after which it gives up; a round is about 310
+NEAR, LONGEST = 6.0, 500.0  # in from the start: it is back; in, after which it gives up; a round is 310
 
 Velocity = tuple[float, float]  # ahead, in/s, and counter-clockwise, deg/s
 
@@ -97,7 +96,8 @@ def once_around(robot: Robot) -> Follower:
     """Drive until the robot is back, or has gone too far."""
     follower = Follower(robot)
     for number, (speed, turn) in enumerate(follower.velocities()):
-        robot.send(f"vv-{speed:.2f};0;{turn:.1f}")
+        if math.isnan(robot.send(f"vv-{speed:.2f};0;{turn:.1f}")):
+            sys.exit("the robot refuses velocities")
         follower.look()
         if number % 25 == 0:  # twice a second
             robot.believe(follower.pose.x, follower.pose.y, follower.pose.heading, follower.pose.spread)
