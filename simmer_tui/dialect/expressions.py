@@ -227,7 +227,8 @@ def _check(node: ast.AST) -> None:
             least, most = _arguments_of(name)
             if not least <= len(arguments) <= most:
                 wanted = str(least) if least == most else f"{least} to {most}"
-                raise ValueError(f"{name}() takes {wanted} values, not {len(arguments)}")
+                noun = "value" if most == 1 else "values"
+                raise ValueError(f"{name}() takes {wanted} {noun}, not {len(arguments)}")
         case ast.Constant(value=value):
             if isinstance(value, bool) or not isinstance(value, int | float | str):
                 raise ValueError(f"{value!r} is neither a number nor a text in quotes")

@@ -68,9 +68,13 @@ def number(form: str = "", unit: str = "") -> Format:
 
 
 def _plain(value: float, form: str) -> str:
-    """A number by a format specification; a large one in digits: few readers are used to exponents."""
-    text = f"{value:{form}}"
-    return f"{value:{'+' if form.startswith('+') else ''}.0f}" if "e+" in text else text
+    """A number by a format specification; a large one in digits: few readers are used to exponents. What
+    rounds to 0 has no minus."""
+    sign = "+" if form.startswith("+") else ""
+    if isinstance(value, float):
+        sign += "z"
+    text = f"{value:{sign}{form.removeprefix('+')}}"
+    return f"{value:{sign}.0f}" if "e+" in text else text
 
 
 def estimate(form: str = ".3f") -> Format:

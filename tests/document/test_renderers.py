@@ -292,6 +292,13 @@ def test_large_numbers_have_no_exponent() -> None:
     assert number(".1g").text(0.00002) == "2e-05"
 
 
+def test_a_number_that_rounds_to_0_has_no_minus() -> None:
+    assert [number(form).text(-0.04) for form in (".1f", ".0f", "+.1f", ".0%", "")] == (
+        ["0.0", "0", "+0.0", "-4%", "-0.04"]
+    )
+    assert number("d").text(-3) == "-3"
+
+
 def test_no_number_is_cut_where_a_table_is_wider_than_the_terminal() -> None:
     columns = (DataColumn("first"), DataColumn("second"), DataColumn("third", number()))
     table = DataTable("wide", "Wide", columns, [("a" * 30, "b" * 30, 12345)])
