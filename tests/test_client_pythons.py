@@ -87,7 +87,7 @@ def test_there_is_more_than_one_python_to_try() -> None:
     assert interpreters().keys() - {f"python3.{minor}" for minor in range(11, 15)}
 
 
-@pytest.mark.quick_cases(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES)
 def test_the_client_copied_alone_runs(name: str, tmp_path: Path) -> None:
     path = interpreters().get(name)

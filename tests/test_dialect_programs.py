@@ -180,6 +180,7 @@ def test_by_the_real_clock_bytes_take_their_time(tmp_path: Path) -> None:
     assert run(tmp_path, program).stdout.strip() == "True b'u1: '"
 
 
+@pytest.mark.slow
 def test_one_program_drives_and_a_second_is_refused(tmp_path: Path) -> None:
     program = """
         import serial
@@ -346,6 +347,7 @@ def test_a_protocol_of_the_course_has_nothing_beside_it(tmp_path: Path) -> None:
     assert "dialect.toml:4:command: has no meaning beside kind" in ended.stderr
 
 
+@pytest.mark.slow
 def test_the_report_counts_messages_with_the_nearest_to_an_unknown_one(tmp_path: Path) -> None:
     program = """
         import serial
@@ -373,7 +375,7 @@ reply = "[+]"
 """
 
 
-@pytest.mark.quick_cases(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("clock", ["real", "program"])
 def test_the_line_end_behind_a_bracket_can_be_read_with_it(tmp_path: Path, clock: str) -> None:
     program = """
@@ -393,7 +395,7 @@ def test_the_line_end_behind_a_bracket_can_be_read_with_it(tmp_path: Path, clock
     assert ended.stdout.strip() == "{(b'[+]', 2)}", ended.stderr
 
 
-@pytest.mark.quick_cases(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("program", ["robot.readline()", "robot.write(b'v\\n'); robot.readline()"])
 def test_what_goes_over_the_line_counts_as_something_sent(tmp_path: Path, program: str) -> None:
     rules = '[[stream]]\nevery = 0.1\nsend = "s{tick}\\n"\n[[command]]\nmatch = "v"\nreply = "1.0\\n"\n'
@@ -450,6 +452,7 @@ def test_a_program_that_was_not_led_is_not_told_of_its_own_line(tmp_path: Path) 
     assert "Fix first: program.py" not in ended.stderr
 
 
+@pytest.mark.slow
 def test_a_contact_names_the_message_of_the_program(tmp_path: Path) -> None:
     rules = '[[command]]\nmatch = "[{ms}]"\ndo = "run d1 for {ms/1000} s"\n'
     rules += '[[command]]\nmatch = "w {n}"\ndo = "d1-{n}"\n'

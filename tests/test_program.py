@@ -203,7 +203,7 @@ def test_what_a_program_left_running_ends_when_the_run_does(lifeline: Lifeline) 
     lifeline.wait_for_the_end()
 
 
-@pytest.mark.quick_cases(1)
+@pytest.mark.slow
 @linux
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSTOP, signal.SIGTERM])
 def test_all_ends_without_its_keeper_too(lifeline: Lifeline, number: int) -> None:

@@ -317,9 +317,9 @@ def test_outputs_that_are_closed_do_not_end_it(run: Callable[..., Run]) -> None:
     assert started.process.wait(SECONDS) == 0
 
 
+@pytest.mark.quick_cases(1)
 @posix
 @pytest.mark.parametrize("closed", ["0<&-", "1>&-", "2>&-", "0<&- 1>&- 2>&-"])
-@pytest.mark.quick_cases(2)
 def test_standard_streams_closed_at_the_start_are_no_fault(tmp_path: Path, closed: str) -> None:
     """As in a service: neither the simulator nor its program writes into what gets their numbers."""
     asks = (
@@ -546,7 +546,7 @@ if not os.fork():
 """Standard error has filled up by the time its program ends; only then the robot hits a wall."""
 
 
-@pytest.mark.quick_cases(1)
+@pytest.mark.slow
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="a child that goes on for its parent")
 @pytest.mark.parametrize("end", [None, signal.SIGINT], ids=["by itself", "by a signal"])
 def test_a_mission_that_ends_after_its_program_while_nobody_reads_is_told(

@@ -224,6 +224,7 @@ def test_a_take_over_needs_it_too_and_its_log_has_it_again(
     assert simmer("rerun", tmp_path / "over.jsonl", "--trust-devices").returncode == 0
 
 
+@pytest.mark.slow
 def test_trials_run_it_in_their_workers_and_go_on_by_its_copy(
     make_set: MakeSet, program: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -379,6 +380,7 @@ def test_env_parses_it_and_runs_nothing(
     assert not (tmp_path / "ran").exists()
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("fails", [False, True])
 def test_the_verdict_of_a_run_is_that_of_its_log(
     make_set: MakeSet, program: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], fails: bool
@@ -405,6 +407,7 @@ def test_trials_end_a_reading_that_never_ends_by_their_time_limit(
     assert (done.returncode, len((out / "trials.csv").read_text().splitlines())) == (0, 2)
 
 
+@pytest.mark.slow
 def test_its_columns_are_in_the_json_of_check_and_can_be_varied(
     make_set: MakeSet, program: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -57,6 +57,7 @@ def test_keys_drive_turn_and_go_sideways_and_with_shift_finely(fly: Fly) -> None
     fly(scenario)
 
 
+@pytest.mark.slow
 def test_step_sizes_and_keys_come_from_the_settings(fly: Fly) -> None:
     async def scenario(cockpit: Cockpit) -> None:
         await cockpit.press("k", "K", "up", "j", "w")
@@ -85,6 +86,7 @@ def test_p_reads_every_sensor_once(fly: Fly) -> None:
     fly(scenario)
 
 
+@pytest.mark.slow
 def test_space_stops_a_movement_that_takes_its_time(fly: Fly) -> None:
     async def scenario(cockpit: Cockpit) -> None:
         await cockpit.type("d1-12")
@@ -97,6 +99,7 @@ def test_space_stops_a_movement_that_takes_its_time(fly: Fly) -> None:
     fly(scenario, motion__motion="timed", motion__time_scale=0.5)
 
 
+@pytest.mark.slow
 def test_r_puts_everything_back_to_the_start(fly: Fly) -> None:
     async def scenario(cockpit: Cockpit) -> None:
         await cockpit.press("w", "a", "r")
@@ -131,6 +134,7 @@ def test_while_paused_a_clients_command_waits_and_is_let_through_one_by_one(fly:
     fly(scenario)
 
 
+@pytest.mark.slow
 def test_t_y_and_v_show_or_hide_trail_rays_and_true_values(fly: Fly) -> None:
     async def scenario(cockpit: Cockpit) -> None:
         await cockpit.until(lambda: cockpit.maze.scene is not None)
@@ -212,6 +216,7 @@ def test_colon_and_escape_go_to_the_console_and_back(fly: Fly) -> None:
     fly(scenario)
 
 
+@pytest.mark.slow
 def test_a_robot_without_a_drive_takes_the_opposite_one_or_says_so(fly: Fly, tmp_path: Path) -> None:
     async def scenario(cockpit: Cockpit) -> None:
         await cockpit.press("s", "q")
@@ -606,6 +611,7 @@ def test_too_small_a_terminal_says_so_and_the_robot_goes_on(fly: Fly) -> None:
     fly(scenario, size=(39, 20))
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("name", ["line", "maze"])
 def test_the_focus_comes_back_when_a_terminal_is_no_longer_too_small(fly: Fly, name: str) -> None:
     async def scenario(cockpit: Cockpit) -> None:

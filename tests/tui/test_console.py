@@ -187,6 +187,7 @@ def test_a_filter_typed_ahead_is_whole_and_its_letters_have_no_other_meaning(fly
     fly(scenario)
 
 
+@pytest.mark.slow
 def test_a_paste_gives_each_whole_line_and_leaves_the_rest_in_the_line(fly: Fly) -> None:
     async def scenario(cockpit: Cockpit) -> None:
         await cockpit.pilot.press(*"o")
@@ -202,6 +203,7 @@ def test_a_paste_gives_each_whole_line_and_leaves_the_rest_in_the_line(fly: Fly)
     fly(scenario)
 
 
+@pytest.mark.slow
 def test_a_paste_tells_of_lines_that_were_refused(fly: Fly) -> None:
     async def scenario(cockpit: Cockpit) -> None:
         cockpit.app.post_message(Paste("o1\nu1 u2\n:nonsense\no2\n"))
@@ -255,6 +257,7 @@ def test_a_refused_command_is_explained_above_the_line(fly: Fly) -> None:
     fly(scenario)
 
 
+@pytest.mark.slow
 def test_a_typed_reading_does_not_wait_for_a_programs_drive(fly: Fly) -> None:
     async def scenario(cockpit: Cockpit) -> None:
         await cockpit.type("d1-12")

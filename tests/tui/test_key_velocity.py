@@ -185,6 +185,7 @@ def test_a_set_without_the_row_and_a_pause_are_told(fly: Fly) -> None:
     fly(paused, screen__keys_velocity=True)
 
 
+@pytest.mark.quick_cases(1)
 @pytest.mark.parametrize("motion", ["instant", "timed"])
 def test_a_pressed_key_drives_on_the_screen_and_the_robot_stands_after_it(fly: Fly, motion: str) -> None:
     async def scenario(cockpit: Cockpit) -> None:

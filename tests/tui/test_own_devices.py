@@ -35,6 +35,7 @@ def files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> dict[str, str]:
     }
 
 
+@pytest.mark.slow
 def test_it_is_read_and_drawn_and_its_fault_is_told(fly: Fly, files: dict[str, str]) -> None:
     async def scenario(cockpit: Cockpit) -> None:
         await cockpit.press("v")

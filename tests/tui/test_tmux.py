@@ -202,6 +202,7 @@ def test_a_signal_ends_it_on_a_restored_terminal_with_a_complete_log(
     assert lines[-1].endswith("}")
 
 
+@pytest.mark.slow
 def test_a_program_beside_it_prints_into_the_log_and_its_code_is_passed_on(pane: Pane) -> None:
     code = "import time; print('hello [b]there[/b]'); raise SystemExit(5)"
     pane.start("--run", shlex.join(["python", "-c", code]))
@@ -353,6 +354,7 @@ def test_lines_sent_at_once_are_all_carried_out_whole_and_in_order(
         typed.until(*(BURST * times), "u1")
 
 
+@pytest.mark.slow
 def test_several_lines_pasted_at_once_are_all_carried_out(pane: Pane, tmp_path: Path) -> None:
     log = tmp_path / "run.jsonl"
     pane.start("--log", str(log))
@@ -364,6 +366,7 @@ def test_several_lines_pasted_at_once_are_all_carried_out(pane: Pane, tmp_path: 
     Typed(log).until(*[*BURST, "d1-2"] * 3)
 
 
+@pytest.mark.slow
 def test_from_the_maze_a_colon_and_an_order_at_once_drive_nothing(pane: Pane, tmp_path: Path) -> None:
     log = tmp_path / "run.jsonl"
     pane.start("--log", str(log))
@@ -376,6 +379,7 @@ def test_from_the_maze_a_colon_and_an_order_at_once_drive_nothing(pane: Pane, tm
     assert '"source":"keys"' not in log.read_text()
 
 
+@pytest.mark.slow
 def test_without_colour_the_cursor_is_to_be_seen(pane: Pane) -> None:
     pane.start("--color", "none")
     pane.until("standing", "a command such as")
@@ -383,6 +387,7 @@ def test_without_colour_the_cursor_is_to_be_seen(pane: Pane) -> None:
     until(lambda: re.search(r"u1\x1b\[7m ", pane.tmux("capture-pane", "-p", "-e")))
 
 
+@pytest.mark.slow
 def test_text_copied_arrives_in_tmux_where_it_is_allowed(pane: Pane) -> None:
     pane.start()
     pane.until("standing", "a command such as")
@@ -604,7 +609,7 @@ def test_a_terminal_that_stops_reading_holds_nothing_up_and_then_shows_all(
     assert app.process.returncode == 0
 
 
-@pytest.mark.quick_cases(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("replayed", [False, True])
 def test_a_terminal_that_goes_away_without_a_signal_ends_it(
     terminal: Callable[..., Terminal], tmp_path: Path, replayed: bool

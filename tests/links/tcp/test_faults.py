@@ -131,6 +131,7 @@ def test_a_client_that_vanishes_in_mid_reply(serve: Any) -> None:
         assert_next_is_served(serve, served)
 
 
+@pytest.mark.slow
 def test_commands_beyond_a_thousand_are_answered_busy_in_their_turn(serve: Any) -> None:
     served = serve(step_time=0.0005)
     program = serve.program(served).open_commands()
