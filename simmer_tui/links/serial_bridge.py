@@ -393,9 +393,11 @@ class SerialBridge(RealRobot):
         self._untold.append((exchange, outcomes))
         # The client first: its next message is then on its way while log and screen take this one. Nothing
         # else happens in between: the twin does a later message only after they have been told.
-        if exchange.answered is not None:
-            exchange.answered(outcomes, unchanged)
-        self._tell_results()
+        try:
+            if exchange.answered is not None:
+                exchange.answered(outcomes, unchanged)
+        finally:
+            self._tell_results()
 
     def _tell_results(self) -> None:
         """Tell all watchers the results that only the clients have."""
@@ -476,6 +478,7 @@ class SerialBridge(RealRobot):
         ]
         # Removed first, so that a reply that still comes does not answer it twice.
         answered, exchange.answered = exchange.answered, None
+        self._tell_results()
         for outcome in outcomes:
             self.engine.tell(outcome)
         if answered is not None:
