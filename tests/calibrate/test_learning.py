@@ -191,8 +191,10 @@ def test_the_strength_is_the_spread_beyond_the_standard_errors() -> None:
 def test_strength_takes_five_calibrated_robots(
     written: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert main(["calibrate", "--strength", *[str(written)] * 4]) == 2
-    assert "from 5 calibrated sets on" in capsys.readouterr().err
+    assert main(["calibrate", "--strength", str(written)]) == 2
+    assert "from 5 calibrated sets on; these are 1" in capsys.readouterr().err
+    assert main(["calibrate", "--strength", *[str(written)] * 5]) == 2
+    assert "is the same calibration as" in capsys.readouterr().err
     random = np.random.default_rng(2)
     folders = []
     for number in range(6):
@@ -207,10 +209,10 @@ def test_strength_takes_five_calibrated_robots(
         folders.append(tmp_path / str(number))
         folders[-1].mkdir()
         (folders[-1] / "calibration.json").write_text(json.dumps(known))
-    assert main(["calibrate", "--strength", *map(str, folders)]) == 0
-    found = re.findall(r"interval ([\d.e-]+) to ([\d.e-]+)", capsys.readouterr().out)
-    for (low, high), true in zip(found, (0.05, 1.0), strict=True):
-        assert float(low) <= true <= float(high)
+    assert main(["calibrate", "--strength", *map(str, folders), "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)["strengths"]
+    for row, true in zip(found, (0.05, 1.0), strict=True):
+        assert row["low"] <= true <= row["high"]
 
 
 # -- the command ---------------------------------------------------------------------------------------
