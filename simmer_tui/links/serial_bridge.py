@@ -105,8 +105,6 @@ class SerialBridge(RealRobot):
         """The message that a person's stop is written like."""
         self._paused: dict[_Exchange, asyncio.TimerHandle] = {}
         """Messages that wait a time of their own, and who wakes them."""
-        self._untold: deque[tuple[_Exchange, list[CommandResult]]] = deque()
-        """Results that their client has and the watchers do not have yet; within a turn of the event loop."""
         self._begin_listening()
 
     def close(self) -> None:
@@ -317,7 +315,6 @@ class SerialBridge(RealRobot):
 
     def _simulate(self, exchange: _Exchange) -> None:
         """Have the twin do the same commands."""
-        self._tell_results()
         if exchange.is_stop:
             self.engine.stop_motion("a stop for the robot")
         exchange.simulated = [self.engine.mirror(command) for command in exchange.commands]
@@ -389,27 +386,17 @@ class SerialBridge(RealRobot):
         self._finish(exchange, outcomes, reply if self.settings.robot_reply == "same" else None)
 
     def _finish(self, exchange: _Exchange, outcomes: list[CommandResult], unchanged: bytes | None) -> None:
-        """Tell the client, and all watchers, the results of a message."""
-        self._untold.append((exchange, outcomes))
-        # The client first: its next message is then on its way while log and screen take this one. Nothing
-        # else happens in between: the twin does a later message only after they have been told.
-        try:
-            if exchange.answered is not None:
-                exchange.answered(outcomes, unchanged)
-        finally:
-            self._tell_results()
-
-    def _tell_results(self) -> None:
-        """Tell all watchers the results that only the clients have."""
+        """Tell all watchers, and then the client, the results of a message."""
+        # A line is in a plain log when `tell` returns: a program has no reply that the log lacks.
         tell = self.engine.tell
-        while self._untold:
-            exchange, outcomes = self._untold.popleft()
-            for outcome, simulated in zip(outcomes, exchange.simulated, strict=True):
-                tell(outcome)
-                reading = outcome.reading
-                if reading is not None:
-                    code = reading.sensor.code
-                    tell(TwinReading(outcome.time, outcome.command, code, outcome.reply, simulated.reply))
+        for outcome, simulated in zip(outcomes, exchange.simulated, strict=True):
+            tell(outcome)
+            reading = outcome.reading
+            if reading is not None:
+                code = reading.sensor.code
+                tell(TwinReading(outcome.time, outcome.command, code, outcome.reply, simulated.reply))
+        if exchange.answered is not None:
+            exchange.answered(outcomes, unchanged)
 
     def _listen_on(self) -> None:
         self._silence.set_in(self._framer.idle_timeout)
@@ -478,7 +465,6 @@ class SerialBridge(RealRobot):
         ]
         # Removed first, so that a reply that still comes does not answer it twice.
         answered, exchange.answered = exchange.answered, None
-        self._tell_results()
         for outcome in outcomes:
             self.engine.tell(outcome)
         if answered is not None:
