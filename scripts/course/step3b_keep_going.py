@@ -27,8 +27,8 @@ SPEED, SLOW = 4.0, 2.0  # in/s, ahead and back
 STEER, SHARPEST = 13.0, 40.0  # deg/s for each inch that u2 reads too much, and at most
 HOLD, FASTEST = 8.0, 90.0  # deg/s for each degree that the gyroscope is off, and at most
 ROUND = -350.0  # deg, of the gyroscope: a round along an outer wall is one whole turn to the right
-NEAR, LONGEST = 6.0, 500.0  # in from the start: it is back; in, after which it gives up; a round is 310
-
+NEAR = 6.0  # in from the start: it is back
+LONGEST = 500.0  # in, after which it gives up; a round is about 310
 Velocity = tuple[float, float]  # ahead, in/s, and counter-clockwise, deg/s
 
 

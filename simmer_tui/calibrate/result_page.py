@@ -22,7 +22,7 @@ from simmer_tui.calibrate.parameters import AXES
 from simmer_tui.calibrate.posterior import COUNTER, OBSERVATION, PROCESS, RANGE, Rows
 from simmer_tui.calibrate.prediction import HeldBack
 from simmer_tui.document import svg
-from simmer_tui.document.formats import COUNT, UNIT, WORDS, Format, number
+from simmer_tui.document.formats import COUNT, UNIT, WORDS, Format, estimate, number
 from simmer_tui.document.model import (
     DataColumn,
     DataTable,
@@ -116,9 +116,7 @@ STRENGTHS = DataTable(
     "How the biases of the robots differ",
     (
         DataColumn("movements"),
-        DataColumn("strength", number(".3g")),
-        DataColumn("low", number(".3g"), "from"),
-        DataColumn("high", number(".3g"), "to"),
+        DataColumn("strength", estimate(".3g")),
     ),
 )
 TABLES = (MISFITS, PARAMETERS, UNIDENTIFIED, HELD_BACK, RESIDUALS, CHECK, STRENGTHS)
@@ -130,16 +128,17 @@ _MOST_CHANGED = 10
 
 def fit_verdict(fit: Fit, held: HeldBack | None) -> VerdictBox:
     """The verdict on the model of a robot, the first part of a page: it fits, or not, or was not tested."""
-    headline, tone, why = "The model fits this robot", Tone.GOOD, "all its tests passed."
-    if not tested_drives(fit.model) and (held is None or not tested_kinds(held.scores_by_name)):
-        headline, tone = "The log is too short to test the model", Tone.PLAIN
-        why = f"a test needs {FEWEST_MOVEMENTS} movements of one drive."
     if fit.misfits:
         headline, tone = "The model does not fit this robot", Tone.BAD
         why = (
             "no set can describe everything it does, so the intervals are wider. The interval of a drive "
             "that changed covers its bias at the beginning and at the end of the log."
         )
+    elif tested_drives(fit.model) or (held is not None and tested_kinds(held.scores_by_name)):
+        headline, tone, why = "The model fits this robot", Tone.GOOD, "all its tests passed."
+    else:
+        headline, tone = "The log is too short to test the model", Tone.PLAIN
+        why = f"a test needs {FEWEST_MOVEMENTS} movements of one drive."
     text, sentence = f"{headline}: {why}", (capitalized(why),)
     return VerdictBox(key="fit", text=text, headline=headline, tone=tone, sentence=sentence)
 
@@ -258,9 +257,7 @@ def check_document(parts: Sequence[PartVerdict]) -> Document:
 
 def strength_document(found: Sequence[ParameterEstimate]) -> Document:
     """Both numbers of the setting `strength`, and the line for settings.toml."""
-    table = STRENGTHS.filled(
-        [(each.label, each.value, each.low, each.high) for each in found], "In each row: the 95 % interval."
-    )
+    table = STRENGTHS.filled([(each.label, each) for each in found], "In brackets: the 95 % interval.")
     setting = f"strength = [{', '.join(_NUMBER.text(each.value) for each in found)}]"
     return Document("Strength of biases", (table, Paragraph(setting, "setting")))
 

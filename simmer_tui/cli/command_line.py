@@ -59,7 +59,7 @@ EXIT_CODES = {
     ExitCode.PROBLEM: "nothing was done: a mistake in an option, a set or a log, a port that is taken",
     ExitCode.LOST: "the Dask cluster cannot be reached, or was lost: --resume continues",
     ExitCode.NOT_STARTED: "the program of --run cannot be started",
-    ExitCode.INTERRUPTED: "Ctrl-C, unless it ends a run without a program, which has no code of its own",
+    ExitCode.INTERRUPTED: "Ctrl-C; a run without a program ends with 0",
 }
 """Meanings of the exit codes, for the reference."""
 EXIT_CODES_OF_RUNS = (
@@ -137,7 +137,7 @@ class CliCommand:
         except SimmerError as error:
             return report(error, parser.prog)
         except PermissionError as error:
-            # A command looks at many files. None of them is worth a message of its own for this.
+            # In one place for all the files that a command opens.
             if error.filename is None:
                 raise
             say(f"{parser.prog}: {shown_path(error.filename)} cannot be opened: {reason_of(error)}")

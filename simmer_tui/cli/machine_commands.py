@@ -58,7 +58,7 @@ def run_doctor(options: argparse.Namespace) -> int:
     missing for which feature. Exits with 1 if simmer-tui could not start as it is."""
     configuration, set_check = _set()
     server = configuration.settings.server if configuration is not None else ServerSettings()
-    ports, keep_from_starting = _ports(server)
+    ports, ports_needed = _ports(server)
     checks = {
         "version": (True, _program()),
         "libraries": (True, ", ".join(f"{name} {metadata.version(name)}" for name in _LIBRARIES)),
@@ -77,7 +77,7 @@ def run_doctor(options: argparse.Namespace) -> int:
         for about, (fine, text) in checks.items():
             sys.stdout.write(f"{'ok' if fine else '!!'}  {about:<9} {text}\n")
     # Any other lack affects only one feature.
-    return ExitCode.NO if keep_from_starting or not set_check[0] else ExitCode.DONE
+    return ExitCode.NO if ports_needed or not set_check[0] else ExitCode.DONE
 
 
 def _program() -> str:
@@ -130,6 +130,7 @@ def _ports(server: ServerSettings) -> tuple[Check, bool]:
             take_port(server.host, request).close()
         except PortError:
             taken.append(request)
+            # Without a dialect that has a warning, as beliefs have, the robot is served all the same.
             is_needed |= not (dialect.warning or request.falls_back)
     shown = ", ".join(str(request.number) for _, request in requests)
     if not taken:

@@ -79,7 +79,7 @@ def add_trials_options(parser: OneLineParser) -> None:
     group.add_argument(
         "--run",
         metavar='"CMD ..."',
-        help="the program; it is run with SIMMER_PORT and others set (docs/trials.md)",
+        help="the program; it gets SIMMER_PORT and other variables (docs/trials.md)",
     )
     group.add_argument(
         "--runs",

@@ -64,10 +64,10 @@ class Format:
 
 def number(form: str = "", unit: str = "") -> Format:
     """Format of a number, by a format specification, with a unit behind it if the heading has none."""
-    return Format(lambda value: f"{_plain(value, form)}{unit}", numeric=True)
+    return Format(lambda value: f"{_digits(value, form)}{unit}", numeric=True)
 
 
-def _plain(value: float, form: str) -> str:
+def _digits(value: float, form: str) -> str:
     """A number by a format specification; a large one in digits: few readers are used to exponents. What
     rounds to 0 has no minus."""
     sign = "+" if form.startswith("+") else ""
@@ -82,8 +82,8 @@ def estimate(form: str = ".3f") -> Format:
 
     def show(each: Any) -> str:
         if math.isnan(each.low):  # too few values for an interval
-            return _plain(each.value, form)
-        return f"{_plain(each.value, form)} ({_plain(each.low, form)} to {_plain(each.high, form)})"
+            return _digits(each.value, form)
+        return f"{_digits(each.value, form)} ({_digits(each.low, form)} to {_digits(each.high, form)})"
 
     return Format(show, ("", "_low", "_high"), lambda each: (each.value, each.low, each.high), numeric=True)
 

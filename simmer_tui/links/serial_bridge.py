@@ -278,8 +278,6 @@ class SerialBridge(RealRobot):
         left = self._moving_until - self._loop.time()
         # A sender's messages after a wait are sent after it.
         kept_back: set[BackendSession | None] = {exchange.session for exchange in self._paused}
-        if not kept_back and (left <= 0 or not self._open):
-            return self._waiting[0]
         if left <= 0 or not self._open:
             return next((each for each in self._waiting if each.session not in kept_back), None)
         for exchange in self._waiting:
@@ -376,8 +374,7 @@ class SerialBridge(RealRobot):
 
     def _complete(self, exchange: _Exchange, reply: bytes) -> None:
         simulator = self.engine.simulator
-        moves, commands = exchange.moves, exchange.commands
-        reads = [not (moves and simulator.is_drive(command)) for command in commands]
+        reads = [not simulator.is_drive(command) for command in exchange.commands]
         answers = read_numbers(reply, self._robot_form(exchange), reads, exchange.scans)
         outcomes = [
             _real(simulated, answer, reads_sensor, exchange.is_stop)

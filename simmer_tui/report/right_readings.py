@@ -170,7 +170,7 @@ def _right(rows: Columns, sensor: SensorSpec) -> BoolArray:
 
 def looks_alike(seen: Attempt, belief: BeliefRow) -> bool:
     """True if the likeliest cell of a grid has a place that looks like the robot's own. Every range sensor
-    that was read would then read the same at both, within its noise: of those whose kind has a model."""
+    that was read, and whose kind has a model, would then read the same at both, within its noise."""
     read = set(seen.history.sensor_codes)
     ranges = [each for each in seen.spec.sensors if each.code in read and each.kind.is_range]
     sensors = [made for made in map(modelled_sensor, ranges) if isinstance(made, ObservingSensor)]

@@ -212,7 +212,7 @@ def test_strength_takes_five_calibrated_robots(
     assert main(["calibrate", "--strength", *map(str, folders), "--json"]) == 0
     found = json.loads(capsys.readouterr().out)["strengths"]
     for row, true in zip(found, (0.05, 1.0), strict=True):
-        assert row["low"] <= true <= row["high"]
+        assert row["strength_low"] <= true <= row["strength_high"]
 
 
 # -- the command ---------------------------------------------------------------------------------------
