@@ -103,10 +103,11 @@ def build_report(
 def _steps(log: LogReader, run: RunStatistics, table: CommandTable | None) -> Iterator[int]:
     """Read the log, and yield the position in it from time to time."""
     for block in log.blocks():
-        for logged in block:
-            run.add(logged)
-            if table is not None and isinstance(logged, Logged):
-                table.add(logged, run.elapsed)
+        # A row of the table has the time after its event.
+        for part in [block] if table is None else [[logged] for logged in block]:
+            run.add(part)
+            if table is not None and isinstance(part[0], Logged):
+                table.add(part[0], run.elapsed)
         yield log.position
     if table is not None:
         table.finish()
