@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from dataclasses import replace
 from heapq import nlargest
 from operator import itemgetter
@@ -205,8 +206,8 @@ TABLES = (
 """All tables of a report."""
 
 
-def report_document(run: RunStatistics, name: str) -> Document:
-    """The report of a run whose log has a name."""
+def report_document(run: RunStatistics, name: str, path: str = "") -> Document:
+    """The report of a run whose log has a name; its commands take the `path` of the log, else the name."""
     # The last output of a failed program says why it failed; that of a successful one has no news.
     failed = run.verdict.outcome.is_failure
     parts: list[DocumentPart] = [
@@ -216,16 +217,17 @@ def report_document(run: RunStatistics, name: str) -> Document:
         Bullets("Notes", run.notes, "notes"),
         *report_tables(run, name),
         *(() if failed else (output(run.verdict),)),
-        again(name),
+        again(path or name),
     ]
     return Document(f"Run {name}", parts)
 
 
 def again(name: str) -> Paragraph:
     """Commands that show the run again."""
+    word = shlex.quote(name)
     commands: tuple[Prose, ...] = (
-        *("Play it: ", Code(f"simmer-tui replay {name}")),
-        *(". Compare every reply: ", Code(f"simmer-tui rerun {name}")),
+        *("Play it: ", Code(f"simmer-tui replay {word}")),
+        *(". Compare every reply: ", Code(f"simmer-tui rerun {word}")),
     )
     return Paragraph(commands, kind="note")
 
