@@ -65,7 +65,10 @@ def run_report(options: argparse.Namespace) -> int:
     path = log_of(options)
     _check_outputs(path, (options.svg, options.csv, options.html))
     run = build_report(path, options.csv, recorded=options.html is not None, nominal=options.nominal)
-    print_answer(report_document(run, path.name, shown_path(path)), as_json=options.json)
+    print_answer(
+        report_document(run, path.name, "" if options.file is None else shown_path(path)),
+        as_json=options.json,
+    )
     for output, make in ((options.svg, svg_picture), (options.html, report_page)):
         if output is not None:
             _write_text(output, make(run, escape_passage(path.name)))

@@ -54,6 +54,17 @@ def test_commands_that_show_the_run_again_find_the_log_from_here(
         assert f"simmer-tui replay {shlex.quote(given)}" in capsys.readouterr().out
 
 
+def test_a_fault_that_ends_in_a_question_has_no_full_stop(
+    start_run: Callable[..., Any], monkeypatch: pytest.MonkeyPatch, capsys: Any
+) -> None:
+    monkeypatch.setenv("COLUMNS", "300")
+    run = start_run()
+    run.send("u1")
+    run.engine.tell(Notice(NoticeKind.FAULT, "dialect: 'gett' is no message; did you mean \"get\"?"))
+    assert run_report([str(run.path)]) == 0
+    assert 'did you mean "get"?\n' in capsys.readouterr().out
+
+
 def test_the_mission_is_in_the_report(start_run: Callable[..., Any], capsys: Any) -> None:
     run = start_run()
     run.engine.tell(MissionEvent(0.0, Result.UNDER_WAY, "mission: drop zone (30, 18)"))
