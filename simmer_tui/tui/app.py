@@ -235,7 +235,7 @@ class SimmerApp(Shell):
             "why": self._show_why,
             "report": lambda _: self.run_worker(self._show_report(), group="report", exclusive=True),
             "program": lambda _: self._show_program(),
-            "bias": lambda _: self.ask(answers.bias_answer(self.server.simulator.bias)),
+            "bias": lambda _: self.ask(answers.bias_answer(self.server.simulator.bias), stays=True),
             "vv": self._drive_for,
             "log": lambda file: self.run_worker(self._start_log(file), group="log"),
             "robot": self.server.use_robot,
@@ -254,7 +254,7 @@ class SimmerApp(Shell):
         if snapshot is None:
             return
         if snapshot.verdict is None or about:
-            self.ask(answers.why_answer(why(snapshot.state, self._spec), snapshot))
+            self.ask(answers.why_answer(why(snapshot.state, self._spec), snapshot), stays=True)
         elif self._plan.has_pages:  # three rows would cut it
             # As wide as the page's text, which is not wrapped.
             room = self.size.width - _PAGE_FRAME
