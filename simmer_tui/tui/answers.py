@@ -64,10 +64,10 @@ class AnswerCard(Struct, frozen=True):
         """Lines for a room: all, with a heading, or in brief if there are few rows."""
         if room.rows <= _BRIEF:
             given = self.brief or self.lines
-            wide = [
-                part for line in given for part in wrapped_lines(((" ", "plain"), *line), room.width - 1, 2)
-            ]
-            return _fitted(wide, room)
+            lines: list[StyledLine] = [((" ", "plain"), *line) for line in given]
+            wide = [part for line in lines for part in wrapped_lines(line, room.width - 1, 2)]
+            # The last line itself, not the tail of it.
+            return _fitted(wide, room, last=shortened(lines[-1], room.width - 1))
         head = heading(self.title, self.note, room.width, plain=room.plain)
         rest = [part for line in self.lines for part in wrapped_lines(line, room.width, 2)]
         return [((self.title, self.role), *head[1:]), *_fitted(rest, room, 1)]
@@ -84,16 +84,18 @@ _BRIEF_COLUMNS = 78
 """Columns of such a row."""
 
 
-def _fitted(lines: Sequence[StyledLine], room: Room, taken: int = 0) -> list[StyledLine]:
-    """As many lines as there is room for. If some are left out the last one stays, with the possible
-    actions."""
+def _fitted(
+    lines: Sequence[StyledLine], room: Room, taken: int = 0, last: StyledLine | None = None
+) -> list[StyledLine]:
+    """As many lines as there is room for. If some are left out, `last` or the last of them stays, with the
+    possible actions."""
     rows = max(room.rows - taken, 1)
     if len(lines) <= rows:
         return list(lines)
     kept = list(lines[: rows - 1])
     if kept:
         kept[-1] = shortened((*kept[-1], (" " * room.width, "plain"), ("…", "mark")), room.width)
-    return [*kept, lines[-1]]
+    return [*kept, lines[-1] if last is None else last]
 
 
 # -- before anything has happened ------------------------------------------------------------------
@@ -110,7 +112,8 @@ def first_steps(example: str, command: str, drive_keys: str) -> AnswerCard:
     typed: StyledLine = (("u1", "mark"), (" reads, ", "value"), (command, "mark"), (" drives", "value"))
     keys: StyledLine = (("Esc", "mark"), (", then ", "value"), (drive_keys, "mark"), (" drives", "value"))
     more: StyledLine = ((":help", "mark"), (" shows all there is to do", "value"))
-    python = "python wander.py", "mark"
+    # In the folder that the documents name.
+    copy, python = ("simmer-tui examples samples", "mark"), ("python samples/wander.py", "mark")
     runs: list[StyledLine] = [(("run a program in another terminal:", "value"),)]
     brief: StyledLine = (("run in another terminal: ", "value"), python)
     if example:
@@ -119,7 +122,7 @@ def first_steps(example: str, command: str, drive_keys: str) -> AnswerCard:
         brief = (*run, (";  elsewhere: ", "value"), python)
     press: StyledLine = (("or press ", "value"), *keys)
     steps = _numbered(*runs, (("or type: ", "value"), *typed), press)
-    steps.insert(len(runs), (("  ", "plain"), python))
+    steps[len(runs) : len(runs)] = [(("  ", "plain"), each) for each in (copy, python)]
     inches = " 3 in" if command.endswith("3") else ""
     below: StyledLine = (("or type below: ", "value"), *typed, (inches, "value"))
     in_brief = _numbered(brief, below, (*press, (";  ", "value"), *more))

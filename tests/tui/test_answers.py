@@ -1,0 +1,21 @@
+"""The cards beside the maze, as lines for a room."""
+
+from __future__ import annotations
+
+from simmer_tui.tui.answers import first_steps
+from simmer_tui.tui.line_panel import text_of
+from simmer_tui.tui.readouts import Room
+
+
+def test_where_lines_are_left_out_the_last_one_is_not_the_tail_of_a_line() -> None:
+    card = first_steps("F5", "d1-3", "w a s d")
+    shown = [text_of(line) for line in card.shown(Room(60, plain=False, rows=3))]
+    assert len(shown) == 3
+    assert shown[-1].startswith(" 3 or press Esc, then w a s d drives")
+    assert max(map(len, shown)) <= 60
+
+
+def test_the_first_steps_are_commands_that_can_be_typed_anywhere() -> None:
+    shown = [text_of(line).strip() for line in first_steps("F5", "d1-3", "w a s d").lines]
+    at = shown.index("simmer-tui examples samples")
+    assert shown[at + 1] == "python samples/wander.py"
