@@ -290,7 +290,7 @@ class SimmerApp(Shell):
         if verdict is None or verdict.program is None:
             self._console.show_error("program: none has ended yet; the events have its output (/ program)")
             return
-        text = answers.program_output(verdict.program)
+        text = answers.program_output(verdict.program, self.size.width - _PAGE_FRAME)
         self.push_screen(ReportScreen(text, "Program", f"Esc closes; exit code {verdict.program.exit_code}"))
 
     def _write_picture(self, name: str) -> None:
