@@ -101,13 +101,14 @@ def _fitted(
 # -- before anything has happened ------------------------------------------------------------------
 
 
-def first_steps(example: str, command: str, drive_keys: str) -> AnswerCard:
+def first_steps(example: str, command: str, drive_keys: str, variable: str = "") -> AnswerCard:
     """Advice for a beginning.
 
     Args:
         example: Key that runs the sample program; empty if it cannot be run from here.
         command: A command that drives the robot.
         drive_keys: The keys that drive it.
+        variable: The variable with which a program finds the robot, with its value; empty if it needs none.
     """
     typed: StyledLine = (("u1", "mark"), (" reads, ", "value"), (command, "mark"), (" drives", "value"))
     keys: StyledLine = (("Esc", "mark"), (", then ", "value"), (drive_keys, "mark"), (" drives", "value"))
@@ -115,14 +116,21 @@ def first_steps(example: str, command: str, drive_keys: str) -> AnswerCard:
     # In the folder that the documents name.
     copy, python = ("simmer-tui examples samples", "mark"), ("python samples/wander.py", "mark")
     runs: list[StyledLine] = [(("run a program in another terminal:", "value"),)]
+    given: StyledLine = (("with ", "value"), (variable, "mark")) if variable else ()
     brief: StyledLine = (("run in another terminal: ", "value"), python)
+    if variable:
+        brief = (*brief, (" ", "value"), *given)
     if example:
         run: StyledLine = ((example, "mark"), (" runs the example, wander.py", "value"))
         runs = [run, (("or a program in another terminal:", "value"),)]
-        brief = (*run, (";  elsewhere: ", "value"), python)
+        brief = (
+            (*run, (";  elsewhere ", "value"), *given)
+            if given
+            else (*run, (";  elsewhere: ", "value"), python)
+        )
     press: StyledLine = (("or press ", "value"), *keys)
     steps = _numbered(*runs, (("or type: ", "value"), *typed), press)
-    steps[len(runs) : len(runs)] = [(("  ", "plain"), each) for each in (copy, python)]
+    steps[len(runs) : len(runs)] = [(("  ", "plain"), *each) for each in ((copy,), (python,), given) if each]
     inches = " 3 in" if command.endswith("3") else ""
     below: StyledLine = (("or type below: ", "value"), *typed, (inches, "value"))
     in_brief = _numbered(brief, below, (*press, (";  ", "value"), *more))

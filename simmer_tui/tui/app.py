@@ -152,7 +152,9 @@ class SimmerApp(Shell):
         drives.sort(key=lambda drive: drive.kind is not DriveKind.RIGHT)  # forward, if it can
         command = f"{drives[0].code}-3" if drives else "u1"
         key = EXAMPLE_KEY if self._can_run_example else ""
-        return answers.first_steps(key, command, drive_keys(self._settings.keys))
+        port = self.server.ports.get(COMMANDS.purpose)
+        variable = "" if port in (None, COMMANDS.default) else f"{COMMANDS.variable}={port}"
+        return answers.first_steps(key, command, drive_keys(self._settings.keys), variable)
 
     @property
     def _can_run_example(self) -> bool:

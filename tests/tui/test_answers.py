@@ -32,3 +32,13 @@ def test_a_program_s_last_lines_are_whole_in_a_narrow_room_and_an_empty_output_i
     assert '    File "robot.py", line 4, in <module>' in shown
     assert not any("standard output" in line for line in shown)
     assert program_output(ProgramEnded(0.5, 1), 60) == "The program printed nothing."
+
+
+def test_the_first_steps_name_a_port_that_programs_do_not_know() -> None:
+    for example in ("F5", ""):
+        usual = first_steps(example, "d1-3", "w a s d")
+        assert not any("SIMMER_PORT" in text_of(line) for line in (*usual.lines, *usual.brief))
+        other = first_steps(example, "d1-3", "w a s d", "SIMMER_PORT=41843")
+        assert any(text_of(line).strip() == "with SIMMER_PORT=41843" for line in other.lines)
+        assert "with SIMMER_PORT=41843" in text_of(other.brief[0])
+        assert len(text_of(other.brief[0])) <= 78
