@@ -6,6 +6,7 @@ import argparse
 import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack
+from io import TextIOWrapper
 from pathlib import Path
 
 from rich.progress import DownloadColumn, TaskProgressColumn, TimeRemainingColumn
@@ -32,6 +33,7 @@ from simmer_tui.runlog.reader import Logged, LogReader
 from simmer_tui.runlog.rerun import Rerun
 from simmer_tui.sim.command import escape, escape_passage, escape_word, shown_path
 from simmer_tui.version import __version__
+from simmer_tui.whole_file import whole_file, write_whole
 
 # Lines between two updates of a progress bar. Judged: often enough for the eye, rarely enough to cost
 # nothing.
@@ -94,11 +96,10 @@ def build_report(
         table = None
         if csv_path is not None:
             # Opened before the log is read: a name that cannot be written is reported at once.
-            with writing(RunLogError, csv_path):
-                file = stack.enter_context(csv_path.open("w", encoding="utf-8", newline=""))
-            table = CommandTable(file)
-        with writing(RunLogError, csv_path or path):
-            _run_through(_steps(log, run, table), log.size, "report")
+            stack.enter_context(writing(RunLogError, csv_path))
+            file = stack.enter_context(whole_file(csv_path))
+            table = CommandTable(stack.enter_context(TextIOWrapper(file, "utf-8", newline="")))
+        _run_through(_steps(log, run, table), log.size, "report")
     run.finish(log.note)
     return run
 
@@ -228,7 +229,7 @@ def _check_outputs(log: Path, outputs: Iterable[Path | None]) -> None:
 def _write_text(path: Path, text: str) -> None:
     """Raises RunLogError, which names the file, if it cannot be written."""
     with writing(RunLogError, path):
-        path.write_text(text, encoding="utf-8", newline="\n")
+        write_whole(path, text)
 
 
 def _wrote(path: Path) -> str:

@@ -13,6 +13,7 @@ from simmer_tui.config.given_path import drive_hint, given_path
 from simmer_tui.errors import ConfigurationError, Problem, reason_of
 from simmer_tui.sim.command import escape_passage, shown_path
 from simmer_tui.sim.rules import did_you_mean
+from simmer_tui.whole_file import write_whole
 
 FILES = (maze_csv.FILE, robot_csv.FILE, sensors_csv.FILE, drive_csv.FILE, settings_file.FILE)
 """The five files of every set."""
@@ -177,7 +178,7 @@ def write_files(destination: Path, files: Mapping[str, bytes]) -> tuple[Path, ..
             path = destination / name
             path.parent.mkdir(parents=True, exist_ok=True)
             written.append(path)
-            path.write_bytes(data)
+            write_whole(path, data)
     except OSError as error:
         # A second try would find the first half, and refuse to overwrite it.
         for path in written:

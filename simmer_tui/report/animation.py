@@ -26,6 +26,7 @@ from simmer_tui.sim.maze import Maze
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.specs import BLOCK, CELL_SIZE, TILE_SIZE, WALL
 from simmer_tui.version import requirement
+from simmer_tui.whole_file import whole_file
 
 if TYPE_CHECKING:
     from PIL import Image, ImageDraw, ImageFont
@@ -97,7 +98,7 @@ def write_gif(run: RunStatistics, path: Path, taken: Shots, width: int) -> Itera
     except ImportError:
         raise ExportError(f"a GIF needs Pillow: pip install '{requirement('export')}'") from None
     # Opened first: a path that cannot be written to is reported before minutes of drawing.
-    with path.open("wb") as file:
+    with whole_file(path) as file:
         canvas = _Canvas(run, width, taken.speed)
         times = taken.times
         palette = canvas.palette(times)

@@ -26,6 +26,7 @@ from simmer_tui.sim.command import escape_passage, shown_path
 from simmer_tui.trials.run import TrialRun, fault_result
 from simmer_tui.trials.trial import Trial, TrialResult
 from simmer_tui.version import requirement
+from simmer_tui.whole_file import write_whole
 
 if TYPE_CHECKING:
     from distributed import Client, Future
@@ -240,7 +241,7 @@ def results_of(
             else:
                 result, files = _fetched(future)
                 for name, data in files.items():
-                    (folder / name).write_bytes(data)
+                    write_whole(folder / name, data)
                 future.release()
                 yield result
             for following in islice(waiting, 1):

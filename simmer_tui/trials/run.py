@@ -34,6 +34,7 @@ from simmer_tui.server import Server
 from simmer_tui.sim.command import escape, escape_passage
 from simmer_tui.sim.simulator import Simulator
 from simmer_tui.trials.trial import REAL, Ending, Trial, TrialResult, prepare, run_clock, with_clock
+from simmer_tui.whole_file import write_whole
 
 LOG, PACKED_LOG, OUTPUT, MAZE = ".jsonl", ".jsonl.gz", ".txt", ".maze.csv"
 """Name endings of a run's log, of its program's output and of a maze of its own."""
@@ -174,7 +175,7 @@ class TrialRun:
         """Write the program's output to its file; returns its last lines."""
         lines = list(self._output)
         if lines:
-            self._output_file.write_text("".join(f"{line}\n" for line in lines), "utf-8", newline="\n")
+            write_whole(self._output_file, "".join(f"{line}\n" for line in lines))
         # The output of a program that was killed depends on timing.
         if end.exit_code is None and end.ending is not Ending.REAL_TIME_LIMIT:
             return ""
@@ -192,7 +193,7 @@ class TrialRun:
         if "PYTHONHASHSEED" not in os.environ:  # else sets of text have another order in every process
             variables["PYTHONHASHSEED"] = "0"
         if self._trial.maze:  # the set's own maze is one that a program may know
-            self._maze_file.write_text(configuration.files[maze_csv.FILE], "utf-8", newline="\n")
+            write_whole(self._maze_file, configuration.files[maze_csv.FILE])
             variables["SIMMER_MAZE"] = str(self._maze_file.resolve())
         output = ProgramOutput(lambda: server.engine.present)
         try:
