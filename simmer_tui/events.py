@@ -31,7 +31,7 @@ from simmer_tui.sim.records import Grip
 from simmer_tui.sim.trajectory import Trajectory
 
 # Beyond this, adding 0.01 to a float loses digits: no maze and no run comes near it.
-LARGEST = 1e12
+LARGEST_NUMBER = 1e12
 """Limit of all times (seconds), places (inches) and headings (degrees)."""
 
 

@@ -17,7 +17,7 @@ from simmer_tui.sim.sensors.range_sensors import RangeSensor
 from simmer_tui.sim.specs import CELL_SIZE
 
 MOST_HEADINGS = 360
-"""Most headings of a grid: one a degree. It is also the limit of a belief that is drawn."""
+"""Most headings of a grid of poses, and of a belief: one a degree."""
 _ON_GRID = 1e-6
 """Inches by which the last edge of a grid may differ from the maze's: rounding of a step such as 0.1."""
 

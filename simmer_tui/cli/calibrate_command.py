@@ -168,7 +168,7 @@ def _learn(run: MeasuredRun, options: argparse.Namespace) -> int:
     from simmer_tui.calibrate.prediction import held_back, widened
     from simmer_tui.calibrate.result_page import result_document, result_page
     from simmer_tui.calibrate.suspicions import suspicions, suspicions_without_path
-    from simmer_tui.calibrate.written_set import PAGE, set_texts, write_texts
+    from simmer_tui.calibrate.written_set import CALIBRATION_PAGE, set_texts, write_texts
 
     out: Path = options.out
     with _shown() as progress:
@@ -184,12 +184,12 @@ def _learn(run: MeasuredRun, options: argparse.Namespace) -> int:
             found = widened(found, held)
         estimates = estimates_of(found)
     texts, answer = set_texts(found, estimates), result_document(found, estimates, held)
-    write_texts({**texts, PAGE: html_page(result_page(found, estimates, held))}, out)
+    write_texts({**texts, CALIBRATION_PAGE: html_page(result_page(found, estimates, held))}, out)
     load(out, devices=DeviceUse.PARSE)
     print_answer(answer, as_json=options.json)
     if not options.json:
         shown = shown_path(out)
-        sys.stdout.write(f"Wrote {', '.join(sorted(texts))} and {PAGE} to {shown}\n")
+        sys.stdout.write(f"Wrote {', '.join(sorted(texts))} and {CALIBRATION_PAGE} to {shown}\n")
         sys.stdout.write(f"Try it: simmer-tui --config {shown}\n")
     return ExitCode.DONE
 

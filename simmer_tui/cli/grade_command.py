@@ -35,7 +35,7 @@ from simmer_tui.phrases import counted
 from simmer_tui.trials.sequential import MARGIN, REQUIRED_RATE, shown_test
 from simmer_tui.trials.trial import TrialResult
 
-GRADES, JUNIT, GRADESCOPE, SITE = "grades.csv", "junit.xml", "gradescope", "site"
+_GRADES, _JUNIT, _GRADESCOPE, _SITE = "grades.csv", "junit.xml", "gradescope", "site"
 _PREFIX = "grade_"
 _SEED_BITS = 128
 
@@ -235,15 +235,15 @@ def _run_all(folder: GradeFolder, options: argparse.Namespace) -> None:
 
 def _write(folder: GradeFolder, found: list[TeamResult], isolation: str) -> None:
     """Write the files of the answer. Raises GradeError."""
-    files = {GRADES: table_csv(grades_table(folder, found)), JUNIT: junit_xml(folder, found)}
+    files = {_GRADES: table_csv(grades_table(folder, found)), _JUNIT: junit_xml(folder, found)}
     for each in found:
-        files[f"{GRADESCOPE}/{each.entry.team.slug}/results.json"] = gradescope_json(folder, each)
+        files[f"{_GRADESCOPE}/{each.entry.team.slug}/results.json"] = gradescope_json(folder, each)
     shown = team_results(folder, hidden=True) if folder.plan.hides_names else found
-    files |= {f"{SITE}/{page}": text for page, text in site(folder, shown, isolation).items()}
-    shutil.rmtree(folder.path / SITE, ignore_errors=True)  # possibly with other names before
+    files |= {f"{_SITE}/{page}": text for page, text in site(folder, shown, isolation).items()}
+    shutil.rmtree(folder.path / _SITE, ignore_errors=True)  # possibly with other names before
     for name, text in files.items():
         folder.store.write(name, text)
-    written = f"{GRADES}, {JUNIT}, {GRADESCOPE}/ and {SITE}/{INDEX}"
+    written = f"{_GRADES}, {_JUNIT}, {_GRADESCOPE}/ and {_SITE}/{INDEX}"
     say(f"simmer-tui grade: wrote {typed_path(folder.path)}/{written}")
 
 

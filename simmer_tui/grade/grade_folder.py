@@ -47,7 +47,7 @@ from simmer_tui.trials.sequential import Decision, SequentialTest, sequential_te
 from simmer_tui.trials.store import RunStore, StoreKind, unbroken
 from simmer_tui.trials.trial import TrialResult, maze_faults, timed_seconds, with_clock
 
-COURSE, RUNS = "course", "runs"
+COURSE, _RUNS = "course", "runs"
 _NUMBERS = 100_000
 """Numbers of runs reserved for each team: more than the largest cap of a test."""
 
@@ -84,10 +84,10 @@ class TeamRun(Struct, frozen=True):
     result: TrialResult
 
 
-KIND = StoreKind(
+_KIND = StoreKind(
     noun="a grading",
     plan_file=PLAN_FILE,
-    folders=(COURSE, TEAMS_FOLDER, RUNS),
+    folders=(COURSE, TEAMS_FOLDER, _RUNS),
     format=3,
     plan=GradePlan,
     line=TeamRun,
@@ -126,7 +126,7 @@ class GradeFolder:
     def __init__(self, path: Path, plan: GradePlan) -> None:
         """Raises ConfigurationError, TrialsError."""
         self.path = path
-        self.store = RunStore(path, KIND)
+        self.store = RunStore(path, _KIND)
         self.course = course = replace(plan.course, directory=path / COURSE)
         self.plan = structs.replace(plan, course=course)
         self.entries = [Entry(planned) for planned in plan.teams]
@@ -147,9 +147,9 @@ class GradeFolder:
             names = ", ".join(base.settings.sensors.devices)
             raise GradeError(f"a grading runs no devices of a set's own: take {names} out of sensors.devices")
         _check(base, reference(base, course.rules))
-        store = RunStore(path, KIND)
+        store = RunStore(path, _KIND)
         with store.made(), closing(SubmissionReader()) as reader:
-            for name in (TEAMS_FOLDER, RUNS):
+            for name in (TEAMS_FOLDER, _RUNS):
                 (path / name).mkdir()
             store.write_files(COURSE, base.files)
             plan = GradePlan(
@@ -166,7 +166,7 @@ class GradeFolder:
     @classmethod
     def read(cls, path: Path) -> GradeFolder:
         """An existing grading. Raises GradeError, ConfigurationError, TrialsError."""
-        store = RunStore(path, KIND)
+        store = RunStore(path, _KIND)
         folder = cls(path, store.read_plan())
         store.recover()
         attempts = {(entry.team.name, entry.planned.attempt): entry for entry in folder.entries}
@@ -181,7 +181,7 @@ class GradeFolder:
     @property
     def runs(self) -> Path:
         """Folder of the logs."""
-        return self.path / RUNS
+        return self.path / _RUNS
 
     def verdict(self, entry: Entry) -> Decision | None:
         """The decision about a team; None while there is none."""

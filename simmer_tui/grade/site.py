@@ -64,8 +64,8 @@ GRADES = DataTable(
         DataColumn("why", WORDS, "main cause", wraps=True),
     ),
 )
-CAUSES = DataTable("causes", "Why runs failed", (DataColumn("cause", wraps=True), DataColumn("runs", COUNT)))
-RUNS = DataTable(
+_CAUSES = DataTable("causes", "Why runs failed", (DataColumn("cause", wraps=True), DataColumn("runs", COUNT)))
+_RUNS = DataTable(
     "runs",
     "Runs",
     (
@@ -219,9 +219,9 @@ def _team_page(folder: GradeFolder, team_result: TeamResult, links: dict[int, st
         run = TextLink(f"run {number_of}", links[number_of]) if number_of in links else number_of
         outcome, text = ("succeeded", None) if each.success else ("failed", failure_text(each))
         rows.append((run, outcome, each.time, each.contacts, each.clock or None, text))
-    runs = _with_clock(RUNS, len({each.clock for each in team_result.results}) > 1)
+    runs = _with_clock(_RUNS, len({each.clock for each in team_result.results}) > 1)
     left: list[DocumentPart] = [
-        table for table in (CAUSES.filled(team_result.causes), runs.filled(rows)) if table.rows
+        table for table in (_CAUSES.filled(team_result.causes), runs.filled(rows)) if table.rows
     ]
     parts: list[DocumentPart] = [
         Paragraph((TextLink(folder.course.name, INDEX),), kind="run"),

@@ -40,10 +40,10 @@ from simmer_tui.sim.velocity_commands import WAIT, parse_wait
 STOP_TIMEOUT = 0.25
 """Seconds within which a robot may reply to a stop that no program asked for."""
 # Judged: greetings come in pieces, and are reported as one line.
-REPORT_DELAY = 1.0
+_REPORT_DELAY = 1.0
 """Seconds for which discarded bytes are counted before they are reported."""
 # Real robots start and stop slowly, and need longer than the planned time.
-MARGIN = 1.0
+ANSWER_MARGIN = 1.0
 """Seconds after its planned end until a movement without an answer no longer delays others."""
 _NO_VELOCITY = "velocities are not sent to this robot: if it knows them, set velocity = true in [serial]"
 # A double, the longest format.
@@ -294,7 +294,7 @@ class SerialBridge(RealRobot):
         margin."""
         if exchange.moves:
             planned = sum(self._planned_time(each) for each in exchange.simulated)
-            self._moving_until = self._loop.time() + planned + MARGIN
+            self._moving_until = self._loop.time() + planned + ANSWER_MARGIN
 
     def _allow_for_scans(self, exchange: _Exchange) -> None:
         """Extend the time limit of a message that has been sent: the many numbers of a scan take time on the
@@ -398,7 +398,7 @@ class SerialBridge(RealRobot):
     def _listen_on(self) -> None:
         self._silence.set_in(self._framer.idle_timeout)
         if self._framer.discarded and self._report.due == math.inf:
-            self._report.set_in(REPORT_DELAY)
+            self._report.set_in(_REPORT_DELAY)
 
     def _report_discarded(self) -> None:
         count, sample = self._framer.take_discarded()

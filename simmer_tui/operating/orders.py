@@ -7,7 +7,7 @@ from msgspec import Struct
 
 from simmer_tui.config.settings import PACES
 from simmer_tui.errors import ConsoleCommandError
-from simmer_tui.events import LARGEST, Action, ActionName
+from simmer_tui.events import LARGEST_NUMBER, Action, ActionName
 from simmer_tui.sim.command import Command, escape_word, parse_command, parse_value
 from simmer_tui.sim.rules import IntegerRule, NumberRule, did_you_mean
 from simmer_tui.sim.specs import SimulationSpec
@@ -64,8 +64,8 @@ def _each_number(words: Sequence[str]) -> tuple[float, ...]:
     except ValueError as error:
         raise ConsoleCommandError(f"{which}{error}") from None
     # A log with a larger one, even in an action that was refused, could not be read again.
-    if any(abs(number) > LARGEST for number in numbers):
-        raise ConsoleCommandError(f"{which}must be a number from {-LARGEST:g} to {LARGEST:g}")
+    if any(abs(number) > LARGEST_NUMBER for number in numbers):
+        raise ConsoleCommandError(f"{which}must be a number from {-LARGEST_NUMBER:g} to {LARGEST_NUMBER:g}")
     return numbers
 
 
@@ -77,7 +77,7 @@ def _numbers(order: OrderSpec, words: Sequence[str]) -> ConsoleCommand:
     return Action(order.action, _each_number(words))
 
 
-_SEED = IntegerRule(0, int(LARGEST))
+_SEED = IntegerRule(0, int(LARGEST_NUMBER))
 """Seeds that a log keeps to the last digit."""
 
 

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 RATE = 10
 """Pictures a second."""
 # All pictures are in memory until the file is written: two minutes at this rate.
-MOST_FRAMES = 1200
+_MOST_FRAMES = 1200
 USUAL_SECONDS = 20.0
 """Longest GIF, seconds, unless a speed is asked for: a slide that loops for longer is not watched."""
 # Seconds for which the last picture stays.
@@ -81,10 +81,10 @@ def shots(run: RunStatistics, begin: float | None, end: float | None, speed: flo
         raise ExportError(f"--until {last:g} is before --from {first:g}")
     usual = max(1.0, math.ceil((last - first) / USUAL_SECONDS))
     made = Shots(first, last, usual if speed is None else speed)
-    if (last - first) * RATE / made.speed > MOST_FRAMES:
-        least = math.ceil((last - first) * RATE / MOST_FRAMES)
+    if (last - first) * RATE / made.speed > _MOST_FRAMES:
+        least = math.ceil((last - first) * RATE / _MOST_FRAMES)
         raise ExportError(
-            f"{last - first:.0f} s at speed {made.speed:g} are more than {MOST_FRAMES} pictures; take "
+            f"{last - first:.0f} s at speed {made.speed:g} are more than {_MOST_FRAMES} pictures; take "
             f"--speed {least} or more, or a part with --from and --until"
         )
     return made
@@ -180,7 +180,7 @@ class _Canvas:
 
     def _line(self, points: float) -> int:
         """A width that looks the same in pictures of any size; points are those of the report."""
-        return max(round(points * _FINER * self.width / figure.WIDTH), 1)
+        return max(round(points * _FINER * self.width / figure.PICTURE_WIDTH), 1)
 
     # -- a moment --------------------------------------------------------------------------------
 
@@ -209,7 +209,7 @@ class _Canvas:
         self._rays(draw, now)
         self._belief(draw, now)
         self._block(draw, now)
-        self._body(draw, pose, svg.ROBOT, svg.BODY)
+        self._body(draw, pose, svg.ROBOT_LINE, svg.BODY)
         for mark in self.recording.marks.items:
             if mark.kind is MarkKind.CONTACT and mark.point is not None and mark.elapsed <= now:
                 self._cross(draw, mark, fresh=now - mark.elapsed < self.fresh)
@@ -245,7 +245,7 @@ class _Canvas:
     def _block(self, draw: ImageDraw.ImageDraw, now: float) -> None:
         if self.spec.block_size:
             corners = self._all_at(self.recording.block_at(now).corners())
-            draw.polygon(corners, fill=svg.BLOCK, outline=svg.BLOCK_LINE, width=self._line(1.5))
+            draw.polygon(corners, fill=svg.BLOCK_FILL, outline=svg.BLOCK_LINE, width=self._line(1.5))
 
     def _belief(self, draw: ImageDraw.ImageDraw, now: float) -> None:
         cloud = latest(self.recording.beliefs, now)
@@ -312,7 +312,7 @@ class _Canvas:
         text, fill = "" if sent is None else sent.text, svg.FAINT
         if mark is not None and (now - mark.elapsed < 2 * self.fresh or mark.elapsed == self.recording.end):
             bad = mark.kind in (MarkKind.CONTACT, MarkKind.FAILED, MarkKind.FAULT)
-            text, fill = mark.text, svg.CONTACT if bad else svg.ROBOT
+            text, fill = mark.text, svg.CONTACT if bad else svg.ROBOT_LINE
         begin = left + self.width * 0.13
         while text and begin + draw.textlength(text, font=font) > self.width - left:
             text = text[:-4].rstrip(".") + "..." if len(text) > 4 else ""

@@ -31,12 +31,12 @@ from simmer_tui.sim.trajectory import Trajectory
 SEGMENTS = 8000
 """Most movements drawn: a page with more than that takes seconds to show."""
 MOVEMENTS = 3000
-BELIEFS = 2000
+MOST_BELIEFS = 2000
 """Most of each that a player shows."""
 # As many as a player has readings, since each scan is one.
-SCANS = 15_000
+MOST_SCANS = 15_000
 """Most scans, the newest."""
-PARTICLES = 30_000
+PARTICLES_SHOWN = 30_000
 """About the most particles of all beliefs together: each belief has fewer, so that none goes without."""
 CLOUD = 250
 """Most particles of one belief."""
@@ -105,8 +105,8 @@ class PathRecord:
         self.jumps: First[Jump] = First(LISTED)
         self.start = pose
         self.moves: Newest[MovementPath | Jump] = Newest(MOVEMENTS)
-        self.beliefs: Newest[BeliefCloud] = Newest(BELIEFS)
-        self.scans: Newest[ScanTrace] = Newest(SCANS)
+        self.beliefs: Newest[BeliefCloud] = Newest(MOST_BELIEFS)
+        self.scans: Newest[ScanTrace] = Newest(MOST_SCANS)
         self.one_particle_in = 1
         """So many; more than that find no room."""
         self.under_way: MovementPath | None = None
@@ -189,7 +189,7 @@ class PathRecord:
         self.beliefs.add(BeliefCloud(elapsed, belief, cloud(belief)[:: self.one_particle_in], heat))
         self._particles += len(self.beliefs.items[-1].particles)
         # Half of every belief rather than the oldest beliefs whole: the player shows all moments alike.
-        if self._particles > PARTICLES:
+        if self._particles > PARTICLES_SHOWN:
             self.one_particle_in *= 2
             items = self.beliefs.items
             for place, each in enumerate(items):

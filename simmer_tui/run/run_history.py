@@ -68,7 +68,7 @@ from simmer_tui.sim.specs import Axes, DriveKind
 from simmer_tui.sim.trajectory import Trajectory
 from simmer_tui.sim.velocity_commands import WAIT
 
-KEPT = 200_000
+_KEPT = 200_000
 """Commands of which rows are kept. A minute of the fastest program has 150,000."""
 KEPT_BELIEFS = 15_000
 """Beliefs kept. Programs send one a movement, and a tenth of commands are movements."""
@@ -239,7 +239,7 @@ class RunHistory:
         counters_known: bool = True,
         paths: PathRecord | None = None,
         now: Callable[[], float] | None = None,
-        kept: int = KEPT,
+        kept: int = _KEPT,
         nominal: Callable[[], Nominal | None] = lambda: None,
     ) -> None:
         """Make the history of a run from a checkpoint on.

@@ -28,7 +28,7 @@ LARGEST_SPEED = 1e6
 """Greatest speed one command may ask for, in/s or deg/s."""
 _BETWEEN = re.compile("[;,]")
 # An hour: longer than any mission. A longer wait was most likely meant in milliseconds.
-LONGEST_WAIT = 3600.0
+_LONGEST_WAIT = 3600.0
 """Longest wait of one command, seconds."""
 
 
@@ -48,9 +48,9 @@ def parse_wait(argument: str | None) -> float | str:
     value = parse_value(argument, f"{WAIT}-1")
     if isinstance(value, str):
         return value
-    if 0.0 <= value <= LONGEST_WAIT:
+    if 0.0 <= value <= _LONGEST_WAIT:
         return value
-    return f"{WAIT}-{value:g}: a wait has 0 to {LONGEST_WAIT:g} seconds"
+    return f"{WAIT}-{value:g}: a wait has 0 to {_LONGEST_WAIT:g} seconds"
 
 
 class VelocityControl:

@@ -36,7 +36,7 @@ from simmer_tui.sim.simulator import Simulator
 from simmer_tui.trials.trial import REAL, Ending, Trial, TrialResult, prepare, run_clock, with_clock
 from simmer_tui.whole_file import write_whole
 
-LOG, PACKED_LOG, OUTPUT, MAZE = ".jsonl", ".jsonl.gz", ".txt", ".maze.csv"
+LOG, PACKED_LOG, OUTPUT, _MAZE = ".jsonl", ".jsonl.gz", ".txt", ".maze.csv"
 """Name endings of a run's log, of its program's output and of a maze of its own."""
 # 2 MB of output at most in memory and on the disk: a program in a loop prints gigabytes.
 _LINES, _LINE_LENGTH = 2000, 1000
@@ -104,7 +104,7 @@ class TrialRun:
         self._new_sandbox = sandbox or (lambda: Unconfined(start, keeper))
         self._log = folder / f"{trial.name}{LOG if sandbox is None else PACKED_LOG}"
         self._output_file = folder / f"{trial.name}{OUTPUT}"
-        self._maze_file = folder / f"{trial.name}{MAZE}"
+        self._maze_file = folder / f"{trial.name}{_MAZE}"
         self._happened: queue.SimpleQueue[_What | int] = queue.SimpleQueue()
 
     def interrupt(self) -> None:

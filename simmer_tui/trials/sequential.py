@@ -141,7 +141,7 @@ class SequentialTest:
 
 
 # Judged: far finer than any number of runs can distinguish; below it the bounds overflow.
-LEAST = 1e-9
+_LEAST = 1e-9
 """Least margin and error of a test."""
 
 
@@ -154,7 +154,9 @@ def sequential_test(
 
     Raises TrialsError if there is no such test.
     """
-    if not (LEAST <= margin < rate <= 1 and LEAST <= risk < 0.5 and (cap is None or 0 < cap <= LARGEST_CAP)):
+    if not (
+        _LEAST <= margin < rate <= 1 and _LEAST <= risk < 0.5 and (cap is None or 0 < cap <= LARGEST_CAP)
+    ):
         raise TrialsError(
             f"no test tells a success rate of {rate:g} from one lower by {margin:g} with errors of {risk:g}: "
             f"the rate must be above the margin (--margin) and at most 1, a cap of runs at most {LARGEST_CAP}"

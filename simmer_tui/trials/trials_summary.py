@@ -41,7 +41,7 @@ from simmer_tui.trials.folder import RUNS, TABLE, TrialFolder
 from simmer_tui.trials.intervals import distribution, median
 from simmer_tui.trials.trial import RANDOM, Ending, TrialResult, clock_sentences, clocks_text
 
-LISTED = 20
+_LISTED = 20
 """Most failed runs listed; all of them are in trials.csv."""
 # Slowest successful runs listed.
 SLOWEST = 5
@@ -304,8 +304,8 @@ def _slowest(folder: TrialFolder, results: list[TrialResult]) -> DataTable:
 
 def _failures(folder: TrialFolder, results: list[TrialResult]) -> DataTable:
     failed = [result for result in results if not result.success]
-    rows = [_listed(folder, result, failure_text(result)) for result in failed[:LISTED]]
-    more = len(failed) - LISTED
+    rows = [_listed(folder, result, failure_text(result)) for result in failed[:_LISTED]]
+    more = len(failed) - _LISTED
     return FAILED_RUNS.filled(rows, f"and {more} more, in {TABLE}" if more > 0 else "")
 
 

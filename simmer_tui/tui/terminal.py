@@ -10,7 +10,7 @@ from enum import StrEnum
 
 from msgspec import Struct
 
-AUTO = "auto"
+_AUTO = "auto"
 """Option value that leaves the choice to `choose`."""
 
 
@@ -38,8 +38,8 @@ class GlyphMode(StrEnum):
     ASCII = "ascii"
 
 
-COLOR_OPTIONS = (AUTO, *(depth.value for depth in ColorDepth))
-GLYPH_OPTIONS = (AUTO, *(mode.value for mode in GlyphMode))
+COLOR_OPTIONS = (_AUTO, *(depth.value for depth in ColorDepth))
+GLYPH_OPTIONS = (_AUTO, *(mode.value for mode in GlyphMode))
 
 # Programs that show 24-bit colour and give their name, but do not all set COLORTERM.
 _TRUECOLOR_PROGRAMS = frozenset(
@@ -85,8 +85,8 @@ def choose(
     environment: Mapping[str, str],
     encoding: str | None,
     *,
-    color: str = AUTO,
-    glyphs: str = AUTO,
+    color: str = _AUTO,
+    glyphs: str = _AUTO,
     windows: bool = False,
 ) -> TerminalChoice:
     """Choice for an environment and the encoding of standard output.
@@ -99,8 +99,8 @@ def choose(
         ValueError: for an option value that is not allowed.
     """
     automatic = _automatic_color(environment, encoding, windows)
-    depth = automatic if color == AUTO else ColorDepth(color)
-    if glyphs != AUTO:
+    depth = automatic if color == _AUTO else ColorDepth(color)
+    if glyphs != _AUTO:
         return TerminalChoice(depth, GlyphMode(glyphs))
     term = environment.get("TERM", "").lower()
     if not _is_utf8(encoding) or _asks_for_c(environment) or term == "dumb" or depth is ColorDepth.NONE:

@@ -13,7 +13,7 @@ from simmer_tui.config.sets import bundled_folder
 from simmer_tui.config.settings import SerialSettings
 from simmer_tui.engine import Engine
 from simmer_tui.events import TwinReading
-from simmer_tui.links.serial_bridge import MARGIN, SerialBridge
+from simmer_tui.links.serial_bridge import ANSWER_MARGIN, SerialBridge
 from simmer_tui.links.serial_link import LinkListener
 from simmer_tui.protocol.replies import ReplyForm, ReplyFormat
 from simmer_tui.sim import CommandResult, Simulator, Status, parse_command
@@ -119,9 +119,9 @@ def test_the_next_movement_waits_for_the_planned_time_of_one_without_an_answer_w
         polled = rig.send(polling, "u1")
         await until(lambda: bool(polled))
         assert rig.robot.heard == [b"r1-6\n", b"u1\n"]
-        assert rig.loop.time() < begun + MARGIN
+        assert rig.loop.time() < begun + ANSWER_MARGIN
         await until(lambda: bool(second and behind))
-        assert rig.loop.time() >= begun + 0.05 + MARGIN
+        assert rig.loop.time() >= begun + 0.05 + ANSWER_MARGIN
         assert rig.robot.heard == [b"r1-6\n", b"u1\n", b"r1-3\n", b"u2\n"]
 
     played(steps)
