@@ -13,7 +13,6 @@ from simmer_tui.document.model import Figure
 from simmer_tui.report.run_statistics import RunStatistics
 from simmer_tui.run.attempt import Task
 from simmer_tui.run.paths import PathSegment
-from simmer_tui.run.run_history import SAME_PLACE
 from simmer_tui.sim.arrays import FloatArray
 from simmer_tui.sim.block import Block
 from simmer_tui.sim.footprint import Footprint
@@ -28,6 +27,9 @@ LEFT, TOP, RIGHT, AXIS = 34.0, 8.0, 14.0, 24.0
 WALLS, TILES, PAPER = "#3c3c3c", "#ececec", "#ffffff"
 LOADING, DROP = "#e8effb", "#dff3ea"
 LOADING_LINE, DROP_LINE = "#5470a5", "#3f7a68"
+# At 14 points an inch, the largest scale, it is one and a half points: as wide as a line.
+_STANDING = 0.1
+"""A movement that went no farther, inches, cannot be seen."""
 
 
 class MazeFrame:
@@ -154,7 +156,7 @@ class _MazeFigure:
         self.frame = MazeFrame(self.spec.maze)
         self._at = self.frame.at
         # A robot that a wall held for the rest of the run would leave all else in one colour.
-        self.pieces = [piece for piece in run.paths.segments if _extent(piece) >= SAME_PLACE]
+        self.pieces = [piece for piece in run.paths.segments if _extent(piece) >= _STANDING]
         self.end = max((piece.end for piece in self.pieces), default=0.0)
 
     def draw(self) -> Figure:
