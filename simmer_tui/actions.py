@@ -77,10 +77,10 @@ def _resume(_: Simulator) -> str:
     return "continues"
 
 
-def _speed(_: Simulator, scale: float) -> str:
+def _time_scale(_: Simulator, scale: float) -> str:
     low, high = TIME_SCALES.low, TIME_SCALES.high
     if not low <= scale <= high:
-        raise SimmerError(f"the speed is between {low:g} and {high:g} simulated seconds a second")
+        raise SimmerError(f"the time scale is between {low:g} and {high:g} simulated seconds a second")
     return f"{scale:g} simulated seconds a second"
 
 
@@ -94,5 +94,5 @@ _EFFECTS: dict[ActionName, tuple[int, Callable[..., str]]] = {
     ActionName.STOP: (0, _stop),
     ActionName.PAUSE: (0, _pause),
     ActionName.RESUME: (0, _resume),
-    ActionName.SPEED: (1, _speed),
+    ActionName.TIME_SCALE: (1, _time_scale),
 }

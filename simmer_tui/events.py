@@ -153,7 +153,8 @@ class ActionName(StrEnum):
     STOP = "stop"
     PAUSE = "pause"
     RESUME = "resume"
-    SPEED = "speed"
+    TIME_SCALE = "speed"
+    """Simulated seconds a second: `:speed` on the console, and so in logs."""
 
     @property
     def restarts(self) -> bool:

@@ -240,7 +240,7 @@ def test_the_page_of_reports_has_every_key_of_the_player() -> None:
         re.findall(r"(?<=[|`, ;])([][]|\w|space|left|right|home|end)(?=[`, ])", text.replace(" a ", " "))
     )
     assert {names.get(key, key) for key in keys} - {"l"} == shown, "l is for the live page"
-    speeds = re.search(r"const SPEEDS = \[([\d.]+), .* (\d+)\];", player)
+    speeds = re.search(r"const PLAYBACK_RATES = \[([\d.]+), .* (\d+)\];", player)
     assert speeds is not None
     assert f"slower, faster: {speeds[1]} to {speeds[2]} times real speed" in text
     assert "or `l`," in (DOCS / "browser.md").read_text("utf-8")

@@ -157,7 +157,7 @@ def people(bench: Bench) -> None:
     bench.engine.step()
     bench.engine.step()
     bench.wait(0.2)
-    bench.act(ActionName.SPEED, 2.0)
+    bench.act(ActionName.TIME_SCALE, 2.0)
     bench.act(ActionName.RESUME)
     bench.wait(0.5)
     bench.send("b", "d1-1", "u1")

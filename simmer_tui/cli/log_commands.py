@@ -122,13 +122,13 @@ def _export_options(parser: OneLineParser) -> None:
     parser.add_argument("--gif", metavar="OUT", type=Path, help="write the run as a GIF (needs Pillow)")
     parser.add_argument("--svg", metavar="OUT", type=Path, help="write the whole path as a picture")
     width = _number("a width from 160 to 3840 pixels", 160, 3840)
-    speed = _number("a speed from 0.01 to 1000", 0.01, 1000)
+    rate = _number("a playback rate from 0.01 to 1000", 0.01, 1000)
     seconds = _number("a time in seconds, 0 or more", 0, 1e12)
     parser.add_argument(
         "--width", metavar="PIXELS", type=width, default=720, help="of the pictures (default 720)"
     )
     parser.add_argument(
-        "--speed", metavar="X", type=speed,
+        "--speed", metavar="X", type=rate, dest="playback_rate",
         help="simulated seconds a second of the GIF (default: 1, or as many as make it 20 s long)",
     )  # fmt: skip
     parser.add_argument(
@@ -150,7 +150,7 @@ def run_export(options: argparse.Namespace) -> int:
         _write_text(options.svg, maze_picture(run, escape_passage(path.name), width))
         sys.stdout.write(_wrote(options.svg))
     if options.gif is not None:
-        taken = shots(run, options.begin, options.until, options.speed)
+        taken = shots(run, options.begin, options.until, options.playback_rate)
         with writing(RunLogError, options.gif):
             _run_through(write_gif(run, options.gif, taken, width), len(taken.times), "pictures")
         sys.stdout.write(_wrote(options.gif))

@@ -138,7 +138,7 @@ _ORDERS = (
     OrderSpec(":seed N", "back to the start with another seed", _seed, ActionName.SEED),
     OrderSpec(":noise on|off", "random errors of sensors and drives", _switch, ActionName.NOISE),
     OrderSpec(":bias [on|off]", "show the drive bias; random, or as in drive.csv", _switch, ActionName.BIAS),
-    OrderSpec(":speed N", "simulated seconds a second", _numbers, ActionName.SPEED),
+    OrderSpec(":speed N", "simulated seconds a second", _numbers, ActionName.TIME_SCALE),
     OrderSpec(":pace N|off", "how fast movements are shown, times real speed", _pace),
     OrderSpec(":vv VX VY OMEGA [T]", "drive so fast, in/s and deg/s, for T (or 1) seconds", _velocity),
     OrderSpec(":stop", "stop the robot", _alone, ActionName.STOP),

@@ -37,7 +37,7 @@ RATE = 10
 # All pictures are in memory until the file is written: two minutes at this rate.
 _MOST_FRAMES = 1200
 USUAL_SECONDS = 20.0
-"""Longest GIF, seconds, unless a speed is asked for: a slide that loops for longer is not watched."""
+"""Longest GIF, seconds, unless a playback rate is asked for: a slide that loops for longer is not watched."""
 # Seconds for which the last picture stays.
 _HOLD = 2.0
 # Pictures are drawn larger by this factor and then scaled down, so that lines are smooth.
@@ -46,27 +46,27 @@ _FINER = 2
 _COLORS = 96
 # Height of the line of text, as a fraction of the width.
 _BAR = 0.055
-# Seconds for which a reading or an event is shown at speed 1.
+# Seconds for which a reading or an event is shown at a playback rate of 1.
 _FRESH = 1.2
 _RAY, _CONE, _CLOUD = "#554100", "#fbe3bd", "#e79be7"
 
 
 @dataclass(frozen=True, slots=True)
 class Shots:
-    """The moments that are drawn: from `begin` until `end` (elapsed seconds), at `speed` simulated seconds a
-    second."""
+    """The moments that are drawn: from `begin` until `end` (elapsed seconds), at `playback_rate` simulated
+    seconds a second."""
 
     begin: float
     end: float
-    speed: float
+    playback_rate: float
 
     @property
     def times(self) -> list[float]:
-        count = math.ceil((self.end - self.begin) * RATE / self.speed - 1e-9)
-        return [min(self.begin + each * self.speed / RATE, self.end) for each in range(count + 1)]
+        count = math.ceil((self.end - self.begin) * RATE / self.playback_rate - 1e-9)
+        return [min(self.begin + each * self.playback_rate / RATE, self.end) for each in range(count + 1)]
 
 
-def shots(run: RunStatistics, begin: float | None, end: float | None, speed: float | None) -> Shots:
+def shots(run: RunStatistics, begin: float | None, end: float | None, playback_rate: float | None) -> Shots:
     """The moments of a run that are drawn. Raises ExportError for a stretch that the run has not, or one that
     takes too many pictures."""
     recording = run.recording
@@ -80,12 +80,12 @@ def shots(run: RunStatistics, begin: float | None, end: float | None, speed: flo
     if last < first:
         raise ExportError(f"--until {last:g} is before --from {first:g}")
     usual = max(1.0, math.ceil((last - first) / USUAL_SECONDS))
-    made = Shots(first, last, usual if speed is None else speed)
-    if (last - first) * RATE / made.speed > _MOST_FRAMES:
+    made = Shots(first, last, usual if playback_rate is None else playback_rate)
+    if (last - first) * RATE / made.playback_rate > _MOST_FRAMES:
         least = math.ceil((last - first) * RATE / _MOST_FRAMES)
         raise ExportError(
-            f"{last - first:.0f} s at speed {made.speed:g} are more than {_MOST_FRAMES} pictures; take "
-            f"--speed {least} or more, or a part with --from and --until"
+            f"{last - first:.0f} s at speed {made.playback_rate:g} are more than {_MOST_FRAMES} pictures; "
+            f"take --speed {least} or more, or a part with --from and --until"
         )
     return made
 
@@ -99,7 +99,7 @@ def write_gif(run: RunStatistics, path: Path, taken: Shots, width: int) -> Itera
         raise ExportError(f"a GIF needs Pillow: pip install '{requirement('export')}'") from None
     # Opened first: a path that cannot be written to is reported before minutes of drawing.
     with whole_file(path) as file:
-        canvas = _Canvas(run, width, taken.speed)
+        canvas = _Canvas(run, width, taken.playback_rate)
         times = taken.times
         palette = canvas.palette(times)
         frames: list[Image.Image] = []
@@ -113,7 +113,7 @@ def write_gif(run: RunStatistics, path: Path, taken: Shots, width: int) -> Itera
 class _Canvas:
     """Pictures of one run; ask for them in order of time."""
 
-    def __init__(self, run: RunStatistics, width: int, speed: float) -> None:
+    def __init__(self, run: RunStatistics, width: int, playback_rate: float) -> None:
         self.run = run
         self.recording = run.recording
         self.spec = run.configuration.simulation
@@ -124,7 +124,7 @@ class _Canvas:
         self.scale = (width - 2 * margin) * _FINER / maze.width
         self.margin = margin * _FINER
         self.height = math.ceil(maze.height * self.scale / _FINER) + 2 * margin + self.bar
-        self.fresh = _FRESH * max(speed, 1.0)
+        self.fresh = _FRESH * max(playback_rate, 1.0)
         self._footprint = Footprint.of(self.spec.robot)
         self._sensors = {sensor.code: sensor for sensor in self.spec.sensors}
         self._ground = self._drawn_ground()

@@ -116,7 +116,7 @@ class VelocityControl:
 
     def _share(self, twist: Twist) -> float:
         """The share of a twist at which no component is faster than its row's Speed, at most 1."""
-        over = [part.pace / part.drive.speed for part in components(twist, self._drives)]
+        over = [part.commanded_speed / part.drive.speed for part in components(twist, self._drives)]
         most = max(over, default=0.0)
         return 1.0 / most if most > 1.0 else 1.0
 

@@ -40,7 +40,7 @@ from simmer_tui.sim.specs import GripperSpec, VelocityKind, VelocitySpec
         (":noise ON", Action(ActionName.NOISE, (1.0,))),
         (":bias off", Action(ActionName.BIAS, (0.0,))),
         (":bias", Local("bias")),
-        (":speed 0.5", Action(ActionName.SPEED, (0.5,))),
+        (":speed 0.5", Action(ActionName.TIME_SCALE, (0.5,))),
         (":stop", Action(ActionName.STOP)),
         (":vv 4 0 -30", Local("vv", "4;0;-30;1")),
         (":vv 4 0 0 2.5", Local("vv", "4;0;0;2.5")),
