@@ -16,6 +16,7 @@ from simmer_tui.document.formats import PLACE, POSE, TEXT, UNIT
 from simmer_tui.document.model import DataColumn, DataTable, Document
 from simmer_tui.errors import Problem
 from simmer_tui.sim import columns
+from simmer_tui.sim.columns import column_name
 from simmer_tui.sim.command import escape
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.rules import PairRule
@@ -30,7 +31,7 @@ _FORMATS = {"unit": UNIT, **dict.fromkeys(("start", "block", "drop_zone"), PLACE
 
 
 def _key(name: str, unit: str) -> str:
-    name = _PER_TIME.get(name, name).replace(".", "_")
+    name = _PER_TIME.get(name, name)
     unit = unit.replace("/", "_per_").replace(" ", "_").lower()
     return f"{name}_{unit}" if unit else name
 
@@ -39,7 +40,11 @@ def _columns(names: str, values: Iterable[Value] = ()) -> tuple[DataColumn, ...]
     """Columns of these names, and of the values of a part by their fields."""
     return (
         *(DataColumn(name, _FORMATS.get(name, TEXT)) for name in names.split()),
-        *(DataColumn(_key(value.field, value.unit)) for value in values),
+        # An axis of an error has no field of its own.
+        *(
+            DataColumn(_key(column_name(value.name) if "." in value.field else value.field, value.unit))
+            for value in values
+        ),
     )
 
 

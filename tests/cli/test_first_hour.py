@@ -329,6 +329,8 @@ def test_check_as_json_is_the_set_or_its_mistakes(folder: Path, tmp_path: Path, 
     assert found["sensors"][0]["max_range_in"] is None
     assert (found["robot"]["radius_in"], found["gripper"]["code"]) == (3, "p1")
     assert found["drives"][0]["speed_per_s"] == 6
+    # As in drive.csv, in profiles and in `trials --vary`.
+    assert {"x_axis_error", "y_axis_error", "rotation_error", "rotation_bias"} <= found["drives"][0].keys()
     assert found["drives"][0]["unit"] == "in"
     assert found["settings"]["server_port"] == 9000
     assert found["settings"]["bot_center_x_in"] == found["robot"]["start_x_in"] == 9.5
