@@ -48,9 +48,11 @@ def _block(simulator: Simulator, x: float, y: float) -> str:
 
 def _seed(simulator: Simulator, seed: float) -> str:
     # Arguments are numbers of any kind, as the log has them; numpy takes only whole, positive seeds.
-    if seed < 0 or not float(seed).is_integer():
-        raise SimmerError("a seed is a whole number, 0 or more")
-    simulator.reset(int(seed))
+    whole = int(seed) if float(seed).is_integer() else seed
+    try:
+        simulator.reset(noise.SEEDS.check(whole))
+    except ValueError as error:
+        raise SimmerError(f"the seed {error}") from None
     return f"back at the start with seed {simulator.seed}"
 
 

@@ -173,7 +173,7 @@ class ActionName(StrEnum):
 
 
 class Action(Struct, frozen=True):
-    """One action: `teleport` takes x, y and heading, `block` x and y, `seed` a number, `speed`
+    """One action: `teleport` takes x, y and heading, `block` x and y, `seed` a whole number, `speed`
     simulated seconds a second, `noise` and `bias` 1 or 0 for on and off."""
 
     name: ActionName

@@ -169,7 +169,7 @@ PHRASES = {
         "| `{cli.grade_command._GRADESCOPE}/TEAM/results.json` |",
         "The seed is in `{grade.course.PLAN_FILE}`",
         "A supervisor measures every {grade.usage._EVERY} s",
-        "of its runs have {cli.grade_command._SEED_BITS} bits",
+        "of its runs have {sim.noise.SEED_BITS} bits",
         "It is {exit.LOST:d} if the Dask cluster was lost, and {exit.INTERRUPTED:d} after Ctrl-C",
     ],
     "mission.md": [

@@ -19,6 +19,7 @@ from simmer_tui.cli.command_line import (
     add_json_option,
     add_trust_option,
     print_answer,
+    seed_of,
     subcommand,
     writing,
 )
@@ -57,7 +58,11 @@ def _options(parser: OneLineParser) -> None:
         "setting strength",
     )
     parser.add_argument(
-        "--seed", type=int, default=0, help="of the search for the path (default: 0); rarely of use"
+        "--seed",
+        metavar="N",
+        type=seed_of,
+        default=0,
+        help="of the search for the path (default: 0); rarely of use",
     )
     parser.add_argument(
         "--anyway",

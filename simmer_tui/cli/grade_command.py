@@ -18,6 +18,7 @@ from simmer_tui.cli.command_line import (
     add_json_option,
     print_answer,
     say,
+    seed_of,
     subcommand,
 )
 from simmer_tui.cli.trials_options import count, new_folder, newest_folder, rate, run_to_end, typed_path
@@ -32,12 +33,12 @@ from simmer_tui.grade.sandbox import Isolation
 from simmer_tui.grade.site import INDEX, grades_document, grades_table, gradescope_json, junit_xml, site
 from simmer_tui.grade.team_result import TeamResult, TeamStatus, team_results
 from simmer_tui.phrases import counted
+from simmer_tui.sim.noise import SEED_BITS
 from simmer_tui.trials.sequential import MARGIN, REQUIRED_RATE, shown_test
 from simmer_tui.trials.trial import TrialResult
 
 _GRADES, _JUNIT, _GRADESCOPE, _SITE = "grades.csv", "junit.xml", "gradescope", "site"
 _PREFIX = "grade_"
-_SEED_BITS = 128
 
 
 def _options(parser: OneLineParser) -> None:
@@ -69,7 +70,7 @@ def _options(parser: OneLineParser) -> None:
     parser.add_argument(
         "--seed",
         metavar="N",
-        type=int,
+        type=seed_of,
         help="seed of an earlier grading, to repeat it (default: a secret one)",
     )
     parser.add_argument("--jobs", metavar="N", type=count, help="runs at a time (default: one a processor)")
@@ -133,9 +134,7 @@ def _begun(options: argparse.Namespace) -> GradeFolder:
     course = dataclasses.replace(course, **given)
     isolation = _isolation(options)
     path = options.out or _usual_place(course)
-    if options.seed is not None and options.seed < 0:
-        raise GradeError("--seed must be a whole number from 0")
-    seed = secrets.randbits(_SEED_BITS) if options.seed is None else options.seed
+    seed = secrets.randbits(SEED_BITS) if options.seed is None else options.seed
     _check_outside(path, course)
     return GradeFolder.create(path, course, seed, isolation, hides_names=bool(options.hide_names))
 

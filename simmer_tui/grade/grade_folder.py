@@ -42,6 +42,7 @@ from simmer_tui.grade.submission_copy import LARGEST_SUBMISSION, copy_submission
 from simmer_tui.grade.submission_reader import SubmissionReader
 from simmer_tui.program.program_command import words_of
 from simmer_tui.sim.command import shown_path
+from simmer_tui.sim.noise import SEED_BITS
 from simmer_tui.trials.run import OUTPUT, PACKED_LOG
 from simmer_tui.trials.sequential import Decision, SequentialTest, sequential_test
 from simmer_tui.trials.store import RunStore, StoreKind, unbroken
@@ -297,9 +298,10 @@ class GradeFolder:
 
 
 def _run_seed(seed: int, number: int) -> int:
-    """The seed of a run: 128 bits, since a program that reads a sensor twice could search a smaller space. It
-    is an HMAC, so the seeds of published runs do not reveal others."""
-    return int.from_bytes(hmac.digest(str(seed).encode(), f"seed of run {number}".encode(), "sha256")[16:])
+    """The seed of a run, as long as a seed can be. It is an HMAC: seeds of published runs do not reveal
+    others."""
+    drawn = hmac.digest(str(seed).encode(), f"seed of run {number}".encode(), "sha256")
+    return int.from_bytes(drawn[-(SEED_BITS // 8) :])
 
 
 def _check(base: Configuration, largest: Configuration) -> None:

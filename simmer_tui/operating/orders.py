@@ -9,7 +9,8 @@ from simmer_tui.config.settings import PACES
 from simmer_tui.errors import ConsoleCommandError
 from simmer_tui.events import LARGEST_NUMBER, Action, ActionName
 from simmer_tui.sim.command import Command, escape_word, parse_command, parse_value
-from simmer_tui.sim.rules import IntegerRule, NumberRule, did_you_mean
+from simmer_tui.sim.noise import SEEDS
+from simmer_tui.sim.rules import NumberRule, did_you_mean
 from simmer_tui.sim.specs import SimulationSpec
 from simmer_tui.sim.velocity_commands import WAIT
 
@@ -77,15 +78,11 @@ def _numbers(order: OrderSpec, words: Sequence[str]) -> ConsoleCommand:
     return Action(order.action, _each_number(words))
 
 
-_SEED = IntegerRule(0, int(LARGEST_NUMBER))
-"""Seeds that a log keeps to the last digit."""
-
-
 def _seed(order: OrderSpec, words: Sequence[str]) -> ConsoleCommand:
     assert order.action is not None
     if len(words) != 1:
         raise ConsoleCommandError("takes one number")
-    return Action(order.action, (float(_SEED.from_text(words[0])),))
+    return Action(order.action, (SEEDS.from_text(words[0]),))
 
 
 def _switch(order: OrderSpec, words: Sequence[str]) -> ConsoleCommand:

@@ -229,7 +229,7 @@ class ActionRecord(LogRecord, tag="action", frozen=True, kw_only=True, gc=False)
     n: Count
     action: ActionName
     source: str
-    arguments: tuple[Real, ...]
+    arguments: tuple[int | Real, ...]
     text: str
     pose: LoggedPose
     refused: bool = False
@@ -239,6 +239,9 @@ class ActionRecord(LogRecord, tag="action", frozen=True, kw_only=True, gc=False)
         # A refused action may have been refused for its arguments.
         if not self.refused and len(self.arguments) != count:
             raise ValueError(f"{self.action} takes {count} arguments")
+        # Seeds have more digits than other numbers.
+        if self.action is not ActionName.SEED and any(abs(each) > LARGEST_NUMBER for each in self.arguments):
+            raise ValueError(f"an argument of {self.action} is beyond {LARGEST_NUMBER:g}")
 
 
 class BeliefRecord(LogRecord, tag="belief", frozen=True, kw_only=True, gc=False):
