@@ -15,6 +15,7 @@ import shutil
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import closing, suppress
 from dataclasses import dataclass, field, replace
+from itertools import islice
 from pathlib import Path, PurePosixPath
 from typing import Annotated
 
@@ -49,6 +50,8 @@ from simmer_tui.trials.store import RunStore, StoreKind, unbroken
 from simmer_tui.trials.trial import TrialResult, maze_faults, timed_seconds, with_clock
 
 COURSE, _RUNS = "course", "runs"
+_MOST_NAMED = 5
+"""Files of a team that are named as not copied; judged: a linked environment has thousands."""
 _NUMBERS = 100_000
 """Numbers of runs reserved for each team: more than the largest cap of a test."""
 
@@ -60,11 +63,12 @@ def number_in_team(result: TrialResult) -> int:
 
 class PlannedTeam(Struct, frozen=True):
     """A team as the plan has it. `attempt` counts its gradings, `refused` is the reason why its files were
-    not accepted, or empty."""
+    not accepted, or empty. `not_copied` says what was left out of its copy, and why."""
 
     team: Team
     attempt: int = 1
     refused: str = ""
+    not_copied: tuple[str, ...] = ()
 
 
 class GradePlan(Struct, frozen=True, kw_only=True):
@@ -324,7 +328,7 @@ def _kept(planned: PlannedTeam, path: Path, command: str, reader: SubmissionRead
     team = replace(planned.team, folder=planned.team.folder.resolve())
     home = path / TEAMS_FOLDER / team.slug
     home.mkdir()
-    refused = ""
+    refused, left_out = "", dict[str, str]()
     try:
         files = home / PROGRAM
         left_out = copy_submission(team.folder, files, LARGEST_SUBMISSION)
@@ -332,13 +336,16 @@ def _kept(planned: PlannedTeam, path: Path, command: str, reader: SubmissionRead
             team = reader.call(submitted_team, team, files, command)
         else:
             team = submitted_team(team, files, command)
-        refused = _not_copied(team, left_out)
+        refused = _refusal(team, left_out)
     except GradeError as error:
         refused = str(error)
-    return PlannedTeam(team, planned.attempt, refused)
+    not_copied = [f"{shown_path(path)} {reason}" for path, reason in islice(left_out.items(), _MOST_NAMED)]
+    if more := len(left_out) - len(not_copied):
+        not_copied.append(f"and {more} more")
+    return PlannedTeam(team, planned.attempt, refused, tuple(not_copied))
 
 
-def _not_copied(team: Team, left_out: Mapping[str, str]) -> str:
+def _refusal(team: Team, left_out: Mapping[str, str]) -> str:
     """The reason why a file that a team's grading needs, or a folder of it, was not copied; else empty: its
     program, its team.toml and its robot."""
     words: Sequence[str] = ()

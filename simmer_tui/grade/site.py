@@ -42,6 +42,8 @@ _TONES = {
 _RUN_TONES = {"succeeded": Tone.GOOD, "failed": Tone.BAD}
 _MOST_SILENT = 5
 """Programs that never started whose names and lines are shown; judged: more would push the table away."""
+NOT_COPIED = "Not copied, so not there in the runs: submit plain files"
+"""The title of the list of files that were left out of the copies of submissions."""
 _SHOWN_RUNS = 3
 """Failed runs of a team with a page of their own."""
 _LARGEST_SHOWN = 2_000_000
@@ -114,9 +116,22 @@ def grades_document(folder: GradeFolder, team_results: list[TeamResult], isolati
             Paragraph(shown_test(folder.test), "test", "run"),
             grades_table(folder, ranked(team_results)),
             Paragraph(_answer(team_results), "answer"),
+            *_left_out(folder, team_results),
             *_notes(folder, isolation),
         ),
     )
+
+
+def _left_out(folder: GradeFolder, team_results: list[TeamResult]) -> list[Bullets]:
+    """The files of submissions that were not copied: a program that needs one fails without it."""
+    if folder.plan.hides_names:  # a path may name its team
+        return []
+    lines = [
+        f"{each.label}: {', '.join(each.entry.planned.not_copied)}"
+        for each in team_results
+        if each.entry.planned.not_copied
+    ]
+    return [Bullets(NOT_COPIED, lines, "not_copied")] if lines else []
 
 
 def _answer(team_results: list[TeamResult]) -> str:
@@ -193,6 +208,7 @@ def _index_page(folder: GradeFolder, team_results: list[TeamResult], isolation: 
             KeyFigures(((str(passed), "passed"), (str(failed), "did not pass"), third)),
             table,
             *(_last_lines(folder, each) for each in shown),
+            *_left_out(folder, team_results),
             Folded(
                 "How the grades were made", (Paragraph(shown_test(folder.test)), *_notes(folder, isolation))
             ),
@@ -246,7 +262,7 @@ def _team_page(folder: GradeFolder, team_result: TeamResult, links: dict[int, st
     picture: list[DocumentPart] = []
     if configuration is not None and team_result.results:
         picture.append(map_figure(configuration.simulation.maze, team_result.results))
-    return Document(team_result.label, [*parts, *beside(left, picture)])
+    return Document(team_result.label, [*parts, *beside(left, picture), *_left_out(folder, [team_result])])
 
 
 def _run_pages(folder: GradeFolder, team_result: TeamResult) -> dict[int, str]:
