@@ -172,17 +172,14 @@ def sequential_test(
     for runs in range(1, (cap or LARGEST_CAP) + 1):
         walks = np.pad(walks * (1 - rates), ((0, 0), (0, 1))) + np.pad(walks * rates, ((0, 0), (1, 0)))
         failing, passing = _bounds(runs, bound, up, down)
-        whole = np.cumsum(walks[:, ::-1], axis=1)[:, ::-1]  # the same of at least 0, 1, ... successes
-        wrong = np.maximum(
-            false_pass + np.append(whole[0], 0.0), false_fail + whole[1, 0] - np.append(whole[1], 0.0)
-        )
-        least = max(failing + 1, 0)
-        cut = least + int(np.argmin(wrong[least : min(passing, runs + 1) + 1]))
+        # Both errors if the test ended here, and 0, 1, ... successes, or one more than all, were needed.
+        beyond = np.pad(np.cumsum(walks[:, ::-1], axis=1)[:, ::-1], ((0, 0), (0, 1)))
+        passed, failed = false_pass + beyond[0], false_fail + (beyond[1, 0] - beyond[1])
+        wrong = np.maximum(passed, failed)
+        cut = failing + 1 + int(np.argmin(wrong[failing + 1 : passing + 1]))
         if runs == cap or (cap is None and wrong[cut] <= risk):
-            false_pass += float(np.append(whole[0], 0.0)[cut])
-            false_fail += float(whole[1, 0] - np.append(whole[1], 0.0)[cut])
             ends = ((*fail_at, cut - 1), (*pass_at, cut))
-            return SequentialTest(rate, margin, risk, runs, *ends, false_pass, false_fail)
+            return SequentialTest(rate, margin, risk, runs, *ends, float(passed[cut]), float(failed[cut]))
         false_pass += float(walks[0, passing:].sum())
         false_fail += float(walks[1, : failing + 1].sum())
         walks[:, passing:] = 0.0
