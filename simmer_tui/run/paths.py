@@ -42,7 +42,7 @@ CLOUD = 250
 """Most particles of one belief."""
 STRAIGHT = 0.02
 """Inches; a path within this of a straight line is drawn as one: a twentieth of a point."""
-PIECE = 1.0
+_PIECE = 1.0
 """About the length, inches, of the pieces of a path that each count for one cell: judged fine enough for
 cells of 12 in."""
 PathPoint = tuple[float, float]
@@ -221,15 +221,15 @@ class PathRecord:
         cells, cell_at = self.cells, self._cell
         # All segments but the last have one length, often a part of an inch.
         each = math.dist(points[0], points[1])
-        if 0.0 < each < PIECE:
-            points = [*points[: -1 : int(PIECE / each)], points[-1]]
+        if 0.0 < each < _PIECE:
+            points = [*points[: -1 : int(_PIECE / each)], points[-1]]
         lengths = list(map(math.dist, points, points[1:]))
         total = math.fsum(lengths)
         if total == 0.0:
             cells[cell_at(*points[0])] += seconds
             return
         for (a, b), length in zip(pairwise(points), lengths, strict=True):
-            steps = max(math.ceil(length / PIECE), 1)
+            steps = max(math.ceil(length / _PIECE), 1)
             share = seconds * length / total / steps
             for step in range(steps):
                 fraction = (step + 0.5) / steps
