@@ -42,6 +42,8 @@ class Screen(FrontEnd):
         self._server = server
         self._once = once
         self._has_program = program is not None
+        self._program_failed = False
+        """True if the program ended by itself, with an exit code."""
         name = "" if program is None else program_name(program)
         self._app = SimmerApp(server, choice, default_history_file(), program=name)
         self._printer = LinePrinter(quiet=False)
@@ -93,18 +95,19 @@ class Screen(FrontEnd):
 
     def program_ended(self, code: int, *, stopped: bool) -> None:
         server = self._server
+        self._program_failed = bool(code) and not stopped
         server.tell(Notice(NoticeKind.PROGRAM, exit_text(code)))
         # A mission whose program has crashed is over, as without a screen. Who quits, or restarts the run,
         # fails no mission.
-        if code and not stopped and server.referee is not None:
+        if self._program_failed and server.referee is not None:
             server.call(server.referee.end, exit_text(code))
         # Without `--once` the screen stays, so that the end can be seen.
         if self._once:
             self.finish(code)
 
-    def ended(self, program_code: int | None) -> None:
+    def ended(self) -> None:
         referee = self._server.referee
-        if program_code or (referee is not None and referee.result is Result.FAILED):
+        if self._program_failed or (referee is not None and referee.result is Result.FAILED):
             say("simmer-tui report and simmer-tui replay, without a file, show what went wrong")
         _forget_dead_terminal()
 

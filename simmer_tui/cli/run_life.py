@@ -88,7 +88,7 @@ class FrontEnd:
     def judged(self, verdict: Verdict) -> None:
         """Called when the run is over and its server stopped, with the verdict."""
 
-    def ended(self, program_code: int | None) -> None:
+    def ended(self) -> None:
         """Called when the run is over and its server stopped."""
 
 
@@ -156,7 +156,7 @@ class RunLife:
             self._judge()
             if self._page is not None:
                 self._page.stop()
-            front.ended(self._program_code)
+            front.ended()
 
     def _start(self) -> None:
         server, front = self._server, self._front

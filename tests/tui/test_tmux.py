@@ -247,7 +247,7 @@ def test_a_person_who_quits_is_no_failure_of_the_program(pane: Pane, tmp_path: P
     pane.start("--mission", "--log", str(log), "--run", shlex.join([sys.executable, "-c", code]))
     pane.until("u1 -> ")
     pane.type("C-q")
-    pane.until("EXIT ")
+    assert "went wrong" not in pane.until("EXIT ")
     run = build_report(log)
     assert re.match(r"Ended after [0-9.]+ s: the simulator ended the program", run.verdict.text)
 
@@ -255,7 +255,7 @@ def test_a_person_who_quits_is_no_failure_of_the_program(pane: Pane, tmp_path: P
 @pytest.mark.slow
 def test_with_once_it_ends_with_the_program_or_the_client(pane: Pane, tmp_path: Path) -> None:
     pane.start("--once", "--run", shlex.join(["python", "-c", "raise SystemExit(3)"]))
-    pane.until("EXIT 3")
+    assert "show what went wrong" in pane.until("EXIT 3")
     pane.close()
     other = Pane(tmp_path / "other")
     (tmp_path / "other").mkdir()
