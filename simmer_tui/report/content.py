@@ -18,7 +18,6 @@ from simmer_tui.document.formats import (
     POSE,
     QUOTED,
     SHARE,
-    UNIT,
     WORDS,
     Format,
     number,
@@ -148,7 +147,7 @@ SENSORS = DataTable(
     (
         DataColumn("sensor", _SENSOR),
         DataColumn("readings", COUNT, "count"),
-        DataColumn("unit", UNIT),
+        DataColumn("unit"),
         DataColumn("wrong", hidden=True),
         DataColumn("mean", hidden=True),
         DataColumn("shown", replace(WORDS, numeric=True), "mean"),
@@ -163,7 +162,7 @@ BELIEF = DataTable(
     "Belief",
     (
         DataColumn("of", heading="off by"),
-        DataColumn("unit", UNIT, heading=""),
+        DataColumn("unit", heading=""),
         DataColumn("mean", number(".2f")),
         DataColumn("std", number(".2f")),
         DataColumn("worst", number(".2f")),
@@ -292,7 +291,7 @@ def report_tables(run: RunStatistics, name: str = "") -> list[DataTable]:
 def _record(run: RunStatistics, name: str) -> DataTable:
     header = run.header
     row = (
-        name or None,
+        name,
         *(header.configuration, header.seed, header.start, header.program),
         *(run.history.elapsed, run.real_seconds, run.totals.commands, run.history.refusals.first.given),
         *(run.totals.movements, run.totals.distance, run.totals.turned, run.totals.contacts, run.pose),
@@ -343,7 +342,7 @@ def _commands(run: RunStatistics) -> DataTable:
 def _messages(run: RunStatistics) -> DataTable:
     """Messages of a dialect, unknown ones first."""
     counted_messages = sorted(run.totals.messages.items(), key=lambda item: (not item[0][1], -item[1]))
-    rows = [(name, count, remark or None) for (name, remark), count in counted_messages]
+    rows = [(name, count, remark) for (name, remark), count in counted_messages]
     return MESSAGES.filled(rows)
 
 

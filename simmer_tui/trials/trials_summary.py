@@ -16,12 +16,12 @@ from simmer_tui.document.formats import (
     POSE,
     QUOTED,
     SHARE,
-    UNIT,
     Format,
     estimate,
     number,
 )
 from simmer_tui.document.model import DataColumn, DataTable, Document, DocumentPart, Paragraph
+from simmer_tui.events import Goal
 from simmer_tui.report.causes import Kind
 from simmer_tui.sim.command import escape, shown_path
 from simmer_tui.trials.chance_control import CONTROL
@@ -84,7 +84,7 @@ DISTRIBUTION = DataTable(
     "distributions",
     "Distributions",
     (
-        *(DataColumn("of"), DataColumn("unit", UNIT)),
+        *(DataColumn("of"), DataColumn("unit")),
         DataColumn("least", _VALUE),
         DataColumn("quarter", _VALUE, "1/4"),
         DataColumn("median", _VALUE),
@@ -92,7 +92,7 @@ DISTRIBUTION = DataTable(
         DataColumn("most", _VALUE),
     ),
 )
-_REPLAY = DataColumn("replay", heading="see it", wraps=True, line=True)
+_REPLAY = DataColumn("replay", Format(lambda command: command or "no log"), "see it", wraps=True, line=True)
 _DRIVEN = Format(lambda of: f"{LENGTH.text(of[0])} in, {of[1]} commands", ("distance_in", "commands"), tuple)
 RUNS_TABLE = DataTable(
     "runs",
@@ -189,11 +189,10 @@ def runs_table(folder: TrialFolder) -> DataTable:
         point = plan.points[plan.point(each.number)] if varied else {}
         rows.append(
             (
-                *(each.number, each.seed, each.maze or None, each.success, each.ending.value, each.reason),
+                *(each.number, each.seed, each.maze, each.success, each.ending.value, each.reason),
                 *(each.cause, each.why, each.exit_code, each.time, each.distance, each.commands),
                 *(each.contacts, each.start, each.end, each.block, each.drop_zone),
-                *(each.reached, each.taken, each.delivered, each.last_output or None),
-                each.clock or None,
+                *(each.reached, each.taken, each.delivered, each.last_output, each.clock),
                 f"{RUNS}/{folder.log(each.number).name}",
                 *(point.get(name) for name in varied),
             )
@@ -247,15 +246,13 @@ def _endings(results: list[TrialResult]) -> DataTable:
 
 def _goals(results: list[TrialResult]) -> DataTable:
     """Goals of the mission; no rows without one."""
-    goals: dict[str, Callable[[TrialResult], float | None]] = {
-        "loading zone reached": lambda result: result.reached,
-        "block taken": lambda result: result.taken,
-        "block delivered": lambda result: result.delivered,
-    }
+    if all(result.drop_zone is None for result in results):
+        return GOALS
+    met = zip(*((result.reached, result.taken, result.delivered) for result in results), strict=True)
     rows = []
-    for name, when in goals.items() if any(result.drop_zone is not None for result in results) else ():
-        times = [time for time in map(when, results) if time is not None]
-        rows.append((name, len(times), len(times) / len(results), median(times)))
+    for goal, moments in zip(Goal, met, strict=True):
+        times = [time for time in moments if time is not None]
+        rows.append((goal.value, len(times), len(times) / len(results), median(times)))
     return GOALS.filled(rows)
 
 
@@ -312,5 +309,5 @@ def _failures(folder: TrialFolder, results: list[TrialResult]) -> DataTable:
 def _listed(folder: TrialFolder, result: TrialResult, what: object) -> tuple[object, ...]:
     """A row for a run; `what` happened, and the command that plays it again."""
     log = folder.log(result.number)
-    command = f"simmer-tui replay {shlex.quote(shown_path(log))}" if log.exists() else "no log"
+    command = f"simmer-tui replay {shlex.quote(shown_path(log))}" if log.exists() else ""
     return result.number, result.time, what, command
