@@ -30,6 +30,7 @@ from simmer_tui.sim.specs import Axes, DriveKind
 from simmer_tui.snapshot import LogEntry, Snapshot
 from simmer_tui.tui.event_text import clock_text, distance_off, grid_lines, off_text
 from simmer_tui.tui.gauges import bearing_words
+from simmer_tui.tui.key_table import AGAIN_KEY
 from simmer_tui.tui.line_panel import StyledLine, heading, length, shortened, wrapped_lines
 from simmer_tui.tui.readouts import Room, goals_line, movement_line, spent_words, standing_scan
 
@@ -281,7 +282,7 @@ def end_answer(snapshot: Snapshot, *, orders: bool) -> AnswerCard | None:
 
 
 _REPORT = (":report", "page")
-_AFTERWARDS = ((":why", "more"), _REPORT, ("R", "again"))
+_AFTERWARDS = ((":why", "more"), _REPORT, (AGAIN_KEY, "again"))
 """Orders and keys offered after the end of a run, each with its effect."""
 
 
