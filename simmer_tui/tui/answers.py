@@ -24,11 +24,12 @@ from simmer_tui.phrases import (
 from simmer_tui.program.crash import own_frames
 from simmer_tui.report.verdict import Outcome, Verdict
 from simmer_tui.report.why import NOTHING_MOVED, WhyFact
+from simmer_tui.run.facts import displacement
 from simmer_tui.sim.command import escape_passage, parse_value, printable
 from simmer_tui.sim.scan_rays import extremes
 from simmer_tui.sim.specs import Axes, DriveKind
 from simmer_tui.snapshot import LogEntry, Snapshot
-from simmer_tui.tui.event_text import clock_text, distance_off, grid_lines, off_text
+from simmer_tui.tui.event_text import clock_text, grid_lines, off_text
 from simmer_tui.tui.gauges import bearing_words
 from simmer_tui.tui.key_table import AGAIN_KEY
 from simmer_tui.tui.line_panel import StyledLine, heading, length, shortened, wrapped_lines
@@ -290,7 +291,8 @@ def _success(snapshot: Snapshot, mission: MissionState, *, orders: bool) -> Answ
     belief = snapshot.state.belief
     off: StyledLine = ()
     if belief is not None:
-        off = (*_GAP, ("belief ", "label"), (f"{distance_off(belief):.1f}", "bold"), (" in off", "label"))
+        distance, _ = displacement(belief.true, belief.pose)
+        off = (*_GAP, ("belief ", "label"), (f"{distance:.1f}", "bold"), (" in off", "label"))
     contacts, commands = _amount(mission.contacts, "contact"), _amount(mission.commands, "command")
     driven: StyledLine = (*contacts, *_GAP, (f"{mission.distance:.1f}", "bold"), (" in driven", "label"))
     went: StyledLine = (
