@@ -115,7 +115,7 @@ def run_grade(options: argparse.Namespace) -> int:
     if code is not ExitCode.DONE:
         say(f"simmer-tui grade: {why}; to resume: simmer-tui grade --resume --out {typed_path(folder.path)}")
         return code
-    return ExitCode.DONE if all(each.outcome is TeamStatus.PASSED for each in found) else ExitCode.NO
+    return ExitCode.DONE if all(each.status is TeamStatus.PASSED for each in found) else ExitCode.NO
 
 
 # -- what is to be done ----------------------------------------------------------------------------

@@ -376,24 +376,24 @@ class SerialBridge(RealRobot):
         simulator = self.engine.simulator
         reads = [not simulator.is_drive(command) for command in exchange.commands]
         answers = read_numbers(reply, self._robot_form(exchange), reads, exchange.scans)
-        outcomes = [
+        results = [
             _real(simulated, answer, reads_sensor, exchange.is_stop)
             for simulated, answer, reads_sensor in zip(exchange.simulated, answers, reads, strict=True)
         ]
-        self._finish(exchange, outcomes, reply if self.settings.robot_reply == "same" else None)
+        self._finish(exchange, results, reply if self.settings.robot_reply == "same" else None)
 
-    def _finish(self, exchange: _Exchange, outcomes: list[CommandResult], unchanged: bytes | None) -> None:
+    def _finish(self, exchange: _Exchange, results: list[CommandResult], unchanged: bytes | None) -> None:
         """Tell all watchers, and then the client, the results of a message."""
         # A line is in a plain log when `tell` returns: a program has no reply that the log lacks.
         tell = self.engine.tell
-        for outcome, simulated in zip(outcomes, exchange.simulated, strict=True):
-            tell(outcome)
-            reading = outcome.reading
+        for result, simulated in zip(results, exchange.simulated, strict=True):
+            tell(result)
+            reading = result.reading
             if reading is not None:
                 code = reading.sensor.code
-                tell(TwinReading(outcome.time, outcome.command, code, outcome.reply, simulated.reply))
+                tell(TwinReading(result.time, result.command, code, result.reply, simulated.reply))
         if exchange.answered is not None:
-            exchange.answered(outcomes, unchanged)
+            exchange.answered(results, unchanged)
 
     def _listen_on(self) -> None:
         self._silence.set_in(self._framer.idle_timeout)
@@ -456,16 +456,16 @@ class SerialBridge(RealRobot):
     def _answer_in_its_place(self, exchange: _Exchange, reason: str) -> None:
         simulator = self.engine.simulator
         known = exchange.simulated or [_unsent(simulator, command) for command in exchange.commands]
-        outcomes = [
+        results = [
             replace(each, status=Status.UNANSWERED, reply=math.nan, reason=reason, reading=None)
             for each in known
         ]
         # Removed first, so that a reply that still comes does not answer it twice.
         answered, exchange.answered = exchange.answered, None
-        for outcome in outcomes:
-            self.engine.tell(outcome)
+        for result in results:
+            self.engine.tell(result)
         if answered is not None:
-            answered(outcomes, None)
+            answered(results, None)
 
     def _due_of(self, exchange: _Exchange) -> float:
         """The time limit of a message that is sent now, by the event loop's clock."""

@@ -360,7 +360,7 @@ def _contacts(run: RunStatistics) -> DataTable:
 
 def _refusals(run: RunStatistics) -> DataTable:
     rows = [
-        (each.elapsed, each.line, each.outcome.command.text, each.outcome.reason)
+        (each.elapsed, each.line, each.result.command.text, each.result.reason)
         for each in run.history.refusals.first.items[:ROWS]
     ]
     return REFUSALS.filled(rows, _more(run.history.refusals.first.given))

@@ -53,7 +53,7 @@ def _sentences(run: RunStatistics) -> Iterator[str]:
     yield from belief_sentences(history, ended_badly=run.cause is not None)
     if refusals.given:
         refused, first = counted(totals.commands, "command"), refusals.items[0]
-        why = f"'{first.outcome.command.shown}' (line {first.line}): {escape_passage(first.outcome.reason)}"
+        why = f"'{first.result.command.shown}' (line {first.line}): {escape_passage(first.result.reason)}"
         yield f"{refusals.given} of {refused} did nothing. The first: {why}."
     if faults.given:
         line, text = faults.items[0].line, escape_passage(faults.items[0].text)

@@ -238,7 +238,7 @@ class RepeatedContact(Struct):
 class RefusalRow(LoggedRow, frozen=True):
     """A command that did nothing, and its result."""
 
-    outcome: CommandResult
+    result: CommandResult
 
 
 class ActionRow(LoggedRow, frozen=True):
