@@ -227,7 +227,7 @@ def _run_all(folder: TrialFolder, options: argparse.Namespace, test: SequentialT
     """Do the planned runs, with a `test` until it has decided. Raises TrialsError, ClusterError."""
 
     def decided() -> bool:
-        return test is not None and test.verdict(folder.successes_in_order) is not None
+        return test is not None and test.decision(folder.successes_in_order) is not None
 
     numbers = folder.to_do
     trials = (folder.trial(number) for number in takewhile(lambda number: not decided(), numbers))
@@ -289,15 +289,15 @@ def _show(folder: TrialFolder, required: float | None, *, as_json: bool) -> None
 
 def _decided(test: SequentialTest, folder: TrialFolder) -> ExitCode:
     """Print the result of the test. Returns its exit code."""
-    verdict = test.verdict(folder.successes_in_order)
-    assert verdict is not None, "all runs up to the cap are done"
-    score = ESTIMATE.text(test.interval(verdict.runs, verdict.successes))
-    result = f"{'passed' if verdict.passed else 'failed'} after {counted(verdict.runs, 'run')}"
+    decision = test.decision(folder.successes_in_order)
+    assert decision is not None, "all runs up to the cap are done"
+    score = ESTIMATE.text(test.interval(decision.runs, decision.successes))
+    result = f"{'passed' if decision.passed else 'failed'} after {counted(decision.runs, 'run')}"
     say(
-        f"simmer-tui trials: {result}, {verdict.successes} of them successes: success rate {score}, 95 % "
+        f"simmer-tui trials: {result}, {decision.successes} of them successes: success rate {score}, 95 % "
         "interval after a sequential test"
     )
-    return ExitCode.DONE if verdict.passed else ExitCode.NO
+    return ExitCode.DONE if decision.passed else ExitCode.NO
 
 
 def _is_kept(folder: TrialFolder, wanted: float) -> bool:

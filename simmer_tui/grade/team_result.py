@@ -105,15 +105,15 @@ def code_of(folder: GradeFolder, entry: Entry) -> str:
 
 
 def _team_result(folder: GradeFolder, entry: Entry, *, hidden: bool) -> TeamResult:
-    verdict, results = folder.verdict(entry), folder.counted(entry)
-    score = None if verdict is None else folder.test.interval(verdict.runs, verdict.successes)
+    decision, results = folder.decision(entry), folder.counted(entry)
+    score = None if decision is None else folder.test.interval(decision.runs, decision.successes)
     causes = Counter(_reason(result) for result in results if not result.success)
     code = code_of(folder, entry)
     return TeamResult(
         entry=entry,
         label=code if hidden else shown_name(entry.team.name),
         slug=code.replace(" ", "-") if hidden else entry.team.slug,
-        status=_status(entry, verdict),
+        status=_status(entry, decision),
         score=score,
         results=results,
         time=median([result.time for result in results if result.success]),
@@ -131,12 +131,12 @@ def _reason(result: TrialResult) -> str:
     return result.reason or result.ending.value
 
 
-def _status(entry: Entry, verdict: Decision | None) -> TeamStatus:
+def _status(entry: Entry, decision: Decision | None) -> TeamStatus:
     if entry.problems:
         return TeamStatus.REFUSED
-    if verdict is None:
+    if decision is None:
         return TeamStatus.UNDER_WAY
-    return TeamStatus.PASSED if verdict.passed else TeamStatus.FAILED
+    return TeamStatus.PASSED if decision.passed else TeamStatus.FAILED
 
 
 def last_failure(team_result: TeamResult) -> str:

@@ -376,7 +376,7 @@ class Rerun(Closing):
 
     def _read(self, line: int, said: ReadingRecord) -> None:
         result, what = self._begin(line, said, parse_command(said.command, said.source))
-        self._compare(line, what, "verdict", Status.READING.value, result.status.value)
+        self._compare(line, what, "status", Status.READING.value, result.status.value)
         if said.revolution is None:
             self._compare(line, what, "reply", float(said.reply), result.reply)
         if result.reading is not None and said.true is not None:
@@ -410,7 +410,7 @@ class Rerun(Closing):
         result, what = self._begin(line, said, command)
         # A dialect may refuse a command that is unknown to the grammar: the dialect decides.
         now = said.status if command.problem and result.status is Status.REFUSED else result.status
-        self._compare(line, what, "verdict", said.status.value, now.value)
+        self._compare(line, what, "status", said.status.value, now.value)
         self._compare(line, what, "reply", float(said.reply), result.reply)
 
     def _begin(
@@ -434,7 +434,7 @@ class Rerun(Closing):
 
     def _begin_movement(self, line: int, said: MoveRecord | PlanRecord) -> None:
         result, what = self._begin(line, said, parse_command(said.command, said.source))
-        self._compare(line, what, "verdict", Status.ACCEPTED.value, result.status.value)
+        self._compare(line, what, "status", Status.ACCEPTED.value, result.status.value)
         trajectory = self.simulator.trajectory
         if said.total is not None and trajectory is not None:
             totals = trajectory.totals

@@ -56,7 +56,7 @@ class SequentialTest:
     false_pass: float
     false_fail: float
 
-    def verdict(self, successes: Iterable[bool]) -> Decision | None:
+    def decision(self, successes: Iterable[bool]) -> Decision | None:
         """The decision after some runs, in the order of their numbers; None if there are too few."""
         for runs, count in enumerate(accumulate(map(int, successes)), 1):
             if count <= self.fail_at[runs] or count >= self.pass_at[runs]:
