@@ -349,10 +349,10 @@ def _messages(run: RunStatistics) -> DataTable:
 def _contacts(run: RunStatistics) -> DataTable:
     rows = [
         (
-            *(bump.touch.elapsed, bump.touch.line, bump.touch.shown, bump.count, bump.touch.went),
-            *((bump.touch.pose.x, bump.touch.pose.y), bump.touch.pose.heading, bump.touch.point),
+            *(each.first.elapsed, each.first.line, each.first.shown, each.count, each.first.went),
+            *((each.first.pose.x, each.first.pose.y), each.first.pose.heading, each.first.point),
         )
-        for bump in run.history.repeated.first.items[:ROWS]
+        for each in run.history.repeated.first.items[:ROWS]
     ]
     note = "Times: contacts in a row, without getting away from the wall."
     return CONTACTS.filled(rows, _more(run.history.repeated.first.given, note))

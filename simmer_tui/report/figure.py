@@ -13,7 +13,6 @@ from simmer_tui.document.model import Figure
 from simmer_tui.report.run_statistics import RunStatistics
 from simmer_tui.run.attempt import Task
 from simmer_tui.run.paths import PathSegment
-from simmer_tui.run.run_history import SAME_PLACE
 from simmer_tui.sim.arrays import FloatArray
 from simmer_tui.sim.block import Block
 from simmer_tui.sim.footprint import Footprint
@@ -130,6 +129,9 @@ class MazeFrame:
 _KEY = 44.0
 # Contacts that have a number; crosses mark the others.
 _NUMBERED = 30
+# At the usual scale a point is 0.1 in.
+_SHORTEST = 0.1
+"""Extent of a movement, inches, below which its path is not drawn."""
 
 
 def live_figure(maze: MazeSpec, task: Task | None) -> Figure:
@@ -154,7 +156,7 @@ class _MazeFigure:
         self.frame = MazeFrame(self.spec.maze)
         self._at = self.frame.at
         # A robot that a wall held for the rest of the run would leave all else in one colour.
-        self.pieces = [piece for piece in run.paths.segments.items if _extent(piece) >= SAME_PLACE]
+        self.pieces = [piece for piece in run.paths.segments.items if _extent(piece) >= _SHORTEST]
         self.end = max((piece.end for piece in self.pieces), default=0.0)
 
     def draw(self) -> Figure:
@@ -241,10 +243,10 @@ class _MazeFigure:
         one place have one label: 3, 5-8."""
         crosses = []
         places: list[tuple[float, float, list[int]]] = []
-        for order, bump in enumerate(self.run.history.repeated.first.items, 1):
-            x, y = self._at(*bump.touch.point)
-            touch = bump.touch
-            words = svg.tooltip(f"contact {order} at {touch.elapsed:.2f} s: {touch.shown}")
+        for order, each in enumerate(self.run.history.repeated.first.items, 1):
+            contact = each.first
+            x, y = self._at(*contact.point)
+            words = svg.tooltip(f"contact {order} at {contact.elapsed:.2f} s: {contact.shown}")
             crosses.append(f"<path d='M{x - 4:.1f} {y - 4:.1f}l8 8m0 -8l-8 8'>{words}</path>")
             near = [place for place in places if math.dist((x, y), place[:2]) < 14]
             if near:

@@ -225,14 +225,14 @@ class RepeatedContact(Struct):
     """A contact, or several in a row of the same command at the same place; `until` is when (elapsed
     seconds) the last one was."""
 
-    touch: ContactRow
+    first: ContactRow
     until: float
     count: int = 1
 
     @property
     def elapsed(self) -> float:
         """Elapsed time of the first of the contacts, seconds."""
-        return self.touch.elapsed
+        return self.first.elapsed
 
 
 class RefusalRow(LoggedRow, frozen=True):

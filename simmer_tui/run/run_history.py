@@ -34,7 +34,7 @@ from simmer_tui.events import (
     WireMessage,
 )
 from simmer_tui.run.episodes import BeliefEpisodes
-from simmer_tui.run.facts import PRESSED, PRESSED_WAY, Stuck, deviation, displacement
+from simmer_tui.run.facts import PRESSED, PRESSED_WAY, WEDGED_WITHIN, Stuck, deviation, displacement
 from simmer_tui.run.history_rows import (
     ActionRow,
     BeliefRow,
@@ -81,8 +81,6 @@ KEPT_BLOCKS = 6000
 """Poses of the block: two for each movement that a player shows."""
 TRACE_POINTS = 800
 """Most points of one sensor's trace: the strip of a report is 800 points wide."""
-SAME_PLACE = 0.1
-"""Poses this close, inches, are one place: the robot did not get away from the wall."""
 CHAIN = 21
 """Newest movements kept whole: the deciding one, and the 20 before it that counterfactuals may repeat."""
 # A program that steers 50 times a second at 6 in/s makes 100 legs on the 12 in that counterfactuals repeat.
@@ -525,7 +523,7 @@ class RunHistory:
         self.contacts.add(row)
         self.episodes.touch(row)
         last = self.repeated.items[-1] if self.repeated.items else None
-        if last is not None and self._blocked and _is_again(last.touch, row):
+        if last is not None and self._blocked and _is_again(last.first, row):
             last.count += 1
             last.until = row.elapsed
         else:
@@ -672,7 +670,8 @@ class RunHistory:
 
 def _is_again(before: ContactRow, row: ContactRow) -> bool:
     """True if a contact repeats the one before: a robot that keeps pushing is one contact, not hundreds."""
-    return before.shown == row.shown and displacement(before.pose, row.pose)[0] < SAME_PLACE
+    # In whatever direction: each push may turn it a little, and hundreds would turn it far.
+    return before.shown == row.shown and displacement(before.pose, row.pose)[0] <= WEDGED_WITHIN
 
 
 def _by_name(rows: Columns, column: str, names: list[str]) -> list[tuple[str, Columns]]:
