@@ -82,7 +82,7 @@ def run_trials(options: argparse.Namespace) -> int:
     if code is ExitCode.DONE and options.why is not None:
         code, why = run_to_end(lambda: _explain(folder, options))
     if folder.results:
-        _show(folder, options.require, as_json=options.json)
+        _show(folder, options.require, test, as_json=options.json)
     if code is not ExitCode.DONE:
         done = "" if folder.results else "no run is done: "
         say(f"simmer-tui trials: {done}{why}; to resume: {_continuation(folder, options)}")
@@ -271,7 +271,7 @@ def _explain(folder: TrialFolder, options: argparse.Namespace) -> None:
 # -- the answer ------------------------------------------------------------------------------------
 
 
-def _show(folder: TrialFolder, required: float | None, *, as_json: bool) -> None:
+def _show(folder: TrialFolder, required: float | None, test: SequentialTest | None, *, as_json: bool) -> None:
     """Write the files of the answer and print it."""
     files = {TABLE: table_csv(runs_table(folder))}
     if folder.plan.points:
@@ -279,7 +279,7 @@ def _show(folder: TrialFolder, required: float | None, *, as_json: bool) -> None
         wanted = REQUIRED_RATE if required is None else required
         answer, page = sweep_document(folder, wanted), sweep_page(folder, wanted)
     else:
-        answer, page = trials_document(folder), trials_page(folder, write_run_pages(folder), required)
+        answer, page = trials_document(folder, test), trials_page(folder, write_run_pages(folder), required)
     files[PAGE] = html_page(page)
     written = [shown_path(folder.store.write(name, text)) for name, text in files.items()]
     print_answer(answer, as_json=as_json)

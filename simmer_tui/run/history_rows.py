@@ -247,11 +247,6 @@ class ActionRow(LoggedRow, frozen=True):
     done: ActionDone
     before: Pose
 
-    @property
-    def places(self) -> bool:
-        """True if it puts the robot elsewhere."""
-        return self.done.action.name.places and not self.done.refused
-
 
 class GripRow(LoggedRow, frozen=True):
     """A grip; `had` is True if the robot held the block before."""

@@ -539,7 +539,7 @@ class RunHistory:
         self.actions.add(row)
         self.episodes.act(row)
         self._totals.actions[name if not done.refused else f"{name} (refused)"] += 1
-        if not row.places:
+        if not done.places:
             return
         if name.restarts:
             self.is_over = False

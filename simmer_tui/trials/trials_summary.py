@@ -39,6 +39,7 @@ from simmer_tui.trials.failures import (
 from simmer_tui.trials.figures import start_cell
 from simmer_tui.trials.folder import RUNS, TABLE, TrialFolder
 from simmer_tui.trials.intervals import distribution, median
+from simmer_tui.trials.sequential import SequentialTest
 from simmer_tui.trials.trial import RANDOM, Ending, TrialResult, clock_sentences, clocks_text
 
 LISTED = 20
@@ -122,8 +123,15 @@ BY_MAZE = DataTable("mazes", "By maze", (DataColumn("maze", QUOTED), *_COUNTED, 
 BY_START = DataTable(
     "start_cells", "By start cell", (DataColumn("middle", _CELL, "middle in"), *_COUNTED, _RATE, _CONTACTS)
 )
+DECISION = DataTable(
+    "decision",
+    "Decision of the sequential test, with its own interval",
+    (DataColumn("passed"), *_COUNTED, DataColumn("success_rate", ESTIMATE)),
+    record=True,
+    hidden=True,
+)
 TABLES = (
-    *(TRIALS, CAUSES, ENDINGS, GOALS, DISTRIBUTION, BY_MAZE, BY_START, SLOWEST_RUNS, FAILED_RUNS),
+    *(TRIALS, DECISION, CAUSES, ENDINGS, GOALS, DISTRIBUTION, BY_MAZE, BY_START, SLOWEST_RUNS, FAILED_RUNS),
     *(DEVICES, RUN_FINDINGS, RUNS_TABLE, WHY_FAILED, CONTROL, CHANGED_RUNS),
 )
 """All tables of a set of trials."""
@@ -134,8 +142,9 @@ _PORTS_ADVICE = (
 )
 
 
-def trials_document(folder: TrialFolder) -> Document:
-    """The answer about the runs that are done, for terminals and programs; there must be one run."""
+def trials_document(folder: TrialFolder, test: SequentialTest | None = None) -> Document:
+    """The answer about the runs that are done, for terminals and programs; there must be one run. `test` is
+    the test that ends them, if one does."""
     results = folder.done
     parts: list[DocumentPart] = [
         Paragraph(": ".join(success_texts(results)), "answer", "strong"),
@@ -145,6 +154,10 @@ def trials_document(folder: TrialFolder) -> Document:
         *trials_tables(folder),
         runs_table(folder),
     ]
+    decision = None if test is None else test.decision(folder.successes_in_order)
+    if test is not None and decision is not None:
+        numbers = decision.runs, decision.successes
+        parts.append(DECISION.filled([(decision.passed, *numbers, test.interval(*numbers))]))
     return Document(f"Trials of {escape(folder.plan.command)}", parts)
 
 

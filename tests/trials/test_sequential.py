@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Callable
 from itertools import accumulate, product
@@ -146,8 +147,13 @@ def test_trials_stop_when_it_is_sure(
     assert "false pass 4.9%, false fail 4.8%" in said
     done = len((out / "results.jsonl").read_text().splitlines())
     assert done == runs
-    assert run_trials(["--resume", "--out", str(out), *sure]) == code
+    capsys.readouterr()
+    assert run_trials(["--resume", "--out", str(out), *sure, "--json"]) == code
     assert len((out / "results.jsonl").read_text().splitlines()) == done
+    decision = json.loads(capsys.readouterr().out)["decision"]
+    assert (decision["passed"], decision["runs"]) == (not code, runs)
+    interval = f"{decision['success_rate_low']:.3f} to {decision['success_rate_high']:.3f}"
+    assert f"({interval}), 95 % interval after a sequential test" in said
 
 
 def test_margin_of_trials_can_be_given(
