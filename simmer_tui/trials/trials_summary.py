@@ -40,6 +40,7 @@ from simmer_tui.trials.figures import start_cell
 from simmer_tui.trials.folder import RUNS, TABLE, TrialFolder
 from simmer_tui.trials.intervals import distribution, median
 from simmer_tui.trials.sequential import SequentialTest
+from simmer_tui.trials.sweep import SWEPT
 from simmer_tui.trials.trial import RANDOM, Ending, TrialResult, clock_sentences, clocks_text
 
 LISTED = 20
@@ -210,7 +211,9 @@ def runs_table(folder: TrialFolder) -> DataTable:
                 *(point.get(name) for name in varied),
             )
         )
-    return replace(RUNS_TABLE, columns=(*RUNS_TABLE.columns, *map(DataColumn, varied)), rows=rows)
+    return replace(
+        RUNS_TABLE, columns=(*RUNS_TABLE.columns, *(DataColumn(name, SWEPT) for name in varied)), rows=rows
+    )
 
 
 def ports_advice(results: Sequence[TrialResult]) -> str:
