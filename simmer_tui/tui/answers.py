@@ -34,6 +34,7 @@ from simmer_tui.tui.gauges import bearing_words
 from simmer_tui.tui.key_table import AGAIN_KEY
 from simmer_tui.tui.line_panel import StyledLine, heading, length, shortened, wrapped_lines
 from simmer_tui.tui.readouts import Room, goals_line, movement_line, spent_words, standing_scan
+from simmer_tui.tui.sizes import BRIEF_ANSWER
 
 # Two frames show the place and its caller; each has a line of code below it.
 _FRAMES = 2
@@ -64,7 +65,7 @@ class AnswerCard(Struct, frozen=True):
 
     def shown(self, room: Room) -> list[StyledLine]:
         """Lines for a room: all, with a heading, or in brief if there are few rows."""
-        if room.rows <= _BRIEF:
+        if room.rows <= BRIEF_ANSWER:
             given = self.brief or self.lines
             wide = [
                 part for line in given for part in wrapped_lines(((" ", "plain"), *line), room.width - 1, 2)
@@ -79,11 +80,9 @@ class AnswerCard(Struct, frozen=True):
         return 1 + sum(len(wrapped_lines(line, width, 2)) for line in self.lines)
 
 
-_BRIEF = 3
-"""Most rows of an answer without a heading."""
 # The narrowest screen has 80, and a margin at both sides.
 _BRIEF_COLUMNS = 78
-"""Columns of such a row."""
+"""Columns of a row of an answer in brief."""
 
 
 def _fitted(lines: Sequence[StyledLine], room: Room, taken: int = 0) -> list[StyledLine]:

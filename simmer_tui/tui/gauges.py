@@ -4,14 +4,14 @@ import math
 from collections.abc import Iterable, Sequence
 
 from simmer_tui.sim.angles import ARROWS, eighth_of_turn, side_name
-from simmer_tui.sim.specs import SensorSpec
+from simmer_tui.sim.specs import CELL_SIZE, SensorSpec
 from simmer_tui.tui.line_panel import StyledLine
 
 # Without the full block, which would run into the row above.
 _BARS = " ▁▂▃▄▅▆▇"
 _PLAIN_BARS = " .:-=+*#"
-# Two maze cells: most distances in a maze are shorter.
-_SCALE = 24.0
+# Most distances in a maze are shorter.
+_SCALE = 2 * CELL_SIZE
 """Least end of the gauges of lengths, inches."""
 _POINTS = ("E", "NE", "N", "NW", "W", "SW", "S", "SE")
 
