@@ -130,7 +130,7 @@ def _argument(action: argparse.Action) -> str:
 
 
 def _help(parser: argparse.ArgumentParser, action: argparse.Action) -> str:
-    return str(action.help or "").replace("%(prog)s", parser.prog).replace("%%", "%")
+    return parser._get_formatter()._expand_help(action) if action.help else ""
 
 
 # -- settings --------------------------------------------------------------------------------------

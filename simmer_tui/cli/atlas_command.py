@@ -47,10 +47,10 @@ def _options(parser: OneLineParser) -> None:
         help="configuration set: a folder or a name (default: ./config, else default)",
     )
     parser.add_argument(
-        "--step", metavar="IN", type=float, default=1.0, help="side of a cell, inches (default 1)"
+        "--step", metavar="IN", type=float, default=1.0, help="side of a cell, inches (default %(default)g)"
     )
     parser.add_argument(
-        "--headings", metavar="N", type=int, default=8, help="directions, evenly spaced from 0 (default 8)"
+        "--headings", metavar="N", type=int, default=8, help="directions, evenly spaced from 0 (default %(default)s)"
     )
     parser.add_argument(
         "--sensors", metavar="CODES", help="which, as u1,u2 (default: every enabled range sensor)"

@@ -57,7 +57,7 @@ def _options(parser: OneLineParser) -> None:
         "setting strength",
     )
     parser.add_argument(
-        "--seed", type=int, default=0, help="of the search for the path (default: 0); rarely of use"
+        "--seed", type=int, default=0, help="of the search for the path (default: %(default)s); rarely of use"
     )
     parser.add_argument(
         "--anyway",

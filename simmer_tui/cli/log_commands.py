@@ -120,7 +120,7 @@ def _export_options(parser: OneLineParser) -> None:
     speed = _number("a speed from 0.01 to 1000", 0.01, 1000)
     seconds = _number("a time in seconds, 0 or more", 0, 1e12)
     parser.add_argument(
-        "--width", metavar="PIXELS", type=width, default=720, help="of the pictures (default 720)"
+        "--width", metavar="PIXELS", type=width, default=720, help="of the pictures (default %(default)s)"
     )
     parser.add_argument(
         "--speed", metavar="X", type=speed,

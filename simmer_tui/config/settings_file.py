@@ -58,7 +58,8 @@ def load_settings(
             places[name] = overrides[name].option
             _take_option(item, overrides[name], values, problems)
     # After the options, because each of these depends on given values.
-    _apply_options(overrides, values, problems)
+    _apply_seed_option(overrides, values, problems)
+    _apply_serial_option(overrides, values, problems)
     if values.get("motion.clock") in ("program", ELSE_REAL):
         values["motion.motion"] = "timed"  # a clock that moves while the program waits needs it
     _apply_keys(values)
@@ -102,24 +103,30 @@ def _report_unknown(name: str, known: Iterable[str], file: TomlFile) -> None:
     file.add_problem(name, f"is not a setting{hint}")
 
 
-# An option that is given is meant to be used.
-_TURNED_OFF = (
-    ("seed", "randerror", "asks for repeatable errors and {} for different ones"),
-    ("serial.port", "sim", "asks for a real robot and {} for the simulated one"),
-)
-"""Settings that turn a flag off if they are given as options, and the conflict with that of the flag."""
-
-
-def _apply_options(
+def _apply_seed_option(
     overrides: Mapping[str, Override], values: dict[str, Any], problems: list[Problem]
 ) -> None:
-    for name, flag, conflict in _TURNED_OFF:
-        if name not in overrides or values.get(name) == "":
-            continue
-        if flag in overrides and values.get(flag, False):
-            what = f"{conflict.format(overrides[flag].option)}; give one of the two"
-            problems.append(Problem(overrides[name].option, what))
-        values[flag] = False
+    """Turn unrepeatable errors off if a seed is given as an option: it is meant to be used."""
+    if "seed" not in overrides:
+        return
+    if "randerror" in overrides and values.get("randerror", False):
+        other = overrides["randerror"].option
+        what = f"asks for repeatable errors and {other} for different ones; give one of the two"
+        problems.append(Problem(overrides["seed"].option, what))
+    values["randerror"] = False
+
+
+def _apply_serial_option(
+    overrides: Mapping[str, Override], values: dict[str, Any], problems: list[Problem]
+) -> None:
+    """Turn the simulated robot off if a robot's port is given as an option: it is meant to be used."""
+    if "serial.port" not in overrides or not values.get("serial.port"):
+        return
+    if "sim" in overrides and values.get("sim", False):
+        other = overrides["sim"].option
+        what = f"asks for a real robot and {other} for the simulated one; give one of the two"
+        problems.append(Problem(overrides["serial.port"].option, what))
+    values["sim"] = False
 
 
 def _apply_keys(values: dict[str, Any]) -> None:
