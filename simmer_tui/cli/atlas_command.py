@@ -50,7 +50,11 @@ def _options(parser: OneLineParser) -> None:
         "--step", metavar="IN", type=float, default=1.0, help="side of a cell, inches (default %(default)g)"
     )
     parser.add_argument(
-        "--headings", metavar="N", type=int, default=8, help="directions, evenly spaced from 0 (default %(default)s)"
+        "--headings",
+        metavar="N",
+        type=int,
+        default=8,
+        help="directions, evenly spaced from 0 (default %(default)s)",
     )
     parser.add_argument(
         "--sensors", metavar="CODES", help="which, as u1,u2 (default: every enabled range sensor)"

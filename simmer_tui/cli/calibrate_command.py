@@ -57,7 +57,11 @@ def _options(parser: OneLineParser) -> None:
         "setting strength",
     )
     parser.add_argument(
-        "--seed", type=int, default=0, help="of the search for the path (default: %(default)s); rarely of use"
+        "--seed",
+        metavar="N",
+        type=int,
+        default=0,
+        help="of the search for the path (default: %(default)s); rarely of use",
     )
     parser.add_argument(
         "--anyway",
