@@ -184,7 +184,7 @@ PHRASES = {
         "the newest {run.paths.MOVEMENTS} movements and {report.recording.READINGS:thousands} readings",
         "at most {trials.figures.MOST}, with some for every cause",
         "at most {report.animation.USUAL_SECONDS:g} s long",
-        "the last {program.program_output.LAST_LINES} lines of `stderr` and `stdout`",
+        "The last {program.program_output.LAST_LINES} lines of each stream",
         "the program's last {phrases.SHOWN_OUTPUT!w} lines if it crashed",
         "It needs {report.finding.FEWEST[set]} readings or movements",
         "Only rows that differ are tested, from {report.finding.FEWEST[nominal]} readings on",

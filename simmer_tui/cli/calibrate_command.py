@@ -53,7 +53,7 @@ def _options(parser: OneLineParser) -> None:
     what.add_argument(
         "--strength",
         action="store_true",
-        help="the LOGs are calibrated sets of five robots or more: say how their biases differ, for the "
+        help="the LOGs are calibrated sets of several robots: say how their biases differ, for the "
         "setting strength",
     )
     parser.add_argument(

@@ -10,7 +10,7 @@ from collections.abc import Callable, Collection, Generator, Iterable, Mapping, 
 from contextlib import AbstractContextManager, contextmanager, suppress
 from enum import IntEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NoReturn, TextIO
+from typing import TYPE_CHECKING, Any, NoReturn, TextIO, TypeVar
 
 from simmer_tui.config.device_trust import OPTION, TRUST, DeviceTrust
 from simmer_tui.config.mission_toml import OVERRIDDEN
@@ -25,11 +25,13 @@ from simmer_tui.errors import (
     reason_of,
 )
 from simmer_tui.sim.command import escape, escape_passage, shown_path
-from simmer_tui.sim.rules import FlagRule, did_you_mean
+from simmer_tui.sim.rules import FlagRule, Rule, did_you_mean
 
 if TYPE_CHECKING:  # a run has no documents, and must start quickly
     from simmer_tui.config.device_file import DeviceFile
     from simmer_tui.document.model import Document
+
+T = TypeVar("T")
 
 _DEST = "setting."
 """Prefix of the attributes of setting options, so that they do not clash with others."""
@@ -319,6 +321,18 @@ def add_setting_options(
             groups[item.group] = parser.add_argument_group(item.group)
         _add_option(groups[item.group], item)
     parser.setting_groups = [] if names else list(groups.values())
+
+
+def by_rule(rule: Rule[T]) -> Callable[[str], T]:
+    """The type of an option whose values follow a rule."""
+
+    def value(text: str) -> T:
+        try:
+            return rule.from_text(text)
+        except ValueError as error:
+            raise argparse.ArgumentTypeError(str(error)) from None
+
+    return value
 
 
 def _add_option(group: argparse._ArgumentGroup, item: Setting) -> None:

@@ -16,11 +16,12 @@ from simmer_tui.cli.command_line import (
     ExitCode,
     OneLineParser,
     add_json_option,
+    by_rule,
     print_answer,
     say,
     subcommand,
 )
-from simmer_tui.cli.trials_options import count, new_folder, newest_folder, rate, run_to_end, typed_path
+from simmer_tui.cli.trials_options import count, newest_folder, rate, run_to_end, typed_path
 from simmer_tui.config.settings import CLOCKS
 from simmer_tui.document.as_data import table_csv
 from simmer_tui.errors import GradeError
@@ -32,7 +33,8 @@ from simmer_tui.grade.sandbox import Isolation
 from simmer_tui.grade.site import INDEX, grades_document, grades_table, gradescope_json, junit_xml, site
 from simmer_tui.grade.team_result import TeamResult, TeamStatus, team_results
 from simmer_tui.phrases import counted
-from simmer_tui.trials.sequential import MARGIN, REQUIRED_RATE, shown_test
+from simmer_tui.runlog.writer import moment_name
+from simmer_tui.trials.sequential import CAP, MARGIN, REQUIRED_RATE, shown_test
 from simmer_tui.trials.trial import TrialResult
 
 GRADES, JUNIT, GRADESCOPE, SITE = "grades.csv", "junit.xml", "gradescope", "site"
@@ -57,7 +59,7 @@ def _options(parser: OneLineParser) -> None:
         type=rate,
         help=f"a success rate this much lower fails (default {MARGIN:g})",
     )
-    parser.add_argument("--cap", metavar="N", type=count, help="most runs of a team")
+    parser.add_argument("--cap", metavar="N", type=by_rule(CAP), help="most runs of a team")
     parser.add_argument(
         "--clock", choices=CLOCKS, help="clock of the runs, in place of that of the course's set"
     )
@@ -142,7 +144,7 @@ def _begun(options: argparse.Namespace) -> GradeFolder:
 
 def _usual_place(course: Course) -> Path:
     """A new folder here, or in the nearest folder above that is outside the teams' folders."""
-    name = new_folder(_PREFIX)
+    name = f"{_PREFIX}{moment_name()}"
     place = Path()
     while place.resolve() != Path(place.resolve().anchor) and any(
         _is_in(place, folder) for folder in _not_in(course)

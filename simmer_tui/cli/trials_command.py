@@ -29,7 +29,6 @@ from simmer_tui.cli.trials_options import (
     DEFAULT_RUNS,
     PREFIX,
     add_trials_options,
-    new_folder,
     newest_folder,
     run_to_end,
     typed_path,
@@ -42,6 +41,7 @@ from simmer_tui.document.as_html import html_page
 from simmer_tui.document.formats import ESTIMATE
 from simmer_tui.errors import ConfigurationError, Problem, TrialsError
 from simmer_tui.phrases import counted
+from simmer_tui.runlog.writer import moment_name
 from simmer_tui.sim.command import escape, shown_path
 from simmer_tui.trials.cluster import pack
 from simmer_tui.trials.explanations import Explanations
@@ -128,7 +128,7 @@ def _begun(options: argparse.Namespace) -> TrialFolder:
         points=points,
     )
     _check_plan(options, plan, configuration)
-    path = options.out or Path(new_folder(PREFIX))
+    path = options.out or Path(f"{PREFIX}{moment_name()}")
     return TrialFolder.create(path, plan, configuration.texts, mazes)
 
 

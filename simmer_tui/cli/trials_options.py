@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import argparse
-import contextlib
 import shlex
 from collections.abc import Callable
-from datetime import datetime
 from pathlib import Path
 
 from simmer_tui.cli.command_line import (
@@ -15,22 +12,18 @@ from simmer_tui.cli.command_line import (
     add_json_option,
     add_setting_options,
     add_trust_option,
+    by_rule,
 )
 from simmer_tui.config.sets import MISSION_SET
 from simmer_tui.errors import ClusterError
 from simmer_tui.sim.command import shown_path
+from simmer_tui.sim.rules import IntegerRule, NumberRule
 from simmer_tui.trials.explanations import EXPLAINED
-from simmer_tui.trials.sequential import MARGIN, REQUIRED_RATE
+from simmer_tui.trials.sequential import MARGIN, RATE, REQUIRED_RATE
 from simmer_tui.trials.trial import TIME_LIMIT
 
 DEFAULT_RUNS = 100
 PREFIX = "trials_"
-_MANY = 1_000_000
-
-
-def new_folder(prefix: str) -> str:
-    """Name of a folder for a set of runs, by date."""
-    return f"{prefix}{datetime.now():%Y-%m-%d_%H-%M-%S}"
 
 
 def newest_folder(prefix: str, plan: str, *places: Path) -> Path | None:
@@ -56,21 +49,8 @@ def run_to_end(work: Callable[[], None]) -> tuple[ExitCode, str]:
     return ExitCode.DONE, ""
 
 
-def _number_between(low: float, high: float, what: str) -> Callable[[str], float]:
-    """A type of option: a number within bounds. Its error says `what` is allowed."""
-
-    def number(text: str) -> float:
-        with contextlib.suppress(ValueError):
-            if low <= float(text) <= high:
-                return float(text)
-        raise argparse.ArgumentTypeError(f'must be {what}, not "{text}"')
-
-    return number
-
-
-seconds = _number_between(0.01, 1e6, "a number of seconds from 0.01 to 1e6")
-rate = _number_between(0.0, 1.0, "a success rate from 0 to 1")
-confidence = _number_between(0.501, 0.9999, "a probability from 0.501 to 0.9999")
+count = by_rule(IntegerRule(1, 1_000_000))
+rate = by_rule(RATE)
 
 
 def add_trials_options(parser: OneLineParser) -> None:
@@ -113,7 +93,7 @@ def add_trials_options(parser: OneLineParser) -> None:
     group.add_argument(
         "--time-limit",
         metavar="SECONDS",
-        type=seconds,
+        type=by_rule(NumberRule(0.01, 1e6)),
         help="longest real time of a run (default "
         f"{TIME_LIMIT:g}, with timed motion the mission's time limit more)",
     )
@@ -139,7 +119,7 @@ def add_trials_options(parser: OneLineParser) -> None:
     group.add_argument(
         "--sure",
         metavar="CONFIDENCE",
-        type=confidence,
+        type=by_rule(NumberRule(0.501, 0.9999)),
         help="with --require: decide by a sequential test, with as few runs as it takes; a program at RATE "
         "passes, and one at RATE - MARGIN fails, at least this often, such as 0.95; --runs is the cap",
     )
@@ -168,10 +148,3 @@ def add_trials_options(parser: OneLineParser) -> None:
     add_trust_option(parser)
     add_setting_options(parser)
     parser.common_settings = ("seed", "realistic")
-
-
-def count(text: str) -> int:
-    """A whole number above 0."""
-    if not text.isdecimal() or not 1 <= int(text) <= _MANY:
-        raise argparse.ArgumentTypeError(f'must be a whole number from 1 to {_MANY}, not "{text}"')
-    return int(text)

@@ -29,6 +29,8 @@ class TextLink:
 
 BLOCKS = " ▁▂▃▄▅▆▇█"
 """Characters of a histogram, from none to the most."""
+PLAIN_BLOCKS = " .:-=+*#@"
+"""The same for terminals that have nothing but ASCII."""
 # Most numbers of a list that are shown; a line of a terminal has room for about as many.
 _LISTED = 8
 
