@@ -15,6 +15,7 @@ from simmer_tui.atlas.expected_readings import HEADINGS, STEP, Atlas, PoseGrid, 
 from simmer_tui.cli.command_line import (
     ExitCode,
     OneLineParser,
+    add_config_option,
     add_setting_options,
     add_trust_option,
     by_rule,
@@ -42,11 +43,7 @@ _MANY = 2_000_000
 
 def _options(parser: OneLineParser) -> None:
     parser.add_argument("out", metavar="OUT", type=Path, help="the file to write: .npz, .mat, .csv or .h")
-    parser.add_argument(
-        "--config",
-        metavar="DIR",
-        help="configuration set: a folder or a name (default: ./config, else default)",
-    )
+    add_config_option(parser)
     parser.add_argument(
         "--step",
         metavar="IN",

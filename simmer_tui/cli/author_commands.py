@@ -16,6 +16,7 @@ from simmer_tui import platform_has
 from simmer_tui.cli.command_line import (
     ExitCode,
     OneLineParser,
+    add_config_option,
     add_setting_options,
     overrides_from,
     subcommand,
@@ -62,7 +63,7 @@ def run_examples(options: argparse.Namespace) -> int:
 
 
 def _env_options(parser: OneLineParser) -> None:
-    parser.add_argument("--config", metavar="DIR", help="configuration set (default: ./config, else default)")
+    add_config_option(parser)
     parser.add_argument(
         "--form",
         choices=(*_FORMS, _JSON),

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, NoReturn, TextIO, TypeVar
 
 from simmer_tui.config.device_trust import OPTION, TRUST, DeviceTrust
 from simmer_tui.config.mission_toml import OVERRIDDEN
+from simmer_tui.config.sets import DEFAULT
 from simmer_tui.config.settings import Setting, all_settings
 from simmer_tui.config.settings_file import Override
 from simmer_tui.errors import (
@@ -377,6 +378,17 @@ def overrides_from(namespace: argparse.Namespace) -> dict[str, Override]:
 def add_json_option(parser: argparse.ArgumentParser) -> None:
     """The option `--json`."""
     parser.add_argument("--json", action="store_true", help="print the answer as JSON, for scripts")
+
+
+def add_config_option(
+    parser: argparse.ArgumentParser | argparse._ArgumentGroup, default: str = f"./config, else {DEFAULT}"
+) -> None:
+    """The option `--config`; `default` says which set is taken without it."""
+    parser.add_argument(
+        "--config",
+        metavar="DIR",
+        help=f"configuration set: a folder, or the name of a bundled one (default: {default})",
+    )
 
 
 def print_answer(document: Document, *, as_json: bool = False) -> None:

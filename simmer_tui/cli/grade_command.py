@@ -21,7 +21,7 @@ from simmer_tui.cli.command_line import (
     say,
     subcommand,
 )
-from simmer_tui.cli.trials_options import count, newest_folder, rate, run_to_end, typed_path
+from simmer_tui.cli.trials_options import add_place_options, newest_folder, rate, run_to_end, typed_path
 from simmer_tui.config.settings import CLOCKS
 from simmer_tui.document.as_data import table_csv
 from simmer_tui.errors import GradeError
@@ -74,8 +74,7 @@ def _options(parser: OneLineParser) -> None:
         type=int,
         help="seed of an earlier grading, to repeat it (default: a secret one)",
     )
-    parser.add_argument("--jobs", metavar="N", type=count, help="runs at a time (default: one a processor)")
-    parser.add_argument("--dask", metavar="ADDRESS", help="send the runs to a Dask cluster")
+    add_place_options(parser)
     parser.add_argument(
         "--out",
         metavar="DIR",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import shlex
 from collections.abc import Callable
 from pathlib import Path
@@ -9,6 +10,7 @@ from pathlib import Path
 from simmer_tui.cli.command_line import (
     ExitCode,
     OneLineParser,
+    add_config_option,
     add_json_option,
     add_setting_options,
     add_trust_option,
@@ -53,6 +55,14 @@ count = by_rule(IntegerRule(1, 1_000_000))
 rate = by_rule(RATE)
 
 
+def add_place_options(parser: argparse.ArgumentParser | argparse._ArgumentGroup) -> None:
+    """The options `--jobs` and `--dask`: where the runs are done."""
+    parser.add_argument("--jobs", metavar="N", type=count, help="runs at a time (default: one a processor)")
+    parser.add_argument(
+        "--dask", metavar="ADDRESS", help="send the runs to a Dask cluster (needs simmer-tui[dask])"
+    )
+
+
 def add_trials_options(parser: OneLineParser) -> None:
     """Add the options of the command."""
     group = parser.add_argument_group("trials")
@@ -67,12 +77,7 @@ def add_trials_options(parser: OneLineParser) -> None:
         type=count,
         help=f"how many runs (default {DEFAULT_RUNS}), with --vary of each value",
     )
-    group.add_argument(
-        "--config",
-        metavar="DIR",
-        help="configuration set: a folder, or the name of a bundled one "
-        f"(default: ./config with a mission.toml, else {MISSION_SET})",
-    )
+    add_config_option(group, f"./config with a mission.toml, else {MISSION_SET}")
     mazes = group.add_mutually_exclusive_group()
     mazes.add_argument(
         "--mazes", metavar="DIR", help="a folder of files like maze.csv, which the runs take in turn"
@@ -83,7 +88,6 @@ def add_trials_options(parser: OneLineParser) -> None:
         default=None,
         help="a new maze for every run, of the size of the set's maze and with as many walls",
     )
-    group.add_argument("--jobs", metavar="N", type=count, help="runs at a time (default: one a processor)")
     group.add_argument(
         "--fixed-ports",
         action="store_true",
@@ -97,9 +101,7 @@ def add_trials_options(parser: OneLineParser) -> None:
         help="longest real time of a run (default "
         f"{TIME_LIMIT:g}, with timed motion the mission's time limit more)",
     )
-    group.add_argument(
-        "--dask", metavar="ADDRESS", help="send the runs to a Dask cluster (needs simmer-tui[dask])"
-    )
+    add_place_options(group)
     group.add_argument(
         "--out", metavar="DIR", type=Path, help=f"folder of the results (default {PREFIX}DATE_TIME)"
     )
