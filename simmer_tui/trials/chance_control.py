@@ -12,12 +12,10 @@ from dataclasses import dataclass
 
 from simmer_tui.document.formats import COUNT, Format, estimate
 from simmer_tui.document.model import DataColumn, DataTable
-from simmer_tui.trials.intervals import PairCounts, mcnemar, paired_difference
+from simmer_tui.trials.intervals import SIGNIFICANCE, PairCounts, mcnemar, paired_difference
 
 REPEATS = 10
 """Runs with other errors, changed and unchanged each. If the change alone saves six, p is 0.03."""
-SIGNIFICANCE = 0.05
-"""Probability that some change of a run is named as sure where none makes a difference."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -19,6 +19,7 @@ from simmer_tui.trials.failures import CHANGED_CAUSES, changed_causes, success_r
 from simmer_tui.trials.folder import TrialFolder
 from simmer_tui.trials.intervals import (
     RESAMPLES,
+    SIGNIFICANCE,
     IntervalEstimate,
     PairCounts,
     mcnemar,
@@ -27,9 +28,6 @@ from simmer_tui.trials.intervals import (
 )
 from simmer_tui.trials.trial import RANDOM, TrialResult, clocks_text
 
-# The usual level; with the interval of 95 % in the same table, both say the same.
-SIGNIFICANCE = 0.05
-"""Below this p-value the difference counts as significant."""
 SETS = DataTable(
     "sets",
     "Trials",

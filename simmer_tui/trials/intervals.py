@@ -20,6 +20,9 @@ _ROUNDING = 1e-12
 RESAMPLES = 10_000
 _MOST_BINS = 20
 """Judged: a bar of a picture of the page's width then has room for its count."""
+# The usual level; with the interval of 95 % in the same table, both say the same.
+SIGNIFICANCE = 0.05
+"""Below this p-value a difference counts as significant."""
 _BOOTSTRAP_SEED = 0
 """Fixed, so that the same runs always give the same interval."""
 
