@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import pkgutil
 import subprocess
 import sys
 from pathlib import Path
@@ -71,7 +72,9 @@ def test_names_that_are_not_there_are_no_surprise() -> None:
 @pytest.mark.parametrize("name", PUBLIC)
 def test_every_public_package_says_what_is_in_it(name: str) -> None:
     package = importlib.import_module(f"simmer_tui.{name}")
-    names = getattr(package, "__all__", None) or [name for name in vars(package) if not name.startswith("_")]
+    names = getattr(package, "__all__", None) or [
+        each.name for each in pkgutil.iter_modules(package.__path__)
+    ]
     assert names
     for each in names:
         assert hasattr(package, each) or importlib.import_module(f"simmer_tui.{name}.{each}")

@@ -141,7 +141,7 @@ def test_the_report_tells_its_errors(configuration: Configuration, tmp_path: Pat
     with LogReader(path, configuration) as reader:
         run = RunStatistics(reader.header, configuration)
         for entry in reader:
-            run.add(entry)
+            run.add((entry,))
         run.finish(reader.note)
     table = next(each for each in report_tables(run) if each.title == "Errors of readings")
     rows = {row["sensor"]: row for row in table.objects()}

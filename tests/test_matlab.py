@@ -341,6 +341,7 @@ def test_octave_drives_and_is_told_what_the_robot_said(octave: str) -> None:
             "printf('%s %g %d\\n', movement.command, movement.reply, movement.ended);"
             + failing("simmer_drive(robot, 'x9', 1)")
             + failing("simmer_drive(robot, 'd1', NaN)")
+            + failing("simmer_drive(robot, 1, 3)")
             + failing("simmer_read(robot, 'u1', 'q9')"),
         )
     assert code == 0, errors
@@ -348,7 +349,9 @@ def test_octave_drives_and_is_told_what_the_robot_said(octave: str) -> None:
     assert lines[0] == "d1-2 Inf 1"
     assert lines[1].startswith("simmer:refused the robot refused x9-1")
     assert lines[2].startswith("simmer:invalid")
-    assert lines[3].startswith("simmer:refused the robot knows no sensor q9")
+    assert lines[3] == "simmer:invalid the code of a drive must be text, such as 'd1'"
+    assert "warning" not in errors
+    assert lines[4].startswith("simmer:refused the robot knows no sensor q9")
     assert fake.received == ["d1-2", "x9-1", "u1", "q9"]
 
 
@@ -375,7 +378,7 @@ def test_octave_says_why_it_does_not_sleep(octave: str) -> None:
 def test_octave_knows_the_maze(octave: str, tmp_path: Path) -> None:
     program = (
         "cells = simmer_maze('mission'); disp(size(cells)); disp(cells(1, :)); disp(simmer_maze()(end, 1));"
-    )
+    ) + failing("simmer_maze('nosuch')")
     folder = tmp_path / "bin"
     folder.mkdir()
     command = folder / "simmer-tui"
@@ -397,7 +400,10 @@ def test_octave_knows_the_maze(octave: str, tmp_path: Path) -> None:
         timeout=300,
         check=False,
     )
-    assert done.stdout.split() == ["4", "8", *"33110202", "3"], done.stderr
+    numbers, _, refused = done.stdout.partition("simmer:maze ")
+    assert numbers.split() == ["4", "8", *"33110202", "3"], done.stderr
+    assert refused.startswith("nosuch: there is no such folder")
+    assert "{" not in refused
 
 
 def test_octave_tells_beliefs_that_the_simulator_understands(octave: str) -> None:
@@ -417,6 +423,9 @@ def test_octave_tells_beliefs_that_the_simulator_understands(octave: str) -> Non
         + failing("simmer_believe(robot, 'grid', ones(300))")
         + failing("simmer_believe(robot, 'z', 1)")
         + failing("simmer_believe(robot, 12)")
+        + failing("simmer_believe(robot, 'x', 1, 'y', 2)")
+        + failing("simmer_believe(robot, 'x', 1, 'y', 2, 'heading', 0, 'first', 45)")
+        + failing("simmer_believe(robot, 'grid', [0 1], 'spread', -1)")
         + "simmer_close(robot); simmer_believe(robot, 'x', 1, 'y', 1, 'heading', 1);"
     )
     with robot() as fake, listening(collect) as port:
@@ -429,7 +438,11 @@ def test_octave_tells_beliefs_that_the_simulator_understands(octave: str) -> Non
         "simmer:invalid grid has 90000 states: it may have 65536",
         "simmer:invalid 'z' is not known; there are x, y, heading, spread, grid, bounds, first, note",
         "simmer:invalid simmer_believe takes pairs, such as 'x', 12, or 'grid', p",
+        "simmer:invalid heading is missing: only a belief with a grid may leave it out",
+        "simmer:invalid bounds and first are those of a grid: there is none",
+        "simmer:invalid spread is -1: it must be 0 or more",
     ]
+    assert "warning" not in errors
     told = [parse_belief(lines.get(timeout=10), 0.0, Pose(0, 0, 0), (0, 0, 96, 48)) for _ in range(3)]
     assert lines.empty()
     assert (told[0].pose, told[0].spread, told[0].note) == (Pose(12.0, 42.5, -90.0), 1.0, 'a "b"')

@@ -13,15 +13,20 @@ function simmer_believe(robot, varargin)
 
 parts = {};
 grid = {};
+names = {};
 for k = 1:2:numel(varargin)
-    if k == numel(varargin) || ~ischar(varargin{k})
+    if k == numel(varargin) || ~(ischar(varargin{k}) || isstring(varargin{k}))
         error('simmer:invalid', 'simmer_believe takes pairs, such as ''x'', 12, or ''grid'', p');
     end
-    name = varargin{k};
+    name = char(varargin{k});
+    names{end + 1} = name; %#ok<AGROW>
     value = varargin{k + 1};
     switch name
         case {'x', 'y', 'heading', 'spread'}
             parts{end + 1} = ['"' name '":' number(name, value)]; %#ok<AGROW>
+            if strcmp(name, 'spread') && value < 0
+                error('simmer:invalid', 'spread is %g: it must be 0 or more', value);
+            end
         case 'note'
             parts{end + 1} = ['"note":"' quoted(value) '"']; %#ok<AGROW>
         case 'grid'
@@ -37,6 +42,14 @@ for k = 1:2:numel(varargin)
         otherwise
             error('simmer:invalid', ...
                 '''%s'' is not known; there are x, y, heading, spread, grid, bounds, first, note', name);
+    end
+end
+if ~any(strcmp(names, 'grid'))
+    missing = setdiff({'x', 'y', 'heading'}, names, 'stable');
+    if ~isempty(missing)
+        error('simmer:invalid', '%s is missing: only a belief with a grid may leave it out', missing{1});
+    elseif ~isempty(grid)
+        error('simmer:invalid', 'bounds and first are those of a grid: there is none');
     end
 end
 if ~isempty(grid)
@@ -96,7 +109,7 @@ try
         end
         robot('beliefs') = tcpclient(robot('host'), port);
     end
-    write(robot('beliefs'), uint8([line 10]));
+    write(robot('beliefs'), [uint8(line), 10]);
 catch
     robot('deaf') = true; % for good: it is only drawn, and each attempt takes time
 end

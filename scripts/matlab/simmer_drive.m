@@ -7,6 +7,10 @@ function movement = simmer_drive(robot, code, value)
 %
 %   See also SIMMER_OPEN, SIMMER_READ, SIMMER_SEND, SIMMER_CLOSE.
 
+if ~(ischar(code) || isstring(code))
+    error('simmer:invalid', 'the code of a drive must be text, such as ''d1''');
+end
+code = char(code); % in MATLAB "d1" is a string, which [] would not join
 if ~(isnumeric(value) && isscalar(value) && isfinite(value))
     error('simmer:invalid', 'the value of %s must be one finite number', code);
 end

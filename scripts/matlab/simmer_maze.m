@@ -18,11 +18,17 @@ if nargin < 1
     name = getenv('SIMMER_CONFIG');
 end
 if ~isempty(name)
-    name = ['"' name '"'];
+    name = ['"' char(name) '"'];
 end
 [code, text] = system(['simmer-tui check ' name ' --json']);
 if code ~= 0
-    error('simmer:maze', 'simmer-tui check %s has no maze to give: %s', name, strtrim(text));
+    try % its answer names the problem
+        problem = jsondecode(text).problems(1);
+        text = [problem.where ': ' problem.text];
+    catch
+        text = sprintf('simmer-tui check %s has no maze to give: %s', name, strtrim(text));
+    end
+    error('simmer:maze', '%s', text);
 end
 set = jsondecode(text);
 cells = set.maze.cells;

@@ -7,6 +7,9 @@ function ranges = simmer_scan(robot, code)
 %
 %   See also SIMMER_OPEN, SIMMER_READ, SIMMER_SEND, SIMMER_CLOSE.
 
+if isstring(code)
+    code = char(code);
+end
 if ~ischar(code) || numel(code) ~= 2
     error('simmer:invalid', 'the code of a lidar has two characters, such as sc');
 end

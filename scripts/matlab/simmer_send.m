@@ -130,6 +130,9 @@ end
 end
 
 function commands = cellstr_of(command)
+if isstring(command) % MATLAB's "u1", or an array of them
+    command = cellstr(command);
+end
 if iscell(command)
     commands = reshape(command, 1, []);
 else

@@ -91,11 +91,12 @@ class Screen(FrontEnd):
         self._app.end(code)
         self._printer.finish(code)
 
-    def program_ended(self, code: int) -> None:
+    def program_ended(self, code: int, *, stopped: bool) -> None:
         server = self._server
         server.tell(Notice(NoticeKind.PROGRAM, exit_text(code)))
-        # A mission whose program has crashed is over, as without a screen.
-        if code and server.referee is not None:
+        # A mission whose program has crashed is over, as without a screen. Who quits, or restarts the run,
+        # fails no mission.
+        if code and not stopped and server.referee is not None:
             server.call(server.referee.end, exit_text(code))
         # Without `--once` the screen stays, so that the end can be seen.
         if self._once:

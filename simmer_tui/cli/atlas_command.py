@@ -69,7 +69,7 @@ def _options(parser: OneLineParser) -> None:
     add_setting_options(parser)
 
 
-@subcommand("atlas", _options)
+@subcommand("atlas", _options, usage="simmer-tui atlas OUT [options]")
 def run_atlas(options: argparse.Namespace) -> int:
     """Compute the readings expected of every range sensor at every pose of a grid, for histogram filters
     (docs/atlas.md). Poses where the robot does not fit are marked."""

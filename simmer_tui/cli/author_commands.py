@@ -104,7 +104,7 @@ def variables_of(configuration: Configuration, environment: Mapping[str, str]) -
 
     server = configuration.settings.server
     if TEAM not in server.listeners:
-        what = "has no dialect.toml: its programs connect over TCP, and need no variables"
+        what = "it has no dialect.toml: its programs connect over TCP, and need no variables"
         raise ConfigurationError([Problem(f"the set {configuration.name}", what)])
     if not server.dialect_port:
         what = "is any free one: name one, for the simulator as well"

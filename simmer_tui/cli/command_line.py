@@ -223,6 +223,14 @@ def subcommand(
     return made
 
 
+def _path(text: str) -> Path:
+    """The path of an argument. A blank one, as of a script's variable that is not set, would be the present
+    folder."""
+    if not text.strip():
+        raise argparse.ArgumentTypeError("the name is blank")
+    return Path(text)
+
+
 class OneLineParser(argparse.ArgumentParser):
     """A parser whose errors are one line on stderr and exit code 2.
 
@@ -234,6 +242,7 @@ class OneLineParser(argparse.ArgumentParser):
         # A shortened option would change its meaning when another one is added.
         kwargs.setdefault("allow_abbrev", False)
         super().__init__(*args, **kwargs)
+        self.register("type", Path, _path)
         self._words = tuple(words)
         self.setting_groups: list[argparse._ArgumentGroup] = []
         """Groups of options of settings. There are many of them: the help of a command leaves them out."""

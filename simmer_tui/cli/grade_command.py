@@ -189,7 +189,8 @@ def _resumed(options: argparse.Namespace) -> GradeFolder:
     for name in ("target", "course", "require", "margin", "cap", "seed", "isolation"):
         if getattr(options, name) is not None:
             raise GradeError(
-                "--resume and --regrade keep all options but --out, --jobs, --dask and --hide-names"
+                "--resume and --regrade take course and options from the grading: name its folder with "
+                "--out, and at most --jobs, --dask and --hide-names"
             )
     # A grading begun in a team's folder lies above it.
     path = options.out or newest_folder(_PREFIX, PLAN_FILE, Path(), Path(".."))

@@ -177,7 +177,7 @@ class Headless(LinePrinter, FrontEnd):
         for link in links:
             say(link, self._stream)
 
-    def program_ended(self, code: int) -> None:
+    def program_ended(self, code: int, *, stopped: bool) -> None:
         self.finish(code)
 
     def judged(self, verdict: Verdict) -> None:

@@ -45,7 +45,7 @@ def run_help(options: argparse.Namespace) -> int:
     elif topic in main.COMMANDS:
         text = main.command_named(topic).parser().format_help()
     else:
-        run_help.parser().error(f'unknown command "{escape(topic)}"{did_you_mean(topic, topics())}')
+        main.build_parser().error(f'unknown command "{escape(topic)}"{did_you_mean(topic, topics())}')
     sys.stdout.write(text)
     return ExitCode.DONE
 

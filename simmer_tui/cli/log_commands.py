@@ -67,7 +67,10 @@ def run_report(options: argparse.Namespace) -> int:
     path = log_of(options)
     _check_outputs(path, (options.svg, options.csv, options.html))
     run = build_report(path, options.csv, recorded=options.html is not None, nominal=options.nominal)
-    print_answer(report_document(run, path.name), as_json=options.json)
+    print_answer(
+        report_document(run, path.name, "" if options.file is None else shown_path(path)),
+        as_json=options.json,
+    )
     for output, make in ((options.svg, svg_picture), (options.html, report_page)):
         if output is not None:
             _write_text(output, make(run, escape_passage(path.name)))
@@ -105,10 +108,11 @@ def build_report(
 def _steps(log: LogReader, run: RunStatistics, table: CommandTable | None) -> Iterator[int]:
     """Read the log, and yield the position in it from time to time."""
     for block in log.blocks():
-        for logged in block:
-            run.add(logged)
-            if table is not None and isinstance(logged, Logged):
-                table.add(logged, run.elapsed)
+        # A row of the table has the time after its event.
+        for part in [block] if table is None else [[logged] for logged in block]:
+            run.add(part)
+            if table is not None and isinstance(part[0], Logged):
+                table.add(part[0], run.elapsed)
         yield log.position
     if table is not None:
         table.finish()

@@ -79,8 +79,8 @@ class FrontEnd:
     def finish(self, code: int) -> None:
         """End `show`. Safe in signal handlers and from any thread."""
 
-    def program_ended(self, code: int) -> None:
-        """Called when the program has ended, in a thread of its own."""
+    def program_ended(self, code: int, *, stopped: bool) -> None:
+        """Called when the program has ended, in a thread of its own; `stopped` if the simulator ended it."""
 
     def show_rest(self) -> None:
         """Show the events so far, and no later ones."""
@@ -251,18 +251,24 @@ class RunLife:
         if not self._front.judges:
             self._server.drain()
             self._tell_program_end()
-        self._front.program_ended(code)
+        self._front.program_ended(code, stopped=self._is_stopped)
         self._program_over.set()
 
     def _tell_program_end(self) -> None:
         """Tell once that the program has ended, after its last command."""
-        code, program = self._program_code, self._shutdown.program
+        code = self._program_code
         with self._lock:
             if code is None or self._end_told or not self._server.running:
                 return
             self._end_told = True
-        stopped = program is not None and program.stopped
-        self._server.tell_at_once(self._output.end(code, self._server.engine.present, stopped=stopped))
+        ended = self._output.end(code, self._server.engine.present, stopped=self._is_stopped)
+        self._server.tell_at_once(ended)
+
+    @property
+    def _is_stopped(self) -> bool:
+        """True if the simulator has ended the program."""
+        program = self._shutdown.program
+        return program is not None and program.stopped
 
     def _judge(self) -> None:
         """Give front end and page the verdict on a run with any event."""

@@ -42,6 +42,8 @@ if TYPE_CHECKING:  # few sets have devices
 
 __all__ = ["Configuration", "Override", "find_set", "init_set", "load"]
 
+_WRITES_ONE = "simmer-tui init --dialect line DIR writes one"
+
 
 class Configuration(Struct, frozen=True):
     """A valid configuration set: its folder, its display name and its contents."""
@@ -177,10 +179,10 @@ def _dialect(
             server = replace(settings.server, listeners=listeners)
             settings = replace(settings, server=server, motion=replace(settings.motion, motion="timed"))
     elif TEAM in listeners:
-        what = f"names {TEAM}, but the set has no {dialect_toml.FILE}; simmer-tui init --dialect writes one"
+        what = f"names {TEAM}, but the set has no {dialect_toml.FILE}; {_WRITES_ONE}"
         problems.append(Problem(loaded.places["server.listeners"], what))
     if settings.server.pty and TEAM not in listeners:
-        what = f"is the serial port of a set with a {dialect_toml.FILE}; simmer-tui init --dialect writes one"
+        what = f"is the serial port of a set with a {dialect_toml.FILE}; {_WRITES_ONE}"
         problems.append(Problem(loaded.places["server.pty"], what))
     return dialect, settings
 

@@ -183,7 +183,8 @@ def write_files(destination: Path, files: Mapping[str, bytes]) -> tuple[Path, ..
         for path in written:
             with contextlib.suppress(OSError):
                 path.unlink()
-        raise _unwritable(shown, reason_of(error)) from None
+        why = "it is a file, not a folder" if destination.is_file() else reason_of(error)
+        raise _unwritable(shown, why) from None
     return tuple(destination / name for name in files)
 
 

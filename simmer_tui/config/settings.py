@@ -157,7 +157,10 @@ class ServerSettings(Struct, frozen=True, kw_only=True):
     ] = "baud"
     serial_names: Annotated[
         _Names,
-        Setting(NamesRule(), "serial ports that lead a dialect's program to the robot; by default all"),
+        Setting(
+            NamesRule(),
+            "serial ports that lead a dialect's program to the robot; all if none is named",
+        ),
     ] = ()
     pty: Annotated[
         str, _text("path of a pseudo-terminal that is a dialect's serial port (not on Windows)", "PATH")

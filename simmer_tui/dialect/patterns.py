@@ -3,7 +3,7 @@
     {n} number    {n:int} whole number    {n:digit} one digit    {n:word}    {n:text}    {n:list} codes: u0,u1
     {n=300} optional, with its default    {n:f=0|d=1} one of these words, which represents that value
 
-A blank matches one or more. A pattern matches a whole message.
+A blank matches one or more. A brace itself is written twice. A pattern matches a whole message.
 """
 
 import re
@@ -27,7 +27,8 @@ NUMERIC = ("number", "int", "digit")
 """Kinds of fields that are numbers."""
 NAME = re.compile(r"[A-Za-z_]\w*", re.ASCII)
 """Name of a field, or of a value of a dialect."""
-_FIELD = re.compile(r"\{([^{}]*)\}")
+_FIELD = re.compile(r"(?P<brace>\{\{|\}\})|\{(?P<inside>[^{}]*)\}")
+_TWICE = "a brace itself is written twice"
 # Python refuses to convert numbers of thousands of digits.
 _LONGEST_NUMBER = 40
 """Characters of a number in a message."""
@@ -56,7 +57,11 @@ class Pattern:
         made, example, end = "", "", 0
         for field in _FIELD.finditer(source):
             plain = source[end : field.start()]
-            pattern, text = self._field(field[1])
+            if field["brace"]:
+                text = field["brace"][0]
+                pattern = re.escape(text)
+            else:
+                pattern, text = self._field(field["inside"])
             made += _literal(plain) + pattern
             example += plain + text
             end = field.end()
@@ -64,7 +69,7 @@ class Pattern:
         plain = _FIELD.sub("", source)
         if source not in ("{", "}") and (brace := next((each for each in plain if each in "{}"), "")):
             other = "}" if brace == "{" else "{"
-            raise ValueError(f"'{source}' has a {brace} without its {other}")
+            raise ValueError(f"'{source}' has a {brace} without its {other}; {_TWICE}")
         self.example = example + rest
         """A message that matches."""
         if list(self.kinds.values()).count("text") > 1:
@@ -79,7 +84,9 @@ class Pattern:
         """The regular expression of a field, and an example."""
         name = NAME.match(inside)
         if name is None:
-            raise ValueError(f"{{{inside}}}: a field begins with a name, such as {{n}} or {{n:int}}")
+            raise ValueError(
+                f"{{{inside}}}: a field begins with a name, such as {{n}} or {{n:int}}; {_TWICE}"
+            )
         rest = inside[name.end() :]
         if name[0] in self.kinds:
             raise ValueError(f"has the field {{{name[0]}}} twice")
@@ -116,7 +123,11 @@ class Pattern:
     def filled(self, texts: Mapping[str, str]) -> str:
         """The message with a text for each field; a field without one has its default."""
         texts = {**self.defaults, **texts}
-        return _FIELD.sub(lambda field: texts[re.split("[:=]", field[1])[0]], self.source)
+
+        def text(field: re.Match[str]) -> str:
+            return field["brace"][0] if field["brace"] else texts[re.split("[:=]", field["inside"])[0]]
+
+        return _FIELD.sub(text, self.source)
 
     def match(self, message: str) -> dict[str, FieldValue] | None:
         """The values of the fields, or None if the whole message does not match."""

@@ -152,7 +152,10 @@ def read_course(
     """
     problems: list[Problem] = []
     shown = shown_path(target)
-    course_file = course_file or _usual_file(target, shown)
+    for each in (target, *((course_file,) if course_file else ())):
+        if not each.exists():
+            raise ConfigurationError([Problem(shown_path(each), "there is no such file or folder")])
+    course_file = course_file or _usual_file(target)
     file = TomlFile.read(course_file, problems) if course_file else TomlFile("", "", problems)
     home = Path() if course_file is None else course_file.parent
     top = file.values(KEYS[""], others=("decide", "limits", "rules", "team"))
@@ -192,10 +195,8 @@ def _doubled(teams: Iterable[Team], where: str) -> Iterator[Problem]:
             yield Problem(where, f'two teams have the name "{shown_name(name)}"')
 
 
-def _usual_file(target: Path, shown: str) -> Path | None:
+def _usual_file(target: Path) -> Path | None:
     """The file itself, or the course.toml of a folder if it has one."""
-    if not target.exists():
-        raise ConfigurationError([Problem(shown, "there is no such file or folder")])
     usual = target if target.is_file() else target / COURSE_FILE
     return usual if usual.is_file() else None
 

@@ -79,6 +79,9 @@ def read_matlab(folder: Path, file: str = FILE) -> Imported:
     sensors = load_sensors(config, codes, left_out)
     rows = load_drives(config, codes, left_out)
     drives, gripper = rows.drives, rows.gripper
+    for table, parts, read in ((sensors_csv.FILE, "sensors", sensors), (drive_csv.FILE, "drives", drives)):
+        if not read:
+            left_out.append(Problem(table, f"the set has no {parts}: add them to the new {table}"))
     if gripper is not None:
         left_out.append(Problem("drive.csv", "the row grip is not copied; add it to the new drive.csv"))
     notes = Notes(file)

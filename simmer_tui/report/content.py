@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from dataclasses import replace
 from heapq import nlargest
 from operator import itemgetter
@@ -204,8 +205,9 @@ TABLES = (
 """All tables of a report."""
 
 
-def report_document(run: RunStatistics, name: str) -> Document:
-    """The report of a run whose log has a name."""
+def report_document(run: RunStatistics, name: str, path: str | None = None) -> Document:
+    """The report of a run whose log has a name. Its commands take the `path` of the log, by default the name;
+    without one they take the last run."""
     # The last output of a failed program says why it failed; that of a successful one has no news.
     failed = run.verdict.outcome.is_failure
     parts: list[DocumentPart] = [
@@ -215,16 +217,17 @@ def report_document(run: RunStatistics, name: str) -> Document:
         Bullets("Notes", run.notes, "notes"),
         *report_tables(run, name),
         *(() if failed else (output(run.verdict),)),
-        again(name),
+        again(name if path is None else path),
     ]
     return Document(f"Run {name}", parts)
 
 
 def again(name: str) -> Paragraph:
     """Commands that show the run again."""
+    argument = f" {shlex.quote(name)}" if name else ""
     commands: tuple[Prose, ...] = (
-        *("Play it: ", Code(f"simmer-tui replay {name}")),
-        *(". Compare every reply: ", Code(f"simmer-tui rerun {name}")),
+        *("Play it: ", Code(f"simmer-tui replay{argument}")),
+        *(". Compare every reply: ", Code(f"simmer-tui rerun{argument}")),
     )
     return Paragraph(commands, kind="note")
 

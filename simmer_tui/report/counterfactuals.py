@@ -29,6 +29,7 @@ from simmer_tui.sim.legs import Leg
 from simmer_tui.sim.maze import Maze
 from simmer_tui.sim.motion import CollisionChecker, Planner, rebuilt
 from simmer_tui.sim.obstacles import Obstacles
+from simmer_tui.sim.path import Path
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.specs import Axes, DriveKind, SimulationSpec
 from simmer_tui.sim.trajectory import Trajectory
@@ -236,7 +237,8 @@ class CounterfactualWorld:
     def _trajectory(self, met: Collision, start: Pose, kind: DriveKind, totals: Axes) -> Trajectory:
         body, obstacles = self._body(met), self._obstacles(met, start)
         planner = Planner(self._spec.num_segments, self._spec.contact, {})
-        planned = rebuilt(start, kind, totals, self._spec.num_segments, 0.0, 1.0)
+        segments = self._spec.num_segments
+        planned = rebuilt(Path.lazy(start, *totals.share(segments), segments), kind, totals, 0.0, 1.0)
         return planner.checked(planned, CollisionChecker(body, obstacles, self._maze))
 
     def _obstacles(self, met: Collision, start: Pose) -> Obstacles:

@@ -156,7 +156,7 @@ class _MazeFigure:
         self.frame = MazeFrame(self.spec.maze)
         self._at = self.frame.at
         # A robot that a wall held for the rest of the run would leave all else in one colour.
-        self.pieces = [piece for piece in run.paths.segments.items if _extent(piece) >= _SHORTEST]
+        self.pieces = [piece for piece in run.paths.segments if _extent(piece) >= _SHORTEST]
         self.end = max((piece.end for piece in self.pieces), default=0.0)
 
     def draw(self) -> Figure:

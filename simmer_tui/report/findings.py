@@ -57,7 +57,8 @@ def _sentences(run: RunStatistics) -> Iterator[str]:
         yield f"{refusals.given} of {refused} did nothing. The first: {why}."
     if faults.given:
         line, text = faults.items[0].line, escape_passage(faults.items[0].text)
-        yield f"{counted(faults.given, 'fault')}. The first (line {line}): {text}."
+        end = "" if text.endswith("?") else "."
+        yield f"{counted(faults.given, 'fault')}. The first (line {line}): {text}{end}"
     if totals.actions:
         listed = ", ".join(f"{name} {count}x" for name, count in totals.actions.most_common(8))
         yield f"Actions by a person: {listed}."

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from functools import cached_property
 from typing import TextIO
 
@@ -79,19 +80,23 @@ class RunStatistics:
         self.real_seconds = 0.0
         self._recorded = recorded
 
-    def add(self, logged: Logged | BrokenLine) -> None:
-        """Add the next event or broken line."""
-        if isinstance(logged, BrokenLine):
-            self.broken.add(logged)
-            return
-        event, real_time = logged.event, logged.real_time
-        # Without max(): a log has millions of events.
-        if real_time - self.header.real_time > self.real_seconds:
-            self.real_seconds = real_time - self.header.real_time
-        self._analysis.apply(event, logged.line, real_time)
-        reading = event.reading if isinstance(event, CommandResult) else None
-        if reading is not None and reading.scan is not None:
-            self.bent.add(reading.sensor, reading.scan, self.reducer.block_place)
+    def add(self, block: Iterable[Logged | BrokenLine]) -> None:
+        """Add the next events and broken lines."""
+        apply = self._analysis.apply
+        latest = self.header.real_time + self.real_seconds
+        for logged in block:
+            # Types are compared, and no max(): a log has millions of events.
+            if type(logged) is BrokenLine:
+                self.broken.add(logged)
+                continue
+            event, real_time = logged.event, logged.real_time
+            if real_time > latest:
+                latest = real_time
+            apply(event, logged.line, real_time)
+            reading = event.reading if type(event) is CommandResult else None
+            if reading is not None and reading.scan is not None:
+                self.bent.add(reading.sensor, reading.scan, self.reducer.block_place)
+        self.real_seconds = latest - self.header.real_time
 
     @property
     def elapsed(self) -> float:
@@ -144,8 +149,8 @@ class RunStatistics:
 def report_of(log: LogReader, *, recorded: bool = True) -> RunStatistics:
     """The figures of a log that is read to its end, with the data of a player if they are `recorded`."""
     run = RunStatistics(log.header, log.configuration, recorded=recorded)
-    for logged in log:
-        run.add(logged)
+    for block in log.blocks():
+        run.add(block)
     run.finish(log.note)
     return run
 

@@ -42,6 +42,9 @@ CLOUD = 250
 """Most particles of one belief."""
 STRAIGHT = 0.02
 """Inches; a path within this of a straight line is drawn as one: a twentieth of a point."""
+PIECE = 1.0
+"""About the length, inches, of the pieces of a path that each count for one cell: judged fine enough for
+cells of 12 in."""
 PathPoint = tuple[float, float]
 
 
@@ -64,6 +67,13 @@ class MovementPath(Struct, frozen=True):
     @property
     def elapsed(self) -> float:
         return self.zero + self.trajectory.start_time
+
+    @property
+    def segment(self) -> PathSegment:
+        """The movement as drawn."""
+        return PathSegment(
+            self.elapsed, self.zero + self.until, _simplified(self.trajectory.centres(self.until))
+        )
 
 
 class Jump(Struct, frozen=True):
@@ -91,7 +101,7 @@ class PathRecord:
     def __init__(self, maze: MazeSpec, pose: Pose, *, recorded: bool) -> None:
         self.cells: defaultdict[tuple[int, int], float] = defaultdict(float)
         """Simulated seconds by cell: row from the top and column from the left, from 1."""
-        self.segments: Thinned[PathSegment] = Thinned(SEGMENTS)
+        self._drawn: Thinned[MovementPath] = Thinned(SEGMENTS)
         self.jumps: First[Jump] = First(LISTED)
         self.start = pose
         self.moves: Newest[MovementPath | Jump] = Newest(MOVEMENTS)
@@ -129,17 +139,18 @@ class PathRecord:
         self.under_way = None
         self.stand(zero + begin)
         here, there = self._standing_in, self._cell(pose.x, pose.y)
-        # Centres of a path are the expensive part: computed only if drawn or needed for the time by cell.
-        drawn = self.segments.wanted()
-        points = trajectory.centres(until) if drawn or here != there else []
+        # Centres of a path are the expensive part.
         if here == there:
             self.cells[here] += arrival - begin
         else:
-            self._pass_time(points, arrival - begin)
-        if drawn:
-            self.segments.keep((PathSegment(zero + begin, zero + until, _simplified(points)),))
-        if self._recorded:
-            self.moves.add(MovementPath(zero, command.shown, trajectory, until))
+            self._pass_time(trajectory.centres(until), arrival - begin)
+        drawn = self._drawn.wanted()
+        if drawn or self._recorded:
+            path = MovementPath(zero, command.shown, trajectory, until)
+            if drawn:
+                self._drawn.keep((path,))
+            if self._recorded:
+                self.moves.add(path)
         self._standing_in = there
         self._stood_since = zero + arrival
 
@@ -198,19 +209,27 @@ class PathRecord:
             return belief, None
         return replace(belief, grid=replace(grid, cells=b"")), small_map(grid, self._maze)
 
+    @property
+    def segments(self) -> list[PathSegment]:
+        """The movements as drawn, evenly chosen."""
+        return [path.segment for path in self._drawn.items]
+
     # -- time by cell ----------------------------------------------------------------------------
 
     def _pass_time(self, points: Sequence[PathPoint], seconds: float) -> None:
         """Share out a movement's time among the cells it went through."""
         cells, cell_at = self.cells, self._cell
+        # All segments but the last have one length, often a part of an inch.
+        each = math.dist(points[0], points[1])
+        if 0.0 < each < PIECE:
+            points = [*points[: -1 : int(PIECE / each)], points[-1]]
         lengths = list(map(math.dist, points, points[1:]))
         total = math.fsum(lengths)
         if total == 0.0:
             cells[cell_at(*points[0])] += seconds
             return
         for (a, b), length in zip(pairwise(points), lengths, strict=True):
-            # Steps of at most an inch, judged fine enough for cells of 12 in.
-            steps = max(math.ceil(length), 1)
+            steps = max(math.ceil(length / PIECE), 1)
             share = seconds * length / total / steps
             for step in range(steps):
                 fraction = (step + 0.5) / steps
@@ -257,17 +276,18 @@ class Truth:
         self._counters = {
             code: each for code, each in self._sensors.items() if isinstance(each, CountingSensor)
         }
-        self._counted = dict.fromkeys(self._counters, 0.0)
+        self._moved = (0.0, 0.0, 0.0)
+        """Sums of the robot's motions: degrees turned, inches ahead and to the left."""
 
     def restart(self) -> None:
         """All counters are 0 again."""
         self.known = True
-        self._counted = dict.fromkeys(self._counted, 0.0)
+        self._moved = (0.0, 0.0, 0.0)
 
     def move(self, turned: float, ahead: float, aside: float) -> None:
         """The robot has moved: degrees turned, inches ahead and to the left in its own frame."""
-        for code, counter in self._counters.items():
-            self._counted[code] += counter.counted_on(turned, ahead, aside)
+        before = self._moved
+        self._moved = (before[0] + turned, before[1] + ahead, before[2] + aside)
 
     def error(self, reading: Reading, under_way: Trajectory | Leg | None, time: float) -> float | None:
         """Error of a reading taken at a simulated time, in the sensor's unit; None if it is not known. It is
@@ -277,11 +297,13 @@ class Truth:
         sensor = self._sensors.get(code)
         if sensor is None:
             return None
-        if code not in self._counters:
+        counter = self._counters.get(code)
+        if counter is None:
             return sensor.error(reading.true, reading.value)
         if not self.known:
             return None
-        true = self._counted[code]
+        # Counts are linear in the motion.
+        true = counter.counted_on(*self._moved)
         if under_way is not None:
-            true += self._counters[code].counted_on(*under_way.moved(time))
+            true += counter.counted_on(*under_way.moved(time))
         return sensor.error(true, reading.value)

@@ -73,7 +73,7 @@ from simmer_tui.sim.path import Contact, Path, PathPosition
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.recent_motion import Motion
 from simmer_tui.sim.records import Grip, LidarScan, Reading, Status, VelocityChange
-from simmer_tui.sim.specs import Axes, DriveSpec, GripperSpec, SensorSpec, SimulationSpec
+from simmer_tui.sim.specs import Axes, DriveSpec, SensorSpec, SimulationSpec
 from simmer_tui.sim.trajectory import Trajectory, VelocityProfile
 
 # A command is answered at most a few commands late: sessions and the link allow fewer than these.
@@ -200,7 +200,7 @@ class LogDecoder:
         )
 
     def _reading(self, record: ReadingRecord) -> tuple[Event, ...]:
-        command = self._command(record.command, record.source)
+        command = self._parsed(record.command, record.source)
         sensor = self._sensors.get(command.code)
         if sensor is None:
             raise RunLogError(f"{command.shown} reads no sensor of the log's configuration")
@@ -372,7 +372,7 @@ class LogDecoder:
             raise RunLogError(f"{command.shown} moves nothing in the log's configuration")
         # A movement that nobody stopped ends as planned, and the plan gives the same float again.
         cut = end if record.stopped_by else None
-        if isinstance(drive, GripperSpec):
+        if type(drive) is not DriveSpec:
             # The speed of a gripper is in openings or closings a second.
             return standing(start, begin, 1.0 / drive.speed, cut=cut)
         if total is None:
@@ -381,30 +381,27 @@ class LogDecoder:
         # After a contact the errors are dropped, so the rest is one straight piece or one turn.
         if record.stop is not None and record.stop[0]:
             raise RunLogError("the rest of a movement has one segment")
+        totals, segments = Axes(*total), self._spec.num_segments
+        path = Path.lazy(start, *totals.share(segments), segments)
         return rebuilt(
-            start,
+            path,
             drive.kind,
-            Axes(*total),
-            self._spec.num_segments,
+            totals,
             begin,
             whole if duration is None else duration,
-            self._contact(record.contact, start, total),
+            None if record.contact is None else self._contact(record.contact, path),
             None if record.stop is None else PathPosition(*record.stop),
             cut,
             profile,
         )
 
-    def _contact(self, fields: ContactFields | None, start: Pose, total: LoggedPose) -> Contact | None:
-        """The contact of a movement from a pose over a displacement."""
-        if fields is None:
-            return None
+    def _contact(self, fields: ContactFields, path: Path) -> Contact:
+        """The contact of a movement on a path."""
         segment, turned, translated = fields.at
-        count = self._spec.num_segments
         # A log from elsewhere may hold anything: an index beyond the path must not raise another error.
-        if segment >= count:
+        if segment >= path.segments:
             raise RunLogError(f"the movement has no segment {segment}")
-        x, y, turn = (each / count for each in total)
-        return _contact_at(Path.lazy(start, x, y, turn, count).pose(segment, turned, translated), fields)
+        return _contact_at(path.pose(segment, turned, translated), fields)
 
     def _profile_of(self, text: str) -> tuple[VelocityProfile | None, float]:
         """The velocity profile of a drive's command, and its duration, seconds."""

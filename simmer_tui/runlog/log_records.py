@@ -12,7 +12,7 @@ import math
 import operator
 from enum import StrEnum
 from itertools import zip_longest
-from typing import Annotated
+from typing import Annotated, final
 
 import msgspec
 
@@ -403,6 +403,7 @@ SHARED_WITH_CONTACT = ("point", "cell", "ended", "drift", "held_block")
 """Fields that a contact and its record have by the same name."""
 
 
+@final
 class BrokenLine(msgspec.Struct, frozen=True):
     """A line that cannot be read, and why."""
 

@@ -182,10 +182,9 @@ class Planner:
 
 
 def rebuilt(
-    start: Pose,
+    path: Path,
     kind: DriveKind | None,
     totals: Axes,
-    segments: int,
     start_time: float,
     duration: float,
     contact: Contact | None = None,
@@ -195,13 +194,11 @@ def rebuilt(
 ) -> Trajectory:
     """A logged movement, rebuilt without any search or draw.
 
-    `totals` are the whole command's, errors included. `contact` is its first contact. `stop` is the place
-    where an obstacle stopped it on the rest of the command, after its errors were dropped
-    (`Trajectory.rest_stop`). `cut` is the simulated time at which it was cut short, `profile` its drive's.
-    Counts of odometers and gyros are left out.
+    `path` is the path without any obstacle, `totals` are the whole command's, errors included. `contact` is
+    its first contact. `stop` is the place where an obstacle stopped it on the rest of the command, after its
+    errors were dropped (`Trajectory.rest_stop`). `cut` is the simulated time at which it was cut short,
+    `profile` its drive's. Counts of odometers and gyros are left out.
     """
-    x, y, turn = totals.x / segments, totals.y / segments, totals.r / segments
-    path = Path.lazy(start, x, y, turn, segments)
     plan = Trajectory(path, kind, totals, start_time, duration, contact, cut=cut, profile=profile)
     if contact is None or (contact.ended and stop is None):
         return plan
@@ -246,5 +243,5 @@ def _in_free_space(
     start: Pose, kind: DriveKind | None, totals: Axes, segments: int, time: float, duration: float
 ) -> Trajectory:
     """A movement in free space."""
-    path = Path.of_segments(start, totals.x / segments, totals.y / segments, totals.r / segments, segments)
+    path = Path.of_segments(start, *totals.share(segments), segments)
     return Trajectory(path, kind, totals, time, duration)

@@ -209,6 +209,10 @@ class Axes(Struct, frozen=True, gc=False):
     y: float = 0.0
     r: float = 0.0
 
+    def share(self, segments: int) -> tuple[float, float, float]:
+        """Each segment's share: x, y and r."""
+        return self.x / segments, self.y / segments, self.r / segments
+
 
 _NO_AXES = Axes()
 

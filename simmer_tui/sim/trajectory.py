@@ -202,17 +202,29 @@ class Trajectory(Struct, frozen=True):
 
     def travelled(self, time: float) -> float:
         """Distance travelled by the robot's centre, inches."""
-        return self._length_to(*self.place(time))
+        return self.travel(time)[0]
 
     def moved(self, time: float) -> tuple[float, float, float]:
         """Real motion by a simulated time, in the robot's frame: degrees turned, inches ahead and to the
         left. Each segment adds the same."""
-        return self._moved_to(*self.place(time))
+        return self.travel(time)[1]
 
     def travel(self, time: float) -> tuple[float, tuple[float, float, float]]:
         """`travelled` and `moved` at once."""
         path, at = self.place(time)
-        return self._length_to(path, at), self._moved_to(path, at)
+        turned = path.start + path.turn * (at.segment + at.turned) - self.path.start
+        # Without a drive nothing was commanded: the path's points are all there is.
+        if self.kind is None:
+            return path.length_to(at), (turned, *path.along(at))
+        x, y = self.move
+        length, contact = math.sqrt(x * x + y * y), self.contact
+        # Wheels turn as commanded until a contact; after it only the distance that the robot slid counts.
+        if path is self.path or contact is None:
+            gone = at.segment + at.translated
+            return gone * length, (turned, gone * x, gone * y)
+        before = contact.segment + contact.translated
+        ahead, aside = path.along(at)
+        return before * length + path.length_to(at), (turned, before * x + ahead, before * y + aside)
 
     def trail(self, time: float) -> FloatArray:
         """The robot's centres from the start to where it is at a simulated time, (k, 2)."""
@@ -243,35 +255,6 @@ class Trajectory(Struct, frozen=True):
         if held_at is not None and held_at > time:
             return replace(cut, contact=replace(contact, ended=False), rest_stop=None)
         return cut
-
-    def _length_to(self, path: Path, at: PathPosition) -> float:
-        contact = self.contact
-        if path is self.rest and contact is not None:
-            return self._own_length_to(contact.place) + path.length_to(at)
-        return self._own_length_to(at)
-
-    def _own_length_to(self, at: PathPosition) -> float:
-        """Length of the path to a place on `path`, whose translations are all the same."""
-        if self.kind is None:
-            # It stands still.
-            return self.path.length_to(at)
-        x, y = self.move
-        return (at.segment + at.translated) * math.sqrt(x * x + y * y)
-
-    def _moved_to(self, path: Path, at: PathPosition) -> tuple[float, float, float]:
-        turned = path.start + path.turn * (at.segment + at.turned) - self.path.start
-        # Without a drive nothing was commanded: the path's points are all there is.
-        if self.kind is None:
-            return (turned, *path.along(at))
-        x, y = self.move
-        contact = self.contact
-        # Wheels turn as commanded until a contact; after it only the distance that the robot slid counts.
-        if path is self.path or contact is None:
-            gone = at.segment + at.translated
-            return turned, gone * x, gone * y
-        before = contact.segment + contact.translated
-        ahead, aside = path.along(at)
-        return turned, before * x + ahead, before * y + aside
 
     # -- segments done, as a number from 0 to n ------------------------------------------------
 

@@ -5,8 +5,8 @@ answers.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
-from itertools import islice
-from textwrap import shorten
+from itertools import chain, islice
+from textwrap import shorten, wrap
 
 from msgspec import Struct
 
@@ -67,10 +67,10 @@ class AnswerCard(Struct, frozen=True):
         """Lines for a room: all, with a heading, or in brief if there are few rows."""
         if room.rows <= BRIEF_ANSWER:
             given = self.brief or self.lines
-            wide = [
-                part for line in given for part in wrapped_lines(((" ", "plain"), *line), room.width - 1, 2)
-            ]
-            return _fitted(wide, room)
+            lines: list[StyledLine] = [((" ", "plain"), *line) for line in given]
+            wide = [part for line in lines for part in wrapped_lines(line, room.width - 1, 2)]
+            # The last line itself, not the tail of it.
+            return _fitted(wide, room, last=shortened(lines[-1], room.width - 1))
         head = heading(self.title, self.note, room.width, plain=room.plain)
         rest = [part for line in self.lines for part in wrapped_lines(line, room.width, 2)]
         return [((self.title, self.role), *head[1:]), *_fitted(rest, room, 1)]
@@ -85,42 +85,53 @@ _BRIEF_COLUMNS = 78
 """Columns of a row of an answer in brief."""
 
 
-def _fitted(lines: Sequence[StyledLine], room: Room, taken: int = 0) -> list[StyledLine]:
-    """As many lines as there is room for. If some are left out the last one stays, with the possible
-    actions."""
+def _fitted(
+    lines: Sequence[StyledLine], room: Room, taken: int = 0, last: StyledLine | None = None
+) -> list[StyledLine]:
+    """As many lines as there is room for. If some are left out, `last` or the last of them stays, with the
+    possible actions."""
     rows = max(room.rows - taken, 1)
     if len(lines) <= rows:
         return list(lines)
     kept = list(lines[: rows - 1])
     if kept:
         kept[-1] = shortened((*kept[-1], (" " * room.width, "plain"), ("…", "mark")), room.width)
-    return [*kept, lines[-1]]
+    return [*kept, lines[-1] if last is None else last]
 
 
 # -- before anything has happened ------------------------------------------------------------------
 
 
-def first_steps(example: str, command: str, drive_keys: str) -> AnswerCard:
+def first_steps(example: str, command: str, drive_keys: str, variable: str = "") -> AnswerCard:
     """Advice for a beginning.
 
     Args:
         example: Key that runs the sample program; empty if it cannot be run from here.
         command: A command that drives the robot.
         drive_keys: The keys that drive it.
+        variable: The variable with which a program finds the robot, with its value; empty if it needs none.
     """
     typed: StyledLine = (("u1", "mark"), (" reads, ", "value"), (command, "mark"), (" drives", "value"))
     keys: StyledLine = (("Esc", "mark"), (", then ", "value"), (drive_keys, "mark"), (" drives", "value"))
     more: StyledLine = ((":help", "mark"), (" shows all there is to do", "value"))
-    python = "python wander.py", "mark"
+    # In the folder that the documents name.
+    copy, python = ("simmer-tui examples samples", "mark"), ("python samples/wander.py", "mark")
     runs: list[StyledLine] = [(("run a program in another terminal:", "value"),)]
+    given: StyledLine = (("with ", "value"), (variable, "mark")) if variable else ()
     brief: StyledLine = (("run in another terminal: ", "value"), python)
+    if variable:
+        brief = (*brief, (" ", "value"), *given)
     if example:
         run: StyledLine = ((example, "mark"), (" runs the example, wander.py", "value"))
         runs = [run, (("or a program in another terminal:", "value"),)]
-        brief = (*run, (";  elsewhere: ", "value"), python)
+        brief = (
+            (*run, (";  elsewhere ", "value"), *given)
+            if given
+            else (*run, (";  elsewhere: ", "value"), python)
+        )
     press: StyledLine = (("or press ", "value"), *keys)
     steps = _numbered(*runs, (("or type: ", "value"), *typed), press)
-    steps.insert(len(runs), (("  ", "plain"), python))
+    steps[len(runs) : len(runs)] = [(("  ", "plain"), *each) for each in ((copy,), (python,), given) if each]
     inches = " 3 in" if command.endswith("3") else ""
     below: StyledLine = (("or type below: ", "value"), *typed, (inches, "value"))
     in_brief = _numbered(brief, below, (*press, (";  ", "value"), *more))
@@ -217,12 +228,15 @@ def why_answer(facts: Sequence[WhyFact], snapshot: Snapshot) -> AnswerCard:
     return AnswerCard(f"why {ended.command.shown}", "Esc closes", lines, (brief,))
 
 
-def program_output(program: ProgramEnded) -> str:
-    """The last lines of both outputs of a program that has ended."""
+def program_output(program: ProgramEnded, width: int) -> str:
+    """The last lines of both outputs of a program that has ended, wrapped: the end of an error's line says
+    most."""
     lines: list[str] = []
     for name, printed in (("standard error", program.stderr), ("standard output", program.stdout)):
-        lines += [f"Last lines of {name}", *(f"  {printable(line.text)}" for line in printed), ""]
-    return "\n".join(lines)
+        if printed:
+            wrapped = (wrap(f"  {printable(each.text)}", width, subsequent_indent="    ") for each in printed)
+            lines += [f"Last lines of {name}", *chain.from_iterable(each or [""] for each in wrapped), ""]
+    return "\n".join(lines) or "The program printed nothing."
 
 
 def verdict_answer(verdict: Verdict) -> AnswerCard:

@@ -160,7 +160,9 @@ class SimmerApp(Shell):
         drives.sort(key=lambda drive: drive.kind is not DriveKind.RIGHT)  # forward, if it can
         command = f"{drives[0].code}-3" if drives else "u1"
         key = EXAMPLE_KEY if self._can_run_example else ""
-        return answers.first_steps(key, command, drive_keys(self._settings.keys))
+        port = self.server.ports.get(COMMANDS.purpose)
+        variable = "" if port in (None, COMMANDS.default) else f"{COMMANDS.variable}={port}"
+        return answers.first_steps(key, command, drive_keys(self._settings.keys), variable)
 
     @property
     def _can_run_example(self) -> bool:
@@ -243,7 +245,7 @@ class SimmerApp(Shell):
             "why": self._show_why,
             "report": lambda _: self.run_worker(self._show_report(), group="report", exclusive=True),
             "program": lambda _: self._show_program(),
-            "bias": lambda _: self.ask(answers.bias_answer(self.server.simulator.bias)),
+            "bias": lambda _: self.ask(answers.bias_answer(self.server.simulator.bias), stays=True),
             "vv": self._drive_for,
             "log": lambda file: self.run_worker(self._start_log(file), group="log"),
             "robot": self.server.use_robot,
@@ -262,7 +264,7 @@ class SimmerApp(Shell):
         if snapshot is None:
             return
         if snapshot.verdict is None or about:
-            self.ask(answers.why_answer(why(snapshot.state, self._spec), snapshot))
+            self.ask(answers.why_answer(why(snapshot.state, self._spec), snapshot), stays=True)
         elif self._plan.has_pages:  # three rows would cut it
             # As wide as the page's text, which is not wrapped.
             room = self.size.width - _PAGE_FRAME
@@ -298,7 +300,7 @@ class SimmerApp(Shell):
         if verdict is None or verdict.program is None:
             self._console.show_error("program: none has ended yet; the events have its output (/ program)")
             return
-        text = answers.program_output(verdict.program)
+        text = answers.program_output(verdict.program, self.size.width - _PAGE_FRAME)
         self.push_screen(ReportScreen(text, "Program", f"Esc closes; exit code {verdict.program.exit_code}"))
 
     def _write_picture(self, name: str) -> None:

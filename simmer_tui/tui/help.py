@@ -1,7 +1,9 @@
 """The help and the command palette: all keys and orders, made from the tables that the app uses."""
 
+import re
 from collections.abc import Iterator, Sequence
 from functools import partial
+from textwrap import wrap
 from typing import ClassVar
 
 from rich.text import Text
@@ -9,7 +11,7 @@ from textual.app import ComposeResult, SystemCommand
 from textual.command import DiscoveryHit, Hit, Hits, Provider
 from textual.containers import VerticalScroll
 from textual.content import Content
-from textual.events import Key
+from textual.events import Key, Resize
 from textual.keys import format_key
 from textual.screen import ModalScreen
 from textual.types import IgnoreReturnCallbackType
@@ -92,11 +94,33 @@ def help_screen(keys: KeySettings, spec: SimulationSpec, code: str = "") -> "Hel
     return HelpScreen("\n".join(lines), f"Help: {escape_word(code)}", classes="one-code")
 
 
+def folded(text: str, width: int) -> str:
+    """A text of lines of at most `width` characters. The rest of a row stands below its second column."""
+    lines: list[str] = []
+    for line in text.split("\n"):
+        if len(line) > width:
+            columns = _COLUMNS.match(line)
+            indent = " " * min(columns.end() if columns else _INDENT, width // 2)
+            lines += wrap(line, width, subsequent_indent=indent, break_on_hyphens=False)
+        else:
+            lines.append(line)
+    return "\n".join(lines)
+
+
+_COLUMNS = re.compile(r" *\S.*?\s{2,}(?=\S)")
+"""The first column of a row, with the blanks behind it."""
+_INDENT = 4
+_FRAME_COLUMNS = 5
+"""Columns of a page's border, padding and scroll bar (app.tcss)."""
+
+
 class HelpScreen(ModalScreen[None]):
     """Shows a text until dismissed."""
 
     FRAME: ClassVar[str] = "help"
     """Name of the frame in app.tcss."""
+    WIDEST: ClassVar[int] = 88
+    """Its greatest width there."""
 
     def __init__(
         self, text: str, title: str = "Help", note: str = "escape closes", *, classes: str | None = None
@@ -106,12 +130,22 @@ class HelpScreen(ModalScreen[None]):
 
     def compose(self) -> ComposeResult:
         with VerticalScroll(id=self.FRAME):
-            yield Static(Text(self.text, no_wrap=True), id=f"{self.FRAME}-text")
+            yield Static(id=f"{self.FRAME}-text")
 
     def on_mount(self) -> None:
         frame = self.query_one(f"#{self.FRAME}")
         frame.border_title, frame.border_subtitle = self._title, self._note
         frame.focus()
+
+    def on_resize(self, event: Resize) -> None:
+        self._show(event.size.width)
+
+    def _show(self, width: int) -> None:
+        """Show the text in a screen so wide."""
+        for shown in self.query(f"#{self.FRAME}-text").results(Static):
+            shown.update(
+                Text(folded(self.text, max(min(width, self.WIDEST) - _FRAME_COLUMNS, 1)), no_wrap=True)
+            )
 
     async def take_key(self, event: Key) -> bool:
         """Close the page at once: of keys that come together, the next one belongs to the screen below."""
@@ -125,12 +159,12 @@ class ReportScreen(HelpScreen):
     """Shows a long text about this run. Text typed meanwhile goes to the console, as before."""
 
     FRAME = "report"
+    WIDEST = 10_000
 
     def replace(self, text: str) -> None:
         """Show another text, unless the page is closed already."""
         self.text = text
-        for shown in self.query(f"#{self.FRAME}-text").results(Static):
-            shown.update(Text(text, no_wrap=True))
+        self._show(self.app.size.width)
 
     async def take_key(self, event: Key) -> bool:
         """Close the page as every page, or give what is typed to the console."""

@@ -13,6 +13,7 @@ from textual.events import Click
 from textual.widget import Widget
 
 from simmer_tui.config.loader import Configuration
+from simmer_tui.engine import PEOPLE
 from simmer_tui.phrases import counted
 from simmer_tui.sim.maze import Maze
 from simmer_tui.sim.wheels import WheelKinematics
@@ -102,12 +103,15 @@ class AnswerSlot:
         """Number of the newest event when an answer was last requested."""
         self._asked: AnswerCard | None = None
         self._moved = 0
+        self._stays = False
         self._closed = False
         self._commands = -1
         self._has_end = False
 
-    def ask(self, answer: AnswerCard, snapshot: Snapshot) -> None:
-        """Show an answer until it is closed, or until the robot moves again."""
+    def ask(self, answer: AnswerCard, snapshot: Snapshot, *, stays: bool = False) -> None:
+        """Show an answer until it is closed, or until the robot moves again. One that `stays` is not ended by
+        a program's movement: many of them come in a second."""
+        self._stays = stays
         self._asked, self._moved, self.asked_at = answer, snapshot.state.moved, snapshot.number
 
     def close(self) -> bool:
@@ -123,7 +127,11 @@ class AnswerSlot:
         """The answer to show now; `newest` are the events, the newest first."""
         state = snapshot.state
         if self._asked is not None and state.moved != self._moved:
-            self._asked = None
+            begun = state.movement or state.ended
+            if self._stays and begun is not None and begun.command.source not in PEOPLE:
+                self._moved = state.moved
+            else:
+                self._asked = None
         end = end_answer(snapshot, orders=self.has_orders)
         if end is None:
             self._closed, self._commands = False, -1

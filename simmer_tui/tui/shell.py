@@ -300,10 +300,11 @@ class Shell(FaultReporting, TerminalApp):
 
     # -- answers ---------------------------------------------------------------------------------
 
-    def ask(self, answer: AnswerCard) -> None:
-        """Show an answer in its place, until it is closed or the robot moves again."""
+    def ask(self, answer: AnswerCard, *, stays: bool = False) -> None:
+        """Show an answer in its place, until it is closed or the robot moves again; one that `stays`, until a
+        person moves the robot."""
         if self._snapshot is not None:
-            self._panes.slot.ask(answer, self._snapshot)
+            self._panes.slot.ask(answer, self._snapshot, stays=stays)
             self._show_again()
             self._make_room_for_answers()
 

@@ -53,7 +53,10 @@
     });
   }
 
-  const send = (message) => socket.readyState === WebSocket.OPEN && socket.send(JSON.stringify(message));
+  function send(message) {
+    if (socket.readyState === WebSocket.OPEN) socket.send(JSON.stringify(message));
+    else if (drive) drive.told.textContent = "not sent: there is no connection";
+  }
 
   function take(message) {
     if (message.role === "drive" && !drive) addDrive(message.keys);
@@ -65,6 +68,10 @@
     if (message.over) {
       over = true;
       say("the run is over", "plain");
+      // Nothing is live any more, and nobody takes what is pressed.
+      title.textContent = document.title = title.textContent.replace(/, live$/, "");
+      document.querySelector(".golive").remove();
+      document.querySelector(".drive")?.remove();
     }
   }
 
@@ -113,7 +120,7 @@
     const pressed = (name, label, about, kind) => made("button",
       { type: "button", class: kind, title: about, "aria-label": about, onclick: (event) => press(name, event.shiftKey) }, label);
     const line = made("input", { type: "text", maxlength: 200, autocomplete: "off", autocapitalize: "off", spellcheck: "false",
-      "aria-label": "command or order", placeholder: "a command such as u1 or d1-3" });
+      "aria-label": "command or order", placeholder: "a command: u1, d1-3" });
     const given = made("form", { onsubmit: (event) => {
       event.preventDefault();
       drive.told.textContent = "";

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from simmer_tui.cli.config_commands import run_check, run_init
+from simmer_tui.cli.main import main
 from simmer_tui.config.loader import load
 from simmer_tui.config.set_summary import summarize
 from simmer_tui.config.sets import FILES, bundled_folder, bundled_sets, find_set, init_set
@@ -56,7 +57,7 @@ def test_init_into_a_file_or_from_an_empty_folder_is_one_clear_line(
     (tmp_path / "file").write_text("")
     (tmp_path / "empty").mkdir()
     assert run_init([str(tmp_path / "file")]) == 2
-    assert "file: cannot be written: " in capsys.readouterr().err
+    assert "file: cannot be written: it is a file, not a folder\n" in capsys.readouterr().err
     assert run_init([str(tmp_path / "new"), "--from", str(tmp_path / "empty")]) == 2
     assert "holds no files of a set to copy" in capsys.readouterr().err
     assert not (tmp_path / "new").exists()
@@ -90,6 +91,19 @@ def test_init_without_folder_is_a_usage_error_of_one_line(capsys: pytest.Capture
         run_init([])
     assert caught.value.code == 2
     assert capsys.readouterr().err.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    "argv", [["init", ""], ["examples", " "], ["import", "config.py", ""], ["grade", ""], ["atlas", ""]]
+)
+def test_a_blank_name_of_a_file_or_folder_is_not_the_present_folder(
+    argv: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(SystemExit, match="2"):
+        main(argv)
+    assert ": the name is blank (see simmer-tui " in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
 
 
 def test_check_prints_every_problem_on_a_line_of_stderr(

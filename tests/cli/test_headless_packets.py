@@ -122,7 +122,8 @@ def test_a_python_program_drives_the_stock_robot_to_the_end() -> None:
 
 def test_a_program_with_two_threads_and_raw_sockets_hears_every_answer() -> None:
     code, out, err = run("--packet-port", "0", "--run", python(RAW))
-    assert (code, out) == (0, "u0 w0 r0 m0\n"), err
+    # In which order depends on the machine: a slow one sends m0 while the robot still moves.
+    assert (code, sorted(out.split())) == (0, ["m0", "r0", "u0", "w0"]), err
 
 
 @pytest.mark.slow

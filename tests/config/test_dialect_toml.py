@@ -77,7 +77,12 @@ BINARY = (
         ('[frame]\nkind = "binary"\nhead = "<Bq"\nnames = ["type"]', 3, "has 2 values, and 1 are named"),
         ('[state]\nu1 = 3\n[[command]]\nmatch = "a"', 2, "is the code of a sensor"),
         ('[[command]]\nmatch = "w {mm}"\ndo = "d1-{mm}"', 2, "{mm} is a factor of length"),
-        ('[[command]]\nmatch = "b {n"', 2, "'b {n' has a { without its }"),
+        ('[[command]]\nmatch = "b {n"', 2, "'b {n' has a { without its }; a brace itself is written twice"),
+        (
+            '[[command]]\nmatch = \'{"cmd": "read"}\'',
+            2,
+            "a field begins with a name, such as {n} or {n:int}; a brace itself is written twice",
+        ),
         (
             '[[command]]\nmatch = "g"\nreply = "{max(scan(0, 30, 12)):.1f}"',
             3,

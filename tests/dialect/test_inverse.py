@@ -48,6 +48,12 @@ do = "stop"
 match = "halt"
 do = "stop"
 """
+JSON_LINES = """
+[[command]]
+match = '{{"cmd": "drive", "cm": {n}}}'
+do = "d1-{n/cm}"
+done = '{{"ok": true}}'
+"""
 BRACKETS = """
 [frame]
 kind = "bracket"
@@ -126,6 +132,7 @@ def data_of(message: DialectMessage | str | None) -> bytes:
         (LINES, "r1", -30.25, b"r 30.25\n"),
         (BRACKETS, "d1", 3.0, b"[f%d]" % round(3000 / SPEED["d1"])),
         (BRACKETS, "w1", -3.0, b"[d%d]" % round(3000 / SPEED["w1"])),
+        (JSON_LINES, "d1", 1.0, b'{"cmd": "drive", "cm": 2.54}\n'),
         (BYTES, "d1", 2.0, b"F"),
         (BINARY, "d1", 10.0, b"\x01\x06\xfe\x00\x00\x00\x00\x00$"),
     ],

@@ -44,6 +44,9 @@ class Names:
         ("read {codes:list}", "read u0, u1", {"codes": ("u0", "u1")}),
         ("r {n}", "r 1" + "0" * 50, None),
         ("a.b", "axb", None),
+        ('{{"cmd": "drive", "cm": {n}}}', '{"cmd": "drive", "cm": 7}', {"n": 7}),
+        ("{{}}", "{}", {}),
+        ("{", "{", {}),
     ],
 )
 def test_a_pattern_takes_values_out_of_a_whole_message(
@@ -55,7 +58,9 @@ def test_a_pattern_takes_values_out_of_a_whole_message(
         assert {name: type(value) for name, value in found.items()} == {n: type(v) for n, v in values.items()}
 
 
-@pytest.mark.parametrize("source", ["w {n}", "p{n:int=5}", "[{way:f=0|d=1}{ms=300}]", "{a:word}-{b:text}"])
+@pytest.mark.parametrize(
+    "source", ["w {n}", "p{n:int=5}", "[{way:f=0|d=1}{ms=300}]", "{a:word}-{b:text}", '{{"a": {n}}}']
+)
 def test_a_pattern_matches_its_own_example(source: str) -> None:
     pattern = Pattern(source)
     assert pattern.match(pattern.example) is not None

@@ -159,6 +159,17 @@ def test_what_is_not_there_is_said(teams: Path, tmp_path: Path) -> None:
     ]
 
 
+def test_a_course_file_that_is_not_there_is_said_and_so_are_teams_beside_one_that_is(
+    teams: Path, tmp_path: Path
+) -> None:
+    missing, there = tmp_path / "missing", tmp_path / "some.toml"
+    there.write_text("")
+    for target, course_file in ((teams, missing), (missing, there)):
+        with pytest.raises(ConfigurationError) as caught:
+            read_course(target, course_file)
+        assert [*map(str, caught.value.problems)] == [f"{missing}: there is no such file or folder"]
+
+
 def test_teams_are_the_folders_that_are_neither_hidden_nor_the_courses(teams: Path, tmp_path: Path) -> None:
     (teams / ".hidden").mkdir()
     (teams / "file").touch()

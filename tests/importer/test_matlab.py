@@ -129,6 +129,15 @@ def test_missing_or_bad_files_are_stood_in_for_and_listed(matlab_folder: Path) -
     assert any("circle of 6 in" in problem.what for problem in imported.left_out)
 
 
+@pytest.mark.parametrize(("file", "parts"), [("sensors.csv", "sensors"), ("drive.csv", "drives")])
+def test_a_missing_table_of_parts_says_that_the_set_has_none(
+    file: str, parts: str, matlab_folder: Path
+) -> None:
+    (matlab_folder / "config" / file).unlink()
+    said = [problem.what for problem in read_matlab(matlab_folder).left_out if problem.where == file]
+    assert said[-1] == f"the set has no {parts}: add them to the new {file}"
+
+
 def test_no_block_at_all_is_a_side_of_0(matlab_folder: Path) -> None:
     rewrite(matlab_folder / "Main.m", "blocksize = 6/2", "blocksize = 0")
     imported = read_matlab(matlab_folder)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import re
+import shlex
 from collections.abc import Callable
 from html.parser import HTMLParser
 from pathlib import Path
@@ -37,6 +38,31 @@ def test_the_terminal_shows_what_happened(eventful_log: Path, capsys: Any) -> No
     assert "[bold]</b>" in out
     assert "[red]is[/red]" in out
     assert err == ""
+
+
+def test_commands_that_show_the_run_again_find_the_log_from_here(
+    eventful_log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any
+) -> None:
+    elsewhere = tmp_path / "else where"
+    elsewhere.mkdir()
+    log = elsewhere / eventful_log.name
+    log.write_bytes(eventful_log.read_bytes())
+    monkeypatch.chdir(elsewhere)
+    monkeypatch.setenv("COLUMNS", "300")
+    for given in (log.name, f"../else where/{log.name}"):
+        assert run_report([given]) == 0
+        assert f"simmer-tui replay {shlex.quote(given)}" in capsys.readouterr().out
+
+
+def test_a_fault_that_ends_in_a_question_has_no_full_stop(
+    start_run: Callable[..., Any], monkeypatch: pytest.MonkeyPatch, capsys: Any
+) -> None:
+    monkeypatch.setenv("COLUMNS", "300")
+    run = start_run()
+    run.send("u1")
+    run.engine.tell(Notice(NoticeKind.FAULT, "dialect: 'gett' is no message; did you mean \"get\"?"))
+    assert run_report([str(run.path)]) == 0
+    assert 'did you mean "get"?\n' in capsys.readouterr().out
 
 
 def test_the_mission_is_in_the_report(start_run: Callable[..., Any], capsys: Any) -> None:

@@ -149,7 +149,7 @@ def report(path: Path, all_of_it: bool) -> list[str]:
         run = RunStatistics(log.header, log.configuration)
         commands = CommandTable(table)
         for each in log:
-            run.add(each)
+            run.add((each,))
             if isinstance(each, Logged):
                 commands.add(each, run.history.elapsed)
     run.finish(log.note)

@@ -27,6 +27,7 @@ from simmer_tui.sim import (
     Simulator,
 )
 from simmer_tui.sim.motion import rebuilt
+from simmer_tui.sim.path import Path
 from simmer_tui.sim.trajectory import Trajectory
 
 ROOM = MazeSpec(((1,) * 4,) * 4)
@@ -452,10 +453,9 @@ def test_a_movement_is_rebuilt_from_what_a_log_holds_of_it(
             simulator.stop()
         was = movement(simulator)
         again = rebuilt(
-            begun.before,
+            Path.lazy(begun.before, *was.totals.share(segments), segments),
             kinds[code],
             was.totals,
-            segments,
             was.start_time,
             was.duration,
             was.contact,

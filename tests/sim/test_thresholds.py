@@ -242,15 +242,18 @@ def test_a_least_range_is_not_above_the_greatest(least: float, contradicts: bool
     assert Gyro(spec).contradiction(spec) is None
 
 
+AHEAD = Path.lazy(Pose(0.0, 0.0, 0.0), 2.0, 0.0, 0.0, 5)
+
+
 def slid(ended: bool, drift: bool = True) -> Trajectory:
     """Ten inches ahead in two seconds from 1 s on; a contact in the middle, and its rest ends at 2.5 s."""
     contact = Contact(Pose(5.0, 0.0, 0.0), (8.0, 0.0), 2, 1.0, 0.5, 2.0, ended, drift)
     stop = PathPosition(0, 1.0, 0.5) if ended else None
-    return rebuilt(Pose(0.0, 0.0, 0.0), DriveKind.RIGHT, Axes(10.0), 5, 1.0, 2.0, contact, stop)
+    return rebuilt(AHEAD, DriveKind.RIGHT, Axes(10.0), 1.0, 2.0, contact, stop)
 
 
 def test_a_movement_is_cut_short_before_its_end_only() -> None:
-    free = rebuilt(Pose(0.0, 0.0, 0.0), DriveKind.RIGHT, Axes(10.0), 5, 1.0, 2.0)
+    free = rebuilt(AHEAD, DriveKind.RIGHT, Axes(10.0), 1.0, 2.0)
     assert free.stopped(3.0) is free
     assert [free.stopped(time).cut for time in (2.9, 1.0, 0.5)] == [2.9, 1.0, 1.0]
     assert [free.stopped(2.0).pose_at(time).x for time in (1.5, 2.0, 2.5)] == pytest.approx([2.5, 5.0, 5.0])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import re
 from collections.abc import Callable
 from pathlib import Path
@@ -35,6 +36,23 @@ def test_why_says_what_stopped_the_robot(fly: Fly) -> None:
         assert cockpit.app.query_one("#line").has_focus, (
             "the first closes the answer, the next goes to the maze"
         )
+
+    fly(scenario)
+
+
+@pytest.mark.slow
+def test_an_answer_stays_while_a_program_drives_on_and_goes_when_a_person_does(fly: Fly) -> None:
+    async def scenario(cockpit: Cockpit) -> None:
+        robot = cockpit.client()
+        await asyncio.to_thread(robot.send, "d1-2")
+        await cockpit.until(lambda: "d1-2" in cockpit["log"])
+        await cockpit.type(":why")
+        await cockpit.until(lambda: "why d1-2" in cockpit["answer"])
+        await asyncio.to_thread(robot.send, "d1-3")
+        await cockpit.until(lambda: "d1-3" in cockpit["log"])
+        assert "why d1-2" in cockpit["answer"]
+        await cockpit.type("d1--1")
+        await cockpit.until(lambda: "why d1-2" not in cockpit["answer"])
 
     fly(scenario)
 

@@ -320,7 +320,7 @@ def test_before_the_first_client_the_screen_says_how_to_begin(
         def shown() -> str:
             return "\n".join(row.text for row in rows_of(cockpit.app.screen))
 
-        await cockpit.until(lambda: "python wander.py" in shown())
+        await cockpit.until(lambda: "python samples/wander.py" in shown())
         assert "w a s d" in shown()
         assert ":help" in shown()
         port = cockpit.server.ports[{"binary": "commands", "packets": "packets"}[served]]
@@ -341,7 +341,9 @@ def test_before_the_first_client_the_screen_says_how_to_begin(
 def test_one_key_runs_the_sample_program_while_a_robot_waits_for_one(fly: Fly) -> None:
     async def scenario(cockpit: Cockpit) -> None:
         app, given = cockpit.app, []
-        await cockpit.until(lambda: "F5" not in cockpit["answer"] and "python wander.py" in cockpit["answer"])
+        await cockpit.until(
+            lambda: "F5" not in cockpit["answer"] and "python samples/wander.py" in cockpit["answer"]
+        )
         app.run_program = given.append
         app.refresh_frame()
         await cockpit.until(lambda: "F5 runs the example, wander.py" in cockpit["answer"])

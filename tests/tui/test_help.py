@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from typing import Any
+
+import pytest
 from msgspec.structs import replace
 
 from simmer_tui.config.settings import KeySettings, all_settings
@@ -9,7 +12,7 @@ from simmer_tui.operating.orders import CONSOLE_COMMANDS
 from simmer_tui.sim.specs import GripperSpec, SimulationSpec
 from simmer_tui.tui.app import SimmerApp
 from simmer_tui.tui.console import _ConsoleInput
-from simmer_tui.tui.help import help_text
+from simmer_tui.tui.help import folded, help_text, replay_help
 from simmer_tui.tui.key_table import ANYWHERE, IN_LOG, MazePane
 from simmer_tui.tui.log_panel import LogPanel
 
@@ -48,3 +51,32 @@ def test_every_order_and_code_is_there(course_spec: SimulationSpec) -> None:
     assert "gr-1   close the gripper; gr-0 opens it" in text
     assert all(len(line) <= 84 for line in text.splitlines())
     assert text.isascii()
+
+
+def test_no_word_of_the_help_is_cut_on_a_narrow_screen(course_spec: SimulationSpec) -> None:
+    for text in (
+        help_text(KeySettings(), course_spec),
+        replay_help("/home/a/" + "long-name/" * 8 + "run.jsonl"),
+    ):
+        shown = folded(text, 75)
+        assert max(map(len, shown.splitlines())) <= 75
+        assert "".join(shown.split()) == "".join(text.split())
+        assert folded(text, 200) == text
+    place = "f5                run the sample program, while a simulated robot waits"
+    lines = folded(help_text(KeySettings(), course_spec), 75).splitlines()
+    following = lines[lines.index(f"  {place}") + 1]
+    assert following == " " * 20 + "for one"
+
+
+@pytest.mark.slow
+def test_the_help_has_whole_lines_at_80_columns_and_after_a_change_of_size(fly: Any) -> None:
+    async def scenario(cockpit: Any) -> None:
+        await cockpit.type(":help")
+        await cockpit.until(lambda: cockpit.app.screen.query("#help-text"))
+        frame = cockpit.app.screen.query_one("#help")
+        await cockpit.until(lambda: 0 < frame.virtual_size.width <= frame.scrollable_content_region.width)
+        high = frame.virtual_size.height
+        await cockpit.pilot.resize_terminal(120, 36)
+        await cockpit.until(lambda: frame.virtual_size.height < high)
+
+    fly(scenario, size=(80, 24))

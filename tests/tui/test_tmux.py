@@ -22,6 +22,7 @@ import pyte
 import pytest
 from msgspec.structs import replace
 
+from simmer_tui.cli.log_commands import build_report
 from simmer_tui.config import load_default
 from simmer_tui.engine import Engine
 from simmer_tui.runlog.rerun import Rerun
@@ -237,6 +238,18 @@ def test_a_crash_has_its_verdict_in_panel_and_list_and_asked_for(pane: Pane) -> 
     pane.until("Fix first: <string>:4.")
     pane.type(":why move", "Enter")
     pane.until("nothing in its way")
+
+
+@pytest.mark.slow
+def test_a_person_who_quits_is_no_failure_of_the_program(pane: Pane, tmp_path: Path) -> None:
+    log = tmp_path / "run.jsonl"
+    code = "from simmer_tui.client import Robot\nrobot = Robot()\nwhile True: robot.read('u1')"
+    pane.start("--mission", "--log", str(log), "--run", shlex.join([sys.executable, "-c", code]))
+    pane.until("u1 -> ")
+    pane.type("C-q")
+    pane.until("EXIT ")
+    run = build_report(log)
+    assert re.match(r"Ended after [0-9.]+ s: the simulator ended the program", run.verdict.text)
 
 
 @pytest.mark.slow

@@ -212,6 +212,30 @@ def test_keys_and_lines_drive_only_where_they_are_to() -> None:
         page.wait("document.querySelector('.told').textContent.includes('own screen')")
 
 
+@pytest.mark.parametrize("size", [DESK, PHONE])
+def test_a_reading_of_two_digits_and_its_true_value_fit_their_place(size: tuple[int, int]) -> None:
+    with page_run(sensor_profile=("hc-sr04",)) as run, tab() as page:
+        page.open(run.address, size=size)
+        page.wait(LIVE)
+        run.send("r1-45", "u4")
+        page.run("document.querySelector('.now details').open = true")
+        page.wait("/^u4[0-9.]{10}/.test(document.querySelector('.chip')?.textContent)")
+        room = "document.querySelector('.chip').scrollWidth - document.querySelector('.chip').clientWidth"
+        assert page.run(room) <= 0
+
+
+def test_after_the_end_of_the_simulator_it_is_not_live_and_does_not_drive() -> None:
+    with tab() as page:
+        with page_run(web__control=True) as run:
+            page.open(run.address)
+            page.wait(LIVE)
+            page.wait("Boolean(document.querySelector('.pad'))")
+        page.wait("document.querySelector('.state').textContent === 'the run is over'")
+        assert page.run("document.querySelector('h1').textContent") == "Run"
+        assert page.run("document.querySelector('.drive')") is None
+        assert page.run("document.querySelector('.golive')") is None
+
+
 def test_the_page_names_the_keys_that_drive_and_no_others() -> None:
     keys = {"forward": "i,up", "back": "m", "turn_left": "", "turn_right": "", "stop": "x,space"}
     with (
