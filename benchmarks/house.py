@@ -14,8 +14,9 @@ How it counts, by `ast` and `tokenize`, over every `*.py` file of `simmer_tui/`:
 - *decisions of a function*: one for itself (McCabe's count), its `if`, `for`, `while`, `except`, `case`,
   conditional expressions, each comprehension and each of its ifs, and each `and`/`or`. Nested functions count
   for themselves.
-- *names with more than one meaning*: public classes, functions, type aliases and `NewType`s at the top of a
-  module that another module defines as well.
+- *names with more than one meaning*: public classes, functions, type aliases, `NewType`s and constants at the
+  top of a module that another module defines as well. A constant that is only another one's value
+  (`NAME = module.NAME`) is no definition.
 
 Options list what was counted.
 """
@@ -35,8 +36,14 @@ MANY = 15
 _DECISIONS = (ast.If, ast.For, ast.AsyncFor, ast.While, ast.ExceptHandler, ast.match_case, ast.IfExp)
 _FUNCTIONS = (ast.FunctionDef, ast.AsyncFunctionDef)
 _DEFINITIONS = (ast.ClassDef, *_FUNCTIONS)
-SAME_ROLE = {"install", "load", "main", "typed", "what_is_missing"}
-"""Functions that several modules have on purpose, with one meaning: they are called in the same way."""
+SAME_ROLE = {
+    *("install", "load", "main", "typed", "what_is_missing"),
+    "FILE",  # of a module that reads a file: its name
+    "KEYS",  # of a module that reads a TOML file: its keys, which the reference lists
+    "TABLES",  # of a module that makes an answer: its tables, which the reference lists
+    "TYPE_CHECKING",  # in place of the one in `typing`, which takes long to import
+}
+"""Names that several modules have on purpose, with one meaning: they are used in the same way."""
 _WITHOUT_CODE = (
     *(tokenize.COMMENT, tokenize.NL, tokenize.NEWLINE, tokenize.INDENT, tokenize.DEDENT),
     *(tokenize.ENCODING, tokenize.ENDMARKER),
@@ -120,14 +127,17 @@ def tested_events(tree: ast.Module, events: set[str]) -> Iterator[int]:
 
 
 def public_names(tree: ast.Module) -> Iterator[tuple[str, int]]:
-    """Public classes, functions and type aliases that a module defines, each with its line."""
+    """Public classes, functions, type aliases and constants that a module defines, each with its line."""
     for node in tree.body:
         if isinstance(node, _DEFINITIONS) and not node.name.startswith("_"):
             yield node.name, node.lineno
         elif isinstance(node, ast.Assign | ast.AnnAssign):
+            is_other = isinstance(node.value, ast.Name | ast.Attribute)
             targets = node.targets if isinstance(node, ast.Assign) else [node.target]
-            for each in targets:
-                if isinstance(each, ast.Name) and each.id[0].isupper() and not each.id.isupper():
+            for each in (name for target in targets for name in ast.walk(target)):
+                if not isinstance(each, ast.Name) or not isinstance(each.ctx, ast.Store):
+                    continue
+                if each.id[0].isupper() and not (is_other and each.id.isupper()):
                     yield each.id, node.lineno
 
 

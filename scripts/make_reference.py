@@ -22,7 +22,7 @@ sys.path.append(str(Path(__file__).resolve().parent.parent))  # a clone's root; 
 from simmer_tui.calibrate import result_page
 from simmer_tui.cli import log_commands, machine_commands
 from simmer_tui.cli.command_line import EXIT_CODES, EXIT_CODES_OF_RUNS, default_text
-from simmer_tui.cli.main import COMMANDS, build_parser, command_named
+from simmer_tui.cli.main import SUBCOMMANDS, build_parser, command_named
 from simmer_tui.config import (
     dialect_toml,
     drive_csv,
@@ -96,7 +96,7 @@ def commands() -> str:
     """All commands with their own options."""
     parts = ["# Commands\n", "Every command says this too with `--help`.\n"]
     parts += ["## simmer-tui\n", *_command(build_parser(), "simmer-tui [options]")]
-    for name in COMMANDS:
+    for name in SUBCOMMANDS:
         parser = command_named(name).parser()
         usage = parser.format_usage().removeprefix("usage: ")
         parts += [f"## simmer-tui {name}\n", *_command(parser, usage)]
@@ -309,7 +309,7 @@ def answers() -> str:
 
 ANSWERS: dict[str, tuple[DataTable, ...]] = {
     "report": content.TABLES,
-    "report --csv": (DataTable("csv", "Commands of the log", run_statistics.COLUMNS),),
+    "report --csv": (DataTable("csv", "Commands of the log", run_statistics.COMMAND_COLUMNS),),
     "trials": trials_summary.TABLES,
     "trials --vary": (sweep_summary.SWEEP, trials_summary.RUNS_TABLE),
     "compare": compare.TABLES,

@@ -48,9 +48,11 @@ def _block(simulator: Simulator, x: float, y: float) -> str:
 
 def _seed(simulator: Simulator, seed: float) -> str:
     # Arguments are numbers of any kind, as the log has them; numpy takes only whole, positive seeds.
-    if seed < 0 or not float(seed).is_integer():
-        raise SimmerError("a seed is a whole number, 0 or more")
-    simulator.reset(int(seed))
+    whole = int(seed) if float(seed).is_integer() else seed
+    try:
+        simulator.reset(noise.SEEDS.check(whole))
+    except ValueError as error:
+        raise SimmerError(f"the seed {error}") from None
     return f"back at the start with seed {simulator.seed}"
 
 
@@ -77,10 +79,10 @@ def _resume(_: Simulator) -> str:
     return "continues"
 
 
-def _speed(_: Simulator, scale: float) -> str:
+def _time_scale(_: Simulator, scale: float) -> str:
     low, high = TIME_SCALES.low, TIME_SCALES.high
     if not low <= scale <= high:
-        raise SimmerError(f"the speed is between {low:g} and {high:g} simulated seconds a second")
+        raise SimmerError(f"the time scale is between {low:g} and {high:g} simulated seconds a second")
     return f"{scale:g} simulated seconds a second"
 
 
@@ -94,5 +96,5 @@ _EFFECTS: dict[ActionName, tuple[int, Callable[..., str]]] = {
     ActionName.STOP: (0, _stop),
     ActionName.PAUSE: (0, _pause),
     ActionName.RESUME: (0, _resume),
-    ActionName.SPEED: (1, _speed),
+    ActionName.TIME_SCALE: (1, _time_scale),
 }

@@ -23,7 +23,7 @@ from simmer_tui.sim.command import Command
 from simmer_tui.sim.records import CommandResult
 
 # Judged: far more than a program sends ahead, and little memory.
-MOST_COMMANDS, MOST_BYTES = 1000, 64 * 1024
+MOST_COMMANDS, _MOST_BYTES = 1000, 64 * 1024
 """Commands of a sender that may wait for their answer, and bytes of them. Further ones are busy."""
 # Some megabytes of memory: a sender that far ahead of its replies will never read them.
 MOST_REFUSED = 16 * 1024
@@ -190,7 +190,7 @@ class CommandBudget:
     @property
     def has_room(self) -> bool:
         """True if a further message may wait."""
-        return self._commands < MOST_COMMANDS and self._bytes < MOST_BYTES
+        return self._commands < MOST_COMMANDS and self._bytes < _MOST_BYTES
 
     @property
     def is_used(self) -> bool:
@@ -217,7 +217,7 @@ class CommandBudget:
         now = self._loop.time()
         if now >= self._again:
             self._again = now + _AGAIN
-            what = f"{MOST_COMMANDS} commands" if self._commands >= MOST_COMMANDS else f"{MOST_BYTES} bytes"
+            what = f"{MOST_COMMANDS} commands" if self._commands >= MOST_COMMANDS else f"{_MOST_BYTES} bytes"
             text = f"client {self._sender}: {what} wait already; further ones are answered busy"
             self._tell(Notice(NoticeKind.FAULT, f"{text}. Read each reply before the next command"))
 

@@ -12,6 +12,7 @@ from typing import Annotated
 import numpy as np
 from msgspec import Meta, Struct, field
 
+from simmer_tui.atlas.expected_readings import MOST_HEADINGS
 from simmer_tui.sim.angles import half_turn
 from simmer_tui.sim.arrays import FloatArray, NDArray
 from simmer_tui.sim.pose import Pose
@@ -20,8 +21,8 @@ from simmer_tui.sim.specs import CELL_SIZE, WALL, MazeSpec
 MOST_STATES = 65_536
 """Most states of a grid, all headings counted: 1 in cells of the course's maze with 14 headings. As f32 they
 take 341 kB of a line."""
-MOST_ROWS, MOST_HEADINGS = 1000, 360
-"""Most rows or columns, and headings: finer than a tenth of an inch, or than a degree."""
+MOST_ROWS = 1000
+"""Most rows or columns: finer than a tenth of an inch."""
 # An eighth of a doubling: off by 4 % at most, which moves the entropy by 0.01 bit.
 _STEPS = 8.0
 """Steps of a logged probability for each halving."""

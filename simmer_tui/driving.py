@@ -20,15 +20,12 @@ from simmer_tui.events import (
     VelocityEnd,
     VelocityEnded,
 )
-from simmer_tui.sessions import LoopTimer, Session
+from simmer_tui.sessions import SLICE_SECONDS, LoopTimer, Session
 from simmer_tui.sim.command import Command
 from simmer_tui.sim.legs import Leg
 from simmer_tui.sim.records import CommandResult
 from simmer_tui.sim.simulator import Simulator
 
-# Far less than the 100 ms between two frames of the screen, and than the latency a stop may have.
-SLICE = 0.002
-"""Seconds of processor time that a wait uses before the event loop has a turn."""
 # People notice within about a second that a robot does not move as its program says.
 _SILENT = 1.0
 """Real seconds of silence with a moving robot after which a program gets advice about simulated time."""
@@ -191,7 +188,7 @@ class Driving:
             if passes and self._simulator.time >= beyond:
                 self.limit_reached(self._simulator.time)
             self.settle()
-            if self._loop is not None and time.perf_counter() - begun > SLICE:
+            if self._loop is not None and time.perf_counter() - begun > SLICE_SECONDS:
                 return
 
     def pause(self, paused: bool) -> None:
@@ -206,7 +203,7 @@ class Driving:
         begun = time.perf_counter()
         while self._simulator.next_event <= target:
             self._simulator.advance(self._simulator.next_event)
-            if time.perf_counter() - begun > SLICE:
+            if time.perf_counter() - begun > SLICE_SECONDS:
                 return False
         self._simulator.advance(target)
         return True

@@ -279,7 +279,7 @@ class Engine:
 
     def _follow(self, action: Action) -> None:
         """Apply the part of an action that concerns the engine itself."""
-        if action.name is ActionName.SPEED:
+        if action.name is ActionName.TIME_SCALE:
             self.time_scale = action.arguments[0]
         elif action.name.restarts:
             self.restart_link()

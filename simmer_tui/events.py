@@ -31,7 +31,7 @@ from simmer_tui.sim.records import Grip
 from simmer_tui.sim.trajectory import Trajectory
 
 # Beyond this, adding 0.01 to a float loses digits: no maze and no run comes near it.
-LARGEST = 1e12
+LARGEST_NUMBER = 1e12
 """Limit of all times (seconds), places (inches) and headings (degrees)."""
 
 
@@ -153,7 +153,8 @@ class ActionName(StrEnum):
     STOP = "stop"
     PAUSE = "pause"
     RESUME = "resume"
-    SPEED = "speed"
+    TIME_SCALE = "speed"
+    """Simulated seconds a second: `:speed` on the console, and so in logs."""
 
     @property
     def restarts(self) -> bool:
@@ -172,7 +173,7 @@ class ActionName(StrEnum):
 
 
 class Action(Struct, frozen=True):
-    """One action: `teleport` takes x, y and heading, `block` x and y, `seed` a number, `speed`
+    """One action: `teleport` takes x, y and heading, `block` x and y, `seed` a whole number, `speed`
     simulated seconds a second, `noise` and `bias` 1 or 0 for on and off."""
 
     name: ActionName

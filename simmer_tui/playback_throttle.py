@@ -22,7 +22,7 @@ from simmer_tui.sim.legs import Leg
 from simmer_tui.sim.trajectory import Trajectory
 
 # Clients wait for their answers meanwhile: longer would reach their time limits.
-LONGEST = 2.0
+LONGEST_SHOWN = 2.0
 """Seconds a movement is shown at most; movements that were sent ahead share them."""
 # Judged: more than anybody can follow, and little memory.
 MOST_LATE = 2000
@@ -116,7 +116,7 @@ class PlaybackThrottle(EventHandler[None]):
     def _begin_way(self, trajectory: Trajectory | Leg) -> None:
         """Delay later events until this movement has been shown."""
         length = trajectory.end_time - trajectory.start_time
-        seconds = min(length / self.pace, LONGEST / (1 + len(self._ways)))
+        seconds = min(length / self.pace, LONGEST_SHOWN / (1 + len(self._ways)))
         if seconds <= 0.0:
             return
         begin = max(self._loop.time(), self.until)

@@ -22,10 +22,10 @@ from simmer_tui.sim import noise
 from simmer_tui.sim.command import Command
 from simmer_tui.sim.records import CommandResult
 
-# Judged: far less than the 100 ms between two frames of the screen.
+# Judged: far less than the 100 ms between two frames of the screen, and than the latency a stop may have.
 SLICE, SLICE_SECONDS = 16, 0.002
 """Commands of a lane done in one turn of the event loop, and its limit of time, seconds, for lanes of many
-connections. A flood of commands delays the others by no more."""
+connections and for waits. A flood of commands delays the others by no more."""
 Answer = Callable[[CommandResult], None]
 
 

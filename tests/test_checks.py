@@ -213,7 +213,7 @@ def test_the_map_has_every_room_in_the_order_of_the_import_contract() -> None:
 
 
 def test_the_readme_names_only_options_and_commands_there_are() -> None:
-    from simmer_tui.cli.main import COMMANDS, build_parser
+    from simmer_tui.cli.main import SUBCOMMANDS, build_parser
 
     parser = build_parser()
     known = set(re.findall(r"--[a-z0-9-]+", parser.format_help() + parser.format_settings()))
@@ -221,7 +221,7 @@ def test_the_readme_names_only_options_and_commands_there_are() -> None:
     for line in re.findall(r"simmer-tui[^`\n|]*", readme):
         words = line.split()
         if len(words) > 1 and re.fullmatch(r"[a-z]+", words[1]):
-            assert words[1] in COMMANDS, line
+            assert words[1] in SUBCOMMANDS, line
         elif len(words) > 1 and words[1].startswith("--"):
             for option in re.findall(r"--[a-z0-9-]+", line.partition('"')[0]):
                 assert option in known, line

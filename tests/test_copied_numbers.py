@@ -51,13 +51,13 @@ def test_the_python_client_has_the_defaults_and_limits_of_the_simulator() -> Non
         belief_grid.MOST_ROWS,
         belief_grid.MOST_HEADINGS,
     )
-    assert found["_LONGEST_COMMAND"] == binary.LONGEST - 1
+    assert found["_LONGEST_COMMAND"] == binary.LONGEST_COMMAND - 1
 
 
 @pytest.mark.parametrize(
     ("file", "phrase"),
     [
-        ("c/simmer.h", f"SIMMER_LONGEST = {binary.LONGEST - 1} }}"),
+        ("c/simmer.h", f"SIMMER_LONGEST = {binary.LONGEST_COMMAND - 1} }}"),
         ("c/simmer.h", f"SIMMER_MOST_RANGES = {replies.MOST_RANGES} }}"),
         ("c/simmer.h", f'"{dialects.COMMANDS.variable}", {dialects.COMMANDS.default})'),
         ("c/simmer.h", f'"{dialects.REPLIES.variable}", port == {dialects.COMMANDS.default} ? '),
@@ -66,7 +66,7 @@ def test_the_python_client_has_the_defaults_and_limits_of_the_simulator() -> Non
         ("matlab/simmer_open.m", f"'{dialects.COMMANDS.variable}', {dialects.COMMANDS.default})"),
         ("matlab/simmer_open.m", f"'{dialects.REPLIES.variable}', {dialects.REPLIES.default} * "),
         ("matlab/simmer_open.m", f"(port == {dialects.COMMANDS.default}))"),
-        ("matlab/simmer_send.m", f"numel(text) > {binary.LONGEST - 1} "),
+        ("matlab/simmer_send.m", f"numel(text) > {binary.LONGEST_COMMAND - 1} "),
         ("matlab/simmer_send.m", f"number <= {replies.MOST_RANGES} "),
         ("matlab/simmer_believe.m", f"numel(p) > {belief_grid.MOST_STATES}\n"),
         ("matlab/simmer_believe.m", f"port = {dialects.BELIEFS.default};"),
@@ -79,7 +79,7 @@ def test_the_clients_in_c_and_matlab_have_them_too(file: str, phrase: str) -> No
 def test_the_hook_in_a_program_has_the_limits_and_variables_of_the_simulator() -> None:
     folder = PACKAGE / "program" / "hook"
     clock, serial = constants(folder / "simmer_clock.py"), constants(folder / "simmer_serial.py")
-    assert clock["IN_FLIGHT"] == program_clock.IN_FLIGHT
+    assert clock["_IN_FLIGHT"] == program_clock.IN_FLIGHT
     assert (clock["_PORT"], serial["PORT"]) == program_command.HOOKED
     assert serial["PORT"] == dialects.SERIAL.variable
     for path in (folder / "simmer_clock.py", folder / "simmer_serial.py"):

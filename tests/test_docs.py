@@ -223,7 +223,7 @@ def test_pages_list_every_profile_port_kind_of_sensor_and_answer() -> None:
     assert [name for name in KINDS if f"`{name}`" not in explained] == []
     with_json = {
         name
-        for name in command_line.COMMANDS
+        for name in command_line.SUBCOMMANDS
         if "--json" in command_line.command_named(name).parser().format_help()
     }
     assert {name.split()[0] for name in script("make_reference").ANSWERS} == with_json
@@ -240,7 +240,7 @@ def test_the_page_of_reports_has_every_key_of_the_player() -> None:
         re.findall(r"(?<=[|`, ;])([][]|\w|space|left|right|home|end)(?=[`, ])", text.replace(" a ", " "))
     )
     assert {names.get(key, key) for key in keys} - {"l"} == shown, "l is for the live page"
-    speeds = re.search(r"const SPEEDS = \[([\d.]+), .* (\d+)\];", player)
+    speeds = re.search(r"const PLAYBACK_RATES = \[([\d.]+), .* (\d+)\];", player)
     assert speeds is not None
     assert f"slower, faster: {speeds[1]} to {speeds[2]} times real speed" in text
     assert "or `l`," in (DOCS / "browser.md").read_text("utf-8")
@@ -253,7 +253,7 @@ def test_one_page_has_every_variable_of_programs() -> None:
     table = (DOCS / "trials.md").read_text("utf-8").partition("## Variables that the program gets")[2]
     assert set(re.findall(r"`(SIMMER_[A-Z_]+)`", table)) == variables - {keeper.MARK}
     parsers = {
-        name: command_line.command_named(name).parser().format_help() for name in command_line.COMMANDS
+        name: command_line.command_named(name).parser().format_help() for name in command_line.SUBCOMMANDS
     }
     for name, text in {**parsers, "": command_line.build_parser().format_help()}.items():
         assert len(set(re.findall(r"SIMMER_[A-Z_]+", text))) <= 1, f"{name}: the list is on the page"

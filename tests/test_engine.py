@@ -321,8 +321,8 @@ def test_actions_are_done_and_told(
         (ActionName.SEED, (1.5,), "whole number"),
         (ActionName.SEED, (math.inf,), "whole number"),
         (ActionName.SEED, (math.nan,), "whole number"),
-        (ActionName.SPEED, (0.0,), "between"),
-        (ActionName.SPEED, (math.nan,), "between"),
+        (ActionName.TIME_SCALE, (0.0,), "between"),
+        (ActionName.TIME_SCALE, (math.nan,), "between"),
         (ActionName.PAUSE, (1.0,), "takes 0 numbers"),
     ],
 )
@@ -593,7 +593,7 @@ def test_stop_ends_a_movement_at_once_and_answers_it(timed: Bench) -> None:
 def test_a_change_of_speed_counts_from_now_on(timed: Bench) -> None:
     timed.send(timed.session(), "d1-6")
     timed.clock.pass_by(0.5)
-    timed.act(ActionName.SPEED, 5.0)
+    timed.act(ActionName.TIME_SCALE, 5.0)
     timed.engine.now()
     assert timed.simulator.pose.x == pytest.approx(12.5)
     timed.clock.pass_by(1)

@@ -157,7 +157,7 @@ def people(bench: Bench) -> None:
     bench.engine.step()
     bench.engine.step()
     bench.wait(0.2)
-    bench.act(ActionName.SPEED, 2.0)
+    bench.act(ActionName.TIME_SCALE, 2.0)
     bench.act(ActionName.RESUME)
     bench.wait(0.5)
     bench.send("b", "d1-1", "u1")
@@ -262,7 +262,7 @@ def test_an_exchange_is_the_one_that_was_kept(
     script: str, mode: str, spec: SimulationSpec, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     # However busy the machine is: all that there is to compute takes no slice of time, or each event does.
-    monkeypatch.setattr(driving, "SLICE", -1.0 if "slow" in mode else math.inf)
+    monkeypatch.setattr(driving, "SLICE_SECONDS", -1.0 if "slow" in mode else math.inf)
     bench = Bench(spec, **MODES[mode])
     SCRIPTS[script](bench)
     assert_kept(bench.happened, KEPT, f"{script}, {mode}")

@@ -37,7 +37,7 @@ def test_help_completion_and_exit_codes_come_of_the_row(
     module = ModuleType("simmer_tui.cli.hello_command")
     vars(module)["run_hello"] = run_hello
     monkeypatch.setitem(sys.modules, module.__name__, module)
-    monkeypatch.setitem(command_line.COMMANDS, "hello", ("hello_command:run_hello", "greet somebody"))
+    monkeypatch.setitem(command_line.SUBCOMMANDS, "hello", ("hello_command:run_hello", "greet somebody"))
     assert command_line.main(["hello", "Ada"]) == 0
     assert capsys.readouterr().out == "hello Ada\n"
     assert command_line.main(["hello", "nobody"]) == 2

@@ -85,7 +85,7 @@ def test_summary_and_pictures_show_none(configuration: Configuration, tmp_path: 
     with RunLog(tmp_path / "run.jsonl", configuration, simulator) as log:
         engine.watch(log)
         engine.session().submit(parse_command("d1-3"), lambda _: None)
-    assert svg.BLOCK not in svg_picture(build_report(tmp_path / "run.jsonl"), "run")
+    assert svg.BLOCK_FILL not in svg_picture(build_report(tmp_path / "run.jsonl"), "run")
 
 
 def test_a_mission_needs_one() -> None:

@@ -12,7 +12,7 @@ from simmer_tui.config.loader import Override, load
 from simmer_tui.config.sets import bundled_folder
 from simmer_tui.engine import Engine
 from simmer_tui.events import Action, ActionName, Event, MovementEnded, Notice, NoticeKind
-from simmer_tui.playback_throttle import LONGEST, MOST_LATE, PlaybackThrottle
+from simmer_tui.playback_throttle import LONGEST_SHOWN, MOST_LATE, PlaybackThrottle
 from simmer_tui.run.reducer import Reducer
 from simmer_tui.run.state import checkpoint_of
 from simmer_tui.runlog.rerun import Rerun
@@ -108,8 +108,8 @@ def test_readings_of_others_do_not_wait(watched: Watched) -> None:
 def test_no_movement_is_shown_for_longer_than_two_seconds(watched: Watched) -> None:
     watched.throttle.pace = 0.125
     watched.send(watched.session(), "d1-10")
-    watched.clock.pass_by(LONGEST + 0.001)
-    assert watched.answered == [(LONGEST, "d1-10")]
+    watched.clock.pass_by(LONGEST_SHOWN + 0.001)
+    assert watched.answered == [(LONGEST_SHOWN, "d1-10")]
 
 
 def test_what_was_sent_ahead_is_shown_in_order_and_ever_faster(watched: Watched) -> None:

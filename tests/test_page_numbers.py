@@ -70,8 +70,8 @@ PHRASES = {
         "at {web.run_frames._PACE!w} times real speed",
     ],
     "calibrate.md": [
-        "`{calibrate.written_set.PAGE}` shows each parameter",
-        "(70 to {calibrate.guided.MOST} movements)",
+        "`{calibrate.written_set.CALIBRATION_PAGE}` shows each parameter",
+        "(70 to {calibrate.guided._MOST} movements)",
         "more than {calibrate.rows.LONGEST_COUNT!w} movements apart",
         "{calibrate.guided.WANTED[main]} for biases along the axes, {calibrate.guided.WANTED[angle]} degrees for "
         "mounting angles and {calibrate.guided.WANTED[range]} in for ranges",
@@ -85,9 +85,9 @@ PHRASES = {
         "terms below {100*calibrate.model_check._LEAST[]:g} %, {calibrate.model_check._LEAST[in]} in or "
         "{calibrate.model_check._LEAST[deg]} degrees",
         "keeps all such tests at {100*calibrate.model_check.FALSE_MISFIT_RATE:g} %",
-        "readings of the last {calibrate.prediction.HELD_BACK!w}, {calibrate.pose_filter.AHEAD[0]}, "
+        "readings of the last {calibrate.prediction._HELD_BACK!w}, {calibrate.pose_filter.AHEAD[0]}, "
         "{calibrate.pose_filter.AHEAD[1]} and {calibrate.pose_filter.AHEAD[2]} movements ahead",
-        "From {calibrate.change_detection.LEAST!w} calibrated sets on",
+        "From {calibrate.change_detection._LEAST!w} calibrated sets on",
         "a false alarm in at most {100*calibrate.change_detection.FALSE_ALARMS:g} % of checks",
     ],
     "causes.md": [
@@ -95,7 +95,7 @@ PHRASES = {
         "in {run.progress.HUNDRED} movements it reached no goal and less than one new square of "
         "{run.progress.GROUND:g} in",
         "{run.progress.LEG!w} seconds of continuous motion count as one movement",
-        "the same 2 to {run.progress.LONGEST} commands {run.progress.ROUNDS!w} times, {run.progress.LOOPED} movements "
+        "the same 2 to {run.progress._LONGEST} commands {run.progress.ROUNDS!w} times, {run.progress.LOOPED} movements "
         "in all",
         "would have kept {report.counterfactuals.NARROW} in or more from everything",
         "passed by less than {report.counterfactuals.NARROW} in counts as neither",
@@ -124,24 +124,24 @@ PHRASES = {
     "coming-from.md": [
         "ports {config.dialects.COMMANDS.default} and {config.dialects.REPLIES.default} "
         "({config.dialects.PACKETS.default} and {config.dialects.PACKET_REPLIES.default} for simmer-python)",
-        "At most {backend.MOST_COMMANDS:,} commands or {backend.MOST_BYTES/1024:g} KB",
+        "At most {backend.MOST_COMMANDS:,} commands or {backend._MOST_BYTES/1024:g} KB",
         "for {links.packet_presence.LONGEST_KEPT/60!w} minutes at most",
     ],
     "course.md": [
         "It has {mission.time_limit:g} seconds",
     ],
     "devices.md": [
-        "has at most {config.device_file.LARGEST:,} bytes",
+        "has at most {config.device_file.LARGEST_DEVICE_FILE:,} bytes",
     ],
     "dialects.md": [
         "{config.dialects.SERIAL.default}; with another `{config.dialects.SERIAL.option}`",
-        "{dialect.expressions.LONGEST:,} characters, {dialect.expressions.MOST_NODES} parts",
+        "{dialect.expressions._LONGEST:,} characters, {dialect.expressions.MOST_NODES} parts",
         "one `scan` of {dialect.expressions.MOST_RAYS} rays or {dialect.expressions._MOST_SENSING!w} `ray`",
         "texts that it makes have at most {dialect.expressions.LONGEST_TEXT:,} characters",
         "the replies to a message {dialect.templates.LONGEST_REPLY/1024:g} KB",
         "A {links.dialect_robot.KEY_SILENCE!w} of a second after the last key",
         "{dialect.exchange.LATE} s later or earlier than `takes` says",
-        "that come within {1000*links.serial_wire.FRAME:g} ms can be read together",
+        "that come within {1000*links.serial_wire.USB_FRAME:g} ms can be read together",
         "({config.settings.USUAL_BAUD} baud until then)",
     ],
     "driving.md": [
@@ -150,7 +150,7 @@ PHRASES = {
         "({settings.screen.keys_turn_speed:g} deg/s)",
         "ends {tui.key_velocity._REPEATED} s after the last repeat of the key, or {tui.key_velocity._FIRST} s",
         "Touching again within {sim.continuous.SAME_CONTACT} s is the same contact",
-        "Reading a clock costs {program.hook.simmer_clock.LOOK/1000:g} us, polling for a reply that is not there "
+        "Reading a clock costs {program.hook.simmer_clock._LOOK/1000:g} us, polling for a reply that is not there "
         "{1000*program.hook.simmer_clock.EMPTY_POLL:g} ms, and `input()` {program.hook.simmer_clock.INPUT:g} s",
         "Over a cell ({sim.specs.CELL_SIZE:g} in)",
     ],
@@ -163,13 +163,13 @@ PHRASES = {
         "{grade.robot_rules.MOST_SENSORS} sensors",
         "at most {grade.submission_copy.LARGEST_SUBMISSION/1000000:g} MB and {grade.submission_copy.MOST_FILES} files",
         "{grade.submission_reader._CPU} s of processor time and {grade.submission_reader._MEMORY/1000000:g} MB",
-        "| `{cli.grade_command.GRADES}` | a row for each team",
-        "| `{cli.grade_command.SITE}/{grade.site.INDEX}` | how many passed",
-        "| `{cli.grade_command.JUNIT}` | a test case",
-        "| `{cli.grade_command.GRADESCOPE}/TEAM/results.json` |",
+        "| `{cli.grade_command._GRADES}` | a row for each team",
+        "| `{cli.grade_command._SITE}/{grade.site.INDEX}` | how many passed",
+        "| `{cli.grade_command._JUNIT}` | a test case",
+        "| `{cli.grade_command._GRADESCOPE}/TEAM/results.json` |",
         "The seed is in `{grade.course.PLAN_FILE}`",
         "A supervisor measures every {grade.usage._EVERY} s",
-        "of its runs have {cli.grade_command._SEED_BITS} bits",
+        "of its runs have {sim.noise.SEED_BITS} bits",
         "It is {exit.LOST:d} if the Dask cluster was lost, and {exit.INTERRUPTED:d} after Ctrl-C",
     ],
     "mission.md": [
@@ -182,7 +182,7 @@ PHRASES = {
     ],
     "report.md": [
         "the newest {run.paths.MOVEMENTS} movements and {report.recording.READINGS:thousands} readings",
-        "at most {trials.figures.MOST}, with some for every cause",
+        "at most {trials.figures._MOST}, with some for every cause",
         "at most {report.animation.USUAL_SECONDS:g} s long",
         "The last {program.program_output.LAST_LINES} lines of each stream",
         "the program's last {phrases.SHOWN_OUTPUT!w} lines if it crashed",
@@ -199,7 +199,7 @@ PHRASES = {
         "the first {links.dialect_link.LOGGED_OF_STREAM:,} messages of streams",
         "more than {runlog.encode.LARGE_GRID:,} states",
         "the last {program.program_output.LAST_LINES} lines of each",
-        "{runlog.logged_scans.MISSED} is infinity",
+        "{runlog.logged_scans._MISSED} is infinity",
         "-{belief_grid._STEPS:g} log2(p/p_best), {belief_grid.RULED_OUT} for none",
     ],
     "screen.md": [
@@ -214,7 +214,7 @@ PHRASES = {
         "Percent Error is {lidar.error}, the Resolution {lidar.resolution} in, the Dropout {lidar.dropout}",
         "({sim.sensors.range_sensors.USUAL_RANGE} in, 4 m, if there is none)",
         "c = 343 m/s = {sim.sensors.faults.SPEED_OF_SOUND:,.0f} in/s",
-        "up to {config.set_warnings.MOST_SAMPLES:,} rays a second",
+        "up to {config.set_warnings._MOST_SAMPLES:,} rays a second",
         "| `hc-sr04` | {1000*hc_sr04.read_time:g} ms | no echo beyond {hc_sr04.incidence_limit:g} degrees, "
         "{100*hc_sr04.dropout:g} % dropouts, {100*hc_sr04.outlier:g} % outliers, cross-talk |",
         "| `vl53l0x` | {1000*vl53l0x.read_time:g} ms | {100*vl53l0x.dropout:g} % dropouts, "
@@ -232,11 +232,11 @@ PHRASES = {
     ],
     "trials.md": [
         "`{trials.store.RESULTS}`, a line for each finished run, and `{trials.folder.TABLE}`, a row for each run",
-        "`{trials.folder.PAGE}`: distributions",
+        "`{trials.folder.REPORT_PAGE}`: distributions",
         "`{trials.sweep_summary.CURVES}` has a row for each value",
         "Results are kept in `{trials.folder.WHY}/{trials.store.RESULTS}`",
         "`--margin` ({test.margin})",
-        "up to {trials.cluster.MOST_BYTES/1000000:g} MB",
+        "up to {trials.cluster.MOST_PROGRAM_BYTES/1000000:g} MB",
         "repeats {trials.explanations.EXPLAINED!w} failed runs",
         "is repeated {trials.chance_control.REPEATS!w} times",
         "If p is not below {trials.intervals.SIGNIFICANCE}",

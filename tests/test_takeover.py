@@ -163,7 +163,7 @@ def timed_log(tmp_path: Path) -> Path:
         for text in ("u1", "d1-6", "u1", "r1-90", "d1-6"):
             session.submit(parse_command(text), lambda outcome: None)
             loop.run_until(loop.now + 0.7)
-        engine.perform(Action(ActionName.SPEED, (2.0,)))
+        engine.perform(Action(ActionName.TIME_SCALE, (2.0,)))
         loop.run_until(loop.now + 1.0)
         engine.perform(Action(ActionName.PAUSE))
     return path

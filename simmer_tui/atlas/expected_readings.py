@@ -7,7 +7,6 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from msgspec import Struct
 
-from simmer_tui.belief_grid import MOST_HEADINGS
 from simmer_tui.errors import AtlasError, UnknownSensorError
 from simmer_tui.sim import Simulator
 from simmer_tui.sim.arrays import BoolArray, FloatArray, NDArray
@@ -18,8 +17,10 @@ from simmer_tui.sim.sensors.base import ObservingSensor, World, sensor_of
 from simmer_tui.sim.sensors.range_sensors import RangeSensor
 from simmer_tui.sim.specs import CELL_SIZE
 
+MOST_HEADINGS = 360
+"""Most headings of a grid of poses, and of a belief: one a degree."""
 STEP, HEADINGS = NumberRule(0, CELL_SIZE, low_open=True), IntegerRule(1, MOST_HEADINGS)
-"""Side of a cell of a grid, inches, and its number of directions: as many as a belief may have."""
+"""Side of a cell of a grid, inches, and its number of directions."""
 _ON_GRID = 1e-6
 """Inches by which the last edge of a grid may differ from the maze's: rounding of a step such as 0.1."""
 

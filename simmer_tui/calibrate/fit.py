@@ -41,7 +41,7 @@ from simmer_tui.errors import CalibrationError
 from simmer_tui.report.robust_fit import Z_95
 from simmer_tui.sim.arrays import BoolArray, FloatArray
 
-PARTICLES = (300, 1500, 4000)
+_PARTICLES = (300, 1500, 4000)
 """Particles at each try."""
 # Judged: 300 are enough for a robot that was placed within an inch and 5 degrees of its start, and cost
 # little compared with the fit. Later tries begin with wider starts and need more. Of 30 emulated robots no
@@ -157,7 +157,7 @@ def fit(
     space = parameters_of(run, prior_scale)
     model = Model(run, space)
     reason: str | None = None
-    for number, count in enumerate(PARTICLES):
+    for number, count in enumerate(_PARTICLES):
         random = np.random.default_rng((seed, number))
         # Each later try starts half as wide again, for a robot that was placed less exactly than requested.
         state, likely = _rough(model, count, random, 1.0 + 0.5 * number, progress)
@@ -169,7 +169,7 @@ def fit(
         if reason is None:
             return _result(model, state, random)
     raise CalibrationError(
-        f"{', '.join(run.names)}: the robot's path was not found in {len(PARTICLES)} tries: {reason}. "
+        f"{', '.join(run.names)}: the robot's path was not found in {len(_PARTICLES)} tries: {reason}. "
         "Check its start pose and its maze against the set, and that nobody moved it in between."
     )
 

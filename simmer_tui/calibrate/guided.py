@@ -34,11 +34,11 @@ from simmer_tui.sim.specs import Axes, DriveSpec, SensorSpec, SimulationSpec
 PLACED = (0.25, 0.25, 2.0)
 """Standard deviations of the pose in which a person places the robot on request, inches and degrees."""
 # `where_to_put` asks for a quarter of an inch and 2 degrees.
-MOST = 150
+_MOST = 150
 """Movements after which a session ends: a quarter of an hour at 6 s a movement, with its readings."""
 LOOKS = 3
 """Readings of each range sensor and compass at every stop: their median is robust to one outlier."""
-FITS_AT = (20, 45, 70, 90, 105, 120, 135, MOST)
+FITS_AT = (20, 45, 70, 90, 105, 120, 135, _MOST)
 """Movements after which parameters are estimated: a fit takes seconds, in which the robot waits."""
 # 20 are the spin and most of the square. Sessions that reach `WANTED` end between 70 and 150.
 WANTED = {"main": 0.01, "angle": 0.3, "range": 0.03}
@@ -77,7 +77,7 @@ class SessionPlanner:
 
     configuration: Configuration
     random: np.random.Generator
-    most: int = MOST
+    most: int = _MOST
     """Movements after which it ends."""
     count: int = 0
     """Movements made."""

@@ -24,7 +24,7 @@ from scipy.linalg import cho_factor, cho_solve, cho_solve_banded, cholesky_bande
 from simmer_tui.calibrate.parameters import ParameterSpace
 from simmer_tui.sim.arrays import BoolArray, FloatArray, IntArray
 
-PROCESS, KINEMATIC, COUNTER, RANGE, OBSERVATION, START, PRIOR = range(7)
+PROCESS, KINEMATIC, COUNTER, RANGE, OBSERVATION, START_POSE, PRIOR = range(7)
 """Families of rows."""
 VarianceShare = tuple[int | IntArray, FloatArray]
 """A noise scale, or one for each row, with its part of each row's variance."""

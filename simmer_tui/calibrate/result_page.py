@@ -37,7 +37,7 @@ from simmer_tui.document.model import (
     VerdictBox,
 )
 from simmer_tui.phrases import capitalized
-from simmer_tui.report.figure import WALLS, WIDTH
+from simmer_tui.report.figure import PICTURE_WIDTH, WALLS
 from simmer_tui.sim.arrays import FloatArray
 from simmer_tui.sim.command import escape_passage
 from simmer_tui.sim.specs import CELL_SIZE, WALL, SimulationSpec
@@ -83,7 +83,7 @@ UNIDENTIFIED = DataTable(
     ),
 )
 RESIDUALS = DataTable("residuals", "Residuals", (DataColumn("part"), DataColumn("unit"), *_BEFORE_AFTER))
-HELD_BACK = DataTable(
+_HELD_BACK = DataTable(
     "held_back",
     "Predictions of held-back readings",
     (
@@ -95,7 +95,7 @@ HELD_BACK = DataTable(
         DataColumn("readings", COUNT),
     ),
 )
-CHECK = DataTable(
+_CHECK = DataTable(
     "parts",
     "Has the robot changed?",
     (
@@ -117,7 +117,7 @@ STRENGTHS = DataTable(
         DataColumn("strength", estimate(".3g")),
     ),
 )
-TABLES = (MISFITS, PARAMETERS, UNIDENTIFIED, HELD_BACK, RESIDUALS, CHECK, STRENGTHS)
+TABLES = (MISFITS, PARAMETERS, UNIDENTIFIED, _HELD_BACK, RESIDUALS, _CHECK, STRENGTHS)
 """All tables of a calibration, of a check, and of the strength of biases."""
 _PATH = "#3066e4"
 _MOST_CHANGED = 10
@@ -214,14 +214,14 @@ def held_back_table(held: HeldBack) -> DataTable:
         f"Median errors over the last {held.movements} movements, predicted 0, 1 and 5 movements ahead: with "
         "the old set (before), and with parameters estimated from the earlier movements (after)."
     )
-    return HELD_BACK.filled(rows, note)
+    return _HELD_BACK.filled(rows, note)
 
 
 def held_back_picture(held: HeldBack) -> Figure:
     """Errors of predictions after (blue) as parts of those before (grey)."""
     parts, y = [], 8.0
     # Room for the names of kinds on the left, and for the shares on the right.
-    left, room = 240.0, WIDTH - 240.0 - 90.0
+    left, room = 240.0, PICTURE_WIDTH - 240.0 - 90.0
     for each in held.errors:
         share = each.after / each.before if each.before else 1.0
         words = f"{each.kind.meaning}, {f'{each.ahead} ahead' if each.ahead else 'at once'}"
@@ -231,7 +231,7 @@ def held_back_picture(held: HeldBack) -> Figure:
         parts.append(svg.element("rect", x=left, y=y + 3, width=wide, height=10.0, fill=_PATH))
         parts.append(svg.text(left + room + 8, y + 12, f"{share:.0%}"))
         y += 22.0
-    return Figure("Prediction errors: after, as a share of before", WIDTH, y, "".join(parts))
+    return Figure("Prediction errors: after, as a share of before", PICTURE_WIDTH, y, "".join(parts))
 
 
 def check_document(parts: Sequence[PartVerdict]) -> Document:
@@ -249,7 +249,7 @@ def check_document(parts: Sequence[PartVerdict]) -> Document:
     )
     changed = [part.owner for part in parts if part.changed]
     answer = f"Changed: {', '.join(changed)}" if changed else "The robot behaves as the set says."
-    table = CHECK.filled(rows, note)
+    table = _CHECK.filled(rows, note)
     return Document("Has the robot changed?", (table, Paragraph(answer, "answer")))
 
 
@@ -332,7 +332,7 @@ def path_pictures(fit: Fit) -> list[DocumentPart]:
     """Each chain's path, from dark to light, with its contacts."""
     pictures: list[DocumentPart] = []
     maze = fit.run.spec.maze
-    scale = WIDTH / maze.width
+    scale = PICTURE_WIDTH / maze.width
     height, side = maze.height * scale, CELL_SIZE * scale
     walls = [
         svg.element("rect", x=column * side, y=row * side, width=side, height=side, fill=WALLS)
@@ -340,7 +340,7 @@ def path_pictures(fit: Fit) -> list[DocumentPart]:
         for column, cell in enumerate(cells)
         if cell == WALL
     ]
-    frame = svg.element("rect", x=0.0, y=0.0, width=WIDTH, height=height, fill="none", stroke=WALLS)
+    frame = svg.element("rect", x=0.0, y=0.0, width=PICTURE_WIDTH, height=height, fill="none", stroke=WALLS)
     for first, chain in zip(fit.run.first_stops(), fit.run.chains, strict=True):
         count = len(chain.movements) + 1
         poses = fit.poses[first : first + count]
@@ -356,5 +356,8 @@ def path_pictures(fit: Fit) -> list[DocumentPart]:
             parts.append(svg.element("circle", cx=x, cy=y, r=max(spread, 2.0), fill=fill, fill_opacity=0.6))
         title = "The estimated path, dark at its beginning; red: a wall was touched on the way"
         about = f"{title}. A disc shows the uncertainty of its place (95 %)."
-        pictures += [Figure(title, WIDTH, height, "".join(parts) + frame), Paragraph(about, kind="note")]
+        pictures += [
+            Figure(title, PICTURE_WIDTH, height, "".join(parts) + frame),
+            Paragraph(about, kind="note"),
+        ]
     return pictures

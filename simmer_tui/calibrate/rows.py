@@ -33,7 +33,7 @@ from simmer_tui.calibrate.posterior import (
     PRIOR,
     PROCESS,
     RANGE,
-    START,
+    START_POSE,
     Iterate,
     JacobianEntry,
     Rows,
@@ -196,12 +196,12 @@ class Model:
         variances = np.array([chain.spread for chain in chains]) ** 2
         for axis in range(3):
             columns = PER_STOP * firsts + axis
-            stack.add(START, -1, firsts, off[:, axis], variances[:, axis], [(columns, 1.0)])
+            stack.add(START_POSE, -1, firsts, off[:, axis], variances[:, axis], [(columns, 1.0)])
         # The last stop of a chain has no movement; its totals are 0.
         last: IntArray = np.flatnonzero(self.movement_at < 0)
         for axis in range(3, 6):
             columns = PER_STOP * last + axis
-            stack.add(START, -1, last, state.chain[last, axis], np.ones(len(last)), [(columns, 1.0)])
+            stack.add(START_POSE, -1, last, state.chain[last, axis], np.ones(len(last)), [(columns, 1.0)])
         parameters = self.space.parameters
         numbers = np.arange(len(parameters))
         priors = np.array([each.spread for each in parameters]) if tight is None else tight

@@ -35,7 +35,7 @@ from simmer_tui.sim.specs import SimulationSpec
 
 KNOWLEDGE = "calibration.json"
 """The file with estimates and their covariance, for `simmer-tui calibrate --check`."""
-PAGE = "calibration.html"
+CALIBRATION_PAGE = "calibration.html"
 _DIGITS = 5
 """Significant digits in the files: estimates are seldom known to four."""
 _PROFILES = {"sensor_profile": (), "drive_profile": "", "link_profile": "", "realistic": False}

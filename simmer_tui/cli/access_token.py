@@ -16,7 +16,7 @@ from simmer_tui.links.access import LONGEST_TOKEN
 from simmer_tui.links.processes import StatField, stat_of
 from simmer_tui.sim.command import shown_path
 
-TOKEN = "server.token"
+_TOKEN = "server.token"
 """The setting."""
 _OPTION = "--token-file"
 
@@ -24,7 +24,7 @@ _OPTION = "--token-file"
 def add_token_of(path: Path, overrides: dict[str, Override]) -> None:
     """Use the first line of a file as the token. Raises ConfigurationError if it is none, or if the command
     line has another one."""
-    if TOKEN in overrides:
+    if _TOKEN in overrides:
         raise _refused("and --token both give the token: leave one of them out")
     shown = shown_path(path)
     try:
@@ -37,7 +37,7 @@ def add_token_of(path: Path, overrides: dict[str, Override]) -> None:
         raise _refused(f"{shown} is no text in UTF-8") from None
     if not word or len(line.rstrip(b"\r\n")) > LONGEST_TOKEN:
         raise _refused(f"the first line of {shown} is no token of 1 to {LONGEST_TOKEN} bytes")
-    overrides[TOKEN] = Override(_OPTION, word)
+    overrides[_TOKEN] = Override(_OPTION, word)
 
 
 def _refused(what: str) -> ConfigurationError:

@@ -30,6 +30,7 @@ from simmer_tui.errors import AtlasError
 from simmer_tui.phrases import counted
 from simmer_tui.sim import Simulator
 from simmer_tui.sim.command import shown_path
+from simmer_tui.whole_file import write_whole
 
 _FORMATS: dict[str, Callable[[Atlas], bytes]] = {
     "npz": npz_bytes,
@@ -84,7 +85,7 @@ def run_atlas(options: argparse.Namespace) -> int:
     atlas = _computed(simulator, grid, codes)
     data = _FORMATS[form](atlas)
     with writing(AtlasError, out):
-        out.write_bytes(data)
+        write_whole(out, data)
     sys.stdout.write(f"Wrote {shown_path(out)}, {len(data) / 1e6:.2f} MB: {', '.join(codes)}\n")
     _describe(atlas, simulator)
     if form == "h" and table_bytes(atlas) > MEGA_FLASH:

@@ -19,6 +19,7 @@ from simmer_tui.cli.command_line import (
     add_json_option,
     add_trust_option,
     print_answer,
+    seed_of,
     subcommand,
     writing,
 )
@@ -59,7 +60,7 @@ def _options(parser: OneLineParser) -> None:
     parser.add_argument(
         "--seed",
         metavar="N",
-        type=int,
+        type=seed_of,
         default=0,
         help="of the search for the path (default: %(default)s); rarely of use",
     )
@@ -172,7 +173,7 @@ def _learn(run: MeasuredRun, options: argparse.Namespace) -> int:
     from simmer_tui.calibrate.prediction import held_back, widened
     from simmer_tui.calibrate.result_page import result_document, result_page
     from simmer_tui.calibrate.suspicions import suspicions, suspicions_without_path
-    from simmer_tui.calibrate.written_set import PAGE, set_texts, write_texts
+    from simmer_tui.calibrate.written_set import CALIBRATION_PAGE, set_texts, write_texts
 
     out: Path = options.out
     with _shown() as progress:
@@ -188,12 +189,12 @@ def _learn(run: MeasuredRun, options: argparse.Namespace) -> int:
             found = widened(found, held)
         estimates = estimates_of(found)
     texts, answer = set_texts(found, estimates), result_document(found, estimates, held)
-    write_texts({**texts, PAGE: html_page(result_page(found, estimates, held))}, out)
+    write_texts({**texts, CALIBRATION_PAGE: html_page(result_page(found, estimates, held))}, out)
     load(out, devices=DeviceUse.PARSE)
     print_answer(answer, as_json=options.json)
     if not options.json:
         shown = shown_path(out)
-        sys.stdout.write(f"Wrote {', '.join(sorted(texts))} and {PAGE} to {shown}\n")
+        sys.stdout.write(f"Wrote {', '.join(sorted(texts))} and {CALIBRATION_PAGE} to {shown}\n")
         sys.stdout.write(f"Try it: simmer-tui --config {shown}\n")
     return ExitCode.DONE
 

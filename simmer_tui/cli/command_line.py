@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, NoReturn, TextIO, TypeVar
 
 from simmer_tui.config.device_trust import OPTION, TRUST, DeviceTrust
 from simmer_tui.config.mission_toml import OVERRIDDEN
-from simmer_tui.config.sets import DEFAULT
+from simmer_tui.config.sets import DEFAULT_SET
 from simmer_tui.config.settings import Setting, all_settings
 from simmer_tui.config.settings_file import Override
 from simmer_tui.errors import (
@@ -26,13 +26,14 @@ from simmer_tui.errors import (
     reason_of,
 )
 from simmer_tui.sim.command import escape, escape_passage, shown_path
+from simmer_tui.sim.noise import SEEDS
 from simmer_tui.sim.rules import FlagRule, Rule, did_you_mean
 
 if TYPE_CHECKING:  # a run has no documents, and must start quickly
     from simmer_tui.config.device_file import DeviceFile
     from simmer_tui.document.model import Document
 
-T = TypeVar("T")
+_T = TypeVar("_T")
 
 _DEST = "setting."
 """Prefix of the attributes of setting options, so that they do not clash with others."""
@@ -333,10 +334,10 @@ def add_setting_options(
     parser.setting_groups = [] if names else list(groups.values())
 
 
-def by_rule(rule: Rule[T]) -> Callable[[str], T]:
+def by_rule(rule: Rule[_T]) -> Callable[[str], _T]:
     """The type of an option whose values follow a rule."""
 
-    def value(text: str) -> T:
+    def value(text: str) -> _T:
         try:
             return rule.from_text(text)
         except ValueError as error:
@@ -384,13 +385,21 @@ def overrides_from(namespace: argparse.Namespace) -> dict[str, Override]:
     return overrides
 
 
+def seed_of(text: str) -> int:
+    """The value of an option for a seed. Raises ArgumentTypeError."""
+    try:
+        return SEEDS.from_text(text)
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(str(error)) from None
+
+
 def add_json_option(parser: argparse.ArgumentParser) -> None:
     """The option `--json`."""
     parser.add_argument("--json", action="store_true", help="print the answer as JSON, for scripts")
 
 
 def add_config_option(
-    parser: argparse.ArgumentParser | argparse._ArgumentGroup, default: str = f"./config, else {DEFAULT}"
+    parser: argparse.ArgumentParser | argparse._ArgumentGroup, default: str = f"./config, else {DEFAULT_SET}"
 ) -> None:
     """The option `--config`; `default` says which set is taken without it."""
     parser.add_argument(

@@ -20,7 +20,7 @@ from simmer_tui.cli.command_line import (
 )
 from simmer_tui.config.device_trust import DeviceUse
 from simmer_tui.config.loader import Configuration, load
-from simmer_tui.config.new_set import FOLDER as SCHEMAS
+from simmer_tui.config.new_set import SCHEMA_FOLDER as SCHEMAS
 from simmer_tui.config.new_set import term_files, with_comments, with_dialect, with_mission
 from simmer_tui.config.set_document import CHECK, DIFFERENCES, problems_document, set_document
 from simmer_tui.config.set_summary import summarize

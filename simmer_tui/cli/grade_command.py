@@ -19,6 +19,7 @@ from simmer_tui.cli.command_line import (
     by_rule,
     print_answer,
     say,
+    seed_of,
     subcommand,
 )
 from simmer_tui.cli.trials_options import add_place_options, newest_folder, rate, run_to_end, typed_path
@@ -34,12 +35,12 @@ from simmer_tui.grade.site import INDEX, grades_document, grades_table, gradesco
 from simmer_tui.grade.team_result import TeamResult, TeamStatus, team_results
 from simmer_tui.phrases import counted
 from simmer_tui.runlog.writer import moment_name
-from simmer_tui.trials.sequential import CAP, MARGIN, REQUIRED_RATE, shown_test
+from simmer_tui.sim.noise import SEED_BITS
+from simmer_tui.trials.sequential import CAP_RULE, MARGIN, REQUIRED_RATE, shown_test
 from simmer_tui.trials.trial import TrialResult
 
-GRADES, JUNIT, GRADESCOPE, SITE = "grades.csv", "junit.xml", "gradescope", "site"
+_GRADES, _JUNIT, _GRADESCOPE, _SITE = "grades.csv", "junit.xml", "gradescope", "site"
 _PREFIX = "grade_"
-_SEED_BITS = 128
 
 
 def _options(parser: OneLineParser) -> None:
@@ -59,7 +60,7 @@ def _options(parser: OneLineParser) -> None:
         type=rate,
         help=f"a success rate this much lower fails (default {MARGIN:g})",
     )
-    parser.add_argument("--cap", metavar="N", type=by_rule(CAP), help="most runs of a team")
+    parser.add_argument("--cap", metavar="N", type=by_rule(CAP_RULE), help="most runs of a team")
     parser.add_argument(
         "--clock", choices=CLOCKS, help="clock of the runs, in place of that of the course's set"
     )
@@ -71,7 +72,7 @@ def _options(parser: OneLineParser) -> None:
     parser.add_argument(
         "--seed",
         metavar="N",
-        type=int,
+        type=seed_of,
         help="seed of an earlier grading, to repeat it (default: a secret one)",
     )
     add_place_options(parser)
@@ -134,9 +135,7 @@ def _begun(options: argparse.Namespace) -> GradeFolder:
     course = dataclasses.replace(course, **given)
     isolation = _isolation(options)
     path = options.out or _usual_place(course)
-    if options.seed is not None and options.seed < 0:
-        raise GradeError("--seed must be a whole number from 0")
-    seed = secrets.randbits(_SEED_BITS) if options.seed is None else options.seed
+    seed = secrets.randbits(SEED_BITS) if options.seed is None else options.seed
     _check_outside(path, course)
     return GradeFolder.create(path, course, seed, isolation, hides_names=bool(options.hide_names))
 
@@ -236,15 +235,15 @@ def _run_all(folder: GradeFolder, options: argparse.Namespace) -> None:
 
 def _write(folder: GradeFolder, found: list[TeamResult], isolation: str) -> None:
     """Write the files of the answer. Raises GradeError."""
-    files = {GRADES: table_csv(grades_table(folder, found)), JUNIT: junit_xml(folder, found)}
+    files = {_GRADES: table_csv(grades_table(folder, found)), _JUNIT: junit_xml(folder, found)}
     for each in found:
-        files[f"{GRADESCOPE}/{each.entry.team.slug}/results.json"] = gradescope_json(folder, each)
+        files[f"{_GRADESCOPE}/{each.entry.team.slug}/results.json"] = gradescope_json(folder, each)
     shown = team_results(folder, hidden=True) if folder.plan.hides_names else found
-    files |= {f"{SITE}/{page}": text for page, text in site(folder, shown, isolation).items()}
-    shutil.rmtree(folder.path / SITE, ignore_errors=True)  # possibly with other names before
+    files |= {f"{_SITE}/{page}": text for page, text in site(folder, shown, isolation).items()}
+    shutil.rmtree(folder.path / _SITE, ignore_errors=True)  # possibly with other names before
     for name, text in files.items():
         folder.store.write(name, text)
-    written = f"{GRADES}, {JUNIT}, {GRADESCOPE}/ and {SITE}/{INDEX}"
+    written = f"{_GRADES}, {_JUNIT}, {_GRADESCOPE}/ and {_SITE}/{INDEX}"
     say(f"simmer-tui grade: wrote {typed_path(folder.path)}/{written}")
 
 

@@ -31,7 +31,7 @@ def _help_options(parser: OneLineParser) -> None:
 
 def topics() -> tuple[str, ...]:
     """All topics of the help."""
-    return (*main.COMMANDS, SETTINGS)
+    return (*main.SUBCOMMANDS, SETTINGS)
 
 
 @subcommand("help", _help_options)
@@ -42,7 +42,7 @@ def run_help(options: argparse.Namespace) -> int:
         text = main.build_parser().format_help()
     elif topic == SETTINGS:
         text = main.build_parser().format_settings()
-    elif topic in main.COMMANDS:
+    elif topic in main.SUBCOMMANDS:
         text = main.command_named(topic).parser().format_help()
     else:
         main.build_parser().error(f'unknown command "{escape(topic)}"{did_you_mean(topic, topics())}')
@@ -74,7 +74,7 @@ def whole_parser() -> argparse.ArgumentParser:
     made from it."""
     parser = main.build_parser()
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", prog="simmer-tui")
-    for name, (_, text) in main.COMMANDS.items():
+    for name, (_, text) in main.SUBCOMMANDS.items():
         made = main.command_named(name).parser()
         commands.add_parser(
             name,

@@ -6,6 +6,7 @@ import argparse
 import sys
 from collections.abc import Iterable, Iterator
 from contextlib import ExitStack
+from io import TextIOWrapper
 from pathlib import Path
 
 from rich.progress import DownloadColumn, TaskProgressColumn, TimeRemainingColumn
@@ -34,6 +35,7 @@ from simmer_tui.runlog.rerun import Rerun
 from simmer_tui.sim.command import escape, escape_passage, escape_word, shown_path
 from simmer_tui.sim.rules import IntegerRule, NumberRule
 from simmer_tui.version import __version__
+from simmer_tui.whole_file import whole_file, write_whole
 
 # Lines between two updates of a progress bar. Judged: often enough for the eye, rarely enough to cost
 # nothing.
@@ -96,11 +98,10 @@ def build_report(
         table = None
         if csv_path is not None:
             # Opened before the log is read: a name that cannot be written is reported at once.
-            with writing(RunLogError, csv_path):
-                file = stack.enter_context(csv_path.open("w", encoding="utf-8", newline=""))
-            table = CommandTable(file)
-        with writing(RunLogError, csv_path or path):
-            _run_through(_steps(log, run, table), log.size, "report")
+            stack.enter_context(writing(RunLogError, csv_path))
+            file = stack.enter_context(whole_file(csv_path))
+            table = CommandTable(stack.enter_context(TextIOWrapper(file, "utf-8", newline="")))
+        _run_through(_steps(log, run, table), log.size, "report")
     run.finish(log.note)
     return run
 
@@ -131,7 +132,7 @@ def _export_options(parser: OneLineParser) -> None:
         help="of the pictures (default %(default)s)",
     )
     parser.add_argument(
-        "--speed", metavar="X", type=by_rule(NumberRule(0.01, 1000)),
+        "--speed", metavar="X", type=by_rule(NumberRule(0.01, 1000)), dest="playback_rate",
         help="simulated seconds a second of the GIF (default: 1, or as many as make it "
         f"{USUAL_SECONDS:g} s long)",
     )  # fmt: skip
@@ -154,7 +155,7 @@ def run_export(options: argparse.Namespace) -> int:
         _write_text(options.svg, maze_picture(run, escape_passage(path.name), options.width))
         sys.stdout.write(_wrote(options.svg))
     if options.gif is not None:
-        taken = shots(run, options.begin, options.until, options.speed)
+        taken = shots(run, options.begin, options.until, options.playback_rate)
         with writing(RunLogError, options.gif):
             _run_through(write_gif(run, options.gif, taken, options.width), len(taken.times), "pictures")
         sys.stdout.write(_wrote(options.gif))
@@ -217,7 +218,7 @@ def _check_outputs(log: Path, outputs: Iterable[Path | None]) -> None:
 def _write_text(path: Path, text: str) -> None:
     """Raises RunLogError, which names the file, if it cannot be written."""
     with writing(RunLogError, path):
-        path.write_text(text, encoding="utf-8", newline="\n")
+        write_whole(path, text)
 
 
 def _wrote(path: Path) -> str:

@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from simmer_tui.web.page_server import PageServer
 
 # Names, not functions: importing all commands would make every start as slow as the slowest.
-COMMANDS = {
+SUBCOMMANDS = {
     "init": ("config_commands:run_init", "copy a configuration set into a folder, to be edited there"),
     "examples": ("author_commands:run_examples", "copy the sample programs into a folder"),
     "check": ("config_commands:run_check", "check a configuration set and show what it describes"),
@@ -70,11 +70,11 @@ _COMMON_SETTINGS = ("seed", "realistic", "server.port", "serial.port", "screen.p
 
 def build_parser() -> OneLineParser:
     """The options of a run."""
-    commands = "\n".join(f"  {name:11} {text}" for name, (_, text) in COMMANDS.items())
+    commands = "\n".join(f"  {name:11} {text}" for name, (_, text) in SUBCOMMANDS.items())
     parser = OneLineParser(
         prog="simmer-tui",
         usage="simmer-tui [options]\n       simmer-tui COMMAND ...",
-        words=COMMANDS,
+        words=SUBCOMMANDS,
         formatter_class=_Help,
         description="A simulator for mechatronics robots in a maze, driven over TCP or from the terminal.\n\n"
         f"commands (simmer-tui help COMMAND says more):\n{commands}",
@@ -119,7 +119,7 @@ class _Help(argparse.RawDescriptionHelpFormatter):
 def main(argv: Sequence[str] | None = None) -> int:
     """Run `simmer-tui` with these arguments; returns the exit code."""
     arguments = list(sys.argv[1:] if argv is None else argv)
-    if arguments and arguments[0] in COMMANDS:
+    if arguments and arguments[0] in SUBCOMMANDS:
         # Switched off in `__main__` while modules are imported.
         gc.enable()
         return command_named(arguments[0])(arguments[1:])
@@ -131,7 +131,7 @@ def command_named(name: str) -> CliCommand:
     # Imported here because runs do not need it.
     import pkgutil
 
-    chosen: CliCommand = pkgutil.resolve_name(f"simmer_tui.cli.{COMMANDS[name][0]}")
+    chosen: CliCommand = pkgutil.resolve_name(f"simmer_tui.cli.{SUBCOMMANDS[name][0]}")
     return chosen
 
 

@@ -47,7 +47,7 @@ from simmer_tui.trials.cluster import pack
 from simmer_tui.trials.explanations import Explanations
 from simmer_tui.trials.failures import success_rate
 from simmer_tui.trials.figures import write_run_pages
-from simmer_tui.trials.folder import PAGE, PLAN, TABLE, TrialFolder, TrialPlan
+from simmer_tui.trials.folder import PLAN, REPORT_PAGE, TABLE, TrialFolder, TrialPlan
 from simmer_tui.trials.local import run_locally
 from simmer_tui.trials.mazes import read_mazes
 from simmer_tui.trials.sequential import MARGIN, REQUIRED_RATE, SequentialTest, sequential_test, shown_test
@@ -280,7 +280,7 @@ def _show(folder: TrialFolder, required: float | None, test: SequentialTest | No
         answer, page = sweep_document(folder, wanted), sweep_page(folder, wanted)
     else:
         answer, page = trials_document(folder, test), trials_page(folder, write_run_pages(folder), required)
-    files[PAGE] = html_page(page)
+    files[REPORT_PAGE] = html_page(page)
     written = [shown_path(folder.store.write(name, text)) for name, text in files.items()]
     print_answer(answer, as_json=as_json)
     if not as_json:

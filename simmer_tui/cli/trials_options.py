@@ -21,7 +21,7 @@ from simmer_tui.errors import ClusterError
 from simmer_tui.sim.command import shown_path
 from simmer_tui.sim.rules import IntegerRule, NumberRule
 from simmer_tui.trials.explanations import EXPLAINED
-from simmer_tui.trials.sequential import MARGIN, RATE, REQUIRED_RATE
+from simmer_tui.trials.sequential import MARGIN, RATE_RULE, REQUIRED_RATE
 from simmer_tui.trials.trial import TIME_LIMIT
 
 DEFAULT_RUNS = 100
@@ -52,7 +52,7 @@ def run_to_end(work: Callable[[], None]) -> tuple[ExitCode, str]:
 
 
 count = by_rule(IntegerRule(1, 1_000_000))
-rate = by_rule(RATE)
+rate = by_rule(RATE_RULE)
 
 
 def add_place_options(parser: argparse.ArgumentParser | argparse._ArgumentGroup) -> None:

@@ -18,13 +18,13 @@ from simmer_tui.errors import Problem, reason_of
 from simmer_tui.sim.command import escape, shown_path
 from simmer_tui.sim.rules import describe
 
-FOLDER = "devices"
+DEVICE_FOLDER = "devices"
 """The folder of a set with its device files."""
 # A class of a sensor has 60 lines, 3 kB; a table of numbers in it may have some thousand entries.
-LARGEST = 200_000
+LARGEST_DEVICE_FILE = 200_000
 """Largest device file, bytes."""
 # A robot has a dozen sensors.
-MOST = 20
+_MOST = 20
 """Most device files of a set."""
 _NAME = re.compile(r"[A-Za-z0-9_-]{1,60}\.py")
 _MODULE = "simmer_device_"
@@ -67,8 +67,8 @@ def read_devices(
         place: The setting's place in messages.
         problems: Every file that is refused is added here.
     """
-    if len(names) > MOST:
-        problems.append(Problem(place, f"names {len(names)} files; a set may have {MOST}"))
+    if len(names) > _MOST:
+        problems.append(Problem(place, f"names {len(names)} files; a set may have {_MOST}"))
         return ()
     found: list[DeviceFile] = []
     for name in names:
@@ -95,8 +95,8 @@ def _unsafe(name: str) -> str:
     if not name.endswith(".py"):
         return "is no .py file"
     folder, _, file = name.partition("/")
-    if folder != FOLDER or not _NAME.fullmatch(file):
-        return f"is not {FOLDER}/NAME.py, with letters, digits, _ and - in NAME"
+    if folder != DEVICE_FOLDER or not _NAME.fullmatch(file):
+        return f"is not {DEVICE_FOLDER}/NAME.py, with letters, digits, _ and - in NAME"
     return ""
 
 
@@ -104,7 +104,7 @@ def _read(directory: Path, name: str) -> bytes:
     """The bytes of a file. Raises ValueError if it cannot be used."""
     why = _unsafe(name)
     if why:
-        raise ValueError(f"{why}; name a file in the set, such as {FOLDER}/thermal.py")
+        raise ValueError(f"{why}; name a file in the set, such as {DEVICE_FOLDER}/thermal.py")
     path = directory / name
     try:
         if not path.resolve().is_relative_to(directory.resolve()):
@@ -112,13 +112,13 @@ def _read(directory: Path, name: str) -> bytes:
         with opened_at_once(path) as file:
             if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
                 raise ValueError("is no file")
-            data = file.read(LARGEST + 1)
+            data = file.read(LARGEST_DEVICE_FILE + 1)
     except FileNotFoundError:
         raise ValueError(f"is not in the set {shown_path(directory)}") from None
     except (OSError, RuntimeError) as error:  # RuntimeError: links that lead to each other
         raise ValueError(f"cannot be read: {escape(reason_of(error))}") from None
-    if len(data) > LARGEST:
-        raise ValueError(f"has more than {LARGEST:,} bytes")
+    if len(data) > LARGEST_DEVICE_FILE:
+        raise ValueError(f"has more than {LARGEST_DEVICE_FILE:,} bytes")
     try:
         data.decode()
     except UnicodeDecodeError as error:

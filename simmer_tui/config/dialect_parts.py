@@ -10,22 +10,22 @@ from simmer_tui.dialect import expressions, kinds
 from simmer_tui.dialect.dialect_rules import AnyReply, Parts
 from simmer_tui.dialect.expressions import Expression
 from simmer_tui.dialect.frames import TYPE, FrameKind, Framing
-from simmer_tui.dialect.kinds import ANY, NUMBER, StaticType, ValueKind
+from simmer_tui.dialect.kinds import ANY_TYPE, NUMBER_TYPE, StaticType, ValueKind
 from simmer_tui.dialect.templates import BinaryReply, Field, TextReply, check_pack, parsed_reply
 from simmer_tui.sim.rules import did_you_mean
 
 # 50 times the cells of the greatest maze.
-MOST_FRAMES = 1000
+_MOST_FRAMES = 1000
 """Frames of one binary reply."""
 READING = frozenset(("time", "contact"))
 """Names that every expression may use."""
 Names = Mapping[str, StaticType]
 """The values of a message, with the static knowledge of each."""
 P = ParamSpec("P")
-T = TypeVar("T")
+_T = TypeVar("_T")
 
 
-def without_gaps(parts: Iterable[T | None]) -> tuple[T, ...]:
+def without_gaps(parts: Iterable[_T | None]) -> tuple[_T, ...]:
     """The parts without None, which represents one that could not be read."""
     return tuple(each for each in parts if each is not None)
 
@@ -75,11 +75,11 @@ class RuleParts:
         kind, times = given.get("type"), given.get("times", 1)
         if TYPE in self._framing.names and not is_whole(kind):
             raise ValueError("needs the type of the frame, a whole number")
-        if not is_whole(times) or not 1 <= times <= MOST_FRAMES:
-            raise ValueError(f"times must be a whole number from 1 to {MOST_FRAMES}")
+        if not is_whole(times) or not 1 <= times <= _MOST_FRAMES:
+            raise ValueError(f"times must be a whole number from 1 to {_MOST_FRAMES}")
         if ("text" in given) is ("pack" in given):
             raise ValueError("needs either text, or pack with values")
-        known = {**names, "k": NUMBER}
+        known = {**names, "k": NUMBER_TYPE}
         if "text" in given:
             text = self._text(str(given["text"]), place, known)
             reply = BinaryReply(kind, text=text, times=times) if text is not None else None
@@ -164,13 +164,13 @@ class RuleParts:
 
     def _known(self, names: Names) -> Names:
         """Kinds of all names. A value of the state may have any kind."""
-        numbers = dict.fromkeys((*self._parts.readable, *READING), NUMBER)
+        numbers = dict.fromkeys((*self._parts.readable, *READING), NUMBER_TYPE)
         lists = {
             code: StaticType(ValueKind.LIST, length=each.rays) for code, each in self._parts.lidars.items()
         }
-        return {**numbers, **lists, **dict.fromkeys(self._state, ANY), **names}
+        return {**numbers, **lists, **dict.fromkeys(self._state, ANY_TYPE), **names}
 
-    def _made(self, place: str, make: Callable[P, T], *args: P.args, **named: P.kwargs) -> T | None:
+    def _made(self, place: str, make: Callable[P, _T], *args: P.args, **named: P.kwargs) -> _T | None:
         """Result of `make`; None, and a problem at the place, if it raises ValueError."""
         try:
             return make(*args, **named)

@@ -18,7 +18,7 @@ from simmer_tui.config.dialect_toml import (
     REPLY,
     ROBOT,
     STREAM_KEYS,
-    TABLES,
+    TABLE_NAMES,
     UNKNOWN_KEYS,
 )
 from simmer_tui.config.toml_file import TomlFile
@@ -39,7 +39,15 @@ from simmer_tui.dialect.dialect_rules import (
     StreamRule,
 )
 from simmer_tui.dialect.frames import TYPE, FrameKind, Framing
-from simmer_tui.dialect.kinds import ANY, LIST, NUMBER, TEXT, StaticType, ValueKind, kind_of
+from simmer_tui.dialect.kinds import (
+    ANY_TYPE,
+    LIST_TYPE,
+    NUMBER_TYPE,
+    TEXT_TYPE,
+    StaticType,
+    ValueKind,
+    kind_of,
+)
 from simmer_tui.dialect.patterns import NAME, Pattern
 from simmer_tui.dialect.templates import check_pack, pack_codes
 from simmer_tui.errors import Problem
@@ -52,7 +60,14 @@ MOST_RULES = 500
 """Tables [[command]] of a file, and [[stream]]."""
 _MARKS_OF = {FrameKind.LINE: ("end",), FrameKind.BRACKET: ("open", "close")}
 """The marks that a message of a kind must have."""
-_KINDS = {"number": NUMBER, "int": NUMBER, "digit": NUMBER, "list": LIST, "word": TEXT, "text": TEXT}
+_KINDS = {
+    "number": NUMBER_TYPE,
+    "int": NUMBER_TYPE,
+    "digit": NUMBER_TYPE,
+    "list": LIST_TYPE,
+    "word": TEXT_TYPE,
+    "text": TEXT_TYPE,
+}
 """The kinds of values by the kinds of a pattern's fields."""
 _ASSIGNED = re.compile(r"([A-Za-z_]\w*)\s*=(?!=)(.*)", re.ASCII | re.DOTALL)
 _RUN = re.compile(r"run\s+(.+?)(?:\s+for\s+(.+?)\s*s)?", re.DOTALL)
@@ -80,7 +95,7 @@ class _Reader(RuleParts):
     def rules(self) -> DialectRules:
         """The rules of the whole file."""
         file = self._file
-        file.check_names(file.tree, TABLES, listed_as="tables")
+        file.check_names(file.tree, TABLE_NAMES, listed_as="tables")
         protocol = self._protocol()
         if protocol is not None:
             return DialectRules(protocol=protocol)
@@ -109,7 +124,7 @@ class _Reader(RuleParts):
             state=self._state,
             rules=rules,
             streams=without_gaps(streams),
-            unknown=self._replies(unknown, "reply", "unknown.", {"text": TEXT}),
+            unknown=self._replies(unknown, "reply", "unknown.", {"text": TEXT_TYPE}),
             unknown_place=file.place("unknown"),
             parts=self._parts,
         )
@@ -123,7 +138,7 @@ class _Reader(RuleParts):
         if kind not in tuple(CourseProtocol):
             return None
         others = [f"frame.{name}" for name in given if name != "kind"]
-        for name in (*others, *(name for name in TABLES if name != "frame" and name in self._file.tree)):
+        for name in (*others, *(name for name in TABLE_NAMES if name != "frame" and name in self._file.tree)):
             self._file.add_problem(name, f'has no meaning beside kind = "{kind}", a protocol of the course')
         return CourseProtocol(kind)
 
@@ -194,7 +209,7 @@ class _Reader(RuleParts):
             elif name in expressions.CONSTANTS:
                 add_problem(f"{prefix}match", f"{{{name}}} is a factor of length; take another name")
         if kind is not None:
-            known["text"] = TEXT
+            known["text"] = TEXT_TYPE
         rule = MessageRule(
             number=number,
             place=self._file.place(f"command.{number}"),
@@ -219,11 +234,11 @@ class _Reader(RuleParts):
     ) -> dict[str, StaticType]:
         """The values of a message, without those that only some of its patterns have."""
         packed = zip(fields, pack_codes(unpack), strict=False)
-        found = {name: TEXT if code in "spc" else NUMBER for name, code in packed}
+        found = {name: TEXT_TYPE if code in "spc" else NUMBER_TYPE for name, code in packed}
         shared = frozenset.intersection(*(each.names for each in patterns)) if patterns else frozenset()
         for name in sorted(shared):
             each = [_known(pattern, name) for pattern in patterns]
-            found[name] = each[0] if all(other == each[0] for other in each) else ANY
+            found[name] = each[0] if all(other == each[0] for other in each) else ANY_TYPE
         return found
 
     def _patterns(self, given: Mapping[str, Any], prefix: str) -> tuple[Pattern, ...]:
@@ -327,10 +342,10 @@ class _Reader(RuleParts):
         if not is_number(every) or not 0.0005 <= every <= LONGEST_TIME:
             self._file.add_problem(f"{prefix}every", f"must be seconds from 0.0005 to {LONGEST_TIME:g}")
             return None
-        send = self._replies(given, "send", prefix, {"tick": NUMBER})
+        send = self._replies(given, "send", prefix, {"tick": NUMBER_TYPE})
         if "send" not in given:
             self._file.add_problem(f"{prefix}send", "is missing; it says what is sent")
-        condition = self._expression(given.get("if"), f"{prefix}if", {"tick": NUMBER}, reads=False)
+        condition = self._expression(given.get("if"), f"{prefix}if", {"tick": NUMBER_TYPE}, reads=False)
         return StreamRule(float(every), send, condition, self._file.place(f"stream.{number}"))
 
     # -- together ----------------------------------------------------------------------------------
@@ -397,7 +412,7 @@ def _known(pattern: Pattern, name: str) -> StaticType:
     """Kind and values of a field of a pattern."""
     values = tuple(pattern.choices.get(name, {}).values())
     if not values:
-        return _KINDS.get(pattern.kinds[name], ANY)
+        return _KINDS.get(pattern.kinds[name], ANY_TYPE)
     found = {kind_of(each) for each in values}
     return StaticType(found.pop() if len(found) == 1 else ValueKind.ANY, values)
 

@@ -93,5 +93,5 @@ REPLY_KEYS = {
     "times": "how many such frames, {k} counting from 0",
 }
 """Keys of a binary reply."""
-TABLES = ("frame", "reply", "robot", "state", "command", "stream", "unknown")
+TABLE_NAMES = ("frame", "reply", "robot", "state", "command", "stream", "unknown")
 """The tables of the file."""

@@ -24,11 +24,11 @@ from simmer_tui.sim.specs import DriveKind, DriveSpec, GripperSpec, VelocityKind
 from simmer_tui.sim.values import with_values
 
 FILE = "drive.csv"
-GRIPPER = "grip"
+GRIPPER_ID = "grip"
 """The ID of the gripper's row."""
 COLUMNS: tuple[CsvColumn, ...] = (
     CsvColumn(
-        ChoiceRule((*(kind.value for kind in DriveKind), GRIPPER, *(kind.value for kind in VelocityKind))),
+        ChoiceRule((*(kind.value for kind in DriveKind), GRIPPER_ID, *(kind.value for kind in VelocityKind))),
         "which movement: " + "; ".join(f"{kind.value} {kind.meaning}" for kind in DriveKind) + "; "
         "grip opens and closes the gripper; velocity and velocity-x, -y, -r set a velocity that lasts; "
         "wheels sets rim speeds",
@@ -83,18 +83,18 @@ def _read_row(
     values = read_flags(row, codes)
     if name in _VELOCITIES:
         row.refuse(_ONLY_OTHERS, f"has no effect for {name}: leave it blank")
-    elif name == GRIPPER:
-        row.refuse(_ONLY_MOVEMENTS, f"is for movements only; leave it blank for {GRIPPER}")
+    elif name == GRIPPER_ID:
+        row.refuse(_ONLY_MOVEMENTS, f"is for movements only; leave it blank for {GRIPPER_ID}")
         values |= row.cells(columns.GRIPPER)
     else:
         values |= row.cells(columns.MOVEMENT)
         if name is not None:
-            row.refuse(_ONLY_GRIPPER, f"is for {GRIPPER} only; leave it blank for {name}")
+            row.refuse(_ONLY_GRIPPER, f"is for {GRIPPER_ID} only; leave it blank for {name}")
     if name is None or len(row.problems) > before or not row.has(COLUMNS):
         return None
     if name in _VELOCITIES:
         return with_values(VelocitySpec(kind=VelocityKind(name), code=""), values)
-    if name == GRIPPER:
+    if name == GRIPPER_ID:
         return with_values(GripperSpec(code=""), values)
     kind = DriveKind(name)
     speed = columns.ROTATION_SPEED if kind.turns else columns.TRANSLATION_SPEED

@@ -8,7 +8,7 @@ from simmer_tui.errors import ConfigurationError, Problem
 from simmer_tui.sim.command import shown_path
 
 # An hour of a robot that sends at 9600 baud has 60 MB of lines.
-LARGEST = 100_000_000
+_LARGEST = 100_000_000
 """Largest file, bytes."""
 
 
@@ -19,8 +19,8 @@ def read_exchange(path: Path) -> tuple[float, list[Exchanged]]:
     """
     shown = shown_path(path)
     try:
-        if path.stat().st_size > LARGEST:
-            raise ConfigurationError([Problem(shown, f"is larger than {LARGEST} bytes")])
+        if path.stat().st_size > _LARGEST:
+            raise ConfigurationError([Problem(shown, f"is larger than {_LARGEST} bytes")])
         lines = path.read_text("utf-8-sig").splitlines()
     except (OSError, UnicodeDecodeError) as error:
         raise ConfigurationError([Problem(shown, f"cannot be read: {error}")]) from None

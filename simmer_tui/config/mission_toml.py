@@ -15,7 +15,7 @@ from simmer_tui.sim.rules import IntegerRule, NumberRule, PairRule, WordOrRule
 from simmer_tui.sim.values import Value, described
 
 FILE = "mission.toml"
-ANY = "any"
+_ANY = "any"
 
 
 class Heading(StrEnum):
@@ -25,9 +25,9 @@ class Heading(StrEnum):
     ANY = "any"
 
 
-_PLACE = WordOrRule((ANY,), (None,), other=PairRule())
+_PLACE = WordOrRule((_ANY,), (None,), other=PairRule())
 _HEADING = WordOrRule(tuple(each.value for each in Heading), tuple(Heading), other=NumberRule())
-_NUMBER_OF_CONTACTS = WordOrRule((ANY,), (None,), other=IntegerRule(0, 1_000_000))
+_NUMBER_OF_CONTACTS = WordOrRule((_ANY,), (None,), other=IntegerRule(0, 1_000_000))
 
 
 class MissionSpec(Struct, frozen=True, kw_only=True):

@@ -59,7 +59,7 @@ _DIALECT_HEAD = """\
 """
 SAMPLES, SUBMISSION = "samples", "submission"
 """Folders of a course with the sample programs and with students' submissions."""
-PROGRAM = "main.py"
+_PROGRAM = "main.py"
 """The program in a submission that is run."""
 _REQUIREMENTS = "requirements.txt"
 
@@ -107,7 +107,7 @@ def with_mission(files: Mapping[str, bytes]) -> dict[str, bytes]:
     model = read_files(bundled_sets()[MISSION_SET])
     texts = _device_tables(files)
     taken = {row.get(POLL_CHARACTER, "") for text in texts.values() for row in rows_by_header(text)}
-    for name, kind in ((drive_csv.FILE, drive_csv.GRIPPER), (sensors_csv.FILE, _LOAD)):
+    for name, kind in ((drive_csv.FILE, drive_csv.GRIPPER_ID), (sensors_csv.FILE, _LOAD)):
         if not any(row.get(ID, "").lower().startswith(kind) for row in rows_by_header(texts[name])):
             wanted = next(row for row in rows_by_header(model[name].decode()) if row[ID].startswith(kind))
             code = _free_code(wanted[POLL_CHARACTER], taken)
@@ -159,7 +159,7 @@ def term_files(course_set: Mapping[str, bytes]) -> dict[str, bytes]:
     samples = example_files()
     files = {f"{LOCAL_FOLDER}/{name}": data for name, data in course_set.items()}
     files |= {f"{SAMPLES}/{name}": data for name, data in samples.items()}
-    files[f"{SUBMISSION}/{PROGRAM}"] = samples[EXAMPLE]
+    files[f"{SUBMISSION}/{_PROGRAM}"] = samples[EXAMPLE]
     files |= _bundled_files("term")
     files[_REQUIREMENTS] += f"{requirement()}\n".encode()
     return files
@@ -207,7 +207,7 @@ def _comments(name: str, text: str) -> Iterable[str]:
         yield from (f"{column}: {meanings[column]}" for column in present if column in meanings)
 
 
-FOLDER = ".schema"
+SCHEMA_FOLDER = ".schema"
 """The folder of a set with the schemas of its files."""
 # Keywords are those of draft 7, which both editors support.
 _DRAFT = "http://json-schema.org/draft-07/schema#"
@@ -227,7 +227,7 @@ def schemas() -> dict[str, Schema]:
 
 def schema_path(file: str) -> str:
     """The path in a set of the schema of one of its files: `.schema/settings.json`."""
-    return f"{FOLDER}/{file.removesuffix('.toml')}.json"
+    return f"{SCHEMA_FOLDER}/{file.removesuffix('.toml')}.json"
 
 
 def schema_text(schema: Schema) -> str:

@@ -18,7 +18,7 @@ from simmer_tui.config.settings import USUAL_DRIVE, USUAL_LINK, USUAL_SENSORS, S
 from simmer_tui.config.settings_file import LoadedSettings
 from simmer_tui.config.toml_file import TomlFile
 from simmer_tui.errors import Problem
-from simmer_tui.sim.columns import DRIVE_GAIN, MOUNTING, MOVEMENT
+from simmer_tui.sim.columns import DRIVE_GAIN, MOUNTING, MOVEMENT, column_name
 from simmer_tui.sim.rules import ChoiceRule, FlagRule, TextRule, did_you_mean, listed
 from simmer_tui.sim.sensors import KINDS, SensorKinds
 from simmer_tui.sim.specs import DriveKind, DriveSpec, SensorKind, SensorSpec
@@ -34,13 +34,9 @@ _SETTINGS_TABLE = "link."
 _COURSE = (DriveKind.UP, DriveKind.DOWN, DriveKind.LEFT, DriveKind.RIGHT, DriveKind.ROT)
 
 
-def _key(field: str) -> str:
-    """The key in a drive profile of a field of `DriveSpec`: `rotation_error` for `error.r`."""
-    table, _, axis = field.partition(".")
-    return f"{'rotation' if axis == 'r' else axis}_{table}" if axis else field
-
-
-_MOVEMENT = tuple(replace(column, name=_key(column.field)) for column in MOVEMENT if column is not DRIVE_GAIN)
+_MOVEMENT = tuple(
+    replace(column, name=column_name(column.name)) for column in MOVEMENT if column is not DRIVE_GAIN
+)
 # If a movement leaves one of these out, the row's own value stays.
 _PACE = ("start_lag", "acceleration")
 

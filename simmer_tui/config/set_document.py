@@ -16,6 +16,7 @@ from simmer_tui.document.formats import PLACE, POSE, TEXT
 from simmer_tui.document.model import DataColumn, DataTable, Document
 from simmer_tui.errors import Problem
 from simmer_tui.sim import columns
+from simmer_tui.sim.columns import column_name
 from simmer_tui.sim.command import escape
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.rules import PairRule
@@ -30,7 +31,7 @@ _FORMATS = dict.fromkeys(("start", "block", "drop_zone"), PLACE)
 
 
 def _key(name: str, unit: str) -> str:
-    name = _PER_TIME.get(name, name).replace(".", "_")
+    name = _PER_TIME.get(name, name)
     unit = unit.replace("/", "_per_").replace(" ", "_").lower()
     return f"{name}_{unit}" if unit else name
 
@@ -39,7 +40,11 @@ def _columns(names: str, values: Iterable[Value] = ()) -> tuple[DataColumn, ...]
     """Columns of these names, and of the values of a part by their fields."""
     return (
         *(DataColumn(name, _FORMATS.get(name, TEXT)) for name in names.split()),
-        *(DataColumn(_key(value.field, value.unit)) for value in values),
+        # An axis of an error has no field of its own.
+        *(
+            DataColumn(_key(column_name(value.name) if "." in value.field else value.field, value.unit))
+            for value in values
+        ),
     )
 
 
@@ -49,32 +54,32 @@ _SENSOR_VALUES = tuple(
 CHECK = DataTable("check", "The set", _columns("ok name directory"), record=True)
 PROBLEMS = DataTable("problems", "Its mistakes", _columns("where text"))
 WARNINGS = DataTable("warnings", "What may not be as its author expects", _columns("text"))
-MAZE = DataTable("maze", "The maze, the first row on top", _columns("cell_size_in cells floor"), record=True)
-ROBOT = DataTable(
+_MAZE = DataTable("maze", "The maze, the first row on top", _columns("cell_size_in cells floor"), record=True)
+_ROBOT = DataTable(
     "robot",
     "The robot's outline, a circle or a polygon, and its start",
     (*_columns("radius_in vertices_in"), DataColumn("start", POSE)),
     record=True,
 )
-BLOCK = DataTable(
+_BLOCK = DataTable(
     "block", "The block", (DataColumn("centre", PLACE), *_columns("size_in solid")), record=True
 )
-SENSORS = DataTable("sensors", "Sensors", _columns("id code kind enabled unit", _SENSOR_VALUES))
-DEVICES = DataTable(
+_SENSORS = DataTable("sensors", "Sensors", _columns("id code kind enabled unit", _SENSOR_VALUES))
+_DEVICES = DataTable(
     "devices",
     "Device files of the set's own; one that was not run was only parsed",
     _columns("path sha256 trusted ran kinds unfinished"),
 )
-DRIVES = DataTable("drives", "Drives", _columns("id code enabled unit", columns.MOVEMENT))
-GRIPPER = DataTable("gripper", "The gripper", _columns("code enabled", columns.GRIPPER), record=True)
+_DRIVES = DataTable("drives", "Drives", _columns("id code enabled unit", columns.MOVEMENT))
+_GRIPPER = DataTable("gripper", "The gripper", _columns("code enabled", columns.GRIPPER), record=True)
 VELOCITIES = DataTable("velocities", "Commands of continuous motion", _columns("id code enabled"))
-MISSION = DataTable(
+_MISSION = DataTable(
     "mission",
     "The mission; null for a value that each run draws from its seed",
     _columns("start heading_deg heading_drawn block clearance_in drop_zone time_limit_s contacts"),
     record=True,
 )
-MESSAGES = DataTable("messages", "Messages of the dialect", _columns("message does reply"))
+_MESSAGES = DataTable("messages", "Messages of the dialect", _columns("message does reply"))
 TURNED = DataTable(
     "real_robot", "Commands that a real robot is sent by the dialect", _columns("command message")
 )
@@ -82,8 +87,8 @@ DIFFERENCES = DataTable(
     "differences", "Lines of an exchange in which the dialect answers otherwise", _columns("line text")
 )
 TABLES = (
-    *(CHECK, PROBLEMS, WARNINGS, MAZE, ROBOT, BLOCK, SENSORS, DEVICES, DRIVES, GRIPPER, VELOCITIES),
-    *(MISSION, MESSAGES, TURNED, DIFFERENCES),
+    *(CHECK, PROBLEMS, WARNINGS, _MAZE, _ROBOT, _BLOCK, _SENSORS, _DEVICES, _DRIVES, _GRIPPER, VELOCITIES),
+    *(_MISSION, _MESSAGES, TURNED, DIFFERENCES),
 )
 
 
@@ -118,18 +123,18 @@ def set_document(configuration: Configuration) -> Document:
         CHECK.filled([(True, configuration.name, str(configuration.directory))]),
         PROBLEMS,
         WARNINGS.filled([(each,) for each in set_warnings(configuration)]),
-        MAZE.filled([(CELL_SIZE, spec.maze.cells, spec.maze.floor)]),
-        ROBOT.filled([(spec.robot.radius, spec.robot.vertices, start)]),
-        BLOCK.filled([(spec.block_center, spec.block_size, spec.block_solid)]),
+        _MAZE.filled([(CELL_SIZE, spec.maze.cells, spec.maze.floor)]),
+        _ROBOT.filled([(spec.robot.radius, spec.robot.vertices, start)]),
+        _BLOCK.filled([(spec.block_center, spec.block_size, spec.block_solid)]),
         _sensors_table(spec.sensors),
-        DRIVES.filled(drives),
+        _DRIVES.filled(drives),
         settings_table().filled([[value_of(settings, each.name) for each in all_settings()]]),
     ]
     if configuration.device_statuses:
-        parts.append(DEVICES.filled([astuple(each) for each in configuration.device_statuses]))
+        parts.append(_DEVICES.filled([astuple(each) for each in configuration.device_statuses]))
     gripper = spec.gripper
     if gripper is not None:
-        parts.append(GRIPPER.filled([(gripper.code, gripper.enabled, *_values(gripper, columns.GRIPPER))]))
+        parts.append(_GRIPPER.filled([(gripper.code, gripper.enabled, *_values(gripper, columns.GRIPPER))]))
     if spec.velocities:
         rows = [(each.kind.value, each.code, each.enabled) for each in spec.velocities]
         parts.append(VELOCITIES.filled(rows))
@@ -140,16 +145,16 @@ def set_document(configuration: Configuration) -> Document:
             *(mission.start, *heading, mission.block, mission.clearance, mission.drop_zone),
             *(mission.time_limit, mission.contacts),
         )
-        parts.append(MISSION.filled([row]))
+        parts.append(_MISSION.filled([row]))
     if configuration.dialect is not None:
-        parts.append(MESSAGES.filled(list(dictionary(configuration.dialect))))
+        parts.append(_MESSAGES.filled(list(dictionary(configuration.dialect))))
         parts.append(TURNED.filled(list(InverseRules(configuration.dialect).dictionary())))
     return Document("Set", parts)
 
 
 def _sensors_table(sensors: Sequence[SensorSpec]) -> DataTable:
     """The table of sensors, with the columns of the set's own devices after the others."""
-    keys = {key for column in SENSORS.columns for key in column.keys}
+    keys = {key for column in _SENSORS.columns for key in column.keys}
     own = {column.field: column for sensor in sensors for column in sensor.kind.columns}
     further = [column for column in own.values() if _key(column.field, column.unit) not in keys]
     rows = [
@@ -160,7 +165,7 @@ def _sensors_table(sensors: Sequence[SensorSpec]) -> DataTable:
         )
         for each in sensors
     ]
-    return replace(SENSORS, columns=(*SENSORS.columns, *_columns("", further)), rows=rows)
+    return replace(_SENSORS, columns=(*_SENSORS.columns, *_columns("", further)), rows=rows)
 
 
 def _plain(value: object) -> object:

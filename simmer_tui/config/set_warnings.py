@@ -7,7 +7,7 @@ from simmer_tui.config.settings import BITS_OF_A_BYTE, USUAL_BAUD
 from simmer_tui.sim.sensors import Lidar
 
 # SLAMTEC's data sheet of the RPLIDAR A1M8: 8000 samples a second.
-MOST_SAMPLES = 8000
+_MOST_SAMPLES = 8000
 """Rays a second above which a lidar exceeds those of the public teams."""
 # Programs of packet dialects call recv(1024) once: 140 rays of 7 characters.
 MOST_IN_A_PACKET = 150
@@ -31,10 +31,10 @@ def _lidars(configuration: Configuration) -> Iterator[str]:
         if not (sensor.enabled and issubclass(sensor.kind, Lidar)):
             continue
         samples = sensor.rays * getattr(sensor, "scan_rate", 0.0)
-        if samples > MOST_SAMPLES:
+        if samples > _MOST_SAMPLES:
             yield (
                 f"{sensor.id} takes {samples:g} ranges a second (Rays times Scan Rate); lidars of the public "
-                f"teams take at most {MOST_SAMPLES}"
+                f"teams take at most {_MOST_SAMPLES}"
             )
         if sensor.rays > MOST_IN_A_PACKET and "packets" in server.listeners:
             yield (

@@ -7,16 +7,17 @@ from functools import cache
 from pathlib import Path
 
 from simmer_tui.config import drive_csv, maze_csv, mission_toml, robot_csv, sensors_csv, settings_file
-from simmer_tui.config.device_file import FOLDER as DEVICES
+from simmer_tui.config.device_file import DEVICE_FOLDER as DEVICES
 from simmer_tui.config.device_file import read_devices
 from simmer_tui.config.given_path import drive_hint, given_path
 from simmer_tui.errors import ConfigurationError, Problem, reason_of
 from simmer_tui.sim.command import escape_passage, shown_path
 from simmer_tui.sim.rules import did_you_mean
+from simmer_tui.whole_file import write_whole
 
 FILES = (maze_csv.FILE, robot_csv.FILE, sensors_csv.FILE, drive_csv.FILE, settings_file.FILE)
 """The five files of every set."""
-DEFAULT = "default"
+DEFAULT_SET = "default"
 """The name of the bundled set that is used if no other is found."""
 MISSION_SET = "mission"
 """The name of the bundled set that missions use when no other is named."""
@@ -50,7 +51,7 @@ def bundled_sets() -> Mapping[str, Path]:
 def _sets_in(folder: Path) -> Mapping[str, Path]:
     """The set in a folder itself and those in its subfolders, by name."""
     others = sorted(path.parent for path in folder.glob(f"*/{maze_csv.FILE}"))
-    return {DEFAULT: folder, **{path.name: path for path in others}}
+    return {DEFAULT_SET: folder, **{path.name: path for path in others}}
 
 
 def set_name(directory: Path) -> str:
@@ -177,7 +178,7 @@ def write_files(destination: Path, files: Mapping[str, bytes]) -> tuple[Path, ..
             path = destination / name
             path.parent.mkdir(parents=True, exist_ok=True)
             written.append(path)
-            path.write_bytes(data)
+            write_whole(path, data)
     except OSError as error:
         # A second try would find the first half, and refuse to overwrite it.
         for path in written:

@@ -13,6 +13,7 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from simmer_tui.config import dialects
+from simmer_tui.sim.noise import SEEDS
 from simmer_tui.sim.rules import (
     LARGEST_PORT,
     ChoiceRule,
@@ -35,8 +36,6 @@ BITS_OF_A_BYTE = 10
 # The usual rate of Arduino sketches, and that of an HC-05 as it is sold.
 USUAL_BAUD = 9600
 """Bits a second of a line whose rate is not known."""
-MAX_SEED = 2**63 - 1
-"""The largest seed: TOML promises integers of 64 bits, signed."""
 AUTO_CLOCK = "auto"
 """The clock that fits the program: see the setting."""
 ELSE_REAL = "program, else real"
@@ -416,9 +415,7 @@ class Settings(Struct, frozen=True, kw_only=True):
     num_segments: Annotated[int, _whole(1, 10_000, "equal parts each movement is cut into")] = 10
     step_time: Annotated[float, _number(0, 3600, "pause after every command, before its reply", "s")] = 0.0
     randerror: Annotated[bool, _flag("random errors differ from run to run, else come from seed")] = True
-    seed: Annotated[
-        int, _whole(0, MAX_SEED, "seed of the random errors; the option implies --no-randerror")
-    ] = 0
+    seed: Annotated[int, Setting(SEEDS, "seed of the random errors; the option implies --no-randerror")] = 0
     randbias: Annotated[bool, _flag("draw the drives' biases at random at start, not from drive.csv")] = True
     strength: Annotated[
         _Pair,

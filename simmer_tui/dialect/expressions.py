@@ -22,7 +22,7 @@ FieldValues = Mapping[str, FieldValue]
 CONSTANTS: Mapping[str, float] = {"cm": 2.54, "mm": 25.4, "m": 0.0254}
 """Factors from inches to other units of length."""
 # Far more than needed: no rule of the public teams has more than 90 characters.
-LONGEST = 1000
+_LONGEST = 1000
 """Characters of an expression."""
 # Evaluation takes about a microsecond a node, and no expression may take more than a millisecond.
 MOST_NODES = 200
@@ -174,8 +174,8 @@ class Expression:
         self.source = source.strip()
         if not self.source:
             raise ValueError("is empty; write a number, a name or a calculation")
-        if len(self.source) > LONGEST:
-            raise ValueError(f"has {len(self.source)} characters; {LONGEST} are allowed")
+        if len(self.source) > _LONGEST:
+            raise ValueError(f"has {len(self.source)} characters; {_LONGEST} are allowed")
         try:
             self.tree = ast.parse(self.source, mode="eval").body
             """It taken apart."""

@@ -26,7 +26,7 @@ from simmer_tui.dialect.dialect_rules import (
 from simmer_tui.dialect.expressions import FieldValue, FieldValues
 from simmer_tui.dialect.frames import Deframer, Frame, FrameKind
 from simmer_tui.dialect.patterns import NUMERIC, Pattern
-from simmer_tui.dialect.readings import SAME, MessageScope, readable_sensors, straight_line
+from simmer_tui.dialect.readings import ROUNDING, MessageScope, readable_sensors, straight_line
 from simmer_tui.dialect.templates import pack_codes
 from simmer_tui.errors import ExpressionError
 from simmer_tui.sim.command import parse_command, parse_value
@@ -165,7 +165,7 @@ class InverseRules:
         numbers = form.numbers
         if len(numbers) > 1:
             return None
-        number, slack, texts = math.nan, SAME, {}
+        number, slack, texts = math.nan, ROUNDING, {}
         if numbers:
             ((name, kind),) = numbers.items()
 
@@ -181,7 +181,7 @@ class InverseRules:
                 return None
             texts[name] = text
             # With whole numbers, the robot's language allows no more exact distance.
-            slack = abs(line[0]) * (0.5 if kind in ("int", "digit") else 10.0**-_DECIMALS) + SAME
+            slack = abs(line[0]) * (0.5 if kind in ("int", "digit") else 10.0**-_DECIMALS) + ROUNDING
         message = self._message(form, texts)
         found = self._does(message) if message is not None else None
         if message is None or found is None or not abs(_along(found, wanted) - distance) <= slack:
@@ -322,7 +322,7 @@ def _along(found: _Found | None, wanted: Velocity | str) -> float:
     if isinstance(wanted, str) or isinstance(found.direction, str):
         return found.distance if found.direction == wanted else math.nan
     aligned = sum(a * b for a, b in zip(found.direction, wanted, strict=True))
-    if abs(abs(aligned) - 1.0) > SAME:
+    if abs(abs(aligned) - 1.0) > ROUNDING:
         return math.nan
     return math.copysign(1.0, aligned) * found.distance
 

@@ -28,7 +28,7 @@ class StaticType(Struct, frozen=True):
     length: int | None = None
 
 
-NUMBER, TEXT, LIST, ANY = (StaticType(each) for each in ValueKind)
+NUMBER_TYPE, TEXT_TYPE, LIST_TYPE, ANY_TYPE = (StaticType(each) for each in ValueKind)
 _KINDS: Mapping[type, ValueKind] = {str: ValueKind.TEXT, tuple: ValueKind.LIST}
 """Kinds of values by type; all others are numbers."""
 _RESULTS = {"scan": ValueKind.LIST, "named": ValueKind.TEXT, "pick": ValueKind.ANY}
@@ -75,7 +75,7 @@ class _Reader:
             case ast.Constant(value=str()):
                 return ValueKind.TEXT
             case ast.Name(id=name):
-                return ValueKind.NUMBER if name in CONSTANTS else self._names.get(name, ANY).kind
+                return ValueKind.NUMBER if name in CONSTANTS else self._names.get(name, ANY_TYPE).kind
             case ast.BinOp(left=left, op=made, right=right):
                 return self._combined(left, made, right)
             case ast.UnaryOp(op=ast.Not(), operand=operand):
@@ -152,7 +152,7 @@ class _Reader:
             case ast.UnaryOp(op=ast.USub(), operand=ast.Constant(value=int() | float() as number)):
                 return (-number,)
             case ast.Name(id=name):
-                values = self._names.get(name, ANY).values
+                values = self._names.get(name, ANY_TYPE).values
                 return tuple(each for each in values if isinstance(each, int | float))
             case ast.BinOp(op=ast.Mod(), right=ast.Constant(value=int() as number)) if number > 0:
                 return (number - 1,)
@@ -179,7 +179,7 @@ class _Reader:
         """The length of a sensor's list, or of a scan; None if it is not certain."""
         match sequence:
             case ast.Name(id=name):
-                return self._names.get(name, ANY).length
+                return self._names.get(name, ANY_TYPE).length
             case ast.Call(func=ast.Name(id="scan"), args=[_, _, count]):
                 counts = self._numbers(count)
                 return int(counts[0]) if counts else None

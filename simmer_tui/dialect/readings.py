@@ -9,7 +9,7 @@ from simmer_tui.dialect.templates import BinaryReply
 from simmer_tui.errors import ExpressionError
 
 # Above the rounding of a few floating-point operations.
-SAME = 1e-6
+ROUNDING = 1e-6
 """Greatest difference of two numbers that are equal except for rounding."""
 
 
@@ -37,10 +37,10 @@ def straight_line(function: Callable[[float], float]) -> tuple[float, float] | N
         probes = [(function(n), a * n + b) for n in (0.0, 7.0, 90.0)]
     except (ExpressionError, ArithmeticError, ValueError):
         return None
-    if not (math.isfinite(a) and math.isfinite(b)) or abs(a) < SAME:
+    if not (math.isfinite(a) and math.isfinite(b)) or abs(a) < ROUNDING:
         return None
     scale = max(1.0, *(abs(wanted) for _, wanted in probes))
-    return (a, b) if all(abs(got - wanted) <= SAME * scale for got, wanted in probes) else None
+    return (a, b) if all(abs(got - wanted) <= ROUNDING * scale for got, wanted in probes) else None
 
 
 def readable_sensors(rule: MessageRule, codes: frozenset[str], state: FieldValues) -> frozenset[str]:

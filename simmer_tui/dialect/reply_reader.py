@@ -24,7 +24,7 @@ SILENCE = 0.05
 MOST_PENDING = 64
 """Most pending replies; beyond it the oldest are dropped."""
 # A line of 360 rays with 7 characters each.
-LONGEST = 4096
+_LONGEST = 4096
 """Bytes of a reply; longer ones are only passed on."""
 # Each text may end anywhere, so that every further one multiplies the possible matches.
 MOST_TEXTS = 2
@@ -138,7 +138,7 @@ class ReplyReader:
                 continue
             line = self._buffer.find(self._end or b"\n")
             size = line + len(self._end or b"\n") if line >= 0 else 0
-            if not size and (at_end or len(self._buffer) > LONGEST):
+            if not size and (at_end or len(self._buffer) > _LONGEST):
                 size = len(self._buffer)
             if not size:
                 return
@@ -146,7 +146,7 @@ class ReplyReader:
 
     def _first(self, *, at_end: bool) -> RobotReply | None:
         """The reply at the beginning of the received bytes, if it matches a pending one."""
-        window = bytes(self._buffer[:LONGEST])
+        window = bytes(self._buffer[:_LONGEST])
         for pending in (*self.pending, *self._streams):
             match = pending.patterns[0].match(window)
             if match is None or not match.end():

@@ -13,8 +13,8 @@ INK = "#222222"
 FAINT = "#777777"
 CONTACT = "#ab4366"
 BELIEF = "#4c0083"
-ROBOT, BODY = "#112729", "#bfe8c8"
-BLOCK, BLOCK_LINE = "#aa6619", "#6a3d0a"
+ROBOT_LINE, BODY = "#112729", "#bfe8c8"
+BLOCK_FILL, BLOCK_LINE = "#aa6619", "#6a3d0a"
 # From the beginning to the end: ever lighter, so that it reads in grey too.
 _RAMP = ((48, 24, 120), (31, 105, 200), (10, 150, 140), (110, 175, 20), (245, 165, 0))
 SHADES = 48

@@ -30,8 +30,8 @@ from simmer_tui.grade.cgroup import made_group
 from simmer_tui.grade.limits import Limits
 from simmer_tui.grade.sandbox import (
     ANSWER_TIMEOUT,
-    FILES,
-    PACKAGE,
+    SANDBOXED_FILES,
+    SANDBOXED_PACKAGE,
     SCRATCH,
     WRITABLE,
     LaunchedSandbox,
@@ -75,7 +75,7 @@ class Bubblewrap(LaunchedSandbox):
             words = _words(self._files, self._limits, self._extra, rules.fileno())
             options.write(b"".join(os.fsencode(word) + b"\0" for word in words))
             options.seek(0)
-            inside = (sys.executable, "-I", "-S", f"{PACKAGE}/launcher.py", str(theirs.fileno()))
+            inside = (sys.executable, "-I", "-S", f"{SANDBOXED_PACKAGE}/launcher.py", str(theirs.fileno()))
             process = subprocess.Popen(
                 # The program can read this command line and environment in /proc, so neither has anything
                 # secret.
@@ -115,12 +115,19 @@ def _words(files: Path, limits: Limits, extra: Sequence[str], rules: int) -> lis
     for path in seen:
         if path.is_symlink() or not any(other != path and path.is_relative_to(other) for other in seen):
             words += _shown(path)
-    words += ["--perms", "0755", "--dir", "/etc", "--perms", "0755", "--dir", PACKAGE]
+    words += ["--perms", "0755", "--dir", "/etc", "--perms", "0755", "--dir", SANDBOXED_PACKAGE]
     for name in _ETC:
         words += ["--ro-bind-try", f"/etc/{name}", f"/etc/{name}"]
     for path, place in package_folders().items():
         words += ["--ro-bind", str(path), place]
-    words += ["--ro-bind", launcher.__file__, f"{PACKAGE}/launcher.py", "--ro-bind", str(files), FILES]
+    words += [
+        "--ro-bind",
+        launcher.__file__,
+        f"{SANDBOXED_PACKAGE}/launcher.py",
+        "--ro-bind",
+        str(files),
+        SANDBOXED_FILES,
+    ]
     words += ["--remount-ro", "/dev", "--remount-ro", "/"]  # both are in memory, without a limit
     words += ["--remount-ro", "/proc"]  # it contains kernel settings, some of the whole machine
     if call_filter():

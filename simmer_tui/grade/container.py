@@ -22,9 +22,9 @@ from simmer_tui.errors import GradeError
 from simmer_tui.grade.limits import Limits
 from simmer_tui.grade.sandbox import (
     ANSWER_TIMEOUT,
-    FILES,
     HOME,
     LAUNCHER,
+    SANDBOXED_FILES,
     SCRATCH,
     LaunchedSandbox,
     package_folders,
@@ -92,7 +92,7 @@ class Container(LaunchedSandbox):
 
     def words(self) -> list[str]:
         """The command that makes the container."""
-        seen = package_folders() | {self._files: FILES, self._door: _DOOR}
+        seen = package_folders() | {self._files: SANDBOXED_FILES, self._door: _DOOR}
         seen |= {Path(each): each for each in self._extra}
         words = [self._engine, "run", "--rm", "--name", self._name, "--network", "none", "--read-only"]
         words += ["--cap-drop", "ALL", "--security-opt", "no-new-privileges", "--user", f"{_USER}:{_USER}"]

@@ -19,7 +19,7 @@ from simmer_tui.grade.limits import LIMITS, Limits
 from simmer_tui.sim.command import printable, shown_path
 from simmer_tui.sim.rules import FlagRule, IntegerRule, NamesRule, NumberRule, Rule, TextRule
 from simmer_tui.sim.values import Value
-from simmer_tui.trials.sequential import CAP, MARGIN, RATE, REQUIRED_RATE, RISK
+from simmer_tui.trials.sequential import CAP_RULE, MARGIN, RATE_RULE, REQUIRED_RATE, RISK
 
 COURSE_FILE, TEAM_FILE = "course.toml", "team.toml"
 PLAN_FILE, TEAMS_FOLDER = "grade.json", "teams"
@@ -122,10 +122,10 @@ KEYS: dict[str, tuple[Value, ...]] = {
         _key("wheels", FlagRule(), "a team may have [wheels] in its settings.toml", False),
     ),
     "decide": (
-        _key("require", RATE, "the success rate that passes", REQUIRED_RATE),
-        _key("margin", RATE, "how far below it fails", MARGIN),
+        _key("require", RATE_RULE, "the success rate that passes", REQUIRED_RATE),
+        _key("margin", RATE_RULE, "how far below it fails", MARGIN),
         _key("risk", _RISK, "error rate of the decision", RISK),
-        _key("cap", CAP, "most runs of a team"),
+        _key("cap", CAP_RULE, "most runs of a team"),
     ),
     "limits": LIMITS,
     "rules": (

@@ -15,6 +15,7 @@ import shutil
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import closing, suppress
 from dataclasses import dataclass, field, replace
+from itertools import islice
 from pathlib import Path, PurePosixPath
 from typing import Annotated
 
@@ -42,12 +43,15 @@ from simmer_tui.grade.submission_copy import LARGEST_SUBMISSION, copy_submission
 from simmer_tui.grade.submission_reader import SubmissionReader
 from simmer_tui.program.program_command import words_of
 from simmer_tui.sim.command import shown_path
+from simmer_tui.sim.noise import SEED_BITS
 from simmer_tui.trials.run import OUTPUT, PACKED_LOG
 from simmer_tui.trials.sequential import Decision, SequentialTest, sequential_test
 from simmer_tui.trials.store import RunStore, StoreKind, unbroken
 from simmer_tui.trials.trial import TrialResult, maze_faults, timed_seconds, with_clock
 
-COURSE, RUNS = "course", "runs"
+COURSE, _RUNS = "course", "runs"
+_MOST_NAMED = 5
+"""Files of a team that are named as not copied; judged: a linked environment has thousands."""
 _NUMBERS = 100_000
 """Numbers of runs reserved for each team: more than the largest cap of a test."""
 
@@ -59,11 +63,12 @@ def number_in_team(result: TrialResult) -> int:
 
 class PlannedTeam(Struct, frozen=True):
     """A team as the plan has it. `attempt` counts its gradings, `refused` is the reason why its files were
-    not accepted, or empty."""
+    not accepted, or empty. `not_copied` says what was left out of its copy, and why."""
 
     team: Team
     attempt: int = 1
     refused: str = ""
+    not_copied: tuple[str, ...] = ()
 
 
 class GradePlan(Struct, frozen=True, kw_only=True):
@@ -84,10 +89,10 @@ class TeamRun(Struct, frozen=True):
     result: TrialResult
 
 
-KIND = StoreKind(
+_KIND = StoreKind(
     noun="a grading",
     plan_file=PLAN_FILE,
-    folders=(COURSE, TEAMS_FOLDER, RUNS),
+    folders=(COURSE, TEAMS_FOLDER, _RUNS),
     format=3,
     plan=GradePlan,
     line=TeamRun,
@@ -126,7 +131,7 @@ class GradeFolder:
     def __init__(self, path: Path, plan: GradePlan) -> None:
         """Raises ConfigurationError, TrialsError."""
         self.path = path
-        self.store = RunStore(path, KIND)
+        self.store = RunStore(path, _KIND)
         self.course = course = replace(plan.course, directory=path / COURSE)
         self.plan = structs.replace(plan, course=course)
         self.entries = [Entry(planned) for planned in plan.teams]
@@ -147,9 +152,9 @@ class GradeFolder:
             names = ", ".join(base.settings.sensors.devices)
             raise GradeError(f"a grading runs no devices of a set's own: take {names} out of sensors.devices")
         _check(base, reference(base, course.rules))
-        store = RunStore(path, KIND)
+        store = RunStore(path, _KIND)
         with store.made(), closing(SubmissionReader()) as reader:
-            for name in (TEAMS_FOLDER, RUNS):
+            for name in (TEAMS_FOLDER, _RUNS):
                 (path / name).mkdir()
             store.write_files(COURSE, base.files)
             plan = GradePlan(
@@ -166,7 +171,7 @@ class GradeFolder:
     @classmethod
     def read(cls, path: Path) -> GradeFolder:
         """An existing grading. Raises GradeError, ConfigurationError, TrialsError."""
-        store = RunStore(path, KIND)
+        store = RunStore(path, _KIND)
         folder = cls(path, store.read_plan())
         store.recover()
         attempts = {(entry.team.name, entry.planned.attempt): entry for entry in folder.entries}
@@ -181,7 +186,7 @@ class GradeFolder:
     @property
     def runs(self) -> Path:
         """Folder of the logs."""
-        return self.path / RUNS
+        return self.path / _RUNS
 
     def decision(self, entry: Entry) -> Decision | None:
         """The decision about a team; None while there is none."""
@@ -297,9 +302,10 @@ class GradeFolder:
 
 
 def _run_seed(seed: int, number: int) -> int:
-    """The seed of a run: 128 bits, since a program that reads a sensor twice could search a smaller space. It
-    is an HMAC, so the seeds of published runs do not reveal others."""
-    return int.from_bytes(hmac.digest(str(seed).encode(), f"seed of run {number}".encode(), "sha256")[16:])
+    """The seed of a run, as long as a seed can be. It is an HMAC: seeds of published runs do not reveal
+    others."""
+    drawn = hmac.digest(str(seed).encode(), f"seed of run {number}".encode(), "sha256")
+    return int.from_bytes(drawn[-(SEED_BITS // 8) :])
 
 
 def _check(base: Configuration, largest: Configuration) -> None:
@@ -322,7 +328,7 @@ def _kept(planned: PlannedTeam, path: Path, command: str, reader: SubmissionRead
     team = replace(planned.team, folder=planned.team.folder.resolve())
     home = path / TEAMS_FOLDER / team.slug
     home.mkdir()
-    refused = ""
+    refused, left_out = "", dict[str, str]()
     try:
         files = home / PROGRAM
         left_out = copy_submission(team.folder, files, LARGEST_SUBMISSION)
@@ -330,13 +336,16 @@ def _kept(planned: PlannedTeam, path: Path, command: str, reader: SubmissionRead
             team = reader.call(submitted_team, team, files, command)
         else:
             team = submitted_team(team, files, command)
-        refused = _not_copied(team, left_out)
+        refused = _refusal(team, left_out)
     except GradeError as error:
         refused = str(error)
-    return PlannedTeam(team, planned.attempt, refused)
+    not_copied = [f"{shown_path(path)} {reason}" for path, reason in islice(left_out.items(), _MOST_NAMED)]
+    if more := len(left_out) - len(not_copied):
+        not_copied.append(f"and {more} more")
+    return PlannedTeam(team, planned.attempt, refused, tuple(not_copied))
 
 
-def _not_copied(team: Team, left_out: Mapping[str, str]) -> str:
+def _refusal(team: Team, left_out: Mapping[str, str]) -> str:
     """The reason why a file that a team's grading needs, or a folder of it, was not copied; else empty: its
     program, its team.toml and its robot."""
     words: Sequence[str] = ()

@@ -18,6 +18,7 @@ from simmer_tui.program import Keeper
 from simmer_tui.sim.command import escape_passage
 from simmer_tui.trials.run import Sandbox, TrialRun, Unconfined, fault_result
 from simmer_tui.trials.trial import Ending, Trial, TrialResult
+from simmer_tui.whole_file import write_whole
 
 _LARGEST_LOG = 30_000_000
 """Largest compressed log of a run, bytes, so that no program can fill the disk."""
@@ -66,7 +67,7 @@ class GradeRun(TrialRun):
             if self._trial.repetition != SHOWN_SUCCESS:
                 self._log.unlink(missing_ok=True)
         elif self._output_file.exists():
-            self._output_file.write_bytes(self._output_file.read_bytes()[-self._most_output :])
+            write_whole(self._output_file, self._output_file.read_bytes()[-self._most_output :])
         return result
 
 

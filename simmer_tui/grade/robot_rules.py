@@ -211,7 +211,7 @@ def _gripper(course: GripperSpec | None, team: GripperSpec | None) -> Iterable[P
     if course is None or team is None:
         return
     for what in _differences(team, course, GRIPPER, limited=False):
-        yield Problem(f"{drive_csv.FILE}:{drive_csv.GRIPPER}", what)
+        yield Problem(f"{drive_csv.FILE}:{drive_csv.GRIPPER_ID}", what)
 
 
 def _cells(rules: Rules, course: Mapping[str, str], team: Mapping[str, str]) -> Iterable[Problem]:

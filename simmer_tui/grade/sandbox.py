@@ -24,11 +24,11 @@ from simmer_tui.program.program_command import with_hook, words_of
 from simmer_tui.program.program_output import ProgramOutput, reading
 from simmer_tui.sim.command import escape_passage
 
-HOME, FILES, PACKAGE = "/robot/home", "/program", "/simmer"
+HOME, SANDBOXED_FILES, SANDBOXED_PACKAGE = "/robot/home", "/program", "/simmer"
 """In a sandbox: the program's own copy of its files, the original files, and our package."""
-HOOK = f"{PACKAGE}/simmer_tui/program/hook"
+HOOK = f"{SANDBOXED_PACKAGE}/simmer_tui/program/hook"
 """In a sandbox: the folder that is first on the path of a Python program with a clock of its own."""
-LAUNCHER = f"{PACKAGE}/simmer_tui/grade/launcher.py"
+LAUNCHER = f"{SANDBOXED_PACKAGE}/simmer_tui/grade/launcher.py"
 """In a sandbox: the launcher."""
 # Both are in memory, and count towards the limits of memory and disk.
 SCRATCH = 16_000_000
@@ -114,7 +114,7 @@ class LaunchedSandbox(ABC):
             "run": words_of(command),
             "environment": with_hook(sandbox_environment(self._python) | dict(variables), HOOK),
             "uid": self._uid,
-            "files": FILES,
+            "files": SANDBOXED_FILES,
             "home": HOME,
             "limits": self._resources,
         }
@@ -195,9 +195,9 @@ class LaunchedSandbox(ABC):
 def package_folders() -> dict[Path, str]:
     """Folders of our package here, and their paths in a sandbox."""
     package = Path(__file__).resolve().parent.parent
-    seen = {package: f"{PACKAGE}/{package.name}"}
+    seen = {package: f"{SANDBOXED_PACKAGE}/{package.name}"}
     if not bundled_folder().is_relative_to(package):
-        seen[bundled_folder()] = f"{PACKAGE}/{bundled_folder().name}"
+        seen[bundled_folder()] = f"{SANDBOXED_PACKAGE}/{bundled_folder().name}"
     return seen
 
 
@@ -208,7 +208,7 @@ def sandbox_environment(python: str) -> dict[str, str]:
         "HOME": HOME,
         "TMPDIR": "/tmp",
         "LANG": "C.UTF-8",
-        "PYTHONPATH": PACKAGE,
+        "PYTHONPATH": SANDBOXED_PACKAGE,
         "PYTHONHASHSEED": "0",
         "OMP_NUM_THREADS": "1",  # one thread a processor would exceed the limits on large machines
         "OPENBLAS_NUM_THREADS": "1",

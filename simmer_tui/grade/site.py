@@ -42,6 +42,8 @@ _TONES = {
 _RUN_TONES = {"succeeded": Tone.GOOD, "failed": Tone.BAD}
 _MOST_SILENT = 5
 """Programs that never started whose names and lines are shown; judged: more would push the table away."""
+NOT_COPIED = "Not copied, so not there in the runs: submit plain files"
+"""The title of the list of files that were left out of the copies of submissions."""
 _SHOWN_RUNS = 3
 """Failed runs of a team with a page of their own."""
 _LARGEST_SHOWN = 2_000_000
@@ -64,8 +66,8 @@ GRADES = DataTable(
         DataColumn("why", WORDS, "main cause", wraps=True),
     ),
 )
-CAUSES = DataTable("causes", "Why runs failed", (DataColumn("cause", wraps=True), DataColumn("runs", COUNT)))
-RUNS = DataTable(
+_CAUSES = DataTable("causes", "Why runs failed", (DataColumn("cause", wraps=True), DataColumn("runs", COUNT)))
+_RUNS = DataTable(
     "runs",
     "Runs",
     (
@@ -114,9 +116,22 @@ def grades_document(folder: GradeFolder, team_results: list[TeamResult], isolati
             Paragraph(shown_test(folder.test), "test", "run"),
             grades_table(folder, ranked(team_results)),
             Paragraph(_answer(team_results), "answer"),
+            *_left_out(folder, team_results),
             *_notes(folder, isolation),
         ),
     )
+
+
+def _left_out(folder: GradeFolder, team_results: list[TeamResult]) -> list[Bullets]:
+    """The files of submissions that were not copied: a program that needs one fails without it."""
+    if folder.plan.hides_names:  # a path may name its team
+        return []
+    lines = [
+        f"{each.label}: {', '.join(each.entry.planned.not_copied)}"
+        for each in team_results
+        if each.entry.planned.not_copied
+    ]
+    return [Bullets(NOT_COPIED, lines, "not_copied")] if lines else []
 
 
 def _answer(team_results: list[TeamResult]) -> str:
@@ -193,6 +208,7 @@ def _index_page(folder: GradeFolder, team_results: list[TeamResult], isolation: 
             KeyFigures(((str(passed), "passed"), (str(failed), "did not pass"), third)),
             table,
             *(_last_lines(folder, each) for each in shown),
+            *_left_out(folder, team_results),
             Folded(
                 "How the grades were made", (Paragraph(shown_test(folder.test)), *_notes(folder, isolation))
             ),
@@ -219,9 +235,9 @@ def _team_page(folder: GradeFolder, team_result: TeamResult, links: dict[int, st
         run = TextLink(f"run {number_of}", links[number_of]) if number_of in links else number_of
         outcome, text = ("succeeded", None) if each.success else ("failed", failure_text(each))
         rows.append((run, outcome, each.time, each.contacts, each.clock or None, text))
-    runs = _with_clock(RUNS, len({each.clock for each in team_result.results}) > 1)
+    runs = _with_clock(_RUNS, len({each.clock for each in team_result.results}) > 1)
     left: list[DocumentPart] = [
-        table for table in (CAUSES.filled(team_result.causes), runs.filled(rows)) if table.rows
+        table for table in (_CAUSES.filled(team_result.causes), runs.filled(rows)) if table.rows
     ]
     parts: list[DocumentPart] = [
         Paragraph((TextLink(folder.course.name, INDEX),), kind="run"),
@@ -246,7 +262,7 @@ def _team_page(folder: GradeFolder, team_result: TeamResult, links: dict[int, st
     picture: list[DocumentPart] = []
     if configuration is not None and team_result.results:
         picture.append(map_figure(configuration.simulation.maze, team_result.results))
-    return Document(team_result.label, [*parts, *beside(left, picture)])
+    return Document(team_result.label, [*parts, *beside(left, picture), *_left_out(folder, [team_result])])
 
 
 def _run_pages(folder: GradeFolder, team_result: TeamResult) -> dict[int, str]:

@@ -25,7 +25,7 @@ from simmer_tui.sim.command import escape
 from simmer_tui.sim.specs import RobotSpec
 from simmer_tui.sim.values import CourseRule
 
-PROGRAM, OWN_SET, SET = "program", "own-set", "set"
+PROGRAM, OWN_SET, _SET = "program", "own-set", "set"
 """In a team's folder: its files, the robot imported from them, and the set it is graded with."""
 _NAME = "the course's"
 
@@ -109,7 +109,7 @@ def _composed(home: Path, own: Path, course: Path, *, dialects: bool) -> Path:
             "(dialects = true in course.toml would allow it)"
         )
         raise ConfigurationError([Problem(dialect_toml.FILE, what)])
-    goal = home / SET
+    goal = home / _SET
     if goal.exists():
         shutil.rmtree(goal)
     goal.mkdir(parents=True)

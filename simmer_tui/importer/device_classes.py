@@ -18,7 +18,7 @@ from simmer_tui.importer.literal import read_module
 from simmer_tui.importer.python_values import Located
 from simmer_tui.sim.command import escape
 
-FOLDER = "devices"
+_FOLDER = "devices"
 # A robot has a dozen devices; a folder with thousands of files is something else.
 _MOST_FILES, _MOST_BYTES = 100, 200_000
 # Names of one number, the one of `config.py` first.
@@ -55,8 +55,8 @@ def read_device_classes(folder: Path) -> Mapping[str, ClassNumbers]:
     """The classes of `devices/*.py` beside a `config.py`. Files that are not Python are left out, and classes
     that are nested too deeply."""
     classes: dict[str, _DeviceClass] = {}
-    for path in _files(folder / FOLDER):
-        name = f"{FOLDER}/{escape(path.name)}"
+    for path in _files(folder / _FOLDER):
+        name = f"{_FOLDER}/{escape(path.name)}"
         try:
             data = path.read_bytes()[:_MOST_BYTES]
             module = python_tree(data.decode("utf-8", "replace"), name)

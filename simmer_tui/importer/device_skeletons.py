@@ -13,7 +13,7 @@ from collections.abc import Iterable, Sequence
 
 from msgspec.structs import replace
 
-from simmer_tui.config.device_file import FOLDER, LARGEST
+from simmer_tui.config.device_file import DEVICE_FOLDER, LARGEST_DEVICE_FILE
 from simmer_tui.config.set_devices import SETTING
 from simmer_tui.errors import Problem
 from simmer_tui.importer.imported import Imported, OwnDevice, free_number
@@ -53,9 +53,9 @@ def with_skeletons(imported: Imported) -> tuple[Imported, dict[str, bytes]]:
     for title in dict.fromkeys(each.title for each in imported.devices):
         devices = [own for own in imported.devices if own.title == title and own.code not in codes]
         name = _kind_name(title, [*KINDS, *(kind.name for kind in kinds.values())])
-        path = f"{FOLDER}/{title.lower()}.py"
+        path = f"{DEVICE_FOLDER}/{title.lower()}.py"
         text = _text(title, name, path, devices) if name and devices and path not in files else ""
-        if not 0 < len(text) <= LARGEST:
+        if not 0 < len(text) <= LARGEST_DEVICE_FILE:
             continue
         files[path] = text.encode()
         kinds[title] = _kind(title, name)

@@ -80,7 +80,7 @@ def drive_csv_text(
     rows: list[list[float | str]] = [[ID, *(column.name for column in columns)]]
     rows += [[spec.kind.value, *_cells(spec, columns, MOVEMENT)] for spec in specs]
     if gripper is not None:
-        rows.append([drive_csv.GRIPPER, *_cells(gripper, columns, GRIPPER)])
+        rows.append([drive_csv.GRIPPER_ID, *_cells(gripper, columns, GRIPPER)])
     rows += [[each.kind.value, *_cells(each, columns, ())] for each in velocities]
     return _csv(rows)
 

@@ -87,7 +87,7 @@ LONGEST_LINE = 1024 * 1024
 """Longest line, bytes."""
 _TOO_LONG = f"a line has at most {LONGEST_LINE >> 20} MB; send a grid as f32, as believe() does"
 # Reading bytes costs little, parsing a line much, even a short one.
-TURN, LINE = 128 * 1024, 4 * 1024
+_TURN, LINE = 128 * 1024, 4 * 1024
 """Limits of one turn of the event loop: bytes read, including a surcharge for each parsed line, bytes.
 
 They allow 32 lines, or one line with some 5,000 particles, which takes 3 to 8 ms.
@@ -184,7 +184,7 @@ class BeliefLink:
         maze = context.engine.simulator.spec.maze
         self.whole = (0.0, 0.0, maze.width, maze.height)
         """Bounds of the maze, inches."""
-        self.budget = ReadBudget(TURN)
+        self.budget = ReadBudget(_TURN)
         self.reasons = RefusalReasons(context.engine, [each.port for each in context.listeners.values()])
         self._peers: dict[_BeliefPeer, None] = {}
         self._acceptor = context.accept(BELIEFS, self._welcome)

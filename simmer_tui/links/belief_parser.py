@@ -17,8 +17,8 @@ from typing import Any
 import numpy as np
 from msgspec.structs import asdict
 
+from simmer_tui.atlas.expected_readings import MOST_HEADINGS
 from simmer_tui.belief_grid import (
-    MOST_HEADINGS,
     MOST_ROWS,
     MOST_STATES,
     Bounds,
@@ -26,7 +26,7 @@ from simmer_tui.belief_grid import (
     Probabilities,
     grid_belief,
 )
-from simmer_tui.events import LARGEST, Belief
+from simmer_tui.events import LARGEST_NUMBER, Belief
 from simmer_tui.sim.command import escape_word
 from simmer_tui.sim.pose import Pose
 
@@ -87,8 +87,8 @@ def _number(value: Any, name: str) -> float:
         number = math.inf
     if not math.isfinite(number):
         raise ValueError(f"{name} must be finite")
-    if abs(number) > LARGEST:
-        raise ValueError(f"{name} must be between -{LARGEST:g} and {LARGEST:g}")
+    if abs(number) > LARGEST_NUMBER:
+        raise ValueError(f"{name} must be between -{LARGEST_NUMBER:g} and {LARGEST_NUMBER:g}")
     return round(number, DECIMALS) + 0.0  # the sum makes 0.0 of -0.0
 
 
@@ -114,7 +114,7 @@ def _rounded(values: list[Any]) -> list[float]:
     if _JSON_NUMBERS.issuperset(map(type, values)):
         with contextlib.suppress(OverflowError):  # an integer too large for a float
             numbers = np.array(values, dtype=np.float64)
-            if (np.abs(numbers) <= LARGEST).all():
+            if (np.abs(numbers) <= LARGEST_NUMBER).all():
                 rounded: list[float] = (np.round(numbers, DECIMALS) + 0.0).tolist()
                 return rounded
     return [_number(value, "a particle's number") for value in values]

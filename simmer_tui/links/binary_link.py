@@ -29,7 +29,7 @@ from simmer_tui.sim.records import CommandResult
 RETRY_DELAY = 0.05
 """Seconds that a newcomer waits for the present client to leave."""
 # More than `CLOSING`, within which the present client must be gone.
-LONGEST_WAIT = 1.5
+_LONGEST_WAIT = 1.5
 """Seconds after which a newcomer is refused even if the present client is about to leave."""
 # 30 s of silence, then three probes 10 s apart: a dead peer is found within a minute. TCP_KEEPALIVE is macOS'
 # name.
@@ -221,7 +221,7 @@ class BinaryLink:
         if self.client is None:
             self._admit(sock, peer)
             return
-        self._newcomers[sock] = _Newcomer(peer, self._loop.time() + LONGEST_WAIT)
+        self._newcomers[sock] = _Newcomer(peer, self._loop.time() + _LONGEST_WAIT)
         if len(self._newcomers) > MOST_WAITING:
             self._refuse_newcomer(next(iter(self._newcomers)))
         self._loop.call_later(RETRY_DELAY, self._consider, sock)

@@ -24,6 +24,7 @@ from simmer_tui.links.peer import MOST_WAITING, PIECE, ReadBudget
 from simmer_tui.links.pty_port import PtyPort
 from simmer_tui.links.serial_wire import SerialEndpoint, Wire
 from simmer_tui.phrases import counted
+from simmer_tui.protocol.packets import STOP
 from simmer_tui.sessions import Session
 from simmer_tui.sim.command import Command, escape, escape_word, parse_command
 from simmer_tui.sim.records import REFUSALS, CommandResult, Status
@@ -39,7 +40,7 @@ NO_HOOK_ADVICE = (
     else "Run it as plain Python, or send commands over TCP (listeners)"
 )
 """Advice in the notice: the next step."""
-STOP = Command("xx", "xx", stops=True)
+_STOP = Command(STOP, STOP, stops=True)
 """The stop sent by a rule of the dialect, or at the end of a run."""
 
 
@@ -125,7 +126,7 @@ class SimulatedHost:
         """End all motion. `by` names the cause if there is no message."""
         simulator = self._engine.simulator
         if simulator.moving or simulator.velocity.moves:
-            self._engine.halt(replace(STOP, source=by or self.source))
+            self._engine.halt(replace(_STOP, source=by or self.source))
 
     def send(self, data: bytes, *, droppable: bool = False) -> None:
         """Send bytes to the program."""

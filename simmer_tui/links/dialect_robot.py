@@ -32,9 +32,9 @@ from simmer_tui.sim.velocity_commands import WAIT, parse_wait
 KEY_SILENCE = 0.25
 """Seconds after the last key until the robot is sent its stop."""
 # Less than a person notices.
-LOOK_AGAIN = 0.02
+_LOOK_AGAIN = 0.02
 """Seconds until a command checks again whether the robot stands still."""
-KEYS = "keys"
+_KEYS = "keys"
 """Source of the commands that keys make."""
 NO_STOP = 'no rule of the dialect is a plain stop (do = "stop"): keys and console do not drive this robot'
 _TAKEN = "a program has the robot's port open; it is stopped, and not driven, from here"
@@ -116,7 +116,7 @@ class DialectRobot(MonitoredRobot):
             request = _Request(command, partial(answer, place), session)
             if command.stops or command.code == STOP:
                 self._stop_for(request)
-            elif command.source == KEYS and self._drives(command):
+            elif command.source == _KEYS and self._drives(command):
                 self._press(request)
             else:
                 self._queue.append(request)
@@ -148,7 +148,7 @@ class DialectRobot(MonitoredRobot):
             if not problem and not may_begin:
                 # No event reports the end of a run or a pause of the twin, so it is checked again later.
                 if self._moving is None and self._again.due == math.inf:
-                    self._again.set_in(LOOK_AGAIN)
+                    self._again.set_in(_LOOK_AGAIN)
                 return
             self._queue.popleft()
             if problem:
@@ -326,7 +326,7 @@ class DialectRobot(MonitoredRobot):
                 self.stop()
         if self._key is None:
             self._key = made
-            self._send(made, KEYS)
+            self._send(made, _KEYS)
         # In the robot's own thread: the stop comes even if the screen hangs.
         self._key_timer.set_in(KEY_SILENCE)
         request.answer(self._result(command, Status.ACCEPTED, math.inf))

@@ -23,7 +23,7 @@ import socket
 import struct
 
 from simmer_tui.links.peer import Peer
-from simmer_tui.links.serial_wire import FRAME, SerialRobot
+from simmer_tui.links.serial_wire import USB_FRAME, SerialRobot
 
 _HEAD = struct.Struct(">cI")
 _TIMES = struct.Struct(">ddI")
@@ -102,7 +102,7 @@ class HookedProgram(Peer):
 
     def deliver(self, begin: float, byte: float, data: bytes) -> None:
         """Send bytes of the robot, with the times at which they arrive."""
-        together = max(1, min(int(FRAME / byte), len(data))) if byte > 0 else 1
+        together = max(1, min(int(USB_FRAME / byte), len(data))) if byte > 0 else 1
         self._send(b"R", _TIMES.pack(begin, byte, together) + data)
 
     def _send(self, kind: bytes, payload: bytes) -> None:

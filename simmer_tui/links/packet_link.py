@@ -30,7 +30,7 @@ from simmer_tui.protocol.replies import ReplyForm, ReplyFormat
 from simmer_tui.sessions import LoopTimer
 from simmer_tui.sim.records import CommandResult, Status
 
-TURN = 512
+_TURN = 512
 """Bytes of requests read in a turn of the event loop: a hundred short ones take a millisecond or two."""
 # Clients wait 40 to 300 ms before they read, but have closed their sending connection by then.
 DIRECT_DELAY = 0.05
@@ -215,7 +215,7 @@ class PacketLink:
         self.engine = context.engine
         self.mailbox = Mailbox()
         self.doctor = ConnectionDoctor(context.engine, context.listeners)
-        self.budget = ReadBudget(TURN)
+        self.budget = ReadBudget(_TURN)
         self.forms = {
             RequestStyle.FRAMED: ReplyForm(ReplyFormat.FRAMED),
             RequestStyle.LEGACY: ReplyForm(ReplyFormat(settings.legacy_reply)),

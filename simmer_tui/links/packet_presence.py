@@ -23,7 +23,7 @@ LONGEST_KEPT = 600.0
 SAME_PROGRAM = 0.03
 """Seconds within which the next message from an address counts as the same program's."""
 # Judged: soon enough for a robot whose program has crashed, and cheap.
-LOOK = 0.25
+_LOOK = 0.25
 """Seconds between two checks that the program that owns the velocity still lives."""
 
 
@@ -152,7 +152,7 @@ class Presence:
     def watch_velocity(self) -> None:
         """Watch the velocity after a command's answer: one that came in a packet ends with its program."""
         if isinstance(self._engine.driving.driver, PacketDriver) and self._next_look.due == math.inf:
-            self._next_look.set_in(LOOK)
+            self._next_look.set_in(_LOOK)
 
     def _look(self) -> None:
         driver = self._engine.driving.driver

@@ -21,7 +21,7 @@ from simmer_tui.sessions import LoopTimer
 DRAINED, DRAINS = 4096, 16
 """Bytes dropped at once of those that a client sends to the reply port, and how often."""
 # Judged: one line a second, however many replies are dropped.
-REPORT_DELAY = 1.0
+_REPORT_DELAY = 1.0
 """Seconds for which unread replies are counted before they are reported."""
 # simmer-python's clients read in a tight loop: without a limit they would use a whole processor.
 EMPTY_DELAY = 1 / 60
@@ -174,7 +174,7 @@ class ReplyPort:
         dropped = self.mailbox.put(reply, host_of(peer), self._loop.time())
         if dropped:
             if not self._dropped:
-                self._report.set_in(REPORT_DELAY)
+                self._report.set_in(_REPORT_DELAY)
             self._dropped += dropped
         if self.reads and not self._delivering:
             self._delivering = True

@@ -15,7 +15,7 @@ from pathlib import Path
 from simmer_tui import platform_has
 from simmer_tui.errors import PortError, reason_of
 from simmer_tui.links.peer import PIECE
-from simmer_tui.links.serial_wire import DRIVER_BUFFER, FRAME, SerialRobot
+from simmer_tui.links.serial_wire import DRIVER_BUFFER, USB_FRAME, SerialRobot
 from simmer_tui.sessions import LoopTimer
 from simmer_tui.sim.command import escape
 
@@ -146,7 +146,7 @@ def _rates() -> dict[int, int]:
 
 
 # No event reports an open: without one, reading fails at once. A person does not notice 20 ms.
-LOOK_AGAIN = 0.02
+_LOOK_AGAIN = 0.02
 """Seconds between two checks that a program has opened the port."""
 
 
@@ -187,7 +187,7 @@ class PtyPort:
 
     def _look_later(self) -> None:
         if not self._open and self._look_again.due == math.inf:
-            self._look_again.set_in(LOOK_AGAIN)
+            self._look_again.set_in(_LOOK_AGAIN)
 
     def _readable(self) -> None:
         if self._robot.budget.left > 0:
@@ -289,7 +289,7 @@ class PtyPort:
                 self._passed = count
             if self._passed < len(data):
                 due = begin + (self._passed + 1) * byte
-                self._next.set_at(max(due, now + FRAME))
+                self._next.set_at(max(due, now + USB_FRAME))
                 return
             self._coming.popleft()
             self._passed = 0

@@ -9,6 +9,7 @@ from __future__ import annotations
 import asyncio
 import math
 from collections import deque
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -31,7 +32,7 @@ from simmer_tui.protocol.replies import (
 )
 from simmer_tui.sessions import LoopTimer
 from simmer_tui.sim.arrays import FloatArray
-from simmer_tui.sim.command import Command, escape
+from simmer_tui.sim.command import Command, escape, escape_passage
 from simmer_tui.sim.records import CommandResult, LidarScan, Reading, Status, ray_bearings
 from simmer_tui.sim.simulator import Simulator
 from simmer_tui.sim.velocity_commands import WAIT, parse_wait
@@ -40,12 +41,16 @@ from simmer_tui.sim.velocity_commands import WAIT, parse_wait
 STOP_TIMEOUT = 0.25
 """Seconds within which a robot may reply to a stop that no program asked for."""
 # Judged: greetings come in pieces, and are reported as one line.
-REPORT_DELAY = 1.0
+_REPORT_DELAY = 1.0
 """Seconds for which discarded bytes are counted before they are reported."""
 # Real robots start and stop slowly, and need longer than the planned time.
-MARGIN = 1.0
+ANSWER_MARGIN = 1.0
 """Seconds after its planned end until a movement without an answer no longer delays others."""
 _NO_VELOCITY = "velocities are not sent to this robot: if it knows them, set velocity = true in [serial]"
+_VELOCITY_IN_VAIN = (
+    "if it does not move, it knows no velocities: drive by lengths, as d1-3, or set velocity = false in "
+    "[serial]"
+)
 # A double, the longest format.
 _LONGEST_NUMBER = 8
 """Bytes of a number in a scan."""
@@ -63,6 +68,8 @@ class _Exchange(Struct, eq=False):
     is_stop: bool = False
     moves: bool = False
     """True if a movement is among its commands."""
+    sets_velocity: bool = False
+    """True if a velocity is among the commands that the robot is sent."""
     written: bytes = b""
     due: float = math.inf
     """Time limit of its reply by the event loop's clock; set when it is sent."""
@@ -95,6 +102,8 @@ class SerialBridge(RealRobot):
         """End of the wait for a reply, or for the port to open, by the event loop's clock."""
         self._moving_until = -math.inf
         """Until when the robot may be in a movement that it has not answered, by the event loop's clock."""
+        self._velocity_told = False
+        """True once the answer to the first velocity has been told."""
         self._gate = LoopTimer(self._advance, self._loop)
         self._deadline = LoopTimer(self._ring, self._loop)
         """A timer for `_due` or earlier. It stays from one reply to the next: a new timer for each would
@@ -161,6 +170,8 @@ class SerialBridge(RealRobot):
         elif sets_velocity and not self.settings.velocity:
             exchange.data = b""
             exchange.commands = tuple(replace(command, problem=_NO_VELOCITY) for command in commands)
+        else:
+            exchange.sets_velocity = sets_velocity
 
     def urgent_part(self, message: Message) -> Message | None:
         """All of a message with a stop. None if a stop was the last message sent and is not answered yet."""
@@ -294,7 +305,7 @@ class SerialBridge(RealRobot):
         margin."""
         if exchange.moves:
             planned = sum(self._planned_time(each) for each in exchange.simulated)
-            self._moving_until = self._loop.time() + planned + MARGIN
+            self._moving_until = self._loop.time() + planned + ANSWER_MARGIN
 
     def _allow_for_scans(self, exchange: _Exchange) -> None:
         """Extend the time limit of a message that has been sent: the many numbers of a scan take time on the
@@ -374,13 +385,36 @@ class SerialBridge(RealRobot):
 
     def _complete(self, exchange: _Exchange, reply: bytes) -> None:
         simulator = self.engine.simulator
-        reads = [not simulator.is_drive(command) for command in exchange.commands]
+        reads = [
+            not (simulator.is_drive(command) or simulator.is_velocity(command))
+            for command in exchange.commands
+        ]
         answers = read_numbers(reply, self._robot_form(exchange), reads, exchange.scans)
         results = [
             _real(simulated, answer, reads_sensor, exchange.is_stop)
             for simulated, answer, reads_sensor in zip(exchange.simulated, answers, reads, strict=True)
         ]
+        if exchange.sets_velocity:
+            self._tell_velocity(exchange, results)
         self._finish(exchange, results, reply if self.settings.robot_reply == "same" else None)
+
+    def _tell_velocity(self, exchange: _Exchange, results: Sequence[CommandResult]) -> None:
+        """Tell the answer to the first velocity, once. Robots that know none answer as well, often with
+        success: their program drives, and nothing moves."""
+        if self._velocity_told:
+            return
+        for result, simulated in zip(results, exchange.simulated, strict=True):
+            # One that the twin refuses as well is wrong in itself.
+            if not self.engine.simulator.is_velocity(result.command) or simulated.status is Status.REFUSED:
+                continue
+            self._velocity_told = True
+            text = escape_passage(result.command.text)
+            how = f"the robot answered {result.reply:g} to {text}"
+            if result.status is Status.UNANSWERED:
+                how = f"{self.no_answer}: {text}"
+            kind = NoticeKind.ROBOT if result.status is Status.DONE else NoticeKind.FAULT
+            self._tell(kind, f"{how}; {_VELOCITY_IN_VAIN}")
+            return
 
     def _finish(self, exchange: _Exchange, results: list[CommandResult], unchanged: bytes | None) -> None:
         """Tell all watchers, and then the client, the results of a message."""
@@ -398,7 +432,7 @@ class SerialBridge(RealRobot):
     def _listen_on(self) -> None:
         self._silence.set_in(self._framer.idle_timeout)
         if self._framer.discarded and self._report.due == math.inf:
-            self._report.set_in(REPORT_DELAY)
+            self._report.set_in(_REPORT_DELAY)
 
     def _report_discarded(self) -> None:
         count, sample = self._framer.take_discarded()
@@ -439,6 +473,9 @@ class SerialBridge(RealRobot):
             if any(each.ranges is not None for each in late.simulated):
                 reason += "; a lidar's reply is its count and so many numbers"
             self._answer_in_its_place(late, reason)
+            if late.sets_velocity:
+                unanswered = [replace(each, status=Status.UNANSWERED) for each in late.simulated]
+                self._tell_velocity(late, unanswered)
             self._take(self._await_next())
             return
         # The port has been closed for a whole time limit.

@@ -65,7 +65,7 @@ DRIVER_BUFFER = 4096
 
 # USB serial adapters and boards pass on their bytes once a frame of USB, which is 1 ms. A program that reads
 # up to a bracket and clears its buffer relies on it: at 115200 baud the line end comes in the same frame.
-FRAME = 0.001
+USB_FRAME = 0.001
 """Seconds of bytes that become readable together, if the robot has written them in one piece."""
 
 

@@ -7,9 +7,10 @@ from msgspec import Struct
 
 from simmer_tui.config.settings import PACES
 from simmer_tui.errors import ConsoleCommandError
-from simmer_tui.events import LARGEST, Action, ActionName
+from simmer_tui.events import LARGEST_NUMBER, Action, ActionName
 from simmer_tui.sim.command import Command, escape_word, parse_command, parse_value
-from simmer_tui.sim.rules import IntegerRule, NumberRule, did_you_mean
+from simmer_tui.sim.noise import SEEDS
+from simmer_tui.sim.rules import NumberRule, did_you_mean
 from simmer_tui.sim.specs import SimulationSpec
 from simmer_tui.sim.velocity_commands import WAIT
 
@@ -64,8 +65,8 @@ def _each_number(words: Sequence[str]) -> tuple[float, ...]:
     except ValueError as error:
         raise ConsoleCommandError(f"{which}{error}") from None
     # A log with a larger one, even in an action that was refused, could not be read again.
-    if any(abs(number) > LARGEST for number in numbers):
-        raise ConsoleCommandError(f"{which}must be a number from {-LARGEST:g} to {LARGEST:g}")
+    if any(abs(number) > LARGEST_NUMBER for number in numbers):
+        raise ConsoleCommandError(f"{which}must be a number from {-LARGEST_NUMBER:g} to {LARGEST_NUMBER:g}")
     return numbers
 
 
@@ -77,15 +78,11 @@ def _numbers(order: OrderSpec, words: Sequence[str]) -> ConsoleCommand:
     return Action(order.action, _each_number(words))
 
 
-_SEED = IntegerRule(0, int(LARGEST))
-"""Seeds that a log keeps to the last digit."""
-
-
 def _seed(order: OrderSpec, words: Sequence[str]) -> ConsoleCommand:
     assert order.action is not None
     if len(words) != 1:
         raise ConsoleCommandError("takes one number")
-    return Action(order.action, (float(_SEED.from_text(words[0])),))
+    return Action(order.action, (SEEDS.from_text(words[0]),))
 
 
 def _switch(order: OrderSpec, words: Sequence[str]) -> ConsoleCommand:
@@ -138,7 +135,7 @@ _ORDERS = (
     OrderSpec(":seed N", "back to the start with another seed", _seed, ActionName.SEED),
     OrderSpec(":noise on|off", "random errors of sensors and drives", _switch, ActionName.NOISE),
     OrderSpec(":bias [on|off]", "show the drive bias; random, or as in drive.csv", _switch, ActionName.BIAS),
-    OrderSpec(":speed N", "simulated seconds a second", _numbers, ActionName.SPEED),
+    OrderSpec(":speed N", "simulated seconds a second", _numbers, ActionName.TIME_SCALE),
     OrderSpec(":pace N|off", "how fast movements are shown, times real speed", _pace),
     OrderSpec(":vv VX VY OMEGA [T]", "drive so fast, in/s and deg/s, for T (or 1) seconds", _velocity),
     OrderSpec(":stop", "stop the robot", _alone, ActionName.STOP),

@@ -52,7 +52,7 @@ class Operator:
     def perform(self, action: Action) -> str:
         """Perform an action. Returns a warning if it will have no effect."""
         self._server.call(self._server.engine.perform, action)
-        if action.name is ActionName.SPEED and not self._server.engine.timed:
+        if action.name is ActionName.TIME_SCALE and not self._server.engine.timed:
             return "no effect: motion is instant (--motion timed makes it take its time)"
         return ""
 

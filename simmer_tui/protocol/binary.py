@@ -4,12 +4,12 @@ The reply to a lidar's code is a count and so many numbers. A refusal is one NaN
 """
 
 from simmer_tui.config.settings import ServerSettings
-from simmer_tui.protocol.replies import NUMBERS, ReplyForm, ReplyFormat, pack_reply
+from simmer_tui.protocol.replies import NUMBER_STRUCTS, ReplyForm, ReplyFormat, pack_reply
 from simmer_tui.sim.command import Command, parse_command
 from simmer_tui.sim.records import CommandResult
 
 # Judged: ten times as long as a code and a number with all its digits.
-LONGEST = 256
+LONGEST_COMMAND = 256
 """Longest command, bytes. A longer one is answered once and skipped up to the next newline."""
 GRACE = ServerSettings().grace
 """Seconds of silence after which bytes without a newline are a command."""
@@ -26,7 +26,7 @@ class NumberEncoder:
 
     def __init__(self, reply_format: str = "float64", byte_order: str = "big") -> None:
         self.form = ReplyForm(ReplyFormat(reply_format), byte_order)
-        self._layout = NUMBERS[reply_format, byte_order]
+        self._layout = NUMBER_STRUCTS[reply_format, byte_order]
         self.size = self._layout.size
 
     def reply(self, result: CommandResult) -> bytes:
@@ -44,7 +44,7 @@ class CommandReader:
 
     A connection that has sent a newline is line-framed. Before that, bytes followed by silence are one
     command: call `silence` when nothing has come for `idle_timeout` seconds, unless that is None. `end`
-    returns the last command when the sender closes. It holds at most `LONGEST` bytes and a newline.
+    returns the last command when the sender closes. It holds at most `LONGEST_COMMAND` bytes and a newline.
     """
 
     def __init__(self, grace: float = GRACE) -> None:
@@ -104,7 +104,7 @@ class CommandReader:
         for line in lines:
             if self._skipping:
                 commands += self._skipped()
-            elif len(line) > LONGEST + line.endswith(b"\r"):
+            elif len(line) > LONGEST_COMMAND + line.endswith(b"\r"):
                 commands.append(self._refused(line))
                 self.sent.append(b"")
             else:
@@ -117,7 +117,7 @@ class CommandReader:
     def _one_line(self, data: bytes) -> Command | None:
         """The command of one whole line and nothing else, the usual case."""
         plain = self._lines and not (self._buffer or self._skipping or self._just_taken)
-        if not plain or not 0 <= data.find(b"\n") == len(data) - 1 <= LONGEST:
+        if not plain or not 0 <= data.find(b"\n") == len(data) - 1 <= LONGEST_COMMAND:
             return None
         self.sent = [data]
         command = self._known.get(data)
@@ -132,7 +132,7 @@ class CommandReader:
         """The bytes kept of an unfinished command: none of an overlong one, which is refused."""
         if self._skipping:
             return b""
-        if len(rest) <= LONGEST + rest.endswith(b"\r"):
+        if len(rest) <= LONGEST_COMMAND + rest.endswith(b"\r"):
             return rest
         self._skipping = True
         self._overlong = self._refused(rest)
@@ -176,5 +176,5 @@ class CommandReader:
         return parse_command(line.removesuffix(b"\r").decode("latin-1"))
 
     def _refused(self, line: bytes) -> Command:
-        problem = f"a command has at most {LONGEST} bytes; the rest up to the next newline is skipped"
-        return Command(line[:LONGEST].decode("latin-1"), problem=problem)
+        problem = f"a command has at most {LONGEST_COMMAND} bytes; the rest up to the next newline is skipped"
+        return Command(line[:LONGEST_COMMAND].decode("latin-1"), problem=problem)

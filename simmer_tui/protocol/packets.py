@@ -26,8 +26,8 @@ from itertools import groupby, takewhile
 from msgspec import Struct
 
 from simmer_tui.config.settings import ServerSettings
-from simmer_tui.protocol.binary import GRACE, LONGEST
-from simmer_tui.protocol.replies import NUMBERS, ReplyForm, ReplyFormat, pack_reply
+from simmer_tui.protocol.binary import GRACE, LONGEST_COMMAND
+from simmer_tui.protocol.replies import NUMBER_STRUCTS, ReplyForm, ReplyFormat, pack_reply
 from simmer_tui.sim.arrays import FloatArray
 from simmer_tui.sim.command import Command
 from simmer_tui.sim.records import CommandResult, Status
@@ -178,14 +178,14 @@ def _request(dialect: RequestStyle, text: bytes) -> Request:
 
 
 def _refusal(dialect: RequestStyle, text: bytes | bytearray, problem: str) -> Request:
-    return Request(dialect, (_command(bytes(text[:LONGEST]), problem),))
+    return Request(dialect, (_command(bytes(text[:LONGEST_COMMAND]), problem),))
 
 
 def _command(piece: bytes, problem: str = "") -> Command:
     """A command with code and value. Spaces are kept: unlike in a line, the position counts."""
-    if len(piece) > LONGEST:
-        problem = problem or f"a command has at most {LONGEST} bytes"
-    text = piece[:LONGEST].decode("latin-1")  # one character a byte, so that any byte is kept
+    if len(piece) > LONGEST_COMMAND:
+        problem = problem or f"a command has at most {LONGEST_COMMAND} bytes"
+    text = piece[:LONGEST_COMMAND].decode("latin-1")  # one character a byte, so that any byte is kept
     if len(text) < 2:
         problem = problem or ("a code has two characters" if text else "an empty command")
     # The third character is a separator of any kind, as in simmer-python.
@@ -279,7 +279,7 @@ def _legacy_item(reply_format: ReplyFormat, result: CommandResult) -> bytes:
     ranges = result.ranges if is_reading else None
     if reply_format is ReplyFormat.TEXT:
         return (number_text(number) if ranges is None else ranges_text(ranges)).encode()
-    return pack_reply(NUMBERS[reply_format.value, "little"], number, ranges)
+    return pack_reply(NUMBER_STRUCTS[reply_format.value, "little"], number, ranges)
 
 
 def passed_on(reply_format: ReplyFormat, data: bytes) -> Reply:

@@ -18,7 +18,7 @@ from msgspec import Struct
 from simmer_tui.sim.arrays import FloatArray
 from simmer_tui.sim.command import NUMBER
 
-NUMBERS = {
+NUMBER_STRUCTS = {
     ("float64", "big"): struct.Struct(">d"),
     ("float64", "little"): struct.Struct("<d"),
     ("float32", "big"): struct.Struct(">f"),
@@ -131,7 +131,7 @@ class ReplyFramer:
         self._end: ReplyEnd | None = None
         self._size = 0
         self._scans: Sequence[bool] = ()
-        self._layout = NUMBERS["float64", "big"]
+        self._layout = NUMBER_STRUCTS["float64", "big"]
         self._doubtful = True
         self._sample = b""
         self.following = 0
@@ -165,7 +165,7 @@ class ReplyFramer:
         self._size = _SIZES.get(end, 0) * count
         self._scans = scans if end in _SIZES and any(scans) else ()
         if self._scans:
-            self._layout = NUMBERS[end.value, byte_order]
+            self._layout = NUMBER_STRUCTS[end.value, byte_order]
 
     def abandon(self) -> None:
         """Stop expecting a reply: discard what has arrived and what still arrives."""
@@ -285,7 +285,7 @@ def _is_text(data: bytes, size: int) -> bool:
     if data.translate(None, _PLAIN):
         return False
     low, high = _LIKELY
-    fitting = [number for number in NUMBERS.values() if number.size == size]
+    fitting = [number for number in NUMBER_STRUCTS.values() if number.size == size]
     return not any(all(low < abs(value) < high for (value,) in each.iter_unpack(data)) for each in fitting)
 
 
@@ -317,7 +317,7 @@ def read_numbers(
     the ranges, or NaN.
     """
     found: list[RobotAnswer] = []
-    number = NUMBERS.get((form.format, form.byte_order))
+    number = NUMBER_STRUCTS.get((form.format, form.byte_order))
     if number is not None:
         usable = len(reply) - len(reply) % number.size
         values = (value for (value,) in number.iter_unpack(reply[:usable]))

@@ -26,6 +26,7 @@ from simmer_tui.sim.maze import Maze
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.specs import BLOCK, CELL_SIZE, TILE_SIZE, WALL
 from simmer_tui.version import requirement
+from simmer_tui.whole_file import whole_file
 
 if TYPE_CHECKING:
     from PIL import Image, ImageDraw, ImageFont
@@ -34,9 +35,9 @@ if TYPE_CHECKING:
 RATE = 10
 """Pictures a second."""
 # All pictures are in memory until the file is written: two minutes at this rate.
-MOST_FRAMES = 1200
+_MOST_FRAMES = 1200
 USUAL_SECONDS = 20.0
-"""Longest GIF, seconds, unless a speed is asked for: a slide that loops for longer is not watched."""
+"""Longest GIF, seconds, unless a playback rate is asked for: a slide that loops for longer is not watched."""
 # Seconds for which the last picture stays.
 _HOLD = 2.0
 # Pictures are drawn larger by this factor and then scaled down, so that lines are smooth.
@@ -45,27 +46,27 @@ _FINER = 2
 _COLORS = 96
 # Height of the line of text, as a fraction of the width.
 _BAR = 0.055
-# Seconds for which a reading or an event is shown at speed 1.
+# Seconds for which a reading or an event is shown at a playback rate of 1.
 _FRESH = 1.2
 _RAY, _CONE, _CLOUD = "#554100", "#fbe3bd", "#e79be7"
 
 
 @dataclass(frozen=True, slots=True)
 class Shots:
-    """The moments that are drawn: from `begin` until `end` (elapsed seconds), at `speed` simulated seconds a
-    second."""
+    """The moments that are drawn: from `begin` until `end` (elapsed seconds), at `playback_rate` simulated
+    seconds a second."""
 
     begin: float
     end: float
-    speed: float
+    playback_rate: float
 
     @property
     def times(self) -> list[float]:
-        count = math.ceil((self.end - self.begin) * RATE / self.speed - 1e-9)
-        return [min(self.begin + each * self.speed / RATE, self.end) for each in range(count + 1)]
+        count = math.ceil((self.end - self.begin) * RATE / self.playback_rate - 1e-9)
+        return [min(self.begin + each * self.playback_rate / RATE, self.end) for each in range(count + 1)]
 
 
-def shots(run: RunStatistics, begin: float | None, end: float | None, speed: float | None) -> Shots:
+def shots(run: RunStatistics, begin: float | None, end: float | None, playback_rate: float | None) -> Shots:
     """The moments of a run that are drawn. Raises ExportError for a stretch that the run has not, or one that
     takes too many pictures."""
     recording = run.recording
@@ -79,12 +80,12 @@ def shots(run: RunStatistics, begin: float | None, end: float | None, speed: flo
     if last < first:
         raise ExportError(f"--until {last:g} is before --from {first:g}")
     usual = max(1.0, math.ceil((last - first) / USUAL_SECONDS))
-    made = Shots(first, last, usual if speed is None else speed)
-    if (last - first) * RATE / made.speed > MOST_FRAMES:
-        least = math.ceil((last - first) * RATE / MOST_FRAMES)
+    made = Shots(first, last, usual if playback_rate is None else playback_rate)
+    if (last - first) * RATE / made.playback_rate > _MOST_FRAMES:
+        least = math.ceil((last - first) * RATE / _MOST_FRAMES)
         raise ExportError(
-            f"{last - first:.0f} s at speed {made.speed:g} are more than {MOST_FRAMES} pictures; take "
-            f"--speed {least} or more, or a part with --from and --until"
+            f"{last - first:.0f} s at speed {made.playback_rate:g} are more than {_MOST_FRAMES} pictures; "
+            f"take --speed {least} or more, or a part with --from and --until"
         )
     return made
 
@@ -97,8 +98,8 @@ def write_gif(run: RunStatistics, path: Path, taken: Shots, width: int) -> Itera
     except ImportError:
         raise ExportError(f"a GIF needs Pillow: pip install '{requirement('export')}'") from None
     # Opened first: a path that cannot be written to is reported before minutes of drawing.
-    with path.open("wb") as file:
-        canvas = _Canvas(run, width, taken.speed)
+    with whole_file(path) as file:
+        canvas = _Canvas(run, width, taken.playback_rate)
         times = taken.times
         palette = canvas.palette(times)
         frames: list[Image.Image] = []
@@ -112,7 +113,7 @@ def write_gif(run: RunStatistics, path: Path, taken: Shots, width: int) -> Itera
 class _Canvas:
     """Pictures of one run; ask for them in order of time."""
 
-    def __init__(self, run: RunStatistics, width: int, speed: float) -> None:
+    def __init__(self, run: RunStatistics, width: int, playback_rate: float) -> None:
         self.run = run
         self.recording = run.recording
         self.spec = run.configuration.simulation
@@ -123,7 +124,7 @@ class _Canvas:
         self.scale = (width - 2 * margin) * _FINER / maze.width
         self.margin = margin * _FINER
         self.height = math.ceil(maze.height * self.scale / _FINER) + 2 * margin + self.bar
-        self.fresh = _FRESH * max(speed, 1.0)
+        self.fresh = _FRESH * max(playback_rate, 1.0)
         self._footprint = Footprint.of(self.spec.robot)
         self._sensors = {sensor.code: sensor for sensor in self.spec.sensors}
         self._ground = self._drawn_ground()
@@ -179,7 +180,7 @@ class _Canvas:
 
     def _line(self, points: float) -> int:
         """A width that looks the same in pictures of any size; points are those of the report."""
-        return max(round(points * _FINER * self.width / figure.WIDTH), 1)
+        return max(round(points * _FINER * self.width / figure.PICTURE_WIDTH), 1)
 
     # -- a moment --------------------------------------------------------------------------------
 
@@ -208,7 +209,7 @@ class _Canvas:
         self._rays(draw, now)
         self._belief(draw, now)
         self._block(draw, now)
-        self._body(draw, pose, svg.ROBOT, svg.BODY)
+        self._body(draw, pose, svg.ROBOT_LINE, svg.BODY)
         for mark in self.recording.marks.items:
             if mark.kind is MarkKind.CONTACT and mark.point is not None and mark.elapsed <= now:
                 self._cross(draw, mark, fresh=now - mark.elapsed < self.fresh)
@@ -244,7 +245,7 @@ class _Canvas:
     def _block(self, draw: ImageDraw.ImageDraw, now: float) -> None:
         if self.spec.block_size:
             corners = self._all_at(self.recording.block_at(now).corners())
-            draw.polygon(corners, fill=svg.BLOCK, outline=svg.BLOCK_LINE, width=self._line(1.5))
+            draw.polygon(corners, fill=svg.BLOCK_FILL, outline=svg.BLOCK_LINE, width=self._line(1.5))
 
     def _belief(self, draw: ImageDraw.ImageDraw, now: float) -> None:
         cloud = latest(self.recording.beliefs, now)
@@ -311,7 +312,7 @@ class _Canvas:
         text, fill = "" if sent is None else sent.text, svg.FAINT
         if mark is not None and (now - mark.elapsed < 2 * self.fresh or mark.elapsed == self.recording.end):
             bad = mark.kind in (MarkKind.CONTACT, MarkKind.FAILED, MarkKind.FAULT)
-            text, fill = mark.text, svg.CONTACT if bad else svg.ROBOT
+            text, fill = mark.text, svg.CONTACT if bad else svg.ROBOT_LINE
         begin = left + self.width * 0.13
         while text and begin + draw.textlength(text, font=font) > self.width - left:
             text = text[:-4].rstrip(".") + "..." if len(text) > 4 else ""

@@ -17,7 +17,7 @@ from simmer_tui.report.finding import FEWEST, LEAST_DEGREES, Disagreement, momen
 from simmer_tui.report.robust_fit import binomial_tail, mad_scale, robust_fit, two_sided
 from simmer_tui.report.sensor_sample import by_sensor, poses_of, world_without_block
 from simmer_tui.run.attempt import Attempt
-from simmer_tui.run.episodes import SAME
+from simmer_tui.run.episodes import SAME_POSE
 from simmer_tui.run.facts import DEFAULT_ALLOWED_TURN
 from simmer_tui.run.table import Columns
 from simmer_tui.sim.angles import cos_sin_array, half_turn
@@ -84,7 +84,7 @@ class BeliefMotion:
         self._true_turn = true_turn
         believed = _in_frame(beliefs, ("x", "y", "heading"), self._turn)
         self._believed_way = np.hypot(*believed)
-        self._same = (np.abs(np.vstack((believed, self._turn))) < SAME).all(axis=0)
+        self._same = (np.abs(np.vstack((believed, self._turn))) < SAME_POSE).all(axis=0)
         """True where the same pose was sent again: it does not depend on readings or commands."""
         self._way = _in_frame(beliefs, ("true_x", "true_y", "true_heading"), true_turn)
         self._gone = np.hypot(*self._way)

@@ -20,7 +20,7 @@ from simmer_tui.sim.sensors import Lidar, sensor_of
 from simmer_tui.sim.specs import SensorSpec
 
 # Programs of the course want a belief to within an inch from a scan.
-OFF = 1.0
+_OFF = 1.0
 """Inches from which a ray counts as off."""
 # A scan takes 2 x 0.5 ms: without the limit the report of an hour's run would take ten seconds for them.
 MOST_MEASURED = 2000
@@ -84,7 +84,7 @@ class BentScans:
         # Where one of the two meets nothing, there is no difference of distances.
         off = np.abs(off[np.isfinite(off)])
         bends.rays += len(off)
-        bends.off += int((off > OFF).sum())
+        bends.off += int((off > _OFF).sum())
         bends.squares += float(np.square(off).sum())
         bends.worst = max(bends.worst, float(off.max(initial=0.0)))
 

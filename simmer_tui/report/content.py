@@ -46,7 +46,7 @@ from simmer_tui.run.table import BINS, Errors
 from simmer_tui.sim.command import escape_passage
 from simmer_tui.sim.velocity_commands import WAIT
 
-ROWS = 20
+_ROWS = 20
 """Most rows of a table of contacts or commands: more of them are more of the same, and are in the log."""
 # Points between the maze and the sensors in the one picture of a run.
 _GAP = 10.0
@@ -79,7 +79,7 @@ RUN = DataTable(
     ),
     record=True,
 )
-MISSION = DataTable(
+_MISSION = DataTable(
     "mission",
     "Mission",
     (DataColumn("time_s", number(".1f")), DataColumn("text", PASSAGE, "what", wraps=True)),
@@ -102,7 +102,7 @@ TIME_SPENT = DataTable(
         _SHARE,
     ),
 )
-COMMANDS = DataTable(
+_COMMANDS = DataTable(
     "commands",
     "Commands",
     (
@@ -113,7 +113,7 @@ COMMANDS = DataTable(
         DataColumn("refused", COUNT_OR_BLANK),
     ),
 )
-MESSAGES = DataTable(
+_MESSAGES = DataTable(
     "messages",
     "Messages of the dialect",
     (
@@ -136,13 +136,13 @@ CONTACTS = DataTable(
         DataColumn("touched", PLACE),
     ),
 )
-REFUSALS = DataTable(
+REFUSED_COMMANDS = DataTable(
     "refusals",
     "Refused commands",
     (_TIME, _LINE, _COMMAND, DataColumn("text", PASSAGE, "why", wraps=True)),
 )
 _ERROR = number("+.3g")
-SENSORS = DataTable(
+_SENSORS = DataTable(
     "sensor_errors",
     "Errors of readings",
     (
@@ -158,7 +158,7 @@ SENSORS = DataTable(
         DataColumn("reach", Format(lambda reach: f"+-{reach:.3g}"), "reaches"),
     ),
 )
-BELIEF = DataTable(
+_BELIEF = DataTable(
     "belief",
     "Belief",
     (
@@ -170,7 +170,7 @@ BELIEF = DataTable(
         DataColumn("end", number(".2f"), "at the end"),
     ),
 )
-CELLS = DataTable(
+_CELLS = DataTable(
     "cells",
     "Time by cell",
     (
@@ -179,7 +179,7 @@ CELLS = DataTable(
         _SHARE,
     ),
 )
-OUTPUT = DataTable(
+_OUTPUT = DataTable(
     "output",
     "The program's last output",
     (DataColumn("time_s"), DataColumn("stream"), DataColumn("output")),
@@ -188,19 +188,19 @@ OUTPUT = DataTable(
 
 TABLES = (
     RUN,
-    MISSION,
+    _MISSION,
     TIME_SPENT,
-    COMMANDS,
-    MESSAGES,
+    _COMMANDS,
+    _MESSAGES,
     CONTACTS,
-    REFUSALS,
+    REFUSED_COMMANDS,
     FINDINGS,
-    SENSORS,
+    _SENSORS,
     SCANS,
-    BELIEF,
+    _BELIEF,
     EPISODES,
-    CELLS,
-    OUTPUT,
+    _CELLS,
+    _OUTPUT,
 )
 """All tables of a report."""
 
@@ -247,15 +247,15 @@ def output(verdict: Verdict) -> Bullets:
     program = verdict.program
     said = () if program is None else (*program.stderr, *(() if program.crashed else program.stdout))
     lines = [f"{line.time:.1f} s  {escape_passage(line.text)}" for line in said]
-    title = f"{OUTPUT.title}, times{verdict.restart}" if verdict.restart else OUTPUT.title
-    return Bullets(title, lines, OUTPUT.key, "output")
+    title = f"{_OUTPUT.title}, times{verdict.restart}" if verdict.restart else _OUTPUT.title
+    return Bullets(title, lines, _OUTPUT.key, "output")
 
 
 def _output_table(verdict: Verdict) -> DataTable:
     """All that is known of the program's output."""
     program = verdict.program
     streams = () if program is None else (("stderr", program.stderr), ("stdout", program.stdout))
-    return OUTPUT.filled([(line.time, name, line.text) for name, lines in streams for line in lines])
+    return _OUTPUT.filled([(line.time, name, line.text) for name, lines in streams for line in lines])
 
 
 def svg_picture(run: RunStatistics, name: str) -> str:
@@ -305,7 +305,7 @@ def _record(run: RunStatistics, name: str) -> DataTable:
 
 def _mission(run: RunStatistics) -> DataTable:
     rows = [(each.elapsed, each.text.removeprefix("mission: ")) for each in run.history.missions.first.items]
-    return MISSION.filled(rows)
+    return _MISSION.filled(rows)
 
 
 def _time_spent(run: RunStatistics) -> DataTable:
@@ -339,14 +339,14 @@ def _commands(run: RunStatistics) -> DataTable:
         )
         for code, record in sorted(run.totals.codes.items(), key=lambda item: -item[1].count)
     ]
-    return COMMANDS.filled(rows)
+    return _COMMANDS.filled(rows)
 
 
 def _messages(run: RunStatistics) -> DataTable:
     """Messages of a dialect, unknown ones first."""
     counted_messages = sorted(run.totals.messages.items(), key=lambda item: (not item[0][1], -item[1]))
     rows = [(name, count, remark) for (name, remark), count in counted_messages]
-    return MESSAGES.filled(rows)
+    return _MESSAGES.filled(rows)
 
 
 def _contacts(run: RunStatistics) -> DataTable:
@@ -355,7 +355,7 @@ def _contacts(run: RunStatistics) -> DataTable:
             *(each.first.elapsed, each.first.line, each.first.shown, each.count, each.first.went),
             *((each.first.pose.x, each.first.pose.y), each.first.pose.heading, each.first.point),
         )
-        for each in run.history.repeated.first.items[:ROWS]
+        for each in run.history.repeated.first.items[:_ROWS]
     ]
     note = "Times: contacts in a row, without getting away from the wall."
     return CONTACTS.filled(rows, _more(run.history.repeated.first.given, note))
@@ -364,9 +364,9 @@ def _contacts(run: RunStatistics) -> DataTable:
 def _refusals(run: RunStatistics) -> DataTable:
     rows = [
         (each.elapsed, each.line, each.result.command.text, each.result.reason)
-        for each in run.history.refusals.first.items[:ROWS]
+        for each in run.history.refusals.first.items[:_ROWS]
     ]
-    return REFUSALS.filled(rows, _more(run.history.refusals.first.given))
+    return REFUSED_COMMANDS.filled(rows, _more(run.history.refusals.first.given))
 
 
 def _sensors(run: RunStatistics) -> DataTable:
@@ -392,13 +392,13 @@ def _sensors(run: RunStatistics) -> DataTable:
     )
     if missed:
         note += f" {missed} readings had a value where nothing was in range, or none where something was."
-    return SENSORS.filled(rows, note)
+    return _SENSORS.filled(rows, note)
 
 
 def _belief(run: RunStatistics) -> DataTable:
     last = run.history.beliefs[-1:]
     if not last or not run.totals.beliefs.count:
-        return BELIEF.filled(())
+        return _BELIEF.filled(())
     distance, turn = run.totals.beliefs, run.totals.belief_turns
     rows: list[tuple[Any, ...]] = [
         ("position", "in", *_moments(distance), distance.worst, last[0].distance),
@@ -411,7 +411,7 @@ def _belief(run: RunStatistics) -> DataTable:
         rows.append(("probability at the truth", "%", *shares, 100 * (1 - missed.worst), end))
         end = last[0].entropy if last[0].is_grid else None
         rows.append(("entropy", "bit", *_moments(entropy), entropy.worst, end))
-    return replace(BELIEF.filled(rows), title=f"Belief ({distance.count} sent)")
+    return replace(_BELIEF.filled(rows), title=f"Belief ({distance.count} sent)")
 
 
 def _cells(run: RunStatistics) -> DataTable:
@@ -424,7 +424,7 @@ def _cells(run: RunStatistics) -> DataTable:
     note = "Rows and columns as in maze.csv, from the top left."
     if len(run.paths.cells) > MOST_CELLS:
         note += f" {len(run.paths.cells)} cells in all."
-    return CELLS.filled(rows, note)
+    return _CELLS.filled(rows, note)
 
 
 def _moments(errors: Errors) -> tuple[float | None, float | None]:
@@ -433,4 +433,4 @@ def _moments(errors: Errors) -> tuple[float | None, float | None]:
 
 
 def _more(given: int, note: str = "") -> str:
-    return f"{note} {given - ROWS} more.".lstrip() if given > ROWS else note
+    return f"{note} {given - _ROWS} more.".lstrip() if given > _ROWS else note

@@ -168,8 +168,8 @@ class CounterfactualWorld:
         """The same velocities, half an inch longer. Those of the log end at the contact, and must not stop
         just short of it from another place."""
         last, seconds = driven[-1]
-        pace = last.speed + math.radians(abs(last.r)) * self._footprint.reach
-        return [*driven[:-1], (last, seconds + (NARROW / pace if pace else 0.0))]
+        fastest = last.speed + math.radians(abs(last.r)) * self._footprint.reach
+        return [*driven[:-1], (last, seconds + (NARROW / fastest if fastest else 0.0))]
 
     def _from(self, met: Collision, change: Change, places: Sequence[Pose], way: _Way) -> Counterfactual:
         """The same motion from other places; one place without a contact is enough."""

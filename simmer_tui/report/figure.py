@@ -20,13 +20,16 @@ from simmer_tui.sim.maze import Maze
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.specs import BLOCK, CELL_SIZE, TILE_SIZE, WALL, MazeSpec
 
-WIDTH = 960.0
+PICTURE_WIDTH = 960.0
 """Width of every picture, points."""
 LEFT, TOP, RIGHT, AXIS = 34.0, 8.0, 14.0, 24.0
 """Room around the maze, points; `AXIS` is that of the numbers below."""
 WALLS, TILES, PAPER = "#3c3c3c", "#ececec", "#ffffff"
 LOADING, DROP = "#e8effb", "#dff3ea"
 LOADING_LINE, DROP_LINE = "#5470a5", "#3f7a68"
+# At 14 points an inch, the largest scale, it is one and a half points: as wide as a line.
+_STANDING = 0.1
+"""A movement that went no farther, inches, cannot be seen."""
 
 
 class MazeFrame:
@@ -35,7 +38,7 @@ class MazeFrame:
     def __init__(self, maze: MazeSpec, *, largest_scale: float = 14.0, tallest: float = 760.0) -> None:
         """`largest_scale` is in points an inch, `tallest` in points."""
         self.maze = maze
-        room = WIDTH - LEFT - RIGHT
+        room = PICTURE_WIDTH - LEFT - RIGHT
         self.scale = min(room / maze.width, tallest / maze.height, largest_scale)
         self.left = LEFT + (room - maze.width * self.scale) / 2
         self.bottom = TOP + maze.height * self.scale
@@ -129,16 +132,13 @@ class MazeFrame:
 _KEY = 44.0
 # Contacts that have a number; crosses mark the others.
 _NUMBERED = 30
-# At the usual scale a point is 0.1 in.
-_SHORTEST = 0.1
-"""Extent of a movement, inches, below which its path is not drawn."""
 
 
 def live_figure(maze: MazeSpec, task: Task | None) -> Figure:
     """The maze of a run that has just begun, for a player."""
     frame = MazeFrame(maze)
     parts = (frame.floor(), frame.zones(task), frame.walls(), frame.live(), frame.axes())
-    return Figure("The maze and the robot", WIDTH, frame.bottom + AXIS, "".join(parts), "maze")
+    return Figure("The maze and the robot", PICTURE_WIDTH, frame.bottom + AXIS, "".join(parts), "maze")
 
 
 def maze_figure(run: RunStatistics) -> Figure:
@@ -156,7 +156,7 @@ class _MazeFigure:
         self.frame = MazeFrame(self.spec.maze)
         self._at = self.frame.at
         # A robot that a wall held for the rest of the run would leave all else in one colour.
-        self.pieces = [piece for piece in run.paths.segments if _extent(piece) >= _SHORTEST]
+        self.pieces = [piece for piece in run.paths.segments if _extent(piece) >= _STANDING]
         self.end = max((piece.end for piece in self.pieces), default=0.0)
 
     def draw(self) -> Figure:
@@ -177,7 +177,7 @@ class _MazeFigure:
             self._key(),
         )
         height = frame.bottom + AXIS + _KEY
-        return Figure("The maze and the path", WIDTH, height, "".join(parts), "maze")
+        return Figure("The maze and the path", PICTURE_WIDTH, height, "".join(parts), "maze")
 
     def _polygon(self, corners: FloatArray, **style: object) -> str:
         placed = svg.points(self._at(x, y) for x, y in corners.tolist())
@@ -194,7 +194,7 @@ class _MazeFigure:
             look = {"fill": "none", "stroke": svg.BLOCK_LINE, "stroke_dasharray": "3 2"}
             corners = Block(begin.x, begin.y, self.spec.block_size, begin.heading).corners()
             drawn = self._polygon(corners, **look)
-        return drawn + self._polygon(end.corners(), fill=svg.BLOCK, stroke=svg.BLOCK_LINE)
+        return drawn + self._polygon(end.corners(), fill=svg.BLOCK_FILL, stroke=svg.BLOCK_LINE)
 
     def _path(self) -> str:
         """The movements, those of one shade together."""
@@ -231,12 +231,12 @@ class _MazeFigure:
         x, y = self._at(pose.x, pose.y)
         footprint = Footprint.of(self.spec.robot)
         tip = self._at(*pose.place(footprint.front, 0.0))
-        style = {"fill": fill, "fill_opacity": 0.75, "stroke": svg.ROBOT, "stroke_width": 1.6}
+        style = {"fill": fill, "fill_opacity": 0.75, "stroke": svg.ROBOT_LINE, "stroke_width": 1.6}
         body = "".join(self._polygon(corners, **style) for corners in footprint.placed(pose))
         if footprint.radius:
             body = svg.element("circle", "", cx=x, cy=y, r=footprint.radius * self.frame.scale, **style)
-        mark = svg.element("line", x1=x, y1=y, x2=tip[0], y2=tip[1], stroke=svg.ROBOT, stroke_width=1.6)
-        return body + mark + _label(x, y + 4.0, word, svg.ROBOT)
+        mark = svg.element("line", x1=x, y1=y, x2=tip[0], y2=tip[1], stroke=svg.ROBOT_LINE, stroke_width=1.6)
+        return body + mark + _label(x, y + 4.0, word, svg.ROBOT_LINE)
 
     def _contacts(self) -> str:
         """A cross at every place touched, the first ones numbered in the order of time. Those of

@@ -6,7 +6,7 @@
 // at which the newest is approached, and the most real seconds that what is shown may be behind it.
 function simmerPlayer(recording, live) {
   const SVG = "http://www.w3.org/2000/svg";
-  const SPEEDS = [0.1, 0.25, 0.5, 1, 2, 4, 8, 16, 32];
+  const PLAYBACK_RATES = [0.1, 0.25, 0.5, 1, 2, 4, 8, 16, 32];
   const FRESH = 1.2; // simulated seconds for which a reading's rays are seen
   const FAR = 18; // inches of a ray that met nothing
   const DIGITS = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/", NO_ECHO = 4095; // of a range in a scan
@@ -16,7 +16,7 @@ function simmerPlayer(recording, live) {
   const maze = document.querySelector(".maze svg"), layer = maze.querySelector(".live");
   const strips = document.querySelector(".strips svg");
   const run = { ...recording, moment: recording.moment === null ? null : recording.moment / 1000 };
-  let now = 0, speed = 1, playing = false, following = Boolean(live), last = 0, lastFollowed = 0, nextTrail = 0, drawnBelief, drawnScans;
+  let now = 0, playbackRate = 1, playing = false, following = Boolean(live), last = 0, lastFollowed = 0, nextTrail = 0, drawnBelief, drawnScans;
   const arrivals = []; // of a run that continues: until when, and since when by the clock of this page
 
   // -- the recording ---------------------------------------------------------------------------
@@ -180,8 +180,8 @@ function simmerPlayer(recording, live) {
     type: "range", min: run.begin, max: run.end, step: 0.01, "aria-label": "time",
     oninput: () => seek(Number(slider.value)),
   });
-  const speeds = element("select", { title: "speed: [ and ]", onchange: () => (speed = Number(speeds.value)) },
-    ...SPEEDS.map((each) => element("option", { value: each }, `${each}×`)));
+  const rates = element("select", { title: "speed: [ and ]", onchange: () => (playbackRate = Number(rates.value)) },
+    ...PLAYBACK_RATES.map((each) => element("option", { value: each }, `${each}×`)));
   const marks = element("div", { class: "marks" }), markSigns = new Map();
   const sensorChips = element("div", { class: "chips" }), chips = new Map();
   const readings = element("details", {}, element("summary", {}, "All readings"), sensorChips);
@@ -191,7 +191,7 @@ function simmerPlayer(recording, live) {
   document.querySelector(".maze").after(
     element("div", { class: "controls" },
       element("div", { class: "timeline" }, marks, slider),
-      element("div", { class: "buttons" }, play, speeds, clock, ...(live ? [goLive] : []), decided, button("◂ event", "N, or shift and n", () => toMark(-1)), button("event ▸", "n", () => toMark(1)),
+      element("div", { class: "buttons" }, play, rates, clock, ...(live ? [goLive] : []), decided, button("◂ event", "N, or shift and n", () => toMark(-1)), button("event ▸", "n", () => toMark(1)),
         ...(live ? [] : [button("whole path", "w", wholeWay)]), button("light / dark", "d", changeTheme))),
     element("div", { class: "now" }, words, happened, readings,
       element("details", { class: "keys" }, element("summary", {}, "Keys and colours"),
@@ -416,7 +416,7 @@ function simmerPlayer(recording, live) {
 
   function tick(time) {
     if (!playing) return;
-    go(now + (speed * Math.max(time - last, 0)) / 1000);
+    go(now + (playbackRate * Math.max(time - last, 0)) / 1000);
     last = time;
     requestAnimationFrame(tick);
   }
@@ -482,8 +482,8 @@ function simmerPlayer(recording, live) {
   }
 
   function faster(step) {
-    speed = SPEEDS[Math.min(Math.max(SPEEDS.indexOf(speed) + step, 0), SPEEDS.length - 1)];
-    speeds.value = speed;
+    playbackRate = PLAYBACK_RATES[Math.min(Math.max(PLAYBACK_RATES.indexOf(playbackRate) + step, 0), PLAYBACK_RATES.length - 1)];
+    rates.value = playbackRate;
   }
 
   function toMark(step, kind) {
@@ -565,7 +565,7 @@ function simmerPlayer(recording, live) {
     c: () => toMark(1, "contact"), C: () => toMark(-1, "contact"), w: wholeWay, d: changeTheme, m: toMoment, l: follow,
   };
   document.addEventListener("keydown", (event) => {
-    if (event.ctrlKey || event.altKey || event.metaKey || event.target === speeds || !KEYS[event.key]) return;
+    if (event.ctrlKey || event.altKey || event.metaKey || event.target === rates || !KEYS[event.key]) return;
     if (event.key === " " && event.target.tagName === "BUTTON" && event.target !== play) return;
     event.preventDefault();
     KEYS[event.key](event);
@@ -580,7 +580,7 @@ function simmerPlayer(recording, live) {
 
   // Older browsers print no more of what is folded than its title.
   addEventListener("beforeprint", () => document.querySelectorAll("details").forEach((each) => (each.open = true)));
-  speeds.value = speed;
+  rates.value = playbackRate;
   page.classList.add("playable");
   furnish();
   slider.value = now;

@@ -156,7 +156,7 @@ def report_of(log: LogReader, *, recorded: bool = True) -> RunStatistics:
 
 
 _PLACE = Format(str, ("_x_in", "_y_in"), tuple)
-COLUMNS = (
+COMMAND_COLUMNS = (
     *map(DataColumn, ("line", "time_s", "elapsed_s", "real_time_s", "number", "source", "command", "status")),
     *map(DataColumn, ("reply", "sensor", "true")),
     *(DataColumn("before", POSE), DataColumn("after", POSE), DataColumn("contact", _PLACE)),
@@ -168,7 +168,7 @@ class CommandTable(EventHandler[None]):
     """A row a command. Infinities and NaN are inf, -inf and nan; values that do not apply are blank."""
 
     def __init__(self, file: TextIO) -> None:
-        self._writer = CsvWriter(file, COLUMNS)
+        self._writer = CsvWriter(file, COMMAND_COLUMNS)
         self._ended: MovementEnded | None = None
         self._accepted: set[int] = set()
         self._unanswered: dict[int, tuple[Logged, float, MovementEnded]] = {}

@@ -22,7 +22,7 @@ from simmer_tui.sim.sensors import CountingSensor, ObservingSensor, Sensor, mode
 from simmer_tui.sim.sensors.base import World
 from simmer_tui.sim.specs import SensorSpec, SimulationSpec
 
-MOST = 4000
+_MOST = 4000
 """Readings of one sensor that are compared, evenly chosen: its interval is then a sixtieth of its noise."""
 # Standard deviations between truth and a limit. Of normal errors one in 1.7 million lies beyond five, so
 # clipping at the limit does not bias the rest.
@@ -131,7 +131,7 @@ def sample_of(
         return _counted(history, rows, sensor, alike)
     if not isinstance(sensor, ObservingSensor):
         return None
-    rows = rows[:: _stride(len(rows), MOST)]
+    rows = rows[:: _stride(len(rows), _MOST)]
     rows = rows[np.isfinite(rows["true"])]
     if spec.is_yes_or_no:
         return _answered(history, rows, sensor, alike)
@@ -235,7 +235,7 @@ def _counted(
     else:
         levels, known = _driven(history, rows) @ sensor.lever, _at_rest(history, times)
     way = _way(sensor, rows)
-    step = _stride(len(rows), MOST)
+    step = _stride(len(rows), _MOST)
     values = sensor.wrapped(np.diff(rows["value"]))
     seconds, counted = np.diff(times), np.diff(levels)
     known = known[1:] & known[:-1]

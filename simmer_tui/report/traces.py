@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from simmer_tui.document import svg
 from simmer_tui.document.model import Figure
-from simmer_tui.report.figure import WIDTH
+from simmer_tui.report.figure import PICTURE_WIDTH
 from simmer_tui.report.run_statistics import RunStatistics
 from simmer_tui.run.run_history import TracePoint
 
@@ -18,7 +18,7 @@ _STRIP, _GAP, _AXIS = 58.0, 16.0, 34.0
 _TRUE, _READ = "#9a9a9a", "#3066e4"
 # Points for the legend, and about the number of times on the axis.
 _TOP, _TICKS = 26.0, 6
-BELIEF = "belief"
+_BELIEF = "belief"
 """Name of the strip of the belief; the others are named by the codes of their sensors."""
 
 
@@ -54,7 +54,7 @@ def traces(run: RunStatistics) -> Figure | None:
     if timed:
         drawn += _contact_lines(run, end, height)
     drawn += _axis(end, height, "s" if timed else "readings")
-    return Figure("Sensors", WIDTH, height + _AXIS, drawn, "strips")
+    return Figure("Sensors", PICTURE_WIDTH, height + _AXIS, drawn, "strips")
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,14 +76,14 @@ def page_clock(run: RunStatistics) -> Clock | None:
     if not strips or run.history.elapsed <= 0.0:
         return None
     names = tuple(strip.of for strip in strips)
-    return Clock(_LEFT, WIDTH - _RIGHT, run.history.elapsed, _TOP, _STRIP + _GAP, names)
+    return Clock(_LEFT, PICTURE_WIDTH - _RIGHT, run.history.elapsed, _TOP, _STRIP + _GAP, names)
 
 
 def _strips(run: RunStatistics, timed: bool) -> list[Strip]:
     strips = []
     if run.totals.belief_trace.items:
         points = tuple([(point.elapsed, point.distance) for point in run.totals.belief_trace.items])
-        strips.append(Strip(BELIEF, "belief error", "in", points, color=svg.BELIEF))
+        strips.append(Strip(_BELIEF, "belief error", "in", points, color=svg.BELIEF))
     for sensor in run.configuration.simulation.sensors:
         record = run.totals.sensors.get(sensor.id)
         if record is None:
@@ -111,12 +111,12 @@ def _draw(strip: Strip, end: float) -> str:
     # A constant line is drawn in the middle, and nothing divides by 0.
     if high - low < 1e-9:
         low, high = low - 1.0, high + 1.0
-    box = {"x": _LEFT, "y": 0.0, "width": WIDTH - _LEFT - _RIGHT, "height": _STRIP}
+    box = {"x": _LEFT, "y": 0.0, "width": PICTURE_WIDTH - _LEFT - _RIGHT, "height": _STRIP}
     frame = svg.element("rect", **box, fill="#fafafa", stroke="#dddddd")
     scale = svg.text(_LEFT - 5, 9, _short(high), 9.5, text_anchor="end", fill=svg.FAINT)
     scale += svg.text(_LEFT - 5, _STRIP, _short(low), 9.5, text_anchor="end", fill=svg.FAINT)
     name = svg.text(4, _STRIP / 2, strip.title, 11.0, font_weight="bold")
-    unit = svg.text(WIDTH - _RIGHT + 5, _STRIP / 2 + 4, strip.unit, 10.0, fill=svg.FAINT)
+    unit = svg.text(PICTURE_WIDTH - _RIGHT + 5, _STRIP / 2 + 4, strip.unit, 10.0, fill=svg.FAINT)
     lines = _line(strip.against, end, low, high, _TRUE, 2.4) if strip.against else ""
     lines += _line(strip.values, end, low, high, strip.color, 1.0, dots=True)
     return frame + scale + name + unit + lines
@@ -169,12 +169,12 @@ def _axis(end: float, height: float, unit: str) -> str:
         x = _across(tick * step, end)
         parts.append(svg.element("line", x1=x, y1=height, x2=x, y2=height + 4, stroke=svg.FAINT))
         parts.append(svg.text(x, height + 16, f"{tick * step:g}", 10.0, text_anchor="middle"))
-    parts.append(svg.text(WIDTH - _RIGHT + 5, height + 16, unit, 10.0))
+    parts.append(svg.text(PICTURE_WIDTH - _RIGHT + 5, height + 16, unit, 10.0))
     return svg.element("g", "".join(parts), fill=svg.FAINT)
 
 
 def _across(x: float, end: float) -> float:
-    return _LEFT + x / end * (WIDTH - _LEFT - _RIGHT)
+    return _LEFT + x / end * (PICTURE_WIDTH - _LEFT - _RIGHT)
 
 
 def _key(contacts: bool) -> str:

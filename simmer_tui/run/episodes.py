@@ -20,7 +20,7 @@ LASTING, LASTING_TURN = CELL_SIZE, 360.0
 FROZEN, FROZEN_WAY, FROZEN_TURN = 3, 4.0, 45.0
 """A belief is frozen if its pose was sent this often while the robot moved this far, inches or degrees."""
 # Poses pass through JSON with all digits; this allows for programs that round them.
-SAME = 0.005
+SAME_POSE = 0.005
 """Poses that differ by less, inches and degrees, are the same."""
 
 
@@ -77,9 +77,9 @@ class _BeliefPoint(Struct, frozen=True):
         """True if both have the same pose."""
         mine, theirs = self.row, other.row
         return (
-            abs(mine.x - theirs.x) < SAME
-            and abs(mine.y - theirs.y) < SAME
-            and abs(mine.heading - theirs.heading) < SAME
+            abs(mine.x - theirs.x) < SAME_POSE
+            and abs(mine.y - theirs.y) < SAME_POSE
+            and abs(mine.heading - theirs.heading) < SAME_POSE
         )
 
 

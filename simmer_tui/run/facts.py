@@ -41,8 +41,8 @@ UNSURE = CELL_SIZE / 4
 WEDGED = 5
 """Contacts in a row after which a robot is wedged,"""
 # Judged: less than any program backs off to get away from a wall.
-WEDGED_WITHIN, WEDGED_TURN = 0.5, 5.0
-"""if none moved it by more than this, inches and degrees."""
+SAME_PLACE, SAME_PLACE_TURN = 0.5, 5.0
+"""if none moved it by more than this, inches and degrees. Contacts within it are listed as one."""
 
 
 # A third of a right angle: more than this, and a corridor may be its neighbour.
@@ -137,7 +137,7 @@ def is_wedged(touched: Sequence[Pose]) -> bool:
 def is_same_place(pose: Pose, other: Pose) -> bool:
     """True if a robot that went from one pose to the other did not get away from the obstacle."""
     distance, turn = displacement(pose, other)
-    return distance <= WEDGED_WITHIN and abs(turn) <= WEDGED_TURN
+    return distance <= SAME_PLACE and abs(turn) <= SAME_PLACE_TURN
 
 
 def displacement(begin: Pose, end: Pose) -> tuple[float, float]:

@@ -31,18 +31,18 @@ from simmer_tui.sim.trajectory import Trajectory
 SEGMENTS = 8000
 """Most movements drawn: a page with more than that takes seconds to show."""
 MOVEMENTS = 3000
-BELIEFS = 2000
+MOST_BELIEFS = 2000
 """Most of each that a player shows."""
 # As many as a player has readings, since each scan is one.
-SCANS = 15_000
+MOST_SCANS = 15_000
 """Most scans, the newest."""
-PARTICLES = 30_000
+PARTICLES_SHOWN = 30_000
 """About the most particles of all beliefs together: each belief has fewer, so that none goes without."""
 CLOUD = 250
 """Most particles of one belief."""
 STRAIGHT = 0.02
 """Inches; a path within this of a straight line is drawn as one: a twentieth of a point."""
-PIECE = 1.0
+_PIECE = 1.0
 """About the length, inches, of the pieces of a path that each count for one cell: judged fine enough for
 cells of 12 in."""
 PathPoint = tuple[float, float]
@@ -105,8 +105,8 @@ class PathRecord:
         self.jumps: First[Jump] = First(LISTED)
         self.start = pose
         self.moves: Newest[MovementPath | Jump] = Newest(MOVEMENTS)
-        self.beliefs: Newest[BeliefCloud] = Newest(BELIEFS)
-        self.scans: Newest[ScanTrace] = Newest(SCANS)
+        self.beliefs: Newest[BeliefCloud] = Newest(MOST_BELIEFS)
+        self.scans: Newest[ScanTrace] = Newest(MOST_SCANS)
         self.one_particle_in = 1
         """So many; more than that find no room."""
         self.under_way: MovementPath | None = None
@@ -189,7 +189,7 @@ class PathRecord:
         self.beliefs.add(BeliefCloud(elapsed, belief, cloud(belief)[:: self.one_particle_in], heat))
         self._particles += len(self.beliefs.items[-1].particles)
         # Half of every belief rather than the oldest beliefs whole: the player shows all moments alike.
-        if self._particles > PARTICLES:
+        if self._particles > PARTICLES_SHOWN:
             self.one_particle_in *= 2
             items = self.beliefs.items
             for place, each in enumerate(items):
@@ -221,15 +221,15 @@ class PathRecord:
         cells, cell_at = self.cells, self._cell
         # All segments but the last have one length, often a part of an inch.
         each = math.dist(points[0], points[1])
-        if 0.0 < each < PIECE:
-            points = [*points[: -1 : int(PIECE / each)], points[-1]]
+        if 0.0 < each < _PIECE:
+            points = [*points[: -1 : int(_PIECE / each)], points[-1]]
         lengths = list(map(math.dist, points, points[1:]))
         total = math.fsum(lengths)
         if total == 0.0:
             cells[cell_at(*points[0])] += seconds
             return
         for (a, b), length in zip(pairwise(points), lengths, strict=True):
-            steps = max(math.ceil(length / PIECE), 1)
+            steps = max(math.ceil(length / _PIECE), 1)
             share = seconds * length / total / steps
             for step in range(steps):
                 fraction = (step + 0.5) / steps

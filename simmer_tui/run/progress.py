@@ -18,7 +18,7 @@ HUNDRED = 100
 LEG = 2.0
 """Seconds of continuous motion that count as one movement."""
 # Judged: a program that uses its sensors does not ask for the same five times in a row.
-ROUNDS, LOOPED, LONGEST = 5, 40, 16
+ROUNDS, LOOPED, _LONGEST = 5, 40, 16
 """Least rounds of a loop, least movements in all of them, and most movements of one round."""
 
 
@@ -91,7 +91,7 @@ def loop_at_end(rows: Columns) -> CommandLoop | None:
     """
     rows = rows[rows["asked"] != 0.0]
     code, asked = rows["code"], rows["asked"]
-    for period in range(1, min(LONGEST, len(rows) // ROUNDS) + 1):
+    for period in range(1, min(_LONGEST, len(rows) // ROUNDS) + 1):
         differs = (code[period:] != code[:-period]) | (asked[period:] != asked[:-period])
         places = np.flatnonzero(differs)
         begin = int(places[-1]) + 1 if len(places) else 0

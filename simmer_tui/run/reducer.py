@@ -309,7 +309,7 @@ class Reducer:
                 self._set_bias(random=bool(arguments[0]))
             case ActionName.PAUSE | ActionName.RESUME:
                 self._now = replace(self._now, paused=name is ActionName.PAUSE)
-            case ActionName.SPEED:
+            case ActionName.TIME_SCALE:
                 self._now = replace(self._now, time_scale=arguments[0])
             case ActionName.TELEPORT:
                 self._place(done.pose)

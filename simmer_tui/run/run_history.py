@@ -34,7 +34,7 @@ from simmer_tui.events import (
     WireMessage,
 )
 from simmer_tui.run.episodes import BeliefEpisodes
-from simmer_tui.run.facts import PRESSED, PRESSED_WAY, WEDGED_WITHIN, Stuck, deviation, displacement
+from simmer_tui.run.facts import PRESSED, PRESSED_WAY, Stuck, deviation, is_same_place
 from simmer_tui.run.history_rows import (
     ActionRow,
     BeliefRow,
@@ -68,7 +68,7 @@ from simmer_tui.sim.specs import Axes, DriveKind
 from simmer_tui.sim.trajectory import Trajectory
 from simmer_tui.sim.velocity_commands import WAIT
 
-KEPT = 200_000
+_KEPT = 200_000
 """Commands of which rows are kept. A minute of the fastest program has 150,000."""
 KEPT_BELIEFS = 15_000
 """Beliefs kept. Programs send one a movement, and a tenth of commands are movements."""
@@ -237,7 +237,7 @@ class RunHistory:
         counters_known: bool = True,
         paths: PathRecord | None = None,
         now: Callable[[], float] | None = None,
-        kept: int = KEPT,
+        kept: int = _KEPT,
         nominal: Callable[[], Nominal | None] = lambda: None,
     ) -> None:
         """Make the history of a run from a checkpoint on.
@@ -683,8 +683,7 @@ class RunHistory:
 
 def _is_again(before: ContactRow, row: ContactRow) -> bool:
     """True if a contact repeats the one before: a robot that keeps pushing is one contact, not hundreds."""
-    # In whatever direction: each push may turn it a little, and hundreds would turn it far.
-    return before.shown == row.shown and displacement(before.pose, row.pose)[0] <= WEDGED_WITHIN
+    return before.shown == row.shown and is_same_place(before.pose, row.pose)
 
 
 def _by_name(rows: Columns, column: str, names: list[str]) -> list[tuple[str, Columns]]:

@@ -12,7 +12,7 @@ from msgspec.structs import astuple, replace
 
 from simmer_tui.errors import RunLogError
 from simmer_tui.events import (
-    LARGEST,
+    LARGEST_NUMBER,
     Action,
     ActionDone,
     Belief,
@@ -414,7 +414,7 @@ class LogDecoder:
         profile = profile_of(drive, distance)
         duration = distance / drive.speed if profile is None else profile.duration
         # Written so that NaN is refused too.
-        if not duration <= LARGEST:
+        if not duration <= LARGEST_NUMBER:
             raise RunLogError(f"{command.shown} takes too long")
         return profile, duration
 

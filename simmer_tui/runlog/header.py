@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import tempfile
 from collections.abc import Iterable, Mapping
+from contextlib import ExitStack
 from datetime import datetime
 from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import Any
@@ -16,7 +17,7 @@ from simmer_tui.config.device_trust import DeviceUse
 from simmer_tui.config.loader import Configuration, Override, load
 from simmer_tui.config.set_devices import DeviceStatus
 from simmer_tui.config.settings import Settings, all_settings
-from simmer_tui.errors import RunLogError
+from simmer_tui.errors import RunLogError, reason_of
 from simmer_tui.run.state import Checkpoint, MissionProgress
 from simmer_tui.runlog.log_records import Count, LoggedPose, Real, RealSeconds, logged_pose
 from simmer_tui.runlog.logged_devices import (
@@ -200,15 +201,22 @@ def rebuild(header: Header, kinds: SensorKinds | None = None) -> Configuration:
     not built in are as the header describes them, unless `kinds` are given; sensors of described kinds cannot
     be read.
 
-    Raises ConfigurationError for mistakes in them, RunLogError for names that are no files of a set.
+    Raises ConfigurationError for mistakes in them, RunLogError for names that are no files of a set
+    and if no temporary file can be written.
     """
     known = recorded_kinds(header.kinds) if kinds is None else kinds
+    for name in header.files:
+        if not _is_plain_name(name):
+            raise RunLogError(f"the header holds {escape(name)!r}, which is no file of a set")
     # As files, so that the ordinary loader finds the same mistakes with the same messages.
-    with tempfile.TemporaryDirectory(prefix="simmer-tui-") as folder:
-        for name, text in header.files.items():
-            if not _is_plain_name(name):
-                raise RunLogError(f"the header holds {escape(name)!r}, which is no file of a set")
-            (Path(folder) / name).write_bytes(text.encode("utf-8", "surrogatepass"))
+    with ExitStack() as stack:
+        try:
+            folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="simmer-tui-"))
+            for name, text in header.files.items():
+                (Path(folder) / name).write_bytes(text.encode("utf-8", "surrogatepass"))
+        except OSError as error:
+            what = "the set of the log cannot be unpacked into a temporary folder"
+            raise RunLogError(f"{what}: {reason_of(error)}") from None
         loaded = load(Path(folder), _overrides(header.settings), known, devices=DeviceUse.GIVEN)
     kinds_of = tuple(kind.name for kind in header.kinds)
     statuses = tuple(

@@ -18,7 +18,7 @@ import msgspec
 
 from simmer_tui.actions import argument_count
 from simmer_tui.belief_grid import GridBelief
-from simmer_tui.events import LARGEST, ActionName, Goal, NoticeKind, Result, VelocityEnd
+from simmer_tui.events import LARGEST_NUMBER, ActionName, Goal, NoticeKind, Result, VelocityEnd
 from simmer_tui.runlog.typed_json import TypedJson
 from simmer_tui.sim.block import Block
 from simmer_tui.sim.command import escape
@@ -34,15 +34,15 @@ NO_REPLY = math.nan
 """Reply of a reading whose scan has it. A reply that is no number is written as `NotFinite`."""
 _HUNDREDTH = 100  # hundredths of an inch or of a degree
 
-Real = Annotated[float, msgspec.Meta(ge=-LARGEST, le=LARGEST)]
+Real = Annotated[float, msgspec.Meta(ge=-LARGEST_NUMBER, le=LARGEST_NUMBER)]
 # Python's calendar ends in the year 9999, at 2.5e11 seconds.
 RealSeconds = Annotated[float, msgspec.Meta(ge=-1e10, le=1e10)]
 """Real time, within the range of calendars."""
 # Beyond 2**53 (9e15) a float no longer holds every whole number; 10**15 stays below that.
 Hundredths = Annotated[int, msgspec.Meta(ge=-(10**15), le=10**15)]
-"""Hundredths of an inch or of a degree, between two places within `LARGEST`."""
+"""Hundredths of an inch or of a degree, between two places within `LARGEST_NUMBER`."""
 Count = Annotated[int, msgspec.Meta(ge=0)]
-# Revolutions of a fast lidar in a time within `LARGEST`; -1 is the one before time 0.
+# Revolutions of a fast lidar in a time within `LARGEST_NUMBER`; -1 is the one before time 0.
 Revolution = Annotated[int, msgspec.Meta(ge=-(10**14), le=10**14)]
 Fraction = Annotated[float, msgspec.Meta(ge=0, le=1)]
 LoggedPoint = tuple[Real, Real]
@@ -229,7 +229,7 @@ class ActionRecord(LogRecord, tag="action", frozen=True, kw_only=True, gc=False)
     n: Count
     action: ActionName
     source: str
-    arguments: tuple[Real, ...]
+    arguments: tuple[int | Real, ...]
     text: str
     pose: LoggedPose
     refused: bool = False
@@ -239,6 +239,9 @@ class ActionRecord(LogRecord, tag="action", frozen=True, kw_only=True, gc=False)
         # A refused action may have been refused for its arguments.
         if not self.refused and len(self.arguments) != count:
             raise ValueError(f"{self.action} takes {count} arguments")
+        # Seeds have more digits than other numbers.
+        if self.action is not ActionName.SEED and any(abs(each) > LARGEST_NUMBER for each in self.arguments):
+            raise ValueError(f"an argument of {self.action} is beyond {LARGEST_NUMBER:g}")
 
 
 class BeliefRecord(LogRecord, tag="belief", frozen=True, kw_only=True, gc=False):

@@ -104,7 +104,7 @@ class InOrder:
     def take(self, line: int, record: AnyRecord) -> Iterator[tuple[int, AnyRecord]]:
         """Take a record. Gives those that no later record can precede."""
         if isinstance(record, ActionRecord) and not record.refused:
-            if record.action is ActionName.SPEED:
+            if record.action is ActionName.TIME_SCALE:
                 self._scale = max(self._scale, *record.arguments)
             if record.action.restarts:
                 yield from self.rest()  # the restart comes after all records of the run before

@@ -25,7 +25,7 @@ BEFORE = 10
 """Runs saved beside the present one."""
 MEGABYTE = 1024 * 1024
 # At 145 bytes a command, 64 MB are 460,000 commands: four hours at 30 commands a second.
-LARGEST = 64 * MEGABYTE
+LARGEST_RUN = 64 * MEGABYTE
 """Size limit of one run, bytes; later events are not saved."""
 ALL_TOGETHER = 256 * MEGABYTE
 """Size limit of all runs together, bytes."""
@@ -64,7 +64,7 @@ def make_room(folder: Path) -> None:
     # Only for the user: a run holds a program's output.
     folder.mkdir(parents=True, exist_ok=True, mode=0o700)
     # The present run may grow to this.
-    total = LARGEST
+    total = LARGEST_RUN
     for number, path in enumerate(reversed(_runs(folder)), 1):
         with contextlib.suppress(OSError):  # another app deleted it, or writes it (Windows)
             total += path.stat().st_size
@@ -172,8 +172,8 @@ class _BackgroundFile:
         """Queue bytes. Raises OSError if the disk failed before, or if a size limit is reached."""
         if self._error is not None:
             raise self._error
-        if self._given + len(data) > LARGEST:
-            raise OSError(f"it has reached {LARGEST // MEGABYTE} MB, the most that is saved of a run")
+        if self._given + len(data) > LARGEST_RUN:
+            raise OSError(f"it has reached {LARGEST_RUN // MEGABYTE} MB, the most that is saved of a run")
         # Memory must not grow with a disk that hangs.
         if self._given - self._written > UNWRITTEN:
             raise OSError("the disk is too slow")

@@ -31,13 +31,21 @@ class CsvColumn(Value, frozen=True, kw_only=True):
 
 # Other brackets of a header, as in `Percent Error (0-1)` and `Drift (per s)`, hold no unit of the value.
 _UNIT = re.compile(r"\((in|deg|s|Hz|deg/sqrt s)\)$")
+# Headers have their unit in brackets, which no option is typed with.
+_BRACKETS = re.compile(r"\(.*?\)")
+_BETWEEN = re.compile(r"[^a-z0-9]+")
+
+
+def column_name(header: str) -> str:
+    """A header as it is written in dotted names, profiles and keys: `Percent Error (0-1)` is
+    `percent_error`."""
+    return _BETWEEN.sub("_", _BRACKETS.sub("", header).strip().lower())
 
 
 def _column(header: str, rule: Rule[Any], course: CourseRule, help_text: str, **others: Any) -> CsvColumn:
     """A column whose unit is in its header, and so is the field unless it is given."""
     found = _UNIT.search(header)
-    field = header.partition(" (")[0].lower().replace(" ", "_").replace("-", "_")
-    usual: dict[str, Any] = {"name": header, "field": field, "course": course}
+    usual: dict[str, Any] = {"name": header, "field": column_name(header), "course": course}
     if found:
         usual["unit"] = found[1]
     return CsvColumn(rule, help_text, **(usual | others))

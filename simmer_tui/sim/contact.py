@@ -16,7 +16,7 @@ from msgspec import Struct
 from simmer_tui.sim.arrays import BoolArray, FloatArray, NDArray
 from simmer_tui.sim.footprint import Edges, Footprint
 from simmer_tui.sim.obstacles import Obstacles
-from simmer_tui.sim.path import START, Path, PathPosition, distances
+from simmer_tui.sim.path import PATH_START, Path, PathPosition, distances
 from simmer_tui.sim.pose import Pose
 
 TOUCHING = 1e-9
@@ -44,7 +44,7 @@ class FirstContact(Struct, frozen=True):
 
 
 def first_contact(
-    footprint: Footprint, obstacles: Obstacles, path: Path, size: float, after: PathPosition = START
+    footprint: Footprint, obstacles: Obstacles, path: Path, size: float, after: PathPosition = PATH_START
 ) -> FirstContact | None:
     """The first place of `path`, not before `after`, beyond which the robot would overlap an
     obstacle, or None.

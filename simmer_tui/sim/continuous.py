@@ -319,7 +319,8 @@ class ContinuousMotion:
             wall.dropped = True
             if not self._noise:
                 # Without noise no stretch ends: errors stay dropped for the length of one stretch.
-                lengths = (self._errors.length(part.drive.kind) / part.pace for part in self._parts)
+                errors, parts = self._errors, self._parts
+                lengths = (errors.length(each.drive.kind) / each.commanded_speed for each in parts)
                 wall.dropped_until = here.time + min(lengths, default=self._period)
         contact = self._contact(here.time, here.pose, met, here)
         if contact is not None:

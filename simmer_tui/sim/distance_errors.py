@@ -42,11 +42,11 @@ AXIS_KINDS = (
 
 class Component(Struct, frozen=True):
     """One kind of movement within a twist: its row, and its signed speed with Gain, in/s or deg/s. Its
-    distance grows by `pace`, the absolute commanded speed."""
+    distance grows by `commanded_speed`, which has no sign."""
 
     drive: DriveSpec
     speed: float
-    pace: float
+    commanded_speed: float
 
 
 def components(twist: Twist, drives: Mapping[DriveKind, DriveSpec]) -> tuple[Component, ...]:
@@ -118,7 +118,7 @@ class DistanceErrors:
     def left(self, part: Component) -> float:
         """Seconds until the present stretch of a kind of movement ends."""
         stretch = self._stretches[part.drive.kind]
-        return (self.length(part.drive.kind) - stretch.driven) / part.pace
+        return (self.length(part.drive.kind) - stretch.driven) / part.commanded_speed
 
     def advance(self, parts: Iterable[Component], seconds: float, ended: Iterable[DriveKind]) -> None:
         """Count some seconds of driving, exactly to the end of the stretches of the kinds `ended`."""
@@ -129,7 +129,7 @@ class DistanceErrors:
             if part.drive.kind in over:
                 stretch.driven, stretch.drawn = 0.0, False
             else:
-                stretch.driven += part.pace * seconds
+                stretch.driven += part.commanded_speed * seconds
 
     def rates(self, kind: DriveKind) -> tuple[float, float, float]:
         """The error rates c r of the present stretch of a kind of movement: x, y and turning."""

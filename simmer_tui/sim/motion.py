@@ -15,7 +15,7 @@ from simmer_tui.sim.footprint import Footprint
 from simmer_tui.sim.maze import Maze
 from simmer_tui.sim.noise import DRIVE_STREAM
 from simmer_tui.sim.obstacles import Obstacles
-from simmer_tui.sim.path import START, Contact, Path, PathPosition
+from simmer_tui.sim.path import PATH_START, Contact, Path, PathPosition
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.sensors import CountingSensor
 from simmer_tui.sim.specs import Axes, ContactRule, DriveKind, DriveSpec
@@ -39,7 +39,7 @@ class CollisionChecker(Struct, frozen=True):
         searched."""
         return math.hypot(self.maze.width, self.maze.height)
 
-    def first(self, path: Path, after: PathPosition = START) -> FirstContact | None:
+    def first(self, path: Path, after: PathPosition = PATH_START) -> FirstContact | None:
         """The first contact of a path after a place on it."""
         return first_contact(self.footprint, self.obstacles, path, self.size, after)
 
@@ -129,7 +129,7 @@ class Planner:
         )
 
     def _kept_clear(
-        self, path: Path, stop: PathPosition, checker: CollisionChecker, after: PathPosition = START
+        self, path: Path, stop: PathPosition, checker: CollisionChecker, after: PathPosition = PATH_START
     ) -> PathPosition:
         """The place where a robot stops that would touch an obstacle at `stop`."""
         if not self._clearance:
@@ -141,7 +141,7 @@ class Planner:
         trajectory: Trajectory,
         met: FirstContact | None,
         checker: CollisionChecker,
-        after: PathPosition = START,
+        after: PathPosition = PATH_START,
     ) -> Trajectory:
         """The movement, ended or changed by the first contact on its path if there is one. The path before
         `after` is not searched."""

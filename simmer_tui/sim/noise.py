@@ -9,8 +9,13 @@ from functools import cached_property
 
 import numpy as np
 
+from simmer_tui.sim.rules import IntegerRule
 from simmer_tui.sim.specs import Axes, DriveKind, SimulationSpec
 
+SEED_BITS = 128
+"""Bits of the longest seed: a program that reads a sensor twice could find a shorter one by trying all."""
+SEEDS = IntegerRule(0, 2**SEED_BITS - 1, f"a whole number from 0 to 2^{SEED_BITS} - 1")
+"""The seeds that an option, an order, a file or a log may have."""
 BIAS_STREAM = "bias"
 DRIVE_STREAM = "drive"
 

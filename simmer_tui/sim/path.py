@@ -22,7 +22,7 @@ class PathPosition(Struct, frozen=True, order=True):
     translated: float
 
 
-START = PathPosition(0, 0.0, 0.0)
+PATH_START = PathPosition(0, 0.0, 0.0)
 
 
 class _LazyPlaces(Sequence[tuple[float, float]]):
@@ -153,7 +153,7 @@ class Path(Struct, frozen=True, dict=True):
         return ahead, aside
 
     def before(
-        self, stop: PathPosition, distance: float, reach: float, after: PathPosition = START
+        self, stop: PathPosition, distance: float, reach: float, after: PathPosition = PATH_START
     ) -> PathPosition:
         """The place on the path a distance before another, but not before `after`.
 

@@ -15,7 +15,7 @@ from msgspec import Struct
 
 from simmer_tui.sim.command import NUMBER, escape_word
 
-T = TypeVar("T")
+_T = TypeVar("_T")
 
 # At most 30 digits: Python refuses to convert texts of more than 4,300, and no value here needs as many.
 WHOLE_NUMBER = re.compile(r"[+-]?[0-9]{1,30}")
@@ -63,7 +63,7 @@ def describe(value: object) -> str:
     return escape_word(str(value))
 
 
-class Rule(Struct, Generic[T], frozen=True):
+class Rule(Struct, Generic[_T], frozen=True):
     """The interface of every rule; T is the type of the values it gives."""
 
     @property
@@ -81,11 +81,11 @@ class Rule(Struct, Generic[T], frozen=True):
         """The allowed values of a TOML key, as a JSON schema (draft 7)."""
         raise NotImplementedError
 
-    def check(self, value: object) -> T:
+    def check(self, value: object) -> _T:
         """The value itself. Raises ValueError if it is not allowed."""
         return self._taken(value, value)
 
-    def from_text(self, text: str) -> T:
+    def from_text(self, text: str) -> _T:
         """The value of a cell or an option. Raises ValueError if it is not allowed."""
         return self._taken(self._parsed(text), text)
 
@@ -102,11 +102,11 @@ class Rule(Struct, Generic[T], frozen=True):
         plain = self.plain(value)
         return f"{plain:g}" if isinstance(plain, int | float) else str(plain)
 
-    def _taken(self, value: object, given: object) -> T:
+    def _taken(self, value: object, given: object) -> _T:
         taken = self._accepted(value)
         if taken is _REFUSED:
             raise ValueError(self.refusal(given))
-        accepted: T = taken
+        accepted: _T = taken
         return accepted
 
     def _parsed(self, text: str) -> object:

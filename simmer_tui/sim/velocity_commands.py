@@ -28,7 +28,7 @@ LARGEST_SPEED = 1e6
 """Greatest speed one command may ask for, in/s or deg/s."""
 _BETWEEN = re.compile("[;,]")
 # An hour: longer than any mission. A longer wait was most likely meant in milliseconds.
-LONGEST_WAIT = 3600.0
+_LONGEST_WAIT = 3600.0
 """Longest wait of one command, seconds."""
 
 
@@ -48,9 +48,9 @@ def parse_wait(argument: str | None) -> float | str:
     value = parse_value(argument, f"{WAIT}-1")
     if isinstance(value, str):
         return value
-    if 0.0 <= value <= LONGEST_WAIT:
+    if 0.0 <= value <= _LONGEST_WAIT:
         return value
-    return f"{WAIT}-{value:g}: a wait has 0 to {LONGEST_WAIT:g} seconds"
+    return f"{WAIT}-{value:g}: a wait has 0 to {_LONGEST_WAIT:g} seconds"
 
 
 class VelocityControl:
@@ -116,7 +116,7 @@ class VelocityControl:
 
     def _share(self, twist: Twist) -> float:
         """The share of a twist at which no component is faster than its row's Speed, at most 1."""
-        over = [part.pace / part.drive.speed for part in components(twist, self._drives)]
+        over = [part.commanded_speed / part.drive.speed for part in components(twist, self._drives)]
         most = max(over, default=0.0)
         return 1.0 / most if most > 1.0 else 1.0
 

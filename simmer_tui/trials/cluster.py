@@ -26,13 +26,14 @@ from simmer_tui.sim.command import escape_passage, shown_path
 from simmer_tui.trials.run import TrialRun, fault_result
 from simmer_tui.trials.trial import Trial, TrialResult
 from simmer_tui.version import requirement
+from simmer_tui.whole_file import write_whole
 
 if TYPE_CHECKING:
     from distributed import Client, Future
 
 # Each worker receives all files before its first run: programs have kilobytes, an environment hundreds of
 # megabytes.
-MOST_BYTES, MOST_FILES = 8_000_000, 2000
+MOST_PROGRAM_BYTES, MOST_PROGRAM_FILES = 8_000_000, 2000
 _ELSEWHERE = "elsewhere"
 """Folder of files from outside the working directory."""
 _PYTHON = "python"
@@ -157,11 +158,12 @@ def _add(files: dict[str, PackedFile], name: str, path: Path) -> None:
     try:
         if not path.is_file():  # a socket, a pipe, a broken link
             return
-        left = MOST_BYTES - sum(len(file.data) for file in files.values())
-        if path.stat().st_size > left or len(files) >= MOST_FILES:
+        left = MOST_PROGRAM_BYTES - sum(len(file.data) for file in files.values())
+        if path.stat().st_size > left or len(files) >= MOST_PROGRAM_FILES:
             raise TrialsError(
-                f"--run: {shown} is one file too many: at most {MOST_FILES} files, together "
-                f"{MOST_BYTES / 1e6:g} MB go to the cluster's workers; put the program in a folder of its own"
+                f"--run: {shown} is one file too many: at most {MOST_PROGRAM_FILES} files, together "
+                f"{MOST_PROGRAM_BYTES / 1e6:g} MB go to the cluster's workers; "
+                "put the program in a folder of its own"
             )
         files[name] = PackedFile(path.read_bytes(), os.access(path, os.X_OK))
     except OSError as error:
@@ -240,7 +242,7 @@ def results_of(
             else:
                 result, files = _fetched(future)
                 for name, data in files.items():
-                    (folder / name).write_bytes(data)
+                    write_whole(folder / name, data)
                 future.release()
                 yield result
             for following in islice(waiting, 1):

@@ -29,8 +29,8 @@ from simmer_tui.trials.store import RunStore, StoreKind, unbroken
 from simmer_tui.trials.sweep import SweepPoint, check_effects, files_at, settings_at, shown_point
 from simmer_tui.trials.trial import RANDOM, Trial, TrialResult, maze_faults, maze_of, run_seed, with_maze
 
-PLAN, SET, MAZES, RUNS, POINTS, WHY = "trials.json", "set", "mazes", "runs", "points", "why"
-TABLE, PAGE = "trials.csv", "report.html"
+PLAN, _SET, MAZES, RUNS, POINTS, WHY = "trials.json", "set", "mazes", "runs", "points", "why"
+TABLE, REPORT_PAGE = "trials.csv", "report.html"
 
 
 class TrialPlan(Struct, frozen=True, kw_only=True):
@@ -67,7 +67,7 @@ class TrialPlan(Struct, frozen=True, kw_only=True):
 KIND = StoreKind(
     noun="trials",
     plan_file=PLAN,
-    folders=(SET, MAZES, RUNS, POINTS),
+    folders=(_SET, MAZES, RUNS, POINTS),
     format=1,
     plan=TrialPlan,
     line=TrialResult,
@@ -83,7 +83,7 @@ class TrialFolder:
         self.path = path
         self.plan = plan
         self.store = RunStore(path, KIND)
-        self.configuration = _load(path / SET, plan, {}, devices)
+        self.configuration = _load(path / _SET, plan, {}, devices)
         self._configurations = [
             _load_point(path, plan, index, self.configuration, devices) for index in range(len(plan.points))
         ]
@@ -100,11 +100,11 @@ class TrialFolder:
         store = RunStore(path, KIND)
         with store.made():
             (path / RUNS).mkdir()
-            store.write_files(SET, files)
+            store.write_files(_SET, files)
             if mazes:
                 store.write_files(MAZES, {name: maze_text(maze) for name, maze in mazes.items()})
             for index, point in enumerate(plan.points):
-                if changed := files_at(point, path / SET):
+                if changed := files_at(point, path / _SET):
                     store.write_files(_point_folder(index), {**files, **changed})
             folder = cls(path, plan)
             folder._check_mazes()
@@ -220,7 +220,7 @@ def _load_point(
     point, own = plan.points[index], path / _point_folder(index)
     values = settings_at(point, base)
     try:
-        return _load(own if own.is_dir() else path / SET, plan, values, devices)
+        return _load(own if own.is_dir() else path / _SET, plan, values, devices)
     except ConfigurationError as error:
         where = f"--vary {shown_point(point)}"
         raise ConfigurationError([Problem(where, str(each)) for each in error.problems]) from None

@@ -11,6 +11,9 @@ import numpy as np
 
 from simmer_tui.report.robust_fit import Z_95
 
+# The usual level: it and an interval of 95 % in the same table say the same.
+SIGNIFICANCE = 0.05
+"""Below this p-value a difference is significant: the probability to name one where there is none."""
 # From the tables of Abramowitz and Stegun, 26.10, where the expansion below has less than 5 digits.
 _STUDENT = (4.30265, 3.18245, 2.77645, 2.57058, 2.44691, 2.36462, 2.30600, 2.26216, 2.22814)
 """97.5 % quantiles of Student's t distribution with 2 to 10 degrees of freedom."""
@@ -20,9 +23,6 @@ _ROUNDING = 1e-12
 RESAMPLES = 10_000
 _MOST_BINS = 20
 """Judged: a bar of a picture of the page's width then has room for its count."""
-# The usual level; with the interval of 95 % in the same table, both say the same.
-SIGNIFICANCE = 0.05
-"""Below this p-value a difference counts as significant."""
 _BOOTSTRAP_SEED = 0
 """Fixed, so that the same runs always give the same interval."""
 

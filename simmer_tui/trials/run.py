@@ -34,8 +34,9 @@ from simmer_tui.server import Server
 from simmer_tui.sim.command import escape, escape_passage
 from simmer_tui.sim.simulator import Simulator
 from simmer_tui.trials.trial import REAL, Ending, Trial, TrialResult, prepare, run_clock, with_clock
+from simmer_tui.whole_file import write_whole
 
-LOG, PACKED_LOG, OUTPUT, MAZE = ".jsonl", ".jsonl.gz", ".txt", ".maze.csv"
+LOG, PACKED_LOG, OUTPUT, _MAZE = ".jsonl", ".jsonl.gz", ".txt", ".maze.csv"
 """Name endings of a run's log, of its program's output and of a maze of its own."""
 # 2 MB of output at most in memory and on the disk: a program in a loop prints gigabytes.
 _LINES, _LINE_LENGTH = 2000, 1000
@@ -103,7 +104,7 @@ class TrialRun:
         self._new_sandbox = sandbox or (lambda: Unconfined(start, keeper))
         self._log = folder / f"{trial.name}{LOG if sandbox is None else PACKED_LOG}"
         self._output_file = folder / f"{trial.name}{OUTPUT}"
-        self._maze_file = folder / f"{trial.name}{MAZE}"
+        self._maze_file = folder / f"{trial.name}{_MAZE}"
         self._happened: queue.SimpleQueue[_What | int] = queue.SimpleQueue()
 
     def interrupt(self) -> None:
@@ -174,7 +175,7 @@ class TrialRun:
         """Write the program's output to its file; returns its last lines."""
         lines = list(self._output)
         if lines:
-            self._output_file.write_text("".join(f"{line}\n" for line in lines), "utf-8", newline="\n")
+            write_whole(self._output_file, "".join(f"{line}\n" for line in lines))
         # The output of a program that was killed depends on timing.
         if end.exit_code is None and end.ending is not Ending.REAL_TIME_LIMIT:
             return ""
@@ -192,7 +193,7 @@ class TrialRun:
         if "PYTHONHASHSEED" not in os.environ:  # else sets of text have another order in every process
             given["PYTHONHASHSEED"] = "0"
         if self._trial.maze:  # the set's own maze is one that a program may know
-            self._maze_file.write_text(configuration.files[maze_csv.FILE], "utf-8", newline="\n")
+            write_whole(self._maze_file, configuration.files[maze_csv.FILE])
             given[variables.MAZE] = str(self._maze_file.resolve())
         output = ProgramOutput(lambda: server.engine.present)
         try:

@@ -27,8 +27,8 @@ REQUIRED_RATE, MARGIN, RISK = 0.9, 0.15, 0.05
 decision."""
 # The distribution of a walk of n runs takes n^2 steps, and no course has time for more runs.
 LARGEST_CAP = 5000
-RATE = NumberRule(0, 1, low_open=True)
-CAP = IntegerRule(1, LARGEST_CAP)
+RATE_RULE = NumberRule(0, 1, low_open=True)
+CAP_RULE = IntegerRule(1, LARGEST_CAP)
 """A success rate, and a cap of runs, as an option and as a key of course.toml."""
 # Where the ratio meets a bound exactly, the rounding of logarithms must not decide.
 _ROUNDING = 1e-9
@@ -145,7 +145,7 @@ class SequentialTest:
 
 
 # Judged: far finer than any number of runs can distinguish; below it the bounds overflow.
-LEAST = 1e-9
+_LEAST = 1e-9
 """Least margin and error of a test."""
 
 
@@ -158,7 +158,9 @@ def sequential_test(
 
     Raises TrialsError if there is no such test.
     """
-    if not (LEAST <= margin < rate <= 1 and LEAST <= risk < 0.5 and (cap is None or 0 < cap <= LARGEST_CAP)):
+    if not (
+        _LEAST <= margin < rate <= 1 and _LEAST <= risk < 0.5 and (cap is None or 0 < cap <= LARGEST_CAP)
+    ):
         raise TrialsError(
             f"no test tells a success rate of {rate:g} from one lower by {margin:g} with errors of {risk:g}: "
             f"the rate must be above the margin (--margin) and at most 1, a cap of runs at most {LARGEST_CAP}"
@@ -174,17 +176,14 @@ def sequential_test(
     for runs in range(1, (cap or LARGEST_CAP) + 1):
         walks = np.pad(walks * (1 - rates), ((0, 0), (0, 1))) + np.pad(walks * rates, ((0, 0), (1, 0)))
         failing, passing = _bounds(runs, bound, up, down)
-        whole = np.cumsum(walks[:, ::-1], axis=1)[:, ::-1]  # the same of at least 0, 1, ... successes
-        wrong = np.maximum(
-            false_pass + np.append(whole[0], 0.0), false_fail + whole[1, 0] - np.append(whole[1], 0.0)
-        )
-        least = max(failing + 1, 0)
-        cut = least + int(np.argmin(wrong[least : min(passing, runs + 1) + 1]))
+        # Both errors if the test ended here, and 0, 1, ... successes, or one more than all, were needed.
+        beyond = np.pad(np.cumsum(walks[:, ::-1], axis=1)[:, ::-1], ((0, 0), (0, 1)))
+        passed, failed = false_pass + beyond[0], false_fail + (beyond[1, 0] - beyond[1])
+        wrong = np.maximum(passed, failed)
+        cut = failing + 1 + int(np.argmin(wrong[failing + 1 : passing + 1]))
         if runs == cap or (cap is None and wrong[cut] <= risk):
-            false_pass += float(np.append(whole[0], 0.0)[cut])
-            false_fail += float(whole[1, 0] - np.append(whole[1], 0.0)[cut])
             ends = ((*fail_at, cut - 1), (*pass_at, cut))
-            return SequentialTest(rate, margin, risk, runs, *ends, false_pass, false_fail)
+            return SequentialTest(rate, margin, risk, runs, *ends, float(passed[cut]), float(failed[cut]))
         false_pass += float(walks[0, passing:].sum())
         false_fail += float(walks[1, : failing + 1].sum())
         walks[:, passing:] = 0.0

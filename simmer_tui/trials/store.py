@@ -31,10 +31,9 @@ from simmer_tui.errors import SimmerError, reason_of
 from simmer_tui.runlog.typed_json import TypedJson
 from simmer_tui.sim.command import escape_passage, shown_path
 from simmer_tui.version import __version__
+from simmer_tui.whole_file import PARTIAL, write_whole
 
 RESULTS = "results.jsonl"
-PARTIAL = ".part"
-"""The end of the name of a file that is being written."""
 
 Plan = TypeVar("Plan")
 Line = TypeVar("Line", bound=msgspec.Struct)
@@ -94,6 +93,7 @@ class RunStore(Generic[Plan, Line]):
             except BaseException:
                 self._clear()
                 raise
+            self._unfinished.unlink()
 
     def write_plan(self, plan: Plan) -> None:
         """Write the plan, with the version of this package."""
@@ -159,11 +159,7 @@ class RunStore(Generic[Plan, Line]):
         path = self.path / name
         with self.reported("written"):
             path.parent.mkdir(parents=True, exist_ok=True)
-            partial = path.with_name(f"{path.name}{PARTIAL}")
-            partial.write_text(text, "utf-8", newline="\n")
-            if self._kind.private and name == self._kind.plan_file:
-                partial.chmod(0o600)
-            partial.replace(path)
+            write_whole(path, text, 0o600 if self._kind.private and name == self._kind.plan_file else 0o666)
         return path
 
     def write_files(self, folder: str, files: Mapping[str, str]) -> None:
@@ -171,7 +167,7 @@ class RunStore(Generic[Plan, Line]):
         (self.path / folder).mkdir(parents=True, exist_ok=True)
         for name, text in files.items():
             (self.path / folder / name).parent.mkdir(exist_ok=True)
-            (self.path / folder / name).write_bytes(text.encode())
+            write_whole(self.path / folder / name, text)
 
     @contextlib.contextmanager
     def locked(self) -> Iterator[None]:
@@ -200,7 +196,7 @@ class RunStore(Generic[Plan, Line]):
 
     @property
     def _unfinished(self) -> Path:
-        """A file that is there from the beginning of `made` to the first plan."""
+        """A file that is there during `made`."""
         return self.path / f"{self._kind.plan_file}{PARTIAL}"
 
     def _check_free(self) -> None:
@@ -216,7 +212,8 @@ class RunStore(Generic[Plan, Line]):
         """Remove only the files of `made`."""
         for name in self._kind.folders:
             shutil.rmtree(self.path / name, ignore_errors=True)
-        self._unfinished.unlink(missing_ok=True)
+        for path in self.path.glob(f"*{PARTIAL}"):  # the mark, and what was being written
+            path.unlink(missing_ok=True)
 
 
 def unbroken(results: Mapping[int, _Result]) -> list[_Result]:

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import contextlib
 import math
-import re
 from collections.abc import Mapping, Sequence
 from itertools import dropwhile
 from pathlib import Path
@@ -22,6 +21,7 @@ from simmer_tui.config.loader import Configuration
 from simmer_tui.config.settings import Settings, all_settings, value_of
 from simmer_tui.document.formats import Format
 from simmer_tui.errors import ConfigurationError, Problem
+from simmer_tui.sim.columns import column_name
 from simmer_tui.sim.command import escape, escape_word
 from simmer_tui.sim.rules import PairRule, did_you_mean
 from simmer_tui.sim.specs import SimulationSpec
@@ -34,9 +34,6 @@ _TABLES = {
 }
 """The headers that a file may have."""
 _FROM_ELSEWHERE = ("seed", "randerror", "sim")
-# Headers have their unit in brackets, which no option is typed with.
-_UNIT = re.compile(r"\(.*?\)")
-_BETWEEN = re.compile(r"[^a-z0-9]+")
 
 
 def points_of(varied: Sequence[str]) -> tuple[SweepPoint, ...]:
@@ -134,11 +131,6 @@ def _change(
         return
     what = "is neither a setting nor a column of a sensor or drive, such as u1.percent_error"
     problems.append(Problem(where, what + did_you_mean(name, others)))
-
-
-def column_name(header: str) -> str:
-    """A header as it is written in a dotted name: `Percent Error (0-1)` is `percent_error`."""
-    return _BETWEEN.sub("_", _UNIT.sub("", header).strip().lower())
 
 
 def _row(head: CsvRow, rows: Sequence[CsvRow], owner: str) -> CsvRow | None:

@@ -43,7 +43,7 @@ from simmer_tui.trials.sequential import SequentialTest
 from simmer_tui.trials.sweep import SWEPT
 from simmer_tui.trials.trial import RANDOM, Ending, TrialResult, clock_sentences, clocks_text
 
-LISTED = 20
+_LISTED = 20
 """Most failed runs listed; all of them are in trials.csv."""
 # Slowest successful runs listed.
 SLOWEST = 5
@@ -317,8 +317,8 @@ def _slowest(folder: TrialFolder, results: list[TrialResult]) -> DataTable:
 
 def _failures(folder: TrialFolder, results: list[TrialResult]) -> DataTable:
     failed = [result for result in results if not result.success]
-    rows = [_listed(folder, result, failure_text(result)) for result in failed[:LISTED]]
-    more = len(failed) - LISTED
+    rows = [_listed(folder, result, failure_text(result)) for result in failed[:_LISTED]]
+    more = len(failed) - _LISTED
     return FAILED_RUNS.filled(rows, f"and {more} more, in {TABLE}" if more > 0 else "")
 
 

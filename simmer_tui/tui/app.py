@@ -50,6 +50,7 @@ from simmer_tui.tui.shell import Shell, put
 from simmer_tui.tui.sizes import BRIEF_ANSWER, Box
 from simmer_tui.tui.terminal import TerminalChoice
 from simmer_tui.tui.textual_internals import age_of, rows_of
+from simmer_tui.whole_file import write_whole
 
 _PROMPT = 5
 """Columns by which typed text is longer than the reply beside it, on a small screen."""
@@ -310,7 +311,7 @@ class SimmerApp(Shell):
     def _write(self, name: str, text: str, what: str) -> None:
         file = Path(name).expanduser()
         try:
-            file.write_text(text, encoding="utf-8")
+            write_whole(file, text)
         except (OSError, ValueError) as error:  # ValueError: a name with a zero byte
             self._console.show_error(f"{escape(name)}: {escape(reason_of(error))}")
         else:

@@ -19,6 +19,7 @@ from simmer_tui.sim.command import escape_word
 from simmer_tui.sim.specs import SimulationSpec
 from simmer_tui.tui.key_table import AGAIN_KEY, IN_CONSOLE, bindings_of
 from simmer_tui.tui.line_panel import LinePanel, StyledLine
+from simmer_tui.whole_file import write_whole
 
 # A file of a few KB, which is written again with every line.
 KEPT = 500
@@ -67,7 +68,7 @@ class History:
             return
         try:
             self._file.parent.mkdir(parents=True, exist_ok=True)
-            self._file.write_text("".join(f"{line}\n" for line in self._lines), encoding="utf-8")
+            write_whole(self._file, "".join(f"{line}\n" for line in self._lines))
         except OSError:
             self._file = None
 

@@ -104,7 +104,8 @@ def _jumps(key: str, kind: str, meaning: str, hint: str) -> KeyGroup:
 IN_REPLAY = (
     KeyGroup("space", "play, pause", {"space": "play"}, (("space", "play"),)),
     KeyGroup("[ and ]", "slower, faster (0.25x to 16x)",
-             {"left_square_bracket": "speed(-1)", "right_square_bracket": "speed(1)"}, (("[ ]", "speed"),)),
+             {"left_square_bracket": "playback_rate(-1)", "right_square_bracket": "playback_rate(1)"},
+             (("[ ]", "speed"),)),
     KeyGroup("left, right", "a second back, on; ten with Shift",
              {"left": "seek(-1)", "right": "seek(1)", "shift+left": "seek(-10)", "shift+right": "seek(10)"},
              (("Left Right", "1 s"),), late=True),

@@ -18,7 +18,7 @@ from simmer_tui.tui.maze.glyphs import signs_for
 from simmer_tui.tui.terminal import ColorDepth, GlyphMode
 
 # Twice as high as wide, as in most terminals, and divisible by the 2 x 4 dots of braille.
-WIDTH, HEIGHT = 10, 20
+_WIDTH, HEIGHT = 10, 20
 """Size of a cell."""
 # Leaves a quarter of the cell for descenders.
 _BASELINE = 15
@@ -59,10 +59,12 @@ class _Page:
         ink, paper = self._color(style, True), self._color(style, False)
         if style.reverse:
             ink, paper = paper, ink
-        self.areas[paper].append(_area(column * WIDTH, row * HEIGHT, cell_len(segment.text) * WIDTH, HEIGHT))
+        self.areas[paper].append(
+            _area(column * _WIDTH, row * HEIGHT, cell_len(segment.text) * _WIDTH, HEIGHT)
+        )
         texts = self.letters[ink, bool(style.bold)]
         word, begin = "", 0
-        x = column * WIDTH
+        x = column * _WIDTH
         for character in f"{segment.text} ":
             if character == " " or self._draw(character, x, row * HEIGHT, ink):
                 if word:
@@ -71,17 +73,17 @@ class _Page:
             else:
                 begin = begin if word else x
                 word += character
-            x += WIDTH * cell_len(character)
+            x += _WIDTH * cell_len(character)
 
     def _draw(self, character: str, x: int, y: int, ink: str) -> bool:
         """Draw a character as shapes, if possible. Returns True if it was."""
         code = ord(character)
         if 0x2581 <= code <= 0x2588:
             height = HEIGHT * (code - 0x2580) / 8
-            self.blocks[ink].append(_area(x, y + HEIGHT - height, WIDTH, height))
+            self.blocks[ink].append(_area(x, y + HEIGHT - height, _WIDTH, height))
         elif code in _PIXELS:
             across, down, pattern = _PIXELS[code]
-            width, height = WIDTH / across, HEIGHT / down
+            width, height = _WIDTH / across, HEIGHT / down
             for pixel in range(across * down):
                 if pattern >> pixel & 1:
                     left, top = x + pixel % across * width, y + pixel // across * height
@@ -127,7 +129,7 @@ def screen_picture(strips: Sequence[Strip], *, dark: bool = True) -> str:
             if segment.text and not segment.control:
                 page.add(segment, column, row)
                 column += cell_len(segment.text)
-    width = max((strip.cell_length for strip in strips), default=0) * WIDTH
+    width = max((strip.cell_length for strip in strips), default=0) * _WIDTH
     height = len(strips) * HEIGHT
     return (
         f"<svg xmlns='http://www.w3.org/2000/svg' viewBox='0 0 {width} {height}' width='{width}' "

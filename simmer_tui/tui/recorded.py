@@ -22,8 +22,8 @@ from simmer_tui.runlog.reader import LogReader
 from simmer_tui.snapshot import EventFeed, Snapshot
 
 # Doubled each time, as by `[` and `]` in a live run.
-SPEEDS = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0)
-"""Simulated seconds a second."""
+PLAYBACK_RATES = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0)
+"""Simulated seconds that are shown in a second."""
 # The size of the list of events: earlier ones would not be shown.
 _NEAR = 2000
 """Entries up to which reading continues forwards. For a moment further on, reading starts again some way
@@ -93,7 +93,7 @@ class RecordedRun(EventHandler[None]):
         self.elapsed = 0.0
         """Moment shown, simulated seconds from the log's beginning."""
         self.playing = False
-        self.speed = 1.0
+        self.playback_rate = 1.0
         self._changed = True
         self._is_full = True
         self._begin_feed()
@@ -107,7 +107,7 @@ class RecordedRun(EventHandler[None]):
 
     @property
     def pace(self) -> str:
-        return f"{self.speed:g}x" if self.playing else "stopped"
+        return f"{self.playback_rate:g}x" if self.playing else "stopped"
 
     def has_news(self, known: int) -> bool:
         return self.playing or self._changed
@@ -190,7 +190,7 @@ class RecordedRun(EventHandler[None]):
         """Advance the clock by real seconds. Returns True once it has reached the end."""
         if not self.playing:
             return False
-        self.move_to(self.elapsed + self.speed * seconds)
+        self.move_to(self.elapsed + self.playback_rate * seconds)
         return self.elapsed >= self.duration
 
     def play(self, on: bool) -> None:
@@ -200,9 +200,9 @@ class RecordedRun(EventHandler[None]):
             self.move_to(0.0)
 
     def faster(self, steps: int) -> None:
-        """Use another of the speeds."""
-        place = SPEEDS.index(self.speed) + steps
-        self.speed = SPEEDS[min(max(place, 0), len(SPEEDS) - 1)]
+        """Use another playback rate."""
+        place = PLAYBACK_RATES.index(self.playback_rate) + steps
+        self.playback_rate = PLAYBACK_RATES[min(max(place, 0), len(PLAYBACK_RATES) - 1)]
         self._changed = True
 
     def move_to(self, elapsed: float) -> None:

@@ -45,7 +45,7 @@ _LEAST_BAR = 5
 def bar_of(run: RecordedRun, width: int, *, plain: bool) -> tuple[str, int, str]:
     """Text before the bar, columns of the bar, and text after it."""
     going, standing = (">", "=") if plain else ("▶", "‖")
-    lead = f" {going if run.playing else standing} {run.speed:g}x"
+    lead = f" {going if run.playing else standing} {run.playback_rate:g}x"
     head = f"{lead:<8} {clock_text(run.elapsed)} / {clock_text(run.duration)} "
     tail = f" {max(run.entry, -1) + 1}/{run.index.count} "
     return head, width - len(head) - len(tail), tail
@@ -215,7 +215,7 @@ class ReplayApp(Shell):
         self.run_shown.play(not self.run_shown.playing)
         self.refresh_frame()
 
-    def action_speed(self, step: int) -> None:
+    def action_playback_rate(self, step: int) -> None:
         self.run_shown.faster(step)
         self.refresh_frame()
 

@@ -10,7 +10,7 @@ from enum import StrEnum
 
 from msgspec import Struct
 
-AUTO = "auto"
+_AUTO = "auto"
 """Option value that leaves the choice to `choose`."""
 
 
@@ -82,8 +82,8 @@ def choose(
     environment: Mapping[str, str],
     encoding: str | None,
     *,
-    color: str = AUTO,
-    glyphs: str = AUTO,
+    color: str = _AUTO,
+    glyphs: str = _AUTO,
     windows: bool = False,
 ) -> TerminalChoice:
     """Choice for an environment and the encoding of standard output.
@@ -96,8 +96,8 @@ def choose(
         ValueError: for an option value that is not allowed.
     """
     automatic = _automatic_color(environment, encoding, windows)
-    depth = automatic if color == AUTO else ColorDepth(color)
-    if glyphs != AUTO:
+    depth = automatic if color == _AUTO else ColorDepth(color)
+    if glyphs != _AUTO:
         return TerminalChoice(depth, GlyphMode(glyphs))
     term = environment.get("TERM", "").lower()
     if not _is_utf8(encoding) or _asks_for_c(environment) or term == "dumb" or depth is ColorDepth.NONE:

@@ -21,7 +21,7 @@ from simmer_tui.calibrate.posterior import (
     PRIOR,
     PROCESS,
     RANGE,
-    START,
+    START_POSE,
     Iterate,
     Posterior,
     Rows,
@@ -230,7 +230,7 @@ def test_starts_and_priors_are_what_the_set_says(known: Synthetic) -> None:
     parameters = known.truth.parameters + 0.01
     state = replace(known.truth, chain=chain, parameters=parameters)
     rows = known.model.rows(state)
-    starts, priors = of(rows, START, -1), of(rows, PRIOR, -1)
+    starts, priors = of(rows, START_POSE, -1), of(rows, PRIOR, -1)
     assert rows.residuals[starts] == pytest.approx([0.3, -0.2, 1.5, 0.1, 0.2, 0.3])
     assert rows.variances[starts] == pytest.approx([1.0, 1.0, 25.0, 1.0, 1.0, 1.0])
     assert rows.residuals[priors] == pytest.approx(0.01)

@@ -13,7 +13,7 @@ import pytest
 from simmer_tui.calibrate.change_detection import PartVerdict
 from simmer_tui.calibrate.estimates import estimates_of
 from simmer_tui.calibrate.fit import Fit, fit_path
-from simmer_tui.calibrate.posterior import COUNTER, OBSERVATION, PROCESS, RANGE, START
+from simmer_tui.calibrate.posterior import COUNTER, OBSERVATION, PROCESS, RANGE, START_POSE
 from simmer_tui.calibrate.result_page import (
     check_document,
     figures_table,
@@ -124,7 +124,7 @@ def test_residuals_are_medians_before_and_after(found: Fit) -> None:
 def test_a_sensor_whose_readings_all_drop_out_has_no_medians(found: Fit) -> None:
     index = [each.id for each in found.run.spec.sensors].index("ultra1")
     mine = (found.rows.family == RANGE) & (found.rows.source == index)
-    rows = replace(found.rows, family=np.where(mine, START, found.rows.family))
+    rows = replace(found.rows, family=np.where(mine, START_POSE, found.rows.family))
     parts = {row[0] for row in residual_table(replace(found, rows=rows)).rows}
     assert "ultra1" not in parts
     assert "ultra2" in parts

@@ -19,7 +19,7 @@ from simmer_tui.cli.config_commands import run_check, run_init
 from simmer_tui.cli.help_command import SHELLS, run_completion, whole_parser
 from simmer_tui.cli.log_commands import run_report
 from simmer_tui.cli.machine_commands import run_doctor, run_ports
-from simmer_tui.cli.main import COMMANDS, main
+from simmer_tui.cli.main import SUBCOMMANDS, main
 from simmer_tui.config import drive_csv, maze_csv, mission_toml, sensors_csv, settings_file
 from simmer_tui.config.loader import load
 from simmer_tui.config.new_set import mission_schema, schemas, settings_schema
@@ -173,10 +173,10 @@ def test_every_command_and_option_is_in_every_script(tmp_path: Path, capsys: Cap
     commands = next(
         each.choices for each in whole_parser()._actions if isinstance(each.choices, dict) and each.nargs
     )
-    assert commands.keys() == COMMANDS.keys()
+    assert commands.keys() == SUBCOMMANDS.keys()
     for shell in SHELLS:
         text = completion(shell, tmp_path, capsys).read_text()
-        for name in COMMANDS:
+        for name in SUBCOMMANDS:
             assert name in text
         for option in ("no-ui", "random-mazes", "isolation", "drive-profile"):
             assert option in text
@@ -329,6 +329,8 @@ def test_check_as_json_is_the_set_or_its_mistakes(folder: Path, tmp_path: Path, 
     assert found["sensors"][0]["max_range_in"] is None
     assert (found["robot"]["radius_in"], found["gripper"]["code"]) == (3, "p1")
     assert found["drives"][0]["speed_per_s"] == 6
+    # As in drive.csv, in profiles and in `trials --vary`.
+    assert {"x_axis_error", "y_axis_error", "rotation_error", "rotation_bias"} <= found["drives"][0].keys()
     assert found["drives"][0]["unit"] == "in"
     assert found["settings"]["server_port"] == 9000
     assert found["settings"]["bot_center_x_in"] == found["robot"]["start_x_in"] == 9.5

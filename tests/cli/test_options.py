@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from simmer_tui.cli.command_line import OneLineParser, add_setting_options, default_text, overrides_from
-from simmer_tui.cli.main import COMMANDS, build_parser, main
+from simmer_tui.cli.main import SUBCOMMANDS, build_parser, main
 from simmer_tui.config.loader import load
 from simmer_tui.config.settings import Settings, all_settings
 from simmer_tui.errors import ConfigurationError
@@ -134,12 +134,12 @@ def test_help_begins_with_the_commands_and_fits_a_terminal(
     lines = text.splitlines()
     assert len(lines) <= 60
     assert max(map(len, lines)) <= 84
-    places = [text.index(f"\n  {name} ") for name in COMMANDS]
+    places = [text.index(f"\n  {name} ") for name in SUBCOMMANDS]
     assert places == sorted(places)
     assert places[-1] < text.index("--config DIR")
 
 
-@pytest.mark.parametrize("name", COMMANDS)
+@pytest.mark.parametrize("name", SUBCOMMANDS)
 def test_help_on_a_command_is_its_own_and_has_nothing_else(
     name: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

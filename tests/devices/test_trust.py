@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from simmer_tui.cli.main import main
-from simmer_tui.config.device_file import LARGEST, DeviceFile
+from simmer_tui.config.device_file import LARGEST_DEVICE_FILE, DeviceFile
 from simmer_tui.config.device_trust import (
     TRUST,
     VARIABLE,
@@ -184,8 +184,8 @@ def test_folders_and_pipes_are_no_files(make_set: MakeSet) -> None:
 def test_contents_that_are_refused(make_set: MakeSet) -> None:
     folder = make_set()
     file = folder / DEVICE
-    file.write_bytes(b"#" * (LARGEST + 1))
-    assert problems(folder) == [f'{_place(folder)}: "{DEVICE}" has more than {LARGEST:,} bytes']
+    file.write_bytes(b"#" * (LARGEST_DEVICE_FILE + 1))
+    assert problems(folder) == [f'{_place(folder)}: "{DEVICE}" has more than {LARGEST_DEVICE_FILE:,} bytes']
     file.write_bytes(THERMAL.encode() + b"# \xe9\n")
     line = THERMAL.count("\n") + 1
     what = f"holds in line {line} the byte 0xe9, which is not UTF-8"

@@ -52,7 +52,7 @@ from simmer_tui.document.model import (
     Tone,
     VerdictBox,
 )
-from simmer_tui.report.content import REFUSALS
+from simmer_tui.report.content import REFUSED_COMMANDS
 from simmer_tui.sim import Pose
 from tests.report.browser import opened
 
@@ -217,7 +217,7 @@ def hostile(text: str) -> Document:
 def test_a_long_command_leaves_room_for_the_reason_why_it_was_refused() -> None:
     file = io.StringIO()
     rows = [(12.5, 3, "x" * 200, "no enabled drive has the code")]
-    print_table(REFUSALS.filled(rows), Console(file=file, width=80))
+    print_table(REFUSED_COMMANDS.filled(rows), Console(file=file, width=80))
     assert "12.50" in file.getvalue()
     assert "no enabled drive" in file.getvalue()
 

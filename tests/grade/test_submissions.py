@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import shutil
 import sys
@@ -11,11 +12,14 @@ from pathlib import Path
 import pytest
 
 from simmer_tui.cli.grade_command import run_grade
+from simmer_tui.document.as_data import json_text
 from simmer_tui.errors import GradeError
 from simmer_tui.grade.course import read_course
 from simmer_tui.grade.grade_folder import GradeFolder
 from simmer_tui.grade.sandbox import Isolation
+from simmer_tui.grade.site import grades_document, site
 from simmer_tui.grade.submission_copy import MOST_FILES, copy_submission
+from simmer_tui.grade.team_result import team_results
 from tests.grade.conftest import read_grades
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="links are a privilege there")
@@ -107,6 +111,34 @@ def test_a_robot_that_is_not_copied_is_refused_with_the_reason(
     folder = GradeFolder.create(tmp_path / "out", read_course(file), 3, Isolation.NONE)
     found = [[*map(str, entry.problems)] for entry in folder.entries]
     assert found == [[f"files: {name} is a symbolic link, which is not copied: {REMEDY}"], []]
+
+
+def test_each_file_that_is_not_copied_is_named_with_the_reason(
+    make_course: Callable[..., Path], tmp_path: Path
+) -> None:
+    """A program that needs it would fail without a word."""
+    file = make_course({"a": "", "b": "", "c": ""})
+    one, many = tmp_path / "teams" / "a", tmp_path / "teams" / "b"
+    (one / "common.py").touch()
+    (one / "helpers.py").symlink_to("common.py")
+    for number in range(9):
+        (many / f"{number}.py").symlink_to("main.py")
+    folder = GradeFolder.create(tmp_path / "out", read_course(file), 3, Isolation.NONE)
+    assert not any(entry.problems for entry in folder.entries)
+    names = ", ".join(f"{number}.py is a symbolic link" for number in range(5))
+    expected = ["a: helpers.py is a symbolic link", f"b: {names}, and 4 more"]
+    folder = GradeFolder.read(tmp_path / "out")
+    results = team_results(folder, hidden=False)
+    answer = grades_document(folder, results, "")
+    assert json.loads(json_text(answer))["text"]["not_copied"] == expected
+    pages = site(folder, results, "")
+    assert [name for name in sorted(pages) if "helpers.py is a symbolic link" in pages[name]] == [
+        "a.html",
+        "index.html",
+    ]
+    folder.hide_names(hidden=True)  # a path may have the name of its team
+    hidden = site(folder, team_results(folder, hidden=True), "")
+    assert not any("helpers.py" in page for page in hidden.values())
 
 
 @pytest.mark.parametrize("swapped", ["main.py", "lib"])

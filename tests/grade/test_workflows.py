@@ -129,7 +129,7 @@ def test_container_ends_by_itself_when_nobody_ends_it(
     files, ended = tmp_path / "files", threading.Event()
     files.mkdir()
     monkeypatch.setattr("simmer_tui.grade.container.ANSWER_TIMEOUT", 1.0)
-    monkeypatch.setattr("simmer_tui.grade.sandbox.FILES", str(files))
+    monkeypatch.setattr("simmer_tui.grade.sandbox.SANDBOXED_FILES", str(files))
     monkeypatch.setattr("simmer_tui.grade.sandbox.HOME", str(tmp_path / "home"))
     with contextlib.closing(Container("podman", "x", files, Limits(time=2.0))) as container:
         container.take("127.0.0.1", PortRequest(0, "x", "")).close()
@@ -148,7 +148,7 @@ def test_processes_of_a_container_are_counted_by_its_engine(
         "import resource\nprint(resource.getrlimit(resource.RLIMIT_NPROC)[0])\n"
         "print(resource.getrlimit(resource.RLIMIT_CORE)[0])\n"
     )
-    monkeypatch.setattr("simmer_tui.grade.sandbox.FILES", str(files))
+    monkeypatch.setattr("simmer_tui.grade.sandbox.SANDBOXED_FILES", str(files))
     monkeypatch.setattr("simmer_tui.grade.sandbox.HOME", str(home))
     said: list[str] = []
     ended = threading.Event()

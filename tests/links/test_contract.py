@@ -236,7 +236,7 @@ def test_half_replies_and_boot_noise_are_discarded_up_to_the_next_good_one(
 def test_flooding_robot_is_bounded_and_told_of(
     other_end: Any, course_spec: SimulationSpec, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("simmer_tui.links.serial_bridge.REPORT_DELAY", 0.01)
+    monkeypatch.setattr("simmer_tui.links.serial_bridge._REPORT_DELAY", 0.01)
 
     async def steps(rig: Rig) -> None:
         for _ in range(200):

@@ -7,13 +7,15 @@ import asyncio
 import math
 from collections.abc import Awaitable, Callable, Sequence
 
+import pytest
+
 from simmer_tui.backend import MOST_COMMANDS, BackendSession, BackendSwitch, CommandBudget, Message
 from simmer_tui.config.loader import load
 from simmer_tui.config.sets import bundled_folder
 from simmer_tui.config.settings import SerialSettings
 from simmer_tui.engine import Engine
-from simmer_tui.events import TwinReading
-from simmer_tui.links.serial_bridge import MARGIN, SerialBridge
+from simmer_tui.events import Notice, NoticeKind, TwinReading
+from simmer_tui.links.serial_bridge import ANSWER_MARGIN, SerialBridge
 from simmer_tui.links.serial_link import LinkListener
 from simmer_tui.protocol.replies import ReplyForm, ReplyFormat
 from simmer_tui.sim import CommandResult, Simulator, Status, parse_command
@@ -119,9 +121,9 @@ def test_the_next_movement_waits_for_the_planned_time_of_one_without_an_answer_w
         polled = rig.send(polling, "u1")
         await until(lambda: bool(polled))
         assert rig.robot.heard == [b"r1-6\n", b"u1\n"]
-        assert rig.loop.time() < begun + MARGIN
+        assert rig.loop.time() < begun + ANSWER_MARGIN
         await until(lambda: bool(second and behind))
-        assert rig.loop.time() >= begun + 0.05 + MARGIN
+        assert rig.loop.time() >= begun + 0.05 + ANSWER_MARGIN
         assert rig.robot.heard == [b"r1-6\n", b"u1\n", b"r1-3\n", b"u2\n"]
 
     played(steps)
@@ -193,6 +195,43 @@ def test_a_velocity_is_sent_only_to_a_robot_that_knows_it() -> None:
 
     played(refused)
     played(sent, SerialSettings(port="robot", timeout=0.02, velocity=True))
+
+
+@pytest.mark.parametrize(
+    ("answer", "timeout", "kind", "how"),
+    [
+        (b"", 0.02, NoticeKind.FAULT, "the robot did not answer within 0.02 s: vv-4;0;0"),
+        (b"NaN\n", 5, NoticeKind.FAULT, "the robot answered nan to vv-4;0;0"),
+        (b"False\n", 5, NoticeKind.FAULT, "the robot answered nan to vv-4;0;0"),
+        (b"inf\n", 5, NoticeKind.ROBOT, "the robot answered inf to vv-4;0;0"),
+    ],
+)
+def test_the_first_velocity_says_that_a_robot_may_not_know_it(
+    answer: bytes, timeout: float, kind: NoticeKind, how: str
+) -> None:
+    """Its program drives and nothing moves; each answer alone may be a success."""
+
+    async def steps(rig: Rig) -> None:
+        program, listener = rig.program(), rig.robot.listener
+        assert listener is not None
+        wrong = rig.send(program, "vv-x")
+        listener.received(b"NaN\n")
+        await until(lambda: bool(wrong))
+        for _ in range(2):
+            result = rig.send(program, "vv-4;0;0")
+            if answer:
+                listener.received(answer)
+            await until(lambda result=result: bool(result))
+        found = [each for each in rig.told if isinstance(each, Notice) and "velocities" in each.text]
+        assert found == [
+            Notice(
+                kind,
+                f"{how}; if it does not move, it knows no velocities: drive by lengths, as d1-3, or set "
+                "velocity = false in [serial]",
+            )
+        ]
+
+    played(steps, SerialSettings(port="robot", timeout=timeout, velocity=True))
 
 
 def test_a_client_is_answered_when_the_watchers_have_been_told() -> None:

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from simmer_tui.protocol.binary import GRACE, LONGEST, SKIP_GRACE, CommandReader, NumberEncoder
+from simmer_tui.protocol.binary import GRACE, LONGEST_COMMAND, SKIP_GRACE, CommandReader, NumberEncoder
 from simmer_tui.sim import Command, CommandResult, Pose, Status, parse_command
 
 calm = settings(max_examples=50, deadline=None, derandomize=True)
@@ -71,7 +71,7 @@ def test_the_beginning_of_a_next_line_waits_for_its_end(data: bytes, tail: bytes
     reader = CommandReader()
     assert reader.receive(data + tail) == CommandReader().receive(data)
     assert reader.idle_timeout is None, "a line may pause as long as it likes"
-    assert texts(reader.receive(b"5\n")) == [f"{tail.decode()}5"[:LONGEST]]
+    assert texts(reader.receive(b"5\n")) == [f"{tail.decode()}5"[:LONGEST_COMMAND]]
 
 
 @calm
@@ -79,11 +79,11 @@ def test_the_beginning_of_a_next_line_waits_for_its_end(data: bytes, tail: bytes
 def test_no_bytes_raise_or_pile_up(data: bytes, cuts: list[int]) -> None:
     reader = CommandReader()
     for command in fed(reader, data, cuts):
-        assert len(command.text) <= LONGEST
+        assert len(command.text) <= LONGEST_COMMAND
         assert command.shown.isprintable()
         assert command.shown.isascii()
     for command in reader.silence() + reader.end():
-        assert len(command.text) <= LONGEST
+        assert len(command.text) <= LONGEST_COMMAND
     assert reader.end() == []
 
 
@@ -190,8 +190,8 @@ def test_the_end_of_the_stream_ends_a_command() -> None:
 
 
 def test_a_command_may_have_256_bytes() -> None:
-    exact = b"u1" + b"x" * (LONGEST - 2)
-    assert LONGEST == 256
+    exact = b"u1" + b"x" * (LONGEST_COMMAND - 2)
+    assert LONGEST_COMMAND == 256
     for ending in (b"\n", b"\r\n"):
         assert [c.problem for c in CommandReader().receive(exact + ending)] == [""]
         assert "at most 256 bytes" in CommandReader().receive(exact + b"y" + ending)[0].problem
@@ -203,7 +203,7 @@ def test_on_lines_ten_megabytes_are_answered_once_and_skipped_to_the_newline() -
     chunk = b"a" * 65536
     answers = [command for _ in range(160) for command in reader.receive(chunk)]
     assert len(answers) == 1, "at once, not when the newline comes"
-    assert len(answers[0].text) == LONGEST
+    assert len(answers[0].text) == LONGEST_COMMAND
     assert "at most 256 bytes" in answers[0].problem
     assert reader.idle_timeout is None
     assert texts(reader.receive(b"tail\nu1\n")) == ["u1"]

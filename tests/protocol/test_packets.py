@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from simmer_tui.protocol.packets import (
     GRACE,
-    LONGEST,
+    LONGEST_COMMAND,
     MAX_COMMANDS,
     MAX_REQUEST,
     Request,
@@ -143,7 +143,7 @@ def test_nothing_but_blanks_is_no_request(data: bytes) -> None:
         (b"[u]", "u", "two characters"),
         (b"u", "u", "two characters"),
         (b"[[x]", "x", "two characters"),
-        (b"[" + b"u" * (LONGEST + 1) + b"]", "uu", "at most 256 bytes"),
+        (b"[" + b"u" * (LONGEST_COMMAND + 1) + b"]", "uu", "at most 256 bytes"),
         (b"[" + b"u0," * MAX_COMMANDS + b"u0]", "u0", "at most 1000 commands"),
         (b"u0" * MAX_REQUEST, "u0", "at most 65536 bytes"),
     ],
@@ -153,7 +153,7 @@ def test_a_malformed_request_is_one_command_with_its_problem(data: bytes, code: 
     (command,) = request.commands
     assert command.code == code
     assert word in command.problem
-    assert len(command.text) <= LONGEST
+    assert len(command.text) <= LONGEST_COMMAND
 
 
 def test_two_commas_leave_an_empty_command_in_its_place() -> None:
@@ -238,7 +238,9 @@ def test_xx_is_the_command_that_stops(data: bytes) -> None:
     assert sum(command.stops for command in request.commands) == 1
 
 
-@pytest.mark.parametrize("data", [b"[x]", b"[x", b"[xx", b"[ xx]", b"[Xx]", b"[xx" + b"x" * LONGEST + b"]"])
+@pytest.mark.parametrize(
+    "data", [b"[x]", b"[x", b"[xx", b"[ xx]", b"[Xx]", b"[xx" + b"x" * LONGEST_COMMAND + b"]"]
+)
 def test_nothing_else_stops(data: bytes) -> None:
     assert not any(command.stops for request in read(data) for command in request.commands)
 

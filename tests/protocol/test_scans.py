@@ -15,7 +15,7 @@ from simmer_tui.protocol.binary import NumberEncoder
 from simmer_tui.protocol.packets import RequestStyle, encode
 from simmer_tui.protocol.replies import (
     MOST_RANGES,
-    NUMBERS,
+    NUMBER_STRUCTS,
     ReplyEnd,
     ReplyForm,
     ReplyFormat,
@@ -93,7 +93,7 @@ def test_replies_of_one_number_are_those_of_before(reply_format: str, byte_order
     encoder = NumberEncoder(reply_format, byte_order)
     for number in (12.345, math.inf, -1e300, 0.0, -0.0):
         assert encoder.reply(result("u1", reply=number)) == pack_reply(
-            NUMBERS[reply_format, byte_order], number
+            NUMBER_STRUCTS[reply_format, byte_order], number
         )
 
 

@@ -21,7 +21,7 @@ from simmer_tui.document.as_terminal import print_document
 from simmer_tui.document.svg import shade
 from simmer_tui.events import Belief, CommandResult, MissionEvent, Notice, NoticeKind, Result
 from simmer_tui.report.content import report_document, svg_picture
-from simmer_tui.report.figure import WIDTH
+from simmer_tui.report.figure import PICTURE_WIDTH
 from simmer_tui.report.page import report_page
 from simmer_tui.runlog.reader import Logged, LogReader
 from simmer_tui.sessions import LinkDelay
@@ -134,7 +134,7 @@ def test_the_picture_holds_path_contacts_belief_and_traces(eventful_log: Path, t
     output = tmp_path / "run.svg"
     assert run_report([str(eventful_log), "--svg", str(output)]) == 0
     root = ElementTree.parse(output).getroot()
-    assert root.get("viewBox", "").split()[2] == f"{WIDTH:g}"
+    assert root.get("viewBox", "").split()[2] == f"{PICTURE_WIDTH:g}"
     words = ["".join(text.itertext()) for text in root.iter(f"{SVG}text")]
     for word in ("start", "end", "u1 ultra1", "g1 gyro1", "belief error", "contact, numbered in order"):
         assert word in words
@@ -158,7 +158,7 @@ def test_the_drawn_path_lies_where_the_robot_went(start_run: Any) -> None:
         if group.get("stroke-width") == "2.4"
     ]
     first, *_, last = [tuple(map(float, pair.split(","))) for pair in line.get("points", "").split()]
-    scale = (WIDTH - 48) / 96
+    scale = (PICTURE_WIDTH - 48) / 96
     outcome = run.outcomes[0]
     assert first == pytest.approx((34 + 9.5 * scale, 8 + 6 * scale), abs=0.02)
     assert last == pytest.approx((34 + outcome.pose.x * scale, 8 + (48 - outcome.pose.y) * scale), abs=0.02)

@@ -334,7 +334,7 @@ def test_contacts_in_a_row_are_over_when_a_movement_is_free(start_run: Any) -> N
 def test_long_runs_take_bounded_memory(
     eventful_log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    for limit in ("SEGMENTS", "MOVEMENTS", "BELIEFS"):
+    for limit in ("SEGMENTS", "MOVEMENTS", "MOST_BELIEFS"):
         monkeypatch.setattr(paths, limit, 20)
     for limit in ("TRACE_POINTS", "KEPT_BELIEFS", "KEPT_OBJECTS", "KEPT_BLOCKS"):
         monkeypatch.setattr(run_history, limit, 5)

@@ -224,7 +224,7 @@ def test_a_long_run_stays_small_and_says_what_is_left_out(
         (paths, "MOVEMENTS", 20),
         (recording, "READINGS", 30),
         (recording, "MARKS", 5),
-        (paths, "BELIEFS", 30),
+        (paths, "MOST_BELIEFS", 30),
     ):
         monkeypatch.setattr(module, name, most)
     run = start_run()
@@ -262,7 +262,7 @@ def test_a_notebook_shows_a_log_as_its_page(start_run: Callable[..., Any]) -> No
 def test_many_particles_are_thinned_and_none_of_the_beliefs_lost(
     start_run: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(paths, "PARTICLES", 100)
+    monkeypatch.setattr(paths, "PARTICLES_SHOWN", 100)
     run = start_run()
     cloud = tuple((float(each), 1.0) for each in range(40))
     for _ in range(9):

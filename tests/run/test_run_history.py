@@ -11,7 +11,7 @@ from simmer_tui.config import load_default
 from simmer_tui.engine import Engine
 from simmer_tui.events import Action, ActionName, Belief, CommandResult, Event, MovementEnded
 from simmer_tui.run import run_history, table
-from simmer_tui.run.facts import WEDGED_WITHIN
+from simmer_tui.run.facts import SAME_PLACE
 from simmer_tui.run.reducer import Reducer
 from simmer_tui.run.run_history import RunHistory
 from simmer_tui.run.state import checkpoint_of
@@ -102,7 +102,7 @@ def test_contacts_in_one_place_are_one_as_far_as_a_wedged_robot_moves() -> None:
     run = Followed()
     run.give("d1-60")
     [ended] = [each for each in run.events if isinstance(each, MovementEnded)]
-    for along in (0.3, WEDGED_WITHIN, WEDGED_WITHIN + 0.01):
+    for along in (0.3, SAME_PLACE, SAME_PLACE + 0.01):
         pose = replace(ended.pose, y=ended.pose.y + along)
         run.engine.tell(replace(ended, time=run.simulator.time + along, pose=pose))
     assert [each.count for each in run.history.repeated.first.items] == [3, 1]

@@ -173,6 +173,6 @@ def _random_action(chance: random.Random) -> tuple[Any, ...]:
             (ActionName.PAUSE,),
             (ActionName.RESUME,),
             (ActionName.RESUME,),
-            (ActionName.SPEED, chance.choice((0.5, 3.0))),
+            (ActionName.TIME_SCALE, chance.choice((0.5, 3.0))),
         )
     )

@@ -161,7 +161,7 @@ def timed(run: Run) -> None:
     run.wait(0.5)
     run.believe()
     run.send("u1", second=True)
-    run.act(ActionName.SPEED, 2.0)
+    run.act(ActionName.TIME_SCALE, 2.0)
     run.wait(0.5)
     run.act(ActionName.STOP)
     run.send("r1-90", "w1-30")

@@ -375,7 +375,7 @@ def test_eight_megabytes_may_wait_for_the_disk(
 def test_a_saved_run_has_64_megabytes_at_most(
     tmp_path: Path, configuration: Configuration, monkeypatch: pytest.MonkeyPatch, less: int
 ) -> None:
-    assert saved_runs.LARGEST == 64 * MEGABYTE
+    assert saved_runs.LARGEST_RUN == 64 * MEGABYTE
     saving = Saving(tmp_path / "runs", configuration, monkeypatch)
     threads = [each.daemon for each in threading.enumerate() if each.name == "saved run"]
     assert threads
@@ -383,7 +383,7 @@ def test_a_saved_run_has_64_megabytes_at_most(
     saving.run(Notice(NoticeKind.FAULT, "a"))
     saving.run.flush()
     line = len(saving.run.path.read_bytes().splitlines(keepends=True)[1])
-    monkeypatch.setattr(saved_runs, "LARGEST", saving.size + line - less)
+    monkeypatch.setattr(saved_runs, "LARGEST_RUN", saving.size + line - less)
     saving.run(Notice(NoticeKind.FAULT, "a"))
     assert bool(saving.stopped) == bool(less)
     saving.run(Notice(NoticeKind.FAULT, "a"))

@@ -67,6 +67,16 @@ def test_random_runs_come_out_the_same(
     assert run.notes == []
 
 
+def test_a_seed_of_any_length_is_logged_to_its_last_digit(start_run: Callable[..., Any]) -> None:
+    run = start_run()
+    run.perform(ActionName.SEED, 2**128 - 1)
+    run.send("d1-3", "u1")
+    assert run.simulator.seed == 2**128 - 1
+    assert (rerun(run.path).difference, rerun(run.path).actions) == (None, 1)
+    run.perform(ActionName.SEED, 2**128)
+    assert run.simulator.seed == 2**128 - 1
+
+
 @pytest.mark.parametrize("seed", range(4))
 def test_runs_cut_anywhere_come_out_the_same(random_run: Callable[..., Any], seed: int) -> None:
     path = random_run(seed, timed=True).path

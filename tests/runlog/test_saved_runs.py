@@ -134,7 +134,7 @@ def test_all_runs_together_are_bounded(data: Path) -> None:
 
 
 def test_a_run_is_bounded_and_says_so(data: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(saved_runs, "LARGEST", 30_000)
+    monkeypatch.setattr(saved_runs, "LARGEST_RUN", 30_000)
     saved = Saved()
     saved.give(*["u1"] * 1000)
     saved.run.close()

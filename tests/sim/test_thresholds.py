@@ -87,7 +87,7 @@ def test_components_use_the_row_of_their_direction(value: float) -> None:
     up, down = (DriveKind.UP, DriveKind.DOWN)[:: 1 if value > 0 else -1]
     found = components(Twist(value, value, value), rows)
     assert [part.drive.kind for part in found] == [ahead, up, DriveKind.ROT]
-    assert [(part.speed, part.pace) for part in found] == [(value, 0.5)] * 3
+    assert [(part.speed, part.commanded_speed) for part in found] == [(value, 0.5)] * 3
     left = components(Twist(value, value, value), {kind: rows[kind] for kind in (back, down)})
     assert [part.drive.kind for part in left] == [back, down]
 

@@ -269,7 +269,7 @@ def test_a_file_that_cannot_be_read_or_written_says_why(tmp_path: Path) -> None:
         "HERE/results.jsonl cannot be read: Is a directory",
         "HERE/results.jsonl cannot be written: Is a directory",
         "HERE/results.jsonl cannot be written: Is a directory",
-        "HERE/results.jsonl.part cannot be written: Is a directory",
+        "HERE/results.jsonl cannot be written: Is a directory",
     ]
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Path, "read_bytes", refused)

@@ -76,7 +76,7 @@ def test_all_that_fits_goes_to_a_cluster(tmp_path: Path) -> None:
 
 @posix
 def test_at_most_so_many_files_go_to_a_cluster(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(cluster, "MOST_FILES", 20)
+    monkeypatch.setattr(cluster, "MOST_PROGRAM_FILES", 20)
     for number in range(20):
         (tmp_path / f"f{number:04}").touch()
     assert len(pack("python f0000", tmp_path).files) == 20

@@ -130,7 +130,7 @@ def test_what_is_installed_stays_where_it_is(folder: Path, command: str) -> None
 @posix
 def test_too_much_is_refused_by_name(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (folder / "video.bin").write_bytes(bytes(100))
-    monkeypatch.setattr(cluster, "MOST_BYTES", 150)
+    monkeypatch.setattr(cluster, "MOST_PROGRAM_BYTES", 150)
     with pytest.raises(TrialsError, match=r"one file too many: .*put the program in a folder of its own"):
         pack("python robot.py", folder)
 

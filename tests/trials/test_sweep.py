@@ -15,8 +15,9 @@ from simmer_tui.cli.trials_command import run_trials
 from simmer_tui.config.loader import find_set, load
 from simmer_tui.document import svg
 from simmer_tui.errors import ConfigurationError
+from simmer_tui.sim.columns import column_name
 from simmer_tui.trials.folder import TrialFolder, TrialPlan
-from simmer_tui.trials.sweep import column_name, files_at, points_of, settings_at
+from simmer_tui.trials.sweep import files_at, points_of, settings_at
 from simmer_tui.trials.sweep_summary import Curve, SweepValue, answer, curve_figure, curves
 from simmer_tui.trials.trial import TrialResult, prepare
 

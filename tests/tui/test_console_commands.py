@@ -19,6 +19,7 @@ from simmer_tui.operating.orders import (
 )
 from simmer_tui.sim import SimulationSpec
 from simmer_tui.sim.command import Command
+from simmer_tui.sim.noise import SEEDS
 from simmer_tui.sim.specs import GripperSpec, VelocityKind, VelocitySpec
 
 
@@ -37,10 +38,11 @@ from simmer_tui.sim.specs import GripperSpec, VelocityKind, VelocitySpec
         (":teleport 1 -2.5 1e2", Action(ActionName.TELEPORT, (1.0, -2.5, 100.0))),
         (":block 1 2", Action(ActionName.BLOCK, (1.0, 2.0))),
         (":seed 7", Action(ActionName.SEED, (7.0,))),
+        (":seed 9007199254740993", Action(ActionName.SEED, (9007199254740993,))),
         (":noise ON", Action(ActionName.NOISE, (1.0,))),
         (":bias off", Action(ActionName.BIAS, (0.0,))),
         (":bias", Local("bias")),
-        (":speed 0.5", Action(ActionName.SPEED, (0.5,))),
+        (":speed 0.5", Action(ActionName.TIME_SCALE, (0.5,))),
         (":stop", Action(ActionName.STOP)),
         (":vv 4 0 -30", Local("vv", "4;0;-30;1")),
         (":vv 4 0 0 2.5", Local("vv", "4;0;0;2.5")),
@@ -120,11 +122,8 @@ def test_a_line_is_one_command_and_is_never_half_done(
         (":speed nan", ':speed must be a number, not "nan"; :speed N'),
         (":teleport 6 6 x", ':teleport each must be a number, not "x"; :teleport X Y HEADING'),
         (":teleport 6 6 1e13", ":teleport each must be a number from -1e+12 to 1e+12; :teleport X Y HEADING"),
-        (":seed 12.5", ':seed must be a whole number from 0 to 1000000000000, not "12.5"; :seed N'),
-        (
-            ":seed 9007199254740993",
-            ':seed must be a whole number from 0 to 1000000000000, not "9007199254740993"; :seed N',
-        ),
+        (":seed 12.5", f':seed must be {SEEDS.allowed}, not "12.5"; :seed N'),
+        (f":seed {2**128}", f':seed must be {SEEDS.allowed}, not "{2**128}"; :seed N'),
         (":truth maybe", ":truth takes on or off; :truth [on|off]"),
         (":\x1b[2J", ":\\x1b[2J is not an order; :help lists them"),
     ],

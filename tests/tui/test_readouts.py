@@ -548,8 +548,8 @@ def test_only_what_people_asked_for_is_an_error_in_the_console(run: Run) -> None
     assert refusal_of(run.snapshot().entries) == "d1-: the value is missing, as in d1-3"
     run.give("u1", source="keys")
     assert refusal_of(run.snapshot().entries) == ""
-    run.engine.perform(Action(ActionName.SPEED, (0.0,), source="console"))
-    assert str(refusal_of(run.snapshot().entries)).startswith("speed: the speed is between")
+    run.engine.perform(Action(ActionName.TIME_SCALE, (0.0,), source="console"))
+    assert str(refusal_of(run.snapshot().entries)).startswith("speed: the time scale is between")
 
 
 @pytest.fixture

@@ -10,9 +10,8 @@ import pytest
 from simmer_tui.cli.main import command_named
 from simmer_tui.config.settings import all_settings
 from simmer_tui.tui.help import replay_help
-from simmer_tui.tui.recorded import SPEEDS
+from simmer_tui.tui.recorded import PLAYBACK_RATES
 from simmer_tui.tui.terminal import (
-    AUTO,
     ColorDepth,
     GlyphMode,
     TerminalChoice,
@@ -112,8 +111,8 @@ def test_deciding_does_not_import_textual() -> None:
 def test_settings_and_options_offer_what_the_screen_has() -> None:
     settings = {item.name: item for item in all_settings()}
     offered: dict[str, tuple[str, ...]] = {
-        "screen.color": (AUTO, *ColorDepth),
-        "screen.glyphs": (AUTO, *GlyphMode),
+        "screen.color": ("auto", *ColorDepth),
+        "screen.glyphs": ("auto", *GlyphMode),
         "screen.theme": tuple(THEMES),
     }
     for name, choices in offered.items():
@@ -127,4 +126,4 @@ def test_settings_and_options_offer_what_the_screen_has() -> None:
 
 
 def test_the_help_of_the_replay_names_its_slowest_and_fastest_speed() -> None:
-    assert f"({SPEEDS[0]:g}x to {SPEEDS[-1]:g}x)" in replay_help("a log")
+    assert f"({PLAYBACK_RATES[0]:g}x to {PLAYBACK_RATES[-1]:g}x)" in replay_help("a log")

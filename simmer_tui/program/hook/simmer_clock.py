@@ -21,7 +21,7 @@ from collections.abc import Callable
 from typing import Any, NoReturn
 
 # A loop that waits by reading the clock must end soon: 400,000 reads are two seconds.
-LOOK = 5_000
+_LOOK = 5_000
 """Nanoseconds that a read of a clock takes."""
 # The polling rate of a loop on a slow microcontroller.
 EMPTY_POLL = 2e-4
@@ -34,7 +34,7 @@ EPOCH = 1767225600 * 10**9
 """Nanoseconds of `time.time_ns()` at the beginning of the run."""
 # The limit of `program_clock.py`. On several processors bytes of one connection may arrive after later bytes
 # of another.
-IN_FLIGHT = 0.2
+_IN_FLIGHT = 0.2
 """Longest real time for bytes to arrive, seconds."""
 # The system's buffer of an unread connection is larger, and no program asks for more at once.
 _GATHERED = 65536
@@ -91,7 +91,7 @@ class ProgramTime:
     def look(self) -> int:
         """The time, nanoseconds. Each call adds a little time, so that a loop of calls comes to its end."""
         self.check_thread("looks at the clock")
-        self._debt += LOOK
+        self._debt += _LOOK
         return self._now + self._debt
 
     def pass_time(self, seconds: float) -> None:
@@ -185,7 +185,7 @@ class ProgramTime:
     @property
     def timeout(self) -> float:
         """Real seconds within which the robot's sent bytes will arrive; 0 if all have."""
-        return IN_FLIGHT if self._written > self.received else 0.0
+        return _IN_FLIGHT if self._written > self.received else 0.0
 
     def give_up_missing(self, here: int = 0) -> None:
         """Stop waiting for bytes that have not come by now: nobody reads their connection."""
@@ -236,12 +236,12 @@ def refuse(what: str, hint: str = _HINT) -> NoReturn:
     """End the program: it does what this clock cannot follow."""
     text = f"{place()}: {what}. {hint}"
     sys.stderr.write(text + "\n")
-    if CLOCK:
-        CLOCK[0].tell(text, follows=hint != _HINT)
+    if PROGRAM_CLOCK:
+        PROGRAM_CLOCK[0].tell(text, follows=hint != _HINT)
     _end(2)
 
 
-CLOCK: list[ProgramTime] = []
+PROGRAM_CLOCK: list[ProgramTime] = []
 """The clock of this process, once it is installed."""
 
 
@@ -252,7 +252,7 @@ def install() -> None:
     except (OSError, ValueError) as error:
         sys.stderr.write(f"the program's clock cannot be reached: {error}\n")
         return
-    CLOCK.append(clock)
+    PROGRAM_CLOCK.append(clock)
     _replace_clocks(clock)
     _replace_sockets(clock)
     _replace_waits(clock)
@@ -349,7 +349,7 @@ def _replace_sockets(clock: ProgramTime) -> None:
     def gather(sock: Any) -> None:
         """Wait until everything that the robot has sent is here: a read then gets as many bytes in every
         run."""
-        until = _REAL_TIME() + IN_FLIGHT
+        until = _REAL_TIME() + _IN_FLIGHT
         while not clock.has_all(here := len(real_recv(sock, _GATHERED, socket.MSG_PEEK))):
             if here == _GATHERED:
                 return

@@ -19,7 +19,7 @@ import time
 from typing import Any
 
 PORT = "SIMMER_DIALECT_PORT"
-NAMES = "SIMMER_SERIAL_NAMES"
+_NAMES = "SIMMER_SERIAL_NAMES"
 _HEAD = struct.Struct(">cI")
 _TIMES = struct.Struct(">ddI")
 # Seconds. A simulator on this machine accepts in milliseconds; one that has ended refuses at once.
@@ -274,7 +274,7 @@ class SerialLine:
 def _program_clock() -> Any:
     """The program's clock, if this process uses it."""
     module = sys.modules.get("simmer_clock")
-    return module.CLOCK[0] if module is not None and module.CLOCK else None
+    return module.PROGRAM_CLOCK[0] if module is not None and module.PROGRAM_CLOCK else None
 
 
 def _pass_time_until(first: float, until: float | None, now: float) -> bool:
@@ -406,7 +406,7 @@ def make_class(serialutil: Any) -> Any:
 
 def names() -> list[str]:
     """The names of the program's serial ports."""
-    return [each for each in os.environ.get(NAMES, "").split(",") if each] or ["COM6"]
+    return [each for each in os.environ.get(_NAMES, "").split(",") if each] or ["COM6"]
 
 
 def _patch_serial(module: Any) -> None:

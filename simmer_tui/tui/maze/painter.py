@@ -21,7 +21,7 @@ from simmer_tui.tui.maze.palette import DEFAULT, HEATS, Attribute, Look, Palette
 from simmer_tui.tui.maze.robot import DrawnRobot
 from simmer_tui.tui.maze.scene import FloorMode, Scene, zones_of
 from simmer_tui.tui.maze.shapes import is_near
-from simmer_tui.tui.maze.viewport import FRAME, Layout, Viewport, arrange, best_zoom, draw_frame
+from simmer_tui.tui.maze.viewport import FRAME_CELLS, Layout, Viewport, arrange, best_zoom, draw_frame
 from simmer_tui.tui.terminal import ColorDepth, GlyphMode
 
 # The tiles that the sensors at the robot's rim may see next.
@@ -270,26 +270,26 @@ def paste_overview(painter: Painter, cells: Cells, scene: Scene, layout: Layout,
     bare = replace(
         scene, trail=(), views=(), scans=(), belief=None, heat=None, contact=None, past_contacts=()
     )
-    small.paste(painter.cells(bare, whole), FRAME, FRAME)
+    small.paste(painter.cells(bare, whole), FRAME_CELLS, FRAME_CELLS)
     draw_frame(small, inset, whole, painter.signs, painter.palette)
     _outline(painter, small, layout, window, inset)
     x, y = window.place(scene.pose.x, scene.pose.y)
-    left = FRAME if x > layout.columns / 2 else FRAME + layout.columns - columns
-    top = FRAME if y / 2 > layout.rows / 2 else FRAME + layout.rows - rows
+    left = FRAME_CELLS if x > layout.columns / 2 else FRAME_CELLS + layout.columns - columns
+    top = FRAME_CELLS if y / 2 > layout.rows / 2 else FRAME_CELLS + layout.rows - rows
     if not painter.signs.has_blocks:
         # A frame of letters needs a margin, otherwise it looks like a part of the maze under it.
-        for row in range(max(top - 1, FRAME), min(top + rows + 1, FRAME + layout.rows)):
-            cells.write(row, max(left - 1, FRAME), " " * min(columns + 2, layout.columns))
+        for row in range(max(top - 1, FRAME_CELLS), min(top + rows + 1, FRAME_CELLS + layout.rows)):
+            cells.write(row, max(left - 1, FRAME_CELLS), " " * min(columns + 2, layout.columns))
     cells.paste(small, top, left)
 
 
 def _outline(painter: Painter, small: Cells, layout: Layout, window: Viewport, inset: Layout) -> None:
     """Draw corners around the part in the view."""
     scale = inset.zoom / layout.zoom
-    left = FRAME + math.floor(window.left * scale)
-    top = FRAME + math.floor(window.top * scale)
-    right = FRAME + min(math.ceil((window.left + window.columns) * scale), inset.columns) - 1
-    bottom = FRAME + min(math.ceil((window.top + window.rows) * scale), inset.rows) - 1
+    left = FRAME_CELLS + math.floor(window.left * scale)
+    top = FRAME_CELLS + math.floor(window.top * scale)
+    right = FRAME_CELLS + min(math.ceil((window.left + window.columns) * scale), inset.columns) - 1
+    bottom = FRAME_CELLS + min(math.ceil((window.top + window.rows) * scale), inset.rows) - 1
     color = painter.palette[Role.TEXT]
     corners = ((top, left), (top, right), (bottom, left), (bottom, right))
     for (row, column), sign in zip(corners, "┌┐└┘" if painter.signs.has_blocks else "++++", strict=True):

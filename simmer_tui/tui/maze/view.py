@@ -17,7 +17,7 @@ from simmer_tui.tui.maze.painter import Painter, legend_cells, paste_overview
 from simmer_tui.tui.maze.palette import Look, Role
 from simmer_tui.tui.maze.scene import FloorMode, Scene
 from simmer_tui.tui.maze.viewport import (
-    FRAME,
+    FRAME_CELLS,
     Layout,
     Viewport,
     arrange,
@@ -130,7 +130,7 @@ class MazeView(CellsWidget, can_focus=True, inherit_bindings=False):
         if self.scene is not None and step < 0:
             fit = best_zoom(self.scene.maze, self.size.width, self.size.height)
             zoom = max(zoom, min(before, fit))
-        column, row = column - FRAME, row - FRAME
+        column, row = column - FRAME_CELLS, row - FRAME_CELLS
         self._left = (self._left + column) * zoom / before - column
         self._top = (self._top + row) * zoom / before - row
         self._zoom = zoom
@@ -209,7 +209,7 @@ class MazeView(CellsWidget, can_focus=True, inherit_bindings=False):
     def to_inches(self, column: float, row: float) -> tuple[float, float] | None:
         """Place in the maze (x, y) at a place of the widget; None outside the maze."""
         viewport = self.viewport
-        column, row = column - FRAME, row - FRAME
+        column, row = column - FRAME_CELLS, row - FRAME_CELLS
         if viewport is None or not (0 <= column < viewport.columns and 0 <= row < viewport.rows):
             return None
         return viewport.to_inches(column, row)
@@ -302,7 +302,7 @@ class MazeView(CellsWidget, can_focus=True, inherit_bindings=False):
         window = self.viewport = self._window(scene, layout)
         painter = self.painter
         cells = blank_cells(layout.height, layout.width)
-        cells.paste(painter.cells(scene, window), FRAME, FRAME)
+        cells.paste(painter.cells(scene, window), FRAME_CELLS, FRAME_CELLS)
         draw_frame(cells, layout, window, painter.signs, painter.palette, self.frame_role)
         if not layout.fits:
             paste_overview(self._overview, cells, scene, layout, window)

@@ -25,7 +25,7 @@ _WHOLE = 4.0
 # A quarter more: three steps double the size.
 _STEP = 1.25
 # The edge of the outer wall, drawn around the window.
-FRAME = 1
+FRAME_CELLS = 1
 """Cells the frame is wide on every side."""
 LEAST_COLUMNS, LEAST_ROWS = 8, 3
 """A smaller window shows nothing useful."""
@@ -89,12 +89,12 @@ class Layout(Struct, frozen=True):
     @property
     def usable(self) -> bool:
         """True if there is room for a picture."""
-        return self.width >= LEAST_COLUMNS + 2 * FRAME and self.height >= LEAST_ROWS + 2 * FRAME
+        return self.width >= LEAST_COLUMNS + 2 * FRAME_CELLS and self.height >= LEAST_ROWS + 2 * FRAME_CELLS
 
     @property
     def virtual_size(self) -> tuple[int, int]:
         """(columns, rows) that would show everything."""
-        return self.maze_columns + 2 * FRAME, self.maze_rows + 2 * FRAME
+        return self.maze_columns + 2 * FRAME_CELLS, self.maze_rows + 2 * FRAME_CELLS
 
     def viewport(self, maze: MazeSpec, left: float, top: float) -> Viewport:
         """Window that begins `left` columns and `top` rows into the maze, or as near as the maze allows."""
@@ -107,14 +107,14 @@ def arrange(maze: MazeSpec, zoom: float, width: int, height: int) -> Layout:
     """Layout with as much of the maze as fits into a widget at a zoom."""
     # A sum that only rounding makes larger than a whole number needs no further cell.
     maze_columns, maze_rows = math.ceil(maze.columns * zoom - 1e-6), math.ceil(maze.rows * zoom / 2 - 1e-6)
-    columns = max(0, min(maze_columns, width - 2 * FRAME))
-    rows = max(0, min(maze_rows, height - 2 * FRAME))
+    columns = max(0, min(maze_columns, width - 2 * FRAME_CELLS))
+    rows = max(0, min(maze_rows, height - 2 * FRAME_CELLS))
     return Layout(zoom, width, height, columns, rows, maze_columns, maze_rows)
 
 
 def best_zoom(maze: MazeSpec, width: int, height: int) -> float:
     """Largest zoom at which a maze and its frame fit into a widget."""
-    columns, rows = max(1, width - 2 * FRAME), max(1, height - 2 * FRAME)
+    columns, rows = max(1, width - 2 * FRAME_CELLS), max(1, height - 2 * FRAME_CELLS)
     most = max(SMALLEST_ZOOM, min(columns / maze.columns, 2 * rows / maze.rows))
     if most >= _WHOLE:
         return float(math.floor(most))

@@ -1,0 +1,81 @@
+"""Pages, pictures and tables are written whole or not at all."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+pytestmark = pytest.mark.posix
+LIMITED = """
+import resource, sys
+from simmer_tui.cli import log_commands
+from simmer_tui.cli.main import main
+
+class Limited(log_commands.LogReader):
+    def __init__(self, path):
+        if sys.argv[1] == "before":
+            limit()
+        super().__init__(path)
+        limit()
+
+def limit():
+    resource.setrlimit(resource.RLIMIT_FSIZE, (200, 200))
+
+log_commands.LogReader = Limited
+sys.exit(main(sys.argv[2:]))
+"""
+"""`simmer-tui`, with a limit of 200 bytes a file: before or after a log is opened, which unpacks its set."""
+
+
+@pytest.mark.quick_cases(1)
+@pytest.mark.parametrize(
+    ("command", "option"),
+    [
+        ("report", "--html"),
+        ("report", "--csv"),
+        ("report", "--svg"),
+        ("export", "--svg"),
+        ("export", "--gif"),
+    ],
+)
+def test_no_half_of_an_output_stays_behind(
+    eventful_log: Path, tmp_path: Path, command: str, option: str
+) -> None:
+    """A limit of the size of files is as good as a full disk."""
+    out = tmp_path / "out" / "file"
+    out.parent.mkdir()
+    out.write_text("of the last time")
+    done = subprocess.run(
+        [sys.executable, "-c", LIMITED, "after", command, eventful_log, option, out],
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.stderr == f"simmer-tui {command}: {out} cannot be written: File too large\n"
+    assert done.returncode == 2
+    assert [(each.name, each.read_text()) for each in out.parent.iterdir()] == [("file", "of the last time")]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("option", ["--html", "--csv", "--svg"])
+def test_standard_output_takes_a_page(eventful_log: Path, tmp_path: Path, option: str) -> None:
+    arguments = [sys.executable, "-m", "simmer_tui", "report", eventful_log, option, "/dev/stdout"]
+    piped = subprocess.run(arguments, capture_output=True, check=True).stdout
+    out = tmp_path / "out" / "file"
+    out.parent.mkdir()
+    with out.open("wb") as file:
+        subprocess.run(arguments, stdout=file, check=True)
+    assert b"Wrote /dev/stdout" in out.read_bytes()
+    assert len(piped) > 600
+    assert [*out.parent.iterdir()] == [out]
+
+
+def test_a_log_whose_set_cannot_be_unpacked_is_one_line(eventful_log: Path) -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", LIMITED, "before", "report", eventful_log],
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    what = "the set of the log cannot be unpacked into a temporary folder"
+    assert done.stderr == f"simmer-tui report: {what}: File too large\n"
+    assert done.returncode == 2
