@@ -167,7 +167,7 @@ def make_long_log(path: Path, commands: int) -> None:
         engine.watch(log)
         session = engine.session()
         for text in PATTERN * 60:
-            session.submit(parse_command(text), lambda outcome: None)
+            session.submit(parse_command(text), lambda result: None)
     header, *lines = path.read_text().splitlines(keepends=True)
     duration, count = simulator.time, simulator.commands
     templates = [_template(line) for line in lines]

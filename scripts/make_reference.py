@@ -130,7 +130,7 @@ def _argument(action: argparse.Action) -> str:
 
 
 def _help(parser: argparse.ArgumentParser, action: argparse.Action) -> str:
-    return str(action.help or "").replace("%(prog)s", parser.prog).replace("%%", "%")
+    return parser._get_formatter()._expand_help(action) if action.help else ""
 
 
 # -- settings --------------------------------------------------------------------------------------
@@ -179,11 +179,10 @@ def files() -> str:
             "the CSV files rows that begin with `#` are comments, columns without a header are notes, "
             "semicolons or tabs may replace commas.\n",
             "## maze.csv\n",
-            f"A value a cell of 12 x 12 in, the top row first; at most {maze_csv.MAX_CELLS} cells a side.\n",
+            f"{maze_csv.LAYOUT}\n",
             table(("value", "is", "meaning"), maze),
             "## floor.csv\n",
-            "A value a tile of 3 x 3 in, four by four to a cell: 0 black, 1 white. Without it the floor is "
-            "the course's pattern.\n",
+            f"{maze_csv.FLOOR_LAYOUT} Without it the floor is the course's pattern.\n",
             "## robot.csv\n",
             "What a row says stands in column B (of a corner in B and C); the first column is a label.\n",
             table(("row", "meaning"), robot_csv.ROWS.items()),

@@ -140,33 +140,33 @@ class Robot:
     def _framed(self, packet: bytes) -> bytes:
         items = []
         for command in packet.split(b","):
-            outcome = self._do(command)
+            result = self._do(command)
             words = {Status.DONE: "True", Status.REFUSED: "False", Status.UNKNOWN: "Not Found"}
-            word = words.get(outcome.status, f"{outcome.reply:.3f}")
+            word = words.get(result.status, f"{result.reply:.3f}")
             code = command[:2].decode("ascii", "replace")
             items.append(f"{code}:{'DRIVE STOP' if code == 'xx' else word}")
         return f"[{','.join(items)}]".encode()
 
     def _do(self, command: bytes) -> CommandResult:
         self._pass_on()
-        outcome = self._slipping(command.decode("latin-1"))
+        result = self._slipping(command.decode("latin-1"))
         self._pass_on()
         if command.strip() == b"xx":
-            return structs.replace(outcome, reply=math.inf)
-        if outcome.status is not Status.READING:
-            return outcome
+            return structs.replace(result, reply=math.inf)
+        if result.status is not Status.READING:
+            return result
         if self._constant is not None:
-            return structs.replace(outcome, reply=self._constant)
-        code = outcome.command.code
+            return structs.replace(result, reply=self._constant)
+        code = result.command.code
         if code in self._slipped:
-            return structs.replace(outcome, reply=outcome.reply + self._slipped[code])
+            return structs.replace(result, reply=result.reply + self._slipped[code])
         stale = self._before.get(code)
-        self._before[code] = outcome.reply
-        reading = outcome.reading
+        self._before[code] = result.reply
+        reading = result.reading
         ranging = reading is not None and reading.sensor.kind.is_range
         if stale is not None and ranging and self._random.random() < self._oddities.stale:
-            return structs.replace(outcome, reply=stale)
-        return outcome
+            return structs.replace(result, reply=stale)
+        return result
 
     def _pass_on(self) -> None:
         """Add the time of a message on the link."""
@@ -186,15 +186,15 @@ class Robot:
         pose = simulator.pose
         if (int(pose.x // CELL_SIZE) + int(pose.y // CELL_SIZE)) % 2:
             return simulator.execute(command)
-        outcome = simulator.execute(replace(command, argument=repr((1.0 - lost) * float(command.argument))))
-        trajectory = outcome.trajectory
+        result = simulator.execute(replace(command, argument=repr((1.0 - lost) * float(command.argument))))
+        trajectory = result.trajectory
         if trajectory is not None:
             more = lost / (1.0 - lost)
             for code, wheel in self._wheels.items():
                 if wheel.slips:
                     counted = wheel.counted_on(0.0, more * trajectory.totals.x, more * trajectory.totals.y)
                     self._slipped[code] += wheel.spec.gain * counted
-        return outcome
+        return result
 
     def _weakened(self, command: Command, drive: DriveSpec) -> Command:
         """The command with the effects of a weak battery, and of wheels that start late."""

@@ -100,8 +100,8 @@ class Driving:
             return simulator.begin(command)
         drove = simulator.velocity.moves
         self._latest = (simulator.commands + 1, command)
-        outcome = simulator.begin(command)
-        change = outcome.velocity
+        result = simulator.begin(command)
+        change = result.velocity
         if change is None or not change.changed:
             self._latest = before
         if change is not None:
@@ -109,7 +109,7 @@ class Driving:
             self._end = VelocityEnd.TIMEOUT if change.times_out else VelocityEnd.TIME
         elif drove and not simulator.velocity.moves:
             self._tell(VelocityEnded(simulator.time, VelocityEnd.MOVEMENT, command.source))
-        return outcome
+        return result
 
     def ended(self, reason: VelocityEnd, source: str, drove: bool) -> None:
         """Tell that a velocity was ended by a stop, a person or a movement, if the robot `drove` before

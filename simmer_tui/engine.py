@@ -46,7 +46,7 @@ PEOPLE = frozenset(("console", "keys"))
 class _Movement(Struct, frozen=True):
     """A timed movement under way, with its trajectory, and the command that is answered when it ends."""
 
-    outcome: CommandResult
+    result: CommandResult
     trajectory: Trajectory
     queued: Queued | None = None
 
@@ -302,8 +302,8 @@ class Engine:
         trajectory = self.simulator.trajectory
         assert trajectory is not None, "a movement that is not over has a trajectory"
         self._movement = replace(movement, trajectory=trajectory)
-        outcome = movement.outcome
-        self.tell(MovementPlanned(outcome.number, self.simulator.time, outcome.command, trajectory))
+        result = movement.result
+        self.tell(MovementPlanned(result.number, self.simulator.time, result.command, trajectory))
 
     def step(self) -> None:
         """While paused, finish the movement under way, or do the whole of the next command."""
@@ -349,11 +349,11 @@ class Engine:
             # not.
             if queued.moment and command.source not in PEOPLE:
                 self.simulator.begin_pass(queued.moment)
-            outcome = self._execute(command, queued.request_delay, session=queued.session)
-            if outcome.waits:
-                self._answer(queued, outcome)
+            result = self._execute(command, queued.request_delay, session=queued.session)
+            if result.waits:
+                self._answer(queued, result)
             else:  # Nearly every command: it saves the call of `_answer`.
-                self._complete(queued, outcome)
+                self._complete(queued, result)
         else:
             self._settle_due()
             request_delay = self._link_delay(queued.command) if queued.request_delay is None else 0.0
@@ -373,12 +373,12 @@ class Engine:
             session.queue.appendleft(queued)
             self._hold(session)
             return
-        outcome = self._begin(command, session)
-        if outcome.status is Status.ACCEPTED and session.answer_at_end:
+        result = self._begin(command, session)
+        if result.status is Status.ACCEPTED and session.answer_at_end:
             self._movement = replace(self._under_way, queued=queued)
             self._hold(session)
         else:
-            self._answer_in_time(queued, outcome, self._link_delay(command))
+            self._answer_in_time(queued, result, self._link_delay(command))
 
     def _meant_now(self, queued: Queued) -> Command:
         """The command to do now. A drive from before a stop becomes a stop, unless a later movement is under
@@ -448,44 +448,44 @@ class Engine:
         # In timed motion the clock brings the turn of the lidar to its end.
         if not self.timed:
             simulator.wait_for_scan(command)
-        outcome = self.driving.begin(command, session)
-        taken = outcome.time
+        result = self.driving.begin(command, session)
+        taken = result.time
         # Drawn even where nothing moves, so that the number of draws does not depend on the result.
         reply_delay = self._link_delay(command) if answers else 0.0
-        if outcome.status is Status.ACCEPTED:
-            self._tell_planned(outcome)
-            outcome = simulator.finish(outcome)
-            self._tell_ended(outcome, answers=answers and not (request_delay or reply_delay))
-        elif outcome.reading is not None and outcome.reading.took:
-            outcome = simulator.finish(outcome)
+        if result.status is Status.ACCEPTED:
+            self._tell_planned(result)
+            result = simulator.finish(result)
+            self._tell_ended(result, answers=answers and not (request_delay or reply_delay))
+        elif result.reading is not None and result.reading.took:
+            result = simulator.finish(result)
         if request_delay or reply_delay:
             simulator.advance(simulator.time + reply_delay)
-            outcome = replace(outcome, time=simulator.time, taken=taken, link=request_delay + reply_delay)
-        return outcome
+            result = replace(result, time=simulator.time, taken=taken, link=request_delay + reply_delay)
+        return result
 
     def _begin(self, command: Command, session: Session | None = None) -> CommandResult:
         """Begin a command in real time; a movement or a velocity then continues by itself."""
-        outcome = self.driving.begin(command, session)
-        if outcome.velocity is not None:
+        result = self.driving.begin(command, session)
+        if result.velocity is not None:
             self._set_alarm()
-        if outcome.status is Status.ACCEPTED:
-            self._movement = _Movement(outcome, self._tell_planned(outcome))
+        if result.status is Status.ACCEPTED:
+            self._movement = _Movement(result, self._tell_planned(result))
             self._set_timer()
-        return outcome
+        return result
 
-    def _tell_planned(self, outcome: CommandResult) -> Trajectory:
+    def _tell_planned(self, result: CommandResult) -> Trajectory:
         planned = self.simulator.trajectory
         assert planned is not None, "what was accepted moves"
-        self.tell(MovementPlanned(outcome.number, outcome.time, outcome.command, planned, outcome.grip))
+        self.tell(MovementPlanned(result.number, result.time, result.command, planned, result.grip))
         return planned
 
-    def _tell_ended(self, outcome: CommandResult, stopped_by: str = "", *, answers: bool) -> None:
+    def _tell_ended(self, result: CommandResult, stopped_by: str = "", *, answers: bool) -> None:
         """Tell that a movement has ended; with `answers` the event is the answer as well."""
         went = self.simulator.last_trajectory
         assert went is not None, "what was finished has moved"
         by = stopped_by if went.cut is not None else ""
-        number, time, command, pose = outcome.number, outcome.time, outcome.command, outcome.pose
-        self.tell(MovementEnded(number, time, command, went, pose, by, answers, outcome.grip))
+        number, time, command, pose = result.number, result.time, result.command, result.pose
+        self.tell(MovementEnded(number, time, command, went, pose, by, answers, result.grip))
 
     @property
     def _under_way(self) -> _Movement:
@@ -516,19 +516,19 @@ class Engine:
 
     def _do_stop(self, command: Command, stop: Stop, request_delay: float) -> None:
         reply_delay = self._link_delay(command)
-        stop.outcome = self.halt(command, request_delay + reply_delay, 0.0 if self._passes else reply_delay)
+        stop.result = self.halt(command, request_delay + reply_delay, 0.0 if self._passes else reply_delay)
         stop.reply_delay = reply_delay if self._passes else 0.0
 
     def _answer_stop(self, queued: Queued, stop: Stop) -> None:
         """Send the answer of a stop whose turn has come back over the link."""
-        session, outcome = queued.session, stop.outcome
-        if outcome is None:
+        session, result = queued.session, stop.result
+        if result is None:
             session.waiting = stop.awaited = True
             session.queue.appendleft(queued)
         elif stop.reply_delay and self._passes:
-            self._go_on_at(self.now() + stop.reply_delay, session, self._hand_over, queued, outcome)
+            self._go_on_at(self.now() + stop.reply_delay, session, self._hand_over, queued, result)
         else:
-            self._reply(queued, outcome)
+            self._reply(queued, result)
 
     def halt(self, command: Command, link: float = 0.0, reply_delay: float = 0.0) -> CommandResult:
         """End all motion now; drives that wait for their turn do not begin.
@@ -541,22 +541,22 @@ class Engine:
         with self._scheduler.holding():  # nothing begins before watchers have the event
             self.forget_drives()
             self.stop_motion(f"{command.shown} from {command.source}")
-            outcome = self.simulator.begin(command)
+            result = self.simulator.begin(command)
             if link:
-                taken = outcome.time
+                taken = result.time
                 self.simulator.advance(taken + reply_delay)
-                outcome = replace(outcome, time=self.simulator.time, taken=taken, link=link)
-            self.tell(outcome)
+                result = replace(result, time=self.simulator.time, taken=taken, link=link)
+            self.tell(result)
             self.halted = True
-        return outcome
+        return result
 
     def refuse(self, command: Command) -> CommandResult:
         """Answer a command of a sender with too many waiting: busy, at once."""
         self.now()
         # A refused stop stopped nothing: without this a rerun of the log would stop the robot.
-        outcome = self.simulator.refuse(replace(command, stops=False))
-        self.tell(outcome)
-        return outcome
+        result = self.simulator.refuse(replace(command, stops=False))
+        self.tell(result)
+        return result
 
     def forget_drives(self) -> None:
         """Make drives that wait for their turn not begin."""
@@ -576,15 +576,15 @@ class Engine:
         session.waiting = True
         self._held.append(session)
 
-    def _answer_in_time(self, queued: Queued, outcome: CommandResult, reply_delay: float) -> None:
+    def _answer_in_time(self, queued: Queued, result: CommandResult, reply_delay: float) -> None:
         """Answer in real time: after the time of the reading and the answer's delay on the link."""
-        took = outcome.reading.took if outcome.reading is not None else 0.0
-        self._answer(queued, outcome, (queued.request_delay or 0.0) + reply_delay, reply_delay, took)
+        took = result.reading.took if result.reading is not None else 0.0
+        self._answer(queued, result, (queued.request_delay or 0.0) + reply_delay, reply_delay, took)
 
     def _answer(
         self,
         queued: Queued,
-        outcome: CommandResult,
+        result: CommandResult,
         link: float = 0.0,
         reply_delay: float = 0.0,
         took: float = 0.0,
@@ -595,35 +595,35 @@ class Engine:
         `took`, are 0 for time that has passed already. All in simulated seconds.
         """
         session = queued.session
-        if not (outcome.waits or link or took):
-            self._complete(queued, outcome)
+        if not (result.waits or link or took):
+            self._complete(queued, result)
             return
-        taken = outcome.time if outcome.taken is None else outcome.taken
-        if not outcome.waits:
-            due = outcome.time + took + reply_delay
-            late = replace(outcome, time=due, taken=taken, link=link)
+        taken = result.time if result.taken is None else result.taken
+        if not result.waits:
+            due = result.time + took + reply_delay
+            late = replace(result, time=due, taken=taken, link=link)
             self._go_on_at(due, session, self._complete_late, queued, late)
             return
         session.waiting = True
 
         def over() -> None:
-            time, pose, on_link = self.simulator.time, self.simulator.pose, link + outcome.link
-            waited = replace(outcome, time=time, pose=pose, taken=taken, link=on_link)
+            time, pose, on_link = self.simulator.time, self.simulator.pose, link + result.link
+            waited = replace(result, time=time, pose=pose, taken=taken, link=on_link)
             self._resume(session, self._complete, queued, waited)
 
-        until = outcome.time + (0.0 if session.has_gone else outcome.waits + reply_delay)
+        until = result.time + (0.0 if session.has_gone else result.waits + reply_delay)
         self.driving.wait(session, until, over)
         if self._passes:
             self.call_at(until, self.driving.settle)
         else:
             self.driving.pass_time()
 
-    def _complete_late(self, queued: Queued, outcome: CommandResult) -> None:
+    def _complete_late(self, queued: Queued, result: CommandResult) -> None:
         """Tell a result whose time has come. A reading gets the pose at that time; a movement has its own."""
         # A reading arrives later than it was taken: the pose beside it is that of the event's time.
-        if outcome.status not in (Status.DONE, Status.ACCEPTED):
-            outcome = replace(outcome, pose=self._pose_when(outcome.time))
-        self._complete(queued, outcome)
+        if result.status not in (Status.DONE, Status.ACCEPTED):
+            result = replace(result, pose=self._pose_when(result.time))
+        self._complete(queued, result)
 
     def _pose_when(self, time: float) -> Pose:
         """The pose at a simulated time shortly before now."""
@@ -635,40 +635,40 @@ class Engine:
             return trajectory.pose_at(time)
         return self.simulator.pose
 
-    def _complete(self, queued: Queued, outcome: CommandResult) -> None:
+    def _complete(self, queued: Queued, result: CommandResult) -> None:
         """Tell watchers of a result, then answer its sender."""
-        self.tell(outcome)
-        self._reply(queued, outcome)
+        self.tell(result)
+        self._reply(queued, result)
         if not self.timed:
             self.driving.answered(queued.session)
 
-    def _reply(self, queued: Queued, outcome: CommandResult) -> None:
+    def _reply(self, queued: Queued, result: CommandResult) -> None:
         """Answer a sender, after the pause `step_time`."""
         # `step_time` is real time: it is for people who watch, and changes no simulated time.
         if self.step_time and self._loop is not None:
             session = queued.session
             session.waiting = True
-            self._loop.call_later(self.step_time, self._resume, session, self._hand_over, queued, outcome)
+            self._loop.call_later(self.step_time, self._resume, session, self._hand_over, queued, result)
         else:
-            self._hand_over(queued, outcome)
+            self._hand_over(queued, result)
 
-    def _hand_over(self, queued: Queued, outcome: CommandResult) -> None:
+    def _hand_over(self, queued: Queued, result: CommandResult) -> None:
         """Give an answer to its session. A movement's answer waits until it has been shown, and so do later
         ones."""
         throttle = self.throttle
         if throttle is None or not throttle.busy:
-            queued.session.give(queued.answer, outcome)
+            queued.session.give(queued.answer, result)
             return
         session, answer = queued.session, queued.answer
-        shown = outcome.trajectory is not None or outcome.waits or self.driving.drives
+        shown = result.trajectory is not None or result.waits or self.driving.drives
         # A later answer of the same sender waits too, or its replies would change their order.
         if not (session.late or shown):
-            session.give(answer, outcome)
+            session.give(answer, result)
             return
         if shown:
             session.late_until = throttle.until
         session.late += 1
-        throttle.later(session.late_until, lambda: session.give(answer, outcome, was_late=True))
+        throttle.later(session.late_until, lambda: session.give(answer, result, was_late=True))
 
     def _catch_up(self) -> None:
         """Show the present at once: somebody intervenes, and must see the result."""
@@ -687,8 +687,8 @@ class Engine:
             self._movement_over()
         if self._passes:
             return self._begin(command)
-        outcome = self._execute(command, answers=False)
-        return self.simulator.finish(outcome) if outcome.waits else outcome
+        result = self._execute(command, answers=False)
+        return self.simulator.finish(result) if result.waits else result
 
     def peek(self, command: Command) -> CommandResult:
         """Begin a command that reads a sensor or is refused, without telling its result; the caller does.
@@ -716,15 +716,15 @@ class Engine:
         movement = self._under_way
         self._movement = None
         self._set_timer()
-        outcome, queued = self.simulator.finish(movement.outcome), movement.queued
-        reply_delay = self._link_delay(outcome.command) if queued is not None else 0.0
+        result, queued = self.simulator.finish(movement.result), movement.queued
+        reply_delay = self._link_delay(result.command) if queued is not None else 0.0
         answers = queued is not None and not (queued.request_delay or reply_delay)
-        self._tell_ended(outcome, stopped_by, answers=answers)
+        self._tell_ended(result, stopped_by, answers=answers)
         # All held sessions are freed before the first one continues: it may begin the next movement at once.
         held, self._held = self._held, []
         for each in held:
             each.waiting = False
         if queued is not None:
-            self._answer_in_time(queued, outcome, reply_delay)
+            self._answer_in_time(queued, result, reply_delay)
         for each in held:
             self._scheduler.wake(each)

@@ -198,6 +198,11 @@ class ActionDone(Struct, frozen=True):
         """True if it restarted the run, with simulated time 0."""
         return self.action.name.restarts and not self.refused
 
+    @property
+    def places(self) -> bool:
+        """True if it put the robot elsewhere."""
+        return self.action.name.places and not self.refused
+
 
 class Belief(Struct, frozen=True):
     """A pose that a program believes the robot to have, and the true one at that moment.

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from msgspec.structs import replace
 
 from simmer_tui.config.loader import Configuration
-from simmer_tui.config.mission_plan import Cell, MissionPlan, draw_mission
+from simmer_tui.config.mission_plan import Cell, MissionPlan, contacts_rule, draw_mission
 from simmer_tui.config.mission_toml import FILE
 from simmer_tui.errors import ConfigurationError, Problem
 from simmer_tui.events import (
@@ -179,14 +179,12 @@ class Referee(EventHandler[bool]):
     def begin(self) -> None:
         """Announce the plan."""
         plan, start = self.plan, self.plan.start
-        allowed = "any number of contacts" if plan.contacts is None else contacts_text(plan.contacts)
-        allowed = f"at most {allowed}" if plan.contacts else allowed
         self._say(
             self._reducer.at().time,
             Result.UNDER_WAY,
             f"start ({start.x:g}, {start.y:g}) heading {start.heading:g}, "
             f"block ({plan.block[0]:.2f}, {plan.block[1]:.2f}), drop zone ({plan.drop_zone.x:g}, "
-            f"{plan.drop_zone.y:g}), {plan.time_limit:g} s, {allowed}",
+            f"{plan.drop_zone.y:g}), {plan.time_limit:g} s, {contacts_rule(plan.contacts)}",
         )
 
     def watch(self, event: Event) -> None:

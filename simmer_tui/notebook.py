@@ -8,7 +8,7 @@ from pathlib import Path
 from msgspec.structs import replace
 
 from simmer_tui import sim
-from simmer_tui.config import load_default
+from simmer_tui.config import load_default, variables
 from simmer_tui.config import loader as set_loader
 from simmer_tui.config.device_trust import TRUST, DeviceTrust
 from simmer_tui.config.loader import Configuration
@@ -42,13 +42,14 @@ def configuration_from_environment(environment: Mapping[str, str]) -> Configurat
     """The set that the environment of a program names: SIMMER_CONFIG, else `config` in the working
     directory, else the default set. SIMMER_DRIVE_PROFILE and SIMMER_SENSOR_PROFILE give its profiles,
     SIMMER_MAZE its maze. Raises ConfigurationError."""
-    profiles = {
-        "drive_profile": environment.get("SIMMER_DRIVE_PROFILE", ""),
-        "sensor_profile": environment.get("SIMMER_SENSOR_PROFILE", ""),
+    profiles = {"drive_profile": variables.DRIVE_PROFILE, "sensor_profile": variables.SENSOR_PROFILE}
+    overrides = {
+        name: Override(variable, value)
+        for name, variable in profiles.items()
+        if (value := environment.get(variable))
     }
-    overrides = {name: Override(f"SIMMER_{name.upper()}", value) for name, value in profiles.items() if value}
-    configuration = set_loader.load(find_set(environment.get("SIMMER_CONFIG") or None), overrides)
-    maze = environment.get("SIMMER_MAZE")
+    configuration = set_loader.load(find_set(environment.get(variables.SET) or None), overrides)
+    maze = environment.get(variables.MAZE)
     if not maze:
         return configuration
     problems: list[Problem] = []

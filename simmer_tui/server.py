@@ -19,6 +19,7 @@ from msgspec.structs import replace
 
 from simmer_tui import platform_has
 from simmer_tui.backend import BackendSession, BackendSwitch, Message, SimulatorBackend
+from simmer_tui.config import variables
 from simmer_tui.config.device_trust import VARIABLE as TRUSTED
 from simmer_tui.config.dialects import SERIAL, all_ports
 from simmer_tui.config.loader import Configuration
@@ -232,27 +233,27 @@ class Server:
         """The environment variables of a program on this machine: where to connect, the set, the robot's
         profiles and the mission."""
         taken, settings, directory = self.ports, self.configuration.settings, self.configuration.directory
-        variables = {"SIMMER_HOST": reachable_host(self.host)}
+        given = {variables.HOST: reachable_host(self.host)}
         for port in (*all_ports(), CLOCK):
             if port.purpose in taken:
-                variables[port.variable] = str(taken[port.purpose])
+                given[port.variable] = str(taken[port.purpose])
         optional = {
             # The program is our own child: it gets the token, or our own ports would refuse it.
             TOKEN: self._token,
-            "SIMMER_SERIAL_NAMES": ",".join(settings.server.serial_names),
+            variables.SERIAL_NAMES: ",".join(settings.server.serial_names),
             # Not for a set that came from elsewhere, as in trials on other machines.
-            "SIMMER_CONFIG": str(directory.resolve()) if directory.is_dir() else "",
-            "SIMMER_DRIVE_PROFILE": settings.drive_profile,
-            "SIMMER_SENSOR_PROFILE": ",".join(settings.sensor_profile),
+            variables.SET: str(directory.resolve()) if directory.is_dir() else "",
+            variables.DRIVE_PROFILE: settings.drive_profile,
+            variables.SENSOR_PROFILE: ",".join(settings.sensor_profile),
             # It may read the set, and runs with the same rights.
             TRUSTED: ",".join(device.sha256 for device in self.configuration.devices),
         }
-        variables |= {name: value for name, value in optional.items() if value}
+        given |= {name: value for name, value in optional.items() if value}
         if self.referee is None:
-            return variables
+            return given
         from simmer_tui.mission import environment
 
-        return variables | environment(self.referee.plan)
+        return given | environment(self.referee.plan)
 
     @property
     def _listening(self) -> list[socket.socket]:

@@ -50,7 +50,7 @@ class Stop(Struct):
     A stop is done before its turn; only its answer waits.
     """
 
-    outcome: CommandResult | None = None
+    result: CommandResult | None = None
     reply_delay: float = 0.0
     awaited: bool = False
 
@@ -114,12 +114,12 @@ class Session:
         if self.open:
             self.queue.appendleft(queued)
 
-    def give(self, answer: Answer, outcome: CommandResult, *, was_late: bool = False) -> None:
+    def give(self, answer: Answer, result: CommandResult, *, was_late: bool = False) -> None:
         """Give an answer, unless the session is closed. `was_late` is true if it waited for a movement to be
         shown."""
         self.late -= was_late
         if self.open:
-            answer(outcome)
+            answer(result)
 
     def close(self) -> None:
         """Drop all queued commands and pending answers."""

@@ -12,12 +12,15 @@ from simmer_tui.sim import Simulator
 from simmer_tui.sim.arrays import BoolArray, FloatArray, NDArray
 from simmer_tui.sim.maze import Maze
 from simmer_tui.sim.pose import Pose
+from simmer_tui.sim.rules import IntegerRule, NumberRule
 from simmer_tui.sim.sensors.base import ObservingSensor, World, sensor_of
 from simmer_tui.sim.sensors.range_sensors import RangeSensor
 from simmer_tui.sim.specs import CELL_SIZE
 
 MOST_HEADINGS = 360
 """Most headings of a grid of poses, and of a belief: one a degree."""
+STEP, HEADINGS = NumberRule(0, CELL_SIZE, low_open=True), IntegerRule(1, MOST_HEADINGS)
+"""Side of a cell of a grid, inches, and its number of directions."""
 _ON_GRID = 1e-6
 """Inches by which the last edge of a grid may differ from the maze's: rounding of a step such as 0.1."""
 
@@ -33,11 +36,7 @@ class PoseGrid(Struct, frozen=True):
 
     @classmethod
     def over(cls, maze: Maze, step: float, headings: int) -> PoseGrid:
-        """The grid over a maze. Raises AtlasError if its cells do not fill the maze, or for no headings."""
-        if not 1 <= headings <= MOST_HEADINGS:
-            raise AtlasError(f"--headings takes 1 to {MOST_HEADINGS}, not {headings}")
-        if not 0.0 < step <= CELL_SIZE:
-            raise AtlasError(f"--step takes more than 0 and at most {CELL_SIZE:g} in, not {step:g}")
+        """The grid over a maze. Raises AtlasError if its cells do not fill the maze."""
         parts = CELL_SIZE / step
         if abs(round(parts) * step - CELL_SIZE) > _ON_GRID:
             near = f"{CELL_SIZE / np.ceil(parts):.4g} or {CELL_SIZE / np.floor(parts):.4g}"

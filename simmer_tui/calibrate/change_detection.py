@@ -30,6 +30,7 @@ from simmer_tui.calibrate.written_set import Knowledge, knowledge_of, learned_sp
 from simmer_tui.config.loader import Configuration
 from simmer_tui.errors import CalibrationError
 from simmer_tui.sim.arrays import FloatArray
+from simmer_tui.sim.noise import bias_spread
 from simmer_tui.sim.specs import DriveKind
 
 FALSE_ALARMS = 0.05
@@ -222,14 +223,13 @@ def strengths(robots: Sequence[Knowledge]) -> tuple[ParameterEstimate, ...]:
 
 
 def _unit(name: str, turning: bool) -> float | None:
-    """Factor of the simulator from a strength to a bias (`random_bias` in sim/noise.py); None if the
-    parameter is no bias of a translation, or of a rotation if `turning`."""
+    """Factor of the simulator from a strength to a bias; None if the parameter is no bias of a translation,
+    or of a rotation if `turning`."""
     owner, _, figure = name.partition(" ")
     if owner not in set(DriveKind) or DriveKind(owner).turns != turning:
         return None
-    if turning:
-        return 1 / 360  # a strength of 1 is a degree in a whole turn
-    return 10.0 if figure.startswith("rotation") else 1.0
+    along, _, rotation = bias_spread(DriveKind(owner), (1.0, 1.0))
+    return rotation if figure.startswith("rotation") else along
 
 
 def _biases(robot: Knowledge, units: dict[str, float]) -> tuple[FloatArray, FloatArray]:

@@ -213,7 +213,7 @@ class _Collector(EventHandler[None]):
         self.handle(logged.event)
 
     def on_action(self, event: ActionDone) -> None:
-        if event.action.name.places and not event.refused:
+        if event.places:
             self.begin(event.pose, self._line)
         elif event.action.name is ActionName.BLOCK:
             self.move_block()

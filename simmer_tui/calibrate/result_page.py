@@ -22,7 +22,7 @@ from simmer_tui.calibrate.parameters import AXES
 from simmer_tui.calibrate.posterior import COUNTER, OBSERVATION, PROCESS, RANGE, Rows
 from simmer_tui.calibrate.prediction import HeldBack
 from simmer_tui.document import svg
-from simmer_tui.document.formats import COUNT, UNIT, WORDS, Format, estimate, number
+from simmer_tui.document.formats import COUNT, WORDS, Format, estimate, number
 from simmer_tui.document.model import (
     DataColumn,
     DataTable,
@@ -54,7 +54,7 @@ MISFITS = DataTable(
         DataColumn("part"),
         DataColumn("kind"),
         *_ESTIMATE,
-        DataColumn("unit", UNIT, hidden=True),
+        DataColumn("unit", hidden=True),
         DataColumn("p", number(".1g")),
         DataColumn("text", heading="observation", wraps=True),
     ),
@@ -65,7 +65,7 @@ PARAMETERS = DataTable(
     (
         DataColumn("part"),
         DataColumn("parameter", heading="parameter"),
-        DataColumn("unit", UNIT, hidden=True),
+        DataColumn("unit", hidden=True),
         DataColumn("was", number(".4g")),
         *_ESTIMATE,
         DataColumn("is", _FIGURE),
@@ -82,9 +82,7 @@ UNIDENTIFIED = DataTable(
         DataColumn("text", heading="why", wraps=True),
     ),
 )
-RESIDUALS = DataTable(
-    "residuals", "Residuals", (DataColumn("part"), DataColumn("unit", UNIT), *_BEFORE_AFTER)
-)
+RESIDUALS = DataTable("residuals", "Residuals", (DataColumn("part"), DataColumn("unit"), *_BEFORE_AFTER))
 _HELD_BACK = DataTable(
     "held_back",
     "Predictions of held-back readings",
@@ -92,7 +90,7 @@ _HELD_BACK = DataTable(
         DataColumn("readings_of"),
         DataColumn("ahead", COUNT),
         *_BEFORE_AFTER,
-        DataColumn("unit", UNIT),
+        DataColumn("unit"),
         DataColumn("times_better", number(".1f")),
         DataColumn("readings", COUNT),
     ),
@@ -107,7 +105,7 @@ _CHECK = DataTable(
         DataColumn("set", number(".4g")),
         DataColumn("log", number(".4g")),
         DataColumn("error", number(".2g")),
-        DataColumn("unit", UNIT, hidden=True),
+        DataColumn("unit", hidden=True),
         DataColumn("verdict", WORDS, ""),
     ),
 )

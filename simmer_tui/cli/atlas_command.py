@@ -11,12 +11,14 @@ from rich.progress import TaskProgressColumn, TimeRemainingColumn
 
 from simmer_tui.atlas.array_files import csv_bytes, mat_bytes, npz_bytes
 from simmer_tui.atlas.c_header import MEGA_FLASH, header_bytes, table_bytes
-from simmer_tui.atlas.expected_readings import Atlas, PoseGrid, atlas_codes, compute_atlas
+from simmer_tui.atlas.expected_readings import HEADINGS, STEP, Atlas, PoseGrid, atlas_codes, compute_atlas
 from simmer_tui.cli.command_line import (
     ExitCode,
     OneLineParser,
+    add_config_option,
     add_setting_options,
     add_trust_option,
+    by_rule,
     overrides_from,
     subcommand,
     writing,
@@ -42,16 +44,20 @@ _MANY = 2_000_000
 
 def _options(parser: OneLineParser) -> None:
     parser.add_argument("out", metavar="OUT", type=Path, help="the file to write: .npz, .mat, .csv or .h")
+    add_config_option(parser)
     parser.add_argument(
-        "--config",
-        metavar="DIR",
-        help="configuration set: a folder or a name (default: ./config, else default)",
+        "--step",
+        metavar="IN",
+        type=by_rule(STEP),
+        default=1.0,
+        help="side of a cell, inches (default %(default)g)",
     )
     parser.add_argument(
-        "--step", metavar="IN", type=float, default=1.0, help="side of a cell, inches (default 1)"
-    )
-    parser.add_argument(
-        "--headings", metavar="N", type=int, default=8, help="directions, evenly spaced from 0 (default 8)"
+        "--headings",
+        metavar="N",
+        type=by_rule(HEADINGS),
+        default=8,
+        help="directions, evenly spaced from 0 (default %(default)s)",
     )
     parser.add_argument(
         "--sensors", metavar="CODES", help="which, as u1,u2 (default: every enabled range sensor)"

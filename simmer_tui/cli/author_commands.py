@@ -16,6 +16,7 @@ from simmer_tui import platform_has
 from simmer_tui.cli.command_line import (
     ExitCode,
     OneLineParser,
+    add_config_option,
     add_setting_options,
     overrides_from,
     subcommand,
@@ -25,6 +26,7 @@ from simmer_tui.config.dialects import SERIAL, TEAM
 from simmer_tui.config.examples import EXAMPLE, copy_examples
 from simmer_tui.config.loader import Configuration, load
 from simmer_tui.config.sets import find_set
+from simmer_tui.config.variables import HOST, SERIAL_NAMES
 from simmer_tui.errors import ConfigurationError, Problem
 from simmer_tui.phrases import counted
 from simmer_tui.program.program_command import with_hook
@@ -62,7 +64,7 @@ def run_examples(options: argparse.Namespace) -> int:
 
 
 def _env_options(parser: OneLineParser) -> None:
-    parser.add_argument("--config", metavar="DIR", help="configuration set (default: ./config, else default)")
+    add_config_option(parser)
     parser.add_argument(
         "--form",
         choices=(*_FORMS, _JSON),
@@ -82,7 +84,7 @@ def run_env(options: argparse.Namespace) -> int:
         sys.stdout.write(json.dumps(variables, indent=2) + "\n")
     else:
         sys.stdout.writelines(f"{_FORMS[options.form](*each)}\n" for each in variables.items())
-    host, port = variables["SIMMER_HOST"], int(variables[SERIAL.variable])
+    host, port = variables[HOST], int(variables[SERIAL.variable])
     if not _answers(host, port):
         sys.stderr.write(f"no simulator answers at {host}, port {port}: start simmer-tui with this set\n")
     return ExitCode.DONE
@@ -107,9 +109,9 @@ def variables_of(configuration: Configuration, environment: Mapping[str, str]) -
     if not server.dialect_port:
         what = "is any free one: name one, for the simulator as well"
         raise ConfigurationError([Problem("--dialect-port", what)])
-    variables = {"SIMMER_HOST": reachable_host(server.host), SERIAL.variable: str(server.dialect_port)}
+    variables = {HOST: reachable_host(server.host), SERIAL.variable: str(server.dialect_port)}
     if server.serial_names:
-        variables["SIMMER_SERIAL_NAMES"] = ",".join(server.serial_names)
+        variables[SERIAL_NAMES] = ",".join(server.serial_names)
     token = server.token or environment.get(TOKEN, "").strip()
     if token:
         variables[TOKEN] = token

@@ -54,7 +54,7 @@ def _options(parser: OneLineParser) -> None:
     what.add_argument(
         "--strength",
         action="store_true",
-        help="the LOGs are calibrated sets of five robots or more: say how their biases differ, for the "
+        help="the LOGs are calibrated sets of several robots: say how their biases differ, for the "
         "setting strength",
     )
     parser.add_argument(
@@ -62,7 +62,7 @@ def _options(parser: OneLineParser) -> None:
         metavar="N",
         type=seed_of,
         default=0,
-        help="of the search for the path (default: 0); rarely of use",
+        help="of the search for the path (default: %(default)s); rarely of use",
     )
     parser.add_argument(
         "--anyway",

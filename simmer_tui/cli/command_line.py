@@ -10,10 +10,11 @@ from collections.abc import Callable, Collection, Generator, Iterable, Mapping, 
 from contextlib import AbstractContextManager, contextmanager, suppress
 from enum import IntEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NoReturn, TextIO
+from typing import TYPE_CHECKING, Any, NoReturn, TextIO, TypeVar
 
 from simmer_tui.config.device_trust import OPTION, TRUST, DeviceTrust
 from simmer_tui.config.mission_toml import OVERRIDDEN
+from simmer_tui.config.sets import DEFAULT_SET
 from simmer_tui.config.settings import Setting, all_settings
 from simmer_tui.config.settings_file import Override
 from simmer_tui.errors import (
@@ -26,11 +27,13 @@ from simmer_tui.errors import (
 )
 from simmer_tui.sim.command import escape, escape_passage, shown_path
 from simmer_tui.sim.noise import SEEDS
-from simmer_tui.sim.rules import FlagRule, did_you_mean
+from simmer_tui.sim.rules import FlagRule, Rule, did_you_mean
 
 if TYPE_CHECKING:  # a run has no documents, and must start quickly
     from simmer_tui.config.device_file import DeviceFile
     from simmer_tui.document.model import Document
+
+_T = TypeVar("_T")
 
 _DEST = "setting."
 """Prefix of the attributes of setting options, so that they do not clash with others."""
@@ -331,6 +334,18 @@ def add_setting_options(
     parser.setting_groups = [] if names else list(groups.values())
 
 
+def by_rule(rule: Rule[_T]) -> Callable[[str], _T]:
+    """The type of an option whose values follow a rule."""
+
+    def value(text: str) -> _T:
+        try:
+            return rule.from_text(text)
+        except ValueError as error:
+            raise argparse.ArgumentTypeError(str(error)) from None
+
+    return value
+
+
 def _add_option(group: argparse._ArgumentGroup, item: Setting) -> None:
     unit = f"{item.unit}, " if item.unit else ""
     help_text = f"{item.help} ({unit}default {default_text(item) or 'none'})".replace("%", "%%")
@@ -381,6 +396,17 @@ def seed_of(text: str) -> int:
 def add_json_option(parser: argparse.ArgumentParser) -> None:
     """The option `--json`."""
     parser.add_argument("--json", action="store_true", help="print the answer as JSON, for scripts")
+
+
+def add_config_option(
+    parser: argparse.ArgumentParser | argparse._ArgumentGroup, default: str = f"./config, else {DEFAULT_SET}"
+) -> None:
+    """The option `--config`; `default` says which set is taken without it."""
+    parser.add_argument(
+        "--config",
+        metavar="DIR",
+        help=f"configuration set: a folder, or the name of a bundled one (default: {default})",
+    )
 
 
 def print_answer(document: Document, *, as_json: bool = False) -> None:

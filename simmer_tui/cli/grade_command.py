@@ -16,12 +16,13 @@ from simmer_tui.cli.command_line import (
     ExitCode,
     OneLineParser,
     add_json_option,
+    by_rule,
     print_answer,
     say,
     seed_of,
     subcommand,
 )
-from simmer_tui.cli.trials_options import count, new_folder, newest_folder, rate, run_to_end, typed_path
+from simmer_tui.cli.trials_options import add_place_options, newest_folder, rate, run_to_end, typed_path
 from simmer_tui.config.settings import CLOCKS
 from simmer_tui.document.as_data import table_csv
 from simmer_tui.errors import GradeError
@@ -33,8 +34,9 @@ from simmer_tui.grade.sandbox import Isolation
 from simmer_tui.grade.site import INDEX, grades_document, grades_table, gradescope_json, junit_xml, site
 from simmer_tui.grade.team_result import TeamResult, TeamStatus, team_results
 from simmer_tui.phrases import counted
+from simmer_tui.runlog.writer import moment_name
 from simmer_tui.sim.noise import SEED_BITS
-from simmer_tui.trials.sequential import MARGIN, REQUIRED_RATE, shown_test
+from simmer_tui.trials.sequential import CAP_RULE, MARGIN, REQUIRED_RATE, shown_test
 from simmer_tui.trials.trial import TrialResult
 
 _GRADES, _JUNIT, _GRADESCOPE, _SITE = "grades.csv", "junit.xml", "gradescope", "site"
@@ -58,7 +60,7 @@ def _options(parser: OneLineParser) -> None:
         type=rate,
         help=f"a success rate this much lower fails (default {MARGIN:g})",
     )
-    parser.add_argument("--cap", metavar="N", type=count, help="most runs of a team")
+    parser.add_argument("--cap", metavar="N", type=by_rule(CAP_RULE), help="most runs of a team")
     parser.add_argument(
         "--clock", choices=CLOCKS, help="clock of the runs, in place of that of the course's set"
     )
@@ -73,8 +75,7 @@ def _options(parser: OneLineParser) -> None:
         type=seed_of,
         help="seed of an earlier grading, to repeat it (default: a secret one)",
     )
-    parser.add_argument("--jobs", metavar="N", type=count, help="runs at a time (default: one a processor)")
-    parser.add_argument("--dask", metavar="ADDRESS", help="send the runs to a Dask cluster")
+    add_place_options(parser)
     parser.add_argument(
         "--out",
         metavar="DIR",
@@ -116,7 +117,7 @@ def run_grade(options: argparse.Namespace) -> int:
     if code is not ExitCode.DONE:
         say(f"simmer-tui grade: {why}; to resume: simmer-tui grade --resume --out {typed_path(folder.path)}")
         return code
-    return ExitCode.DONE if all(each.outcome is TeamStatus.PASSED for each in found) else ExitCode.NO
+    return ExitCode.DONE if all(each.status is TeamStatus.PASSED for each in found) else ExitCode.NO
 
 
 # -- what is to be done ----------------------------------------------------------------------------
@@ -141,7 +142,7 @@ def _begun(options: argparse.Namespace) -> GradeFolder:
 
 def _usual_place(course: Course) -> Path:
     """A new folder here, or in the nearest folder above that is outside the teams' folders."""
-    name = new_folder(_PREFIX)
+    name = f"{_PREFIX}{moment_name()}"
     place = Path()
     while place.resolve() != Path(place.resolve().anchor) and any(
         _is_in(place, folder) for folder in _not_in(course)

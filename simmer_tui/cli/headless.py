@@ -132,7 +132,7 @@ class EventLines(EventHandler[str]):
         self._trail.begun(event.number, event.time)
         source, shown = event.command.source, event.command.shown
         if event.status in _REFUSALS:
-            return f"{source}: bad command '{shown}': {event.reason}"
+            return f"{source}: refused '{shown}': {event.reason}"
         if event.status is Status.UNANSWERED:
             return f"{source}: no answer to '{shown}': {event.reason}"
         if event.status is Status.BUSY and not self._told_busy:

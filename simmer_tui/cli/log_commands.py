@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import ExitStack
 from io import TextIOWrapper
 from pathlib import Path
@@ -15,6 +15,7 @@ from simmer_tui.cli.command_line import (
     ExitCode,
     OneLineParser,
     add_json_option,
+    by_rule,
     print_answer,
     print_json,
     subcommand,
@@ -25,13 +26,14 @@ from simmer_tui.cli.progress_bar import progress_bar
 from simmer_tui.document.model import Bullets, DataColumn, DataTable, Document
 from simmer_tui.errors import ExportError, RunLogError
 from simmer_tui.phrases import counted
-from simmer_tui.report.animation import shots, write_gif
+from simmer_tui.report.animation import USUAL_SECONDS, shots, write_gif
 from simmer_tui.report.content import maze_picture, report_document, svg_picture
 from simmer_tui.report.page import report_page
 from simmer_tui.report.run_statistics import CommandTable, RunStatistics
 from simmer_tui.runlog.reader import Logged, LogReader
 from simmer_tui.runlog.rerun import Rerun
 from simmer_tui.sim.command import escape, escape_passage, escape_word, shown_path
+from simmer_tui.sim.rules import IntegerRule, NumberRule
 from simmer_tui.version import __version__
 from simmer_tui.whole_file import whole_file, write_whole
 
@@ -121,15 +123,18 @@ def _export_options(parser: OneLineParser) -> None:
     add_log_argument(parser)
     parser.add_argument("--gif", metavar="OUT", type=Path, help="write the run as a GIF (needs Pillow)")
     parser.add_argument("--svg", metavar="OUT", type=Path, help="write the whole path as a picture")
-    width = _number("a width from 160 to 3840 pixels", 160, 3840)
-    rate = _number("a playback rate from 0.01 to 1000", 0.01, 1000)
-    seconds = _number("a time in seconds, 0 or more", 0, 1e12)
+    seconds = by_rule(NumberRule(0))
     parser.add_argument(
-        "--width", metavar="PIXELS", type=width, default=720, help="of the pictures (default 720)"
+        "--width",
+        metavar="PIXELS",
+        type=by_rule(IntegerRule(160, 3840)),
+        default=720,
+        help="of the pictures (default %(default)s)",
     )
     parser.add_argument(
-        "--speed", metavar="X", type=rate, dest="playback_rate",
-        help="simulated seconds a second of the GIF (default: 1, or as many as make it 20 s long)",
+        "--speed", metavar="X", type=by_rule(NumberRule(0.01, 1000)), dest="playback_rate",
+        help="simulated seconds a second of the GIF (default: 1, or as many as make it "
+        f"{USUAL_SECONDS:g} s long)",
     )  # fmt: skip
     parser.add_argument(
         "--from", metavar="S", type=seconds, dest="begin", help="where the GIF begins, seconds"
@@ -145,32 +150,16 @@ def run_export(options: argparse.Namespace) -> int:
         raise ExportError("name what to write: --gif OUT, --svg OUT, or both")
     path = log_of(options)
     _check_outputs(path, (options.gif, options.svg))
-    run, width = build_report(path), round(options.width)
+    run = build_report(path)
     if options.svg is not None:
-        _write_text(options.svg, maze_picture(run, escape_passage(path.name), width))
+        _write_text(options.svg, maze_picture(run, escape_passage(path.name), options.width))
         sys.stdout.write(_wrote(options.svg))
     if options.gif is not None:
         taken = shots(run, options.begin, options.until, options.playback_rate)
         with writing(RunLogError, options.gif):
-            _run_through(write_gif(run, options.gif, taken, width), len(taken.times), "pictures")
+            _run_through(write_gif(run, options.gif, taken, options.width), len(taken.times), "pictures")
         sys.stdout.write(_wrote(options.gif))
     return 0
-
-
-def _number(what: str, low: float, high: float) -> Callable[[str], float]:
-    """A function that reads an option with a number."""
-
-    def number(text: str) -> float:
-        try:
-            value = float(text)
-        except ValueError:
-            value = float("nan")
-        # Written so that NaN is refused too.
-        if not low <= value <= high:
-            raise argparse.ArgumentTypeError(f"{escape_word(text)!r} is not {what}")
-        return value
-
-    return number
 
 
 def _rerun_options(parser: OneLineParser) -> None:

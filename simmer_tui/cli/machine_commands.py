@@ -187,7 +187,7 @@ def run_ports(options: argparse.Namespace) -> int:
     """List the serial ports of this machine."""
     ports = port_list.list_ports()
     if options.json:
-        rows = [(port.device, port.description, port.mark or None) for port in ports]
+        rows = [(port.device, port.description, port.mark) for port in ports]
         print_json(Document("Serial ports", [PORTS.filled(rows)]))
     elif ports:
         width = max(len(port.device) for port in ports)

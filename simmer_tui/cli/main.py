@@ -18,6 +18,7 @@ from simmer_tui.cli.command_line import (
     CliCommand,
     ExitCode,
     OneLineParser,
+    add_config_option,
     add_setting_options,
     add_trust_option,
     has_terminal,
@@ -81,11 +82,7 @@ def build_parser() -> OneLineParser:
     )
     parser.add_argument("--version", action="version", version=f"simmer-tui {__version__}")
     run = parser.add_argument_group("run")
-    run.add_argument(
-        "--config",
-        metavar="DIR",
-        help="configuration set: a folder, or the name of a bundled one (default: ./config, else default)",
-    )
+    add_config_option(run)
     run.add_argument(
         "--mission",
         action="store_true",

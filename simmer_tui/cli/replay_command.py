@@ -8,14 +8,22 @@ from functools import partial
 from pathlib import Path
 
 from simmer_tui.cli.app_start import apply_choice
-from simmer_tui.cli.command_line import ExitCode, OneLineParser, asking_nobody, has_terminal, subcommand
+from simmer_tui.cli.command_line import (
+    ExitCode,
+    OneLineParser,
+    asking_nobody,
+    by_rule,
+    has_terminal,
+    subcommand,
+)
 from simmer_tui.cli.log_options import add_device_options, add_log_argument, configuration_of, log_of
 from simmer_tui.cli.main import front_end
 from simmer_tui.cli.run_life import RunLife
+from simmer_tui.config.settings import all_settings
 from simmer_tui.runlog.index import RunLogIndex
+from simmer_tui.sim.rules import NumberRule
 from simmer_tui.takeover import TakeOver, moment_at
 from simmer_tui.tui.recorded import RecordedRun
-from simmer_tui.tui.terminal import COLOR_OPTIONS, GLYPH_OPTIONS
 
 
 def _options(parser: OneLineParser) -> None:
@@ -23,14 +31,16 @@ def _options(parser: OneLineParser) -> None:
     parser.add_argument(
         "--follow", action="store_true", help="stay at the end of a log that is still being written"
     )
-    parser.add_argument("--color", choices=COLOR_OPTIONS, default="auto", help="colours of the terminal")
-    parser.add_argument(
-        "--glyphs", choices=GLYPH_OPTIONS, default="auto", help="characters the maze is drawn with"
-    )
+    for item in all_settings():
+        if item.name in ("screen.color", "screen.glyphs"):
+            choices = tuple(item.rule.schema["enum"])
+            parser.add_argument(item.option, choices=choices, default=item.default, help=item.help)
     take_over = parser.add_argument_group(
         "take over", "a live run that continues from a moment of the log (in the replay: t)"
     )
-    take_over.add_argument("--take-over", metavar="S", type=float, help="at once, at so many seconds")
+    take_over.add_argument(
+        "--take-over", metavar="S", type=by_rule(NumberRule()), help="at once, at so many seconds"
+    )
     take_over.add_argument("--no-ui", action="store_true", help="without the screen")
     take_over.add_argument("--run", metavar='"CMD ..."', help="run a program, which continues from there")
     take_over.add_argument("--log", metavar="FILE", help="log the run, all that was before included")

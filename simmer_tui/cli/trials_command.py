@@ -29,7 +29,6 @@ from simmer_tui.cli.trials_options import (
     DEFAULT_RUNS,
     PREFIX,
     add_trials_options,
-    new_folder,
     newest_folder,
     run_to_end,
     typed_path,
@@ -42,6 +41,7 @@ from simmer_tui.document.as_html import html_page
 from simmer_tui.document.formats import ESTIMATE
 from simmer_tui.errors import ConfigurationError, Problem, TrialsError
 from simmer_tui.phrases import counted
+from simmer_tui.runlog.writer import moment_name
 from simmer_tui.sim.command import escape, shown_path
 from simmer_tui.trials.cluster import pack
 from simmer_tui.trials.explanations import Explanations
@@ -82,7 +82,7 @@ def run_trials(options: argparse.Namespace) -> int:
     if code is ExitCode.DONE and options.why is not None:
         code, why = run_to_end(lambda: _explain(folder, options))
     if folder.results:
-        _show(folder, options.require, as_json=options.json)
+        _show(folder, options.require, test, as_json=options.json)
     if code is not ExitCode.DONE:
         done = "" if folder.results else "no run is done: "
         say(f"simmer-tui trials: {done}{why}; to resume: {_continuation(folder, options)}")
@@ -128,7 +128,7 @@ def _begun(options: argparse.Namespace) -> TrialFolder:
         points=points,
     )
     _check_plan(options, plan, configuration)
-    path = options.out or Path(new_folder(PREFIX))
+    path = options.out or Path(f"{PREFIX}{moment_name()}")
     return TrialFolder.create(path, plan, configuration.texts, mazes)
 
 
@@ -227,7 +227,7 @@ def _run_all(folder: TrialFolder, options: argparse.Namespace, test: SequentialT
     """Do the planned runs, with a `test` until it has decided. Raises TrialsError, ClusterError."""
 
     def decided() -> bool:
-        return test is not None and test.verdict(folder.successes_in_order) is not None
+        return test is not None and test.decision(folder.successes_in_order) is not None
 
     numbers = folder.to_do
     trials = (folder.trial(number) for number in takewhile(lambda number: not decided(), numbers))
@@ -271,7 +271,7 @@ def _explain(folder: TrialFolder, options: argparse.Namespace) -> None:
 # -- the answer ------------------------------------------------------------------------------------
 
 
-def _show(folder: TrialFolder, required: float | None, *, as_json: bool) -> None:
+def _show(folder: TrialFolder, required: float | None, test: SequentialTest | None, *, as_json: bool) -> None:
     """Write the files of the answer and print it."""
     files = {TABLE: table_csv(runs_table(folder))}
     if folder.plan.points:
@@ -279,7 +279,7 @@ def _show(folder: TrialFolder, required: float | None, *, as_json: bool) -> None
         wanted = REQUIRED_RATE if required is None else required
         answer, page = sweep_document(folder, wanted), sweep_page(folder, wanted)
     else:
-        answer, page = trials_document(folder), trials_page(folder, write_run_pages(folder), required)
+        answer, page = trials_document(folder, test), trials_page(folder, write_run_pages(folder), required)
     files[REPORT_PAGE] = html_page(page)
     written = [shown_path(folder.store.write(name, text)) for name, text in files.items()]
     print_answer(answer, as_json=as_json)
@@ -289,15 +289,15 @@ def _show(folder: TrialFolder, required: float | None, *, as_json: bool) -> None
 
 def _decided(test: SequentialTest, folder: TrialFolder) -> ExitCode:
     """Print the result of the test. Returns its exit code."""
-    verdict = test.verdict(folder.successes_in_order)
-    assert verdict is not None, "all runs up to the cap are done"
-    score = ESTIMATE.text(test.interval(verdict.runs, verdict.successes))
-    result = f"{'passed' if verdict.passed else 'failed'} after {counted(verdict.runs, 'run')}"
+    decision = test.decision(folder.successes_in_order)
+    assert decision is not None, "all runs up to the cap are done"
+    score = ESTIMATE.text(test.interval(decision.runs, decision.successes))
+    result = f"{'passed' if decision.passed else 'failed'} after {counted(decision.runs, 'run')}"
     say(
-        f"simmer-tui trials: {result}, {verdict.successes} of them successes: success rate {score}, 95 % "
+        f"simmer-tui trials: {result}, {decision.successes} of them successes: success rate {score}, 95 % "
         "interval after a sequential test"
     )
-    return ExitCode.DONE if verdict.passed else ExitCode.NO
+    return ExitCode.DONE if decision.passed else ExitCode.NO
 
 
 def _is_kept(folder: TrialFolder, wanted: float) -> bool:

@@ -3,34 +3,29 @@
 from __future__ import annotations
 
 import argparse
-import contextlib
 import shlex
 from collections.abc import Callable
-from datetime import datetime
 from pathlib import Path
 
 from simmer_tui.cli.command_line import (
     ExitCode,
     OneLineParser,
+    add_config_option,
     add_json_option,
     add_setting_options,
     add_trust_option,
+    by_rule,
 )
 from simmer_tui.config.sets import MISSION_SET
 from simmer_tui.errors import ClusterError
 from simmer_tui.sim.command import shown_path
+from simmer_tui.sim.rules import IntegerRule, NumberRule
 from simmer_tui.trials.explanations import EXPLAINED
-from simmer_tui.trials.sequential import MARGIN, REQUIRED_RATE
+from simmer_tui.trials.sequential import MARGIN, RATE_RULE, REQUIRED_RATE
 from simmer_tui.trials.trial import TIME_LIMIT
 
 DEFAULT_RUNS = 100
 PREFIX = "trials_"
-_MANY = 1_000_000
-
-
-def new_folder(prefix: str) -> str:
-    """Name of a folder for a set of runs, by date."""
-    return f"{prefix}{datetime.now():%Y-%m-%d_%H-%M-%S}"
 
 
 def newest_folder(prefix: str, plan: str, *places: Path) -> Path | None:
@@ -56,21 +51,16 @@ def run_to_end(work: Callable[[], None]) -> tuple[ExitCode, str]:
     return ExitCode.DONE, ""
 
 
-def _number_between(low: float, high: float, what: str) -> Callable[[str], float]:
-    """A type of option: a number within bounds. Its error says `what` is allowed."""
-
-    def number(text: str) -> float:
-        with contextlib.suppress(ValueError):
-            if low <= float(text) <= high:
-                return float(text)
-        raise argparse.ArgumentTypeError(f'must be {what}, not "{text}"')
-
-    return number
+count = by_rule(IntegerRule(1, 1_000_000))
+rate = by_rule(RATE_RULE)
 
 
-seconds = _number_between(0.01, 1e6, "a number of seconds from 0.01 to 1e6")
-rate = _number_between(0.0, 1.0, "a success rate from 0 to 1")
-confidence = _number_between(0.501, 0.9999, "a probability from 0.501 to 0.9999")
+def add_place_options(parser: argparse.ArgumentParser | argparse._ArgumentGroup) -> None:
+    """The options `--jobs` and `--dask`: where the runs are done."""
+    parser.add_argument("--jobs", metavar="N", type=count, help="runs at a time (default: one a processor)")
+    parser.add_argument(
+        "--dask", metavar="ADDRESS", help="send the runs to a Dask cluster (needs simmer-tui[dask])"
+    )
 
 
 def add_trials_options(parser: OneLineParser) -> None:
@@ -87,12 +77,7 @@ def add_trials_options(parser: OneLineParser) -> None:
         type=count,
         help=f"how many runs (default {DEFAULT_RUNS}), with --vary of each value",
     )
-    group.add_argument(
-        "--config",
-        metavar="DIR",
-        help="configuration set: a folder, or the name of a bundled one "
-        f"(default: ./config with a mission.toml, else {MISSION_SET})",
-    )
+    add_config_option(group, f"./config with a mission.toml, else {MISSION_SET}")
     mazes = group.add_mutually_exclusive_group()
     mazes.add_argument(
         "--mazes", metavar="DIR", help="a folder of files like maze.csv, which the runs take in turn"
@@ -103,7 +88,6 @@ def add_trials_options(parser: OneLineParser) -> None:
         default=None,
         help="a new maze for every run, of the size of the set's maze and with as many walls",
     )
-    group.add_argument("--jobs", metavar="N", type=count, help="runs at a time (default: one a processor)")
     group.add_argument(
         "--fixed-ports",
         action="store_true",
@@ -113,13 +97,11 @@ def add_trials_options(parser: OneLineParser) -> None:
     group.add_argument(
         "--time-limit",
         metavar="SECONDS",
-        type=seconds,
+        type=by_rule(NumberRule(0.01, 1e6)),
         help="longest real time of a run (default "
         f"{TIME_LIMIT:g}, with timed motion the mission's time limit more)",
     )
-    group.add_argument(
-        "--dask", metavar="ADDRESS", help="send the runs to a Dask cluster (needs simmer-tui[dask])"
-    )
+    add_place_options(group)
     group.add_argument(
         "--out", metavar="DIR", type=Path, help=f"folder of the results (default {PREFIX}DATE_TIME)"
     )
@@ -139,7 +121,7 @@ def add_trials_options(parser: OneLineParser) -> None:
     group.add_argument(
         "--sure",
         metavar="CONFIDENCE",
-        type=confidence,
+        type=by_rule(NumberRule(0.501, 0.9999)),
         help="with --require: decide by a sequential test, with as few runs as it takes; a program at RATE "
         "passes, and one at RATE - MARGIN fails, at least this often, such as 0.95; --runs is the cap",
     )
@@ -168,10 +150,3 @@ def add_trials_options(parser: OneLineParser) -> None:
     add_trust_option(parser)
     add_setting_options(parser)
     parser.common_settings = ("seed", "realistic")
-
-
-def count(text: str) -> int:
-    """A whole number above 0."""
-    if not text.isdecimal() or not 1 <= int(text) <= _MANY:
-        raise argparse.ArgumentTypeError(f'must be a whole number from 1 to {_MANY}, not "{text}"')
-    return int(text)

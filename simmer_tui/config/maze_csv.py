@@ -5,7 +5,7 @@ from pathlib import Path
 from simmer_tui.config.csv_table import read_csv, read_grid
 from simmer_tui.errors import Problem
 from simmer_tui.sim.rules import IntegerRule, listed
-from simmer_tui.sim.specs import BLOCK, EMPTY, START, TILES_PER_CELL, WALL, MazeSpec
+from simmer_tui.sim.specs import BLOCK, CELL_SIZE, EMPTY, START, TILE_SIZE, TILES_PER_CELL, WALL, MazeSpec
 
 FILE = "maze.csv"
 FLOOR_FILE = "floor.csv"
@@ -22,6 +22,15 @@ CELLS = {
     BLOCK: ("block", "free; the loading zone, in which a mission lays the block"),
 }
 """Name and meaning of a cell, by its value."""
+
+LAYOUT = (
+    f"A value a cell of {CELL_SIZE:g} x {CELL_SIZE:g} in, the top row first; "
+    f"at most {MAX_CELLS} cells a side."
+)
+FLOOR_LAYOUT = (
+    f"A value a tile of {TILE_SIZE:g} x {TILE_SIZE:g} in, {TILES_PER_CELL} by {TILES_PER_CELL} to a cell: "
+    "0 black, 1 white."
+)
 
 _CELL = IntegerRule(WALL, BLOCK, listed(f"{value} ({name})" for value, (name, _) in CELLS.items()))
 _TILE = IntegerRule(0, 1, "0 (black) or 1 (white)")

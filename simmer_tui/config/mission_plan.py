@@ -59,6 +59,13 @@ class MissionPlan(Struct, frozen=True):
     contacts: int | None
 
 
+def contacts_rule(allowed: int | None) -> str:
+    """The allowed number of contacts in words: `no contact`, `at most 2 contacts`."""
+    if not allowed:
+        return "any number of contacts" if allowed is None else "no contact"
+    return f"at most {allowed} contact{'s' * (allowed > 1)}"
+
+
 def draw_mission(mission: MissionSpec, simulation: SimulationSpec, seed: int) -> MissionPlan:
     """A mission with its open values drawn. It has a random stream of its own: the same seed gives the same
     plan, and draws of the simulator do not change. Neither robot nor block is placed in a wall.

@@ -23,6 +23,7 @@ from simmer_tui.config import (
 )
 from simmer_tui.config.csv_table import (
     COMMENT,
+    ENABLED,
     ID,
     POLL_CHARACTER,
     csv_text,
@@ -44,10 +45,12 @@ from simmer_tui.config.settings_file import with_all_settings
 from simmer_tui.dialect.dialect_rules import Busy
 from simmer_tui.dialect.frames import FrameKind
 from simmer_tui.errors import ConfigurationError, Problem
+from simmer_tui.sim.sensors import KINDS
 from simmer_tui.sim.values import Value
 from simmer_tui.version import requirement
 
 _LOAD = "load"
+_RANGES = tuple(name for name, kind in KINDS.items() if kind.is_range)
 _DIALECT_HEAD = """\
 # The language of your robot: what its sketch understands, and answers. simmer-tui check DIR finds
 # every mistake, and prints all messages with an example of their replies. docs/dialects.md has every key.
@@ -102,15 +105,9 @@ def with_mission(files: Mapping[str, bytes]) -> dict[str, bytes]:
     """The files of a set with the parts that a mission needs: a gripper, a load sensor and a mission.toml.
     Missing parts are copied from the bundled set `mission`."""
     model = read_files(bundled_sets()[MISSION_SET])
-    texts = {name: decoded(name, data) for name, data in files.items() if not name.endswith(".py")}
-    drives, sensors = drive_csv.FILE, sensors_csv.FILE
-    problems = [Problem(name, "is missing from the set") for name in (drives, sensors) if name not in texts]
-    tables = [(name, texts[name]) for name in (drives, sensors) if name in texts]
-    problems += [Problem(name, "the file is empty") for name, text in tables if not plain_rows(text)]
-    if problems:
-        raise ConfigurationError(problems)
-    taken = {row.get(POLL_CHARACTER, "") for name in (drives, sensors) for row in rows_by_header(texts[name])}
-    for name, kind in ((drives, drive_csv.GRIPPER_ID), (sensors, _LOAD)):
+    texts = _device_tables(files)
+    taken = {row.get(POLL_CHARACTER, "") for text in texts.values() for row in rows_by_header(text)}
+    for name, kind in ((drive_csv.FILE, drive_csv.GRIPPER_ID), (sensors_csv.FILE, _LOAD)):
         if not any(row.get(ID, "").lower().startswith(kind) for row in rows_by_header(texts[name])):
             wanted = next(row for row in rows_by_header(model[name].decode()) if row[ID].startswith(kind))
             code = _free_code(wanted[POLL_CHARACTER], taken)
@@ -122,8 +119,8 @@ def with_mission(files: Mapping[str, bytes]) -> dict[str, bytes]:
 
 def with_dialect(files: Mapping[str, bytes], kind: FrameKind) -> dict[str, bytes]:
     """The files of a set with a dialect.toml of a kind, a small language with the codes of the set."""
-    drives, sensors = (_codes(files[name]) for name in (drive_csv.FILE, sensors_csv.FILE))
-    ranges = [code for name, code in sensors.items() if name.startswith(("ultra", "tof"))]
+    drives, sensors = (_codes(text) for text in _device_tables(files).values())
+    ranges = [code for name, code in sensors.items() if name.startswith(_RANGES)]
     text = _DIALECT_HEAD + _bundled_files("dialects")[f"{kind}.toml"].decode()
     for word, code in (
         ("SENSOR", next(iter([*ranges, *sensors.values()]), "u1")),
@@ -134,10 +131,24 @@ def with_dialect(files: Mapping[str, bytes], kind: FrameKind) -> dict[str, bytes
     return {**files, dialect_toml.FILE: text.encode()}
 
 
-def _codes(data: bytes) -> dict[str, str]:
-    """The codes of the rows of a table, by ID."""
-    rows = rows_by_header(data.decode("utf-8-sig", "replace"))
-    return {row.get(ID, ""): row.get(POLL_CHARACTER, "") for row in rows}
+def _device_tables(files: Mapping[str, bytes]) -> dict[str, str]:
+    """The texts of drive.csv and sensors.csv. Raises ConfigurationError if one is missing or empty."""
+    names = (drive_csv.FILE, sensors_csv.FILE)
+    texts = {name: decoded(name, files[name]) for name in names if name in files}
+    problems = [Problem(name, "is missing from the set") for name in names if name not in texts]
+    problems += [Problem(name, "the file is empty") for name, text in texts.items() if not plain_rows(text)]
+    if problems:
+        raise ConfigurationError(problems)
+    return texts
+
+
+def _codes(text: str) -> dict[str, str]:
+    """The codes of the enabled rows of a table, by ID."""
+    return {
+        row.get(ID, "").lower(): row.get(POLL_CHARACTER, "")
+        for row in rows_by_header(text)
+        if row.get(ENABLED.name) != "0"
+    }
 
 
 def term_files(course_set: Mapping[str, bytes]) -> dict[str, bytes]:
@@ -180,11 +191,11 @@ def _with_row(text: str, row: Mapping[str, str]) -> str:
 def _comments(name: str, text: str) -> Iterable[str]:
     """The lines that explain the values in one of the files."""
     if name == maze_csv.FILE:
-        yield "One value a cell of 12 x 12 in; the first row is the top of the maze:"
+        yield maze_csv.LAYOUT
         for value, (word, meaning) in maze_csv.CELLS.items():
             yield f"{value} {word}: {meaning}"
     elif name == maze_csv.FLOOR_FILE:
-        yield "One value a tile of 3 x 3 in, four by four to a cell: 0 black; 1 white"
+        yield maze_csv.FLOOR_LAYOUT
     elif name == robot_csv.FILE:
         yield "The robot's outline from above, in its own frame: x ahead, y to the left, inches."
         yield from (f"{row}: {meaning}" for row, meaning in robot_csv.ROWS.items())

@@ -12,7 +12,7 @@ from simmer_tui.config.set_warnings import set_warnings
 from simmer_tui.config.settings import Setting, all_settings, value_of
 from simmer_tui.dialect.inverse import InverseRules
 from simmer_tui.dialect.messages import dictionary
-from simmer_tui.document.formats import PLACE, POSE, TEXT, UNIT
+from simmer_tui.document.formats import PLACE, POSE, TEXT
 from simmer_tui.document.model import DataColumn, DataTable, Document
 from simmer_tui.errors import Problem
 from simmer_tui.sim import columns
@@ -27,7 +27,7 @@ from simmer_tui.sim.values import Value
 # Values of these are in the unit of the reading, or of the drive; the unit has its own column.
 _PER_TIME = {"drift": "drift_per_s", "speed": "speed_per_s", "acceleration": "acceleration_per_s2"}
 
-_FORMATS = {"unit": UNIT, **dict.fromkeys(("start", "block", "drop_zone"), PLACE)}
+_FORMATS = dict.fromkeys(("start", "block", "drop_zone"), PLACE)
 
 
 def _key(name: str, unit: str) -> str:

@@ -10,6 +10,7 @@ from shapely.geometry.base import BaseGeometry
 from simmer_tui.config import dialects
 from simmer_tui.config.describe_code import values_of
 from simmer_tui.config.loader import Configuration
+from simmer_tui.config.mission_plan import contacts_rule
 from simmer_tui.config.mission_toml import Heading, MissionSpec
 from simmer_tui.config.robot_drawing import robot_drawing
 from simmer_tui.config.set_warnings import set_warnings
@@ -297,8 +298,7 @@ def _mission(mission: MissionSpec | None) -> list[str]:
     heading = headings[mission.heading] if isinstance(mission.heading, Heading) else f"{mission.heading:g}"
     block = "anywhere in the block cells" if mission.block is None else _point(mission.block)
     zone = "a start cell" if mission.drop_zone is None else f"the cell around {_point(mission.drop_zone)}"
-    contacts = "any number of" if mission.contacts is None else f"at most {mission.contacts}"
     return [
         f"Mission: start {start}, heading {heading}; block {block}; drop zone {zone}; "
-        f"{mission.time_limit:g} s, {contacts} contacts."
+        f"{mission.time_limit:g} s, {contacts_rule(mission.contacts)}."
     ]

@@ -17,7 +17,7 @@ from simmer_tui.whole_file import write_whole
 
 FILES = (maze_csv.FILE, robot_csv.FILE, sensors_csv.FILE, drive_csv.FILE, settings_file.FILE)
 """The five files of every set."""
-_DEFAULT = "default"
+DEFAULT_SET = "default"
 """The name of the bundled set that is used if no other is found."""
 MISSION_SET = "mission"
 """The name of the bundled set that missions use when no other is named."""
@@ -51,7 +51,7 @@ def bundled_sets() -> Mapping[str, Path]:
 def _sets_in(folder: Path) -> Mapping[str, Path]:
     """The set in a folder itself and those in its subfolders, by name."""
     others = sorted(path.parent for path in folder.glob(f"*/{maze_csv.FILE}"))
-    return {_DEFAULT: folder, **{path.name: path for path in others}}
+    return {DEFAULT_SET: folder, **{path.name: path for path in others}}
 
 
 def set_name(directory: Path) -> str:

@@ -8,7 +8,7 @@ from rich.measure import Measurement
 from rich.table import Table as RichTable
 from rich.text import Text
 
-from simmer_tui.document.formats import BLOCKS
+from simmer_tui.document.formats import BLOCKS, PLAIN_BLOCKS
 from simmer_tui.document.model import Bullets, DataTable, Document, Paragraph, VerdictBox, unfolded, words
 from simmer_tui.sim.command import printable
 
@@ -16,8 +16,7 @@ from simmer_tui.sim.command import printable
 _STYLES = {"note": "dim", "warning": "yellow", "strong": "bold"}
 _ANY_WIDTH = 10_000
 """Columns of a terminal that no table fills: in it the width that a table needs can be measured."""
-# Bars of histograms for terminals that have nothing but ASCII.
-_ASCII = str.maketrans(BLOCKS, " .:-=+*#@")
+_ASCII = str.maketrans(BLOCKS, PLAIN_BLOCKS)
 
 
 def print_document(document: Document, console: Console) -> None:

@@ -2,7 +2,7 @@
 
 A value stays a number until a renderer shows it. A format may split a value into several plain ones, each
 with a suffix to the column's key that names its unit. A pose `end` is `end_x_in`, `end_y_in` and
-`end_heading_deg`. None is a blank everywhere.
+`end_heading_deg`. None is a blank everywhere, and an empty text is null.
 """
 
 from __future__ import annotations
@@ -29,12 +29,15 @@ class TextLink:
 
 BLOCKS = " ▁▂▃▄▅▆▇█"
 """Characters of a histogram, from none to the most."""
+PLAIN_BLOCKS = " .:-=+*#@"
+"""The same for terminals that have nothing but ASCII."""
 # Most numbers of a list that are shown; a line of a terminal has room for about as many.
 _LISTED = 8
 
 
 def _whole(value: Any) -> tuple[Plain, ...]:
-    return (value,)
+    # An empty text says the same as None: what it is about does not apply.
+    return (None if value == "" else value,)
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,8 +123,6 @@ QUOTED = Format(escape_word)
 """Text from outside for a column that does not wrap: a longer one would leave no room for the others."""
 PASSAGE = Format(escape_passage)
 """Text from outside for a column that wraps, and for records."""
-UNIT = Format(str, split=lambda unit: (unit or None,))
-"""Unit of the numbers beside it, null for none: of a count or a share."""
 COUNT = number("d")
 COUNT_OR_BLANK = Format(lambda value: str(value or ""), numeric=True)
 """A count whose 0 need not be read."""

@@ -19,7 +19,7 @@ from simmer_tui.grade.limits import LIMITS, Limits
 from simmer_tui.sim.command import printable, shown_path
 from simmer_tui.sim.rules import FlagRule, IntegerRule, NamesRule, NumberRule, Rule, TextRule
 from simmer_tui.sim.values import Value
-from simmer_tui.trials.sequential import LARGEST_CAP, MARGIN, REQUIRED_RATE, RISK
+from simmer_tui.trials.sequential import CAP_RULE, MARGIN, RATE_RULE, REQUIRED_RATE, RISK
 
 COURSE_FILE, TEAM_FILE = "course.toml", "team.toml"
 PLAN_FILE, TEAMS_FOLDER = "grade.json", "teams"
@@ -106,7 +106,6 @@ def _key(name: str, rule: Rule[Any], meaning: str, default: object = None) -> Va
     return Value(rule, meaning, name=name, default=default)
 
 
-_RATE = NumberRule(0, 1, low_open=True)
 _RISK = NumberRule(0, 0.5, low_open=True, high_open=True)
 _NAME = _key("name", TextRule(), "name; by default that of the folder")
 _COMMAND = _key("command", TextRule(), "its command, in place of the course's")
@@ -123,10 +122,10 @@ KEYS: dict[str, tuple[Value, ...]] = {
         _key("wheels", FlagRule(), "a team may have [wheels] in its settings.toml", False),
     ),
     "decide": (
-        _key("require", _RATE, "the success rate that passes", REQUIRED_RATE),
-        _key("margin", _RATE, "how far below it fails", MARGIN),
+        _key("require", RATE_RULE, "the success rate that passes", REQUIRED_RATE),
+        _key("margin", RATE_RULE, "how far below it fails", MARGIN),
         _key("risk", _RISK, "error rate of the decision", RISK),
-        _key("cap", IntegerRule(1, LARGEST_CAP), "most runs of a team"),
+        _key("cap", CAP_RULE, "most runs of a team"),
     ),
     "limits": LIMITS,
     "rules": (

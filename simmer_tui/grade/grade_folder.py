@@ -188,18 +188,18 @@ class GradeFolder:
         """Folder of the logs."""
         return self.path / _RUNS
 
-    def verdict(self, entry: Entry) -> Decision | None:
+    def decision(self, entry: Entry) -> Decision | None:
         """The decision about a team; None while there is none."""
-        return self.test.verdict(result.success for result in entry.in_order)
+        return self.test.decision(result.success for result in entry.in_order)
 
     def counted(self, entry: Entry) -> list[TrialResult]:
         """The results for a team's score: those up to the decision."""
-        verdict = self.verdict(entry)
-        return entry.in_order[: None if verdict is None else verdict.runs]
+        decision = self.decision(entry)
+        return entry.in_order[: None if decision is None else decision.runs]
 
     def is_open(self, entry: Entry) -> bool:
         """True if a team needs more runs."""
-        return not entry.problems and self.verdict(entry) is None
+        return not entry.problems and self.decision(entry) is None
 
     def trial(self, entry: Entry, number: int) -> GradeTrial:
         """A run of a team, from 1; it has the same seed and mission for all teams."""

@@ -54,7 +54,7 @@ GRADES = DataTable(
     (
         DataColumn("team", wraps=True),
         DataColumn("code", hidden=True),
-        DataColumn("outcome", heading="", tone=lambda outcome: _TONES[TeamStatus(outcome)]),
+        DataColumn("status", heading="", tone=lambda status: _TONES[TeamStatus(status)]),
         DataColumn("success_rate", estimate(".2f")),
         DataColumn("successes", COUNT, hidden=True),
         DataColumn("runs", COUNT),
@@ -87,12 +87,12 @@ def grades_table(folder: GradeFolder, team_results: list[TeamResult], *, links: 
     for each in team_results:
         cause, count = each.causes[0] if each.causes else (None, 0)
         why = f"{cause} ({count} of {each.runs - each.successes})" if cause else None
-        problem = each.summary if each.outcome is TeamStatus.REFUSED else None
+        problem = each.summary if each.status is TeamStatus.REFUSED else None
         rows.append(
             (
                 TextLink(each.label, f"{each.slug}.html") if links else each.label,
                 code_of(folder, each.entry),
-                *(each.outcome.value, each.score, each.successes, each.runs, each.time, each.contacts),
+                *(each.status.value, each.score, each.successes, each.runs, each.time, each.contacts),
                 clocks_text(each.results),
                 *(cause, problem, problem or why),
             )
@@ -135,7 +135,7 @@ def _left_out(folder: GradeFolder, team_results: list[TeamResult]) -> list[Bulle
 
 
 def _answer(team_results: list[TeamResult]) -> str:
-    passed = sum(each.outcome is TeamStatus.PASSED for each in team_results)
+    passed = sum(each.status is TeamStatus.PASSED for each in team_results)
     runs = sum(each.runs for each in team_results)
     return f"{passed} of {len(team_results)} teams passed, {runs} runs counted"
 
@@ -180,8 +180,8 @@ def site(folder: GradeFolder, team_results: list[TeamResult], isolation: str) ->
 
 def _index_page(folder: GradeFolder, team_results: list[TeamResult], isolation: str) -> Document:
     """The page of all teams: how many have passed, and the table, in which each name leads to its team."""
-    outcomes = Counter(each.outcome for each in team_results)
-    passed, teams = outcomes[TeamStatus.PASSED], len(team_results)
+    statuses = Counter(each.status for each in team_results)
+    passed, teams = statuses[TeamStatus.PASSED], len(team_results)
     silent = [each for each in team_results if each.never_started]
     tone = Tone.GOOD if passed == teams else Tone.MIXED if passed else Tone.BAD
     never = f" Never started: {', '.join(each.label for each in silent[:_MOST_SILENT])}." if silent else ""
@@ -192,10 +192,10 @@ def _index_page(folder: GradeFolder, team_results: list[TeamResult], isolation: 
         tone=tone,
         sentence=(f"A success rate of {folder.test.rate:g} passes.{never}",),
     )
-    third = str(outcomes[TeamStatus.REFUSED] + len(silent)), "refused or never started"
-    if left := outcomes[TeamStatus.UNDER_WAY]:
+    third = str(statuses[TeamStatus.REFUSED] + len(silent)), "refused or never started"
+    if left := statuses[TeamStatus.UNDER_WAY]:
         third = str(left), "under way"
-    failed = outcomes[TeamStatus.FAILED] - sum(each.outcome is TeamStatus.FAILED for each in silent)
+    failed = statuses[TeamStatus.FAILED] - sum(each.status is TeamStatus.FAILED for each in silent)
     runs = sum(each.runs for each in team_results)
     table = replace(grades_table(folder, ranked(team_results), links=True), title="", sortable=True)
     # The output of a program may name its team.
@@ -243,9 +243,9 @@ def _team_page(folder: GradeFolder, team_result: TeamResult, links: dict[int, st
         Paragraph((TextLink(folder.course.name, INDEX),), kind="run"),
         VerdictBox(
             key="answer",
-            text=f"{team_result.outcome.value}: {team_result.summary}",
-            headline=f"{team_result.label}: {team_result.outcome.value}",
-            tone=_TONES[team_result.outcome],
+            text=f"{team_result.status.value}: {team_result.summary}",
+            headline=f"{team_result.label}: {team_result.status.value}",
+            tone=_TONES[team_result.status],
             sentence=(team_result.summary,),
         ),
     ]
@@ -285,7 +285,7 @@ def _run_pages(folder: GradeFolder, team_result: TeamResult) -> dict[int, str]:
 
 def junit_xml(folder: GradeFolder, team_results: list[TeamResult]) -> str:
     """A test case a team: a failure has failed, an error was not run, a skipped one is not decided yet."""
-    counts = Counter(each.outcome for each in team_results)
+    counts = Counter(each.status for each in team_results)
     suite = ElementTree.Element(
         "testsuite",
         name=_text(folder.course.name),
@@ -299,8 +299,8 @@ def junit_xml(folder: GradeFolder, team_results: list[TeamResult]) -> str:
         case = ElementTree.SubElement(
             suite, "testcase", classname="simmer-tui.grade", name=_text(each.entry.team.name)
         )
-        if each.outcome in kinds:
-            about = ElementTree.SubElement(case, kinds[each.outcome], message=_text(each.summary))
+        if each.status in kinds:
+            about = ElementTree.SubElement(case, kinds[each.status], message=_text(each.summary))
             about.text = _text(last_failure(each))
         out = ElementTree.SubElement(case, "system-out")
         out.text = _text(each.summary)
@@ -316,7 +316,7 @@ def _text(text: str) -> str:
 def gradescope_json(folder: GradeFolder, team_result: TeamResult) -> str:
     """A team's results.json: its success rate in percent as points out of 100, and the status."""
     score = 0.0 if team_result.score is None else team_result.score.value
-    passed = team_result.outcome is TeamStatus.PASSED
+    passed = team_result.status is TeamStatus.PASSED
     causes = [f"{number} of {team_result.runs} runs: {cause}" for cause, number in team_result.causes]
     clock = clocks_text(team_result.results)
     clocks = [f"clock: {clock}"] if clock else []

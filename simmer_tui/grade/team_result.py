@@ -45,7 +45,7 @@ class TeamResult:
     """The team's name, or the code that represents it."""
     slug: str
     """The same for names of files; no two have the same."""
-    outcome: TeamStatus
+    status: TeamStatus
     score: IntervalEstimate | None
     results: list[TrialResult]
     time: float | None
@@ -70,7 +70,7 @@ class TeamResult:
     @property
     def summary(self) -> str:
         """The status in one line."""
-        if self.outcome is TeamStatus.REFUSED:
+        if self.status is TeamStatus.REFUSED:
             return "; ".join(shown_name(str(problem), LONG) for problem in self.entry.problems)
         if self.score is None:
             return f"{self.successes} of {self.runs} runs so far"
@@ -88,7 +88,7 @@ def ranked(all_of_them: list[TeamResult]) -> list[TeamResult]:
     def place(each: TeamResult) -> tuple[bool, float, float, float]:
         score, time = each.score, each.time
         return (
-            each.outcome is not TeamStatus.PASSED,
+            each.status is not TeamStatus.PASSED,
             -score.value if score else 1.0,
             -score.low if score else 1.0,
             time or 0.0,
@@ -105,15 +105,15 @@ def code_of(folder: GradeFolder, entry: Entry) -> str:
 
 
 def _team_result(folder: GradeFolder, entry: Entry, *, hidden: bool) -> TeamResult:
-    verdict, results = folder.verdict(entry), folder.counted(entry)
-    score = None if verdict is None else folder.test.interval(verdict.runs, verdict.successes)
+    decision, results = folder.decision(entry), folder.counted(entry)
+    score = None if decision is None else folder.test.interval(decision.runs, decision.successes)
     causes = Counter(_reason(result) for result in results if not result.success)
     code = code_of(folder, entry)
     return TeamResult(
         entry=entry,
         label=code if hidden else shown_name(entry.team.name),
         slug=code.replace(" ", "-") if hidden else entry.team.slug,
-        outcome=_outcome(entry, verdict),
+        status=_status(entry, decision),
         score=score,
         results=results,
         time=median([result.time for result in results if result.success]),
@@ -131,12 +131,12 @@ def _reason(result: TrialResult) -> str:
     return result.reason or result.ending.value
 
 
-def _outcome(entry: Entry, verdict: Decision | None) -> TeamStatus:
+def _status(entry: Entry, decision: Decision | None) -> TeamStatus:
     if entry.problems:
         return TeamStatus.REFUSED
-    if verdict is None:
+    if decision is None:
         return TeamStatus.UNDER_WAY
-    return TeamStatus.PASSED if verdict.passed else TeamStatus.FAILED
+    return TeamStatus.PASSED if decision.passed else TeamStatus.FAILED
 
 
 def last_failure(team_result: TeamResult) -> str:

@@ -142,15 +142,15 @@ class Client(Peer):
         if self._command_budget.is_exceeded:
             self._link.drop(self)
 
-    def _answer(self, outcomes: Sequence[CommandResult], data: bytes | None) -> None:
+    def _answer(self, results: Sequence[CommandResult], data: bytes | None) -> None:
         self._waiting -= 1
         self.commands += 1
         # As late as possible: the client may open its reply connection after its first command.
         if self.replies is None:
             self.replies = self._link.reply_route(self)
-        self._watch.answered(outcomes[0], self.replies)
+        self._watch.answered(results[0], self.replies)
         if data is None:
-            data = self._link.encoder.reply(outcomes[0])
+            data = self._link.encoder.reply(results[0])
         if not self.replies.write(data):
             self._link.drop(self)
             return

@@ -132,15 +132,15 @@ class _Sender(Peer):
         self.abort()
 
     def _answered(
-        self, request: Request, form: ReplyFormat, outcomes: Sequence[CommandResult], data: bytes | None
+        self, request: Request, form: ReplyFormat, results: Sequence[CommandResult], data: bytes | None
     ) -> None:
         self._open_requests -= 1
         self._open_commands -= len(request.commands)
-        for outcome in outcomes:
-            if outcome.status is Status.UNKNOWN:
-                self._link.doctor.refused(outcome)
+        for result in results:
+            if result.status is Status.UNKNOWN:
+                self._link.doctor.refused(result)
         if data is None:
-            answers = zip(request.commands, outcomes, strict=True)
+            answers = zip(request.commands, results, strict=True)
             reply = encode(request.dialect, self._link.context.settings.legacy_reply, answers)
         else:
             reply = passed_on(form, data)

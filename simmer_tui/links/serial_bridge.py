@@ -390,44 +390,44 @@ class SerialBridge(RealRobot):
             for command in exchange.commands
         ]
         answers = read_numbers(reply, self._robot_form(exchange), reads, exchange.scans)
-        outcomes = [
+        results = [
             _real(simulated, answer, reads_sensor, exchange.is_stop)
             for simulated, answer, reads_sensor in zip(exchange.simulated, answers, reads, strict=True)
         ]
         if exchange.sets_velocity:
-            self._tell_velocity(exchange, outcomes)
-        self._finish(exchange, outcomes, reply if self.settings.robot_reply == "same" else None)
+            self._tell_velocity(exchange, results)
+        self._finish(exchange, results, reply if self.settings.robot_reply == "same" else None)
 
-    def _tell_velocity(self, exchange: _Exchange, outcomes: Sequence[CommandResult]) -> None:
+    def _tell_velocity(self, exchange: _Exchange, results: Sequence[CommandResult]) -> None:
         """Tell the answer to the first velocity, once. Robots that know none answer as well, often with
         success: their program drives, and nothing moves."""
         if self._velocity_told:
             return
-        for outcome, simulated in zip(outcomes, exchange.simulated, strict=True):
+        for result, simulated in zip(results, exchange.simulated, strict=True):
             # One that the twin refuses as well is wrong in itself.
-            if not self.engine.simulator.is_velocity(outcome.command) or simulated.status is Status.REFUSED:
+            if not self.engine.simulator.is_velocity(result.command) or simulated.status is Status.REFUSED:
                 continue
             self._velocity_told = True
-            text = escape_passage(outcome.command.text)
-            how = f"the robot answered {outcome.reply:g} to {text}"
-            if outcome.status is Status.UNANSWERED:
+            text = escape_passage(result.command.text)
+            how = f"the robot answered {result.reply:g} to {text}"
+            if result.status is Status.UNANSWERED:
                 how = f"{self.no_answer}: {text}"
-            kind = NoticeKind.ROBOT if outcome.status is Status.DONE else NoticeKind.FAULT
+            kind = NoticeKind.ROBOT if result.status is Status.DONE else NoticeKind.FAULT
             self._tell(kind, f"{how}; {_VELOCITY_IN_VAIN}")
             return
 
-    def _finish(self, exchange: _Exchange, outcomes: list[CommandResult], unchanged: bytes | None) -> None:
+    def _finish(self, exchange: _Exchange, results: list[CommandResult], unchanged: bytes | None) -> None:
         """Tell all watchers, and then the client, the results of a message."""
         # A line is in a plain log when `tell` returns: a program has no reply that the log lacks.
         tell = self.engine.tell
-        for outcome, simulated in zip(outcomes, exchange.simulated, strict=True):
-            tell(outcome)
-            reading = outcome.reading
+        for result, simulated in zip(results, exchange.simulated, strict=True):
+            tell(result)
+            reading = result.reading
             if reading is not None:
                 code = reading.sensor.code
-                tell(TwinReading(outcome.time, outcome.command, code, outcome.reply, simulated.reply))
+                tell(TwinReading(result.time, result.command, code, result.reply, simulated.reply))
         if exchange.answered is not None:
-            exchange.answered(outcomes, unchanged)
+            exchange.answered(results, unchanged)
 
     def _listen_on(self) -> None:
         self._silence.set_in(self._framer.idle_timeout)
@@ -493,16 +493,16 @@ class SerialBridge(RealRobot):
     def _answer_in_its_place(self, exchange: _Exchange, reason: str) -> None:
         simulator = self.engine.simulator
         known = exchange.simulated or [_unsent(simulator, command) for command in exchange.commands]
-        outcomes = [
+        results = [
             replace(each, status=Status.UNANSWERED, reply=math.nan, reason=reason, reading=None)
             for each in known
         ]
         # Removed first, so that a reply that still comes does not answer it twice.
         answered, exchange.answered = exchange.answered, None
-        for outcome in outcomes:
-            self.engine.tell(outcome)
+        for result in results:
+            self.engine.tell(result)
         if answered is not None:
-            answered(outcomes, None)
+            answered(results, None)
 
     def _due_of(self, exchange: _Exchange) -> float:
         """The time limit of a message that is sent now, by the event loop's clock."""

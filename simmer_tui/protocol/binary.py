@@ -47,8 +47,7 @@ class CommandReader:
     returns the last command when the sender closes. It holds at most `LONGEST_COMMAND` bytes and a newline.
     """
 
-    def __init__(self, source: str = "client", grace: float = GRACE) -> None:
-        self._source = source
+    def __init__(self, grace: float = GRACE) -> None:
         self._grace = grace
         self._buffer = b""
         self._lines = False
@@ -174,8 +173,8 @@ class CommandReader:
         return [overlong]
 
     def _command(self, line: bytes) -> Command:
-        return parse_command(line.removesuffix(b"\r").decode("latin-1"), self._source)
+        return parse_command(line.removesuffix(b"\r").decode("latin-1"))
 
     def _refused(self, line: bytes) -> Command:
         problem = f"a command has at most {LONGEST_COMMAND} bytes; the rest up to the next newline is skipped"
-        return Command(line[:LONGEST_COMMAND].decode("latin-1"), source=self._source, problem=problem)
+        return Command(line[:LONGEST_COMMAND].decode("latin-1"), problem=problem)

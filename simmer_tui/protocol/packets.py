@@ -232,12 +232,12 @@ def encode(
     `legacy_reply` (`float64`, `float32` or `text`) is the format for requests without brackets.
     """
     if dialect is RequestStyle.FRAMED:
-        items = (f"{_echo(command)}:{_word(command, outcome)}".encode() for command, outcome in answers)
+        items = (f"{_echo(command)}:{_word(command, result)}".encode() for command, result in answers)
         return Reply(ReplyFormat.FRAMED, tuple(items))
     reply_format = ReplyFormat(legacy_reply)
     if reply_format is ReplyFormat.FRAMED:
         raise ValueError("a request without brackets is answered in float64, float32 or text")
-    return Reply(reply_format, tuple(_legacy_item(reply_format, outcome) for _, outcome in answers))
+    return Reply(reply_format, tuple(_legacy_item(reply_format, result) for _, result in answers))
 
 
 def typed(text: bytes, settings: ServerSettings) -> tuple[bytes, ReplyForm]:
@@ -263,20 +263,20 @@ def _echo(command: Command) -> str:
     return "".join(c if c.isascii() and c.isprintable() and c not in "[],:" else "?" for c in command.code)
 
 
-def _word(command: Command, outcome: CommandResult) -> str:
-    if outcome.status is not Status.READING:
+def _word(command: Command, result: CommandResult) -> str:
+    if result.status is not Status.READING:
         # A text that is no command has no wrong value: its code does not exist.
-        return _ANSWERS[Status.UNKNOWN if command.problem else outcome.status][0]
-    if outcome.reading is not None and outcome.reading.sensor.is_yes_or_no:
-        return str(outcome.reply >= 0.5)
-    ranges = outcome.ranges
-    return number_text(outcome.reply) if ranges is None else ranges_text(ranges)
+        return _ANSWERS[Status.UNKNOWN if command.problem else result.status][0]
+    if result.reading is not None and result.reading.sensor.is_yes_or_no:
+        return str(result.reply >= 0.5)
+    ranges = result.ranges
+    return number_text(result.reply) if ranges is None else ranges_text(ranges)
 
 
-def _legacy_item(reply_format: ReplyFormat, outcome: CommandResult) -> bytes:
-    is_reading = outcome.status is Status.READING
-    number = outcome.reply if is_reading else _ANSWERS[outcome.status][1]
-    ranges = outcome.ranges if is_reading else None
+def _legacy_item(reply_format: ReplyFormat, result: CommandResult) -> bytes:
+    is_reading = result.status is Status.READING
+    number = result.reply if is_reading else _ANSWERS[result.status][1]
+    ranges = result.ranges if is_reading else None
     if reply_format is ReplyFormat.TEXT:
         return (number_text(number) if ranges is None else ranges_text(ranges)).encode()
     return pack_reply(NUMBER_STRUCTS[reply_format.value, "little"], number, ranges)

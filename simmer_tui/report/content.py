@@ -19,7 +19,6 @@ from simmer_tui.document.formats import (
     POSE,
     QUOTED,
     SHARE,
-    UNIT,
     WORDS,
     Format,
     number,
@@ -149,7 +148,7 @@ _SENSORS = DataTable(
     (
         DataColumn("sensor", _SENSOR),
         DataColumn("readings", COUNT, "count"),
-        DataColumn("unit", UNIT),
+        DataColumn("unit"),
         DataColumn("wrong", hidden=True),
         DataColumn("mean", hidden=True),
         DataColumn("shown", replace(WORDS, numeric=True), "mean"),
@@ -164,7 +163,7 @@ _BELIEF = DataTable(
     "Belief",
     (
         DataColumn("of", heading="off by"),
-        DataColumn("unit", UNIT, heading=""),
+        DataColumn("unit", heading=""),
         DataColumn("mean", number(".2f")),
         DataColumn("std", number(".2f")),
         DataColumn("worst", number(".2f")),
@@ -295,7 +294,7 @@ def report_tables(run: RunStatistics, name: str = "") -> list[DataTable]:
 def _record(run: RunStatistics, name: str) -> DataTable:
     header = run.header
     row = (
-        name or None,
+        name,
         *(header.configuration, header.seed, header.start, header.program),
         *(run.history.elapsed, run.real_seconds, run.totals.commands, run.history.refusals.first.given),
         *(run.totals.movements, run.totals.distance, run.totals.turned, run.totals.contacts, run.pose),
@@ -346,17 +345,17 @@ def _commands(run: RunStatistics) -> DataTable:
 def _messages(run: RunStatistics) -> DataTable:
     """Messages of a dialect, unknown ones first."""
     counted_messages = sorted(run.totals.messages.items(), key=lambda item: (not item[0][1], -item[1]))
-    rows = [(name, count, remark or None) for (name, remark), count in counted_messages]
+    rows = [(name, count, remark) for (name, remark), count in counted_messages]
     return _MESSAGES.filled(rows)
 
 
 def _contacts(run: RunStatistics) -> DataTable:
     rows = [
         (
-            *(bump.touch.elapsed, bump.touch.line, bump.touch.shown, bump.count, bump.touch.went),
-            *((bump.touch.pose.x, bump.touch.pose.y), bump.touch.pose.heading, bump.touch.point),
+            *(each.first.elapsed, each.first.line, each.first.shown, each.count, each.first.went),
+            *((each.first.pose.x, each.first.pose.y), each.first.pose.heading, each.first.point),
         )
-        for bump in run.history.repeated.first.items[:_ROWS]
+        for each in run.history.repeated.first.items[:_ROWS]
     ]
     note = "Times: contacts in a row, without getting away from the wall."
     return CONTACTS.filled(rows, _more(run.history.repeated.first.given, note))
@@ -364,7 +363,7 @@ def _contacts(run: RunStatistics) -> DataTable:
 
 def _refusals(run: RunStatistics) -> DataTable:
     rows = [
-        (each.elapsed, each.line, each.outcome.command.text, each.outcome.reason)
+        (each.elapsed, each.line, each.result.command.text, each.result.reason)
         for each in run.history.refusals.first.items[:_ROWS]
     ]
     return REFUSED_COMMANDS.filled(rows, _more(run.history.refusals.first.given))

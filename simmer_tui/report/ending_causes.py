@@ -174,10 +174,10 @@ class EndingCauses:
         """A command for a drive or the gripper was refused."""
         seen = self._seen
         codes = {row.code for row in seen.spec.drive_rows}
-        rows = [row for row in seen.refusals if row.outcome.command.code in codes]
+        rows = [row for row in seen.refusals if row.result.command.code in codes]
         if seen.task is None or not rows:
             return None
-        command, reason = rows[-1].outcome.command, escape_passage(rows[-1].outcome.reason)
+        command, reason = rows[-1].result.command, escape_passage(rows[-1].result.reason)
         others = f", like {len(rows) - 1} before it" if len(rows) > 1 else ""
         text = f"{command.shown} was not carried out{others}: {reason}."
         culprits, sure = (command.code,), Sureness.LIKELY

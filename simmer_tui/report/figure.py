@@ -243,10 +243,10 @@ class _MazeFigure:
         one place have one label: 3, 5-8."""
         crosses = []
         places: list[tuple[float, float, list[int]]] = []
-        for order, bump in enumerate(self.run.history.repeated.first.items, 1):
-            x, y = self._at(*bump.touch.point)
-            touch = bump.touch
-            words = svg.tooltip(f"contact {order} at {touch.elapsed:.2f} s: {touch.shown}")
+        for order, each in enumerate(self.run.history.repeated.first.items, 1):
+            contact = each.first
+            x, y = self._at(*contact.point)
+            words = svg.tooltip(f"contact {order} at {contact.elapsed:.2f} s: {contact.shown}")
             crosses.append(f"<path d='M{x - 4:.1f} {y - 4:.1f}l8 8m0 -8l-8 8'>{words}</path>")
             near = [place for place in places if math.dist((x, y), place[:2]) < 14]
             if near:

@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import TypeVar
 
-from simmer_tui.document.formats import COUNT, UNIT, number
+from simmer_tui.document.formats import COUNT, number
 from simmer_tui.document.model import DataColumn, DataTable
 from simmer_tui.phrases import counted
 from simmer_tui.report.robust_fit import MAD_ERROR, Z_95, RobustFit
@@ -168,7 +168,7 @@ FINDINGS = DataTable(
         DataColumn("value", _FIGURE),
         DataColumn("value_low", _FIGURE, "from"),
         DataColumn("value_high", _FIGURE, "to"),
-        DataColumn("unit", UNIT),
+        DataColumn("unit"),
         DataColumn("count", COUNT),
         DataColumn("basis", heading="against"),
         DataColumn("with"),

@@ -53,7 +53,7 @@ def _sentences(run: RunStatistics) -> Iterator[str]:
     yield from belief_sentences(history, ended_badly=run.cause is not None)
     if refusals.given:
         refused, first = counted(totals.commands, "command"), refusals.items[0]
-        why = f"'{first.outcome.command.shown}' (line {first.line}): {escape_passage(first.outcome.reason)}"
+        why = f"'{first.result.command.shown}' (line {first.line}): {escape_passage(first.result.reason)}"
         yield f"{refusals.given} of {refused} did nothing. The first: {why}."
     if faults.given:
         line, text = faults.items[0].line, escape_passage(faults.items[0].text)
@@ -81,7 +81,7 @@ def _end(run: RunStatistics) -> Iterator[str]:
 
 
 def _contacts(run: RunStatistics) -> str:
-    first = run.history.repeated.first.items[0].touch
+    first = run.history.repeated.first.items[0].first
     if run.totals.legs:
         text = f"The robot touched a wall {times_text(run.totals.contacts)}"
         unread = "No sensor was read shortly before it."
@@ -90,20 +90,20 @@ def _contacts(run: RunStatistics) -> str:
         went_on = run.totals.contacts - run.totals.contacts_that_ended
         text = f"{share} touched a wall, and {went_on} went on" if went_on else f"{share} ended at a wall"
         unread = "No sensor was read since the movement before it."
-    return f"{text}. The first: {_touch(first)} {_before(first) or unread}"
+    return f"{text}. The first: {_contact_text(first)} {_before(first) or unread}"
 
 
-def _touch(touch: ContactRow) -> str:
-    turned = f" and {abs(touch.turned):.0f} deg of turning" if abs(touch.turned) >= 2 else ""
-    ending = contact_ending(touch.contact, touch.pose, f"after {touch.went:.1f} in{turned} ")
-    return f"{touch.shown} (line {touch.line}, at {touch.elapsed:.1f} s) {ending}."
+def _contact_text(row: ContactRow) -> str:
+    turned = f" and {abs(row.turned):.0f} deg of turning" if abs(row.turned) >= 2 else ""
+    ending = contact_ending(row.contact, row.pose, f"after {row.went:.1f} in{turned} ")
+    return f"{row.shown} (line {row.line}, at {row.elapsed:.1f} s) {ending}."
 
 
-def _before(touch: ContactRow) -> str:
+def _before(row: ContactRow) -> str:
     """The program's readings when it gave the command; empty if there were none."""
-    if not touch.seen:
+    if not row.seen:
         return ""
-    shown = [f"{escape_word(each.text.strip())} {each.reading.value:.1f}" for each in touch.seen]
+    shown = [f"{escape_word(each.text.strip())} {each.reading.value:.1f}" for each in row.seen]
     more = f" and {len(shown) - _READINGS} more" if len(shown) > _READINGS else ""
     return f"Readings before it: {', '.join(shown[:_READINGS])}{more}."
 

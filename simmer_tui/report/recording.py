@@ -268,9 +268,9 @@ def _mark(row: Timed, kind: MarkKind, text: str, point: tuple[float, float] | No
 
 
 def _refusal(row: RefusalRow) -> Mark:
-    outcome = row.outcome
-    why = escape(outcome.reason) or outcome.status.value
-    return _mark(row, MarkKind.REFUSED, f"{outcome.command.shown}: {why}")
+    result = row.result
+    why = escape(result.reason) or result.status.value
+    return _mark(row, MarkKind.REFUSED, f"{result.command.shown}: {why}")
 
 
 def _action(row: ActionRow) -> Mark:

@@ -149,8 +149,8 @@ def _line(
 def _contact_lines(run: RunStatistics, end: float, height: float) -> str:
     """A line for a contact; a band while the robot did not get away from the wall."""
     lines, bands = [], []
-    for bump in run.history.repeated.first.items:
-        begin, until = _across(bump.touch.elapsed, end), _across(bump.until, end)
+    for each in run.history.repeated.first.items:
+        begin, until = _across(each.first.elapsed, end), _across(each.until, end)
         lines.append(f"M{svg.coordinate(begin)} {_TOP:g}V{svg.coordinate(height)}")
         if until > begin:
             bands.append(svg.element("rect", x=begin, y=_TOP, width=until - begin, height=height - _TOP))

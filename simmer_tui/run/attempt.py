@@ -141,7 +141,7 @@ class Attempt:
         self._restart = next((row for row in actions if row.order == self._began), None)
         """The restart that it begins with, if that is kept."""
         self.begun = history.begun if self._restart is None else self._restart.elapsed
-        put = next((row for row in reversed(actions) if row.places and row.order <= self._until), None)
+        put = next((row for row in reversed(actions) if row.done.places and row.order <= self._until), None)
         self.placed = 0 if put is None else put.order
         """The running number of the event that last put the robot somewhere; 0 if none did."""
         self._place = (history.start, history.begun) if put is None else (put.done.pose, put.elapsed)

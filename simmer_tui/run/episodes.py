@@ -126,7 +126,7 @@ class BeliefEpisodes:
         done = row.done
         if done.refused:
             return
-        if row.places:
+        if done.places:
             # A program that was right until the action was localized, for however short a time.
             if self._change is not None and not self._is_localized:
                 self._switch(self._change)

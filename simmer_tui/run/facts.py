@@ -33,8 +33,8 @@ SLIGHT, SLIGHT_TURN = 1.0, 10.0
 # Judged: twice as much, since nothing says how sure the program was.
 DEFAULT_ALLOWED, DEFAULT_ALLOWED_TURN = 2.0, 20.0
 """The same where a program gives no spread."""
-# Judged: a quarter of a cell.
-UNSURE = 3.0
+# Judged.
+UNSURE = CELL_SIZE / 4
 """A spread beyond this, inches, means that the program knows it is not localized."""
 
 # Judged: a program that tries a fifth time does not look at the result of the four before.

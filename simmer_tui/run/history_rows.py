@@ -225,20 +225,20 @@ class RepeatedContact(Struct):
     """A contact, or several in a row of the same command at the same place; `until` is when (elapsed
     seconds) the last one was."""
 
-    touch: ContactRow
+    first: ContactRow
     until: float
     count: int = 1
 
     @property
     def elapsed(self) -> float:
         """Elapsed time of the first of the contacts, seconds."""
-        return self.touch.elapsed
+        return self.first.elapsed
 
 
 class RefusalRow(LoggedRow, frozen=True):
     """A command that did nothing, and its result."""
 
-    outcome: CommandResult
+    result: CommandResult
 
 
 class ActionRow(LoggedRow, frozen=True):
@@ -246,11 +246,6 @@ class ActionRow(LoggedRow, frozen=True):
 
     done: ActionDone
     before: Pose
-
-    @property
-    def places(self) -> bool:
-        """True if it puts the robot elsewhere."""
-        return self.done.action.name.places and not self.done.refused
 
 
 class GripRow(LoggedRow, frozen=True):

@@ -536,7 +536,7 @@ class RunHistory:
         self.contacts.add(row)
         self.episodes.touch(row)
         last = self.repeated.items[-1] if self.repeated.items else None
-        if last is not None and self._blocked and _is_again(last.touch, row):
+        if last is not None and self._blocked and _is_again(last.first, row):
             last.count += 1
             last.until = row.elapsed
         else:
@@ -552,7 +552,7 @@ class RunHistory:
         self.actions.add(row)
         self.episodes.act(row)
         self._totals.actions[name if not done.refused else f"{name} (refused)"] += 1
-        if not row.places:
+        if not done.places:
             return
         if name.restarts:
             self.is_over = False

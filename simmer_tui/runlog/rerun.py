@@ -375,13 +375,13 @@ class Rerun(Closing):
     # -- commands --------------------------------------------------------------------------------
 
     def _read(self, line: int, said: ReadingRecord) -> None:
-        outcome, what = self._begin(line, said, parse_command(said.command, said.source))
-        self._compare(line, what, "verdict", Status.READING.value, outcome.status.value)
+        result, what = self._begin(line, said, parse_command(said.command, said.source))
+        self._compare(line, what, "status", Status.READING.value, result.status.value)
         if said.revolution is None:
-            self._compare(line, what, "reply", float(said.reply), outcome.reply)
-        if outcome.reading is not None and said.true is not None:
-            self._compare(line, what, "true", float(said.true), outcome.reading.true)
-        self._compare_scan(line, what, said, outcome.reading)
+            self._compare(line, what, "reply", float(said.reply), result.reply)
+        if result.reading is not None and said.true is not None:
+            self._compare(line, what, "true", float(said.true), result.reading.true)
+        self._compare_scan(line, what, said, result.reading)
 
     def _compare_scan(self, line: int, what: str, said: ReadingRecord, reading: Reading | None) -> None:
         scan = None if reading is None else reading.scan
@@ -407,11 +407,11 @@ class Rerun(Closing):
         ):
             # Refused by rules of its dialect or its link, which a rerun does not know.
             command = replace(command, problem=said.reason)
-        outcome, what = self._begin(line, said, command)
+        result, what = self._begin(line, said, command)
         # A dialect may refuse a command that is unknown to the grammar: the dialect decides.
-        now = said.status if command.problem and outcome.status is Status.REFUSED else outcome.status
-        self._compare(line, what, "verdict", said.status.value, now.value)
-        self._compare(line, what, "reply", float(said.reply), outcome.reply)
+        now = said.status if command.problem and result.status is Status.REFUSED else result.status
+        self._compare(line, what, "status", said.status.value, now.value)
+        self._compare(line, what, "reply", float(said.reply), result.reply)
 
     def _begin(
         self, line: int, said: ReadingRecord | AnswerRecord | MoveRecord | PlanRecord, command: Command
@@ -433,16 +433,16 @@ class Rerun(Closing):
             )
 
     def _begin_movement(self, line: int, said: MoveRecord | PlanRecord) -> None:
-        outcome, what = self._begin(line, said, parse_command(said.command, said.source))
-        self._compare(line, what, "verdict", Status.ACCEPTED.value, outcome.status.value)
+        result, what = self._begin(line, said, parse_command(said.command, said.source))
+        self._compare(line, what, "status", Status.ACCEPTED.value, result.status.value)
         trajectory = self.simulator.trajectory
         if said.total is not None and trajectory is not None:
             totals = trajectory.totals
             self._compare(line, what, "total", said.total, (totals.x, totals.y, totals.r))
-        if said.grip is not None and outcome.grip is not None:
-            self._compare(line, what, "holding", said.grip.holding, outcome.grip.holding)
-            self._compare(line, what, "block", said.grip.block, logged_pose(outcome.grip.block))
-        self._begun = outcome
+        if said.grip is not None and result.grip is not None:
+            self._compare(line, what, "holding", said.grip.holding, result.grip.holding)
+            self._compare(line, what, "block", said.grip.block, logged_pose(result.grip.block))
+        self._begun = result
 
     def _end(self, line: int, said: MoveRecord | EndRecord, end: float) -> None:
         """End the movement as in the log, and compare."""
@@ -453,11 +453,11 @@ class Rerun(Closing):
         if said.stopped_by:
             self.simulator.advance(end)
             self.simulator.stop()
-        outcome = self.simulator.finish(begun)
+        result = self.simulator.finish(begun)
         what = f"command {begun.command.shown!r}"
-        self._compare(line, what, "t", end, outcome.time)
-        self._compare(line, what, "contact", _contact_values(said.contact), _contact_values(outcome.contact))
-        self._compare(line, what, "pose", said.pose, logged_pose(outcome.pose))
+        self._compare(line, what, "t", end, result.time)
+        self._compare(line, what, "contact", _contact_values(said.contact), _contact_values(result.contact))
+        self._compare(line, what, "pose", said.pose, logged_pose(result.pose))
 
     def _compare(self, line: int, what: str, name: str, logged: object, now: object) -> None:
         """Raises _DifferenceError unless two values are the same: to the last bit, unless the log was

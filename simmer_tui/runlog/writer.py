@@ -62,9 +62,14 @@ def auto_path(now: datetime | None = None) -> Path:
         raise RunLogError(f"{shown} cannot be made: {reason_of(error)}") from None
 
 
+def moment_name(now: datetime | None = None) -> str:
+    """A name by date and time that sorts by them."""
+    return f"{now or datetime.now():%Y-%m-%d_%H-%M-%S}"
+
+
 def new_file(folder: Path, now: datetime | None = None, mode: int = MODE) -> Path:
     """Make an empty log in a folder, named by date, with a number if there is one already. Raises OSError."""
-    name = f"{now or datetime.now():%Y-%m-%d_%H-%M-%S}"
+    name = moment_name(now)
     for copy in count(1):
         path = folder / (f"{name}.jsonl" if copy == 1 else f"{name}_{copy}.jsonl")
         with contextlib.suppress(FileExistsError):

@@ -171,8 +171,8 @@ def _turned(points: FloatArray, cos: FloatArray, sin: FloatArray) -> FloatArray:
 
 
 def _crossings(points: FloatArray, moves: FloatArray, edges: Edges) -> _Events:
-    """When points (k, v, 2), each group moving by its row of `moves` (k, 2), meet edges. A point that touches
-    an edge at the start is met at 0, whatever its direction."""
+    """Moments at which points (k, v, 2), each group moving by its row of `moves` (k, 2), meet edges. A point
+    that touches an edge at the start is met at 0, whatever its direction."""
     (across, along), (speed, speed_along) = edges.places(points), edges.places(moves[:, None, :])
     gap = across - edges.offset
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
@@ -186,7 +186,7 @@ def _crossings(points: FloatArray, moves: FloatArray, edges: Edges) -> _Events:
 def _rounded_corners(
     centres: FloatArray, moves: FloatArray, corners: FloatArray, radius: float
 ) -> Iterator[_Events]:
-    """When a disc at `centres` (k, 2), moving by `moves` (k, 2), meets corners (c, 2)."""
+    """Moments at which a disc at `centres` (k, 2), moving by `moves` (k, 2), meets corners (c, 2)."""
     # |apart + t move|^2 = radius^2, a quadratic equation in t, solved with half its linear coefficient.
     apart = centres[:, None, :] - corners[None, :, :]
     square = (moves[:, 0] * moves[:, 0] + moves[:, 1] * moves[:, 1])[:, None]
@@ -207,9 +207,9 @@ def _rounded_corners(
 def _sweeps(
     points: FloatArray, swept: float, edges: Edges, apart: FloatArray, shift: FloatArray
 ) -> Iterator[_Events]:
-    """When points (k, v, 2), given from the centre of rotation, turn by `swept` radians about it
-    and meet edges whose lines are `apart` (k or 1, e) from the centre along their normals; a
-    point's place along edge e is `tangent . p + shift`.
+    """Moments at which points (k, v, 2), given from the centre of rotation, meet edges as they turn by
+    `swept` radians about it. The lines of the edges are `apart` (k or 1, e) from the centre along their
+    normals; a point's place along edge e is `tangent . p + shift`.
 
     A point at distance rho meets the line where its place along the normal is `apart`, so that along the
     tangent it is h or -h with h = sqrt(rho^2 - apart^2). The angle to turn is one arctangent, by the standard

@@ -158,7 +158,7 @@ class Obstacles(Struct, frozen=True, dict=True):
         return self._point(*self._nearest_pair(pairs))
 
     def _overlapped(self, part: Part) -> NDArray[np.intp]:
-        """Which of the tree's geometries a part overlaps."""
+        """Indices of the tree's geometries that a part overlaps."""
         # A disc is a point with a margin: exact, where a polygon of many corners would not be.
         if part.margin:
             return np.asarray(self.tree.query(part.geometry, predicate="dwithin", distance=part.margin))

@@ -1,4 +1,4 @@
-"""Frozen records of readings and outcomes, shared by engine, log, screen and notebooks."""
+"""Frozen records of readings and results, shared by engine, log, screen and notebooks."""
 
 from enum import StrEnum
 

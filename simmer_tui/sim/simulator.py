@@ -43,8 +43,8 @@ class Simulator:
     """One robot in one maze.
 
         simulator = Simulator(spec, seed=7)
-        outcome = simulator.execute("u1")
-        outcome.reply, outcome.reading.true
+        result = simulator.execute("u1")
+        result.reply, result.reading.true
 
     `execute` does a whole command and advances simulated time by its duration. Motion in real time uses the
     steps: `advance` sets the time, `begin` starts a command (a movement then continues as time advances),
@@ -214,10 +214,10 @@ class Simulator:
             command = parse_command(command)
         self.begin_pass((command,))
         self.wait_for_scan(command)
-        outcome = self.begin(command)
-        reading = outcome.reading
-        takes = outcome.status is Status.ACCEPTED if reading is None else reading.took > 0.0
-        return self.finish(outcome) if takes or outcome.waits else outcome
+        result = self.begin(command)
+        reading = result.reading
+        takes = result.status is Status.ACCEPTED if reading is None else reading.took > 0.0
+        return self.finish(result) if takes or result.waits else result
 
     def begin(self, command: Command | str) -> CommandResult:
         """Read a sensor, or plan a movement and start it at the present simulated time.
@@ -275,19 +275,19 @@ class Simulator:
         self.commands += 1
         return self._refused(command, self.pose, TOO_MANY_WAIT, Status.BUSY)
 
-    def finish(self, outcome: CommandResult) -> CommandResult:
+    def finish(self, result: CommandResult) -> CommandResult:
         """The result of a whole command, from the result of `begin`. Simulated time advances to the end of
         the movement, unless it is already over, or by the reading's duration."""
-        if outcome.reading is not None or outcome.waits:
-            self.advance(outcome.time + outcome.duration)
-            return replace(outcome, time=self.time, pose=self.pose, taken=outcome.time)
+        if result.reading is not None or result.waits:
+            self.advance(result.time + result.duration)
+            return replace(result, time=self.time, pose=self.pose, taken=result.time)
         trajectory = self.trajectory or self._last
         assert trajectory is not None, "no movement has begun"
         if self.trajectory is not None:
             self.advance(trajectory.end_time)
         end = trajectory.end_time
         return replace(
-            outcome,
+            result,
             time=end,
             status=Status.DONE,
             pose=trajectory.pose_at(end),

@@ -10,7 +10,7 @@ from operator import attrgetter
 from simmer_tui.config import drive_csv, maze_csv, mission_toml, robot_csv, sensors_csv
 from simmer_tui.config.loader import Configuration
 from simmer_tui.config.settings import all_settings, value_of
-from simmer_tui.document.formats import COUNT, ESTIMATE, PASSAGE, UNIT, Format, estimate, number, numbers
+from simmer_tui.document.formats import COUNT, ESTIMATE, PASSAGE, Format, estimate, number, numbers
 from simmer_tui.document.model import DataColumn, DataTable, Document, Paragraph
 from simmer_tui.errors import TrialsError
 from simmer_tui.sim.command import escape
@@ -64,7 +64,7 @@ MEANS = DataTable(
     "Means",
     (
         DataColumn("mean_of"),
-        DataColumn("unit", UNIT),
+        DataColumn("unit"),
         DataColumn("runs", COUNT),
         DataColumn("a", number(".4g"), "A"),
         DataColumn("b", number(".4g"), "B"),

@@ -332,7 +332,7 @@ def explanation_tables(folder: TrialFolder) -> list[DataTable]:
     """Tables of explanations and of changed runs; without rows if there are none. Raises TrialsError."""
     found = Explanations(folder)
     explanations = found.explanations()
-    rows = [(each.run, each.text, each.suspected or None, each.confirmed) for each in explanations]
+    rows = [(each.run, each.text, each.suspected, each.confirmed) for each in explanations]
     controls = [(each.run, control) for each in explanations for control in each.controls]
     changed = [
         (each.run, each.change, each.repeat, each.succeeded, each.text) for each in found.done.values()

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from itertools import zip_longest
 from typing import Any, TypeVar
 
-from simmer_tui.document.formats import COUNT, ESTIMATE, NUMBERS, SHARE, UNIT, Format, number
+from simmer_tui.document.formats import COUNT, ESTIMATE, NUMBERS, SHARE, Format, number
 from simmer_tui.document.model import DataColumn, DataTable
 from simmer_tui.report.causes import Kind
 from simmer_tui.report.finding import FINDINGS
@@ -75,7 +75,7 @@ DEVICES = DataTable(
         DataColumn("kind"),
         DataColumn("against"),
         DataColumn("median", number(".3g")),
-        DataColumn("unit", UNIT),
+        DataColumn("unit"),
         DataColumn("runs", COUNT),
         DataColumn("share", SHARE, "share of all"),
         DataColumn("which", NUMBERS, wraps=True),

@@ -55,8 +55,8 @@ class TrialPlan(Struct, frozen=True, kw_only=True):
         return self.runs * max(len(self.points), 1)
 
     def repetition(self, number: int) -> int:
-        """Which of the runs of its point a run is, from 1; it says what is drawn for it. The points
-        take turns, so that more runs of each can follow."""
+        """Number of a run among those of its point, from 1; its draws follow from it. The points take turns,
+        so that more runs of each can follow."""
         return (number - 1) // max(len(self.points), 1) + 1
 
     def point(self, number: int) -> int:

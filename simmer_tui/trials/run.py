@@ -16,7 +16,7 @@ from typing import Any, Protocol
 
 from msgspec import structs
 
-from simmer_tui.config import maze_csv
+from simmer_tui.config import maze_csv, variables
 from simmer_tui.config.loader import Configuration
 from simmer_tui.config.mission_plan import MissionPlan
 from simmer_tui.config.settings import ELSE_REAL
@@ -187,18 +187,18 @@ class TrialRun:
             leftover.unlink(missing_ok=True)
         server.start_log(str(self._log))
         server.start(lambda event: self._watch(event, server))
-        variables = server.environment | {"SIMMER_RUN": str(self._trial.repetition or self._trial.number)}
+        given = server.environment | {"SIMMER_RUN": str(self._trial.repetition or self._trial.number)}
         if self._is_confined:  # a sandbox does not see our folders
-            variables.pop("SIMMER_CONFIG", None)
+            given.pop(variables.SET, None)
         if "PYTHONHASHSEED" not in os.environ:  # else sets of text have another order in every process
-            variables["PYTHONHASHSEED"] = "0"
+            given["PYTHONHASHSEED"] = "0"
         if self._trial.maze:  # the set's own maze is one that a program may know
             write_whole(self._maze_file, configuration.files[maze_csv.FILE])
-            variables["SIMMER_MAZE"] = str(self._maze_file.resolve())
+            given[variables.MAZE] = str(self._maze_file.resolve())
         output = ProgramOutput(lambda: server.engine.present)
         try:
             program = self._sandbox.start(
-                self._trial.command, variables, self._happened.put, self._take_line, output=output
+                self._trial.command, given, self._happened.put, self._take_line, output=output
             )
         except ProgramError as error:
             # In a grading a program that cannot be started is a failure; in trials it is the user's mistake.

@@ -18,6 +18,7 @@ from itertools import accumulate
 import numpy as np
 
 from simmer_tui.errors import TrialsError
+from simmer_tui.sim.rules import IntegerRule, NumberRule
 from simmer_tui.trials.intervals import IntervalEstimate
 
 # Runs grow with the inverse square of the margin: for a good program 0.15 takes 38, 0.05 takes 246.
@@ -26,6 +27,9 @@ REQUIRED_RATE, MARGIN, RISK = 0.9, 0.15, 0.05
 decision."""
 # The distribution of a walk of n runs takes n^2 steps, and no course has time for more runs.
 LARGEST_CAP = 5000
+RATE_RULE = NumberRule(0, 1, low_open=True)
+CAP_RULE = IntegerRule(1, LARGEST_CAP)
+"""A success rate, and a cap of runs, as an option and as a key of course.toml."""
 # Where the ratio meets a bound exactly, the rounding of logarithms must not decide.
 _ROUNDING = 1e-9
 # Bisection of [0, 1] down to the last bit of a double (2^-53), with some to spare.
@@ -56,7 +60,7 @@ class SequentialTest:
     false_pass: float
     false_fail: float
 
-    def verdict(self, successes: Iterable[bool]) -> Decision | None:
+    def decision(self, successes: Iterable[bool]) -> Decision | None:
         """The decision after some runs, in the order of their numbers; None if there are too few."""
         for runs, count in enumerate(accumulate(map(int, successes)), 1):
             if count <= self.fail_at[runs] or count >= self.pass_at[runs]:

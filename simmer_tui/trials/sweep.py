@@ -7,6 +7,8 @@ the value and not by random draws (common random numbers).
 
 from __future__ import annotations
 
+import contextlib
+import math
 from collections.abc import Mapping, Sequence
 from itertools import dropwhile
 from pathlib import Path
@@ -17,9 +19,10 @@ from simmer_tui.config import drive_csv, sensors_csv
 from simmer_tui.config.csv_table import ID, POLL_CHARACTER, CsvRow, csv_text, read_csv
 from simmer_tui.config.loader import Configuration
 from simmer_tui.config.settings import Settings, all_settings, value_of
+from simmer_tui.document.formats import Format
 from simmer_tui.errors import ConfigurationError, Problem
 from simmer_tui.sim.columns import column_name
-from simmer_tui.sim.command import escape
+from simmer_tui.sim.command import escape, escape_word
 from simmer_tui.sim.rules import PairRule, did_you_mean
 from simmer_tui.sim.specs import SimulationSpec
 
@@ -52,6 +55,19 @@ def points_of(varied: Sequence[str]) -> tuple[SweepPoint, ...]:
     if problems:
         raise ConfigurationError(problems)
     return tuple(points)
+
+
+def _plain(value: str) -> int | float | str:
+    """The number that a value is; the text itself if it is none."""
+    for number in (int, float):
+        with contextlib.suppress(ValueError):
+            if math.isfinite(found := number(value)):
+                return found
+    return value
+
+
+SWEPT = Format(escape_word, split=lambda value: (_plain(value),))
+"""A value as it was typed; to programs it is a number if it can be."""
 
 
 def shown_point(point: SweepPoint) -> str:

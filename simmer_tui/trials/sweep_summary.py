@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 from simmer_tui.document import svg
 from simmer_tui.document.as_data import table_csv
-from simmer_tui.document.formats import COUNT, ESTIMATE, LENGTH, QUOTED
+from simmer_tui.document.formats import COUNT, ESTIMATE, LENGTH
 from simmer_tui.document.model import (
     DataColumn,
     DataTable,
@@ -23,6 +23,7 @@ from simmer_tui.sim.command import escape, escape_passage, escape_word
 from simmer_tui.trials.failures import grouped, success_rate
 from simmer_tui.trials.folder import TrialFolder
 from simmer_tui.trials.intervals import IntervalEstimate, median
+from simmer_tui.trials.sweep import SWEPT
 from simmer_tui.trials.trial import TrialResult, clocks_text
 from simmer_tui.trials.trials_summary import runs_table
 
@@ -32,7 +33,7 @@ SWEEP = DataTable(
     "Sweep",
     (
         DataColumn("setting", hidden=True),
-        DataColumn("value", QUOTED),
+        DataColumn("value", SWEPT),
         DataColumn("runs", COUNT),
         DataColumn("successes", COUNT),
         DataColumn("success_rate", ESTIMATE),

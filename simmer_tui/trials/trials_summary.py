@@ -16,12 +16,12 @@ from simmer_tui.document.formats import (
     POSE,
     QUOTED,
     SHARE,
-    UNIT,
     Format,
     estimate,
     number,
 )
 from simmer_tui.document.model import DataColumn, DataTable, Document, DocumentPart, Paragraph
+from simmer_tui.events import Goal
 from simmer_tui.report.causes import Kind
 from simmer_tui.sim.command import escape, shown_path
 from simmer_tui.trials.chance_control import CONTROL
@@ -39,6 +39,8 @@ from simmer_tui.trials.failures import (
 from simmer_tui.trials.figures import start_cell
 from simmer_tui.trials.folder import RUNS, TABLE, TrialFolder
 from simmer_tui.trials.intervals import distribution, median
+from simmer_tui.trials.sequential import SequentialTest
+from simmer_tui.trials.sweep import SWEPT
 from simmer_tui.trials.trial import RANDOM, Ending, TrialResult, clock_sentences, clocks_text
 
 _LISTED = 20
@@ -84,7 +86,7 @@ DISTRIBUTION = DataTable(
     "distributions",
     "Distributions",
     (
-        *(DataColumn("of"), DataColumn("unit", UNIT)),
+        *(DataColumn("of"), DataColumn("unit")),
         DataColumn("least", _VALUE),
         DataColumn("quarter", _VALUE, "1/4"),
         DataColumn("median", _VALUE),
@@ -92,7 +94,7 @@ DISTRIBUTION = DataTable(
         DataColumn("most", _VALUE),
     ),
 )
-_REPLAY = DataColumn("replay", heading="see it", wraps=True, line=True)
+_REPLAY = DataColumn("replay", Format(lambda command: command or "no log"), "see it", wraps=True, line=True)
 _DRIVEN = Format(lambda of: f"{LENGTH.text(of[0])} in, {of[1]} commands", ("distance_in", "commands"), tuple)
 RUNS_TABLE = DataTable(
     "runs",
@@ -122,8 +124,15 @@ BY_MAZE = DataTable("mazes", "By maze", (DataColumn("maze", QUOTED), *_COUNTED, 
 BY_START = DataTable(
     "start_cells", "By start cell", (DataColumn("middle", _CELL, "middle in"), *_COUNTED, _RATE, _CONTACTS)
 )
+DECISION = DataTable(
+    "decision",
+    "Decision of the sequential test, with its own interval",
+    (DataColumn("passed"), *_COUNTED, DataColumn("success_rate", ESTIMATE)),
+    record=True,
+    hidden=True,
+)
 TABLES = (
-    *(TRIALS, CAUSES, ENDINGS, GOALS, DISTRIBUTION, BY_MAZE, BY_START, SLOWEST_RUNS, FAILED_RUNS),
+    *(TRIALS, DECISION, CAUSES, ENDINGS, GOALS, DISTRIBUTION, BY_MAZE, BY_START, SLOWEST_RUNS, FAILED_RUNS),
     *(DEVICES, RUN_FINDINGS, RUNS_TABLE, WHY_FAILED, CONTROL, CHANGED_RUNS),
 )
 """All tables of a set of trials."""
@@ -134,8 +143,9 @@ _PORTS_ADVICE = (
 )
 
 
-def trials_document(folder: TrialFolder) -> Document:
-    """The answer about the runs that are done, for terminals and programs; there must be one run."""
+def trials_document(folder: TrialFolder, test: SequentialTest | None = None) -> Document:
+    """The answer about the runs that are done, for terminals and programs; there must be one run. `test` is
+    the test that ends them, if one does."""
     results = folder.done
     parts: list[DocumentPart] = [
         Paragraph(": ".join(success_texts(results)), "answer", "strong"),
@@ -145,6 +155,10 @@ def trials_document(folder: TrialFolder) -> Document:
         *trials_tables(folder),
         runs_table(folder),
     ]
+    decision = None if test is None else test.decision(folder.successes_in_order)
+    if test is not None and decision is not None:
+        numbers = decision.runs, decision.successes
+        parts.append(DECISION.filled([(decision.passed, *numbers, test.interval(*numbers))]))
     return Document(f"Trials of {escape(folder.plan.command)}", parts)
 
 
@@ -189,16 +203,17 @@ def runs_table(folder: TrialFolder) -> DataTable:
         point = plan.points[plan.point(each.number)] if varied else {}
         rows.append(
             (
-                *(each.number, each.seed, each.maze or None, each.success, each.ending.value, each.reason),
+                *(each.number, each.seed, each.maze, each.success, each.ending.value, each.reason),
                 *(each.cause, each.why, each.exit_code, each.time, each.distance, each.commands),
                 *(each.contacts, each.start, each.end, each.block, each.drop_zone),
-                *(each.reached, each.taken, each.delivered, each.last_output or None),
-                each.clock or None,
+                *(each.reached, each.taken, each.delivered, each.last_output, each.clock),
                 f"{RUNS}/{folder.log(each.number).name}",
                 *(point.get(name) for name in varied),
             )
         )
-    return replace(RUNS_TABLE, columns=(*RUNS_TABLE.columns, *map(DataColumn, varied)), rows=rows)
+    return replace(
+        RUNS_TABLE, columns=(*RUNS_TABLE.columns, *(DataColumn(name, SWEPT) for name in varied)), rows=rows
+    )
 
 
 def ports_advice(results: Sequence[TrialResult]) -> str:
@@ -247,15 +262,13 @@ def _endings(results: list[TrialResult]) -> DataTable:
 
 def _goals(results: list[TrialResult]) -> DataTable:
     """Goals of the mission; no rows without one."""
-    goals: dict[str, Callable[[TrialResult], float | None]] = {
-        "loading zone reached": lambda result: result.reached,
-        "block taken": lambda result: result.taken,
-        "block delivered": lambda result: result.delivered,
-    }
+    if all(result.drop_zone is None for result in results):
+        return GOALS
+    met = zip(*((result.reached, result.taken, result.delivered) for result in results), strict=True)
     rows = []
-    for name, when in goals.items() if any(result.drop_zone is not None for result in results) else ():
-        times = [time for time in map(when, results) if time is not None]
-        rows.append((name, len(times), len(times) / len(results), median(times)))
+    for goal, moments in zip(Goal, met, strict=True):
+        times = [time for time in moments if time is not None]
+        rows.append((goal.value, len(times), len(times) / len(results), median(times)))
     return GOALS.filled(rows)
 
 
@@ -312,5 +325,5 @@ def _failures(folder: TrialFolder, results: list[TrialResult]) -> DataTable:
 def _listed(folder: TrialFolder, result: TrialResult, what: object) -> tuple[object, ...]:
     """A row for a run; `what` happened, and the command that plays it again."""
     log = folder.log(result.number)
-    command = f"simmer-tui replay {shlex.quote(shown_path(log))}" if log.exists() else "no log"
+    command = f"simmer-tui replay {shlex.quote(shown_path(log))}" if log.exists() else ""
     return result.number, result.time, what, command

@@ -24,14 +24,17 @@ from simmer_tui.phrases import (
 from simmer_tui.program.crash import own_frames
 from simmer_tui.report.verdict import Outcome, Verdict
 from simmer_tui.report.why import NOTHING_MOVED, WhyFact
+from simmer_tui.run.facts import displacement
 from simmer_tui.sim.command import escape_passage, parse_value, printable
 from simmer_tui.sim.scan_rays import extremes
 from simmer_tui.sim.specs import Axes, DriveKind
 from simmer_tui.snapshot import LogEntry, Snapshot
-from simmer_tui.tui.event_text import clock_text, distance_off, grid_lines, off_text
+from simmer_tui.tui.event_text import clock_text, grid_lines, off_text
 from simmer_tui.tui.gauges import bearing_words
+from simmer_tui.tui.key_table import AGAIN_KEY
 from simmer_tui.tui.line_panel import StyledLine, heading, length, shortened, wrapped_lines
 from simmer_tui.tui.readouts import Room, goals_line, movement_line, spent_words, standing_scan
+from simmer_tui.tui.sizes import BRIEF_ANSWER
 
 # Two frames show the place and its caller; each has a line of code below it.
 _FRAMES = 2
@@ -62,7 +65,7 @@ class AnswerCard(Struct, frozen=True):
 
     def shown(self, room: Room) -> list[StyledLine]:
         """Lines for a room: all, with a heading, or in brief if there are few rows."""
-        if room.rows <= _BRIEF:
+        if room.rows <= BRIEF_ANSWER:
             given = self.brief or self.lines
             lines: list[StyledLine] = [((" ", "plain"), *line) for line in given]
             wide = [part for line in lines for part in wrapped_lines(line, room.width - 1, 2)]
@@ -77,11 +80,9 @@ class AnswerCard(Struct, frozen=True):
         return 1 + sum(len(wrapped_lines(line, width, 2)) for line in self.lines)
 
 
-_BRIEF = 3
-"""Most rows of an answer without a heading."""
 # The narrowest screen has 80, and a margin at both sides.
 _BRIEF_COLUMNS = 78
-"""Columns of such a row."""
+"""Columns of a row of an answer in brief."""
 
 
 def _fitted(
@@ -295,7 +296,7 @@ def end_answer(snapshot: Snapshot, *, orders: bool) -> AnswerCard | None:
 
 
 _REPORT = (":report", "page")
-_AFTERWARDS = ((":why", "more"), _REPORT, ("R", "again"))
+_AFTERWARDS = ((":why", "more"), _REPORT, (AGAIN_KEY, "again"))
 """Orders and keys offered after the end of a run, each with its effect."""
 
 
@@ -303,7 +304,8 @@ def _success(snapshot: Snapshot, mission: MissionState, *, orders: bool) -> Answ
     belief = snapshot.state.belief
     off: StyledLine = ()
     if belief is not None:
-        off = (*_GAP, ("belief ", "label"), (f"{distance_off(belief):.1f}", "bold"), (" in off", "label"))
+        distance, _ = displacement(belief.true, belief.pose)
+        off = (*_GAP, ("belief ", "label"), (f"{distance:.1f}", "bold"), (" in off", "label"))
     contacts, commands = _amount(mission.contacts, "contact"), _amount(mission.commands, "command")
     driven: StyledLine = (*contacts, *_GAP, (f"{mission.distance:.1f}", "bold"), (" in driven", "label"))
     went: StyledLine = (

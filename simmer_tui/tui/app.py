@@ -30,7 +30,17 @@ from simmer_tui.tui.console import ConsolePane, History
 from simmer_tui.tui.event_text import REASONS, ends_with_answer, refusal_of
 from simmer_tui.tui.headline import RunPhase
 from simmer_tui.tui.help import CommandProvider, ReportScreen, help_screen
-from simmer_tui.tui.key_table import IN_CONSOLE, Hint, MazePane, drive_keys, hints_of, keymap, maze_hints
+from simmer_tui.tui.key_table import (
+    AGAIN_KEY,
+    EXAMPLE_KEY,
+    IN_CONSOLE,
+    Hint,
+    MazePane,
+    drive_keys,
+    hints_of,
+    keymap,
+    maze_hints,
+)
 from simmer_tui.tui.key_velocity import PERIOD, KeyVelocity
 from simmer_tui.tui.line_panel import LinePanel, between, shortened
 from simmer_tui.tui.live import LiveSource, report_text
@@ -42,8 +52,6 @@ from simmer_tui.tui.terminal import TerminalChoice
 from simmer_tui.tui.textual_internals import age_of, rows_of
 from simmer_tui.whole_file import write_whole
 
-EXAMPLE_KEY = "F5"
-"""Key that runs the sample program; development environments have theirs for it there."""
 _PROMPT = 5
 """Columns by which typed text is longer than the reply beside it, on a small screen."""
 # Frame and padding on both sides, the scrollbar, and one to spare.
@@ -63,7 +71,7 @@ class SimmerApp(Shell):
         Binding("colon", "colon", priority=True),
         Binding("enter", "focus_console", priority=True),
         Binding(EXAMPLE_KEY.lower(), "example"),
-        Binding("R", "again", priority=True),
+        Binding(AGAIN_KEY, "again", priority=True),
     ]
 
     def __init__(

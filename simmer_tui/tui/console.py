@@ -17,16 +17,13 @@ from simmer_tui.errors import ConsoleCommandError
 from simmer_tui.operating.orders import ConsoleCommand, completed, completions, read_console_command
 from simmer_tui.sim.command import escape_word
 from simmer_tui.sim.specs import SimulationSpec
-from simmer_tui.tui.key_table import IN_CONSOLE, bindings_of
+from simmer_tui.tui.key_table import AGAIN_KEY, IN_CONSOLE, bindings_of
 from simmer_tui.tui.line_panel import LinePanel, StyledLine
 from simmer_tui.whole_file import write_whole
 
 # A file of a few KB, which is written again with every line.
 KEPT = 500
 """Lines kept in the history."""
-# Codes have small letters, and so has the maze's key for a reset at any time.
-AGAIN = "R"
-"""Key that restarts a run that is over, also from an empty console."""
 
 
 def default_history_file() -> Path:
@@ -111,7 +108,7 @@ class _ConsoleInput(Input):
 
     async def take_key(self, event: Key) -> bool:
         """Do a key's action completely before this returns; False if it has none here."""
-        is_free = event.character == AGAIN and not self.value and not completions(AGAIN, self._spec)
+        is_free = event.character == AGAIN_KEY and not self.value and not completions(AGAIN_KEY, self._spec)
         if is_free and self._owner.again():
             return True
         if event.is_printable and event.character is not None:

@@ -20,6 +20,7 @@ from simmer_tui.phrases import (
     velocity_text,
     went_text,
 )
+from simmer_tui.run.facts import displacement
 from simmer_tui.sim.angles import half_turn
 from simmer_tui.sim.command import escape_passage
 from simmer_tui.sim.pose import Pose
@@ -69,17 +70,12 @@ def reply_text(result: CommandResult, ended: MovementEnded | None = None) -> str
     return words.get(result.status, "NaN")
 
 
-def distance_off(belief: Belief) -> float:
-    """Distance between a belief and the true place at the time of the belief, inches."""
-    return math.hypot(belief.pose.x - belief.true.x, belief.pose.y - belief.true.y)
-
-
 def off_text(belief: Belief) -> str:
     """Error of a belief at its time: `3.4 in 12 deg`."""
+    distance, turn = displacement(belief.true, belief.pose)
     if belief.grid is not None and not belief.grid.has_headings:
-        return f"{distance_off(belief):.1f} in"
-    turned = abs(half_turn(belief.pose.heading - belief.true.heading))
-    return f"{distance_off(belief):.1f} in {turned:.0f} deg"
+        return f"{distance:.1f} in"
+    return f"{distance:.1f} in {abs(turn):.0f} deg"
 
 
 def spread_text(belief: Belief) -> str:

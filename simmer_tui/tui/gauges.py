@@ -3,15 +3,13 @@
 import math
 from collections.abc import Iterable, Sequence
 
+from simmer_tui.document.formats import BLOCKS, PLAIN_BLOCKS
 from simmer_tui.sim.angles import ARROWS, eighth_of_turn, side_name
-from simmer_tui.sim.specs import SensorSpec
+from simmer_tui.sim.specs import CELL_SIZE, SensorSpec
 from simmer_tui.tui.line_panel import StyledLine
 
-# Without the full block, which would run into the row above.
-_BARS = " ▁▂▃▄▅▆▇"
-_PLAIN_BARS = " .:-=+*#"
-# Two maze cells: most distances in a maze are shorter.
-_SCALE = 24.0
+# Most distances in a maze are shorter.
+_SCALE = 2 * CELL_SIZE
 """Least end of the gauges of lengths, inches."""
 _POINTS = ("E", "NE", "N", "NW", "W", "SW", "S", "SE")
 
@@ -60,7 +58,8 @@ def heading_sign(value: float, *, plain: bool) -> str:
 
 def sparkline(values: Sequence[float], width: int, *, plain: bool) -> str:
     """The last `width` values as bars between the least and the greatest; infinite ones full."""
-    bars = _PLAIN_BARS if plain else _BARS
+    # Without the full block, which would run into the row above.
+    bars = (PLAIN_BLOCKS if plain else BLOCKS)[:-1]
     shown = values[-width:] if width > 0 else ()
     finite = [value for value in shown if math.isfinite(value)]
     low, high = (min(finite), max(finite)) if finite else (0.0, 0.0)

@@ -48,6 +48,11 @@ def hints_of(groups: Sequence[KeyGroup]) -> list[Hint]:
 
 # -- keys that are not settings --------------------------------------------------------------------
 
+EXAMPLE_KEY = "F5"
+"""Key that runs the sample program; development environments have theirs for it there."""
+# Codes have small letters, and so has the maze's key for a reset at any time.
+AGAIN_KEY = "R"
+"""Key that restarts a run that is over, also from an empty console."""
 WITH_THE_MOUSE = (
     KeyGroup("wheel", "on the maze: zoom"),
     KeyGroup("drag", "on the maze: look elsewhere; on text: mark and copy it"),
@@ -64,8 +69,8 @@ ANYWHERE = (
     _ORDERS,
     KeyGroup("f2, or 1 to 4", "on small screens: the next page, or a page (from the maze)"),
     _QUIT,
-    KeyGroup("f5", "run the sample program, while a simulated robot waits for one"),
-    KeyGroup("R", "after the end of a run: restart it, with its program"),
+    KeyGroup(EXAMPLE_KEY.lower(), "run the sample program, while a simulated robot waits for one"),
+    KeyGroup(AGAIN_KEY, "after the end of a run: restart it, with its program"),
 )
 IN_LOG = (
     KeyGroup("/, slash", "filter by what is typed next; escape shows all",
@@ -108,7 +113,7 @@ IN_REPLAY = (
     _jumps("c", "contact", "contact", "contact"),
     _jumps("o", "goal", "goal of a mission", "goal"),
     _jumps("p", "pause", "pause", "pause"),
-    _jumps("x", "refused", "bad command", "bad"),
+    _jumps("x", "refused command", "refused command", "refused"),
     KeyGroup("g", "go to a time: 95, or 1:35; a click on the bar goes there too",
              {"g": "ask_time"}, (("g", "time"),)),
     KeyGroup("home, end", "the beginning, the end", {"home": "begin", "end": "end"}),

@@ -120,7 +120,7 @@ class _Page:
         yield "</g>"
 
 
-def screen_picture(strips: Sequence[Strip], *, dark: bool = True, title: str = "SimMeR") -> str:
+def screen_picture(strips: Sequence[Strip], *, dark: bool = True) -> str:
     """Rows of a screen as an SVG. `dark` is true if the default colours are those of a dark theme."""
     page = _Page(MONOKAI if dark else DEFAULT_TERMINAL_THEME)
     for row, strip in enumerate(strips):
@@ -133,7 +133,7 @@ def screen_picture(strips: Sequence[Strip], *, dark: bool = True, title: str = "
     height = len(strips) * HEIGHT
     return (
         f"<svg xmlns='http://www.w3.org/2000/svg' viewBox='0 0 {width} {height}' width='{width}' "
-        f"height='{height}' role='img'><title>{escape(title)}</title>"
+        f"height='{height}' role='img'><title>SimMeR</title>"
         f"{''.join(page.elements())}</svg>\n"
     )
 

@@ -8,6 +8,7 @@ from textual.strip import Strip
 from simmer_tui.sim.arrays import FloatArray
 from simmer_tui.sim.maze import Maze
 from simmer_tui.sim.records import RangeScan
+from simmer_tui.sim.specs import CELL_SIZE
 from simmer_tui.tui.line_panel import RoleWidget, heading
 from simmer_tui.tui.maze.glyphs import BRAILLE, Cells, Mask, Signs, blank_cells, dot_patterns, signs_for
 from simmer_tui.tui.maze.palette import DEFAULT, Attribute, Look, Palette, Role, palette_for
@@ -17,10 +18,9 @@ from simmer_tui.tui.maze.shapes import covers, ray_points, to_local
 from simmer_tui.tui.strips import CellsWidget
 from simmer_tui.tui.terminal import ColorDepth, GlyphMode
 
-_SCALES = (24.0, 36.0, 48.0)
+_SCALES = (2 * CELL_SIZE, 3 * CELL_SIZE, 4 * CELL_SIZE)
 """Distances that the outer ring may have, inches."""
-# A foot, which is a maze cell.
-_RING_EVERY = 12.0
+_RING_EVERY = CELL_SIZE
 """Inches from one ring to the next."""
 _MOST = 0.75
 """Share of the last readings that the scale must hold."""

@@ -167,7 +167,8 @@ class ReplayApp(Shell):
 
     def _arrange(self, width: int, height: int) -> None:
         super()._arrange(width, height)
-        self._show_head("timeline", "X contact   o goal   p pause")
+        legend = (f"{signs[self._plain]} {kind.value}" for kind, signs in _SIGNS.items())
+        self._show_head("timeline", "   ".join(legend))
         self._put_time(self.query_one("#time").display)
 
     def _put_time(self, shown: bool) -> None:
@@ -221,7 +222,7 @@ class ReplayApp(Shell):
     def action_jump(self, kind: str, step: int) -> None:
         """Go to the next (1) or previous (-1) entry of a kind: one of the index's, or a mark's."""
         run = self.run_shown
-        flags = {"command": EntryFlag.COMMAND, "refused": EntryFlag.FAULTY}.get(kind)
+        flags = {"command": EntryFlag.COMMAND, "refused command": EntryFlag.FAULTY}.get(kind)
         run.play(False)
         if flags is None:
             entry = run.mark_from(TimelineMarkKind(kind), step)
@@ -229,8 +230,7 @@ class ReplayApp(Shell):
             find = run.index.find_next if step > 0 else run.index.find_previous
             entry = find(run.entry, flags)
         if entry is None:
-            name = kind.replace("refused", "bad command")
-            self.tell(f"no {name} further {'on' if step > 0 else 'back'}")
+            self.tell(f"no {kind} further {'on' if step > 0 else 'back'}")
         else:
             run.stand_at(entry)
         self.refresh_frame()

@@ -12,14 +12,13 @@ from simmer_tui.run.reducer import HISTORY
 from simmer_tui.run.state import SensorRow
 from simmer_tui.sim.records import LidarScan
 from simmer_tui.sim.scan_rays import extremes
-from simmer_tui.sim.specs import SensorKind, SensorSpec
+from simmer_tui.sim.specs import CELL_SIZE, SensorKind, SensorSpec
 from simmer_tui.snapshot import Snapshot
 from simmer_tui.tui.gauges import bearing_sign, gauge, heading_sign, scale_end, span_text, sparkline
 from simmer_tui.tui.line_panel import StyledLine, between, heading, length
 from simmer_tui.tui.terminal import GlyphMode
 
-# A quarter and half of a maze cell, which is 12 in.
-SHORT, NEAR = 3.0, 6.0
+SHORT, NEAR = CELL_SIZE / 4, CELL_SIZE / 2
 """Ranges below these, inches, are shown as danger and as warning."""
 # Code, direction, value and unit take 13 columns; the rest is gauge, sparkline and span.
 FULL_COLUMNS = 32
@@ -29,9 +28,8 @@ _BEFORE_BAR = 14
 """Columns before the gauge of a row with all its parts."""
 # ` sim 35.8` and ` -10.0` beside each other.
 _TWIN_ROOM = 14
-# Four maze cells: ranges in the bundled mazes are seldom longer, and a scale that never changes is easy to
-# read.
-RANGE_SCALE = 48.0
+# Ranges in the bundled mazes are seldom longer, and a scale that never changes is easy to read.
+RANGE_SCALE = 4 * CELL_SIZE
 """Least end of the gauges of ranges, inches."""
 
 

@@ -38,9 +38,6 @@ class GlyphMode(StrEnum):
     ASCII = "ascii"
 
 
-COLOR_OPTIONS = (_AUTO, *(depth.value for depth in ColorDepth))
-GLYPH_OPTIONS = (_AUTO, *(mode.value for mode in GlyphMode))
-
 # Programs that show 24-bit colour and give their name, but do not all set COLORTERM.
 _TRUECOLOR_PROGRAMS = frozenset(
     {"iterm.app", "wezterm", "vscode", "ghostty", "hyper", "rio", "warpterminal", "mintty", "tabby", "zed"}

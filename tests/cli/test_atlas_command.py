@@ -95,3 +95,18 @@ def test_tables_too_large_for_an_arduino_are_written_with_a_note(
         "fewer --sensors\n"
     )
     assert (tmp_path / "large.h").is_file()
+
+
+@pytest.mark.parametrize(
+    ("option", "value", "allowed"),
+    [
+        *(("--step", value, "a number above 0 and at most 12") for value in ("0", "-1", "24", "nan", "x")),
+        *(("--headings", value, "a whole number from 1 to 360") for value in ("0", "361", "1.5")),
+    ],
+)
+def test_step_and_headings_follow_a_rule(
+    option: str, value: str, allowed: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit):
+        main(["atlas", "a.npz", option, value])
+    assert f'argument {option}: must be {allowed}, not "{value}"' in capsys.readouterr().err

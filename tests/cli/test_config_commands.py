@@ -70,6 +70,22 @@ def test_a_mission_is_not_added_to_an_empty_table(tmp_path: Path, capsys: pytest
     assert capsys.readouterr().err == "drive.csv: the file is empty\n"
 
 
+def test_a_dialect_of_a_set_without_drives_is_one_clear_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    init_set(tmp_path / "set", bundled_folder())
+    (tmp_path / "set" / "drive.csv").unlink()
+    assert run_init([str(tmp_path / "new"), "--from", str(tmp_path / "set"), "--dialect", "line"]) == 2
+    assert capsys.readouterr().err == "drive.csv: is missing from the set\n"
+
+
+def test_a_dialect_asks_a_sensor_that_the_robot_has(folder: Path, edit: Edit, tmp_path: Path) -> None:
+    edit("sensors.csv", "ultra1,u1,1", "ultra1,u1,0")
+    assert run_init([str(tmp_path / "new"), "--from", str(folder), "--dialect", "line"]) == 0
+    assert "{u2*cm:.1f}" in (tmp_path / "new" / "dialect.toml").read_text()
+    assert run_check([str(tmp_path / "new")]) == 0
+
+
 def test_init_without_folder_is_a_usage_error_of_one_line(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as caught:
         run_init([])

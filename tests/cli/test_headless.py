@@ -145,7 +145,7 @@ def test_what_happens_is_told_in_short_lines_on_stderr(run: Callable[..., Run]) 
         assert line.startswith("contact: w1-100 was stopped at (")
         started.ask(client, "\x1b[2J[/b]-1")
         assert started.error_line() == (
-            r"client: bad command '\x1b[2J[/b]-1': no sensor or drive has the code \x1b["
+            r"client: refused '\x1b[2J[/b]-1': no sensor or drive has the code \x1b["
         )
     assert re.fullmatch(r"client 127\.0\.0\.1:\d+ disconnected after 3 commands", started.error_line())
 
@@ -611,7 +611,7 @@ def test_only_what_needs_telling_has_a_line(course_spec: SimulationSpec) -> None
     assert EventLines().handle(simulator.execute("u1")) == ""
     assert EventLines().handle(simulator.execute("d1-1")) == ""
     assert EventLines().handle(simulator.execute("d1-")) == (
-        "client: bad command 'd1-': the value is missing, as in d1-3"
+        "client: refused 'd1-': the value is missing, as in d1-3"
     )
     bumped = simulator.execute("d1-100")
     assert bumped.trajectory is not None

@@ -141,7 +141,7 @@ def test_the_check_of_students_grades_their_program(
     # The missions of a seed are always the same; a few of them decide here.
     few = ["--seed", "5", "--require", "0.7", "--margin", "0.5"]
     assert main([*grade, *few]) == (0 if outcome == "passed" else 1), capsys.readouterr().out
-    assert read_grades(term / "grading")["submission"]["outcome"] == outcome
+    assert read_grades(term / "grading")["submission"]["status"] == outcome
     assert (term / "grading/site/index.html").is_file()
 
 

@@ -66,12 +66,18 @@ def test_the_files_of_a_set_with_a_mission_hold_it(folder: Path) -> None:
     assert set(load(folder).files) == {*FILES, "mission.toml"}
 
 
+def test_one_contact_that_is_allowed_is_no_plural(folder: Path) -> None:
+    mission = folder / "mission.toml"
+    mission.write_text(mission.read_text("utf-8").replace("contacts = 0", "contacts = 1"), "utf-8")
+    assert "300 s, at most 1 contact." in summarize(load(folder), ascii_only=True)
+
+
 @pytest.mark.parametrize("ascii_only", [True, False])
 def test_the_summary_shows_gripper_and_mission(folder: Path, ascii_only: bool) -> None:
     text = summarize(load(folder), ascii_only=ascii_only)
     assert "Gripper: p1-1 closes, p1-0 opens; it takes a block whose centre is within 3 in" in text
     assert "Mission: start any start cell, heading a multiple of 90; block anywhere" in text
-    assert "300 s, at most 0 contacts." in text
+    assert "300 s, no contact." in text
 
 
 # -- mission.toml --------------------------------------------------------------------------------

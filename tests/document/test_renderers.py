@@ -30,6 +30,7 @@ from simmer_tui.document.formats import (
     POSE,
     QUOTED,
     SHARE,
+    TEXT,
     WORDS,
     TextLink,
     estimate,
@@ -151,6 +152,8 @@ def test_a_value_with_a_line_of_its_own_can_be_copied_from_a_terminal() -> None:
 @pytest.mark.parametrize(
     ("form", "value", "text", "plain"),
     [
+        (TEXT, "", "", [None]),
+        (QUOTED, "", "", [None]),
         (COUNT_OR_BLANK, 0, "", [0]),
         (SHARE, 0.34, "34%", [0.34]),
         (DURATION, 12.345, "12.35 s", [12.345]),

@@ -343,7 +343,7 @@ def test_mistake_in_a_teams_own_file_is_that_teams(
     GradeFolder.create(tmp_path / "out", read_course(file), 5, Isolation.NONE)
     folder = GradeFolder.read(tmp_path / "out")
     bad, good = team_results(folder, hidden=False)
-    assert (bad.outcome, good.outcome) == (TeamStatus.REFUSED, TeamStatus.UNDER_WAY)
+    assert (bad.status, good.status) == (TeamStatus.REFUSED, TeamStatus.UNDER_WAY)
     assert what in bad.summary
     (tmp_path / "teams" / "bad" / "team.toml").write_text('command = "./robot"\n')
     folder.regrade("bad")

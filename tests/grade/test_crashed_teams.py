@@ -36,4 +36,4 @@ def test_grades_and_pages_of_teams_have_their_crashes(
         page = (tmp_path / "out" / "site" / f"{name}.html").read_text("utf-8")
         text = " ".join(html.unescape(re.sub(r"<wbr>", "", page)).split())
         assert all(part in text for part in kind.said), (name, text[:500])
-        assert grades[name]["outcome"] == "failed"
+        assert grades[name]["status"] == "failed"

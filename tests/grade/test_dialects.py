@@ -122,7 +122,7 @@ def test_a_team_is_graded_by_its_own_language(
     (team / "team.toml").write_text('command = "python main.py"\n', "utf-8")
     out = tmp_path / "out"
     run_grade([str(file), "--out", str(out)])
-    assert read_grades(out)["alpha"]["outcome"] == "passed"
+    assert read_grades(out)["alpha"]["status"] == "passed"
 
 
 class Reads:

@@ -42,7 +42,7 @@ def test_course_is_graded_and_all_of_the_answer_is_there(
     file = make_course(TEAMS, QUICK)
     assert run_grade([str(file), "--out", str(out), "--jobs", "2"]) == 1
     rows = read_grades(out)
-    assert {name: row["outcome"] for name, row in rows.items()} == {
+    assert {name: row["status"] for name, row in rows.items()} == {
         "good": "passed", "lazy": "failed", "wall": "failed", "odd <b>=1": "failed",
     }  # fmt: skip
     assert rows["lazy"]["main_cause"] == "nothing was sent"
@@ -186,9 +186,9 @@ def test_program_or_robot_that_cannot_be_is_the_teams_own_failure(
     assert run_grade([str(file), "--out", str(out)]) == 1
     rows = read_grades(out)
     assert "No such file" in rows["none"]["main_cause"]
-    assert rows["good"]["outcome"] == "passed"
-    assert rows["ports"]["outcome"] in ("failed", "refused")
-    assert rows["robot"]["outcome"] == "refused"
+    assert rows["good"]["status"] == "passed"
+    assert rows["ports"]["status"] in ("failed", "refused")
+    assert rows["robot"]["status"] == "refused"
     assert "robot.csv" in rows["robot"]["problem"]
 
 
@@ -246,7 +246,7 @@ def test_sixty_teams_of_known_success(
     assert run_grade([str(file), "--out", str(out), "--seed", "16", "--hide-names"]) == 1
     rows = read_grades(out)
     passed = {
-        rate: sum(rows[f"team-{rate:g}-{n}"]["outcome"] == "passed" for n in range(12)) for rate in rates
+        rate: sum(rows[f"team-{rate:g}-{n}"]["status"] == "passed" for n in range(12)) for rate in rates
     }
     size = sum(path.stat().st_size for path in out.rglob("*") if path.is_file())
     assert (passed[0.0], passed[0.5], passed[1.0]) == (0, 0, 12)
@@ -287,7 +287,7 @@ def test_grader_need_not_be_root(isolation: str, make_course: Callable[..., Path
         done = run(python, "-m", "simmer_tui", "grade", "teams.toml", "--out", "out")
         assert done.returncode == 1, done.stderr
         assert "in a sandbox of bwrap" in done.stderr
-        assert {team: row["outcome"] for team, row in read_grades(place / "out").items()} == {
+        assert {team: row["status"] for team, row in read_grades(place / "out").items()} == {
             "good": "passed", "who": "failed",
         }  # fmt: skip
         assert (place / "out" / "runs" / "who" / "0001.txt").read_text() == "65534 ['1']\n"

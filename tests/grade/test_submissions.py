@@ -234,5 +234,5 @@ def test_file_that_takes_for_ever_is_its_teams_mistake(
     (good / "team.toml").write_text('command = "./nothing"\n')
     assert run_grade([str(file), "--out", str(tmp_path / "out"), "--isolation", "none"]) == 1
     rows = read_grades(tmp_path / "out")
-    assert {name: row["outcome"] for name, row in rows.items()} == {"bad": "refused", "good": "failed"}
+    assert {name: row["status"] for name, row in rows.items()} == {"bad": "refused", "good": "failed"}
     assert "files" in rows["bad"]["problem"]

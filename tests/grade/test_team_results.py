@@ -51,7 +51,7 @@ def test_score_is_that_of_the_runs_up_to_the_decision(folder: GradeFolder) -> No
     fill(folder, "c", "sxs", times=(5.0, 1.0, 2.0))
     for opened in (folder, GradeFolder.read(folder.path)):
         a, b, c, d = team_results(opened, hidden=False)
-        assert [each.outcome for each in (a, b, c, d)] == [
+        assert [each.status for each in (a, b, c, d)] == [
             TeamStatus.PASSED, TeamStatus.FAILED, TeamStatus.UNDER_WAY, TeamStatus.UNDER_WAY,
         ]  # fmt: skip
         assert a.score is not None

@@ -56,12 +56,6 @@ def test_the_end_of_a_line_is_not_part_of_the_command() -> None:
     assert texts(CommandReader().receive(b"u1\r\nu2\n\r\nu3\r\n")) == ["u1", "u2", "", "u3"]
 
 
-def test_the_source_given_is_that_of_every_command() -> None:
-    reader = CommandReader("console")
-    commands = reader.receive(b"u1\n" + b"x" * 300 + b"\n")
-    assert [command.source for command in commands] == ["console", "console"]
-
-
 @calm
 @given(data=streams, cuts=st.lists(st.integers(0, 4000), max_size=8))
 def test_any_chunking_of_lines_gives_the_same_commands(data: bytes, cuts: list[int]) -> None:

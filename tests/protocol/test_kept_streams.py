@@ -63,7 +63,7 @@ LINES += [b"x" * 257, b"x" * 255, b"x" * 256 + b"\r\n", b"x" * 256 + b"\n", b"x"
 @pytest.mark.parametrize("seed", range(8))
 def test_commands_are_those_that_were_kept(seed: int) -> None:
     chance = random.Random(seed)
-    reader, found = CommandReader("a", 0.25 if seed % 2 else binary.GRACE), []
+    reader, found = CommandReader(0.25 if seed % 2 else binary.GRACE), []
     for _ in range(60):
         step: list[Any] = []
         if chance.random() < 0.75:

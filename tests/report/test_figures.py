@@ -223,8 +223,8 @@ def test_being_stuck_is_the_first_thing_said(start_run: Any) -> None:
     assert said[0].startswith("Stuck at the end")
     assert "6 movements in a row" in said[0]
     assert "Readings before it: u1 " in said[1]
-    [bump] = report.history.repeated.first.items
-    assert bump.count == 6
+    [repeated] = report.history.repeated.first.items
+    assert repeated.count == 6
 
 
 def test_a_velocity_pressed_against_a_wall_is_stuck(start_run: Any) -> None:

@@ -9,8 +9,9 @@ from msgspec.structs import replace
 
 from simmer_tui.config import load_default
 from simmer_tui.engine import Engine
-from simmer_tui.events import Action, ActionName, Belief, CommandResult, Event
+from simmer_tui.events import Action, ActionName, Belief, CommandResult, Event, MovementEnded
 from simmer_tui.run import run_history, table
+from simmer_tui.run.facts import SAME_PLACE
 from simmer_tui.run.reducer import Reducer
 from simmer_tui.run.run_history import RunHistory
 from simmer_tui.run.state import checkpoint_of
@@ -90,11 +91,21 @@ def test_rows_have_time_and_pose() -> None:
     assert (moved.contact, blocked.contact, blocked.held) == (False, True, True)
     assert blocked.pose.x == pytest.approx(run.simulator.pose.x, abs=1e-4)
     assert blocked.gone == pytest.approx(run.simulator.distance)
-    assert [row.outcome.command.text for row in history.refusals.items] == ["zz"]
+    assert [row.result.command.text for row in history.refusals.items] == ["zz"]
     [contact] = history.contacts.items
     assert contact.pose == run.simulator.pose
     assert list(contact.read) == ["u1"]
     assert history.totals.commands == len(history.commands) == 5
+
+
+def test_contacts_in_one_place_are_one_as_far_as_a_wedged_robot_moves() -> None:
+    run = Followed()
+    run.give("d1-60")
+    [ended] = [each for each in run.events if isinstance(each, MovementEnded)]
+    for along in (0.3, SAME_PLACE, SAME_PLACE + 0.01):
+        pose = replace(ended.pose, y=ended.pose.y + along)
+        run.engine.tell(replace(ended, time=run.simulator.time + along, pose=pose))
+    assert [each.count for each in run.history.repeated.first.items] == [3, 1]
 
 
 def test_elapsed_time_goes_on_through_a_reset_and_stuck_does_not() -> None:

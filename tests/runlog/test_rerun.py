@@ -107,7 +107,7 @@ def test_the_same_run_is_reported_in_one_line(varied_log: Path, capsys: Any) -> 
     [
         (3, {"reply": 36.25}, "line 3, command 'u1': reply is 36.25 in the log and 36."),
         (3, {"true": 1.0}, "line 3, command 'u1': true is 1.0 in the log and 35.5 now"),
-        (11, {"status": "busy"}, "line 11, command 'zz': verdict is busy in the log and unknown now"),
+        (11, {"status": "busy"}, "line 11, command 'zz': status is busy in the log and unknown now"),
         (10, {"pose": [1, 2, 3]}, "line 10, command 'd1-3': pose is (1.0, 2.0, 3.0) in the log and (12."),
         (14, {"contact": None}, "line 14, command 'd1-60': contact is None in the log and ("),
         (16, {"refused": True}, "line 17, action teleport: refused is true in the log and false now"),

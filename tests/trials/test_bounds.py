@@ -168,7 +168,7 @@ def test_tests_are_those_that_were_kept() -> None:
         test = sequential_test(*given)  # type: ignore[arg-type]
         rates = [0.0, 0.3, test.rate - test.margin, test.rate, 1.0]
         walks = ([True] * test.cap, [False] * test.cap, [number % 3 > 0 for number in range(test.cap)])
-        decisions = [decision for walk in walks if (decision := test.verdict(walk))]
+        decisions = [decision for walk in walks if (decision := test.decision(walk))]
         intervals = [test.interval(decision.runs, decision.successes) for decision in decisions]
         found.append(
             {

@@ -205,8 +205,8 @@ def test_one_failure_fails_where_every_run_must_succeed() -> None:
     assert test.cap <= most
     for runs in range(1, test.cap + 1):
         assert test.fail_at[runs] == runs - 1
-    assert test.verdict([True] * (most - 1) + [True]) == Decision(True, test.cap, test.cap)
-    assert test.verdict([True, False]) == Decision(False, 2, 1)
+    assert test.decision([True] * (most - 1) + [True]) == Decision(True, test.cap, test.cap)
+    assert test.decision([True, False]) == Decision(False, 2, 1)
 
 
 @pytest.mark.parametrize(("rate", "margin", "risk"), TESTS)
@@ -222,11 +222,11 @@ def all_ends(test: SequentialTest) -> dict[tuple[int, int, bool], int]:
     ends: dict[tuple[int, int, bool], int] = {}
     seen = set()
     for walk in product((False, True), repeat=test.cap):
-        verdict = test.verdict(walk)
-        assert verdict is not None
-        if walk[: verdict.runs] not in seen:
-            seen.add(walk[: verdict.runs])
-            end = verdict.runs, verdict.successes, verdict.passed
+        decision = test.decision(walk)
+        assert decision is not None
+        if walk[: decision.runs] not in seen:
+            seen.add(walk[: decision.runs])
+            end = decision.runs, decision.successes, decision.passed
             ends[end] = ends.get(end, 0) + 1
     return ends
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Callable
 from itertools import accumulate, product
@@ -47,7 +48,7 @@ def test_decision_over_a_thousand_drawn_courses() -> None:
         when = ended.argmax(axis=1)
         passed = counts[np.arange(len(runs)), when] >= np.array(test.pass_at[1:])[when]
         wrong[true] = int((passed if true < 0.9 else ~passed).sum())
-        first = test.verdict(map(bool, runs[0]))
+        first = test.decision(map(bool, runs[0]))
         assert first is not None
         assert (first.passed, first.runs) == (bool(passed[0]), int(when[0]) + 1)
     assert wrong[0.75] / 30_000 <= 0.05
@@ -59,10 +60,10 @@ def test_computed_errors_are_those_of_all_walks(cap: int) -> None:
     test = sequential_test(0.8, cap=cap)
     chances = {0.65: 0.0, 0.8: 0.0}
     for walk in product((False, True), repeat=cap):
-        verdict = test.verdict(walk)
-        assert verdict is not None
+        decision = test.decision(walk)
+        assert decision is not None
         for true in chances:
-            if verdict.passed:
+            if decision.passed:
                 chances[true] += math.prod(true if success else 1 - true for success in walk)
     assert test.false_pass == pytest.approx(chances[0.65])
     assert test.false_fail == pytest.approx(1 - chances[0.8])
@@ -103,11 +104,11 @@ def nine_in_ten() -> SequentialTest:
 @given(walk=st.lists(st.booleans(), max_size=200))
 def test_decision_stands_whatever_comes_after(nine_in_ten: SequentialTest, walk: list[bool]) -> None:
     test = nine_in_ten
-    verdict = test.verdict(walk)
-    if verdict is not None:
-        assert list(accumulate(walk))[verdict.runs - 1] == verdict.successes
-        assert test.verdict(walk[: verdict.runs]) == verdict
-        assert test.verdict(walk[: verdict.runs - 1]) is None
+    decision = test.decision(walk)
+    if decision is not None:
+        assert list(accumulate(walk))[decision.runs - 1] == decision.successes
+        assert test.decision(walk[: decision.runs]) == decision
+        assert test.decision(walk[: decision.runs - 1]) is None
 
 
 def test_cap_says_what_it_costs() -> None:
@@ -146,8 +147,13 @@ def test_trials_stop_when_it_is_sure(
     assert "false pass 4.9%, false fail 4.8%" in said
     done = len((out / "results.jsonl").read_text().splitlines())
     assert done == runs
-    assert run_trials(["--resume", "--out", str(out), *sure]) == code
+    capsys.readouterr()
+    assert run_trials(["--resume", "--out", str(out), *sure, "--json"]) == code
     assert len((out / "results.jsonl").read_text().splitlines()) == done
+    decision = json.loads(capsys.readouterr().out)["decision"]
+    assert (decision["passed"], decision["runs"]) == (not code, runs)
+    interval = f"{decision['success_rate_low']:.3f} to {decision['success_rate_high']:.3f}"
+    assert f"({interval}), 95 % interval after a sequential test" in said
 
 
 def test_margin_of_trials_can_be_given(

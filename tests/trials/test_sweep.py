@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import json
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Callable
 from pathlib import Path
@@ -249,6 +250,10 @@ sys.exit(far > 50 and number > 1)
     page = (out / "report.html").read_text()
     assert page.count("<svg") == 1
     assert "u1.bias" in page
+    assert run_trials(["--resume", "--out", str(out), "--json"]) == 0
+    answer = json.loads(capfd.readouterr().out)
+    assert [each["value"] for each in answer["sweep"]] == [0, 1000], "numbers, not texts"
+    assert [each["u1.bias"] for each in answer["runs"]] == [0, 1000] * 3
     (curve,) = curves(TrialFolder.read(out))
     assert [len(each.results) for each in curve.values] == [3, 3]
     assert run_trials(["--resume", "--out", str(out), "--vary", "u1.bias=0"]) == 2

@@ -9,6 +9,7 @@ import pytest
 from textual.events import MouseDown, MouseEvent, MouseMove, MouseScrollDown, MouseScrollUp, MouseUp
 from textual.widget import Widget
 
+from simmer_tui.sim.specs import BLOCK, START, WALL
 from simmer_tui.tui.log_panel import LogPanel
 
 Fly = Callable[..., int | None]
@@ -140,6 +141,13 @@ def test_a_click_on_the_maze_says_where_it_is(fly: Fly) -> None:
         await Mouse(cockpit, maze).drag((20, 8))
         expected = f"x {x:.1f}, y {y:.1f} in; cell: row {row + 1}, column {column + 1} from the top left"
         assert cockpit["hint"].startswith(expected)
+        for value, name in ((START, "a start cell"), (BLOCK, "loading zone"), (WALL, "a wall")):
+            places = (divmod(each, maze.size.width) for each in range(maze.size.width * maze.size.height))
+            cells = {maze.cell_at(x + 0.5, y + 0.5): (x, y) for y, x in places}
+            shown = maze.scene.maze.cells
+            place = next(at for cell, at in cells.items() if cell and shown[cell[0]][cell[1]] == value)
+            await Mouse(cockpit, maze).drag(place)
+            assert cockpit["hint"].endswith(f"({name})")
         assert maze.has_focus
         await cockpit.pilot.press("colon")
         await cockpit.until(lambda: cockpit["hint"].startswith(":"))

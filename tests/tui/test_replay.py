@@ -102,6 +102,7 @@ def test_it_begins_before_the_first_command(run: Run) -> None:
         await shows(pilot, app, "robot", "pose     9.5, 42.0 in  0 deg")
         assert app.query_one(MazeView).fault == ""
         await shows(pilot, app, "header", "stopped")
+        await shows(pilot, app, "console-head", "X contact   ◆ goal   ‖ pause")
 
     play(run, act)
 
@@ -125,7 +126,7 @@ def test_stepping_shows_each_command_with_reading_truth_and_pose(run: Run) -> No
     play(run, act)
 
 
-def test_contacts_and_bad_commands_are_found(run: Run) -> None:
+def test_contacts_and_refused_commands_are_found(run: Run) -> None:
     async def act(app: ReplayApp, pilot: Pilot[int]) -> None:
         await pilot.press("c")
         await until(pilot, lambda: any("w1-20" in line and "contact left" in line for line in events(app)))

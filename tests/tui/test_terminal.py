@@ -12,8 +12,6 @@ from simmer_tui.config.settings import all_settings
 from simmer_tui.tui.help import replay_help
 from simmer_tui.tui.recorded import PLAYBACK_RATES
 from simmer_tui.tui.terminal import (
-    COLOR_OPTIONS,
-    GLYPH_OPTIONS,
     ColorDepth,
     GlyphMode,
     TerminalChoice,
@@ -67,8 +65,8 @@ def test_windows_console_without_term_has_all_colors_but_few_characters() -> Non
     assert modern == TerminalChoice(ColorDepth.TRUECOLOR, GlyphMode.QUADRANT)
 
 
-@pytest.mark.parametrize("color", COLOR_OPTIONS[1:])
-@pytest.mark.parametrize("glyphs", GLYPH_OPTIONS[1:])
+@pytest.mark.parametrize("color", list(ColorDepth))
+@pytest.mark.parametrize("glyphs", list(GlyphMode))
 @pytest.mark.parametrize("environment", [{"TERM": "dumb"}, {**XTERM_256, "NO_COLOR": "1"}, {"TERM": "linux"}])
 def test_explicit_options_win(environment: dict[str, str], color: str, glyphs: str) -> None:
     choice = choose(environment, "ascii", color=color, glyphs=glyphs)
@@ -113,8 +111,8 @@ def test_deciding_does_not_import_textual() -> None:
 def test_settings_and_options_offer_what_the_screen_has() -> None:
     settings = {item.name: item for item in all_settings()}
     offered: dict[str, tuple[str, ...]] = {
-        "screen.color": COLOR_OPTIONS,
-        "screen.glyphs": GLYPH_OPTIONS,
+        "screen.color": ("auto", *ColorDepth),
+        "screen.glyphs": ("auto", *GlyphMode),
         "screen.theme": tuple(THEMES),
     }
     for name, choices in offered.items():

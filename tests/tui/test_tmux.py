@@ -292,7 +292,7 @@ def test_a_fault_of_the_screen_leaves_the_robot_served(pane: Pane, tmp_path: Pat
         failed = pane.until("the screen has failed: RuntimeError: cannot render (breaking.py:5)")
         assert "Traceback" not in failed
         ask(client, "zz")
-        pane.until("client: bad command 'zz'")
+        pane.until("client: refused 'zz'")
         pane.type("C-c")
         pane.until("EXIT 0")
 

@@ -11,6 +11,7 @@ from operator import is_not
 from msgspec import Struct
 from msgspec.structs import replace
 
+from simmer_tui.sim.specs import TILE_SIZE
 from simmer_tui.tui.maze import bodies, lines
 from simmer_tui.tui.maze.backdrop import Backdrop
 from simmer_tui.tui.maze.canvas import Canvas
@@ -23,8 +24,8 @@ from simmer_tui.tui.maze.shapes import is_near
 from simmer_tui.tui.maze.viewport import FRAME_CELLS, Layout, Viewport, arrange, best_zoom, draw_frame
 from simmer_tui.tui.terminal import ColorDepth, GlyphMode
 
-# A tile of the course's floor: those that the sensors at the robot's rim may see next.
-_LOUD_BEYOND = 3.0
+# The tiles that the sensors at the robot's rim may see next.
+_LOUD_BEYOND = TILE_SIZE
 """Inches beyond the robot within which tiles differ clearly while a line sensor is in use."""
 
 

@@ -36,7 +36,7 @@ _FLOORS = {
     FloorMode.QUIET: "black tiles are never shown",
 }
 """Ways to show the floor, in the order of the key that changes them, with their sentence."""
-_CELLS = {WALL: "a wall", START: "loading zone", BLOCK: "block zone"}
+_CELLS = {WALL: "a wall", START: "a start cell", BLOCK: "loading zone"}
 # A small maze cell; half as many rows are as far.
 _PAN = 8
 """Columns by which a key moves the picture."""
