@@ -790,7 +790,7 @@ def test_a_broken_packet_reply_is_a_clear_error(piece: bytes, error: type[RobotE
     with (
         packet_robot(lambda _: "") as fake,
         listening(lambda connection: connection.sendall(piece) if fake.received else None) as reply_port,
-        Robot(HOST, fake.port, reply_port, protocol="packets", timeout=0.2) as robot,
+        Robot(HOST, fake.port, reply_port, protocol="packets", timeout=10.0 if piece else 0.2) as robot,
     ):
         with pytest.raises(error, match="'u0'"):
             robot.send("u0")
