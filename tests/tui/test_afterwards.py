@@ -23,6 +23,7 @@ def page(cockpit: Cockpit) -> str:
     return str(cockpit.app.screen.query_one("#report-text", Static).content)
 
 
+@pytest.mark.slow
 def test_why_says_what_stopped_the_robot(fly: Fly) -> None:
     async def scenario(cockpit: Cockpit) -> None:
         await cockpit.type("w1-40")
@@ -91,6 +92,7 @@ def test_the_report_of_this_run_opens_and_closes(
     fly(scenario)
 
 
+@pytest.mark.slow
 def test_keys_typed_at_once_while_a_page_is_open_close_it_once_and_none_is_lost(fly: Fly) -> None:
     async def scenario(cockpit: Cockpit) -> None:
         app = cockpit.app
@@ -206,6 +208,7 @@ def test_on_a_small_screen_the_reply_of_a_stopped_movement_says_so_beside_what_i
     fly(scenario, size=(80, 24))
 
 
+@pytest.mark.slow
 def test_on_a_small_screen_the_answer_to_an_order_is_shown_below_the_first_steps(
     fly: Fly, tmp_path: Path
 ) -> None:
@@ -225,6 +228,7 @@ def test_on_a_small_screen_the_answer_to_an_order_is_shown_below_the_first_steps
     fly(scenario, size=(80, 24))
 
 
+@pytest.mark.slow
 def test_a_page_of_a_small_screen_keeps_no_part_of_the_answer(fly: Fly) -> None:
     async def scenario(cockpit: Cockpit) -> None:
         await cockpit.until(lambda: "3 or press" in cockpit["hint"])
@@ -235,6 +239,7 @@ def test_a_page_of_a_small_screen_keeps_no_part_of_the_answer(fly: Fly) -> None:
     fly(scenario, size=(80, 24))
 
 
+@pytest.mark.slow
 def test_a_failure_has_its_cause_before_the_numbers_and_fits_its_place(fly: Fly) -> None:
     async def scenario(cockpit: Cockpit) -> None:
         answer = cockpit.app.query_one("#answer")

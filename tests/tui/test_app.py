@@ -75,6 +75,7 @@ def test_step_sizes_and_keys_come_from_the_settings(fly: Fly) -> None:
     )
 
 
+@pytest.mark.slow
 def test_p_reads_every_sensor_once(fly: Fly) -> None:
     async def scenario(cockpit: Cockpit) -> None:
         await cockpit.press("p")
@@ -299,6 +300,7 @@ def test_speed_says_that_it_has_no_effect_on_instant_motion(fly: Fly) -> None:
     fly(timed, motion__motion="timed")
 
 
+@pytest.mark.slow
 def test_bias_shows_the_bias_of_every_drive(fly: Fly) -> None:
     async def scenario(cockpit: Cockpit) -> None:
         await cockpit.type(":bias")
@@ -407,6 +409,7 @@ def test_views_are_switched_by_orders_at_run_time(fly: Fly) -> None:
     fly(scenario)
 
 
+@pytest.mark.slow
 def test_plot_settings_hold_from_the_start(fly: Fly) -> None:
     async def scenario(cockpit: Cockpit) -> None:
         await cockpit.until(lambda: "The maze is not drawn" in cockpit.maze.render_line(0).text)
@@ -452,6 +455,7 @@ def test_quit_and_ctrl_q_end_with_code_0(fly: Fly) -> None:
     assert not fly(by_key)
 
 
+@pytest.mark.slow
 def test_the_palette_holds_every_order_word_for_word_and_does_it(fly: Fly) -> None:
     async def scenario(cockpit: Cockpit) -> None:
         provider = CommandProvider(cockpit.app.screen)
@@ -613,7 +617,7 @@ def test_too_small_a_terminal_says_so_and_the_robot_goes_on(fly: Fly) -> None:
     fly(scenario, size=(39, 20))
 
 
-@pytest.mark.quick_cases(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["line", "maze"])
 def test_the_focus_comes_back_when_a_terminal_is_no_longer_too_small(fly: Fly, name: str) -> None:
     async def scenario(cockpit: Cockpit) -> None:
@@ -722,6 +726,7 @@ def test_a_panel_that_fails_says_so_and_everything_goes_on(
     fly(scenario)
 
 
+@pytest.mark.slow
 def test_a_maze_that_cannot_be_drawn_says_so_and_everything_goes_on(
     fly: Fly, monkeypatch: pytest.MonkeyPatch
 ) -> None:

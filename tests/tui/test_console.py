@@ -119,6 +119,7 @@ def test_what_is_not_an_order_stays_to_be_mended(fly: Fly) -> None:
     fly(scenario)
 
 
+@pytest.mark.slow
 def test_two_commands_in_a_line_are_refused_and_neither_is_done(fly: Fly) -> None:
     async def scenario(cockpit: Cockpit) -> None:
         await cockpit.type("u1 u2")
@@ -143,6 +144,7 @@ def test_lines_typed_ahead_are_all_carried_out_whole_and_in_order(fly: Fly, burs
     fly(scenario)
 
 
+@pytest.mark.slow
 def test_keys_beside_letters_keep_their_place_too(fly: Fly) -> None:
     async def scenario(cockpit: Cockpit) -> None:
         # One letter taken back, one line given up, one given; then out of the console, a key that drives,
@@ -159,6 +161,7 @@ def test_keys_beside_letters_keep_their_place_too(fly: Fly) -> None:
     fly(scenario)
 
 
+@pytest.mark.slow
 def test_a_command_typed_ahead_from_the_maze_drives_nothing_by_keys(
     fly: Fly,
 ) -> None:
@@ -217,6 +220,7 @@ def test_a_paste_tells_of_lines_that_were_refused(fly: Fly) -> None:
     fly(scenario)
 
 
+@pytest.mark.slow
 def test_the_console_understands_words_without_a_colon_and_describes_codes(fly: Fly) -> None:
     async def scenario(cockpit: Cockpit) -> None:
         await cockpit.type("help u2")

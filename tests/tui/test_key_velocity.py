@@ -166,6 +166,7 @@ def test_it_lasts_as_long_by_the_real_clock_at_any_time_scale() -> None:
     assert asyncio.run(press()) == ["vv-6;0;0;1.4"]  # and no wait: time passes by itself
 
 
+@pytest.mark.slow
 def test_a_set_without_the_row_and_a_pause_are_told(fly: Fly) -> None:
     drives = (bundled_folder() / "drive.csv").read_text()
     without = "\n".join(line for line in drives.splitlines() if not line.startswith("velocity"))
@@ -185,7 +186,7 @@ def test_a_set_without_the_row_and_a_pause_are_told(fly: Fly) -> None:
     fly(paused, screen__keys_velocity=True)
 
 
-@pytest.mark.quick_cases(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("motion", ["instant", "timed"])
 def test_a_pressed_key_drives_on_the_screen_and_the_robot_stands_after_it(fly: Fly, motion: str) -> None:
     async def scenario(cockpit: Cockpit) -> None:

@@ -96,6 +96,7 @@ async def shows(pilot: Pilot[int], app: ReplayApp, name: str, text: str) -> None
     await until(pilot, lambda: any(text in line for line in lines(app, name)))
 
 
+@pytest.mark.slow
 def test_it_begins_before_the_first_command(run: Run) -> None:
     async def act(app: ReplayApp, pilot: Pilot[int]) -> None:
         assert (app.run_shown.entry, app.run_shown.elapsed) == (-1, 0.0)
@@ -145,6 +146,7 @@ def test_contacts_and_refused_commands_are_found(run: Run) -> None:
     play(run, act)
 
 
+@pytest.mark.slow
 def test_belief_and_its_error_are_shown_at_the_end(run: Run) -> None:
     async def act(app: ReplayApp, pilot: Pilot[int]) -> None:
         await pilot.press("end")
@@ -193,6 +195,7 @@ def test_a_time_typed_is_gone_to_and_nonsense_is_refused(run: Run) -> None:
     play(run, act)
 
 
+@pytest.mark.slow
 def test_a_click_on_the_bar_goes_there(run: Run) -> None:
     async def act(app: ReplayApp, pilot: Pilot[int]) -> None:
         width = app.query_one(Timeline).size.width
@@ -221,6 +224,7 @@ def test_toggles_zoom_and_help(run: Run) -> None:
     play(run, act)
 
 
+@pytest.mark.slow
 def test_t_takes_over_where_the_replay_stands(run: Run) -> None:
     ended: list[ReplayApp] = []
 
@@ -254,6 +258,7 @@ def answer(app: ReplayApp) -> str:
     return " ".join(line.strip() for line in lines(app, "answer"))
 
 
+@pytest.mark.slow
 def test_the_end_of_a_failed_run_has_the_cause_that_the_live_screen_had(run: Run) -> None:
     stderr = (OutputLine(1.0, "ValueError: no way on"),)
     end = ProgramEnded(
@@ -288,6 +293,7 @@ def test_a_log_still_written_is_followed(run: Run) -> None:
     play(run, act, follow=True)
 
 
+@pytest.mark.slow
 def test_a_torn_last_line_is_noted(run: Run) -> None:
     run.path.write_bytes(run.path.read_bytes()[:-20])
 

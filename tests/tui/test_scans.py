@@ -214,7 +214,7 @@ def test_the_radar_is_filled_by_a_scan_and_its_scale_holds_it(run: Run) -> None:
     assert dots(scene(run, show_rays=False)) == 0
 
 
-@pytest.mark.quick_cases(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("size", [(80, 24), (120, 36), (200, 60)])
 def test_every_size_shows_a_scan_and_a_key_hides_it(
     fly: Callable[..., int | None], size: tuple[int, int]
@@ -237,6 +237,7 @@ def test_every_size_shows_a_scan_and_a_key_hides_it(
     fly(scenario, size=size, files={"sensors.csv": with_lidar()})
 
 
+@pytest.mark.slow
 def test_a_program_that_scans_as_it_drives_is_never_held_up(fly: Callable[..., int | None]) -> None:
     """In timed motion, with scans at every turn of the head."""
 

@@ -230,6 +230,7 @@ def test_r_restarts_the_run_with_its_program(pane: Pane, tmp_path: Path) -> None
     pane.until("EXIT 0")
 
 
+@pytest.mark.slow
 def test_a_crash_has_its_verdict_in_panel_and_list_and_asked_for(pane: Pane) -> None:
     code = "from simmer_tui.client import Robot\nrobot = Robot()\nrobot.drive('d1', 1)\n{}['u9']"
     pane.start("--mission", "--run", shlex.join(["python", "-c", code]))
