@@ -691,4 +691,6 @@ def _by_name(rows: Columns, column: str, names: list[str]) -> list[tuple[str, Co
     numbers = rows[column]
     # np.unique would sort; counting small indices takes a single pass.
     present = np.flatnonzero(np.bincount(numbers, minlength=len(names))).tolist()
-    return [(names[each], rows[numbers == each]) for each in present]
+    # Rows are picked as bytes: numpy copies rows of columns column by column, which takes four times as long.
+    packed = rows.view(f"V{rows.itemsize}")
+    return [(names[each], packed[numbers == each].view(rows.dtype)) for each in present]

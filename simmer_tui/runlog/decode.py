@@ -132,8 +132,8 @@ class LogDecoder:
 
         Raises RunLogError for a record that does not fit the configuration or the records before it.
         """
-        ended = () if self._leg is None else self._leg_over(self._leg, record)
-        return ended + self._decoders[type(record)](record)
+        decode = self._decoders[type(record)]
+        return decode(record) if self._leg is None else self._leg_over(self._leg, record) + decode(record)
 
     def resume(self, record: CheckpointRecord) -> Checkpoint:
         """Continue decoding from a checkpoint, and return it."""
