@@ -274,8 +274,12 @@ class Engine:
     def drop(self, client: str) -> None:
         """Report that a client that does not read its replies has been dropped, and stop the robot. Its
         unread commands may have a stop among them."""
-        self.tell_fault(f"client {client} dropped: it does not read its replies")
+        self.tell_dropped(client)
         self.perform(Action(ActionName.STOP, source=f"client {client}"))
+
+    def tell_dropped(self, client: str) -> None:
+        """Report that a client that does not read its replies has been dropped."""
+        self.tell_fault(f"client {client} dropped: it does not read its replies")
 
     def _follow(self, action: Action) -> None:
         """Apply the part of an action that concerns the engine itself."""
