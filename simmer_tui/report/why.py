@@ -100,7 +100,7 @@ def _errors(state: State, trajectory: Trajectory, kind: DriveKind, value: float)
     by_bias, total, unit = sign * value * share, sign * (along - value), "deg" if kind.turns else "in"
     if abs(total) < _SHOWN_ERROR and abs(by_bias) < _SHOWN_ERROR:
         return ""
-    return f"bias {by_bias:+.1f} {unit}, noise {total - by_bias:+.1f} {unit}"
+    return f"bias {by_bias:+z.1f} {unit}, noise {total - by_bias:+z.1f} {unit}"
 
 
 def _seen(state: State, contact: Contact, spec: SimulationSpec) -> str:

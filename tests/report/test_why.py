@@ -71,6 +71,7 @@ def test_the_parts_of_the_error_add_up_to_it(run: Run, command: str) -> None:
     totals, sign = ended.trajectory.totals, -1.0 if float(value) < 0 and kind != "r1" else 1.0
     went = {"d1": totals.x, "w1": totals.y, "r1": totals.r}[kind]
     assert sign * (went - float(value)) == pytest.approx(bias + noise, abs=0.11)
+    assert "-0.0" not in said
     run.engine.perform(Action(ActionName.NOISE, (0.0,)))
     run.engine.perform(Action(ActionName.TELEPORT, (30.0, 8.0, 0.0)))
     said = run.give(command)
