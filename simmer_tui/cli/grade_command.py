@@ -49,6 +49,7 @@ def _options(parser: OneLineParser) -> None:
     parser.add_argument(
         "--practice",
         action="store_true",
+        default=None,
         help="COURSE is one team's own folder: the same check, for students",
     )
     parser.add_argument(
@@ -126,7 +127,9 @@ def run_grade(options: argparse.Namespace) -> int:
 def _begun(options: argparse.Namespace) -> GradeFolder:
     if options.target is None:
         raise GradeError("name the course: a teams.toml, or a folder with one folder a team")
-    course = read_course(options.target, options.course, alone=options.practice, is_here=options.dask is None)
+    course = read_course(
+        options.target, options.course, alone=bool(options.practice), is_here=options.dask is None
+    )
     given = {
         name: value
         for name in ("require", "margin", "cap", "clock")
@@ -185,7 +188,7 @@ def _check_outside(path: Path, course: Course) -> None:
 
 
 def _resumed(options: argparse.Namespace) -> GradeFolder:
-    for name in ("target", "course", "require", "margin", "cap", "seed", "isolation"):
+    for name in ("target", "course", "practice", "require", "margin", "cap", "clock", "seed", "isolation"):
         if getattr(options, name) is not None:
             raise GradeError(
                 "--resume and --regrade take course and options from the grading: name its folder with "

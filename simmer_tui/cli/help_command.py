@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Iterable
+from pathlib import Path
 
 from simmer_tui.cli import main
 from simmer_tui.cli.command_line import ExitCode, OneLineParser, subcommand
@@ -104,5 +105,5 @@ def _name_values(parser: argparse.ArgumentParser) -> None:
             action.choices = choices[action.dest]
         elif action.dest in _FOLDERS:
             action.complete = shtab.DIRECTORY  # type: ignore[attr-defined]
-        elif action.type is not None or action.dest in ("run", "log"):
+        elif action.type is Path or action.dest in ("run", "log"):
             action.complete = shtab.FILE  # type: ignore[attr-defined]

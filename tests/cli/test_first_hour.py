@@ -13,6 +13,7 @@ from typing import Any
 
 import jsonschema
 import pytest
+import shtab
 from msgspec.structs import replace
 
 from simmer_tui.cli.config_commands import run_check, run_init
@@ -180,6 +181,22 @@ def test_every_command_and_option_is_in_every_script(tmp_path: Path, capsys: Cap
             assert name in text
         for option in ("no-ui", "random-mazes", "isolation", "drive-profile"):
             assert option in text
+
+
+def test_files_are_offered_where_a_file_is_named() -> None:
+    """For a number, the files of the folder would only be in the way."""
+    commands = next(
+        each.choices for each in whole_parser()._actions if isinstance(each.choices, dict) and each.nargs
+    )
+    offered = {
+        name: {each.dest for each in commands[name]._actions if getattr(each, "complete", None) is shtab.FILE}
+        for name in ("trials", "grade", "report")
+    }
+    assert offered == {
+        "trials": {"run", "out"},
+        "grade": {"course", "out"},
+        "report": {"file", "svg", "csv", "html"},
+    }
 
 
 @pytest.mark.parametrize(

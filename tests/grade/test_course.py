@@ -316,6 +316,9 @@ def test_grading_does_not_lie_among_the_teams(
     assert sorted(path.name for path in (tmp_path / "teams" / "a").iterdir()) == ["main.py", "team.toml"]
     assert run_grade(["--resume"]) == 1
     capsys.readouterr()
+    for option in (["--clock", "real"], ["--practice"], ["--cap", "3"]):
+        assert run_grade(["--resume", "--out", str(made), *option]) == 2
+        assert "take course and options from the grading" in capsys.readouterr().err
     assert run_grade(["--resume", "--out", "nowhere"]) == 2
     assert "nowhere holds no grading: there is no grade.json" in capsys.readouterr().err
     assert run_grade([*words, *options, "--out", str(tmp_path / "teams" / "a" / "grading")]) == 2
