@@ -21,7 +21,7 @@ from simmer_tui.config.loader import Configuration
 from simmer_tui.config.mission_plan import MissionPlan
 from simmer_tui.config.settings import ELSE_REAL
 from simmer_tui.errors import InterruptedTrialError, ProgramError
-from simmer_tui.events import Event, Goal, MissionEnd, Result
+from simmer_tui.events import Event, MissionEnd, Result
 from simmer_tui.links.ports import Listener, PortRequest, take_port
 from simmer_tui.mission import MissionState
 from simmer_tui.phrases import exit_text, last_output
@@ -325,10 +325,8 @@ def _judged(end: _End, state: MissionState | None) -> _End:
 def _measured_figures(simulator: Simulator, history: RunHistory) -> dict[str, Any]:
     """The figures of a run without a mission, by the fields of its result."""
     return {
-        "time": simulator.time,
+        **{name: getattr(simulator, name) for name in ("time", "commands", "contacts")},
         "distance": simulator.distance_at(simulator.time),
-        "commands": simulator.commands,
-        "contacts": simulator.contacts,
         "contact_points": tuple(row.point for row in history.contacts.items),
         "end": structs.astuple(simulator.pose),
     }
@@ -336,18 +334,10 @@ def _measured_figures(simulator: Simulator, history: RunHistory) -> dict[str, An
 
 def _judged_figures(state: MissionState) -> dict[str, Any]:
     """The figures of a mission as its referee counts them, by the fields of the run's result."""
-    return {
-        "reason": state.reason,
-        "time": state.time,
-        "distance": state.distance,
-        "commands": state.commands,
-        "contacts": state.contacts,
-        "contact_points": state.contact_points,
-        "end": structs.astuple(state.pose),
-        "reached": state.goals.get(Goal.REACHED),
-        "taken": state.goals.get(Goal.TAKEN),
-        "delivered": state.goals.get(Goal.DELIVERED),
-    }
+    same = ("reason", "time", "distance", "commands", "contacts", "contact_points")
+    figures = {name: getattr(state, name) for name in same}
+    goals = {goal.name.lower(): time for goal, time in state.goals.items()}
+    return figures | goals | {"end": structs.astuple(state.pose)}
 
 
 def fault_result(trial: Trial, reason: str, configuration: Configuration | None = None) -> TrialResult:
@@ -359,23 +349,8 @@ def fault_result(trial: Trial, reason: str, configuration: Configuration | None 
         number=trial.number,
         seed=trial.seed,
         maze=trial.maze,
-        success=False,
-        ending=Ending.FAULT,
         reason=reason,
-        exit_code=None,
-        time=0.0,
-        distance=0.0,
-        commands=0,
-        contacts=0,
-        contact_points=(),
         start=start,
         end=start,
         block=settings.block_center,
-        drop_zone=None,
-        reached=None,
-        taken=None,
-        delivered=None,
-        last_output="",
-        real_seconds=0.0,
-        simulator_seconds=0.0,
     )

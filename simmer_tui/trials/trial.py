@@ -182,31 +182,31 @@ class TrialResult(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True)
     number: Annotated[int, Meta(ge=1)]
     seed: int
     maze: str
-    success: bool
-    ending: Ending
+    success: bool = False
+    ending: Ending = Ending.FAULT
     reason: str
-    exit_code: int | None
-    time: float
-    distance: float
-    commands: int
-    contacts: int
-    contact_points: tuple[tuple[float, float], ...]
+    exit_code: int | None = None
+    time: float = 0.0
+    distance: float = 0.0
+    commands: int = 0
+    contacts: int = 0
+    contact_points: tuple[tuple[float, float], ...] = ()
     start: tuple[float, float, float]
     end: tuple[float, float, float]
     block: tuple[float, float]
-    drop_zone: tuple[float, float] | None
-    reached: float | None
-    taken: float | None
-    delivered: float | None
-    last_output: str
+    drop_zone: tuple[float, float] | None = None
+    reached: float | None = None
+    taken: float | None = None
+    delivered: float | None = None
+    last_output: str = ""
     cause: str = ""
     why: str = ""
     verdict: dict[str, Any] = {}
     findings: tuple[dict[str, Any], ...] = ()
     clock: str = ""
     clock_note: str = ""
-    real_seconds: float
-    simulator_seconds: float
+    real_seconds: float = 0.0
+    simulator_seconds: float = 0.0
 
     @property
     def sent_nothing(self) -> bool:
