@@ -15,6 +15,7 @@ import socket
 import struct
 import sys
 from array import array
+from collections.abc import Iterator
 from functools import cached_property, lru_cache
 from typing import NamedTuple
 
@@ -139,16 +140,13 @@ class OwnerLookup:
         if sys.platform != "linux":
             return False
         answer = self._answer(sock, there, _WITH_INFO)
-        at = _ANSWER.size
-        while at + _ATTRIBUTE.size <= len(answer):
-            length, kind = _ATTRIBUTE.unpack_from(answer, at)
-            if kind == _WITH_INFO and length >= _ATTRIBUTE.size + _BYTES.size:
-                acknowledged, _ = _BYTES.unpack_from(answer, at + _ATTRIBUTE.size)
+        for kind, payload in attributes(answer[_ANSWER.size :]):
+            if kind == _WITH_INFO and len(payload) >= _BYTES.size:
+                acknowledged, _ = _BYTES.unpack_from(payload)
                 unacknowledged = _ANSWER.unpack_from(answer)[3]
                 info = sock.getsockopt(socket.IPPROTO_TCP, socket.TCP_INFO, _BYTES.size)
                 # The opening and the end count as a byte each.
                 return bool(acknowledged + unacknowledged - 2 == _BYTES.unpack(info)[1])
-            at += max(length + 3 & ~3, _ATTRIBUTE.size)
         return False
 
     def ask(self, sock: socket.socket, there: tuple[str, int]) -> RemoteSocket | None:
@@ -197,6 +195,15 @@ class OwnerLookup:
         if self._netlink is not None:
             self._netlink.close()
             self._netlink = None
+
+
+def attributes(data: bytes) -> Iterator[tuple[int, bytes]]:
+    """The attributes after the head of a netlink answer, each with its kind and payload."""
+    at = 0
+    while at + _ATTRIBUTE.size <= len(data):
+        length, kind = _ATTRIBUTE.unpack_from(data, at)
+        yield kind, data[at + _ATTRIBUTE.size : at + length]
+        at += max(length + 3 & ~3, _ATTRIBUTE.size)
 
 
 def _drop_ends(listening: socket.socket) -> None:

@@ -155,14 +155,15 @@ def session_of(pid: int) -> int | None:
         return None
 
 
-def children() -> list[int]:
-    """The process numbers of the children of all threads of this process; empty without /proc."""
+def children(pid: int | str = "self") -> list[int]:
+    """The process numbers of the children of all threads of a process, by default this one; empty without
+    /proc."""
     found: list[int] = []
     with contextlib.suppress(OSError):
-        for thread in os.listdir("/proc/self/task"):  # noqa: PTH208 - names will do
+        for thread in os.listdir(f"/proc/{pid}/task"):  # noqa: PTH208 - names will do
             with (
                 contextlib.suppress(OSError),  # it has ended
-                open(f"/proc/self/task/{thread}/children", "rb") as file,  # noqa: PTH123 - as in `stat_of`
+                open(f"/proc/{pid}/task/{thread}/children", "rb") as file,  # noqa: PTH123 - as in `stat_of`
             ):
                 found += map(int, file.read().split())
     return found

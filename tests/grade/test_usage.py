@@ -37,6 +37,8 @@ def proc(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Proc:
 
     opened = builtins.open
     monkeypatch.setattr(module, "Path", lambda path: Path(there(path)))
+    listed = os.listdir
+    monkeypatch.setattr(os, "listdir", lambda path=".": listed(there(path)))
     monkeypatch.setattr(builtins, "open", lambda path, *given: opened(there(path), *given))
 
     def write(files: dict[str, str]) -> Path:
