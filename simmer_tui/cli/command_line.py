@@ -8,6 +8,7 @@ import re
 import sys
 from collections.abc import Callable, Collection, Generator, Iterable, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager, suppress
+from dataclasses import dataclass
 from enum import IntEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn, TextIO, TypeVar
@@ -121,23 +122,21 @@ def has_terminal() -> bool:
     return sys.stdin.isatty() and sys.stdout.isatty() and sys.stderr.isatty()
 
 
+@dataclass(eq=False)
 class CliCommand:
     """A command of `simmer-tui`: called with the arguments after its name, it returns the exit code. Errors
     of its function become messages and exit codes."""
 
-    def __init__(
-        self, parser: Callable[[], OneLineParser], function: Callable[[argparse.Namespace], int]
-    ) -> None:
-        self.parser = parser
-        """Makes its parser, for itself, completion and the reference pages."""
-        self._function = function
+    parser: Callable[[], OneLineParser]
+    """Makes its parser, for itself, completion and the reference pages."""
+    function: Callable[[argparse.Namespace], int]
 
     def __call__(self, argv: list[str]) -> int:
         parser = self.parser()
         try:
             options = parser.parse_args(argv)
             with _trusting(DeviceTrust(getattr(options, "trust_devices", False), _ask_on_terminal)):
-                return int(self._function(options))
+                return int(self.function(options))
         except SimmerError as error:
             return report(error, parser.prog)
         except PermissionError as error:

@@ -10,6 +10,7 @@ import signal
 import threading
 import time
 from collections.abc import Callable
+from dataclasses import KW_ONLY, dataclass
 from pathlib import Path
 from types import FrameType
 from typing import TYPE_CHECKING
@@ -92,34 +93,28 @@ class FrontEnd:
         """Called when the run is over and its server stopped."""
 
 
+@dataclass(eq=False)
 class RunLife:
-    """One run: a server with a front end, and optionally a program that drives the robot."""
+    """One run: a server with a front end, and optionally a program that drives the robot.
 
-    def __init__(
-        self,
-        server: Server,
-        front: FrontEnd,
-        *,
-        command: str | None = None,
-        once: bool = False,
-        log: str | None = None,
-        prefix: Callable[[], None] | None = None,
-        page: PageServer | None = None,
-    ) -> None:
-        """`command` is the program. With `once` the run ends with the client, or the program. `log` is a
-        file, or `auto`. The events of a `prefix` come before the server starts. A `page` shows the run
-        too."""
-        self._server = server
-        self._front = front
-        self._command = command
-        self._once = once
-        self._log = log
-        self._prefix = prefix
-        self._page = page
-        self._shutdown = Shutdown(server)
+    `command` is the program. With `once` the run ends with the client, or the program. `log` is a file, or
+    `auto`. The events of a `prefix` come before the server starts. A `page` shows the run too.
+    """
+
+    server: Server
+    front: FrontEnd
+    _: KW_ONLY
+    command: str | None = None
+    once: bool = False
+    log: str | None = None
+    prefix: Callable[[], None] | None = None
+    page: PageServer | None = None
+
+    def __post_init__(self) -> None:
+        self._shutdown = Shutdown(self.server)
         self._interruptions: list[int] = []
         """The exit codes of signals, as they came."""
-        self._mission_end = MissionEnd(lambda: front.finish(0))
+        self._mission_end = MissionEnd(lambda: self.front.finish(0))
         self._output = self._new_output()
         self._program_code: int | None = None
         self._latest = ""
@@ -137,12 +132,12 @@ class RunLife:
         Raises ProgramError if the program cannot be started and no verdict says so, RunLogError if the log
         cannot be written.
         """
-        server, front = self._server, self._front
+        server, front = self.server, self.front
         try:
             self._start()
             front.started()
-            if self._page is not None:
-                front.show_links(self._page.shown_links)
+            if self.page is not None:
+                front.show_links(self.page.shown_links)
             return self._exit_code(front.show())
         except ProgramError as error:
             server.tell(not_started(str(error), server.engine.present))
@@ -154,65 +149,65 @@ class RunLife:
             for fault in server.late_faults:
                 say(fault)
             self._judge()
-            if self._page is not None:
-                self._page.stop()
+            if self.page is not None:
+                self.page.stop()
             front.ended()
 
     def _start(self) -> None:
-        server, front = self._server, self._front
-        if self._log is not None:
-            front.logging(server.start_log(self._log))
+        server, front = self.server, self.front
+        if self.log is not None:
+            front.logging(server.start_log(self.log))
         # After the log is open and before the server runs: an interruption closes both.
         self._shutdown.on_signals(self._interrupted)
-        if front.wants_verdict or (front.judges and self._page is not None):
+        if front.wants_verdict or (front.judges and self.page is not None):
             self._history = server.keep_history()
         # If a run continues when its client has left, its viewers see the same as the screen.
-        if front.judges and self._page is not None and self._command is None:
+        if front.judges and self.page is not None and self.command is None:
             server.keep_verdict(has_program=False)
-        if self._page is not None:
-            self._page.prepare()
-        front.prepare(self._prefix)
+        if self.page is not None:
+            self.page.prepare()
+        front.prepare(self.prefix)
         # A program may send more after a client has left, and has an exit code of its own.
-        ends_with_client = self._once and self._command is None
+        ends_with_client = self.once and self.command is None
         server.start(self._watch, (lambda: front.finish(0)) if ends_with_client else (lambda: None))
-        if self._page is not None:
-            self._page.start()
-        if self._command is not None:  # before any output: if it fails, its error is the only line
-            self._run_program(self._command)
+        if self.page is not None:
+            self.page.start()
+        if self.command is not None:  # before any output: if it fails, its error is the only line
+            self._run_program(self.command)
         else:
             front.set_example(self._run_example)
         front.set_restart(self._again)
 
     def _new_output(self) -> ProgramOutput:
-        server = self._server
+        server = self.server
         return ProgramOutput(
             lambda: server.engine.present, lambda why: server.tell(Notice(NoticeKind.FAULT, why))
         )
 
     def _run_program(self, command: str) -> None:
         """Start a program beside the run. Raises ProgramError."""
-        if SERIAL.purpose in self._server.ports and (why := out_of_reach(command)):
+        if SERIAL.purpose in self.server.ports and (why := out_of_reach(command)):
             from simmer_tui.links.dialect_link import NO_HOOK_ADVICE
 
-            self._server.tell(Notice(NoticeKind.FAULT, f"{NOT_CONNECTED}: {why}. {NO_HOOK_ADVICE}"))
+            self.server.tell(Notice(NoticeKind.FAULT, f"{NOT_CONNECTED}: {why}. {NO_HOOK_ADVICE}"))
         self._shutdown.program = Program(
             command,
-            self._server.environment,
+            self.server.environment,
             self._program_ended,
-            self._front.program_output,
+            self.front.program_output,
             output=self._output,
             adopts=True,
         )
-        self._server.note_output(self._shutdown.program.settle_output)
+        self.server.note_output(self._shutdown.program.settle_output)
         self._latest = command
-        self._server.note_program(self._shutdown.program.pid)
+        self.server.note_program(self._shutdown.program.pid)
 
     def _again(self) -> None:
         """Restart the run and its program. A program that still runs is ended first."""
         threading.Thread(target=self._begin_again, name="again", daemon=True).start()
 
     def _begin_again(self) -> None:
-        server, program = self._server, self._shutdown.program
+        server, program = self.server, self._shutdown.program
         if program is not None:
             program.end()
             self._program_over.wait()  # its end belongs to the previous run
@@ -233,36 +228,36 @@ class RunLife:
         """Start a program for a person, once. Its exit code does not become the run's."""
         if self._shutdown.program is None:
             self._run_program(command)
-            self._server.expect_program()
+            self.server.expect_program()
 
     @property
     def _judged(self) -> Referee | None:
         """The referee of a mission that ends the run."""
-        return self._server.referee if self._front.judges else None
+        return self.server.referee if self.front.judges else None
 
     def _watch(self, event: Event) -> None:
-        self._front.watch(event)
-        if self._front.judges:
+        self.front.watch(event)
+        if self.front.judges:
             self._mission_end.handle(event)
 
     def _program_ended(self, code: int) -> None:
         self._program_code = code
         # A run that ends with its program drains first, too.
-        if not self._front.judges:
-            self._server.drain()
+        if not self.front.judges:
+            self.server.drain()
             self._tell_program_end()
-        self._front.program_ended(code, stopped=self._is_stopped)
+        self.front.program_ended(code, stopped=self._is_stopped)
         self._program_over.set()
 
     def _tell_program_end(self) -> None:
         """Tell once that the program has ended, after its last command."""
         code = self._program_code
         with self._lock:
-            if code is None or self._end_told or not self._server.running:
+            if code is None or self._end_told or not self.server.running:
                 return
             self._end_told = True
-        ended = self._output.end(code, self._server.engine.present, stopped=self._is_stopped)
-        self._server.tell_at_once(ended)
+        ended = self._output.end(code, self.server.engine.present, stopped=self._is_stopped)
+        self.server.tell_at_once(ended)
 
     @property
     def _is_stopped(self) -> bool:
@@ -272,7 +267,7 @@ class RunLife:
 
     def _judge(self) -> None:
         """Give front end and page the verdict on a run with any event."""
-        server, history = self._server, self._history
+        server, history = self.server, self._history
         if history is None or server.running or not (history.totals.commands or history.programs.items):
             return
         # Imported here because it takes a twentieth of the start.
@@ -283,45 +278,45 @@ class RunLife:
         if server.referee is not None:
             task = task_of(server.configuration, server.seed, server.referee.plan)
         verdict = verdict_of(history, task)
-        if self._front.wants_verdict:
-            self._front.judged(verdict)
-        if self._page is not None:
-            self._page.judged(verdict)
+        if self.front.wants_verdict:
+            self.front.judged(verdict)
+        if self.page is not None:
+            self.page.judged(verdict)
 
     def _interrupted(self, number: int) -> int:
         """The exit code of a run that a signal ends."""
-        if self._command is not None:
+        if self.command is not None:
             code = 128 + number
         else:
             missed = self._judged is not None and self._judged.result is not Result.SUCCESS
             code = ExitCode.NO if missed else ExitCode.DONE
         self._interruptions.append(code)
-        self._front.finish(code)
+        self.front.finish(code)
         return code
 
     def _exit_code(self, code: int) -> int:
         """The exit code; `code` is that of the front end."""
-        if self._front.judges and not self._interruptions:
+        if self.front.judges and not self._interruptions:
             code = self._judgement(code)
-        elif self._command is not None and self._program_code is not None:
+        elif self.command is not None and self._program_code is not None:
             code = self._program_code
         return self._interruptions[0] if self._interruptions else code
 
     def _judgement(self, code: int) -> int:
         """The exit code of a run that ends with its program or its mission."""
-        server, referee = self._server, self._judged
-        if self._command is not None:
+        server, referee = self.server, self._judged
+        if self.command is not None:
             # Its last commands may meet a goal.
             self._drain()
         if referee is None:
-            if self._command is not None and not code and server.is_silent:
+            if self.command is not None and not code and server.is_silent:
                 say(f"simmer-tui: {NOTHING_SENT}")
                 return ExitCode.NO
             return code
         if referee.result is Result.UNDER_WAY:
             # The referee belongs to the robot's thread.
             server.call(self._give_up, referee, code)
-            self._front.show()
+            self.front.show()
         if self._interruptions:
             return code
         # Only for a run that ends by itself: after Ctrl-C nobody waits.
@@ -332,21 +327,21 @@ class RunLife:
         """Receive everything that the program sent before its end, unless its mission is over."""
         if self._judged is None or self._judged.result is Result.UNDER_WAY:
             self._shutdown.end_program()  # its remaining processes no longer count
-            self._server.drain()
+            self.server.drain()
             self._tell_program_end()
-        self._front.show_rest()
+        self.front.show_rest()
 
     def _give_up(self, referee: Referee, code: int) -> None:
         """End a mission that nobody can finish any more, in the robot's thread. A program that ends with code
         0 without a command has most likely not found the port."""
-        if not code and self._server.is_silent:
+        if not code and self.server.is_silent:
             referee.end(NOTHING_SENT)
-        elif self._command is None:
+        elif self.command is None:
             referee.end("the client has left")
         else:
             referee.end(exit_text(code))
         # Even if the watcher that would set it has failed: nobody waits forever.
-        self._front.finish(code)
+        self.front.finish(code)
 
 
 class Shutdown:

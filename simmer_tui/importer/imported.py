@@ -5,8 +5,8 @@ The other simulators let robot and block overlap a wall; here neither may start 
 
 import math
 from collections.abc import Collection, Iterable, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any, TypeVar
 
 from msgspec import Struct
@@ -153,32 +153,25 @@ class Notes:
         return tuple(problem for _, problem in sorted(self._found, key=lambda found: found[0]))
 
 
+@dataclass(eq=False)
 class Fields:
     """The dict that describes one device, read field by field; unusable fields are noted."""
 
-    def __init__(
-        self,
-        code: str,
-        line: int,
-        fields: dict[Any, Located],
-        notes: Notes,
-        class_numbers: ClassNumbers = MappingProxyType({}),
-    ) -> None:
-        self.code = code
-        self.line = line
-        self._fields = fields
-        self._notes = notes
-        self.class_numbers = class_numbers
-        """Numbers of its class."""
-        self.of_class: dict[str, ClassNumber] = {}
-        """Numbers from the device's class, in the order in which they were requested."""
-        self.assumed: dict[str, float] = {}
-        """Default numbers that neither the description nor the class has."""
+    code: str
+    line: int
+    fields: dict[Any, Located]
+    notes: Notes
+    class_numbers: ClassNumbers = field(default_factory=dict)
+    """Numbers of its class."""
+    of_class: dict[str, ClassNumber] = field(default_factory=dict)
+    """Numbers from the device's class, in the order in which they were requested."""
+    assumed: dict[str, float] = field(default_factory=dict)
+    """Default numbers that neither the description nor the class has."""
 
     @property
     def numbers(self) -> dict[str, float]:
         """The fields that are plain numbers, by name."""
-        found = {str(key): each.value for key, each in self._fields.items() if str(key).isidentifier()}
+        found = {str(key): each.value for key, each in self.fields.items() if str(key).isidentifier()}
         return {
             key: value
             for key, value in found.items()
@@ -187,16 +180,16 @@ class Fields:
 
     def silent(self) -> "Fields":
         """The same fields, without notes."""
-        return Fields(self.code, self.line, self._fields, Notes(""), self.class_numbers)
+        return Fields(self.code, self.line, self.fields, Notes(""), self.class_numbers)
 
     def note(self, key: str, what: str) -> Problem:
         """Note something about a field, at its line. Returns the note."""
-        line = self._fields[key].line if key in self._fields else self.line
-        return self._notes.add(line, f"{self.code}.{key}" if key else self.code, what)
+        line = self.fields[key].line if key in self.fields else self.line
+        return self.notes.add(line, f"{self.code}.{key}" if key else self.code, what)
 
     def value(self, key: str) -> Any:
         """The value of a field; None if it is absent or cannot be read."""
-        located = self._fields.get(key)
+        located = self.fields.get(key)
         if located is None:
             return None
         if isinstance(located.value, Unreadable):
@@ -233,7 +226,7 @@ class Fields:
         if value is not None and not isinstance(value, dict):
             self.note(key, "is not a dict of x, y and rotation; left out")
         inner = value if isinstance(value, dict) else {}
-        fields = Fields(f"{self.code}.{key}", self.line, inner, self._notes)
+        fields = Fields(f"{self.code}.{key}", self.line, inner, self.notes)
         return {axis: fields.number(axis, 0.0) for axis in ("x", "y", "rotation")}
 
     def point(self, key: str) -> tuple[float, float]:
@@ -246,7 +239,7 @@ class Fields:
 
     def list_others(self, known: Collection[str]) -> None:
         """Note the fields that are not among the known ones."""
-        for key in self._fields:
+        for key in self.fields:
             if key not in known:
                 self.note(str(key), "has no equivalent; left out")
 

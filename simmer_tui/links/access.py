@@ -9,6 +9,7 @@ from __future__ import annotations
 import asyncio
 import socket
 from collections.abc import Callable
+from dataclasses import dataclass
 from ipaddress import ip_address
 
 from simmer_tui import platform_has
@@ -125,24 +126,20 @@ class AccessCheck:
         return hmac.compare_digest(line.removesuffix(b"\r"), self._token)
 
 
+@dataclass(eq=False)
 class TokenCheck:
     """A connection whose first line has not arrived yet. No byte after that line is consumed."""
 
-    def __init__(
-        self,
-        access: AccessCheck,
-        sock: socket.socket,
-        peer: str,
-        decided: Callable[[TokenCheck, bool], None],
-    ) -> None:
-        self.sock = sock
-        self.peer = peer
-        self._access = access
-        self._decided = decided
+    access: AccessCheck
+    sock: socket.socket
+    peer: str
+    decided: Callable[[TokenCheck, bool], None]
+
+    def __post_init__(self) -> None:
         self._line = b""
         self._loop = asyncio.get_running_loop()
         self._timeout = self._loop.call_later(CLOSING, self._decide, False)
-        self._loop.add_reader(sock, self.look)
+        self._loop.add_reader(self.sock, self.look)
 
     def look(self) -> None:
         """Check whether the line has arrived."""
@@ -160,7 +157,7 @@ class TokenCheck:
             self._decide(False)
             return
         if end:
-            self._decide(self._access.is_token(self._line.removesuffix(b"\n")))
+            self._decide(self.access.is_token(self._line.removesuffix(b"\n")))
         # The other end has closed, or has sent as many bytes as a line may have, without a line end.
         elif not seen or len(self._line) > LONGEST_TOKEN:
             self._decide(False)
@@ -173,7 +170,7 @@ class TokenCheck:
     def _decide(self, good: bool) -> None:
         self.cancel()
         if not good:
-            self._access.tell(
+            self.access.tell(
                 f"a connection from {host_of(self.peer)} turned away: its first line is not the --token"
             )
-        self._decided(self, good)
+        self.decided(self, good)

@@ -8,6 +8,7 @@ import errno
 import socket
 import sys
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 from msgspec import Struct
 
@@ -139,35 +140,31 @@ ACCEPTED = 16
 """Connections accepted in one turn of the event loop, so that a flood leaves time for others."""
 
 
+@dataclass(eq=False)
 class Acceptor:
     """Passes each admitted connection to a port to `welcome(socket, peer)`.
 
     It has its own accept loop, not asyncio's server. A link may need to know of a connection before the next
-    byte of another is read (`accept_waiting`).
+    byte of another is read (`accept_waiting`). Needs a running event loop. Without `access` everybody may
+    connect.
     """
 
-    def __init__(
-        self,
-        listener: Listener,
-        welcome: Callable[[socket.socket, str], None],
-        access: AccessCheck | None = None,
-    ) -> None:
-        """Begin to listen. Needs a running event loop. Without `access` everybody may connect."""
+    listener: Listener
+    welcome: Callable[[socket.socket, str], None]
+    access: AccessCheck | None = None
+
+    def __post_init__(self) -> None:
         self._loop = asyncio.get_running_loop()
-        self._listener = listener
-        self._welcome = welcome
-        self._access = access
         self._checking: dict[TokenCheck, None] = {}
         self._refused_peers: set[Peer] = set()
         self._budget = ReadBudget(PIECE)
-        for sock in listener.sockets:
-            self._listen(sock)
+        self.resume()
 
     def accept_waiting(self) -> None:
         """Accept all waiting connections now."""
-        for sock in self._listener.sockets:
+        for sock in self.listener.sockets:
             # As many as the system can keep, so that no earlier connection is missed.
-            self._accept(sock, self._listener.backlog + 1)
+            self._accept(sock, self.listener.backlog + 1)
         for check in tuple(self._checking):
             check.look()
 
@@ -181,7 +178,7 @@ class Acceptor:
     def close(self) -> None:
         """Release the port, and end connections that are not admitted yet."""
         self.pause()
-        self._listener.close()
+        self.listener.close()
         for check in self._checking:
             check.cancel()
             check.sock.close()
@@ -191,12 +188,12 @@ class Acceptor:
 
     def pause(self) -> None:
         """Accept nothing until `resume`; the system keeps new connections waiting."""
-        for sock in self._listener.sockets:
+        for sock in self.listener.sockets:
             self._loop.remove_reader(sock)
 
     def resume(self) -> None:
         """Accept again."""
-        for sock in self._listener.sockets:
+        for sock in self.listener.sockets:
             self._listen(sock)
 
     def _listen(self, sock: socket.socket) -> None:
@@ -224,15 +221,15 @@ class Acceptor:
 
     def _let_in(self, sock: socket.socket, there: tuple[str, int]) -> None:
         peer = f"{there[0]}:{there[1]}"
-        if self._access is None:
-            self._welcome(sock, peer)
+        if self.access is None:
+            self.welcome(sock, peer)
             return
-        if not self._access.admits(sock, there):
+        if not self.access.admits(sock, there):
             self.refuse(sock, peer)
             return
-        check = self._access.check_token(sock, peer, self._decided)
+        check = self.access.check_token(sock, peer, self._decided)
         if check is None:
-            self._welcome(sock, peer)
+            self.welcome(sock, peer)
             return
         # Connections that send nothing must not fill the port for those that have the token.
         if len(self._checking) >= MOST_WAITING:
@@ -244,4 +241,4 @@ class Acceptor:
 
     def _decided(self, check: TokenCheck, good: bool) -> None:
         del self._checking[check]
-        (self._welcome if good else self.refuse)(check.sock, check.peer)
+        (self.welcome if good else self.refuse)(check.sock, check.peer)

@@ -3,6 +3,7 @@
 import threading
 from collections import deque
 from collections.abc import Callable
+from dataclasses import dataclass
 
 from simmer_tui.events import ActionDone, Event, EventHandler, MissionEvent, Notice, NoticeKind, ProgramEnded
 from simmer_tui.report.mission_gate import Analysis
@@ -12,26 +13,22 @@ from simmer_tui.run.reducer import Reducer
 from simmer_tui.run.run_history import RunHistory
 
 
+@dataclass(eq=False)
 class LiveVerdict(EventHandler[None]):
     """A watcher that keeps the run's history, and finds the verdict when mission, program or connection end.
 
-    The history does not change while a thread reads it: events of that time wait.
+    The history does not change while a thread reads it: events of that time wait. `call` runs a function in
+    the robot's thread, where all methods run; `tell` tells an event.
     """
 
-    def __init__(
-        self,
-        reducer: Reducer,
-        history: RunHistory,
-        task: Task | None,
-        call: Callable[..., object],
-        tell: Callable[[Event], None],
-    ) -> None:
-        """`call` runs a function in the robot's thread, where all methods run; `tell` tells an event."""
-        self._analysis = Analysis(reducer, history)
-        self._history = history
-        self._task = task
-        self._call = call
-        self._tell = tell
+    reducer: Reducer
+    history: RunHistory
+    task: Task | None
+    call: Callable[..., object]
+    tell: Callable[[Event], None]
+
+    def __post_init__(self) -> None:
+        self._analysis = Analysis(self.reducer, self.history)
         self._waiting: deque[Event] = deque()
         self._busy = self._wanted = False
         self._has_program = False
@@ -88,11 +85,11 @@ class LiveVerdict(EventHandler[None]):
     def _find(self) -> None:
         verdict, fault = None, ""
         try:
-            verdict = verdict_of(self._history, self._task)
+            verdict = verdict_of(self.history, self.task)
         except Exception as error:  # noqa: BLE001 - the run must go on without a verdict
             fault = f"no verdict was found: {type(error).__name__}: {error}"
         try:
-            self._call(self._found, verdict, fault)
+            self.call(self._found, verdict, fault)
         except RuntimeError:  # the robot's thread has ended meanwhile
             return
 
@@ -103,8 +100,8 @@ class LiveVerdict(EventHandler[None]):
         for event in waiting:
             self.watch(event)
         if fault:
-            self._tell(Notice(NoticeKind.FAULT, fault))
+            self.tell(Notice(NoticeKind.FAULT, fault))
         # Where mission and program end together, the second search has both.
         elif self.verdict is not None and not self._busy and self.verdict.text != self._last_text:
             self._last_text = self.verdict.text
-            self._tell(Notice(NoticeKind.VERDICT, self._last_text))
+            self.tell(Notice(NoticeKind.VERDICT, self._last_text))
