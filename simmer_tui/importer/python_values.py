@@ -48,6 +48,9 @@ class Call(Struct, frozen=True):
     keywords: Mapping[str, Located]
     line: int
 
+    def __str__(self) -> str:
+        return f"{self.name}(...)"
+
 
 def numbers_only(arguments: tuple[Any, ...]) -> tuple[Any, ...]:
     """The arguments, if they are numbers and lists of numbers. Raises NotUnderstoodError."""

@@ -13,14 +13,14 @@ from typing import Any
 
 from simmer_tui.config.maze_csv import CELLS, MAX_CELLS
 from simmer_tui.config.robot_csv import outline_fault
-from simmer_tui.config.settings import Setting, all_settings
+from simmer_tui.config.settings import all_settings
 from simmer_tui.errors import ConfigurationError, Problem
 from simmer_tui.importer.device_classes import ClassNumbers
 from simmer_tui.importer.imported import COURSE_MAZE, Imported, Notes, OwnDevice, SettingValue, pair, settled
 from simmer_tui.importer.literal import Source, read_source
 from simmer_tui.importer.python_values import Call, Located, Unreadable
 from simmer_tui.importer.simmer_python_devices import read_drives, read_sensors
-from simmer_tui.sim.rules import FlagRule, NumberRule, describe
+from simmer_tui.sim.rules import FlagRule, NumberRule, Rule, describe
 from simmer_tui.sim.specs import EMPTY, DriveSpec, MazeSpec, RobotSpec
 
 FILE = "config.py"
@@ -135,21 +135,29 @@ def _table(source: Source, name: str, notes: Notes) -> dict[Any, Located]:
     return {}
 
 
-def _usable(source: Source, name: str, meant: Setting, notes: Notes) -> Any:
-    """The value of a name if its setting allows it; else None, and a note."""
+def _usable(
+    source: Source, name: str, rule: Rule[Any], notes: Notes, otherwise: str, default: Any = None
+) -> Any:
+    """The value of a name if a rule allows it; else the default, and a note that says what happens
+    `otherwise`."""
     located = source.names.get(name)
     if located is None:
-        return None
+        return default
     value = located.value
     try:
         if isinstance(value, Unreadable):
             raise ValueError(f"cannot be read: {value.why}")
-        if isinstance(meant.rule, FlagRule) and type(value) is int and value in (0, 1):
+        if isinstance(rule, FlagRule) and type(value) is int and value in (0, 1):
             value = bool(value)
-        return meant.rule.check(value)
+        return rule.check(value)
     except ValueError as error:
-        notes.add(located.line, name, f"{error}; {meant.name} keeps its default")
-        return None
+        notes.add(located.line, name, f"{error}; {otherwise}")
+        return default
+
+
+def _setting(source: Source, name: str, setting: str, notes: Notes) -> Any:
+    """The value of a name if its setting allows it; else None, and a note."""
+    return _usable(source, name, _KNOWN[setting].rule, notes, f"{setting} keeps its default")
 
 
 def _maze(source: Source, notes: Notes) -> MazeSpec:
@@ -205,20 +213,10 @@ def _robot(source: Source, notes: Notes) -> RobotSpec:
 def _sized(source: Source, notes: Notes) -> RobotSpec:
     """The rectangle for files without an outline; their height is along the direction of travel."""
     height, width = (
-        _number(source, name, 6.0, NumberRule(0, 12, low_open=True), "6 in", notes)
+        _usable(source, name, NumberRule(0, 12, low_open=True), notes, "6 in is taken", 6.0)
         for name in ("robot_height", "robot_width")
     )
     return RobotSpec.rectangle(height, width)
-
-
-def _number(source: Source, name: str, default: float, rule: NumberRule, shown: str, notes: Notes) -> float:
-    """A number of the file; without one that the rule allows, the default, which the note has as `shown`."""
-    located = source.names.get(name, Located(default, 0))
-    try:
-        return rule.check(located.value)
-    except ValueError as error:
-        notes.add(located.line, name, f"{error}; {shown} is taken")
-        return default
 
 
 def _rectangle(vertices: list[tuple[float, float]]) -> RobotSpec | None:
@@ -242,12 +240,12 @@ def _settings(source: Source, maze: MazeSpec, notes: Notes) -> dict[str, Setting
     if has_block:
         _place(source, maze, "block_center", settings, notes)
     for name in ("start_rotation", "robot_start_rotation"):
-        rotation = _usable(source, name, _KNOWN["bot_rot"], notes)
+        rotation = _setting(source, name, "bot_rot", notes)
         if rotation is not None:
             # -R - 90, wrapped to (-180, 180].
             settings["bot_rot"] = 180.0 - (270.0 + rotation) % 360.0
     for name, setting in _DIRECT.items():
-        value = _usable(source, name, _KNOWN[setting], notes)
+        value = _setting(source, name, setting, notes)
         if value is not None:
             settings[setting] = value
     if not has_block:
@@ -262,7 +260,7 @@ def _settings(source: Source, maze: MazeSpec, notes: Notes) -> dict[str, Setting
 def _clearance(source: Source, drives: tuple[DriveSpec, ...], notes: Notes) -> float:
     """The gap to a wall, inches, at which a movement of that simulator ends. It ends with the last frame in
     which the robot touches nothing, on average half of a frame's distance before the wall."""
-    rate = _number(source, "frame_rate", _FRAME_RATE, _RATES, f"{_FRAME_RATE}", notes)
+    rate = _usable(source, "frame_rate", _RATES, notes, f"{_FRAME_RATE} is taken", _FRAME_RATE)
     fastest = max((drive.speed for drive in drives if not drive.kind.turns), default=0.0)
     # Clearances are rounded as lengths in files of ours are, and above the most that the setting takes
     # nothing would be right.

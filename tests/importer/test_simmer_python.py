@@ -465,6 +465,9 @@ def test_an_unknown_kind_of_cell_is_empty() -> None:
         ("ppi = 12\nwall_color = (1, 2, 3)", "1", "ppi, wall_color"),
         ("while True:\n    pass", "1", "while is not followed"),
         ("sensors = make()", "1:sensors", "not a dict"),
+        ("num_segments = count(3)", "1:num_segments", "not count(...)"),
+        ("frame_rate = rate()", "1:frame_rate", "from 1 to 1000, not rate(...); 60 is taken"),
+        ("robot_width = [1] * 2", "1:robot_width", "cannot be read: arithmetic"),
     ],
 )
 def test_other_names_are_taken_over_or_listed(text: str, place: str, word: str) -> None:
