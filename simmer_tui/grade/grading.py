@@ -5,7 +5,6 @@ Each team's files are sent to each worker of a cluster once, and run in a sandbo
 
 from __future__ import annotations
 
-import tempfile
 from collections import Counter
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
@@ -19,8 +18,7 @@ from simmer_tui.grade.course import LONG, absent, shown_name
 from simmer_tui.grade.grade_folder import Entry, GradeFolder
 from simmer_tui.grade.grade_run import GradeRun, GradeTrial
 from simmer_tui.grade.sandbox import Isolation
-from simmer_tui.grade.submission import PROGRAM
-from simmer_tui.trials.cluster import PackedFile, files_left, itself, refused, results_of, unpack_files
+from simmer_tui.trials.cluster import Files, PackedFile, itself, results_of, run_in_folders, unpack_files
 from simmer_tui.trials.local import run_locally
 from simmer_tui.trials.trial import Ending, TrialResult
 
@@ -159,16 +157,13 @@ def _packed(folder: Path) -> dict[str, PackedFile]:
     }
 
 
-def grade_there(trial: GradeTrial, submission: dict[str, PackedFile]) -> tuple[TrialResult, dict[str, bytes]]:
+def grade_there(trial: GradeTrial, submission: dict[str, PackedFile]) -> tuple[TrialResult, Files]:
     """A run, and the files it leaves; on the cluster. Raises TrialsError if it cannot be done."""
-    with tempfile.TemporaryDirectory(prefix="simmer-tui-", ignore_cleanup_errors=True) as name:
-        place = Path(name)
+
+    def make(runs: Path, files: Path) -> GradeRun:
         # The user of a sandbox, an ID that nobody has, must be able to reach the files; others need not.
-        place.chmod(0o755 if trial.isolation is not Isolation.NONE else 0o700)
-        runs, files = place / "runs", place / PROGRAM
-        runs.mkdir(mode=0o700)
-        files.mkdir()
+        runs.parent.chmod(0o755 if trial.isolation is not Isolation.NONE else 0o700)
         unpack_files(submission, files)
-        with refused():
-            result = GradeRun(replace(trial, files=files), runs).run()
-        return result, files_left(runs)
+        return GradeRun(replace(trial, files=files), runs)
+
+    return run_in_folders(make)

@@ -6,7 +6,6 @@ The program's files and its command are sent there, results and logs come back. 
 
 from __future__ import annotations
 
-import contextlib
 import os
 import shlex
 import subprocess
@@ -173,7 +172,8 @@ def _add(files: dict[str, PackedFile], name: str, path: Path) -> None:
 # A scheduler on the same network answers within milliseconds; Dask's own 30 s look like a hang.
 CONNECT_TIMEOUT = "10s"
 _LOST = "the connection to the Dask scheduler was lost"
-_Files = dict[str, bytes]
+Files = dict[str, bytes]
+"""The contents of files, by path."""
 AnyTrial = TypeVar("AnyTrial", bound=Trial)
 AnyFiles = TypeVar("AnyFiles")
 
@@ -254,10 +254,10 @@ def results_of(
             client.cancel(list(futures))
 
 
-def _fetched(future: Future) -> tuple[TrialResult, _Files]:
+def _fetched(future: Future) -> tuple[TrialResult, Files]:
     """Result and files of a run, from the worker that did it. Raises ClusterError."""
     try:
-        made: tuple[TrialResult, _Files] = future.result()
+        made: tuple[TrialResult, Files] = future.result()
     except (OSError, TimeoutError, CancelledError) as error:
         raise ClusterError(f"{_LOST}: {error}") from None
     return made
@@ -268,30 +268,28 @@ def itself(files: AnyFiles) -> AnyFiles:
     return files
 
 
-def run_there(trial: Trial, program: ProgramBundle) -> tuple[TrialResult, _Files]:
+def run_there(trial: Trial, program: ProgramBundle) -> tuple[TrialResult, Files]:
     """A run, and the files it leaves; on the cluster. Raises TrialsError if it cannot be done."""
+    return run_in_folders(
+        lambda runs, files: TrialRun(replace(trial, command=unpack(program, files)), runs, files)
+    )
+
+
+def run_in_folders(make: Callable[[Path, Path], TrialRun]) -> tuple[TrialResult, Files]:
+    """A run in folders of its own, for its logs and for a program's files, and the files it leaves.
+
+    Raises TrialsError for any error of ours: some others cannot be sent back.
+    """
     with tempfile.TemporaryDirectory(prefix="simmer-tui-", ignore_cleanup_errors=True) as name:
-        folder, start = Path(name, "run"), Path(name, "program")
-        folder.mkdir()
-        start.mkdir()
-        with refused():
-            result = TrialRun(replace(trial, command=unpack(program, start)), folder, start).run()
-        return result, files_left(folder)
-
-
-@contextlib.contextmanager
-def refused() -> Iterator[None]:
-    """Raises TrialsError for any error of ours: some others cannot be sent back."""
-    try:
-        yield
-    except SimmerError as error:
-        raise TrialsError(str(error)) from None
-
-
-def files_left(folder: Path) -> _Files:
-    """All files of a folder by path."""
-    paths = (path for path in folder.rglob("*") if path.is_file())
-    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in paths}
+        runs, files = Path(name, "runs"), Path(name, "program")
+        runs.mkdir(mode=0o700)
+        files.mkdir()
+        try:
+            result = make(runs, files).run()
+        except SimmerError as error:
+            raise TrialsError(str(error)) from None
+        left = (path for path in runs.rglob("*") if path.is_file())
+        return result, {path.relative_to(runs).as_posix(): path.read_bytes() for path in left}
 
 
 def check_workers(client: Client) -> None:
