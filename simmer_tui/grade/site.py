@@ -29,7 +29,7 @@ from simmer_tui.sim.fingerprint import math_fingerprint
 from simmer_tui.trials.figures import log_page, map_figure
 from simmer_tui.trials.sequential import shown_test
 from simmer_tui.trials.trial import clock_sentences, clocks_text
-from simmer_tui.trials.trials_page import beside
+from simmer_tui.trials.trials_page import beside, key_figures
 from simmer_tui.trials.trials_summary import failure_text
 
 INDEX = "index.html"
@@ -250,14 +250,8 @@ def _team_page(folder: GradeFolder, team_result: TeamResult, links: dict[int, st
         ),
     ]
     if team_result.results:
-        time = "–" if team_result.time is None else f"{LENGTH.text(team_result.time)} s"
-        contacts = "–" if team_result.contacts is None else f"{team_result.contacts:.2g}"
         successes = f"{team_result.successes} of {team_result.runs}"
-        parts.append(
-            KeyFigures(
-                ((successes, "succeeded"), (time, "median of the successes"), (contacts, "contacts a run"))
-            )
-        )
+        parts.append(key_figures(successes, "succeeded", team_result.results))
     configuration = team_result.entry.check.configuration
     picture: list[DocumentPart] = []
     if configuration is not None and team_result.results:

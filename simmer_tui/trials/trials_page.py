@@ -63,11 +63,12 @@ def trials_page(folder: TrialFolder, run_pages: Mapping[int, str], required: flo
     failures: list[DocumentPart] = [made[key] for key in _SHOWN if key in made]
     if run_pages:
         failures.append(Bullets("Failed runs to play", _links(results, run_pages)))
+    asked = "" if required is None else f", {SHARE.text(required)} required"
     parts: list[DocumentPart] = [
         _about(folder, results),
         _verdict(results, required),
         ShareBar([(endings[ending], *words) for ending, words in _ENDINGS.items()]),
-        _figures(results, required),
+        key_figures(SHARE.text(success_rate(results).value), f"succeeded{asked}", results),
         Paragraph(ports_advice(results), kind="warning"),
         *beside(failures, first_map),
         *((Bullets("", [summary], kind="card"),) if summary else ()),
@@ -112,15 +113,12 @@ def _verdict(results: Sequence[TrialResult], required: float | None) -> VerdictB
     return VerdictBox(key="answer", text=text, headline=headline, tone=tone, sentence=(sentence,))
 
 
-def _figures(results: Sequence[TrialResult], required: float | None) -> KeyFigures:
+def key_figures(successes: str, what: str, results: Sequence[TrialResult]) -> KeyFigures:
+    """The successes, with `what` they are, the usual time of one, and the contacts of a run."""
     time = median([result.time for result in results if result.success])
-    asked = "" if required is None else f", {SHARE.text(required)} required"
     shown = "–" if time is None else f"{LENGTH.text(time)} s"
     contacts = _PER_RUN.text(sum(result.contacts for result in results) / len(results))
-    share = SHARE.text(success_rate(results).value)
-    return KeyFigures(
-        ((share, f"succeeded{asked}"), (shown, "median of the successes"), (contacts, "contacts a run"))
-    )
+    return KeyFigures(((successes, what), (shown, "median of the successes"), (contacts, "contacts a run")))
 
 
 def beside(parts: Sequence[DocumentPart], picture: Sequence[DocumentPart]) -> list[DocumentPart]:
