@@ -118,16 +118,9 @@ def _words(files: Path, limits: Limits, extra: Sequence[str], rules: int) -> lis
     words += ["--perms", "0755", "--dir", "/etc", "--perms", "0755", "--dir", SANDBOXED_PACKAGE]
     for name in _ETC:
         words += ["--ro-bind-try", f"/etc/{name}", f"/etc/{name}"]
-    for path, place in package_folders().items():
+    own = {Path(launcher.__file__): f"{SANDBOXED_PACKAGE}/launcher.py", files: SANDBOXED_FILES}
+    for path, place in (package_folders() | own).items():
         words += ["--ro-bind", str(path), place]
-    words += [
-        "--ro-bind",
-        launcher.__file__,
-        f"{SANDBOXED_PACKAGE}/launcher.py",
-        "--ro-bind",
-        str(files),
-        SANDBOXED_FILES,
-    ]
     words += ["--remount-ro", "/dev", "--remount-ro", "/"]  # both are in memory, without a limit
     words += ["--remount-ro", "/proc"]  # it contains kernel settings, some of the whole machine
     if call_filter():

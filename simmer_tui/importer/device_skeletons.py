@@ -63,17 +63,13 @@ def with_skeletons(imported: Imported) -> tuple[Imported, dict[str, bytes]]:
             codes.add(each.code)
             number = free_number(kinds[title], each.code, sensors)
             sensors += (replace(each.row, kind=kinds[title], number=number),)
-            notes[notes.index(each.note)] = _left_to_do(each, path, sensors[-1].id)
+            what = f"{path} has its numbers; write observe in it (row {sensors[-1].id})"
+            note = Problem(each.note.where, f"{title} of the team's own: {what}")
+            notes[notes.index(each.note)] = note  # in place of the note that it was left out
     if not files:
         return imported, {}
     settings = {**imported.settings, SETTING: tuple(files)}
     return replace(imported, sensors=sensors, settings=settings, left_out=tuple(notes)), files
-
-
-def _left_to_do(device: OwnDevice, path: str, row: str) -> Problem:
-    """The note about a device with a skeleton, instead of the note that it was left out."""
-    what = f"{device.title} of the team's own: {path} has its numbers; write observe in it (row {row})"
-    return Problem(device.note.where, what)
 
 
 def _kind_name(title: str, taken: Sequence[str]) -> str:

@@ -6,6 +6,7 @@ The other simulators let robot and block overlap a wall; here neither may start 
 import math
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field
+from itertools import islice
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -106,7 +107,8 @@ def settled(imported: Imported, origins: Mapping[str, str]) -> Imported:
         what = problems.get(name)
         if what is None:
             continue
-        for x, y in _middles(imported.maze, _CELLS[name]):
+        free = (cell for kind in _CELLS[name] for cell in cells_of(imported.maze, kind))
+        for x, y in ((cell.x, cell.y) for cell in islice(free, MAX_TRIES)):
             moved = replace(imported, settings={**imported.settings, name: (x, y)})
             found = _problems(moved)
             # The other place is checked again: a moved block may have freed the start, or blocked it.
@@ -121,10 +123,6 @@ def settled(imported: Imported, origins: Mapping[str, str]) -> Imported:
 def _problems(imported: Imported) -> dict[str, str]:
     settings = settings_from(imported.settings)
     return dict(placement_problems(simulation_of(settings, imported.maze, imported.robot, (), DriveRows())))
-
-
-def _middles(maze: MazeSpec, kinds: tuple[int, ...]) -> list[tuple[float, float]]:
-    return [(cell.x, cell.y) for kind in kinds for cell in cells_of(maze, kind)][:MAX_TRIES]
 
 
 N = TypeVar("N", int, float)

@@ -103,11 +103,7 @@ def _cell(value: float | str) -> str:
 
 
 def _robot_rows(spec: RobotSpec) -> list[list[float | str]]:
-    label, first, second = (
-        "Shape (0 circle / 1 rectangle / 2 polygon)",
-        "Diameter or x-size (in)",
-        "y-size (in)",
-    )
+    label, (_, first, second, _) = "Shape (0 circle / 1 rectangle / 2 polygon)", robot_csv.ROWS
     if spec.radius is not None:
         return [[label, 0], [first, 2 * spec.radius], [second, 2 * spec.radius]]
     x, y = spec.vertices[0]
