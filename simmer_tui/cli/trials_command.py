@@ -113,7 +113,7 @@ def _begun(options: argparse.Namespace) -> TrialFolder:
     configuration = load(directory, overrides)
     points = points_of(options.vary)
     _check(configuration, overrides, points)
-    mazes = {} if options.mazes is None else read_mazes(Path(options.mazes))
+    mazes = {} if options.mazes is None else read_mazes(options.mazes)
     settings = configuration.settings
     plan = TrialPlan(
         command=options.run,
@@ -199,7 +199,7 @@ def _resumed(options: argparse.Namespace) -> TrialFolder:
         name = load(find_set(options.config), overrides).name
         given["--config"] = (name, plan.configuration)
     if options.mazes is not None:
-        given["--mazes"] = (tuple(read_mazes(Path(options.mazes))), plan.mazes)
+        given["--mazes"] = (tuple(read_mazes(options.mazes)), plan.mazes)
     if options.vary:
         given["--vary"] = (points_of(options.vary), plan.points)
     if settings:

@@ -80,7 +80,10 @@ def add_trials_options(parser: OneLineParser) -> None:
     add_config_option(group, f"./config with a mission.toml, else {MISSION_SET}")
     mazes = group.add_mutually_exclusive_group()
     mazes.add_argument(
-        "--mazes", metavar="DIR", help="a folder of files like maze.csv, which the runs take in turn"
+        "--mazes",
+        metavar="DIR",
+        type=Path,
+        help="a folder of files like maze.csv, which the runs take in turn",
     )
     mazes.add_argument(
         "--random-mazes",

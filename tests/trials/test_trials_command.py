@@ -244,6 +244,7 @@ def test_random_mazes_are_drawn_on_the_page_where_runs_failed(
         (["--run", "x", "--require", "1.5"], 2, 'must be a success rate from 0 to 1, not "1.5"'),
         (["--run", "x", "--bot-rot", "3"], 2, "--bot-rot: has no effect in a mission"),
         (["--run", "x", "--serial", "COM1"], 2, "trials: are for the simulated robot"),
+        (["--run", "x", "--mazes", ""], 2, "argument --mazes: the name is blank"),
         (["--run", "x", "--mazes", "nowhere"], 2, "--mazes: nowhere is not a folder"),
         (["--run", "x", "--runns", "3"], 2, "did you mean"),
         (["--resume", "--out", "nowhere"], 2, "nowhere holds no trials"),
