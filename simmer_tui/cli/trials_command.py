@@ -182,7 +182,7 @@ def _resumed(options: argparse.Namespace) -> TrialFolder:
     path = options.out or newest_folder(PREFIX, PLAN, Path())
     if path is None:
         raise TrialsError("there are no trials here to resume: name their folder with --out")
-    folder = TrialFolder.resume(path)
+    folder = TrialFolder.read(path)
     command = folder.plan.command if folder.results else options.run or folder.plan.command
     plan = structs.replace(folder.plan, command=command)
     overrides = overrides_from(options)

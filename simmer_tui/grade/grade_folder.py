@@ -173,7 +173,6 @@ class GradeFolder:
         """An existing grading. Raises GradeError, ConfigurationError, TrialsError."""
         store = RunStore(path, _KIND)
         folder = cls(path, store.read_plan())
-        store.recover()
         attempts = {(entry.team.name, entry.planned.attempt): entry for entry in folder.entries}
         for _, line in store.lines():
             entry = attempts.get((line.team, line.attempt))

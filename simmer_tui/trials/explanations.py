@@ -100,7 +100,6 @@ class Explanations:
         with contextlib.suppress(FileExistsError):
             self._store.path.mkdir()
         with self._store.locked():
-            self._store.recover()
             numbers = failures_in_turn(self._folder.done)[:most]
             planned = {number: self._interventions(number) for number in numbers}
             yield from self._run([(number, planned[number][0], 0) for number in numbers], jobs)

@@ -123,13 +123,6 @@ class TrialFolder:
             folder.results.setdefault(result.number, result)
         return folder
 
-    @classmethod
-    def resume(cls, path: Path) -> TrialFolder:
-        """Continue an unfinished set of trials. Raises TrialsError, ConfigurationError."""
-        folder = cls.read(path)
-        folder.store.recover()
-        return folder
-
     @property
     def runs(self) -> Path:
         """Folder of the logs."""

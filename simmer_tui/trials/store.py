@@ -172,7 +172,8 @@ class RunStore(Generic[Plan, Line]):
     @contextlib.contextmanager
     def locked(self) -> Iterator[None]:
         """Prevent other processes from adding results meanwhile: two would do the same runs. The system
-        releases the lock of a process that is killed. On Windows there is none."""
+        releases the lock of a process that is killed. On Windows there is none. A line that was cut off is
+        removed: under the lock no other process is writing it."""
         with self.reported("written"):
             file = self.results.open("ab")
         with file:
@@ -183,6 +184,7 @@ class RunStore(Generic[Plan, Line]):
                 raise self._kind.error(
                     f"{shown}: another simmer-tui is adding results: wait until it has ended"
                 ) from None
+            self.recover()
             yield
 
     @contextlib.contextmanager

@@ -200,6 +200,13 @@ def test_a_run_on_a_worker_leaves_its_files(
         grade_there(trial, {})
 
 
+def test_a_grading_that_is_read_is_not_written(folder: GradeFolder) -> None:
+    """Another process, which grades there, may be writing a line."""
+    folder.store.results.write_bytes(b'{"team":"a","attem')
+    assert not GradeFolder.read(folder.path).entries[0].results
+    assert folder.store.results.read_bytes() == b'{"team":"a","attem'
+
+
 # -- the reader of submissions -----------------------------------------------------------------------
 
 

@@ -60,8 +60,10 @@ def test_line_that_was_cut_off_is_a_run_not_done(
     path = folder.path / "results.jsonl"
     whole = path.read_bytes()
     path.write_bytes(whole + msgspec.json.encode(made_result(2, run_seed(9, 2))))
-    again = TrialFolder.resume(folder.path)
+    again = TrialFolder.read(folder.path)
     assert again.to_do == [2, 3, 4]
+    with again.store.locked():
+        pass
     assert path.read_bytes() == whole
 
 

@@ -161,6 +161,15 @@ def test_one_process_at_a_time_adds_results(store: RunStore[Plan, Line]) -> None
     assert len(list(store.lines())) == 2
 
 
+def test_a_line_without_an_end_is_cut_off_under_the_lock(store: RunStore[Plan, Line]) -> None:
+    """Without it, another process may be writing that line now."""
+    store.append(Line(1, 3.0))
+    whole = store.results.read_bytes()
+    store.results.write_bytes(whole + b'{"number":2,"ti')
+    with store.locked():
+        assert store.results.read_bytes() == whole
+
+
 @pytest.mark.skipif(sys.platform == "win32", reason="modes of files are those of POSIX")
 def test_plan_of_an_open_folder_has_the_mode_of_any_new_file(store: RunStore[Plan, Line]) -> None:
     usual = store.path / "usual"
