@@ -182,8 +182,7 @@ def _drives(course: Iterable[DriveSpec], team: Iterable[DriveSpec]) -> Iterable[
         if model is None:
             yield Problem(where, "the course's robots do not have this drive")
             continue
-        for what in _differences(drive, model, MOVEMENT, limited=False):
-            yield Problem(where, what)
+        yield from (Problem(where, what) for what in _differences(drive, model, MOVEMENT, limited=False))
 
 
 def _velocities(course: Iterable[VelocitySpec], team: Iterable[VelocitySpec]) -> Iterable[Problem]:

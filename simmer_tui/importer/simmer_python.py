@@ -260,7 +260,7 @@ def _settings(source: Source, maze: MazeSpec, notes: Notes) -> dict[str, Setting
 def _clearance(source: Source, drives: tuple[DriveSpec, ...], notes: Notes) -> float:
     """The gap to a wall, inches, at which a movement of that simulator ends. It ends with the last frame in
     which the robot touches nothing, on average half of a frame's distance before the wall."""
-    rate = _usable(source, "frame_rate", _RATES, notes, f"{_FRAME_RATE} is taken", _FRAME_RATE)
+    rate: float = _usable(source, "frame_rate", _RATES, notes, f"{_FRAME_RATE} is taken", _FRAME_RATE)
     fastest = max((drive.speed for drive in drives if not drive.kind.turns), default=0.0)
     # Clearances are rounded as lengths in files of ours are, and above the most that the setting takes
     # nothing would be right.

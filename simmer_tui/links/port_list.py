@@ -49,11 +49,10 @@ def list_ports() -> tuple[SerialPort, ...]:
 
 def describe_ports(found: Iterable[Any]) -> tuple[SerialPort, ...]:
     """pyserial's `ListPortInfo`s as ports with marks; text from devices is made safe to show."""
-    ports = [
+    return tuple(
         SerialPort(escape(str(info.device)), escape(_description(info)), _mark(info))
         for info in sorted(found)
-    ]
-    return tuple(ports)
+    )
 
 
 def _description(info: Any) -> str:

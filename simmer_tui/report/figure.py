@@ -298,10 +298,7 @@ def _label(x: float, y: float, words: str, fill: str, anchor: str = "middle") ->
 
 def _ranges(orders: list[int]) -> str:
     """3, 5-8: numbers in order, runs of them joined."""
-    runs: list[list[int]] = []
-    for order in orders:
-        if runs and order == runs[-1][-1] + 1:
-            runs[-1].append(order)
-        else:
-            runs.append([order])
+    # Within a run, the numbers grow as their places do.
+    grouped = groupby(enumerate(orders), lambda each: each[1] - each[0])
+    runs = [[order for _, order in run] for _, run in grouped]
     return ", ".join(str(run[0]) if len(run) == 1 else f"{run[0]}-{run[-1]}" for run in runs)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
+from dataclasses import KW_ONLY, dataclass
 from functools import cached_property
 from typing import TextIO
 
@@ -35,32 +36,29 @@ from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.records import Status
 
 
+@dataclass(eq=False)
 class RunStatistics:
-    """The figures of a run: `add` the events of a log in order, call `finish`, then read them."""
+    """The figures of a run: `add` the events of a log in order, call `finish`, then read them.
 
-    def __init__(
-        self,
-        header: Header,
-        configuration: Configuration,
-        *,
-        recorded: bool = True,
-        nominal: str | None = None,
-    ) -> None:
-        """Make the figures of a run of which no event is read yet.
+    `recorded` is true to keep the data of a player, too. `nominal` is the set that the run's own is compared
+    with; by default the one that it was made from.
+    """
 
-        Args:
-            recorded: True to keep the data of a player, too.
-            nominal: Set that the run's own is compared with; by default the one that it was made from.
-        """
-        self.header = header
-        self.configuration = configuration
+    header: Header
+    configuration: Configuration
+    _: KW_ONLY
+    recorded: bool = True
+    nominal: str | None = None
+
+    def __post_init__(self) -> None:
+        header, configuration = self.header, self.configuration
         beginning = header.beginning(configuration)
         # Not every header says that a mission is under way; the configuration always has the mission.
         if configuration.mission is not None:
             beginning = replace(beginning, mission=beginning.mission or MissionProgress())
-        self.paths = PathRecord(configuration.simulation.maze, header.pose, recorded=recorded)
+        self.paths = PathRecord(configuration.simulation.maze, header.pose, recorded=self.recorded)
         # A missing set is reported at once, before the log is read.
-        found = nominal_of(configuration, nominal)
+        found = nominal_of(configuration, self.nominal)
         self.history = RunHistory(
             beginning,
             log_begins=header.t,
@@ -78,7 +76,6 @@ class RunStatistics:
         self.findings: tuple[Finding, ...] = ()
         """Sensors and drives that are not as they should be; after `finish`."""
         self.real_seconds = 0.0
-        self._recorded = recorded
 
     def add(self, block: Iterable[Logged | BrokenLine]) -> None:
         """Add the next events and broken lines."""
@@ -132,7 +129,7 @@ class RunStatistics:
     @cached_property
     def recording(self) -> Recording:
         """Contents of the player; after `finish`."""
-        assert self._recorded, "nothing was recorded"
+        assert self.recorded, "nothing was recorded"
         return Recording(self.history, self.paths)
 
     @property
