@@ -25,6 +25,8 @@ def test_broken_plans(cases: int, tmp_path: Path, mutate: Any) -> None:
     out = tmp_path / "out"
     GradeFolder.create(out, read_course(tmp_path / "teams"), 5, Isolation.NONE)
     good = (out / "grade.json").read_bytes()
+    # As written it is accepted; of few changed ones all may be refused, since paths and times in it differ.
+    GradeFolder.read(out)
     refused = 0
     for seed in range(cases):
         (out / "grade.json").write_bytes(mutate(good, random.Random(seed), WORDS))
@@ -35,4 +37,4 @@ def test_broken_plans(cases: int, tmp_path: Path, mutate: Any) -> None:
         except Exception as error:
             error.add_note(f"seed {seed}")
             raise
-    assert 0 < refused < cases
+    assert 0 < refused < max(cases, 16)
